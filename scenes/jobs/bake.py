@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     import ao
     from ao.execute.checkpoint import Checkpoint
     from ao.options import Options
-
     from raytrace.mesh.mesh import Mesh
 
     from ..formats.load import MeshFile
@@ -69,17 +68,22 @@ class Scene(NamedTuple):
 
     @property
     def read(self) -> list[MeshFile]:
-        return [*self.walls, self.source, *([self.high] if self.high else [])]
+        return [self.source, *self.walls, *([self.high] if self.high else [])]
 
     @property
     def counts(self) -> tuple[int, int]:
         """Vertices and faces that occlude."""
-        meshes = [self.solid.mesh, *self.arguments["occluders"]]
+        meshes = [*self.occluders, self.solid.mesh]
         return sum(len(each.vertices) for each in meshes), sum(len(each.faces) for each in meshes)
 
     @property
     def files(self) -> list[Path]:
         return [path for each in self.read for path in each.files]
+
+    @property
+    def meshes(self) -> list[Mesh]:
+        """All that occlude, that whose w is baked last."""
+        return [*self.occluders, self.source.mesh, *([self.high.mesh] if self.high else [])]
 
     @property
     def notes(self) -> list[str]:
@@ -92,8 +96,11 @@ class Scene(NamedTuple):
     @property
     def arguments(self) -> dict[str, Any]:
         """Those of `ao.bake` and `ao.bake_texture` beside the mesh."""
-        occluders = [*(each.mesh for each in self.walls), *self.ground]
-        return {"high": self.high.mesh if self.high else None, "occluders": occluders}
+        return {"high": self.high and self.high.mesh, "occluders": self.occluders}
+
+    @property
+    def occluders(self) -> list[Mesh]:
+        return [*(each.mesh for each in self.walls), *self.ground]
 
 
 class MeshBake(Record, ABC):
@@ -221,9 +228,7 @@ class MeshBake(Record, ABC):
 
         from ..formats.load import load
 
-        high, *walls = (
-            path and load(path, alpha=self.alpha == "auto") for path in (self.high, *(self.occluder or ()))
-        )
+        high, *walls = (path and load(path, alpha=self.alpha == "auto") for path in (self.high, *(self.occluder or ())))
         ground = [ao.ground(source.mesh, self.ground_height())] if self.ground else []
         return Scene(source, high, walls, ground)
 

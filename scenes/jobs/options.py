@@ -114,8 +114,8 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
                "run"),
         Option("debug_image", Path | None, None, "Also write an image that marks flagged vertices.", "vertices merge",
                "output"),
-        Option("up", Up | None, None, "With --ground, --debug-image, .html, .ply or .glb: the up axis, by default what the file "
-               "says, or y.", _WRITTEN, "output", repeated=False),
+        Option("up", Up | None, None, "With --ground, --debug-image, .html, .ply or .glb: the up axis, by default "
+               "what the file says, or y.", _WRITTEN, "output", repeated=False),
         Option("resume", bool, False, "Continue an interrupted bake, or batch, to this output.", EACH, "run"),
         Option("dry_run", bool, False, "Write nothing; tell rays, memory, time and what would be written.",
                "vertices texture batch", "run"),

@@ -62,7 +62,7 @@ def merge(folder: Path, options: dict[str, Any], bake_command: Callable[[Mapping
     """Make of the parts in `folder` what the bake would have made.
 
     Args:
-        options: of the output, as `bake` has them; `mesh`, `high`, `occluder`: where they are now, None where they were.
+        options: of the output, as `bake` has them; `mesh`, `high`, `occluder`: where files are, None where they were.
 
     Raises: as `MeshBake.run`. InputError: a part is missing, not finished or of another bake.
     """

@@ -19,6 +19,7 @@ from raytrace.types import Int64s
 
 from .bake import MeshBake, Outcome, bake_one, silence_tolerance_warnings
 from .console import unprinted_warnings
+from .options import absolute
 
 if TYPE_CHECKING:
     import ao

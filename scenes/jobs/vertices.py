@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ao.options import VertexOptions
 
-from .bake import MeshBake, WorkSize, Written
+from .bake import MeshBake, Scene, WorkSize, Written
 from .console import alpha_summary, bake_summary, progress, warn
 from .options import named
 
@@ -33,11 +33,12 @@ class BakeCommand(MeshBake):
         from raytrace.mesh.placement import Placement
 
         scene = self.scene_of(source)
-        mesh, (vertices, faces) = scene.solid.mesh, scene.counts  # of whose surface points are traced
+        mesh = scene.solid.mesh  # of whose surface points are traced
         points = find_receivers(source.mesh, Placement.of(source.mesh), self.normals).points
         checked = self.checked()
-        by_vertices = vertex_bytes(vertices, faces, checked.rays, len(points)) + column_bytes(len(points), checked.columns)
-        needed = by_vertices if self.method == "vertex" else surface_bytes(vertices, faces)
+        needed = surface_bytes(*scene.counts)
+        if self.method == "vertex":
+            needed = vertex_bytes(*scene.counts, checked.rays, len(points)) + column_bytes(len(points), checked.columns)
         options = self.arguments() | {"samples": checked.rays_in_all(len(points)) // max(len(points), 1)}
 
         def trial(count: int) -> int:
@@ -47,7 +48,7 @@ class BakeCommand(MeshBake):
             if self.method == "surface":  # whose work is that of faces, which neighbours share
                 chosen = np.arange(len(chosen)) + (most - len(chosen)) // 2
             only[chosen] = True
-            ao.bake(mesh, falloff, only=only, occluders=scene.arguments["occluders"], **options)
+            ao.bake(mesh, falloff, only=only, occluders=scene.occluders, **options)
             return len(chosen)
 
         return WorkSize(len(points), "vertices", needed, trial)
@@ -66,7 +67,7 @@ class BakeCommand(MeshBake):
         loaded = time.perf_counter()
         inputs = self.hashed(scene.files)
         losses = lost(self.output, source, channels(self.output, **self._channels()))
-        warnings = warn([each.mesh for each in scene.read], [*scene.notes, *losses], falloff)
+        warnings = warn(scene.meshes, [*scene.notes, *losses], falloff)
         with self.checkpoint(self.output) as checkpoint:
             with progress(self.quiet, "rays", form=self.progress, status=checkpoint.status) as (advance,):
                 baked = ao.bake(
@@ -77,7 +78,7 @@ class BakeCommand(MeshBake):
             outside = f"{missed:,} vertices are not within the cage of the fine mesh and take the closest point of it"
             warnings += warn([], [*baked.shortfalls, *([f"{self.output}: {outside}"] if missed else [])])
             tracing = time.perf_counter()
-            shown, more = self._write(baked, source, falloff)
+            shown, more = self._write(baked, scene, falloff)
             warnings += warn([], more)
         seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
         if self.report:
@@ -126,11 +127,11 @@ class BakeCommand(MeshBake):
         occlusion = None if self.occlusion == "auto" else self.occlusion
         return {"colors": self.colors, "occlusion": occlusion, "replace_occlusion": self.replace_occlusion}
 
-    def _write(self, baked: ao.Bake, source: MeshFile, falloff: ao.Falloff) -> tuple[str, list[str]]:
+    def _write(self, baked: ao.Bake, scene: Scene, falloff: ao.Falloff) -> tuple[str, list[str]]:
         """Write the output: what to add to the summary, and warnings. Args: falloff: of textures."""
         from ..write_bake import write
 
-        write(self.output, baked, source, **self._channels())
+        write(self.output, baked, scene.source, **self._channels())
         if not baked.coarse or baked.interpolation is None:
             return "", []
         fit = "" if self.method == "surface" else "--method surface, "

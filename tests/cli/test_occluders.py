@@ -1,0 +1,123 @@
+"""`--occluder` and `--ground`: what only occludes, in every kind of bake, in reports and in parts."""
+
+import json
+import shlex
+
+import numpy as np
+import pytest
+from command import obscurance
+from mesh_files import obj
+
+import ao
+import scenes
+from raytrace.image.read import read_image
+from scenes.geometry.polyhedra import icosphere
+
+FEW = "--samples", "16"
+VERTICES, FACES = icosphere(2)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A ball, and two smaller ones that touch nothing."""
+    monkeypatch.chdir(tmp_path)
+    for name, radius, x in (("ball", 1.0, 0.0), ("left", 0.4, -1.5), ("right", 0.4, 1.5)):
+        (tmp_path / f"{name}.obj").write_bytes(obj(radius * VERTICES + [x, 0.0, 0.0], FACES))
+    return tmp_path
+
+
+AROUND = "--occluder", "left.obj", "--occluder", "right.obj", "--ground", "-1.5"
+
+
+def baked(*options, output="w.npy"):
+    done = obscurance("bake", "ball.obj", "-o", output, *FEW, *options)
+    assert done.returncode == 0, done.stderr
+    return done
+
+
+def expected():
+    ball, left, right = (scenes.load(f"{name}.obj").mesh for name in ("ball", "left", "right"))
+    return ao.bake(ball, samples=16, occluders=[left, right, ao.ground(ball, -1.5)]).w.astype(np.float32)
+
+
+def test_w_is_that_of_python_and_the_report_repeats_it(folder):
+    baked(*AROUND, "--report", "r.json")
+    assert np.array_equal(np.load("w.npy"), expected())
+    report = json.loads((folder / "r.json").read_text())
+    assert [each["path"] for each in report["inputs"]] == ["ball.obj", "left.obj", "right.obj"]
+    assert report["options"]["occluder"] == ["left.obj", "right.obj"]
+    before = (folder / "w.npy").read_bytes()
+    for command in (shlex.split(report["command"])[1:], ["bake", "-o", "w.npy", "--options", "r.json"]):
+        (folder / "w.npy").unlink()
+        assert obscurance(*command).returncode == 0
+        assert (folder / "w.npy").read_bytes() == before
+
+
+def test_parts_are_merged_to_the_same(folder):
+    for part in ("2/2", "1/2"):
+        assert obscurance("bake", "ball.obj", "-o", "parts", "--part", part, *FEW, *AROUND).returncode == 0
+    assert obscurance("merge", "parts", "-o", "w.npy").returncode == 0
+    assert np.array_equal(np.load("w.npy"), expected())
+    (folder / "left.obj").write_bytes((folder / "right.obj").read_bytes())
+    other = obscurance("merge", "parts", "-o", "w.npy")
+    assert other.returncode == 2
+    assert "Traceback" not in other.stderr
+
+
+def test_batches_textures_and_glb(folder):
+    assert obscurance("bake", "ball.obj", "left.obj", "--output-dir", "out", *FEW, "--ground", "auto").returncode == 0
+    w = scenes.load("out/ball.ply").w
+    assert w[np.argmin(VERTICES[:, 1])] < 0.2
+    for name, more in (("open", ()), ("closed", AROUND)):
+        baked("--uv", "unwrap", "--size", "64", "--mesh-output", "m.glb", *more, output=f"{name}.exr")
+    assert read_image("closed.exr").mean() < read_image("open.exr").mean() - 0.1
+    baked(*AROUND, "--occlusion", "ramp", output="w.glb")
+    assert np.allclose(scenes.load("w.glb").w[: len(expected())], expected(), atol=1e-4)
+
+
+def test_a_dry_run_counts_them(folder):
+    alone, around = (obscurance("bake", "ball.obj", "-o", "w.npy", "--dry-run", *more) for more in ((), AROUND))
+    assert alone.returncode == around.returncode == 0
+    assert not (folder / "w.npy").exists()
+
+
+def test_up(folder):
+    baked("--ground", "auto", "--up", "z")
+    w = np.load("w.npy")
+    assert w[np.argmin(VERTICES[:, 2])] < 0.2 < w[np.argmin(VERTICES[:, 1])]
+
+
+def test_another_unit_is_pointed_out(folder):
+    (folder / "wall.obj").write_bytes(obj(5000 * VERTICES + 9000, FACES))
+    assert "wall.obj: its radius is 5e+03 of the mesh's: is its unit another?" in baked("--occluder", "wall.obj").stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--ground", "0"], "ball.obj: ground: expected a height up to -1, that of the lowest vertex, got 0.0"),
+        (["--ground", "low"], "--ground: expected auto, or a height in mesh units, got 'low'"),
+        (["--ground", "nan"], "ground: expected a height up to -1, that of the lowest vertex, got nan"),
+        (["--occluder", "gone.obj"], "gone.obj: file: expected an existing file, got none"),
+        (["--occluder", "."], ".: file: expected a mesh file, got a folder"),
+        (["--ground", "auto", "--high", "left.obj"], "--ground and --high exclude each other"),
+        (["--occluder", "left.obj", "--high", "left.obj"], "--occluder and --high exclude each other"),
+        (["--ground", "auto", "--tiles", "2x1x1"], "--ground and --tiles exclude each other"),
+        (["--up", "z"], "--up needs --ground, --debug-image or .html, .ply, .glb: else w is the same"),
+    ],
+)
+def test_mistakes_are_one_line(folder, options, message):
+    done = obscurance("bake", "ball.obj", "-o", "w.npy", *options)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert not (folder / "w.npy").exists()
+
+
+def test_an_occluder_is_not_overwritten(folder):
+    baked(output="left.ply")
+    before = (folder / "left.ply").read_bytes()
+    done = obscurance("bake", "ball.obj", "-o", "left.ply", "--occluder", "left.ply", *FEW)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert (folder / "left.ply").read_bytes() == before
