@@ -126,7 +126,8 @@ def saved_options(path: Path) -> dict[str, Any]:
         del options["occlusion"]
     if "mesh" in options:
         options["mesh"] = [options["mesh"]]
-    return {name: value for name, value in options.items() if ROWS[name].taken}
+    kept = {name for name in options if ROWS[name].taken} | ({"up"} if options.get("ground") else set())
+    return {name: value for name, value in options.items() if name in kept}
 
 
 def _usual_occlusion(report: Mapping[str, Any]) -> str:

@@ -123,6 +123,10 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+def within(folder, value):
+    return [folder / each for each in value] if isinstance(value, list) else folder / value
+
+
 def identity_of(folder, **options):
     """What a journal of the bake with these options belongs to."""
     given = {"mesh": folder / "hills.obj", "output": folder / "w.npy", "quiet": True} | options
@@ -139,12 +143,13 @@ CHANGED = {
     "traversal": "embree", "profile": True, "seed": 1, "size": "32", "overlap": "first", "cage": "3%",
     "quiet": False, "threads": 1, "replace_occlusion": True, "error_map": "e.png", "half": True, "debug_image": "d.png",
     "bits": "8", "bent_space": "tangent", "resume": True, "progress": "json", "output_dir": "out", "format": "ply",
-    "input_format": "ply", "part": "1/1", "cluster": "local", "shared": ".", "options": "r.json", "dry_run": True,
+    "input_format": "ply", "part": "1/1", "cluster": "local", "ground": "-9", "shared": ".", "options": "r.json",
+    "dry_run": True,
 }  # fmt: skip
 """Of each option another value than that of the bakes below."""
 PATHS = {
     "mesh": "other.obj", "high": "other.obj", "mesh_output": "m.glb", "bent_normals": "b.exr", "report": "r.json",
-    "output": "v.npy",
+    "output": "v.npy", "occluder": ["other.obj"],
 }  # fmt: skip
 TOGETHER = {
     "texel_size": ({"size": None}, {"size": None, "texel_size": "5%"}),
@@ -176,7 +181,7 @@ def test_every_option_changes_what_a_journal_belongs_to_or_is_one_that_changes_n
     if "vertices" not in row.on.split():
         one, other = ({"output": "w.png"} | TEXTURE | options for options in (one, other))
     one, other = (
-        {name: folder / value if name in paths and value else value for name, value in options.items()}
+        {name: within(folder, value) if name in paths and value else value for name, value in options.items()}
         for options in (one, other)
     )
     same = identity_of(folder, **one) == identity_of(folder, **other)
