@@ -58,10 +58,10 @@ def vertex_sums(
         normals, areas: (m, 3), (m,), as `face_normals` returns them.
         weighting: equal (12.31), area (12.32), or interior angle (12.33, which does not change when a face is cut up).
     """
-    sums, magnitude = np.zeros((len(vertices), 3)), np.zeros(len(vertices))
+    sums = np.zeros((len(vertices), 3))
     vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
     given = vertices, faces, normals, areas, ("angle", "area", "equal").index(weighting)
-    run_ranges(len(sums), _VERTICES, bound(_vertex_sums, *given, sums, magnitude), thread_count(None))
+    run_ranges(len(sums), _VERTICES, bound(_vertex_sums, *given, sums), thread_count(None))
     return sums
 
 
@@ -105,7 +105,8 @@ def _face_normals(vertices, faces, normals, areas):
 
 
 @kernel
-def _vertex_sums(vertices, faces, normals, areas, weighting, sums, magnitude, first, last):
+def _vertex_sums(vertices, faces, normals, areas, weighting, sums, first, last):
+    magnitude = np.zeros(last - first)
     for f in range(len(faces)):
         for corner in range(3):
             i = faces[f, corner]
@@ -115,9 +116,9 @@ def _vertex_sums(vertices, faces, normals, areas, weighting, sums, magnitude, fi
                     here, ahead = load(vertices, i), load(vertices, faces[f, (corner + 1) % 3])
                     behind = load(vertices, faces[f, (corner + 2) % 3])
                     weight = np.arctan2(2.0 * areas[f], dot(subtract(ahead, here), subtract(behind, here)))
-                magnitude[i] += weight
+                magnitude[i - first] += weight
                 for axis in range(3):
                     sums[i, axis] += weight * normals[f, axis]
     for i in range(first, last):
-        if max(abs(sums[i, 0]), abs(sums[i, 1]), abs(sums[i, 2])) <= 1e-12 * magnitude[i]:
+        if max(abs(sums[i, 0]), abs(sums[i, 1]), abs(sums[i, 2])) <= 1e-12 * magnitude[i - first]:
             sums[i] = 0.0

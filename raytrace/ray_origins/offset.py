@@ -35,14 +35,15 @@ def offsets_and_reaches(
 
     Args: points: (n, 3), directions, magnitude, clearance: as `ray_offset` takes them.
     """
-    found = np.empty(len(points)), np.empty(len(points)), np.empty(len(points))
-    work = bound(_offsets_and_reaches, points, directions, magnitude, clearance, *found)
+    found = np.empty((3, len(points)))
+    work = bound(_offsets_and_reaches, points, directions, magnitude, clearance, found)
     run_blocks(len(points), _BLOCK, work, thread_count(None))
-    return found
+    return found[0], found[1], found[2]
 
 
 @kernel
-def _offsets_and_reaches(points, directions, magnitude, clearance, offset, touching, reach, first, last):
+def _offsets_and_reaches(points, directions, magnitude, clearance, found, first, last):
+    offset, touching, reach = found
     for i in range(first, last):
         direction, point = load(directions, i), load(points, i)
         offset[i] = OFFSET_ULPS * ULP * _span(direction) * magnitude[i] / max(clearance[i], 0.01)

@@ -53,7 +53,7 @@ class Written(NamedTuple):
     warnings: list[str]
 
 
-class Scene(NamedTuple):
+class Sources(NamedTuple):
     """The files of a bake. Attributes: high: of a finer mesh. walls: that only occlude. ground: a plane, or none."""
 
     source: MeshFile
@@ -222,7 +222,7 @@ class MeshBake(Record, ABC):
         if self.up and not picture and not self.ground and endings.isdisjoint(standing):
             raise ConflictError("up", "needs", f"--ground, --debug-image or {', '.join(standing)}: else w is the same")
 
-    def scene_of(self, source: MeshFile) -> Scene:
+    def sources_of(self, source: MeshFile) -> Sources:
         """What is baked for `source`. Raises: InputError: a file cannot be read; OptionError: the ground is in it."""
         import ao
 
@@ -230,7 +230,7 @@ class MeshBake(Record, ABC):
 
         high, *walls = (path and load(path, alpha=self.alpha == "auto") for path in (self.high, *(self.occluder or ())))
         ground = [ao.ground(source.mesh, self.ground_height())] if self.ground else []
-        return Scene(source, high, walls, ground)
+        return Sources(source, high, walls, ground)
 
     def ground_height(self) -> float | None:
         """The height of the ground; None just below the mesh. Raises: OptionError: it is no number."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ao.options import VertexOptions
 
-from .bake import MeshBake, Scene, WorkSize, Written
+from .bake import MeshBake, Sources, WorkSize, Written
 from .console import alpha_summary, bake_summary, progress, warn
 from .options import named
 
@@ -32,13 +32,15 @@ class BakeCommand(MeshBake):
         from ao.points.receivers import find_receivers
         from raytrace.mesh.placement import Placement
 
-        scene = self.scene_of(source)
-        mesh = scene.solid.mesh  # of whose surface points are traced
+        sources = self.sources_of(source)
+        mesh = sources.solid.mesh  # of whose surface points are traced
         points = find_receivers(source.mesh, Placement.of(source.mesh), self.normals).points
         checked = self.checked()
-        needed = surface_bytes(*scene.counts)
+        needed = surface_bytes(*sources.counts)
         if self.method == "vertex":
-            needed = vertex_bytes(*scene.counts, checked.rays, len(points)) + column_bytes(len(points), checked.columns)
+            needed = vertex_bytes(*sources.counts, checked.rays, len(points)) + column_bytes(
+                len(points), checked.columns
+            )
         options = self.arguments() | {"samples": checked.rays_in_all(len(points)) // max(len(points), 1)}
 
         def trial(count: int) -> int:
@@ -48,7 +50,7 @@ class BakeCommand(MeshBake):
             if self.method == "surface":  # whose work is that of faces, which neighbours share
                 chosen = np.arange(len(chosen)) + (most - len(chosen)) // 2
             only[chosen] = True
-            ao.bake(mesh, falloff, only=only, occluders=scene.occluders, **options)
+            ao.bake(mesh, falloff, only=only, occluders=sources.occluders, **options)
             return len(chosen)
 
         return WorkSize(len(points), "vertices", needed, trial)
@@ -62,23 +64,23 @@ class BakeCommand(MeshBake):
 
         start = time.perf_counter()
         source = self.read()
-        scene = self.scene_of(source)
-        check_outputs(self.outputs(), scene.files)
+        sources = self.sources_of(source)
+        check_outputs(self.outputs(), sources.files)
         loaded = time.perf_counter()
-        inputs = self.hashed(scene.files)
+        inputs = self.hashed(sources.files)
         losses = lost(self.output, source, channels(self.output, **self._channels()))
-        warnings = warn(scene.meshes, [*scene.notes, *losses], falloff)
+        warnings = warn(sources.meshes, [*sources.notes, *losses], falloff)
         with self.checkpoint(self.output) as checkpoint:
             with progress(self.quiet, "rays", form=self.progress, status=checkpoint.status) as (advance,):
                 baked = ao.bake(
-                    source.mesh, falloff, progress=advance, checkpoint=checkpoint, **scene.arguments,
+                    source.mesh, falloff, progress=advance, checkpoint=checkpoint, **sources.arguments,
                     **self.arguments(),
                 )  # fmt: skip
             missed = baked.flagged["missed"]
             outside = f"{missed:,} vertices are not within the cage of the fine mesh and take the closest point of it"
             warnings += warn([], [*baked.shortfalls, *([f"{self.output}: {outside}"] if missed else [])])
             tracing = time.perf_counter()
-            shown, more = self._write(baked, scene, falloff)
+            shown, more = self._write(baked, sources, falloff)
             warnings += warn([], more)
         seconds = {"load": loaded - start, "write": time.perf_counter() - tracing}
         if self.report:
@@ -94,7 +96,7 @@ class BakeCommand(MeshBake):
             from ..show.report.pictures import write_marked
 
             write_marked(self.debug_image, source.mesh, baked)
-        yield Written(bake_summary(baked, self.output) + alpha_summary(scene.solid.mesh) + shown, warnings)
+        yield Written(bake_summary(baked, self.output) + alpha_summary(sources.solid.mesh) + shown, warnings)
 
     def check_own(self) -> None:
         from raytrace.errors import ConflictError
@@ -127,11 +129,11 @@ class BakeCommand(MeshBake):
         occlusion = None if self.occlusion == "auto" else self.occlusion
         return {"colors": self.colors, "occlusion": occlusion, "replace_occlusion": self.replace_occlusion}
 
-    def _write(self, baked: ao.Bake, scene: Scene, falloff: ao.Falloff) -> tuple[str, list[str]]:
+    def _write(self, baked: ao.Bake, sources: Sources, falloff: ao.Falloff) -> tuple[str, list[str]]:
         """Write the output: what to add to the summary, and warnings. Args: falloff: of textures."""
         from ..write_bake import write
 
-        write(self.output, baked, scene.source, **self._channels())
+        write(self.output, baked, sources.source, **self._channels())
         if not baked.coarse or baked.interpolation is None:
             return "", []
         fit = "" if self.method == "surface" else "--method surface, "

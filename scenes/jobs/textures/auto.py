@@ -12,7 +12,7 @@ from ao.result import Interpolation
 from raytrace.errors import MeshError
 from raytrace.system.atomic import write_bytes
 
-from ..bake import Scene
+from ..bake import Sources
 from ..console import progress
 from ..vertices import BakeCommand
 
@@ -25,14 +25,14 @@ class AutoCommand(BakeCommand):
     def described(self) -> dict[str, Any]:
         return super().described() | {"occlusion": "auto"}
 
-    def _write(self, baked: ao.Bake, scene: Scene, falloff: ao.Falloff) -> tuple[str, list[str]]:
-        textures = self._textures(scene, falloff) if baked.coarse else []
+    def _write(self, baked: ao.Bake, sources: Sources, falloff: ao.Falloff) -> tuple[str, list[str]]:
+        textures = self._textures(sources, falloff) if baked.coarse else []
         shown = _shown(baked, textures)
         if shown is None or baked.interpolation is None or shown.rmse >= baked.interpolation.rmse:
-            return super()._write(baked, scene, falloff)
+            return super()._write(baked, sources, falloff)
         from ...formats.glb.textured import textured_glb
 
-        content, _ = textured_glb(scene.source, textures, self.replace_occlusion, w=baked.w, bake=baked)
+        content, _ = textured_glb(sources.source, textures, self.replace_occlusion, w=baked.w, bake=baked)
         write_bytes(self.output, content)
         each = f"{len(textures)} textures" if len(textures) > 1 else "a texture"
         why = f"between the vertices w errs by {baked.interpolation.rmse:.2f}, in textures by {shown.rmse:.2f}"
@@ -40,15 +40,15 @@ class AutoCommand(BakeCommand):
         more = [f"{self.output}: {repeated}"] if shown.visible else []
         return f"\nocclusion: {each} of {_SIZE}×{_SIZE}: {why}", more
 
-    def _textures(self, scene: Scene, falloff: ao.Falloff) -> list[ao.BakedTexture]:
+    def _textures(self, sources: Sources, falloff: ao.Falloff) -> list[ao.BakedTexture]:
         """w by the file's own texture coordinates; none if it has none of use."""
         from .coordinates import coordinates
         from .pages import pages_of
 
-        source = scene.source
+        source = sources.source
         if self.interior == "mark" or source.texture_coordinates(0) is None:
             return []
-        options = scene.arguments | self.arguments("texture")
+        options = sources.arguments | self.arguments("texture")
         with progress(self.quiet, "rays", form=self.progress) as (advance,):
             try:
                 layout = coordinates(source, "0", _SIZE, None, True)

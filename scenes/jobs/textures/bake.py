@@ -26,7 +26,7 @@ from ...formats.glb.textured import textured_glb
 from ...formats.image_names import MATERIAL, PLACEHOLDERS, UDIM
 from ...formats.images import check_texture_target, write_grey, write_normals
 from ...formats.load import MeshFile
-from ..bake import MeshBake, Scene, WorkSize, Written
+from ..bake import MeshBake, Sources, WorkSize, Written
 from ..console import alpha_summary, progress, texture_summary, warn
 from .coordinates import Coordinates, coordinates, parse_texels
 from .pages import Page, lacking, layout_remarks, pages_of
@@ -54,13 +54,13 @@ class TextureCommand(MeshBake):
     def work(self, source: MeshFile, falloff: ao.Falloff) -> WorkSize:
         found, pages = self._layout(source)
         width, height = found.size
-        scene, options = self.scene_of(source), self.checked()
-        needed = texture_bytes(width * height, *scene.counts, options.rays)
+        sources, options = self.sources_of(source), self.checked()
+        needed = texture_bytes(width * height, *sources.counts, options.rays)
         needed += column_bytes(width * height, options.columns)
 
         def trial(count: int) -> int:
             side = max(int(count**0.5), 1)
-            ao.bake_texture(source.mesh, pages[0].uv, side, falloff, **scene.arguments, **self.arguments())
+            ao.bake_texture(source.mesh, pages[0].uv, side, falloff, **sources.arguments, **self.arguments())
             return side * side
 
         return WorkSize(len(pages) * width * height, "texels", needed, trial)
@@ -71,31 +71,31 @@ class TextureCommand(MeshBake):
         found, pages = self._layout(source)
         if self.orm:
             check_orm(source.gltf, found.number, self.replace_occlusion)
-        scene = self.scene_of(source)
-        check_outputs(self.outputs(pages), scene.files)
+        sources = self.sources_of(source)
+        check_outputs(self.outputs(pages), sources.files)
         loaded = time.perf_counter() - start
-        inputs, glb = self.hashed(scene.files), self._glb()
-        warnings = warn(scene.meshes, [*scene.notes, *lacking(source, found.uv, glb)], falloff)
+        inputs, glb = self.hashed(sources.files), self._glb()
+        warnings = warn(sources.meshes, [*sources.notes, *lacking(source, found.uv, glb)], falloff)
         bakes: list[BakedPage] = []
         with ExitStack() as kept:
             for page in pages:
                 with ExitStack() as own:
                     keep = kept if glb and not self.open_checkpoint else own  # until the .glb is written
-                    baked, more = self._bake_page(scene, page, found, falloff, (len(pages), len(bakes), keep))
+                    baked, more = self._bake_page(sources, page, found, falloff, (len(pages), len(bakes), keep))
                     begun = time.perf_counter()
                     self._write_images(baked, page)
                     seconds = {"load": loaded, "write": time.perf_counter() - begun}
                 bakes.append(BakedPage(self._title(page), baked, seconds, [*warnings, *more]))
                 if not glb:
-                    summary = texture_summary(baked, bakes[-1].title) + alpha_summary(scene.solid.mesh)
+                    summary = texture_summary(baked, bakes[-1].title) + alpha_summary(sources.solid.mesh)
                     yield Written(summary, bakes[-1].warnings)
             if glb:
                 begun = time.perf_counter()
-                lines = self._write_glb(glb, scene, [each.baked for each in bakes], falloff)
+                lines = self._write_glb(glb, sources, [each.baked for each in bakes], falloff)
                 bakes[-1].warnings.extend(lines)
                 bakes[-1].seconds["write"] += time.perf_counter() - begun
                 summary = "\n".join(texture_summary(each.baked, each.title) for each in bakes)
-                summary += alpha_summary(scene.solid.mesh)
+                summary += alpha_summary(sources.solid.mesh)
                 yield Written(summary, list(dict.fromkeys(line for each in bakes for line in each.warnings)))
         if self.report:
             self._write_report(bakes, inputs, source.mesh)
@@ -165,7 +165,7 @@ class TextureCommand(MeshBake):
         return f"{page.path(self.output)}{f', {page.name}' if page.name else ''}"
 
     def _bake_page(
-        self, scene: Scene, page: Page, found: Coordinates, falloff: ao.Falloff, place: _Place
+        self, sources: Sources, page: Page, found: Coordinates, falloff: ao.Falloff, place: _Place
     ) -> tuple[ao.BakedTexture, list[str]]:
         """Bake one page: what was baked, and warnings.
 
@@ -179,8 +179,8 @@ class TextureCommand(MeshBake):
             raise ConflictError("part", "does not go with", sets)
         with progress(self.quiet, "rays", form=self.progress, status=checkpoint.status) as (advance,):
             baked = ao.bake_texture(
-                scene.source.mesh, page.uv, found.size, falloff, progress=advance, checkpoint=checkpoint,
-                wrap=page.wraps, **scene.arguments, **self.arguments(),
+                sources.source.mesh, page.uv, found.size, falloff, progress=advance, checkpoint=checkpoint,
+                wrap=page.wraps, **sources.arguments, **self.arguments(),
             )  # fmt: skip
         remarks = layout_remarks(baked, page.wraps, self._glb() != self.output)
         return baked, warn([], [*baked.shortfalls, *(f"{self._title(page)}: {line}" for line in remarks)])
@@ -199,16 +199,16 @@ class TextureCommand(MeshBake):
             write_grey(images["error_map"], baked.error, self.half, {"content": "standard error of w"})
 
     def _write_glb(
-        self, path: Path, scene: Scene, baked: Sequence[ao.BakedTexture], falloff: ao.Falloff
+        self, path: Path, sources: Sources, baked: Sequence[ao.BakedTexture], falloff: ao.Falloff
     ) -> list[str]:
         """Write the .glb, with w of vertices where there are no texture coordinates; returns warnings."""
-        source, w = scene.source, None
+        source, w = sources.source, None
         covered = np.any([on_page(each.uv) for each in baked], axis=0)
         if not covered.all():
             only = np.zeros(len(source.mesh.vertices), np.bool_)
             for piece in pieces(source):
                 only[source.mesh.faces[piece.faces]] |= not covered[piece.faces].all()
-            w = ao.bake(source.mesh, falloff, only=only, **scene.arguments, **self.arguments("vertices")).w
+            w = ao.bake(source.mesh, falloff, only=only, **sources.arguments, **self.arguments("vertices")).w
         content, kept = textured_glb(source, baked, self.replace_occlusion, self.orm, w)
         write_bytes(path, content)
         advice = "whose w viewers do not show; --replace-occlusion replaces them"
