@@ -8,7 +8,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from raytrace.ray_origins.offset import ray_offset
+from raytrace.ray_origins.offset import offsets_and_reaches
 
 from . import defects as defects_module
 from . import limits as limits_module
@@ -74,7 +74,11 @@ def test_rays_that_mind_only_their_own_faces_fail(monkeypatch: pytest.MonkeyPatc
 
 
 def test_offsets_that_pass_through_a_plate_fail(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raytrace.ray_origins.origins.ray_offset", lambda *arguments: 4 * ray_offset(*arguments))
+    def four_times(*arguments):
+        offset, touching, reach = offsets_and_reaches(*arguments)
+        return 4 * offset, touching, reach
+
+    monkeypatch.setattr("raytrace.ray_origins.origins.offsets_and_reaches", four_times)
     monkeypatch.setattr("raytrace.ray_origins.origins.stop_short", lambda *arguments: None)
     assert any("face to face" in line.case for line in contacts(False) if not line.ok)
 
