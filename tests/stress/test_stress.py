@@ -58,8 +58,18 @@ def test_a_pose_is_a_similarity() -> None:
     assert away == pytest.approx(1e5 * (high - low).max())
 
 
+def times(factor):
+    """`offsets_and_reaches` with offsets by a factor as large."""
+
+    def changed(*arguments):
+        offset, touching, reach = offsets_and_reaches(*arguments)
+        return factor * offset, touching, reach
+
+    return changed
+
+
 def test_rays_that_start_on_the_surface_fail(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raytrace.ray_origins.origins.ray_offset", lambda *arguments: 0.0 * ray_offset(*arguments))
+    monkeypatch.setattr("raytrace.ray_origins.origins.offsets_and_reaches", times(0.0))
     assert len(failed(islice(rays.self_hits(False), 3))) >= 2
 
 
@@ -74,11 +84,7 @@ def test_rays_that_mind_only_their_own_faces_fail(monkeypatch: pytest.MonkeyPatc
 
 
 def test_offsets_that_pass_through_a_plate_fail(monkeypatch: pytest.MonkeyPatch) -> None:
-    def four_times(*arguments):
-        offset, touching, reach = offsets_and_reaches(*arguments)
-        return 4 * offset, touching, reach
-
-    monkeypatch.setattr("raytrace.ray_origins.origins.offsets_and_reaches", four_times)
+    monkeypatch.setattr("raytrace.ray_origins.origins.offsets_and_reaches", times(4.0))
     monkeypatch.setattr("raytrace.ray_origins.origins.stop_short", lambda *arguments: None)
     assert any("face to face" in line.case for line in contacts(False) if not line.ok)
 
