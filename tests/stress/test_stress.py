@@ -8,7 +8,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from raytrace.ray_origins.offset import offsets_and_reaches
+from raytrace.ray_origins.offset import offsets_and_reaches, ray_offset
 
 from . import defects as defects_module
 from . import limits as limits_module
@@ -58,18 +58,20 @@ def test_a_pose_is_a_similarity() -> None:
     assert away == pytest.approx(1e5 * (high - low).max())
 
 
-def times(factor):
-    """`offsets_and_reaches` with offsets by a factor as large."""
+def scale_offsets(monkeypatch, factor):
+    """Let rays start so many times as far from the surface."""
 
-    def changed(*arguments):
+    def scaled(*arguments):
         offset, touching, reach = offsets_and_reaches(*arguments)
         return factor * offset, touching, reach
 
-    return changed
+    origins = "raytrace.ray_origins.origins"
+    monkeypatch.setattr(f"{origins}.offsets_and_reaches", scaled)
+    monkeypatch.setattr(f"{origins}.ray_offset", lambda *arguments: factor * ray_offset(*arguments))
 
 
 def test_rays_that_start_on_the_surface_fail(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raytrace.ray_origins.origins.offsets_and_reaches", times(0.0))
+    scale_offsets(monkeypatch, 0.0)
     assert len(failed(islice(rays.self_hits(False), 3))) >= 2
 
 
@@ -84,7 +86,7 @@ def test_rays_that_mind_only_their_own_faces_fail(monkeypatch: pytest.MonkeyPatc
 
 
 def test_offsets_that_pass_through_a_plate_fail(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raytrace.ray_origins.origins.offsets_and_reaches", times(4.0))
+    scale_offsets(monkeypatch, 4.0)
     monkeypatch.setattr("raytrace.ray_origins.origins.stop_short", lambda *arguments: None)
     assert any("face to face" in line.case for line in contacts(False) if not line.ok)
 
