@@ -21,10 +21,10 @@ HALF_DISTANCES = "1%", "4%", "12%", "40%", "100%", "200%"
 WIDTH, HEIGHT, ACROSS = 300, 220, 3
 
 
-def picture(mesh: Mesh, w: np.ndarray) -> np.ndarray:
-    """Linear RGB (HEIGHT, WIDTH, 3) of w (n,)."""
+def picture(mesh: Mesh, w: np.ndarray, shown: float = 0.62) -> np.ndarray:
+    """Linear RGB (HEIGHT, WIDTH, 3) of w (n,). Args: shown: of the angle that the whole mesh takes."""
     whole = Camera.framing(mesh, (0.7, -1, 0.3), aspect=WIDTH / HEIGHT, field_of_view=FIELD_OF_VIEW)
-    camera = replace(whole, field_of_view=0.62 * FIELD_OF_VIEW)
+    camera = replace(whole, field_of_view=shown * FIELD_OF_VIEW)
     clay = Object(Shape(mesh, Lambert(albedo=0.8, two_sided="viewer")), w=w)
     lit = Scene((clay,), (AmbientLight(intensity=(1.0,) * 3),), BACKGROUND["dark"])
     return render(lit, camera, clay_settings(WIDTH, HEIGHT), layers=False).layers["beauty"][..., :3]
