@@ -35,7 +35,7 @@ def ground(mesh: Mesh | Any, height: float | None = None, up: str | None = None)
     if not isinstance(height, int | float | np.number) or not -np.inf < height <= lowest:
         raise OptionError("ground", f"a height up to {lowest:g}, that of the lowest vertex", height, mesh.source)
     centre = mesh.centre - (mesh.centre @ axis - height) * axis
-    u, v = np.roll(axis, 1), np.roll(axis, 2) * axis.sum()
+    u, v = np.roll(axis, 1), np.roll(axis, 2) * axis.sum()  # u × v is the axis
     corners = [u + v, v - u, -u - v, u - v]
     vertices = centre + _EXTENT * (radius + lowest - height) * np.array(corners)
     return Mesh(vertices, [[0, 1, 2], [0, 2, 3]], source="ground")

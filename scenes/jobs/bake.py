@@ -89,8 +89,8 @@ class Sources(NamedTuple):
     def notes(self) -> list[str]:
         """About what was read; also occluders so much larger or smaller that their unit may be another."""
         sizes = [(each.mesh.source, each.mesh.radius / (self.source.mesh.radius or 1.0)) for each in self.walls]
-        text = "its radius is {1:.2g} of the mesh's: is its unit another?"
-        unlike = [f"{name}: {text.format(name, size)}" for name, size in sizes if not 1e-3 < size < 1e3]
+        text = "of the mesh's: is its unit another?"
+        unlike = [f"{name}: its radius is {size:.2g} {text}" for name, size in sizes if not 1e-3 < size < 1e3]
         return [*(note for each in self.read for note in each.notes), *unlike]
 
     @property

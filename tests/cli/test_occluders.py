@@ -1,6 +1,7 @@
 """`--occluder` and `--ground`: what only occludes, in every kind of bake, in reports and in parts."""
 
 import json
+import re
 import shlex
 
 import numpy as np
@@ -80,8 +81,12 @@ def test_batches_textures_and_glb(folder):
 
 
 def test_a_dry_run_counts_them(folder):
-    alone, around = (obscurance("bake", "ball.obj", "-o", "w.npy", "--dry-run", *more) for more in ((), AROUND))
-    assert alone.returncode == around.returncode == 0
+    vertices, faces = icosphere(6)
+    (folder / "wall.obj").write_bytes(obj(0.4 * vertices + [0, 0, 3], faces))
+    alone, around = (baked("--dry-run", *more).stdout for more in ((), ("--occluder", "wall.obj")))
+    beside = [float(re.search(r"([\d.]+) MiB of it beside", text)[1]) for text in (alone, around)]
+    assert beside[1] > beside[0] + 10
+    assert "162 vertices" in around
     assert not (folder / "w.npy").exists()
 
 
