@@ -69,9 +69,8 @@ class DaskCluster:
         self.threads = None if self.count is None else max(thread_count(threads) // self.count, 1)
         self._client: Any = None
         self._local: Any = None
-        opener = ThreadPoolExecutor(1)
-        self._opened = opener.submit(self._open)
-        opener.shutdown(wait=False)
+        self._aside = ThreadPoolExecutor(1)  # Ctrl-C, on the main thread, leaves no coroutine that nobody awaits
+        self._opened = self._aside.submit(self._open)
 
     def connect(self) -> None:
         """Wait until the scheduler is reached.
@@ -125,8 +124,12 @@ class DaskCluster:
 
     def call(self, worker: str, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """What `function` returns on a worker: texts, numbers, bytes and tuples of such, or a TypeError."""
-        call = self._call(worker, function, *arguments)
-        return asyncio.run_coroutine_threadsafe(call, self._client.loop.asyncio_loop)
+        loop = self._client.loop.asyncio_loop
+
+        def begin() -> Future[Any]:
+            return asyncio.run_coroutine_threadsafe(self._call(worker, function, *arguments), loop)
+
+        return self._aside.submit(begin).result()
 
     async def _call(self, worker: str, function: Callable[..., Any], *arguments: Any) -> Any:
         """`call`. What Dask cancels, as it loses its scheduler, is no fault of the worker's: `workers` finds out."""
@@ -155,8 +158,7 @@ class DaskCluster:
 
     def close(self) -> None:
         """Let go of the cluster; workers that were started here end."""
-        with suppress(Exception):  # its connections may have ended before, or not begun
-            self._opened.result()
+        self._aside.shutdown()
         if self._client:
             with suppress(Exception):
                 self._client.close()
