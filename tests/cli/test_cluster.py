@@ -2,14 +2,13 @@
 
 import os
 import shutil
-import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from clusters import LEFT_SOCKETS, left_sockets, small_blocks
-from command import COMMAND, obscurance, process, refused, started
+from command import obscurance, process, refused, started
 from mesh_files import ply
 from meshes import hills
 
