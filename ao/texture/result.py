@@ -10,7 +10,6 @@ import numpy as np
 from raytrace.image.encode import linear_png
 from raytrace.image.fill import fill_holes
 from raytrace.mesh.normals import normalize
-from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Float64s, Int64s
 
 from ..estimate.calibration import Calibration
@@ -157,16 +156,8 @@ def assemble_pages(
         w = seams.close(w.ravel(), covered.ravel(), threads).reshape(shape)
     else:
         known = covered
-    planes = [(w.astype(np.float32), known), *((bent[:, :, axis], covered) for axis in range(3))]
-
-    def fill(first: int, _: int) -> None:
-        values, there = planes[first]
-        planes[first] = fill_holes(values[:, :, None], there)[:, :, 0], there
-
-    run_blocks(len(planes), 1, fill, threads)
-    page, *bent_planes = (plane for plane, _ in planes)
-    page = page.clip(0.0, 1.0)
-    whole = normalize(np.stack(bent_planes, axis=2).astype(np.float64)).astype(np.float32)
+    page = fill_holes(w.astype(np.float32)[:, :, None], known, threads)[:, :, 0].clip(0.0, 1.0)
+    whole = normalize(fill_holes(bent, covered, threads).astype(np.float64)).astype(np.float32)
     return Pages(page, error, whole, covered, before, seams.jump(page.ravel().astype(np.float64)))
 
 

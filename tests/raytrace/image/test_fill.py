@@ -49,3 +49,15 @@ def test_nothing_known_and_all_known_stay_as_they_are(page):
     pixels, known = page
     for which in (np.zeros_like(known), np.ones_like(known)):
         assert np.array_equal(fill_holes(pixels, which), pixels)
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_far_pixels_are_bilinear_lookups_of_coarser_means(threads):
+    """A page of 5×3 pixels, of which three are known: the pyramid by hand."""
+    known = np.zeros((3, 5), np.bool_)
+    known[0, 0] = known[1, 1] = known[2, 4] = True
+    filled = fill_holes(np.where(known, [[0.1], [0.3], [0.8]], np.nan).astype(np.float32)[:, :, None], known, threads)
+    quarter = 0.2, 0.8  # known at half the size at (0, 0) and at (1, 2)
+    left, middle = quarter[0], 0.75 * quarter[0] + 0.25 * quarter[1]  # of both rows of half the size
+    assert filled[1, 2, 0] == pytest.approx(0.75 * middle + 0.25 * left, abs=1e-6)
+    assert filled[0, 1, 0] == pytest.approx(0.75 * left + 0.25 * middle, abs=1e-6)
