@@ -26,6 +26,7 @@ Method = Literal["vertex", "surface"]
 Normals = Literal["angle", "area", "equal", "file"]
 Interior = Literal["auto", "ignore", "mark", "fill"]
 Traversal = Literal["auto", "embree"]
+BackFaces = Literal["occlude", "ignore"]
 Overlap = Literal["mean", "first", "refuse"]
 BentSpace = Literal["world", "tangent", "tangent-directx"]
 
@@ -70,6 +71,10 @@ class Options:
         'that are not; texels are filled as if they were not covered. "ignore": both sides of faces are surface. '
         '"mark": faces bound solids, and vertices that mostly see backs, being inside one, are flagged; not of texels. '
         '"fill": besides, they are filled, and texels are. Not by the surface method.')] = "auto"
+    back_faces: Annotated[BackFaces, Option(on=EACH, help=
+        "ignore: rays pass through faces that they meet from behind, as through single-sided walls.", more=
+        "A face's front is where its corners run anticlockwise. `interior` sees backs all the same. Not by the surface "
+        "method.")] = "occlude"
     traversal: Annotated[Traversal, Option(help="Who traces rays; embree is slower, and checks auto.", more=
         '"auto": the rays of a point walk a hierarchy of our own together, but go through Embree in packets where half '
         "of them meet something and they are few. Not by the surface method.")] = "auto"
@@ -177,7 +182,7 @@ class VertexOptions(Options):
                 raise ConflictError("only", "excludes", "tolerance")
         if self.method == "vertex":
             return
-        for name in ("denoise", "interior", "traversal"):
+        for name in ("denoise", "interior", "traversal", "back_faces"):
             if getattr(self, name) != getattr(Options, name):
                 raise ConflictError((name, getattr(self, name)), "does not go with", ("method", "surface"))
         if self.profile or len(self.falloffs) > 1:

@@ -12,6 +12,7 @@ from raytrace.errors import ConflictError, OptionError
 from raytrace.kernel.notice import compiling
 from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.opacity import PackedOpacity
 from raytrace.mesh.placement import Placement
 from raytrace.sampling.hash import seed_key
 from raytrace.system.memory import check_memory
@@ -38,7 +39,7 @@ class Inputs:
 
     mesh: Annotated[Mesh | Any, Option(on="", role="input", help=
         "The surface, a `raytrace.Mesh`, a pair (vertices, faces), a mesh of trimesh, PyVista, meshio or Open3D, or "
-        "what `ao.prepare` returns; both sides of every face occlude.")]
+        "what `ao.prepare` returns.")]
     _: KW_ONLY
     progress: Annotated[Progress | None, Option(on="", role="run", help=
         "Called with (rays traced, rays in all) as the work goes on.")] = None
@@ -159,8 +160,10 @@ class Prepared:
 
     @property
     def scene(self) -> RayScene:
-        receivers = self.receivers
-        return RayScene(self.placement.vertices, receivers.faces, receivers.tree, receivers.embree, receivers.opacity)
+        receivers, opacity = self.receivers, self.receivers.opacity
+        if self.options.back_faces == "ignore":
+            opacity = (opacity or PackedOpacity.opaque(len(receivers.faces)))._replace(one_sided=np.int64(1))
+        return RayScene(self.placement.vertices, receivers.faces, receivers.tree, receivers.embree, opacity)
 
     def tracer(self, total_points: int) -> Tracer:
         """A tracer of up to `total_points` points, for a mesh all of its points, wanted or not."""

@@ -197,7 +197,7 @@ def identity(placement: Placement, receivers: Receivers, settings: tuple[object,
     arrays: list[npt.NDArray[Any]] = [placement.vertices, receivers.faces]
     for points in (receivers.points, receivers.corners.points):
         arrays += [points.origins, points.normals, points.numbers]
-    arrays += receivers.opacity or ()
+    arrays += map(np.asarray, receivers.opacity or ())
     for array in arrays:
         digest.update(repr((array.shape, array.dtype)).encode())
         digest.update(np.ascontiguousarray(array).data)

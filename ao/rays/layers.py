@@ -66,9 +66,9 @@ def leaf_of(layers, tree, node, origin):
 
 @inline
 def has_alpha(leaf, place):
-    """Whether the triangle at a place of a leaf is not opaque everywhere."""
+    """Whether the triangle at a place of a leaf is not opaque everywhere and from both sides."""
     layers, faces, _, _ = leaf
-    return layers.opacity.of[faces[place]] >= 0
+    return layers.opacity.of[faces[place]] >= 0 or layers.opacity.one_sided != 0
 
 
 @inline
@@ -89,7 +89,9 @@ def pass_through(leaf, rays, block, lane, place, distance, closest, t_max):
         _corner(triangles, place, 6, origin),
     )
     first, second, third = dot(v, cross(b, c)), dot(v, cross(c, a)), dot(v, cross(a, b))
-    total = first + second + third
+    total = first + second + third  # v·2N: above 0 the ray meets the back
+    if total > 0.0 and layers.opacity.one_sided != 0:
+        return
     if total == 0.0:
         first, second, third, total = 1.0, 1.0, 1.0, 3.0
     found = alpha(layers.opacity, faces[place], second / total, third / total)

@@ -101,7 +101,7 @@ def _trace_through(packet, falloff, t_max, passed):
 def _meet(opacity, falloff, rays, lane, passed):
     """Leave at a hit the part of a ray that ends there."""
     face = np.int64(rays.view(np.uint32)[packets.PRIM_ID, lane])
-    if face == passed[_LAST, lane]:
+    if face == passed[_LAST, lane] or (opacity.one_sided != 0 and _is_back(rays, lane)):
         return
     share = passed[_LEFT, lane] * alpha(opacity, face, rays[packets.U, lane], rays[packets.V, lane])
     passed[_LEFT, lane] -= share

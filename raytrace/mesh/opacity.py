@@ -61,6 +61,7 @@ class PackedOpacity(NamedTuple):
         factor, cutoff: float64 (s,) of the surfaces; cutoffs below 0 are none.
         texels: float32 (t, 1), the images' alpha, rows from the top. images: int64 (s, 5): first texel, width and
             height, 0 without an image, and the wrap modes along u and v.
+        one_sided: int64, whether rays pass the backs of all faces, 0 or 1.
     """
 
     of: Int64s
@@ -70,6 +71,7 @@ class PackedOpacity(NamedTuple):
     cutoff: Float64s
     texels: Float32s
     images: Int64s
+    one_sided: np.int64 = np.int64(0)
 
     @classmethod
     def opaque(cls, count: int) -> PackedOpacity:

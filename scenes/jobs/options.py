@@ -54,7 +54,7 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
                "each.", EACH, "input", excludes=("high", "tiles"), metavar="MESH"),
         Option("ground", str | None, None, "A ground plane without end: auto, just below the lowest vertex along the "
                "up axis, or its height.", EACH, excludes=("high", "tiles"), metavar="auto|HEIGHT"),
-        "normals", "interior",
+        "normals", "interior", "back_faces",
         Option("alpha", Alpha, "auto",
                "auto: what glTF and OBJ materials cut out or blend lets light through; ignore: opaque."),
     ),

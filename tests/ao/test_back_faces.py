@@ -1,0 +1,109 @@
+"""Bakes through the backs of faces: single-sided walls, against form factors and closed forms."""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from leaf_cards import FLOOR, FLOOR_FACES, HALVES, HEIGHT, SQUARE, form_factors
+
+import ao
+from ao.analytic import closed_forms as analytic
+from ao.options import Options, VertexOptions
+from ao.prepared import Prepared
+from raytrace import AlphaSurface, Mesh, Opacity
+from raytrace.errors import ConflictError
+from scenes.geometry.polyhedra import icosphere, join, patches
+
+THROUGH = {"denoise": False, "back_faces": "ignore"}
+TAU = 1.5
+
+
+def over_floor(*squares, alpha=None):
+    """A floor under squares of height, half side and whether they look down at it. Args: alpha: of the squares."""
+    parts = [(FLOOR, FLOOR_FACES)]
+    for height, half, down in squares:
+        corners = np.column_stack([2 * half * SQUARE, np.full(4, height)])
+        parts.append((corners, HALVES[:, ::-1] if down else HALVES))
+    vertices, faces = join(parts)
+    opacity = alpha and Opacity(np.arange(len(faces)) // len(FLOOR_FACES) - 1, (AlphaSurface(alpha),))
+    return Mesh(vertices, faces, opacity=opacity)
+
+
+def floor_w(mesh, falloff="binary", samples=2048, **options):
+    return ao.bake(mesh, falloff, samples, **(THROUGH | options)).w[: len(FLOOR)]
+
+
+@pytest.mark.parametrize("traversal", ["auto", "embree"])
+@pytest.mark.parametrize("falloff", ["binary", "exponential"])
+def test_a_wall_seen_from_behind_is_not_there(falloff, traversal):
+    behind, front = over_floor((HEIGHT, 0.5, False)), over_floor((HEIGHT, 0.5, True))
+    assert (floor_w(behind, falloff, traversal=traversal) == 1).all()
+    seen, both = (floor_w(front, falloff, traversal=traversal, back_faces=each) for each in ("ignore", "occlude"))
+    assert np.allclose(seen, both, atol=1e-6)
+    if falloff == "binary":
+        assert np.allclose(seen, 1 - form_factors(), atol=0.012)
+
+
+@pytest.mark.parametrize("traversal", ["auto", "embree"])
+@pytest.mark.parametrize("alpha", [None, 0.3])
+def test_a_ray_goes_on_to_what_is_behind(alpha, traversal):
+    mesh = over_floor((0.2, 0.9, False), (0.3, 0.9, False), (HEIGHT, 0.5, True), alpha=alpha)
+    assert np.allclose(floor_w(mesh, traversal=traversal), 1 - (alpha or 1) * form_factors(), atol=0.012)
+
+
+@pytest.mark.parametrize("traversal", ["auto", "embree"])
+def test_inside_a_sphere(traversal):
+    """Eight patches about the centre of a sphere whose faces look inwards, then outwards."""
+    ball, radius = icosphere(4), 0.8
+    floor = patches(0.001 * np.random.default_rng(2).normal(size=(8, 3)) * [1, 1, 0], 0.001)
+    w = []
+    for faces in (ball[1][:, ::-1], ball[1]):
+        mesh = Mesh(*join([floor, (radius * ball[0], faces)]))
+        options = THROUGH | {"interior": "ignore", "traversal": traversal}
+        w.append(ao.bake(mesh, ao.Exponential(tau=TAU), 256, **options).w[: len(floor[0])])
+    assert np.allclose(w[0], analytic.dome(radius, TAU), atol=0.004)
+    assert (w[1] == 1).all()
+
+
+@pytest.mark.parametrize("options", [{"tolerance": 0.01}, {"profile": True}, {"samples": 256}])
+def test_the_other_ways_of_a_bake(options):
+    mesh = over_floor((0.2, 0.9, False), (HEIGHT, 0.5, True))
+    baked = ao.bake(mesh, ao.Exponential(tau=TAU), back_faces="ignore", **options)
+    alone = ao.bake(over_floor((HEIGHT, 0.5, True)), ao.Exponential(tau=TAU), 2048)
+    assert np.allclose(baked.w[: len(FLOOR)], alone.w[: len(FLOOR)], atol=0.03)
+
+
+def test_textures():
+    mesh = over_floor((0.2, 0.9, False), (HEIGHT, 0.5, True))
+    uv = np.concatenate([(FLOOR[:, :2] + 0.9) / 1.8, np.full((8, 2), np.nan)])
+    w, alone = (
+        ao.bake_texture(each, uv[: len(each.vertices)], 8, "binary", 1024, **THROUGH).w
+        for each in (mesh, over_floor((HEIGHT, 0.5, True)))
+    )
+    assert np.allclose(w, alone, atol=0.02)
+    assert w.min() < 0.6
+
+
+def test_backs_mark_what_is_inside_solids_all_the_same():
+    vertices, faces = icosphere(2)
+    mesh = Mesh(*join([(vertices, faces), (vertices + np.array([0.9, 0, 0]), faces)]))
+    for interior in ("auto", "mark"):
+        options = {"samples": 16, "interior": interior}
+        seen, through = (ao.bake(mesh, back_faces=each, **options) for each in ("occlude", "ignore"))
+        assert np.array_equal(seen.flags, through.flags)
+        assert through.flagged["hidden"] > 0
+
+
+def test_other_processes_let_rays_through():
+    mesh = over_floor((HEIGHT, 0.5, False))
+    for each, alpha in ((mesh, None), (replace(mesh, opacity=Opacity([0] * len(mesh.faces), [AlphaSurface(0.5)])), 0)):
+        scene = Prepared.of(each, Options(back_faces="ignore"), None, None).scene
+        assert pickle.loads(pickle.dumps(scene)).opacity.one_sided == 1
+        assert (scene.opacity.of == (-1 if alpha is None else 0)).all()
+    assert Prepared.of(mesh, Options(), None, None).scene.opacity is None
+
+
+def test_the_surface_method_refuses():
+    with pytest.raises(ConflictError, match="back_faces='ignore' does not go with method='surface'"):
+        VertexOptions(back_faces="ignore", method="surface")
