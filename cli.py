@@ -51,7 +51,7 @@ def bake(**options: Any) -> None:
     raise typer.Exit(run_bake(options))
 
 
-@app.command()
+@app.command(cls=TableCommand)
 @parameters(MERGE)
 def merge(parts: Path, **options: Any) -> None:
     """Write the output of a bake, or a batch, traced in parts."""

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from .show.page.encode import Values
 
 Occlusion = Literal["none", "ramp"]
+Colors = Literal["rgb", "r", "g", "b", "a"]
 
 
 def check_target(path: str | os.PathLike[str]) -> None:
@@ -42,7 +43,7 @@ def write(
     bake: Bake | Values | BakedTexture | Sequence[Bake | BakedTexture],
     mesh_file: MeshFile,
     *,
-    colors: bool = False,
+    colors: bool | Colors = False,
     occlusion: Occlusion | None = None,
     replace_occlusion: bool = False,
     up: str | None = None,
@@ -67,7 +68,8 @@ def write(
         bake: per vertex of `mesh_file.mesh`, or a texture of its faces. For a .glb also a list of textures of
             different faces; a bake per vertex among them is for faces on none.
         mesh_file: what was baked.
-        colors: give a .glb the vertex colours `COLOR_0` = w, and a .ply the grey, in place of the source's colours.
+        colors: "rgb" (or True): give a .glb the vertex colours `COLOR_0` = w, and a .ply the grey, in place of the
+            source's colours; "r", "g", "b" or "a": w in that channel alone, the others as in the source, 1 without.
         occlusion: "ramp" gives a .glb's materials an occlusion texture that shows w, "none" does not; None is "ramp",
             but "none" with `colors`.
         replace_occlusion: put the ramp also in place of occlusion textures of the source.
@@ -137,13 +139,16 @@ def write_tiled(path: Path, w: Float64s, mesh: StoredMesh) -> None:
 
 def channels(
     path: str | os.PathLike[str],
-    colors: bool,
+    colors: bool | Colors | None,
     occlusion: Occlusion | None,
     replace_occlusion: bool,
     up: str | None = None,
 ) -> Channels:
     """The channels of w for viewers. Raises: OptionError: options that exclude each other, or the ending."""
     ending = Path(path).suffix.lower()
+    replaced = "rgb" if colors is True else colors or ""
+    if replaced not in ("", *get_args(Colors)):
+        raise OptionError("colors", "one of " + ", ".join(get_args(Colors)), repr(colors))
     if colors and "colors" not in format_of(path).holds:
         raise ConflictError("colors", "needs", "a .glb or .ply output")
     if occlusion not in (None, *get_args(Occlusion)):
@@ -155,7 +160,7 @@ def channels(
     ramp = ending == ".glb" and (occlusion == "ramp" if occlusion else not colors)
     if replace_occlusion and not ramp:
         raise ConflictError("replace_occlusion", "needs", "an occlusion texture to write")
-    return Channels(colors, ramp, replace_occlusion, up)
+    return Channels(replaced, ramp, replace_occlusion, up)
 
 
 ENDINGS = endings("write")

@@ -6,6 +6,7 @@ import numpy as np
 
 from raytrace.errors import printable
 
+from .gltf.accessors import stored_colors
 from .load import MeshFile
 from .obj.detail import PAINT_WORDS
 from .ply.detail import columns_of, own_colors
@@ -18,7 +19,7 @@ def lost(target: Path, mesh_file: MeshFile, channels: Channels = Channels()) -> 
 
     Args: mesh_file: was loaded for `target`. channels: see `write_bake.channels`.
 
-    Raises: OptionError: coordinates that the format does not hold.
+    Raises: OptionError: coordinates that the format does not hold. MeshError: colours to be kept are malformed.
     """
     row, colors = format_of(target), channels.colors
     if not row.lost:
@@ -34,9 +35,9 @@ def lost(target: Path, mesh_file: MeshFile, channels: Channels = Channels()) -> 
     return [printable(line) for line in warnings]
 
 
-def of_ply(mesh_file: MeshFile, colors: bool) -> list[str]:
+def of_ply(mesh_file: MeshFile, colors: str) -> list[str]:
     detail = mesh_file.detail
-    missing = ["its colours"] if colors and has_own_colors(detail) else []
+    missing = ["its colours"] if len(colors) > 1 and has_own_colors(detail) else []
     if detail is None or not detail.elements:
         of = None if detail is None else detail.object_of
         if not mesh_file.gltf and (len(mesh_file.parts) > 1 or (of is not None and np.ptp(of))):
@@ -49,18 +50,20 @@ def of_ply(mesh_file: MeshFile, colors: bool) -> list[str]:
     return missing
 
 
-def of_glb(mesh_file: MeshFile, colors: bool) -> list[str]:
+def of_glb(mesh_file: MeshFile, colors: str) -> list[str]:
     detail = mesh_file.detail
     if mesh_file.gltf:
+        for piece, part in zip(mesh_file.gltf.drawn, mesh_file.parts if len(colors) == 1 else (), strict=False):
+            stored_colors(mesh_file.gltf, piece.primitive.attributes, part.vertices.stop - part.vertices.start)
         pieces = [piece for mesh in mesh_file.gltf.geometry.meshes for piece in mesh.primitives]
-        return ["its colours"] if colors and any("COLOR_0" in piece.attributes for piece in pieces) else []
+        return ["its colours"] if len(colors) > 1 and any("COLOR_0" in piece.attributes for piece in pieces) else []
     from .glb.plain import SOURCE_INDEX, attribute_name, fits_float, groups, part_origin
 
     part_origin(mesh_file.mesh.vertices)
     missing = list(mesh_file.unread)
     if detail is None:
         return missing
-    if colors and detail.colors is not None:
+    if len(colors) > 1 and detail.colors is not None:
         missing.append("its colours")
     if len(groups(mesh_file)) > len(mesh_file.parts):
         missing.append(f"the order of vertices ({SOURCE_INDEX} has their places)")

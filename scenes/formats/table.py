@@ -24,9 +24,9 @@ class MeshInput(NamedTuple):
 
 
 class Channels(NamedTuple):
-    """Where a GLB holds w beside the attribute `_OBSCURANCE`, for viewers, and how a page stands."""
+    """Where a file holds w beside its own attribute, for viewers, and how a page stands."""
 
-    colors: bool = False  # also in `COLOR_0`, linear as glTF's vertex colours are; an existing one is replaced
+    colors: str = ""  # which of "rgba" of the vertex colours hold w, too; of several, alpha of a .glb becomes 1
     ramp: bool = False  # also in the materials' occlusion textures (`scenes.formats.glb.ramp`)
     replace: bool = False  # in place of occlusion textures of the source, too
     up: str | None = None  # the axis that is up, in place of `Mesh.up`
@@ -42,7 +42,7 @@ class FileFormat(NamedTuple):
     begins: bytes = b""  # a pattern of the first bytes, which identifies a pipe's format
     open_rows: str = ""  # a path to a `StoredMesh`, for tiles
     write: str = ""  # a bake, a `MeshFile` and `Channels` to bytes
-    lost: str = ""  # a `MeshFile` and whether colours are written to words for what an output lacks
+    lost: str = ""  # a `MeshFile` and `Channels.colors` to words for what an output lacks
     holds: tuple[str, ...] = ()  # of "w", "colors" of vertices, "uv" of polygons' corners, a "scene"
 
 

@@ -61,8 +61,9 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
     "Sampling": ("method", "denoise", "traversal", "profile", "seed", "threads"),
     "What .glb and .ply show": (
         Option("preset", Literal[*PRESETS] | None, None, f"{PRESET_HELP}.", "vertices texture batch", "output"),
-        Option("colors", bool, False, "Write w as vertex colours: COLOR_0 of .glb, replacing a .ply's own.",
-               "vertices batch merge", "output"),
+        Option("colors", Literal["rgb", "r", "g", "b", "a"] | None, None, "Write w as vertex colours, COLOR_0 of .glb, "
+               "replacing a .ply's own; or into one channel, where the others stay as they are in the input.",
+               "vertices batch merge", "output", metavar="[r|g|b|a]"),
         Option("occlusion", Literal["none", "ramp", "texture", "auto"] | None, None, "Occlusion texture of .glb "
                "materials, for viewers: ramp (w of the vertices), texture (of texels), auto (default without --colors: "
                "a texture where it errs less between the vertices, else a ramp) or none.", _WRITTEN, "output"),

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from inspect import Parameter, Signature
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -66,10 +67,14 @@ def name_of(table: str, help: str) -> Any:
 
 
 class TableCommand(TyperCommand):
-    """`bake` and `merge`: their help lists options by what they are for; options by earlier names are understood."""
+    """`bake` and `merge`: their help lists options by what they are for; options by earlier names are understood.
+
+    `--colors` alone, before no word of letters only, which no file's name is, stands for `--colors rgb`.
+    """
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        pairs = [argument.partition("=") for argument in args]
+        bare = [each == "--colors" and not after.isalpha() for each, after in pairwise([*args, ""])]
+        pairs = [(f"{each}=rgb" if is_bare else each).partition("=") for each, is_bare in zip(args, bare, strict=True)]
         return super().parse_args(ctx, [_OLD.get(name, name) + sign + value for name, sign, value in pairs])
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
@@ -117,6 +122,8 @@ def saved_options(path: Path) -> dict[str, Any]:
         raise InputError(path, "options", "the report of a bake, or the manifest of a batch", got)
     new = {row.was: row.name for row in BAKE if row.was}
     options = {new.get(name, name): value for name, value in report["options"].items() if value is not None}
+    if isinstance(options.get("colors"), bool):  # of earlier versions
+        options["colors"] = "rgb" if options["colors"] else None
     names = {row.name for row in BAKE if row.role != "run"} | {"threads"}
     for name in options.keys() - names:
         near = nearest_name(name, names)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.types import Int64s
+from raytrace.types import Float64s, Int64s
 
 from ..gltf.accessors import COMPONENTS
 from ..gltf.container import encode_glb
@@ -57,19 +57,22 @@ class Packed:
         self.binary += data
         return offset
 
-    def annotate(self, primitive: dict[str, Any], bake: Bake, rows: Int64s, colors: bool = False) -> None:
+    def annotate(
+        self, primitive: dict[str, Any], bake: Bake, rows: Int64s, colors: str, stored: npt.NDArray[Any] | None
+    ) -> None:
         """Give a primitive w of its vertices, and the profile in 16 bits, four columns an attribute.
 
-        Args: rows: of the bake, one for each vertex. colors: also as `COLOR_0`.
+        Args:
+            rows: of the bake, one for each vertex.
+            colors: channels of `COLOR_0`, of "rgba", that hold w, too.
+            stored: (n, 3 or 4), the colours whose other channels and type are kept; None: white, of 8 bits.
         """
         attributes, w, profile = primitive["attributes"], bake.w[rows], bake.profile
         for name in [name for name in attributes if name.startswith(PROFILE)]:
             del attributes[name]
         attributes["_OBSCURANCE"] = self.accessor(w.astype("<f4"))
         if colors:
-            grey = np.full((len(w), 4), 255, dtype=np.uint8)
-            grey[:, :3] = np.rint(np.clip(w, 0, 1) * 255)[:, None]
-            attributes["COLOR_0"] = self.accessor(grey, normalized=True)
+            attributes["COLOR_0"] = self._colors(w, colors, stored)
         if profile is None:
             return
         for number, first in enumerate(range(0, len(profile.half_distances), 4)):
@@ -79,3 +82,13 @@ class Packed:
             attributes[f"{PROFILE}{number}"] = self.accessor(codes, normalized=True)
         known = {"half_distances": profile.half_distances.tolist(), "radius": profile.radius}
         self.header["accessors"][attributes[f"{PROFILE}0"]]["extras"] = known
+
+    def _colors(self, w: Float64s, channels: str, stored: npt.NDArray[Any] | None) -> int:
+        kind = np.dtype(np.uint8) if stored is None else stored.dtype
+        largest = 1 if kind.kind == "f" else np.iinfo(kind).max
+        colors = np.full((len(w), 4), largest, kind)
+        if stored is not None:
+            colors[:, : stored.shape[1]] = stored
+        level = np.clip(w, 0, 1) * largest
+        colors[:, ["rgba".index(letter) for letter in channels]] = (level if largest == 1 else np.rint(level))[:, None]
+        return self.accessor(colors, **({} if largest == 1 else {"normalized": True}))

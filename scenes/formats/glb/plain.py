@@ -18,6 +18,8 @@ from raytrace.types import Float64s, Int64s
 from ...geometry.detail import PerCorner, split_corners
 from ..gltf.container import stand
 from ..load import MeshFile
+from ..ply.detail import columns_of, fractions
+from ..ply.detail import stored_colors as ply_colors
 from .buffer import ELEMENT_ARRAY_BUFFER, Packed
 from .pictures import add_materials
 
@@ -49,7 +51,7 @@ Drawn = tuple[dict[str, Any], Int64s]
 """A primitive of a document, and which of the baked mesh's vertices its own are."""
 
 
-def plain(mesh_file: MeshFile, colors: bool, up: str | None = None) -> tuple[Packed, list[Drawn]]:
+def plain(mesh_file: MeshFile, colors: str, up: str | None = None) -> tuple[Packed, list[Drawn]]:
     """The document, without w, and its primitives, in the order of `groups`.
 
     The only primitive of a part has the part's vertices in their order, then those whose corners differ once more.
@@ -59,7 +61,7 @@ def plain(mesh_file: MeshFile, colors: bool, up: str | None = None) -> tuple[Pac
 
     Where another axis than y is up, all stand below a node that turns it to y.
 
-    Args: colors: leave the source's colours out. up: in place of `Mesh.up`.
+    Args: colors: the channels that are to hold w: of all, the source's are left out. up: in place of `Mesh.up`.
     """
     detail, mesh = mesh_file.detail, mesh_file.mesh
     header: dict[str, Any] = {"asset": {"version": "2.0", "generator": "obscurance"}, "scene": 0}
@@ -142,7 +144,7 @@ def part_origin(vertices: Float64s) -> Float64s | None:
 
 
 def _primitive(
-    packed: Packed, mesh_file: MeshFile, piece: _Piece, origin: Float64s | None, colors: bool
+    packed: Packed, mesh_file: MeshFile, piece: _Piece, origin: Float64s | None, colors: str
 ) -> dict[str, Any]:
     mesh, detail = mesh_file.mesh, mesh_file.detail
     places = mesh.vertices[piece.vertices] - (0 if origin is None else origin)
@@ -157,8 +159,11 @@ def _primitive(
     if piece.uv is not None:
         downwards = np.stack([piece.uv[:, 0], 1 - piece.uv[:, 1]], axis=1)
         attributes["TEXCOORD_0"] = packed.accessor(downwards.astype("<f4"))
-    if detail and detail.colors is not None and not colors:
-        own = detail.colors[piece.vertices]
+    own = detail.colors if detail and len(colors) < 2 else None
+    if detail and own is None and len(colors) == 1:
+        own = fractions(ply_colors(columns_of(detail.elements, "vertex")))  # the grey of an earlier bake
+    if own is not None:
+        own = own[piece.vertices]
         own = np.concatenate([decode_srgb(own[:, :3]), own[:, 3:]], axis=1)
         attributes["COLOR_0"] = packed.accessor(own.astype("<f4"))
     for name, values in (detail.numbers if detail else {}).items():

@@ -11,7 +11,7 @@ from ao import Bake
 from raytrace.mesh.up import up_axis
 
 from ...geometry.instances import Submesh
-from ..gltf.accessors import DRACO, MESHOPT
+from ..gltf.accessors import DRACO, MESHOPT, stored_colors
 from ..gltf.asset import Gltf, referenced
 from ..gltf.container import stand
 from ..load import MeshFile
@@ -43,11 +43,13 @@ def document(mesh_file: MeshFile, bake: Bake | None, channels: Channels = Channe
     """The document of a mesh file, with w of a bake, and its drawn primitives. Raises: as `glb`."""
     asset = mesh_file.gltf
     packed, drawn = _stored(asset, mesh_file.parts) if asset else plain(mesh_file, channels.colors, channels.up)
+    stored = Gltf(mesh_file.path, packed.header, (bytes(packed.binary),)) if len(channels.colors) == 1 else None
     if asset:
         stand(packed.header, up_axis(mesh_file.mesh, channels.up), asset.roots)
     if bake:
         for primitive, vertices in drawn:
-            packed.annotate(primitive, bake, vertices, channels.colors)
+            colors = None if stored is None else stored_colors(stored, primitive["attributes"], len(vertices))
+            packed.annotate(primitive, bake, vertices, channels.colors, colors)
     return packed, drawn
 
 

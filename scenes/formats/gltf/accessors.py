@@ -134,3 +134,19 @@ def column(asset: Gltf, primitive: Primitive, name: str, *kinds: str) -> Float64
     if not np.isfinite(found).all():
         raise MeshError(asset.path, name, "finite numbers", "others")
     return found
+
+
+def stored_colors(asset: Gltf, attributes: dict[str, int], count: int) -> npt.NDArray[Any] | None:
+    """`COLOR_0` of a primitive of `count` vertices as stored, (count, 3 or 4); None if it has none.
+
+    Raises: MeshError: it is malformed.
+    """
+    if "COLOR_0" not in attributes:
+        return None
+    try:
+        found = values(asset, attributes["COLOR_0"], "VEC3", "VEC4")
+    except ValueError as reason:
+        raise MeshError(asset.path, "COLOR_0", "three or four numbers a vertex", reason) from None
+    if len(found) != count:
+        raise MeshError(asset.path, "COLOR_0", f"{count} rows", len(found))
+    return found

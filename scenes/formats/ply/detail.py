@@ -23,10 +23,7 @@ def ply_detail(
     """All of a PLY file. Args: corners, sizes: of its polygons."""
     vertex, face = columns_of(elements, "vertex"), columns_of(elements, "face")
     uv, used = _coordinates(vertex, face, corners, sizes)
-    own = own_colors(vertex)
-    colors = None
-    if own and set(RGB) <= set(own):
-        colors = np.stack([_fraction(column) for column in own.values()], axis=1)
+    colors = fractions(own_colors(vertex))
     known = {*_MESH, *RGB, "alpha", "obscurance", *used}
     numbers = {
         name: c.values for name, c in vertex.items() if c.sizes is None and name not in known and not is_profile(name)
@@ -42,9 +39,14 @@ def columns_of(elements: tuple[Element, ...], name: str) -> dict[str, Property]:
     return {column.name: column for element in elements if element.name == name for column in element.properties}
 
 
+def stored_colors(vertex: dict[str, Property]) -> dict[str, Property]:
+    """The properties red, green, blue and alpha, as far as there are any."""
+    return {name: vertex[name] for name in (*RGB, "alpha") if name in vertex and vertex[name].sizes is None}
+
+
 def own_colors(vertex: dict[str, Property]) -> dict[str, Property]:
-    """The properties red, green, blue and alpha, unless they are the grey that a bake gave them."""
-    own = {name: vertex[name] for name in (*RGB, "alpha") if name in vertex and vertex[name].sizes is None}
+    """As `stored_colors`, none if they are the grey that a bake gave them."""
+    own = stored_colors(vertex)
     baked = vertex.get("obscurance")
     if baked is not None and all(name in own and own[name].kind == "B" for name in RGB):
         linear = np.rint(np.clip(np.nan_to_num(baked.values), 0, 1) * 255.0)  # of older files
@@ -64,6 +66,26 @@ def grey_of(w: npt.NDArray[Any]) -> Float32s:
     return np.rint(255 * encode_srgb(np.nan_to_num(w)))
 
 
+def fractions(colors: dict[str, Property]) -> Float64s | None:
+    """`stored_colors` or `own_colors` as (n, 3) or (n, 4) in [0, 1], None if one of red, green and blue is missing."""
+    if not set(RGB) <= set(colors):
+        return None
+    return np.stack([column.values.astype(np.float64) / _largest(column.kind) for column in colors.values()], axis=1)
+
+
+def with_channel(w: npt.NDArray[Any], channel: str, stored: dict[str, Property]) -> list[Property]:
+    """`stored_colors` with w, alpha linear, others sRGB-encoded, in the one that begins with the letter `channel`.
+
+    It keeps its type; the others are as stored, or 1 where red, green or blue is missing.
+    """
+    name = next(name for name in (*RGB, "alpha") if name[0] == channel)
+    kind = next((stored[each].kind for each in (name, *stored) if each in stored), "B")
+    values = encode_srgb(np.nan_to_num(w)) if channel != "a" else np.clip(np.nan_to_num(w), 0, 1)
+    levels = values.astype(kind) if kind in "fd" else np.rint(values * _largest(kind))
+    white = {each: Property(each, kind, np.full(len(w), _largest(kind))) for each in RGB}
+    return [*(white | stored | {name: Property(name, kind, levels)}).values()]
+
+
 def _coordinates(
     vertex: dict[str, Property], face: dict[str, Property], corners: Int64s, sizes: AnyInts
 ) -> tuple[PerCorner | None, tuple[str, ...]]:
@@ -81,6 +103,5 @@ def _finite(column: Property) -> bool:
     return bool(np.isfinite(column.values).all())
 
 
-def _fraction(column: Property) -> Float64s:
-    largest = 1.0 if column.kind in "fd" else float(np.iinfo(column.kind).max)
-    return column.values.astype(np.float64) / largest
+def _largest(kind: str) -> float:
+    return 1.0 if kind in "fd" else float(np.iinfo(kind).max)

@@ -10,11 +10,14 @@ from raytrace.mesh.up import up_axis
 from ...geometry.detail import Detail, Element, Property
 from ..load import MeshFile
 from ..table import Channels
-from .detail import RGB, columns_of, grey_of, is_profile, own_colors
+from .detail import RGB, columns_of, grey_of, is_profile, own_colors, stored_colors, with_channel
 from .layout import COUNT, PROFILE, PROFILE_COMMENT, UP_COMMENT, PlyElement, write_header
 
 OWN = "comment obscurance: 1 = open"
 GREY = "; red green blue = obscurance as sRGB"
+_COMMENTS = {"": "", "rgb": GREY, "a": "; alpha = obscurance"} | {
+    name[0]: f"; {name} = obscurance as sRGB" for name in RGB
+}
 _LONGEST = 1e38  # of a normal in float32
 
 
@@ -27,7 +30,8 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     A PLY source keeps all its elements, properties, polygons and comments, of others the polygons, normals, colours
     and texture coordinates are kept (`s t` of vertices, or `texcoord` of faces where a vertex has several).
 
-    With `channels.colors` the grey also replaces the source's own colours. A comment says which axis but y is up.
+    With `channels.colors` "rgb" the grey also replaces the source's own colours; with one letter w replaces only that
+    channel. A comment says which axis but y is up.
 
     Args: mesh_file: what was baked; its `detail` is what is kept.
     """
@@ -36,15 +40,15 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
         elements, comments = detail.elements, list(detail.comments)
     else:
         elements, comments = _elements(mesh_file, detail), []
-    grey = channels.colors or not has_own_colors(detail)
+    shown = channels.colors or ("" if has_own_colors(detail) else "rgb")
     axis = up_axis(mesh_file.mesh, channels.up)
     comments = [line for line in comments if not line.startswith(UP_COMMENT) or line == UP_COMMENT + axis]
     if axis != "y" and UP_COMMENT + axis not in comments:
         comments.insert(0, UP_COMMENT + axis)
-    comments.insert(0, OWN + (GREY if grey else ""))
+    comments.insert(0, OWN + _COMMENTS[shown])
     if profile:
         comments.insert(1, PROFILE_COMMENT + " ".join(map(repr, [profile.radius, *profile.half_distances.tolist()])))
-    annotated = [_annotate(element, bake, grey) if element.name == "vertex" else element for element in elements]
+    annotated = [_annotate(element, bake, shown) if element.name == "vertex" else element for element in elements]
     fitting = [replace(each, properties=tuple(column.fitting() for column in each.properties)) for each in annotated]
     layouts = [PlyElement(e.name, e.count, {c.name: (c.kind, c.counted) for c in e.properties}) for e in fitting]
     return b"".join([write_header(layouts, comments), *map(_rows, fitting, layouts)])
@@ -57,14 +61,16 @@ def has_own_colors(detail: Detail | None) -> bool:
     return bool(own_colors(columns_of(detail.elements, "vertex")))
 
 
-def _annotate(element: Element, bake: Bake, grey: bool) -> Element:
-    replaced = ("obscurance", *RGB) if grey else ("obscurance",)
+def _annotate(element: Element, bake: Bake, shown: str) -> Element:
+    replaced = ("obscurance", *(RGB if shown else ()), *(("alpha",) if len(shown) == 1 else ()))
     kept = [each for each in element.properties if each.name not in replaced and not is_profile(each.name)]
     made = [Property("obscurance", "f", bake.w.astype("<f4"))]
     if bake.profile:
         columns = enumerate(bake.profile.values.T)
         made += [Property(f"{PROFILE}{number:02}", "f", column.astype("<f4")) for number, column in columns]
-    if grey:
+    if len(shown) == 1:
+        made += with_channel(bake.w, shown, stored_colors(columns_of((element,), "vertex")))
+    elif shown:
         made += [Property(name, "B", grey_of(bake.w)) for name in RGB]
     return Element(element.name, element.count, (*kept, *made))
 

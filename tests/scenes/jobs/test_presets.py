@@ -39,10 +39,10 @@ def test_a_preset_sets_options_of_the_table_to_values_that_they_may_have(preset)
         ("unreal", "m.glb", {"occlusion": "texture", "bits": None, "bent_space": None}),
         ("unreal", "m.png", {"occlusion": None, "bits": "8", "bent_space": None}),
         ("unity", "m.exr", {"occlusion": None, "bits": None}),
-        ("blender", "m.glb", {"colors": True, "occlusion": None}),
-        ("blender", "m.ply", {"colors": True}),
-        ("three", "m.glb", {"colors": False, "occlusion": "auto"}),
-        ("three", "m.ply", {"colors": False, "occlusion": None}),
+        ("blender", "m.glb", {"colors": "rgb", "occlusion": None}),
+        ("blender", "m.ply", {"colors": "rgb"}),
+        ("three", "m.glb", {"colors": None, "occlusion": "auto"}),
+        ("three", "m.ply", {"colors": None, "occlusion": None}),
     ],
 )
 def test_it_applies_where_it_can(preset, output, expected):
@@ -62,7 +62,7 @@ def test_what_is_given_wins():
     assert (bake.bits, bake.bent_space) == ("16", "world")
     assert made("unreal", "m.glb", occlusion="ramp").occlusion == "ramp"
     assert not made("blender", "m.glb", occlusion="ramp").colors
-    assert made("unreal", "m.glb", colors=True).occlusion is None
+    assert made("unreal", "m.glb", colors="rgb").occlusion is None
 
 
 def test_an_output_that_the_program_does_not_read_is_refused():
@@ -75,8 +75,8 @@ def test_the_documents_have_the_table():
     lines = (ROOT / "docs" / "programs.md").read_text().splitlines()
     for preset, values in PRESETS.items():
         (line,) = (each for each in lines if each.startswith(f"| `{preset}`"))
-        for value in ("`--colors`" if value is True else f"`{value}`" for value in values.values()):
-            assert value in line
+        for value in values.values():
+            assert f"`{value}`" in line
 
 
 @pytest.fixture
@@ -118,7 +118,7 @@ def test_an_earlier_bake_is_repeated_for_another_program(folder):
     done = obscurance("bake", "corner.obj", "--output-dir", "a", "--preset", "blender", "--samples", 8)
     assert done.returncode == 0, done.stderr
     manifest = json.loads((folder / "a" / "manifest.json").read_text())
-    assert (manifest["inputs"][0]["output"], manifest["options"]["colors"]) == ("a/corner.glb", True)
+    assert (manifest["inputs"][0]["output"], manifest["options"]["colors"]) == ("a/corner.glb", "rgb")
     again = ("--options", "a/manifest.json", "--report", "b.json")
     assert obscurance("bake", "corner.obj", "-o", "same.glb", *again).returncode == 0
     assert (folder / "same.glb").read_bytes() == (folder / "a" / "corner.glb").read_bytes()
