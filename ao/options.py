@@ -4,6 +4,7 @@ The parameters of `ao.bake` and `ao.bake_texture` and their descriptions, checks
 of the command follow from a declaration (`ao/declared.py`). Those whose values are meshes are in `ao/prepared.py`.
 """
 
+import math
 from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -71,6 +72,9 @@ class Options:
         'that are not; texels are filled as if they were not covered. "ignore": both sides of faces are surface. '
         '"mark": faces bound solids, and vertices that mostly see backs, being inside one, are flagged; not of texels. '
         '"fill": besides, they are filled, and texels are. Not by the surface method.')] = "auto"
+    spread: Annotated[float, Option(bounds=(1, 180), help=
+        "Full angle in degrees of the cone of rays about the normal, in which 180, the hemisphere, is all.", more=
+        "1 to 180. Rays stay distributed like cosθ, and w is their mean: 1 where nothing is in the cone.")] = 180.0
     back_faces: Annotated[BackFaces, Option(on=EACH, help=
         "ignore: rays pass through faces that they meet from behind, as through single-sided walls.", more=
         "A face's front is where its corners run anticlockwise. `interior` sees backs all the same. Not by the surface "
@@ -116,6 +120,11 @@ class Options:
     def falloffs(self) -> "tuple[Falloff, ...]":
         """The falloffs that were given."""
         return self.falloff if isinstance(self.falloff, tuple) else (self.falloff,)
+
+    @property
+    def cone(self) -> float:
+        """sin² of half the spread."""
+        return math.sin(math.radians(self.spread / 2)) ** 2
 
     @property
     def columns(self) -> int:

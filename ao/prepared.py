@@ -163,7 +163,8 @@ class Prepared:
         receivers, opacity = self.receivers, self.receivers.opacity
         if self.options.back_faces == "ignore":
             opacity = (opacity or PackedOpacity.opaque(len(receivers.faces)))._replace(one_sided=np.int64(1))
-        return RayScene(self.placement.vertices, receivers.faces, receivers.tree, receivers.embree, opacity)
+        hierarchies = receivers.tree, receivers.embree
+        return RayScene(self.placement.vertices, receivers.faces, *hierarchies, opacity, self.options.cone)
 
     def tracer(self, total_points: int) -> Tracer:
         """A tracer of up to `total_points` points, for a mesh all of its points, wanted or not."""

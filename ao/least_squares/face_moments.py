@@ -68,17 +68,19 @@ class Samples(NamedTuple):
         return self._replace(ends=ends, starts=starts, weights=self.weights[first:last])
 
 
-def lattices(rays: int) -> Float32s:
+def lattices(rays: int, cone: float) -> Float32s:
     """Fibonacci lattices of `rays` cosine-weighted directions about +z, shifted in height: float32 (256, 3, rays).
 
-    They are ordered by azimuth, which keeps a packet's rays together. Args: rays: a multiple of 8.
+    They are ordered by azimuth, which keeps a packet's rays together.
+
+    Args: rays: a multiple of 8. cone: sin² of the largest angle to +z.
     """
     number = np.arange(rays)
     azimuth = number * _GOLDEN % 1
     order = np.argsort(azimuth)
     shift = (np.arange(_SHIFTS)[:, None] + 0.5) / _SHIFTS
     heights = (number[order] + shift) / rays
-    return cosine_hemisphere(heights, np.broadcast_to(azimuth[order], heights.shape)).astype(np.float32)
+    return cosine_hemisphere(heights * cone, np.broadcast_to(azimuth[order], heights.shape)).astype(np.float32)
 
 
 @inline

@@ -142,7 +142,7 @@ class Moments:
         return np.zeros((len(self), MOMENTS)), np.zeros((len(self), 3), np.int64)
 
     def writer(self, scene: RayScene, tables: Tables) -> Callable[[int, int], None]:
-        embree, drawn, (moments, counts) = scene.embree(), (lattices(self.rays_of_sample), self.key), tables
+        embree, drawn, (moments, counts) = scene.embree(), (lattices(self.rays_of_sample, scene.cone), self.key), tables
 
         def write(first: int, last: int) -> None:
             subset = self[first:last]

@@ -53,8 +53,11 @@ class DirectionTable(NamedTuple):
         return len(self.batches)
 
     @classmethod
-    def make(cls, samples: int, points: int, key: np.uint32, leap: int = 1) -> DirectionTable:
-        """A table for gathering at `points` points: so many sets that making them costs little beside that."""
+    def make(cls, samples: int, points: int, key: np.uint32, leap: int = 1, cone: float = 1.0) -> DirectionTable:
+        """A table for gathering at `points` points: so many sets that making them costs little beside that.
+
+        Args: cone: sin² of the largest angle to +z.
+        """
         lattices = min(max(_TABLE_POINTS // (samples * leap), 8), max(points // (_SHARERS * leap), 8), 256)
         sets = lattices * leap
         step = GOLDEN if leap == 1 else LEAPED
@@ -63,7 +66,7 @@ class DirectionTable(NamedTuple):
             u, v = jittered_lattice(lattices, samples * leap, key, step, slice(first, last))
             v -= step * (np.arange(samples * leap) % leap)  # parts that are alike: `choose` turns them back
             u, v = (each.reshape(-1, samples, leap).swapaxes(1, 2).reshape(-1, samples) for each in (u, v))
-            return cosine_hemisphere(u, v)
+            return cosine_hemisphere(u * cone, v)  # u = sin²θ
 
         order = _in_blocks(*hemispheres(0, 1)[0, :2])
         directions = aligned((sets, 3, samples + -samples % WIDE), np.float32, zeroed=False)

@@ -23,7 +23,7 @@ class RayScene:
     Attributes:
         vertices: float32 (n, 3). faces: int64 (m, 3), none degenerate. tree: over these.
         embree: these in Embree, built when it is first called, which must not be on two threads at once.
-        opacity: of the faces, or None.
+        opacity: of the faces, or None. cone: of directions, `DirectionTable.make`.
     """
 
     vertices: Float32s
@@ -31,20 +31,21 @@ class RayScene:
     tree: BVH16
     embree: Callable[[], TriangleScene]
     opacity: PackedOpacity | None = None
+    cone: float = 1.0
     _last: tuple[tuple[int, int, int, int], DirectionTable] | None = None
 
     @classmethod
-    def of(cls, vertices: Float32s, faces: Int64s, opacity: PackedOpacity | None = None) -> RayScene:
+    def of(cls, vertices: Float32s, faces: Int64s, opacity: PackedOpacity | None = None, cone: float = 1.0) -> RayScene:
         """A scene of its own, with the same bits wherever it is made."""
         embree = cache(partial(TriangleScene, vertices, faces))
-        return cls(vertices, faces, BVH16.of(vertices, faces), embree, opacity)
+        return cls(vertices, faces, BVH16.of(vertices, faces), embree, opacity, cone)
 
-    def __reduce__(self) -> tuple[Callable[..., RayScene], tuple[Float32s, Int64s, PackedOpacity | None]]:
-        return RayScene.of, (self.vertices, self.faces, self.opacity)
+    def __reduce__(self) -> tuple[Callable[..., RayScene], tuple[Float32s, Int64s, PackedOpacity | None, float]]:
+        return RayScene.of, (self.vertices, self.faces, self.opacity, self.cone)
 
     def table(self, samples: int, points: int, key: np.uint32, leap: int = 1) -> DirectionTable:
         """`DirectionTable.make`, or the last one again if it is the same."""
         wanted = samples, points, int(key), leap
         if self._last is None or self._last[0] != wanted:
-            self._last = wanted, DirectionTable.make(samples, points, key, leap)
+            self._last = wanted, DirectionTable.make(samples, points, key, leap, self.cone)
         return self._last[1]

@@ -116,7 +116,7 @@ class _TileTracer:
 
     def _scene(self, mesh: TileMesh) -> RayScene:
         area = face_normals(mesh.placed.astype(np.float64), mesh.faces)[1]
-        return RayScene.of(mesh.placed, mesh.faces[area > 0])
+        return RayScene.of(mesh.placed, mesh.faces[area > 0], cone=self.options.cone)
 
     def trace(self, tile: int, values: Float64s) -> int:
         """Write w of a tile's points at their first vertices; the number of faces of the tile's mesh."""

@@ -52,7 +52,9 @@ def test_tiles_make_the_bits_of_the_whole_bake(tmp_path, monkeypatch, name, fall
 
 
 @pytest.mark.parametrize(
-    "options", [{"samples": 600}, {"seed": 5}, {"normals": "area"}, {"traversal": "embree"}, {"threads": 1}], ids=str
+    "options",
+    [{"samples": 600}, {"seed": 5}, {"normals": "area"}, {"traversal": "embree"}, {"threads": 1}, {"spread": 70}],
+    ids=str,
 )
 def test_options_are_those_of_the_whole_bake(tmp_path, options):
     options = {"samples": 32} | options
