@@ -68,7 +68,7 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
         prepared, values = sample_fine_mesh(prepared, solid, mesh, options.checkpoint)
     build = prepared.receivers.tree_seconds
     baked = assemble(prepared, mesh, values)
-    if high is None and only is None:
+    if high is None and (only is None or options.denoise):
         baked = replace(baked, interpolation=measure_interpolation(prepared, baked.w, baked.error))
     baked.seconds.update(build=build, bake=time.perf_counter() - start - build)
     short = shortfall(options, max(baked.rmses), values.samples, "vertex")

@@ -22,7 +22,7 @@ _POINTS, _RAYS = 1024, 16  # the rays of each of two estimates
 
 
 def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> Interpolation:
-    """Compare interpolated w with w at 1,024 points spread evenly over the faces, with 32 rays each.
+    """Compare interpolated w with w at 1,024 points spread evenly over the faces that have it, with 32 rays each.
 
     Points inside solids are left out.
 
@@ -31,8 +31,9 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     placement, receivers, threads = prepared.placement, prepared.receivers, prepared.threads
     vertices, faces = placement.vertices.astype(np.float64), receivers.faces
     normals, areas = face_normals(vertices, faces)
-    areas = np.where((faces < len(w)).all(axis=1), areas, 0.0)  # none of occluders
-    if not len(faces) or not len(receivers.points):
+    if prepared.asked is not None:
+        areas = np.where(prepared.asked[faces].all(axis=1), areas, 0.0)
+    if not areas.any() or not len(receivers.points):
         return _at_no_point()
     own, weights = _spread(areas, derive(prepared.key, 7))
     corners = faces[own]

@@ -172,8 +172,8 @@ class VertexOptions(Options):
 
     _: KW_ONLY
     only: Annotated["Bools | None", Option(on="", help=
-        "bool (n,), the vertices whose w is wanted; elsewhere w is 1. None: all. Turns denoising off; hidden vertices "
-        "are filled from wanted ones. The surface method fits w over their faces alone.")] = None
+        "bool (n,), the vertices whose w is wanted; elsewhere w is 1. None: all. These are denoised, and hidden "
+        "ones filled, from one another. The surface method fits w over their faces alone.")] = None
     method: Annotated[Method, Option(on="vertices part batch", help=
         "Sample at the vertices, or all over the faces with a least-squares fit.", more=
         '"surface" fits the values whose interpolation is nearest to w all over the faces (Kavan, Bargteil & Sloan '
@@ -187,8 +187,6 @@ class VertexOptions(Options):
         super().__post_init__()
         if self.only is not None:
             object.__setattr__(self, "only", np.asarray(self.only))
-            if self.tolerance is not None:
-                raise ConflictError("only", "excludes", "tolerance")
         if self.method == "vertex":
             return
         for name in ("denoise", "interior", "traversal", "back_faces"):

@@ -177,7 +177,7 @@ class Prepared:
     @property
     def target(self) -> Target:
         options = self.options
-        return Target(options.rays, options.tolerance, options.denoise and options.only is None, self.key)
+        return Target(options.rays, options.tolerance, options.denoise, self.key)
 
     @property
     def key(self) -> np.uint32:

@@ -109,7 +109,7 @@ class Bake(Columns):
         mesh: what was baked.
         shortfalls: what the result lacks of what was asked for, in words: a tolerance that is not met.
         calibration: of the squared errors, at vertices that were baked twice; None by the surface method.
-        interpolation: the error between the vertices; None with `only` and with `high`, where it is not measured.
+        interpolation: the error between the vertices; None with `high`, and with `only` but without `denoise`.
         values, errors: float64 (n, k), w and its standard error by each of k falloffs, of which `w` is the first.
         profile: w at half-distances an octave apart, (n, 10); None where it was not asked for. profile_errors: float32
             (n, 10), its standard errors. rmses: of the columns of `errors`, then of `profile_errors`.

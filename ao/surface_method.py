@@ -28,7 +28,7 @@ def fit_to_surface(prepared: Prepared) -> PointValues:
         rays = min(max(_FIRST * vertices, _LEAST), most)
     fit, counts = _fit(prepared, rays)
     while tolerance is not None and rays < most:
-        error = fit.error[receivers.of_vertex[receivers.of_vertex >= 0]]
+        error = fit.error[receivers.of_vertex[wanted.of_vertex >= 0]]
         rmse = float(np.sqrt(np.sum(error**2) / max(len(error), 1)))
         if rmse <= tolerance:
             break

@@ -60,7 +60,7 @@ def with_obscurance(
     kept = cluster_checkpoint(session, False, None) if session else None
     bake = ao.bake(
         mesh, options.falloff, options.samples, options.seed, threads, normals, progress=progress, only=seen,
-        checkpoint=kept,
+        denoise=False, checkpoint=kept,
     )  # fmt: skip
     surrounded = any(isinstance(light, SkyLight | EnvironmentLight) for light in scene.lights)
     return scene.with_obscurance(bake.w, bake.bent_normals if surrounded else None), bake

@@ -112,6 +112,7 @@ def load(
     content: bytes | None = None,
     alpha: bool = True,
     up: str | None = None,
+    names: bool = False,
 ) -> MeshFile:
     """Read a mesh file in the format of its ending.
 
@@ -125,6 +126,7 @@ def load(
         content: the file's bytes, if they came from elsewhere; `path` then only names it and its format.
         alpha: whether faces have the alpha of their glTF or OBJ materials; otherwise they are opaque.
         up: `mesh.up` in place of what the file says.
+        names: read those of an OBJ's objects whatever the target, with all that is kept beside them.
 
     Raises:
         MeshError: the file is missing, unreadable, empty, incomplete, of another format than its ending says,
@@ -133,7 +135,7 @@ def load(
     """
     path = Path(path)
     aim = format_of(target or "")
-    instances, asset = read_objects(path, bool(aim.lost) or aim.ending == ".html", content, alpha)
+    instances, asset = read_objects(path, names or bool(aim.lost) or aim.ending == ".html", content, alpha)
     instances = [replace(instance, up=up or instance.up) for instance in instances]
     with mesh_errors(path):
         mesh, parts = flatten(instances, str(path))

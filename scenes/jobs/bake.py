@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from raytrace.mesh.mesh import Mesh
 
     from ..formats.load import MeshFile
+    from ..formats.objects import Chosen
     from ..show.report.pictures import Picture
 
 
@@ -54,17 +55,22 @@ class Written(NamedTuple):
 
 
 class Sources(NamedTuple):
-    """The files of a bake. Attributes: high: of a finer mesh. walls: that only occlude. ground: a plane, or none."""
+    """The files of a bake.
+
+    Attributes:
+        chosen: of the source. high: of a finer mesh. walls: that only occlude. ground: a plane, or none.
+    """
 
     source: MeshFile
+    chosen: Chosen
     high: MeshFile | None
     walls: list[MeshFile]
     ground: list[Mesh]
 
     @property
-    def solid(self) -> MeshFile:
+    def solid(self) -> Mesh:
         """Whose w is baked."""
-        return self.high or self.source
+        return self.high.mesh if self.high else self.chosen.mesh
 
     @property
     def read(self) -> list[MeshFile]:
@@ -73,7 +79,7 @@ class Sources(NamedTuple):
     @property
     def counts(self) -> tuple[int, int]:
         """Vertices and faces that occlude."""
-        meshes = [*self.occluders, self.solid.mesh]
+        meshes = [*self.occluders, self.solid]
         return sum(len(each.vertices) for each in meshes), sum(len(each.faces) for each in meshes)
 
     @property
@@ -83,7 +89,7 @@ class Sources(NamedTuple):
     @property
     def meshes(self) -> list[Mesh]:
         """All that occlude, that whose w is baked last."""
-        return [*self.occluders, self.source.mesh, *([self.high.mesh] if self.high else [])]
+        return [*self.occluders, self.chosen.mesh, *([self.high.mesh] if self.high else [])]
 
     @property
     def notes(self) -> list[str]:
@@ -211,7 +217,8 @@ class MeshBake(Record, ABC):
         from ..formats.load import load
 
         kept = Path("texture.glb") if self.sort == "texture" else self.output
-        return load(self.mesh, kept, self.content, self.alpha == "auto", self.up)
+        names = bool(self.receive or self.cast or self.exclude)
+        return load(self.mesh, kept, self.content, self.alpha == "auto", self.up, names)
 
     def check_up(self, picture: Path | None, *outputs: Path | None) -> None:
         """Raises: OptionError: `up`, and neither a picture nor an output that stands."""
@@ -223,14 +230,17 @@ class MeshBake(Record, ABC):
             raise ConflictError("up", "needs", f"--ground, --debug-image or {', '.join(standing)}: else w is the same")
 
     def sources_of(self, source: MeshFile) -> Sources:
-        """What is baked for `source`. Raises: InputError: a file cannot be read; OptionError: the ground is in it."""
+        """What is baked for `source`. Raises: InputError: of a file; OptionError: as `ao.ground` and `choose`."""
         import ao
 
         from ..formats.load import load
+        from ..formats.objects import choose
 
         high, *walls = (path and load(path, alpha=self.alpha == "auto") for path in (self.high, *(self.occluder or ())))
-        ground = [ao.ground(source.mesh, self.ground_height())] if self.ground else []
-        return Sources(source, high, walls, ground)
+        batch = self.output_dir is not None
+        chosen = choose(source, self.receive or (), self.cast or (), self.exclude or (), batch)
+        ground = [ao.ground(chosen.mesh, self.ground_height())] if self.ground else []
+        return Sources(source, chosen, high, walls, ground)
 
     def ground_height(self) -> float | None:
         """The height of the ground; None just below the mesh. Raises: OptionError: it is no number."""

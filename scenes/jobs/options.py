@@ -54,6 +54,12 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
                "each.", EACH, "input", excludes=("high", "tiles"), metavar="MESH"),
         Option("ground", str | None, None, "A ground plane without end: auto, just below the lowest vertex along the "
                "up axis, or its height.", EACH, excludes=("high", "tiles"), metavar="auto|HEIGHT"),
+        Option("receive", list[str] | None, None, "Only objects of this name get w, a pattern ('body*') or all others "
+               "('!glass*'); several, one option for each.", EACH, excludes=("high", "tiles"), metavar="PATTERN"),
+        Option("cast", list[str] | None, None, "Only objects of this name occlude, likewise.", EACH,
+               excludes=("high", "tiles"), metavar="PATTERN"),
+        Option("exclude", list[str] | None, None, "Objects of this name neither get w nor occlude, likewise.", EACH,
+               excludes=("high", "tiles"), metavar="PATTERN"),
         "normals", "interior", "back_faces",
         Option("alpha", Alpha, "auto",
                "auto: what glTF and OBJ materials cut out or blend lets light through; ignore: opaque."),

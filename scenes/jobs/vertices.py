@@ -33,8 +33,10 @@ class BakeCommand(MeshBake):
         from raytrace.mesh.placement import Placement
 
         sources = self.sources_of(source)
-        mesh = sources.solid.mesh  # of whose surface points are traced
-        points = find_receivers(source.mesh, Placement.of(source.mesh), self.normals).points
+        mesh, chosen = sources.solid, sources.chosen.mesh  # of `mesh` surface points are traced
+        wanted = sources.chosen.only
+        receivers = find_receivers(chosen, Placement.of(chosen), self.normals)
+        points = (receivers if wanted is None else receivers.only(wanted)).points
         checked = self.checked()
         needed = surface_bytes(*sources.counts)
         if self.method == "vertex":
@@ -44,14 +46,15 @@ class BakeCommand(MeshBake):
         options = self.arguments() | {"samples": checked.rays_in_all(len(points)) // max(len(points), 1)}
 
         def trial(count: int) -> int:
-            most = len(mesh.vertices)
-            only = np.zeros(most, bool)
-            chosen = np.linspace(0, most - 1, min(count, most)).astype(np.int64)
+            only = np.zeros(len(mesh.vertices), bool)
+            rows = np.arange(len(only)) if wanted is None else np.flatnonzero(wanted)
+            most = len(rows)
+            places = np.linspace(0, most - 1, min(count, most)).astype(np.int64)
             if self.method == "surface":  # whose work is that of faces, which neighbours share
-                chosen = np.arange(len(chosen)) + (most - len(chosen)) // 2
-            only[chosen] = True
+                places = np.arange(len(places)) + (most - len(places)) // 2
+            only[rows[places]] = True
             ao.bake(mesh, falloff, only=only, occluders=sources.occluders, **options)
-            return len(chosen)
+            return len(places)
 
         return WorkSize(len(points), "vertices", needed, trial)
 
@@ -73,8 +76,8 @@ class BakeCommand(MeshBake):
         with self.checkpoint(self.output) as checkpoint:
             with progress(self.quiet, "rays", form=self.progress, status=checkpoint.status) as (advance,):
                 baked = ao.bake(
-                    source.mesh, falloff, progress=advance, checkpoint=checkpoint, **sources.arguments,
-                    **self.arguments(),
+                    sources.chosen.mesh, falloff, progress=advance, checkpoint=checkpoint, only=sources.chosen.only,
+                    **sources.arguments, **self.arguments(),
                 )  # fmt: skip
             missed = baked.flagged["missed"]
             outside = f"{missed:,} vertices are not within the cage of the fine mesh and take the closest point of it"
@@ -89,14 +92,14 @@ class BakeCommand(MeshBake):
             def pictures() -> list[list[Picture]]:
                 from ..show.report.pictures import pictures_of_vertices
 
-                return [pictures_of_vertices(baked.mesh, baked.w, baked.error)]
+                return [pictures_of_vertices(source.mesh, baked.w, baked.error)]
 
             self.write_report(report(baked, self.described(), seconds, warnings), inputs, pictures)
         if self.debug_image:
             from ..show.report.pictures import write_marked
 
             write_marked(self.debug_image, source.mesh, baked)
-        yield Written(bake_summary(baked, self.output) + alpha_summary(sources.solid.mesh) + shown, warnings)
+        yield Written(bake_summary(baked, self.output) + alpha_summary(sources.solid) + shown, warnings)
 
     def check_own(self) -> None:
         from raytrace.errors import ConflictError

@@ -51,9 +51,10 @@ class AutoCommand(BakeCommand):
         options = sources.arguments | self.arguments("texture")
         with progress(self.quiet, "rays", form=self.progress) as (advance,):
             try:
-                layout = coordinates(source, "0", _SIZE, None, True)
+                layout = coordinates(source, "0", (_SIZE, None), True, sources.chosen)
                 pages = pages_of(source, layout, self.output, False, self.threads)
-                bake = partial(ao.bake_texture, source.mesh, size=layout.size, falloff=falloff, progress=advance)
+                mesh = sources.chosen.mesh
+                bake = partial(ao.bake_texture, mesh, size=layout.size, falloff=falloff, progress=advance)
                 return [bake(page.uv, **options) for page in pages]
             except MeshError:  # no face has an area on the page
                 return []

@@ -52,15 +52,15 @@ class TextureCommand(MeshBake):
     record = TextureOptions
 
     def work(self, source: MeshFile, falloff: ao.Falloff) -> WorkSize:
-        found, pages = self._layout(source)
-        width, height = found.size
         sources, options = self.sources_of(source), self.checked()
+        found, pages = self._layout(sources)
+        width, height = found.size
         needed = texture_bytes(width * height, *sources.counts, options.rays)
         needed += column_bytes(width * height, options.columns)
 
         def trial(count: int) -> int:
             side = max(int(count**0.5), 1)
-            ao.bake_texture(source.mesh, pages[0].uv, side, falloff, **sources.arguments, **self.arguments())
+            ao.bake_texture(sources.chosen.mesh, pages[0].uv, side, falloff, **sources.arguments, **self.arguments())
             return side * side
 
         return WorkSize(len(pages) * width * height, "texels", needed, trial)
@@ -68,14 +68,15 @@ class TextureCommand(MeshBake):
     def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
         start = time.perf_counter()
         source = self.read()
-        found, pages = self._layout(source)
+        sources = self.sources_of(source)
+        found, pages = self._layout(sources)
         if self.orm:
             check_orm(source.gltf, found.number, self.replace_occlusion)
-        sources = self.sources_of(source)
         check_outputs(self.outputs(pages), sources.files)
         loaded = time.perf_counter() - start
         inputs, glb = self.hashed(sources.files), self._glb()
-        warnings = warn(sources.meshes, [*sources.notes, *lacking(source, found.uv, glb)], falloff)
+        without_uv = lacking(source, found.uv, sources.chosen.receive, glb)
+        warnings = warn(sources.meshes, [*sources.notes, *without_uv], falloff)
         bakes: list[BakedPage] = []
         with ExitStack() as kept:
             for page in pages:
@@ -87,7 +88,7 @@ class TextureCommand(MeshBake):
                     seconds = {"load": loaded, "write": time.perf_counter() - begun}
                 bakes.append(BakedPage(self._title(page), baked, seconds, [*warnings, *more]))
                 if not glb:
-                    summary = texture_summary(baked, bakes[-1].title) + alpha_summary(sources.solid.mesh)
+                    summary = texture_summary(baked, bakes[-1].title) + alpha_summary(sources.solid)
                     yield Written(summary, bakes[-1].warnings)
             if glb:
                 begun = time.perf_counter()
@@ -95,7 +96,7 @@ class TextureCommand(MeshBake):
                 bakes[-1].warnings.extend(lines)
                 bakes[-1].seconds["write"] += time.perf_counter() - begun
                 summary = "\n".join(texture_summary(each.baked, each.title) for each in bakes)
-                summary += alpha_summary(sources.solid.mesh)
+                summary += alpha_summary(sources.solid)
                 yield Written(summary, list(dict.fromkeys(line for each in bakes for line in each.warnings)))
         if self.report:
             self._write_report(bakes, inputs, source.mesh)
@@ -156,9 +157,10 @@ class TextureCommand(MeshBake):
     def _glb(self) -> Path | None:
         return self.output if self.output.suffix.lower() == ".glb" else self.mesh_output
 
-    def _layout(self, source: MeshFile) -> tuple[Coordinates, list[Page]]:
+    def _layout(self, sources: Sources) -> tuple[Coordinates, list[Page]]:
         """The texture coordinates, and the pages. Raises: MeshError, OptionError: as `coordinates` and `pages_of`."""
-        found = coordinates(source, self.uv or "auto", self.size, self.texel_size, self._glb() is not None)
+        source, page = sources.source, (self.size, self.texel_size)
+        found = coordinates(source, self.uv or "auto", page, self._glb() is not None, sources.chosen)
         return found, pages_of(source, found, self.output, self.overlap is not None, self.threads)
 
     def _title(self, page: Page) -> str:
@@ -179,7 +181,7 @@ class TextureCommand(MeshBake):
             raise ConflictError("part", "does not go with", sets)
         with progress(self.quiet, "rays", form=self.progress, status=checkpoint.status) as (advance,):
             baked = ao.bake_texture(
-                sources.source.mesh, page.uv, found.size, falloff, progress=advance, checkpoint=checkpoint,
+                sources.chosen.mesh, page.uv, found.size, falloff, progress=advance, checkpoint=checkpoint,
                 wrap=page.wraps, **sources.arguments, **self.arguments(),
             )  # fmt: skip
         remarks = layout_remarks(baked, page.wraps, self._glb() != self.output)
@@ -202,13 +204,13 @@ class TextureCommand(MeshBake):
         self, path: Path, sources: Sources, baked: Sequence[ao.BakedTexture], falloff: ao.Falloff
     ) -> list[str]:
         """Write the .glb, with w of vertices where there are no texture coordinates; returns warnings."""
-        source, w = sources.source, None
-        covered = np.any([on_page(each.uv) for each in baked], axis=0)
-        if not covered.all():
+        source, chosen, w = sources.source, sources.chosen, None
+        uncovered = chosen.receive & ~np.any([on_page(each.uv) for each in baked], axis=0)
+        if uncovered.any():
             only = np.zeros(len(source.mesh.vertices), np.bool_)
             for piece in pieces(source):
-                only[source.mesh.faces[piece.faces]] |= not covered[piece.faces].all()
-            w = ao.bake(source.mesh, falloff, only=only, **sources.arguments, **self.arguments("vertices")).w
+                only[source.mesh.faces[piece.faces]] |= uncovered[piece.faces].any()
+            w = ao.bake(chosen.mesh, falloff, only=only, **sources.arguments, **self.arguments("vertices")).w
         content, kept = textured_glb(source, baked, self.replace_occlusion, self.orm, w)
         write_bytes(path, content)
         advice = "whose w viewers do not show; --replace-occlusion replaces them"

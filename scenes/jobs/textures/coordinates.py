@@ -15,6 +15,7 @@ from raytrace.mesh.normals import face_normals
 from raytrace.types import Bools, Float64s
 
 from ...formats.load import MeshFile
+from ...formats.objects import Chosen
 
 _USED = 0.65  # of a page, that an unwrapping fills
 _PADDING = 4  # texels between charts, so that neither bilinear lookups nor one coarser level see two of them
@@ -36,19 +37,22 @@ class Coordinates:
     size: tuple[int, int]
 
 
-def coordinates(source: MeshFile, wanted: str, size: str | None, texel_size: str | None, into_glb: bool) -> Coordinates:
+def coordinates(
+    source: MeshFile, wanted: str, pages: tuple[str | None, str | None], into_glb: bool, chosen: Chosen
+) -> Coordinates:
     """Texture coordinates and size by the options --uv, --size and --texel-size.
 
-    Args: into_glb: whether new coordinates would be written.
+    Args: pages: the options `size`, `texel_size`. into_glb: whether new coordinates would be written.
 
     Raises: MeshError: there are none. OptionError: as `unwrap`, or a page too large.
     """
-    mesh, pages = source.mesh, (size, texel_size)
+    mesh, receive = chosen.mesh, chosen.receive
     number = int(wanted) if wanted.isdecimal() else 0
     uv = None if wanted == "unwrap" else source.texture_coordinates(number)
     if uv is not None:
+        uv = chosen.on_pages(uv)
         texels = _page(mesh, uv, *pages)
-        new = ~on_page(uv) & (wanted == "fill")
+        new = ~on_page(uv) & receive & (wanted == "fill")
         if new.any():
             uv[new] = unwrap(Mesh(mesh.vertices, mesh.faces[new], source=mesh.source), min(texels))
         return Coordinates(uv, new, number, texels)
@@ -57,8 +61,12 @@ def coordinates(source: MeshFile, wanted: str, size: str | None, texel_size: str
         which = f" of number {number}" if number else ""
         advice = f"; {'' if can_unwrap else 'pip install uvunwrap and '}--uv unwrap makes some"
         raise MeshError(source.path, "texture coordinates", f"some{which} on every face", f"none{advice}")
-    side = min(_page(mesh, None, *pages))
-    return Coordinates(unwrap(mesh, side), np.ones(len(mesh.faces), np.bool_), None, (side, side))
+    share = np.sqrt(2 * _USED / np.count_nonzero(receive))  # of the page's side, of each face
+    uv = np.full((len(receive), 3, 2), np.nan)
+    uv[receive] = [[0.0, 0.0], [share, 0.0], [0.0, share]]
+    side = min(_page(mesh, uv, *pages))
+    uv[receive] = unwrap(Mesh(mesh.vertices, mesh.faces[receive], source=mesh.source), side)
+    return Coordinates(uv, receive, None, (side, side))
 
 
 def parse_texels(text: str) -> int | tuple[int, int]:
@@ -72,15 +80,12 @@ def parse_texels(text: str) -> int | tuple[int, int]:
     return sides[0] if len(sides) == 1 else (sides[0], sides[1])
 
 
-def _page(mesh: Mesh, uv: Float64s | None, size: str | None, texel_size: str | None) -> tuple[int, int]:
-    """Texels across and down; where faces are to be unwrapped, they are taken to fill most of the page."""
+def _page(mesh: Mesh, uv: Float64s, size: str | None, texel_size: str | None) -> tuple[int, int]:
+    """Texels across and down."""
     if texel_size is None:
         return page_size(parse_texels(size or "1024"))
     length = resolve_length("texel_size", texel_size, mesh.radius)
     areas = face_normals(mesh.vertices, mesh.faces)[1]
-    if uv is None:
-        share = np.sqrt(2 * _USED / len(areas))
-        uv = np.tile([[0.0, 0.0], [share, 0.0], [0.0, share]], (len(areas), 1, 1))
     shown = on_page(uv)
     return page_size(texels_across(uv[shown], areas[shown], length))
 

@@ -179,9 +179,12 @@ def layout_remarks(baked: ao.BakedTexture, wraps: bool, tiles: bool) -> list[str
     return lines
 
 
-def lacking(source: MeshFile, uv: Float64s, glb: Path | None) -> list[str]:
-    """The parts of a file that have no texture coordinates, in a line. Args: glb: what is to hold the textures."""
-    without = ~on_page(uv)
+def lacking(source: MeshFile, uv: Float64s, wanted: Bools, glb: Path | None) -> list[str]:
+    """The parts of a file that have no texture coordinates, in a line.
+
+    Args: wanted: bool (m,), the faces that matter. glb: what is to hold the textures.
+    """
+    without = ~on_page(uv) & wanted
     if not without.any():
         return []
     without_uv = [piece for piece in pieces(source) if without[piece.faces].any()]

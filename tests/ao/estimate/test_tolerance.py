@@ -75,7 +75,7 @@ def test_samples_are_the_most() -> None:
 
 @pytest.mark.parametrize(("tolerance", "others"), [
     (0, {}), (-0.1, {}), (2, {}), (np.nan, {}), ("1%", {}), (True, {}),
-    (0.01, {"only": np.ones(3600, bool)}), (0.01, {"denoise": False}),
+    (0.01, {"denoise": False}),
 ])  # fmt: skip
 def test_mistakes(tolerance: object, others: dict[str, object]) -> None:
     with pytest.raises(OptionError):

@@ -98,7 +98,7 @@ def obj(height=0.0):
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     lines += [f"vt {u} {v}" for u, v, _ in (vertices - low) / (high - low)]
     for first, material in ((1, "stone"), (1 + len(vertices), "glass")):
-        lines.append(f"usemtl {material}")
+        lines += [f"o {material}", f"usemtl {material}"]
         lines += ["f " + " ".join(f"{first + v}/{1 + v}" for v in face) for face in faces]
     return "\n".join(lines) + "\n"
 
@@ -145,6 +145,7 @@ CHANGED = {
     "bits": "8", "bent_space": "tangent", "resume": True, "progress": "json", "output_dir": "out", "format": "ply",
     "input_format": "ply", "part": "1/1", "cluster": "local", "ground": "-9", "shared": ".", "options": "r.json",
     "dry_run": True, "back_faces": "ignore", "spread": 90.0,
+    "receive": ["stone"], "cast": ["stone"], "exclude": ["glass"],
 }  # fmt: skip
 """Of each option another value than that of the bakes below."""
 PATHS = {
