@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from raytrace.embree.packets import LANES
+from raytrace.mesh.morton import fine_morton_order
 from raytrace.mesh.normals import face_normals
 from raytrace.mesh.placement import Placement
 from raytrace.mesh.weld import CREASE
@@ -18,7 +19,6 @@ from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
 from ..execute.work import Tables
 from ..mu import KernelMu
-from ..points.morton import fine_morton_order
 from ..points.receivers import Receivers
 from ..prepared import Prepared
 from ..rays.ray_packet import RayPacket

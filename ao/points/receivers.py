@@ -16,6 +16,7 @@ from raytrace.embree.scene import TriangleScene
 from raytrace.errors import MeshError
 from raytrace.kernel.jit import bound, kernel
 from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.morton import morton_order
 from raytrace.mesh.normals import face_normals, nonzero, normalize
 from raytrace.mesh.opacity import PackedOpacity
 from raytrace.mesh.placement import Placement
@@ -28,7 +29,6 @@ from raytrace.types import Bools, Float32s, Float64s, Int64s, UInt8s
 from ..memory import corner_bytes
 from ..options import Normals
 from .corners import CornerSamples, find_corner_samples
-from .morton import morton_order
 from .points import Points
 
 SAME = 1.0 - 1e-9
@@ -187,7 +187,9 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
         corners = find_corner_samples(offset.tree, offset.surface, split, numbered, len(rows))
     embree = cache(partial(TriangleScene, placement.vertices, faces))
     of_vertex, flags = index[offset.group], offset.flags
-    opacity = _opacity(mesh, placement)
+    opacity = mesh.opacity.packed() if mesh.opacity else None
+    if opacity:
+        opacity = opacity.only(face_normals(placement.vertices.astype(np.float64), mesh.faces)[1] > 0)
     tree, displaced = (offset.tree, offset.tree_seconds), offset.displaced[rows]
     return Receivers(points, corners, of_vertex, flags, faces, *tree, displaced, embree, opacity)
 
@@ -198,9 +200,3 @@ def _take(rows, origins, axes, own_origins, own_axes, index, first, last):
         index[rows[k]] = k
         for axis in range(3):
             own_origins[k, axis], own_axes[k, axis] = origins[rows[k], axis], axes[rows[k], axis]
-
-
-def _opacity(mesh: Mesh, placement: Placement) -> PackedOpacity | None:
-    """Of the faces that are not degenerate."""
-    packed = mesh.opacity.packed() if mesh.opacity else None
-    return packed and packed.only(face_normals(placement.vertices.astype(np.float64), mesh.faces)[1] > 0)

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from raytrace.kernel.jit import bound, kernel
+from raytrace.mesh.morton import morton_order
 from raytrace.ray_origins.origins import ray_origins
 from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Int32s, Int64s
 
 from ..estimate.inside import inside_solids
 from ..options import Interior
-from ..points.morton import morton_order
 from ..points.points import Points
 from ..points.receivers import Receivers
 from ..prepared import Prepared
@@ -88,14 +88,16 @@ def find_texels(coverage: Coverage, page: Coverage, prepared: Prepared, interior
     inside = inside_solids(texels.points, receivers.faces[texels.face, 0], placement, receivers, interior, threads)
     if not inside.any():
         return texels, 0
-    good = ~inside
-    for count in np.unique(texels.counts).tolist():
-        each = texels.starts[:-1][texels.counts == count, None] + np.arange(count)
+    good, counts = ~inside, texels.counts
+    seen = np.add.reduceat(good, texels.starts[:-1], dtype=np.int64)
+    some = (seen > 0) & (seen < counts)
+    for count in np.unique(counts[some]).tolist():
+        each = texels.starts[:-1][some & (counts == count), None] + np.arange(count)
         for table in (texels.face, texels.points.origins, texels.points.normals, texels.sides):
             values = table[each]
             refill(good[each], values)
             table[each] = values
-    rows = np.flatnonzero(np.logical_or.reduceat(good, texels.starts[:-1]))
+    rows = np.flatnonzero(seen)
     if not len(rows):  # a room whose walls face outwards, for instance
         return texels, 0
     return texels.only(rows), len(texels) - len(rows)

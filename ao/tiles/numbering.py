@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
+from raytrace.mesh.morton import morton_codes
 from raytrace.system.memory import check_memory
 from raytrace.types import Bools, Float32s, Float64s, Int64s, UInt32s
 
 from ..memory import vertex_bytes
 from ..options import Normals
 from ..points.corners import SPREAD, flattest_elsewhere
-from ..points.morton import morton_codes
 from ..points.receivers import offset_points
 from .halo import TileMesh, extract_tile
 from .source import on_disk, runs
@@ -95,7 +95,7 @@ def check_tile(tiling: Tiling, mesh: TileMesh) -> None:
 
 
 def _along_curve(points: Int64s, origins: Float64s) -> Int64s:
-    """`points`, rows of `origins`, in the order of `ao.points.morton`."""
+    """`points`, rows of `origins`, in the order of `raytrace.mesh.morton`."""
     codes = np.empty(len(points), np.uint32)
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for run in runs(len(points)):

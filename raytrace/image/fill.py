@@ -1,6 +1,6 @@
 """Filling of unknown pixels from known ones.
 
-Not by OpenImageIO's `fillholes_pushpull`, which takes fourteen times the processor time.
+Not by OpenImageIO's push–pull, which takes fourteen times the processor time.
 """
 
 from collections.abc import Callable

@@ -11,7 +11,7 @@ from ao.least_squares.conjugate_gradients import multiply, solve, solve_within
 from ao.least_squares.face_moments import Samples, place
 from ao.least_squares.fit import Half, Problem, cross_validated
 from ao.least_squares.pattern import Stencil, add_laplacian, find_hinges, normal_matrix, right_side, roughness
-from ao.points.morton import fine_morton_order
+from raytrace.mesh.morton import fine_morton_order
 from raytrace.mesh.normals import face_normals
 
 

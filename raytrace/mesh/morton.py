@@ -5,10 +5,10 @@ Morton 1966, A computer oriented geodetic data base and a new technique in file 
 
 import numpy as np
 
-from raytrace.kernel.jit import inline, kernel
-from raytrace.mesh.placement import NEAR
-from raytrace.system.threads import run_blocks, thread_count
-from raytrace.types import AnyFloats, AnyInts, Float64s, Int64s, UInt32s
+from ..kernel.jit import inline, kernel
+from ..system.threads import run_blocks, thread_count
+from ..types import AnyFloats, AnyInts, Float64s, Int64s, UInt32s
+from .placement import NEAR
 
 _COARSE, _FINE = 10, 21  # bits an axis
 _DIGIT = 11  # bits that a pass of sorting looks at
