@@ -14,6 +14,7 @@ from raytrace.mesh.opacity import opacity_bytes
 from raytrace.system.memory import NEGLIGIBLE, check_memory
 
 from .declared import taking
+from .estimate.closed_parts import holes
 from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids
 from .estimate.tolerance import Estimate, shortfall
@@ -52,6 +53,8 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
         raise ConflictError("high", "does not go with", "only" if only is not None else ("method", "surface"))
     mesh, others = mesh_of(mesh, "bake"), occluding(options.occluders, high)
     solid = mesh if high is None else mesh_of(high, "bake")
+    if options.thickness:
+        solid = solid.reversed()
     _check_memory(len(mesh.vertices), [mesh, *others] if high is None else [solid, mesh], options)
 
     start = time.perf_counter()
@@ -69,10 +72,13 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     build = prepared.receivers.tree_seconds
     baked = assemble(prepared, mesh, values)
     if high is None and (only is None or options.denoise):
-        baked = replace(baked, interpolation=measure_interpolation(prepared, baked.w, baked.error))
+        between = measure_interpolation(prepared, baked.w, baked.error)
+        if options.thickness:
+            between = between._replace(weights=between.weights[:, ::-1])
+        baked = replace(baked, interpolation=between)
     baked.seconds.update(build=build, bake=time.perf_counter() - start - build)
-    short = shortfall(options, max(baked.rmses), values.samples, "vertex")
-    return replace(baked, shortfalls=(short,)) if short else baked
+    short = shortfall(options, max(baked.rmses), values.samples, "vertex"), holes(solid) if options.thickness else None
+    return replace(baked, shortfalls=tuple(filter(None, short)))
 
 
 def _sample_vertices(prepared: Prepared) -> PointValues:

@@ -72,6 +72,10 @@ class Options:
         'that are not; texels are filled as if they were not covered. "ignore": both sides of faces are surface. '
         '"mark": faces bound solids, and vertices that mostly see backs, being inside one, are flagged; not of texels. '
         '"fill": besides, they are filled, and texels are. Not by the surface method.')] = "auto"
+    thickness: Annotated[bool, Option(on=EACH, help=
+        "How thick the solid is below each point instead: the same rays inwards, 0 thin, 1 thick.", more=
+        "By the same falloff; where rays leave through holes of the mesh it is thick, which `shortfalls` says. Not "
+        "with `interior` mark or fill.")] = False
     spread: Annotated[float, Option(bounds=(1, 180), help=
         "Full angle in degrees of the cone of rays about the normal, in which 180, the hemisphere, is all.", more=
         "1 to 180. Rays stay distributed like cosθ, and w is their mean: 1 where nothing is in the cone.")] = 180.0
@@ -103,6 +107,8 @@ class Options:
         first = self.falloffs[0]
         if self.profile and not isinstance(first, Tabulated) and str(first.max_distance) != "inf":
             raise ConflictError("profile", "excludes", "max_distance")
+        if self.thickness and self.interior in ("mark", "fill"):
+            raise ConflictError("thickness", "does not go with", ("interior", self.interior))
         if self.tolerance is not None and not self.denoise:
             raise ConflictError(("denoise", False), "does not go with", "tolerance")
 

@@ -6,6 +6,8 @@ from raytrace.kernel.counting_sort import counting_sort
 from raytrace.kernel.jit import kernel
 from raytrace.kernel.vector import cross, dot, load_triangle
 from raytrace.mesh.components import connected_components
+from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.placement import Placement
 from raytrace.mesh.weld import coincident
 from raytrace.types import Bools, Float32s, Int64s
 
@@ -30,6 +32,18 @@ def closed_parts(vertices: Float32s, faces: Int64s) -> tuple[Int64s, Bools]:
         edges, starts = counting_sort(np.minimum(corners, corners[:, [1, 2, 0]]), len(part))
         _strike_open(corners, edges, starts, part, closed)
     return part[place], closed
+
+
+def holes(mesh: Mesh) -> str | None:
+    """What rays in a mesh that is not closed mean for its thickness, in words; None if at every edge as many faces run
+    one way as the other, vertices at the same place taken for one.
+    """
+    corners = coincident(Placement.of(mesh).vertices, mesh.faces)[mesh.faces]
+    a, b = corners.ravel(), corners[:, [1, 2, 0]].ravel()
+    edge = np.unique(np.minimum(a, b) * len(mesh.vertices) + np.maximum(a, b), return_inverse=True)[1]
+    open_edges = np.count_nonzero(np.bincount(edge, np.sign(b - a)))
+    text = "edges are open: where rays leave through holes, the mesh counts as thick"
+    return f"{mesh.source}: {open_edges:,} {text}" if open_edges else None
 
 
 def inside_boxes(points: Float32s, own: Int64s, vertices: Float32s, part: Int64s, closed: Bools) -> Int64s:

@@ -15,6 +15,7 @@ from raytrace.mesh.opacity import opacity_bytes
 from raytrace.system.memory import check_memory
 
 from ..declared import Option, taking
+from ..estimate.closed_parts import holes
 from ..estimate.estimate import estimate
 from ..estimate.tolerance import Estimate, shortfall
 from ..falloff import resolve_length
@@ -30,7 +31,7 @@ from .gathering import begin_tracing
 from .result import BakedTexture, TextureFacts, assemble_pages
 from .shown import Shown, tangent_frames
 from .texels import find_texels
-from .uv_layout import corner_uv, page_size
+from .uv_layout import corner_uv, on_page, page_size
 
 
 # fmt: off
@@ -70,6 +71,10 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     mesh, walls = mesh_of(mesh, "bake_texture"), occluding(options.occluders, high)
     corners = corner_uv(options.uv, mesh)
     solid = mesh if high is None else mesh_of(high, "high")
+    uv = corners
+    if options.thickness:
+        solid = solid.reversed()
+        mesh, corners = (solid, corners[:, ::-1]) if high is None else (mesh, corners)
     reach = resolve_length("cage", options.cage, mesh.radius or 1.0)
     vertices, faces = (sum(len(getattr(each, name)) for each in (solid, *walls)) for name in ("vertices", "faces"))
     needed = texture_bytes(width * height, vertices, faces, options.rays)
@@ -113,6 +118,9 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     more = [assemble_pages(shown.layout, texels, each.rows, each.variance, None, *closed) for each in others]
     rmses = tuple(float(np.sqrt(np.mean(each.variance))) for each in (estimated, *others))
     build, layout = prepared.receivers.tree_seconds, shown.layout
+    mirrored = layout.mirrored
+    if options.thickness and high is None:
+        mirrored = int(np.count_nonzero(on_page(corners))) - layout.flat - mirrored
     baked = BakedTexture(
         w=pages.w,
         error=pages.error,
@@ -123,14 +131,14 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
         rmse=rmses[0],
         rmses=rmses,
         facts=TextureFacts(
-            covered, overlapping, filled, len(missed), layout.mirrored, layout.flat, layout.outside, shown.seams.edges,
+            covered, overlapping, filled, len(missed), mirrored, layout.flat, layout.outside, shown.seams.edges,
             pages.jump, pages.jump_before,
         ),
-        uv=corners,
+        uv=uv,
         seconds={"build": build, "bake": time.perf_counter() - start - build},
         mu=prepared.mu,
         calibration=estimated.calibration,
         **of_columns(prepared, [np.stack(each, axis=-1) for each in zip(*((p.w, p.error) for p in more), strict=True)]),
     )  # fmt: skip
-    short = shortfall(options, max(rmses), estimated.samples, "texel")
-    return replace(baked, shortfalls=(short,)) if short else baked
+    short = shortfall(options, max(rmses), estimated.samples, "texel"), holes(solid) if options.thickness else None
+    return replace(baked, shortfalls=tuple(filter(None, short)))

@@ -42,6 +42,7 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
         Option("quiet", bool, False, "No progress bar and no summary.", ALL + " merge", "run", short="-q"),
     ),
     "What occludes": (
+        "thickness",
         Option("falloff", str, "exponential", "How occlusion fades with distance; not at all (binary: ambient "
                "occlusion); or a table of two columns, distance and what a hit there leaves open, 0 to 1: .csv .txt "
                ".npy.", metavar="exponential|binary|linear|smooth|table:FILE",

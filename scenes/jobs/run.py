@@ -85,6 +85,8 @@ def bake_command(options: Mapping[str, Any]) -> MeshBake:
     if shown == "auto" and colors:
         raise ConflictError("colors", "does not go with", ("occlusion", "auto"))
     kind: type[MeshBake] = BakeCommand
+    if glb and shown is None and options["thickness"]:
+        shown = options["occlusion"] = "none"
     if image or shown == "texture":
         from .textures.bake import TextureCommand as kind
     elif glb and (shown == "auto" or (shown is None and not colors)):

@@ -82,7 +82,8 @@ class TextureCommand(MeshBake):
             for page in pages:
                 with ExitStack() as own:
                     keep = kept if glb and not self.open_checkpoint else own  # until the .glb is written
-                    baked, more = self._bake_page(sources, page, found, falloff, (len(pages), len(bakes), keep))
+                    baked, lines = self._bake_page(sources, page, found, falloff, (len(pages), len(bakes), keep))
+                    more = warn([], [line for line in lines if not any(line in each.warnings for each in bakes)])
                     begun = time.perf_counter()
                     self._write_images(baked, page)
                     seconds = {"load": loaded, "write": time.perf_counter() - begun}
@@ -169,7 +170,7 @@ class TextureCommand(MeshBake):
     def _bake_page(
         self, sources: Sources, page: Page, found: Coordinates, falloff: ao.Falloff, place: _Place
     ) -> tuple[ao.BakedTexture, list[str]]:
-        """Bake one page: what was baked, and warnings.
+        """Bake one page: what was baked, and warnings to print.
 
         Args: place: of how many pages, which it is, and what closes its journal.
         """
@@ -185,7 +186,7 @@ class TextureCommand(MeshBake):
                 wrap=page.wraps, **sources.arguments, **self.arguments(),
             )  # fmt: skip
         remarks = layout_remarks(baked, page.wraps, self._glb() != self.output)
-        return baked, warn([], [*baked.shortfalls, *(f"{self._title(page)}: {line}" for line in remarks)])
+        return baked, [*baked.shortfalls, *(f"{self._title(page)}: {line}" for line in remarks)]
 
     def _write_images(self, baked: ao.BakedTexture, page: Page) -> None:
         bits = int(self.bits or 16)

@@ -24,6 +24,7 @@ _REMEDIES = (
     (r"reach out of the unit square", "Nothing to do if the material's images repeat, too."),
     (r"have no texture coordinates", "--uv fill makes some for these faces."),
     (r"between the vertices w errs", "Each of these shows what the vertices alone cannot."),
+    (r"rays leave through holes", "Close them; or --max-distance, beyond which all is thick anyway."),
     (r"not within the cage", "Make --cage larger, or move the meshes onto each other."),
     (r"have no area in texture space", "Unwrap them, or use --uv unwrap."),
 )
@@ -67,7 +68,7 @@ def remedy(warning: str) -> str:
 def _findings(report: Facts) -> Iterator[Finding]:
     if "w" in report:
         yield from _error(report)
-        yield from _occlusion(report["w"])
+        yield from _occlusion(report)
         yield from _flags(report)
     else:
         yield from _picture(report)
@@ -95,11 +96,12 @@ def _error(report: Facts) -> Iterator[Finding]:
             yield Finding("note", text, "Trust the RMSE of the whole more than the errors of single places.")
 
 
-def _occlusion(w: Facts) -> Iterator[Finding]:
+def _occlusion(report: Facts) -> Iterator[Finding]:
+    w = report["w"]
     if w["least"] >= _OPEN:
         advice = "Convex meshes are so; else compare --max-distance and --half-distance with the mesh."
         yield Finding("bad", "Nothing occludes anything: w is 1 everywhere.", advice)
-    elif w["quantiles"]["0.5"] <= _CLOSED:
+    elif w["quantiles"]["0.5"] <= _CLOSED and not report["options"].get("thickness"):
         text = f"Half of w is below {_CLOSED}: the mesh may be inside out."
         yield Finding("bad", text, "obscurance info MESH tells of its faces; turn them over where it is made.")
 
