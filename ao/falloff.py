@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any
+from numbers import Real
+from typing import Annotated, Any, TypeGuard
 
 import numpy as np
 from pydantic import Field, PlainValidator, ValidationInfo
@@ -43,6 +44,11 @@ def resolve_length(field: str, length: Length, radius: float) -> float:
     if not value > 0:
         raise OptionError(field, expected, repr(length))
     return value
+
+
+def is_length(value: object) -> TypeGuard[Length]:
+    """Whether a value is meant as a length, as a number or in words, not as a mesh for instance."""
+    return isinstance(value, str | Real)
 
 
 def _length(value: Length, field: ValidationInfo) -> Length:

@@ -12,14 +12,13 @@ from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids
 from .estimate.tolerance import Estimate
 from .execute.checkpoint import Checkpoint
-from .falloff import resolve_length
 from .points.corners import CornerSamples
 from .points.receivers import Flag, Receivers, find_receivers
 from .prepared import Prepared
 from .result import PointValues
 from .texture.coverage import Coverage
 from .texture.gathering import begin_tracing
-from .texture.projection import project
+from .texture.projection import cage_of, project
 from .texture.texels import find_texels
 
 _OWN_CORNERS = Flag.FOLDED | Flag.OPPOSED | Flag.CONTACT  # how the coarse mesh's faces lie matters to its own w alone
@@ -30,7 +29,7 @@ def sample_fine_mesh(
 ) -> tuple[Prepared, PointValues]:
     """Estimate w of `high`, the mesh of `prepared`, at the vertices of `coarse`, which become the wanted points.
 
-    Raises: MeshError: nothing is within the cage around `coarse`.
+    Raises: MeshError: nothing is within the cage around `coarse`, or it is one of another mesh.
     """
     options, placement, fine, threads = prepared.options, prepared.placement, prepared.receivers, prepared.threads
     shown = find_receivers(coarse, Placement.of(coarse), options.normals)
@@ -39,8 +38,9 @@ def sample_fine_mesh(
     coverage = Coverage.of_points(np.arange(count), *nowhere)
     positions = (coarse.vertices[shown.first_vertex] - placement.centre) * placement.scale
     axes = shown.points.normals.astype(np.float64)
-    cage = resolve_length("cage", options.cage, coarse.radius or 1.0)
-    coverage, missed = project(coverage, positions, axes, prepared, cage)
+    cage = cage_of(options.cage, coarse)
+    reach = cage.vertices[shown.first_vertex] if isinstance(cage, Mesh) else cage
+    coverage, missed = project(coverage, positions, axes, prepared, reach)
     texels, _ = find_texels(coverage, coverage, prepared, "ignore")
     own = fine.faces[texels.face, 0]
     inside = inside_solids(texels.points, own, placement, fine, options.interior, threads)

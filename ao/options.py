@@ -6,11 +6,12 @@ of the command follow from a declaration (`ao/declared.py`). Those whose values 
 
 import math
 from dataclasses import KW_ONLY, dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from .declared import ALL, EACH, IMAGE, Option, check_values, rows
 
 if TYPE_CHECKING:  # the help of the command imports nothing heavy
+    from raytrace.mesh.mesh import Mesh
     from raytrace.types import Bools
 
     from .falloff import Falloff, Falloffs, Length
@@ -91,19 +92,22 @@ class Options:
         "be chosen later: .npz .ply .glb .html, textures .exr; by default in .html, if that costs little.", more=
         "In Python the result's `profile`, by the same rays; without `max_distance`, and not by the surface method.")
         ] = False
-    cage: Annotated["Length", Option(kind=str | None, default=None, on=EACH, needs={"high": ...}, help=
-        'With --high: how far it may be from the input, mesh units or "2%" of the radius (the default).', more=
-        "Points at which there is nothing within that take the closest one: vertices are flagged, points of texels "
-        "counted.")] = "2%"
+    cage: Annotated["Length | Mesh | Any", Option(kind=str | None, default=None, on=EACH, needs={"high": ...}, help=
+        'With --high: how far it may be from the input, mesh units or "2%" of the radius (the default); or a mesh '
+        "file, the input with its vertices moved outwards.", metavar="LENGTH|MESH", more=
+        "A mesh has as many vertices and faces as `mesh`, in its order: rays start at the point of the cage that "
+        "belongs to a point of `mesh`, go through it and as far inwards. Points at which there is nothing within that "
+        "take the closest one: vertices are flagged, points of texels counted.")] = "2%"
 
     def __post_init__(self) -> None:
         from raytrace.errors import ConflictError
 
-        from .falloff import Tabulated, falloffs_of, resolve_length
+        from .falloff import Tabulated, falloffs_of, is_length, resolve_length
 
         object.__setattr__(self, "falloff", falloffs_of(self.falloff))
         check_values(self)
-        resolve_length("cage", self.cage, 1.0)
+        if is_length(self.cage):
+            resolve_length("cage", self.cage, 1.0)
         first = self.falloffs[0]
         if self.profile and not isinstance(first, Tabulated) and str(first.max_distance) != "inf":
             raise ConflictError("profile", "excludes", "max_distance")
@@ -149,9 +153,12 @@ class Options:
         """Every option that can change a ray but for inputs; μ, with lengths in mesh units, stands for the falloff."""
         import numpy as np
 
+        from .falloff import is_length
+
         values = {name: getattr(self, name) for name, row in rows(self).items() if row.role == "result"}
         only = None if self.only is None else np.packbits(self.only).tobytes()
-        return tuple((values | {"samples": self.rays, "only": only}).items())
+        cage = self.cage if is_length(self.cage) else None  # what is traced from is hashed
+        return tuple((values | {"samples": self.rays, "only": only, "cage": cage}).items())
 
     @property
     def rays(self) -> int:

@@ -48,15 +48,17 @@ def occluding(occluders: Sequence[Mesh | Any], high: Mesh | Any | None) -> list[
     return [mesh_of(each, "occluders") for each in occluders]
 
 
-def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """Meshes as one, with the name of the first; normals of their own are those of the first alone."""
+def joined(meshes: Sequence[Mesh], all_normals: bool = False) -> Mesh:
+    """Meshes as one, with the name of the first; normals of their own are those of the first alone, or all of them."""
     first, *others = meshes
     if not others:
         return first
     vertices, faces = (np.concatenate([getattr(mesh, name) for mesh in meshes]) for name in ("vertices", "faces"))
     counts = [len(mesh.faces) for mesh in meshes]
     before = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
-    normals = first.normals
+    sources = meshes if all_normals else meshes[:1]
+    own = [mesh.normals for mesh in sources if mesh.normals is not None]
+    normals = np.concatenate(own) if len(own) == len(sources) else None
     if normals is not None:
         normals = np.append(normals, np.zeros((len(vertices) - len(normals), 3)), axis=0)
     opacity = Opacity.joined([mesh.opacity for mesh in meshes], counts)

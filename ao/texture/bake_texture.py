@@ -18,7 +18,6 @@ from ..declared import Option, taking
 from ..estimate.closed_parts import holes
 from ..estimate.estimate import estimate
 from ..estimate.tolerance import Estimate, shortfall
-from ..falloff import resolve_length
 from ..memory import column_bytes, texture_bytes
 from ..options import TextureOptions
 from ..points.corners import CornerSamples
@@ -28,6 +27,7 @@ from ..result import of_columns
 from .adjacency import texel_neighbours
 from .coverage import cover
 from .gathering import begin_tracing
+from .projection import cage_of
 from .result import BakedTexture, TextureFacts, assemble_pages
 from .shown import Shown, tangent_frames
 from .texels import find_texels
@@ -75,7 +75,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     if options.thickness:
         solid = solid.reversed()
         mesh, corners = (solid, corners[:, ::-1]) if high is None else (mesh, corners)
-    reach = resolve_length("cage", options.cage, mesh.radius or 1.0)
+    cage = None if high is None else cage_of(options.cage, mesh)
     vertices, faces = (sum(len(getattr(each, name)) for each in (solid, *walls)) for name in ("vertices", "faces"))
     needed = texture_bytes(width * height, vertices, faces, options.rays)
     needed += column_bytes(width * height, options.columns)
@@ -95,8 +95,8 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
         expected = "faces that do not overlap on the page"
         raise OptionError("overlap", expected, f"{overlapping:,} texels with several", mesh.source)
     covered, coverage, missed = len(page.texels), page, np.zeros(0, np.int64)
-    if high is not None:
-        coverage, missed = shown.project(page, prepared, reach)
+    if cage is not None:
+        coverage, missed = shown.project(page, prepared, cage)
     texels, filled = find_texels(coverage, page, prepared, options.interior)
     del coverage, page
     tracer = begin_tracing(prepared, texels, "texture", options.checkpoint)

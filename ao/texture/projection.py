@@ -1,10 +1,13 @@
 """From a coarse mesh to a fine one: points of texels, or vertices, move along its smooth normals onto the fine surface.
 
 A ray starts as far outside as the cage reaches and goes in, twice as far; what it meets first is what the texel shows.
+A cage that is a mesh says for each point where its ray starts, and so its direction, too.
 It goes on through holes that alpha makes.
 Points that meet nothing take the closest one; where that is on the ray but for a hundredth of the cage, as on a border
 that both meshes have, it counts as met.
 """
+
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +19,14 @@ from raytrace.kernel.borrow import borrow
 from raytrace.kernel.jit import kernel
 from raytrace.kernel.simd_masks import lowest_bit
 from raytrace.kernel.vector import load, load_triangle
+from raytrace.mesh.convert import mesh_of
+from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.opacity_lookup import alphas
 from raytrace.mesh.placement import NEAR
 from raytrace.system.threads import run_blocks
 from raytrace.types import Float32s, Float64s, Int64s
 
+from ..falloff import Length, is_length, resolve_length
 from ..points.receivers import Receivers
 from ..prepared import Prepared
 from .coverage import Coverage
@@ -32,29 +38,36 @@ _BESIDE = 0.01  # of the cage: how far from its ray a point that counts as met m
 
 
 def project(
-    coverage: Coverage, places: Float64s, normals: Float64s, prepared: Prepared, cage: float
+    coverage: Coverage, places: Float64s, normals: Float64s, prepared: Prepared, cage: float | Float64s
 ) -> tuple[Coverage, Int64s]:
     """The points of `coverage` on a fine surface, that of `prepared`, and which of them the cage misses, (j,).
 
     Args:
         places, normals: (k · slots, 3), the points on the coarse mesh and its unit normals there, in render space.
-        cage: how far from the coarse mesh the fine surface may be, in mesh units.
+        cage: how far from the coarse mesh the fine surface may be, in mesh units; or the points (k · slots, 3) of a
+            cage that belong to `places`, which say it for each, and its direction, as mesh units are placed.
 
     Raises: MeshError: no point meets anything.
     """
     receivers, threads = prepared.receivers, prepared.threads
     vertices = prepared.placement.vertices.astype(np.float64)
     low, high = (np.stack([ends(vertices, axis=0), ends(places, axis=0)]) for ends in (np.min, np.max))
-    cage = min(cage * prepared.placement.scale, float(np.linalg.norm(high.max(axis=0) - low.min(axis=0))))
-    face, weights = _first_hits(receivers, vertices, places + cage * normals, -normals, 2 * cage, threads)
+    if isinstance(cage, float):
+        reach = np.full(len(places), cage * prepared.placement.scale)
+    else:
+        outwards = (cage - prepared.placement.centre) * prepared.placement.scale - places
+        reach = np.linalg.norm(outwards, axis=1)
+        normals = np.where(reach[:, None] > 0, outwards / np.where(reach > 0, reach, 1)[:, None], normals)
+    reach = np.minimum(reach, float(np.linalg.norm(high.max(axis=0) - low.min(axis=0))))
+    face, weights = _first_hits(receivers, vertices, places + reach[:, None] * normals, -normals, 2 * reach, threads)
     missed = np.flatnonzero(face < 0)
-    closest = _closest_points(receivers, vertices, places[missed], cage, threads)
+    closest = _closest_points(receivers, vertices, places[missed], float(reach.max()) or 1.0, threads)
     face[missed], weights[missed] = closest
     away = np.einsum("kc,kci->ki", closest[1], vertices[receivers.faces[closest[0]]]) - places[missed]
     along = np.einsum("ki,ki->k", away, normals[missed])
     beside = np.linalg.norm(away - along[:, None] * normals[missed], axis=1)
     rounded = _rounding(vertices, places[missed])
-    missed = missed[(np.abs(along) > cage + rounded) | (beside > _BESIDE * cage + rounded)]
+    missed = missed[(np.abs(along) > reach[missed] + rounded) | (beside > _BESIDE * reach[missed] + rounded)]
     if len(missed) == len(face):
         expected = "some of it within the cage about the coarse mesh"
         raise MeshError(prepared.mesh.source, "surface", expected, "none")
@@ -63,8 +76,23 @@ def project(
     return Coverage.of_points(coverage.texels, *each, coverage.overlapping), missed
 
 
+def cage_of(cage: Length | Mesh | Any, mesh: Mesh) -> float | Mesh:
+    """A cage about the coarse `mesh` in mesh units: a distance, or its own mesh.
+
+    Raises: MeshError: it is none, or has not the vertices and faces of `mesh`; OptionError: it is no length.
+    """
+    if is_length(cage):
+        return resolve_length("cage", cage, mesh.radius or 1.0)
+    made = mesh_of(cage, "cage")
+    for name in ("vertices", "faces"):
+        expected, got = len(getattr(mesh, name)), len(getattr(made, name))
+        if expected != got:
+            raise MeshError(made.source, name, f"{expected:,}, as {mesh.source} has", f"{got:,}")
+    return made
+
+
 def _first_hits(
-    receivers: Receivers, vertices: Float64s, starts: Float64s, directions: Float64s, reach: float, threads: int
+    receivers: Receivers, vertices: Float64s, starts: Float64s, directions: Float64s, reach: Float64s, threads: int
 ) -> tuple[Int64s, Float32s]:
     """The face (k,) that rays meet first, −1 for none, and where on it (k, 3); through holes they go on."""
     scene, opacity = receivers.embree(), receivers.opacity
@@ -80,7 +108,7 @@ def _first_hits(
             break
         distance[rows] += step[rows]
         behind = starts[rows] + distance[rows, None] * directions[rows]
-        hits = intersect(scene, behind, directions[rows], np.maximum(reach - distance[rows], 0), threads)
+        hits = intersect(scene, behind, directions[rows], np.maximum(reach[rows] - distance[rows], 0), threads)
         face[rows], weights[rows] = hits.face, hits.barycentric
         distance[rows] += hits.distance
     return face, weights

@@ -60,11 +60,14 @@ class Shown:
         size = self.layout.width, self.layout.height
         return Seams.find(self.layout.uv, self.points_of_faces, size, self.layout.wraps)
 
-    def project(self, page: Coverage, prepared: Prepared, cage: float) -> tuple[Coverage, Int64s]:
-        """`projection.project` of the points of `page` onto the mesh of `prepared`; `cage`: in mesh units."""
+    def project(self, page: Coverage, prepared: Prepared, cage: float | Mesh) -> tuple[Coverage, Int64s]:
+        """`projection.project` of the points of `page` onto the mesh of `prepared`; `cage`: as `cage_of` gives it."""
         own, weights = page.face.ravel().astype(np.int64), page.barycentric.reshape(-1, 3)
         places, _, axes = self.faces.points_at(own, weights, prepared.threads)
-        return project(page, places, axes, prepared, cage)
+        if isinstance(cage, float):
+            return project(page, places, axes, prepared, cage)
+        starts = np.einsum("kc,kci->ki", weights, cage.vertices[self.receivers.faces[own]])
+        return project(page, places, axes, prepared, starts)
 
 
 def corner_places(uv: Float64s, points: Int64s) -> Int64s:

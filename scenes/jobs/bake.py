@@ -58,23 +58,26 @@ class Sources(NamedTuple):
     """The files of a bake.
 
     Attributes:
-        chosen: of the source. high: of a finer mesh. walls: that only occlude. ground: a plane, or none.
+        chosen: of the source. high: of finer meshes. fine: all of them, or None. cage: about the source, or None.
+        walls: that only occlude. ground: a plane, or none.
     """
 
     source: MeshFile
     chosen: Chosen
-    high: MeshFile | None
+    high: list[MeshFile]
+    fine: Mesh | None
+    cage: MeshFile | None
     walls: list[MeshFile]
     ground: list[Mesh]
 
     @property
     def solid(self) -> Mesh:
         """Whose w is baked."""
-        return self.high.mesh if self.high else self.chosen.mesh
+        return self.fine or self.chosen.mesh
 
     @property
     def read(self) -> list[MeshFile]:
-        return [self.source, *self.walls, *([self.high] if self.high else [])]
+        return [self.source, *self.walls, *self.high, *([self.cage] if self.cage else [])]
 
     @property
     def counts(self) -> tuple[int, int]:
@@ -89,7 +92,7 @@ class Sources(NamedTuple):
     @property
     def meshes(self) -> list[Mesh]:
         """All that occlude, that whose w is baked last."""
-        return [*self.occluders, self.chosen.mesh, *([self.high.mesh] if self.high else [])]
+        return [*self.occluders, self.chosen.mesh, *([self.fine] if self.fine else [])]
 
     @property
     def notes(self) -> list[str]:
@@ -102,7 +105,7 @@ class Sources(NamedTuple):
     @property
     def arguments(self) -> dict[str, Any]:
         """Those of `ao.bake` and `ao.bake_texture` beside the mesh."""
-        return {"high": self.high and self.high.mesh, "occluders": self.occluders}
+        return {"high": self.fine, "occluders": self.occluders} | ({"cage": self.cage.mesh} if self.cage else {})
 
     @property
     def occluders(self) -> list[Mesh]:
@@ -143,7 +146,7 @@ class MeshBake(Record, ABC):
 
         falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
         self.checked()
-        if self.cage is not None and resolve_length("cage", self.cage, 1.0) == float("inf"):
+        if isinstance(self.cage, str) and resolve_length("cage", self.cage, 1.0) == float("inf"):
             raise OptionError("cage", "a finite length", self.cage)
         self.ground_height()
         self.check_own()
@@ -157,9 +160,9 @@ class MeshBake(Record, ABC):
         return self.record(**self.arguments())
 
     def arguments(self, sort: str | None = None) -> dict[str, Any]:
-        """The options that are given and that `ao.bake` or `ao.bake_texture`, for a bake of another `sort`, has."""
-        rows = [row for row in BAKER.values() if (sort or self.sort) in row.on.split()]
-        return {row.name: value for row in rows if (value := getattr(self, row.name)) is not None}
+        """The options but files that are given and that `ao.bake` or `ao.bake_texture` has, for a bake of `sort`."""
+        values = {row.name: getattr(self, row.name) for row in BAKER.values() if (sort or self.sort) in row.on.split()}
+        return {name: value for name, value in values.items() if not isinstance(value, Path | None)}
 
     def described(self) -> dict[str, Any]:
         """Every effective option, as a JSON report has it."""
@@ -202,7 +205,8 @@ class MeshBake(Record, ABC):
         """The files that are read, as far as the options name them."""
         from ..falloffs import table_of
 
-        return [self.mesh, *([self.high] if self.high else []), *(self.occluder or ()), *table_of(self.falloff)]
+        cage = [self.cage] if isinstance(self.cage, Path) else []
+        return [self.mesh, *(self.high or ()), *cage, *(self.occluder or ()), *table_of(self.falloff)]
 
     @abstractmethod
     def outputs(self) -> dict[str, Path | None]:
@@ -232,15 +236,19 @@ class MeshBake(Record, ABC):
     def sources_of(self, source: MeshFile) -> Sources:
         """What is baked for `source`. Raises: InputError: of a file; OptionError: as `ao.ground` and `choose`."""
         import ao
+        from ao.points.occluders import joined
 
         from ..formats.load import load
         from ..formats.objects import choose
 
-        high, *walls = (path and load(path, alpha=self.alpha == "auto") for path in (self.high, *(self.occluder or ())))
+        given, alpha = (self.high, self.occluder), self.alpha == "auto"
+        high, walls = ([load(path, alpha=alpha) for path in each or ()] for each in given)
+        fine = joined([each.mesh for each in high], all_normals=True) if high else None
+        cage = load(self.cage) if isinstance(self.cage, Path) else None
         batch = self.output_dir is not None
         chosen = choose(source, self.receive or (), self.cast or (), self.exclude or (), batch)
         ground = [ao.ground(chosen.mesh, self.ground_height())] if self.ground else []
-        return Sources(source, chosen, high, walls, ground)
+        return Sources(source, chosen, high, fine, cage, walls, ground)
 
     def ground_height(self) -> float | None:
         """The height of the ground; None just below the mesh. Raises: OptionError: it is no number."""

@@ -93,8 +93,8 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
         "bent_space",
         Option("error_map", Path | None, None, "Texture: also write the standard error of w.", "texture merge",
                "output", metavar="IMAGE"),
-        Option("high", Path | None, None, "Bake w of this finer mesh onto the input's vertices or texture.", EACH,
-               "input", metavar="MESH"),
+        Option("high", list[Path] | None, None, "Bake w of this finer mesh onto the input's vertices or texture; of "
+               "several as one, an option for each.", EACH, "input", metavar="MESH"),
         "cage",
         Option("half", bool, False, "Texture: 16-bit floats in .exr and .tif.", "texture batch merge", "output"),
         Option("bits", Literal["8", "16"] | None, None, "Texture: of a channel of w and bent normals in .png, 16 by "
@@ -146,7 +146,7 @@ MERGE = (
     Option("parts", Path, ..., "Where bake --part has put all parts.", metavar="FOLDER"),
     Option("mesh", Path | None, None, "The mesh file, if it is elsewhere than for the parts."),
     replace(ROWS["output"], help="Output file, as of bake; none for parts of a batch."),
-    replace(ROWS["high"], help="The finer mesh file, likewise."),
+    replace(ROWS["high"], help="Finer mesh files, likewise."),
     replace(ROWS["occluder"], help="Files that only occlude, likewise."),
     *(row for row in BAKE if "merge" in row.on and row.name != "output"),
 )
@@ -249,5 +249,16 @@ def plain(value: object) -> object:
 
 
 def absolute(value: Any) -> Any:
-    """A path, or several, whatever folder is the current one; None stays."""
-    return [each.absolute() for each in value] if isinstance(value, list) else value and value.absolute()
+    """A path, or several, whatever folder is the current one; anything else stays."""
+    if isinstance(value, list):
+        return [each.absolute() for each in value]
+    return value.absolute() if isinstance(value, Path) else value
+
+
+def cage_of(given: str | Path | None) -> str | Path | None:
+    """`--cage` as a length, or as the mesh file that it names."""
+    try:
+        float(str(given).strip().removesuffix("%"))
+    except ValueError:
+        return Path(given) if given and Path(given).suffix else given  # no file without an ending is a mesh
+    return given

@@ -131,8 +131,7 @@ def saved_options(path: Path) -> dict[str, Any]:
     options = without_preset(options)
     if options.get("occlusion") == _usual_occlusion(report):
         del options["occlusion"]
-    if "mesh" in options:
-        options["mesh"] = [options["mesh"]]
+    options |= {name: [options[name]] for name in ("mesh", "high") if isinstance(options.get(name), str)}
     kept = {name for name in options if ROWS[name].taken} | ({"up"} if options.get("ground") else set())
     return {name: value for name, value in options.items() if name in kept}
 

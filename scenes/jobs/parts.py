@@ -10,7 +10,7 @@ from typing import Any
 from ..formats.image_names import is_texture
 from .bake import MeshBake
 from .console import note
-from .options import BAKE, absolute, plain
+from .options import BAKE, absolute, cage_of, plain
 
 _OF_TEXTURE = "size", "texel_size"
 
@@ -34,6 +34,7 @@ def trace_part(options: dict[str, Any], bake_command: Callable[[Mapping[str, Any
     files = {row.name: plain(absolute(options[row.name])) for row in rows if row.role == "input" and options[row.name]}
     described = {row.name: plain(options[row.name]) for row in rows if row.role == "result"}
     described["profile"] = bool(options["profile"])  # of an .html, too
+    described["cage"] = plain(absolute(cage_of(options["cage"])))
     for table in table_of(options["falloff"]):
         described["falloff"] = f"table:{table.absolute()}"
     bake = bake_command(options | stand_in)

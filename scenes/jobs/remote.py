@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ao.execute.work import Tables
 
 _BYTES = 50  # of a file, a vertex
+_FILES = "mesh", "output", "high", "occluder", "cage"
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +114,7 @@ def _outcome(fields: Any) -> Outcome:
 
 
 def _absolute(bake: MeshBake) -> MeshBake:
-    return bake.replaced(**{name: absolute(getattr(bake, name)) for name in ("mesh", "output", "high", "occluder")})
+    return bake.replaced(**{name: absolute(getattr(bake, name)) for name in _FILES})
 
 
 def _named_as(bake: MeshBake, outcome: Outcome) -> Outcome:

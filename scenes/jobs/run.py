@@ -17,7 +17,7 @@ from .batch import Batch
 from .dry_run import dry_run
 from .inputs import expand, is_pattern, outputs_in
 from .manifest import is_batch_of_parts, merge_batch
-from .options import BAKE, SORTS, Format, check_sort, check_together, defaults
+from .options import BAKE, SORTS, Format, cage_of, check_sort, check_together, defaults
 from .parts import merge, part_numbers, trace_part
 from .tiles import bake_tiles
 from .vertices import BakeCommand
@@ -72,7 +72,7 @@ def bake_command(options: Mapping[str, Any]) -> MeshBake:
     if ending not in (*ENDINGS, *IMAGES):
         meant = str(output.with_suffix(_MEANT[ending])) if ending in _MEANT else None
         raise OptionError("output", "a name ending in " + ", ".join((*ENDINGS, *IMAGES)), output, nearest=meant)
-    options = with_preset(options)
+    options = with_preset(options) | {"cage": cage_of(options["cage"])}
     if options["profile"] is None:
         # where it takes the rays of the bake alone, and has w as baked between its columns
         exponential = options["falloff"] == "exponential" and options["max_distance"] == "inf"

@@ -149,13 +149,13 @@ CHANGED = {
 }  # fmt: skip
 """Of each option another value than that of the bakes below."""
 PATHS = {
-    "mesh": "other.obj", "high": "other.obj", "mesh_output": "m.glb", "bent_normals": "b.exr", "report": "r.json",
+    "mesh": "other.obj", "high": ["other.obj"], "mesh_output": "m.glb", "bent_normals": "b.exr", "report": "r.json",
     "output": "v.npy", "occluder": ["other.obj"],
 }  # fmt: skip
 TOGETHER = {
     "texel_size": ({"size": None}, {"size": None, "texel_size": "5%"}),
     "uv": ({"mesh_output": "m.glb", "size": "64"}, {"mesh_output": "m.glb", "size": "64", "uv": "unwrap"}),
-    "cage": ({"high": "other.obj"}, {"high": "other.obj", "cage": "9%"}),
+    "cage": ({"high": ["other.obj"]}, {"high": ["other.obj"], "cage": "9%"}),
     "colors": ({"output": "w.ply"}, {"output": "w.ply", "colors": True}),
     "up": ({"output": "w.ply"}, {"output": "w.ply", "up": "z"}),
     "preset": ({"output": "w.glb"}, {"output": "w.glb", "preset": "three"}),

@@ -1,0 +1,88 @@
+"""`--high` of several files, and `--cage` of a mesh file, by the command."""
+
+import json
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from command import obscurance, refused
+from meshes import hills
+
+FEW = ("--samples", 16, "-q")
+
+
+def write_obj(path, vertices, faces):
+    lines = [*("v {} {} {}".format(*map(float, v)) for v in vertices), *("vt {} {}".format(*v[:2]) for v in vertices)]
+    lines += ["f " + " ".join(f"{k}/{k}" for k in face) for face in faces + 1]
+    path.write_text("\n".join(lines) + "\n")
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A unit square, a cage of it that leans, and hills in two files."""
+    vertices, faces = hills(9)
+    flat = (vertices * [1, 1, 0] + [1, 1, 0]) / 2
+    write_obj(tmp_path / "low.obj", flat, faces)
+    write_obj(tmp_path / "cage.obj", flat + np.outer(0.1 + 0.4 * flat[:, 0], [0.5, 0, 1]), faces)
+    write_obj(tmp_path / "even.obj", flat + np.array([0, 0, 0.25]), faces)
+    write_obj(tmp_path / "other.obj", *hills(8))
+    fine, whole = hills(24)
+    fine = fine * [1, 1, 0.2] + [0.5, 0.5, 0]
+    left = fine[whole].mean(axis=1)[:, 0] < 0.5
+    for name, some in (("left", left), ("right", ~left), ("whole", left | ~left)):
+        write_obj(tmp_path / f"{name}.obj", fine, whole[some])
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def bake(*arguments):
+    done = obscurance("bake", "low.obj", *arguments, *FEW)
+    assert done.returncode == 0, done.stderr
+    return done
+
+
+def test_a_cage_file_at_an_even_height_is_that_distance_and_another_is_not(folder):
+    for name, cage in (("a", 0.25), ("b", "even.obj"), ("c", "cage.obj")):
+        bake("--high", "whole.obj", "--cage", cage, "-o", f"{name}.npy", "--report", f"{name}.json")
+        bake("--high", "whole.obj", "--cage", cage, "-o", f"{name}.exr", "--size", 16)
+    for read, ending in ((np.load, "npy"), (lambda path: oiio.ImageBuf(str(path)).get_pixels(), "exr")):
+        one, same, unlike = (read(folder / f"{name}.{ending}") for name in "abc")
+        np.testing.assert_allclose(one, same, atol=1e-5)
+        assert np.abs(one - unlike).max() > 0.01
+    report = json.loads((folder / "c.json").read_text())
+    assert report["options"]["cage"] == "cage.obj"
+    assert [each["path"] for each in report["inputs"]] == ["low.obj", "whole.obj", "cage.obj"]
+    bake("-o", "again.npy", "--options", "c.json")
+    assert (folder / "again.npy").read_bytes() == (folder / "c.npy").read_bytes()
+
+
+def test_several_fine_files_are_as_one(folder):
+    """Points of the left half are met in one file, and occluded by the other, too."""
+    halves = "--high", "left.obj", "--high", "right.obj", "--cage", "even.obj"
+    bake(*halves, "-o", "both.npy", "--falloff", "binary")
+    bake("--high", "whole.obj", "--cage", "even.obj", "-o", "whole.npy", "--falloff", "binary")
+    both, whole = (np.load(f"{name}.npy") for name in ("both", "whole"))
+    np.testing.assert_allclose(both, whole, atol=0.15)  # of other faces' numbers other rays
+    assert np.abs(both - whole).mean() < 0.03
+    bake(*halves, "-o", "one.npy", "--report", "r.json")
+    assert json.loads((folder / "r.json").read_text())["options"]["high"] == ["left.obj", "right.obj"]
+
+
+def test_parts_and_batches_have_the_cage(folder):
+    options = "--high", "left.obj", "--high", "right.obj", "--cage", "cage.obj"
+    bake(*options, "-o", "w.npy")
+    for k in (1, 2):
+        bake(*options, "--part", f"{k}/2", "-o", "parts")
+    (folder / "elsewhere").mkdir()
+    assert obscurance("merge", "parts", "-o", "elsewhere/m.npy", "-q").returncode == 0
+    bake(*options, "--output-dir", "all", "--format", "npy")
+    expected = (folder / "w.npy").read_bytes()
+    assert (folder / "elsewhere" / "m.npy").read_bytes() == (folder / "all" / "low.npy").read_bytes() == expected
+
+
+def test_mistakes(folder):
+    line = "bake", "low.obj", "-o", "w.npy", "--high", "whole.obj", "--cage"
+    refused(obscurance(*line, "other.obj"), "other.obj: vertices: expected 81, as low.obj has, got 64")
+    refused(obscurance(*line, "gone.obj"), "gone.obj: file: expected an existing file, got none")
+    refused(obscurance(*line, "2,5%"), "bake --cage: expected a length above 0", "got '2,5%'")
+    refused(obscurance("bake", "low.obj", "-o", "w.npy", "--cage", "cage.obj"), "--cage needs --high")
