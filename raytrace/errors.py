@@ -62,7 +62,7 @@ def nearest_name(given: object, names: Iterable[str]) -> str | None:
     return by_case[found[0]] if found else None
 
 
-def check_type(value: object, kind: type, source: str, field: str, expected: str) -> None:
+def check_type(value: object, kind: type | tuple[type, ...], source: str, field: str, expected: str) -> None:
     """Refuse a value of another type. Raises: OptionError."""
     if not isinstance(value, kind):
         raise OptionError(field, expected, repr(value), source)

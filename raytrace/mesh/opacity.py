@@ -146,6 +146,11 @@ class Opacity:
         """That of faces (m, 3) which all have one surface. Args: uv: (n, 2), of the vertices."""
         return cls(np.zeros(len(faces), np.int64), (surface,), None if uv is None else uv[faces])
 
+    def only(self, faces: Int64s) -> Opacity:
+        """That of some faces, by their rows."""
+        uv, corners = (None if each is None else each[faces] for each in (self.uv, self.corners))
+        return replace(self, of=self.of[faces], uv=uv, corners=corners)
+
     def reversed(self) -> Opacity:
         """That of the same faces with their corners in reverse order."""
         uv, corners = (None if each is None else each[:, ::-1] for each in (self.uv, self.corners))

@@ -1,16 +1,18 @@
-"""Objects of a mesh file by patterns of their names: which get w, which occlude, and which do neither."""
+"""Objects of a mesh file by patterns of their names: which get w, which occlude, which do neither, and each alone."""
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytrace.errors import OptionError, nearest_name
+from ao.falloff import Falloff
+from ao.texture.uv_layout import on_page
+from raytrace.errors import ConflictError, OptionError, check_type, nearest_name
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.opacity import AlphaSurface, Opacity
-from raytrace.types import Bools, Float64s
+from raytrace.types import Bools, Float64s, Int64s
 
 from .glb.pieces import pieces
 from .load import MeshFile
@@ -25,10 +27,12 @@ class Chosen(NamedTuple):
         mesh: the file's, with as many vertices and faces; those of excluded objects have no area, those of objects
             that do not occlude alpha 0.
         receive: bool (m,), the faces of objects that get w.
+        group: int64 (m,), only faces of the same number occlude each other; None: all do.
     """
 
     mesh: Mesh
     receive: Bools
+    group: Int64s | None = None
 
     @property
     def only(self) -> Bools | None:
@@ -43,18 +47,66 @@ class Chosen(NamedTuple):
         """Texture coordinates (m, 3, 2), NaN of faces that get no w."""
         return uv if self.receive.all() else np.where(self.receive[:, None, None], uv, np.nan)
 
+    def of_page(self, uv: Float64s) -> Mesh:
+        """The mesh as the faces on a page of `uv` (m, 3, 2) see it: faces of other groups have no area.
+
+        Raises: ConflictError: they are of several groups.
+        """
+        shown = on_page(uv)
+        if self.group is None or not shown.any():
+            return self.mesh
+        number, *more = np.unique(self.group[shown])
+        if more:
+            raise ConflictError("occluded_by", "needs", "<OBJECT> in the name of an image: its textures have several")
+        return _without(self.mesh, self.group != number)
+
+    def absolute(self, falloff: Falloff) -> Falloff:
+        """The falloff in mesh units where groups are baked, so that per cent stay those of the radius of all."""
+        mu = falloff.resolve(self.mesh.radius)
+        if self.group is None or mu.form == "table":
+            return falloff
+        lengths: dict[str, Any] = {"max_distance": mu.max_distance}
+        if mu.form == "exponential":
+            lengths |= {"tau": mu.tau, "half_distance": None}
+        return replace(falloff, **lengths)
+
+    def parts(self) -> Iterator[tuple[Int64s, Mesh]]:
+        """The groups of which some face gets w: their vertices in the mesh (k,), and the group as a mesh of its own."""
+        mesh, group = self.mesh, np.zeros(len(self.receive), np.int64) if self.group is None else self.group
+        order = np.argsort(group, kind="stable")
+        for rows in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
+            if self.receive[rows].any():
+                vertices, corners = np.unique(mesh.faces[rows], return_inverse=True)
+                normals = None if mesh.normals is None else mesh.normals[vertices]
+                opacity = mesh.opacity and mesh.opacity.only(rows)
+                faces = corners.reshape(-1, 3)
+                own = mesh.vertices[vertices]
+                yield vertices, Mesh(own, faces, normals, source=mesh.source, up=mesh.up, opacity=opacity)
+
 
 def choose(
-    source: MeshFile, receive: Sequence[str], cast: Sequence[str], exclude: Sequence[str], lenient: bool = False
+    source: MeshFile,
+    receive: Sequence[str] = (),
+    cast: Sequence[str] = (),
+    exclude: Sequence[str] = (),
+    by: str = "all",
+    lenient: bool = False,
 ) -> Chosen:
     """Choose objects by names or patterns of `fnmatch`, after a "!" those that do not match.
+
+    `mesh` and `only` of the result are arguments of `ao.bake`.
 
     Args:
         receive, cast: the objects that get w, and that occlude; none: all.
         exclude: objects that do neither. lenient: whether it may match nothing.
+        by: whether faces are occluded by all, by their own object, or by objects of its name.
 
     Raises: OptionError: a pattern matches no object, or nothing is left to bake.
     """
+    for name, each in (("receive", receive), ("cast", cast), ("exclude", exclude)):
+        check_type(each, (list, tuple), "options", name, "a list of names or patterns")
+    if by not in ("all", "object", "name"):
+        raise OptionError("by", "all, object or name", repr(by))
     mesh, every = source.mesh, np.ones(len(source.mesh.faces), np.bool_)
     excluded = _named(source, "exclude", exclude, lenient) if exclude else ~every
     received = (_named(source, "receive", receive) if receive else every) & ~excluded
@@ -62,13 +114,24 @@ def choose(
         name, given = ("receive", receive) if receive else ("exclude", exclude)
         raise OptionError(name, "patterns that leave an object to bake", " ".join(given), source.path)
     if excluded.any():
-        point = mesh.faces[received][0, 0]
-        mesh = replace(mesh, faces=np.where(excluded[:, None], point, mesh.faces))
+        mesh = _without(mesh, excluded)
     if cast:
         known = mesh.opacity or Opacity(np.full(len(mesh.faces), -1), ())
         of = np.where(_named(source, "cast", cast), known.of, len(known.surfaces))
         mesh = replace(mesh, opacity=replace(known, of=of, surfaces=(*known.surfaces, AlphaSurface(0.0))))
-    return Chosen(mesh, received)
+    return Chosen(mesh, received, None if by == "all" else _groups(source, by))
+
+
+def _without(mesh: Mesh, faces: Bools) -> Mesh:
+    """The mesh with some faces, bool (m,), without an area."""
+    return replace(mesh, faces=np.where(faces[:, None], mesh.faces[~faces][0, 0], mesh.faces))
+
+
+def _groups(source: MeshFile, by: str) -> Int64s:
+    group, numbers = np.zeros(len(source.mesh.faces), np.int64), dict[Hashable, int]()
+    for piece in pieces(source):
+        group[piece.faces] = numbers.setdefault(getattr(piece.object, "name" if by == "name" else "key"), len(numbers))
+    return group
 
 
 def _named(source: MeshFile, option: str, patterns: Sequence[str], lenient: bool = False) -> Bools:

@@ -221,7 +221,7 @@ class MeshBake(Record, ABC):
         from ..formats.load import load
 
         kept = Path("texture.glb") if self.sort == "texture" else self.output
-        names = bool(self.receive or self.cast or self.exclude)
+        names = bool(self.receive or self.cast or self.exclude) or self.occluded_by != "all"
         return load(self.mesh, kept, self.content, self.alpha == "auto", self.up, names)
 
     def check_up(self, picture: Path | None, *outputs: Path | None) -> None:
@@ -245,8 +245,8 @@ class MeshBake(Record, ABC):
         high, walls = ([load(path, alpha=alpha) for path in each or ()] for each in given)
         fine = joined([each.mesh for each in high], all_normals=True) if high else None
         cage = load(self.cage) if isinstance(self.cage, Path) else None
-        batch = self.output_dir is not None
-        chosen = choose(source, self.receive or (), self.cast or (), self.exclude or (), batch)
+        by_name = self.receive or (), self.cast or (), self.exclude or ()
+        chosen = choose(source, *by_name, self.occluded_by, self.output_dir is not None)
         ground = [ao.ground(chosen.mesh, self.ground_height())] if self.ground else []
         return Sources(source, chosen, high, fine, cage, walls, ground)
 

@@ -21,6 +21,7 @@ from ..presets import PRESETS
 REPORTS = ".json", ".html"  # endings
 Metric = Literal["flip", "rms", "max"]
 Alpha = Literal["auto", "ignore"]
+OccludedBy = Literal["all", "object", "name"]
 Up = Literal["x", "y", "z", "-x", "-y", "-z"]
 Format = Literal["npy", "npz", "ply", "glb", "html", "png", "exr", "tif"]
 InputFormat = Literal["ply", "obj", "stl", "off", "glb", "gltf", "3mf"]
@@ -61,6 +62,9 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
                excludes=("high", "tiles"), metavar="PATTERN"),
         Option("exclude", list[str] | None, None, "Objects of this name neither get w nor occlude, likewise.", EACH,
                excludes=("high", "tiles"), metavar="PATTERN"),
+        Option("occluded_by", OccludedBy, "all", "By all, the own object alone, or objects of its name: as if each "
+               "were in a file of its own, with occluders and ground.", "vertices texture batch",
+               excludes=("high", "cluster", "profile", "resume")),
         "normals", "interior", "back_faces",
         Option("alpha", Alpha, "auto",
                "auto: what glTF and OBJ materials cut out or blend lets light through; ignore: opaque."),

@@ -77,7 +77,8 @@ def bake_command(options: Mapping[str, Any]) -> MeshBake:
         # where it takes the rays of the bake alone, and has w as baked between its columns
         exponential = options["falloff"] == "exponential" and options["max_distance"] == "inf"
         sampled = options["method"] == "vertex" and options["tolerance"] is None
-        options["profile"] = ending == ".html" and exponential and sampled
+        alone = options["occluded_by"] == "all"
+        options["profile"] = ending == ".html" and exponential and sampled and alone
     shown, colors = options["occlusion"], options["colors"]
     glb, image = ending == ".glb", is_texture(output)
     if shown in ("auto", "texture") and not (glb or (image and shown == "texture")):

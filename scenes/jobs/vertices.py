@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -75,10 +75,13 @@ class BakeCommand(MeshBake):
         warnings = warn(sources.meshes, [*sources.notes, *losses], falloff)
         with self.checkpoint(self.output) as checkpoint:
             with progress(self.quiet, "rays", form=self.progress, status=checkpoint.status) as (advance,):
-                baked = ao.bake(
-                    sources.chosen.mesh, falloff, progress=advance, checkpoint=checkpoint, only=sources.chosen.only,
-                    **sources.arguments, **self.arguments(),
-                )  # fmt: skip
+                if self.occluded_by == "all":
+                    baked = ao.bake(
+                        sources.chosen.mesh, falloff, progress=advance, checkpoint=checkpoint, only=sources.chosen.only,
+                        **sources.arguments, **self.arguments(),
+                    )  # fmt: skip
+                else:
+                    baked = self._bake_parts(sources, falloff)
             missed = baked.flagged["missed"]
             outside = f"{missed:,} vertices are not within the cage of the fine mesh and take the closest point of it"
             warnings += warn([], [*baked.shortfalls, *([f"{self.output}: {outside}"] if missed else [])])
@@ -100,6 +103,35 @@ class BakeCommand(MeshBake):
 
             write_marked(self.debug_image, source.mesh, baked)
         yield Written(bake_summary(baked, self.output) + alpha_summary(sources.solid) + shown, warnings)
+
+    def _bake_parts(self, sources: Sources, falloff: ao.Falloff) -> ao.Bake:
+        """Bake groups of objects one by one; vertices of several groups have w of the last."""
+        import numpy as np
+
+        import ao
+        from ao.estimate.calibration import Calibration
+
+        chosen, parts = sources.chosen, list[ao.Bake]()
+        only, count = chosen.only, len(chosen.mesh.vertices)
+        flags = np.full(count, ao.Flag.UNREFERENCED, np.uint8)
+        flags[chosen.mesh.faces] = 0
+        values: dict[str, Any] = {"w": np.ones(count), "error": np.zeros(count), "flags": flags}
+        values["bent_normals"] = np.zeros((count, 3))
+        for vertices, mesh in chosen.parts():
+            wanted = None if only is None else only[vertices]
+            part = ao.bake(mesh, chosen.absolute(falloff), only=wanted, **sources.arguments, **self.arguments())
+            for name, each in values.items():
+                each[vertices] = getattr(part, name)
+            parts.append(part)
+        calibrations = [part.calibration for part in parts if part.calibration]
+        columns = ([getattr(each, name) for each in calibrations] for name in ("estimated", "measured"))
+        rmse = float(np.sqrt(np.sum(values["error"] ** 2) / max(count if only is None else int(only.sum()), 1)))
+        return ao.Bake(
+            **values, mesh=chosen.mesh, mu=parts[0].mu, rmse=rmse, rmses=(rmse,), rays=sum(part.rays for part in parts),
+            rays_skipped=_sums([part.rays_skipped for part in parts]), seconds=_sums([part.seconds for part in parts]),
+            shortfalls=tuple(dict.fromkeys(line for part in parts for line in part.shortfalls)),
+            calibration=Calibration(*map(np.concatenate, columns)) if calibrations else None,
+        )  # fmt: skip
 
     def check_own(self) -> None:
         from raytrace.errors import ConflictError
@@ -143,3 +175,7 @@ class BakeCommand(MeshBake):
         instead = f"--occlusion texture for a .glb, -o NAME.png, {fit}or smaller faces"
         text = f"between the vertices w errs by {baked.interpolation.rmse:.2f}, the faces are too large for it"
         return "", [f"{self.output}: {text}: {instead}"]
+
+
+def _sums(tables: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    return {name: sum(table.get(name, 0) for table in tables) for name in dict.fromkeys(k for t in tables for k in t)}

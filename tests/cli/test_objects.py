@@ -11,13 +11,15 @@ from uv_meshes import grid_charts
 
 import ao
 import scenes
-from raytrace import Mesh
+from raytrace import Mesh, OptionError
 from raytrace.image.read import read_image
 from scenes.geometry.polyhedra import icosphere, join
 
 FEW = "--samples", "32", "--half-distance", "0.4"
 FALLOFF = ao.Exponential(half_distance=0.4)
-BALL = icosphere(2)
+SPHERE, FACES = icosphere(2)
+DENT = np.exp(-4 * ((SPHERE - [1, 0, 0]) ** 2).sum(axis=1, keepdims=True))
+BALL = SPHERE * (1 - 0.7 * DENT), FACES
 N = len(BALL[0])
 PLACES = {"body": (1.0, 0.0), "hat": (0.6, 1.45), "body_collision": (1.25, 0.0), "shoe": (0.5, -1.4)}
 BALLS = {name: (radius * BALL[0] + [0, y, 0], BALL[1]) for name, (radius, y) in PLACES.items()}
@@ -26,7 +28,7 @@ ROWS = {name: slice(i * N, (i + 1) * N) for i, name in enumerate(BALLS)}
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """The same balls as an OBJ and as a .glb with charts of their own."""
+    """The same dented balls as an OBJ and as a .glb with charts of their own."""
     monkeypatch.chdir(tmp_path)
     lines, builder, nodes = [], Builder(), []
     for number, (name, (vertices, faces)) in enumerate(BALLS.items()):
@@ -135,6 +137,50 @@ def test_textures_and_glb(folder):
     assert w[: 3 * count].mean() < 0.97
 
 
+def test_objects_alone_are_as_in_files_of_their_own(folder):
+    alone = {name: by_hand(name)[name] for name in BALLS}
+    assert all(w.min() < 0.85 for w in alone.values())
+    check(baked("--occluded-by", "object"), alone)
+    check(baked("--occluded-by", "name", "--receive", "hat", "--exclude", "body"), {"hat": alone["hat"]})
+    floor = ao.ground(Mesh(*join(BALLS.values())))
+    over = {name: ao.bake(Mesh(*BALLS[name]), FALLOFF, 32, occluders=[floor]).w.astype("f4") for name in BALLS}
+    check(baked("--occluded-by", "object", "--ground", "auto"), over)
+    radius = scenes.load("m.obj").mesh.radius
+    share = f"{40 / radius:.17g}%"
+    assert np.allclose(baked("--occluded-by", "object", "--half-distance", share)[ROWS["hat"]], alone["hat"], atol=1e-6)
+    baked("--occluded-by", "object", "--tolerance", "0.02", "--report", "r.json", output="w.ply")
+    report = json.loads((folder / "r.json").read_text())
+    assert 0 < report["rmse_estimate"] < 0.02
+    assert report["options"]["occluded_by"] == "object"
+    twice = (folder / "m.glb").read_bytes().replace(b'"hat"', b'"bat"').replace(b'"shoe"', b'"bat" ')
+    (folder / "twice.glb").write_bytes(twice)
+    baked("--occluded-by", "name", "--occlusion", "ramp", mesh="twice.glb", output="w.glb")
+    baked("--occluded-by", "object", "--occlusion", "ramp", mesh="twice.glb", output="o.glb")
+    by_name, by_object = (scenes.load(name).w.reshape(4, -1) for name in ("w.glb", "o.glb"))
+    same = (by_name == by_object).all(axis=1)
+    assert same.tolist() == [True, False, True, False]
+
+
+def test_a_texture_of_each_object_alone(folder):
+    baked("--occluded-by", "object", "--size", "64", mesh="m.glb", output="<OBJECT>.exr")
+    source = scenes.load("m.glb")
+    part = source.parts[1]
+    rows = source.mesh.faces[part.faces]
+    mesh = Mesh(source.mesh.vertices, rows)
+    expected = ao.bake_texture(mesh, source.uv[part.faces], 64, FALLOFF, 32).w.astype("f4")
+    assert np.array_equal(read_image("hat.exr")[0]["beauty"][..., 0], expected)
+
+
+def test_from_python(folder):
+    source = scenes.load("m.obj", names=True)
+    some = scenes.choose(source, receive=["hat"], exclude=("*_collision",))
+    check(ao.bake(some.mesh, FALLOFF, 32, only=some.only).w.astype("f4"), by_hand("hat", occluders=["body", "shoe"]))
+    with pytest.raises(OptionError, match="receive: expected a list of names or patterns, got 'hat'"):
+        scenes.choose(source, receive="hat")
+    with pytest.raises(OptionError, match="by: expected all, object or name"):
+        scenes.choose(source, by="objects")
+
+
 def test_a_batch_excludes_where_there_is_something_to_exclude(folder):
     (folder / "plain.obj").write_text((folder / "m.obj").read_text().replace("_collision", "_skin"))
     options = "--output-dir", "out", "--format", "npy", *FEW, "--exclude", "*_collision"
@@ -152,12 +198,18 @@ def test_a_batch_excludes_where_there_is_something_to_exclude(folder):
         (["--exclude", "!bag*"], "shoe, got '!bag*'"),
         (["--exclude", "*"], "m.obj: exclude: expected patterns that leave an object to bake, got *"),
         (["--receive", "hat", "--exclude", "h*"], "m.obj: receive: expected patterns that leave an object to bake"),
+        (["--occluded-by", "object", "--resume"], "--occluded-by and --resume exclude each other"),
+        (["--occluded-by", "object", "--part", "1/2"], "--occluded-by and --part exclude each other"),
+        (["--occluded-by", "object", "--occlusion", "texture", "-o", "t.glb"], "--occluded-by object does not go with "
+         "textures in a .glb"),
+        (["m.glb", "--occluded-by", "object"], "--occluded-by needs <OBJECT> in the name of an image"),
         (["--cast", "hat", "--high", "m.obj"], "--cast and --high exclude each other"),
         (["--receive", "hat", "--tiles", "2x1x1"], "--receive and --tiles exclude each other"),
     ],
 )  # fmt: skip
 def test_mistakes_are_one_line(folder, options, message):
-    done = obscurance("bake", "m.obj", "-o", "w.npy", *options)
+    given = options if options[0] == "m.glb" else ["m.obj", "-o", "w.npy", *options]
+    done = obscurance("bake", "-o", "w.png", *given)
     assert done.returncode == 2
     assert message in done.stderr
     assert len(done.stderr.splitlines()) == 1

@@ -77,6 +77,7 @@ class TextureCommand(MeshBake):
         inputs, glb = self.hashed(sources.files), self._glb()
         without_uv = lacking(source, found.uv, sources.chosen.receive, glb)
         warnings = warn(sources.meshes, [*sources.notes, *without_uv], falloff)
+        falloff = sources.chosen.absolute(falloff)
         bakes: list[BakedPage] = []
         with ExitStack() as kept:
             for page in pages:
@@ -123,6 +124,8 @@ class TextureCommand(MeshBake):
                 raise ConflictError("mesh_output", "needs", "an image of one page as --output")
         if self.replace_occlusion and glb is None:
             raise ConflictError("replace_occlusion", "needs", "a .glb to write")
+        if glb and self.occluded_by != "all":
+            raise ConflictError(("occluded_by", self.occluded_by), "does not go with", "textures in a .glb")
         if self.orm and glb is None:
             raise ConflictError("orm", "needs", "a .glb to write, as --output or --mesh-output")
         if self.occlusion not in (None, "texture"):
@@ -159,10 +162,13 @@ class TextureCommand(MeshBake):
         return self.output if self.output.suffix.lower() == ".glb" else self.mesh_output
 
     def _layout(self, sources: Sources) -> tuple[Coordinates, list[Page]]:
-        """The texture coordinates, and the pages. Raises: MeshError, OptionError: as `coordinates` and `pages_of`."""
+        """The texture coordinates, and the pages. Raises: as `coordinates`, `pages_of` and `Chosen.of_page`."""
         source, page = sources.source, (self.size, self.texel_size)
         found = coordinates(source, self.uv or "auto", page, self._glb() is not None, sources.chosen)
-        return found, pages_of(source, found, self.output, self.overlap is not None, self.threads)
+        pages = pages_of(source, found, self.output, self.overlap is not None, self.threads)
+        for each in pages:
+            sources.chosen.of_page(each.uv)
+        return found, pages
 
     def _title(self, page: Page) -> str:
         return f"{page.path(self.output)}{f', {page.name}' if page.name else ''}"
@@ -182,7 +188,7 @@ class TextureCommand(MeshBake):
             raise ConflictError("part", "does not go with", sets)
         with progress(self.quiet, "rays", form=self.progress, status=checkpoint.status) as (advance,):
             baked = ao.bake_texture(
-                sources.chosen.mesh, page.uv, found.size, falloff, progress=advance, checkpoint=checkpoint,
+                sources.chosen.of_page(page.uv), page.uv, found.size, falloff, progress=advance, checkpoint=checkpoint,
                 wrap=page.wraps, **sources.arguments, **self.arguments(),
             )  # fmt: skip
         remarks = layout_remarks(baked, page.wraps, self._glb() != self.output)

@@ -167,7 +167,7 @@ TOGETHER = {
     "profile": ({"output": "w.npz"}, {"output": "w.npz", "profile": True}),
 }
 """Of options that need others, the options of two bakes."""
-APART = {"tiles"}
+APART = {"tiles", "occluded_by"}
 """Options of bakes that keep no journal."""
 
 
