@@ -51,8 +51,7 @@ class UVLayout:
         uv = np.where(shown[:, None, None], uv, 0.0)
         low, high = uv.min(axis=1), uv.max(axis=1)
         extent = (high - low).max(axis=1)
-        a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
-        area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+        area = doubled_areas(uv)
         usable = np.abs(area) > _FLAT * extent**2
         first, last = np.floor(low + _TINY).astype(np.int64), np.ceil(high - _TINY).astype(np.int64)
         spans = np.maximum(last - first, 1)
@@ -76,6 +75,12 @@ def on_page(uv: Float64s) -> Bools:
     """The faces (m,) whose texture coordinates (m, 3, 2) are not NaN, which are on a page."""
     shown: Bools = np.all(~np.isnan(uv), axis=(1, 2))
     return shown
+
+
+def doubled_areas(uv: Float64s) -> Float64s:
+    """Twice the area of each face (m,) of `uv` (m, 3, 2), below 0 of mirrored ones."""
+    a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
 def page_size(size: Any) -> tuple[int, int]:
@@ -123,8 +128,7 @@ def texels_across(uv: Float64s, areas: Float64s, texel_size: float) -> int:
     """
     if not (np.isfinite(texel_size) and texel_size > 0):
         raise OptionError("texel_size", "a length above 0", texel_size)
-    a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
-    mapped = float(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum() / 2)
+    mapped = float(np.abs(doubled_areas(uv)).sum() / 2)
     side = np.sqrt(float(areas.sum()) / mapped) / texel_size if mapped > 0 else 1.0
     power = int(np.ceil(np.log2(max(side, 1.0)) - 1e-9))
     if power > np.log2(MAX_SIDE):

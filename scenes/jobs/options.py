@@ -88,10 +88,14 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
         Option("texel_size", str | None, None, 'Texture: what a texel covers at most, in mesh units or "1%" of the '
                "radius; sets the size.", IMAGE, excludes=("size",)),
         Option("uv", str | None, None, "Texture: the file's texture coordinates, of a glTF the N-th; new ones (pip "
-               "install uvunwrap) of all, or filled in where there are none.", IMAGE, metavar="auto|N|unwrap|fill"),
+               "install uvunwrap) of all, or filled in where there are none; or the file's charts packed side by side.",
+               IMAGE, metavar="auto|N|unwrap|fill|pack"),
         Option("mesh_output", Path | None, None, "Texture: also write the mesh with it, and with new coordinates.",
                "texture merge", "output", metavar="GLB"),
         "overlap",
+        Option("instances", Literal["mean", "first", "own"], "mean", "Texture: where several nodes of a glTF show one "
+               "mesh, and so one layout: the mean of their w, that of the first, or a texture for each.", IMAGE,
+               excludes=("overlap",)),
         Option("bent_normals", Path | None, None, "Texture: also write the mean open directions.", "texture merge",
                "output", metavar="IMAGE"),
         "bent_space",

@@ -142,7 +142,7 @@ MISTAKES = [
     ("bare.obj -o w.png", "bare.obj: texture coordinates: expected some on every face, got none"),
     ("bare.obj -o w.png --uv unwrap", "bake: --uv unwrap needs --mesh-output"),
     ("corner.obj -o w.png --uv 3", "expected some of number 3 on every face, got none"),
-    ("corner.obj -o w.png --uv x", "bake --uv: expected auto, unwrap, fill or the number", "got 'x'"),
+    ("corner.obj -o w.png --uv x", "bake --uv: expected auto, unwrap, fill, pack or the number", "got 'x'"),
     ("nan.obj -o w.png", "texture coordinates"),
     ("flat.obj -o w.png", "flat.obj: texture coordinates: expected faces with an area on the page, got none"),
     ("far.obj -o w.png", "expected finite numbers up to 100000"),

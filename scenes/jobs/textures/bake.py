@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -106,8 +107,9 @@ class TextureCommand(MeshBake):
     def check_own(self) -> None:
         if self.size is not None:
             page_size(parse_texels(self.size))
-        if self.uv not in (None, "auto", "unwrap", "fill") and not (self.uv.isdecimal() and len(self.uv) < 4):
-            raise OptionError("uv", "auto, unwrap, fill or the number of a set of texture coordinates", repr(self.uv))
+        if self.uv not in (None, "auto", "unwrap", "fill", "pack") and not (self.uv.isdecimal() and len(self.uv) < 4):
+            expected = "auto, unwrap, fill, pack or the number of a set of texture coordinates"
+            raise OptionError("uv", expected, repr(self.uv))
         glb = self._glb()
         for name, path in self._images().items():
             if path != glb:
@@ -130,7 +132,9 @@ class TextureCommand(MeshBake):
             raise ConflictError("orm", "needs", "a .glb to write, as --output or --mesh-output")
         if self.occlusion not in (None, "texture"):
             raise ConflictError(("occlusion", self.occlusion), "does not go with", "a texture")
-        if self.uv in ("unwrap", "fill") and glb is None:
+        if self.uv in ("unwrap", "pack") and self.instances != "mean":
+            raise ConflictError("instances", "does not go with", ("uv", self.uv))
+        if self.uv in ("unwrap", "fill", "pack") and glb is None:
             raise ConflictError(("uv", self.uv), "needs", "mesh_output")
         if self.half and glb == self.output and len(self._images()) == 1:
             raise ConflictError("half", "needs", "images that end in .exr or .tif")
@@ -165,7 +169,8 @@ class TextureCommand(MeshBake):
         """The texture coordinates, and the pages. Raises: as `coordinates`, `pages_of` and `Chosen.of_page`."""
         source, page = sources.source, (self.size, self.texel_size)
         found = coordinates(source, self.uv or "auto", page, self._glb() is not None, sources.chosen)
-        pages = pages_of(source, found, self.output, self.overlap is not None, self.threads)
+        mixed = self.overlap is not None
+        pages = pages_of(source, found, self.output, mixed, self.threads, self.instances)
         for each in pages:
             sources.chosen.of_page(each.uv)
         return found, pages
@@ -191,6 +196,8 @@ class TextureCommand(MeshBake):
                 sources.chosen.of_page(page.uv), page.uv, found.size, falloff, progress=advance, checkpoint=checkpoint,
                 wrap=page.wraps, **sources.arguments, **self.arguments(),
             )  # fmt: skip
+        if page.shown is not None:
+            baked = replace(baked, uv=page.shown)
         remarks = layout_remarks(baked, page.wraps, self._glb() != self.output)
         return baked, [*baked.shortfalls, *(f"{self._title(page)}: {line}" for line in remarks)]
 

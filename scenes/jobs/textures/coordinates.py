@@ -1,5 +1,6 @@
 """The texture coordinates of a bake, of the file or by the optional library uvunwrap, and the size of its pages."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
@@ -7,12 +8,14 @@ from typing import Any
 import numpy as np
 
 from ao.falloff import resolve_length
-from ao.texture.uv_layout import MAX_SIDE, on_page, page_size, texels_across
+from ao.texture.shown import corner_places
+from ao.texture.uv_layout import MAX_SIDE, corner_uv, doubled_areas, on_page, page_size, texels_across
 from raytrace.errors import MeshError, OptionError
+from raytrace.mesh.components import connected_components
 from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import face_normals
-from raytrace.types import Bools, Float64s
+from raytrace.types import Bools, Float64s, Int64s
 
 from ...formats.load import MeshFile
 from ...formats.objects import Chosen
@@ -49,7 +52,7 @@ def coordinates(
     mesh, receive = chosen.mesh, chosen.receive
     number = int(wanted) if wanted.isdecimal() else 0
     uv = None if wanted == "unwrap" else source.texture_coordinates(number)
-    if uv is not None:
+    if uv is not None and wanted != "pack":
         uv = chosen.on_pages(uv)
         texels = _page(mesh, uv, *pages)
         new = ~on_page(uv) & receive & (wanted == "fill")
@@ -57,16 +60,17 @@ def coordinates(
             uv[new] = unwrap(Mesh(mesh.vertices, mesh.faces[new], source=mesh.source), min(texels))
         return Coordinates(uv, new, number, texels)
     can_unwrap = find_spec("uvunwrap") is not None
-    if wanted not in ("unwrap", "fill") and not (wanted == "auto" and into_glb and can_unwrap):
+    if uv is None and wanted not in ("unwrap", "fill") and not (wanted == "auto" and into_glb and can_unwrap):
         which = f" of number {number}" if number else ""
         advice = f"; {'' if can_unwrap else 'pip install uvunwrap and '}--uv unwrap makes some"
         raise MeshError(source.path, "texture coordinates", f"some{which} on every face", f"none{advice}")
     share = np.sqrt(2 * _USED / np.count_nonzero(receive))  # of the page's side, of each face
-    uv = np.full((len(receive), 3, 2), np.nan)
-    uv[receive] = [[0.0, 0.0], [share, 0.0], [0.0, share]]
-    side = min(_page(mesh, uv, *pages))
-    uv[receive] = unwrap(Mesh(mesh.vertices, mesh.faces[receive], source=mesh.source), side)
-    return Coordinates(uv, receive, None, (side, side))
+    made = np.full((len(receive), 3, 2), np.nan)
+    made[receive] = [[0.0, 0.0], [share, 0.0], [0.0, share]]
+    side = min(_page(mesh, made, *pages))
+    old = None if uv is None else uv[receive]
+    made[receive] = unwrap(Mesh(mesh.vertices, mesh.faces[receive], source=mesh.source), side, old)
+    return Coordinates(made, receive, None, (side, side))
 
 
 def parse_texels(text: str) -> int | tuple[int, int]:
@@ -90,16 +94,19 @@ def _page(mesh: Mesh, uv: Float64s, size: str | None, texel_size: str | None) ->
     return page_size(texels_across(uv[shown], areas[shown], length))
 
 
-def unwrap(mesh: Mesh | Any, size: int = 1024) -> Float64s:
+def unwrap(mesh: Mesh | Any, size: int = 1024, uv: Any = None) -> Float64s:
     """New texture coordinates (m, 3, 2) without overlaps, v upwards; the same mesh and size give the same.
 
     Args:
         mesh: as `ao.bake` takes it.
         size: texels across the square page that they are for, 64 to 16384.
+        uv: texture coordinates as `ao.bake_texture` takes them, whose charts are packed in their shapes, with the same
+            number of texels per area of the surface: turned by right angles, mirrored ones turned over, and cut where
+            they lie over themselves. Faces without coordinates or without area there get new ones.
 
     Raises:
         OptionError: the library is not installed, or the page is smaller than 64 texels.
-        MeshError: the library fails.
+        MeshError: the library fails, or `uv` cannot be used.
     """
     if find_spec("uvunwrap") is None:
         raise OptionError("uv", "pip install uvunwrap, to unwrap meshes", "no uvunwrap")
@@ -109,15 +116,45 @@ def unwrap(mesh: Mesh | Any, size: int = 1024) -> Float64s:
 
     mesh = mesh_of(mesh, "unwrap")
     centred = (mesh.vertices - mesh.centre) / max(mesh.radius, 1e-300)
+    pieces = [(np.arange(len(mesh.faces)), centred, mesh.faces)]
+    if uv is not None:
+        old = corner_uv(uv, mesh)
+        pieces = list(_flat_charts(centred, mesh.faces, old, size))
+        rest = np.flatnonzero(np.nan_to_num(doubled_areas(old)) == 0)
+        pieces += [(rest, centred, mesh.faces[rest])] if len(rest) else []
     try:
-        given = uvunwrap.Mesh(centred.astype(np.float32).ravel(), mesh.faces.astype(np.uint32).ravel())
-        atlas = uvunwrap.generate([given], page_size=size, padding=_PADDING)
+        given = [uvunwrap.Mesh(np.float32(at).ravel(), np.uint32(faces).ravel()) for _, at, faces in pieces]
+        atlas = uvunwrap.generate(given, page_size=size, padding=_PADDING)
     except Exception as reason:
         raise MeshError(mesh.source, "faces", "a mesh that uvunwrap can unwrap", reason) from None
-    uv = np.asarray(atlas.meshes[0].corner_uvs, np.float64).reshape(-1, 3, 2)
     if atlas.page_count > 1:
         got = f"{atlas.page_count} pages of {size} texels; a larger --size may do"
         raise MeshError(mesh.source, "faces", "a mesh that uvunwrap can unwrap to one page", got)
-    if atlas.page_count != 1 or len(uv) != len(mesh.faces) or not np.isfinite(uv).all():
+    made = np.full((len(mesh.faces), 3, 2), np.nan)
+    for (rows, *_), each in zip(pieces, atlas.meshes, strict=True):
+        made[rows] = np.reshape(each.corner_uvs, (-1, 3, 2))
+    if atlas.page_count != 1 or not np.isfinite(made).all():
         raise MeshError(mesh.source, "faces", "a mesh that uvunwrap can unwrap", f"{atlas!r}")
-    return uv
+    return made if uv is None else made * (atlas.width / size, atlas.height / size)
+
+
+def _flat_charts(
+    vertices: Float64s, faces: Int64s, uv: Float64s, size: int
+) -> Iterator[tuple[Int64s, Float64s, Int64s]]:
+    """The charts of `uv` (m, 3, 2): rows of their faces, and each as a flat mesh of the area that it has in space.
+
+    An unwrapper keeps these in shape. Mirrored halves are charts of their own, even if they share their fold.
+    """
+    rows = np.flatnonzero(np.nan_to_num(doubled_areas(uv)))
+    if not len(rows):
+        return
+    uv, faces = uv[rows], faces[rows]
+    doubled, areas = doubled_areas(uv), face_normals(vertices, faces)[1]
+    points = np.unique(vertices, axis=0, return_inverse=True)[1].reshape(-1)[faces]
+    corners = 2 * corner_places(uv * size, points) + (doubled < 0)[:, None]
+    chart = connected_components(corners, int(corners.max()) + 1)[corners[:, 0]]
+    order = np.argsort(chart, kind="stable")
+    for own in np.split(order, np.flatnonzero(np.diff(chart[order])) + 1):
+        scale = np.sqrt(2 * areas[own].sum() / abs(doubled[own]).sum())
+        flat = np.pad((uv[own] - uv[own].min(axis=(0, 1))) * scale, ((0, 0), (0, 0), (0, 1)))
+        yield rows[own], flat, np.arange(3 * len(own))

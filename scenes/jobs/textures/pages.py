@@ -3,13 +3,13 @@
 Materials with layouts of their own lie over one another in texture coordinates, where one page would show their mean.
 In a .glb they become pages of their own, in images by placeholders in the output's name. Within a material, faces that
 overlap are taken to be meant so, as mirrored halves are; so are objects whose common material has an image, and
-copies of one object.
+instances of one mesh unless each is to have its own page.
 """
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ import ao
 from ao.texture.coverage import shared_texels
 from ao.texture.uv_layout import on_page
 from raytrace.errors import OptionError
-from raytrace.types import Bools, Float64s, Int64s
+from raytrace.types import Bools, Float64s
 
 from ...formats.glb.pieces import Piece, pieces
 from ...formats.image_names import MATERIAL, OBJECT, UDIM
@@ -39,12 +39,14 @@ class Page:
     Attributes:
         uv: (m, 3, 2), NaN of faces that are not on it. wraps: whether what lies outside of it is taken modulo 1.
         name: of a texture set, where one file holds several. words: for placeholders in the names of its files.
+        shown: as `uv`, also of instances that show the page though it is baked for the first instance; None: `uv`.
     """
 
     uv: Float64s
     wraps: bool = True
     name: str = ""
     words: dict[str, str] = field(default_factory=dict)
+    shown: Float64s | None = None
 
     def path(self, template: Path) -> Path:
         name = template.name
@@ -59,15 +61,18 @@ class Layouts:
     Attributes:
         of: int64 (m,), the layout of each face. all: the file's pieces. pieces: one of each layout.
         images: an image of each layout, or a key that is the layout's own.
+        instance: int64 (m,), the number of the mesh's instance that each face belongs to, among those on the pages; 0
+            of new coordinates, which no two instances have in common.
     """
 
     def __init__(self, source: MeshFile, found: Coordinates) -> None:
-        self.of: Int64s = np.zeros(len(source.mesh.faces), np.int64)
+        self.of, self.instance = np.zeros((2, len(source.mesh.faces)), np.int64)
         self.all = list(pieces(source, found.number or 0))
         self.pieces: list[Piece] = []
         self.images: list[Hashable] = []
         self.path = source.path
         keys: dict[Hashable, int] = {}
+        owners: dict[Hashable, dict[Hashable, int]] = {}
         for piece in self.all:
             new = bool(found.new[piece.faces].any())
             shared = piece.image is not None and not new
@@ -76,6 +81,9 @@ class Layouts:
                 self.pieces.append(piece)
                 self.images.append("new" if new else ("image", piece.image) if shared else key)
             self.of[piece.faces] = keys.setdefault(key, len(keys))
+            if not new and on_page(found.uv[piece.faces]).any():
+                same = owners.setdefault(piece.body, {})
+                self.instance[piece.faces] = same.setdefault(piece.object.key, len(same))
 
     def clashes(self, page: Page, size: tuple[int, int], threads: int | None) -> dict[tuple[int, int], int]:
         """In how many texels layouts overlap on a page, by pairs."""
@@ -98,15 +106,51 @@ class Layouts:
         names = file_words(self.pieces[page[0]].material.name for page in found)
         return zip(names, (np.isin(self.of, page) for page in found), strict=True)
 
+    def by_instance(self, pages: Sequence[Page]) -> list[Page]:
+        """The pages, where several instances of a mesh are on one of them a page for each, named by its object."""
+        made: list[Page] = []
+        for page in pages:
+            numbers = np.where(on_page(page.uv), self.instance, -1)
+            every = np.unique(numbers[numbers >= 0])
+            for number in every:
+                names = [piece.object.name for piece in self.all if (numbers[piece.faces] == number).any()]
+                name = f"{page.name} {names[0]}".strip() if len(every) > 1 else page.name
+                made.append(replace(page, uv=_only(page.uv, numbers == number), name=name))
+        if len(made) == len(pages):
+            return made
+        words = file_words(page.name for page in made)
+        return [replace(page, name=word, words={MATERIAL: word}) for page, word in zip(made, words, strict=True)]
 
-def pages_of(source: MeshFile, found: Coordinates, output: Path, mixed: bool, threads: int | None) -> list[Page]:
+
+def pages_of(
+    source: MeshFile, found: Coordinates, output: Path, mixed: bool, threads: int | None, instances: str = "mean"
+) -> list[Page]:
     """The pages of an output, each of some faces.
 
-    Args: mixed: whether layouts that overlap may share a page.
+    Args:
+        mixed: whether layouts that overlap may share a page.
+        instances: what a page of several instances of a mesh holds: their "mean", or w of the "first"; "own": each has
+            a page of its own.
 
-    Raises: OptionError: they would, and may not; or tiles that have no number.
+    Raises: OptionError: they would share one, and may not; or tiles that have no number.
     """
-    layouts, mixed = Layouts(source, found), mixed or found.number is None  # an unwrapper leaves no overlaps
+    layouts = Layouts(source, found)
+    pages = _pages(source, layouts, found, output, mixed or found.number is None, threads)  # new ones do not overlap
+    if instances == "own":
+        apart = layouts.by_instance(pages)
+        if len(apart) > len(pages) and output.suffix.lower() != ".glb":
+            raise OptionError("output", f"{OBJECT} in its name, or a .glb: instances have a texture each", output)
+        return apart
+    if instances == "first":
+        first = [replace(page, uv=_only(page.uv, layouts.instance == 0), shown=page.uv) for page in pages]
+        return [page for page in first if on_page(page.uv).any()]
+    return pages
+
+
+def _pages(
+    source: MeshFile, layouts: Layouts, found: Coordinates, output: Path, mixed: bool, threads: int | None
+) -> list[Page]:
+    """`pages_of` by material, object and tile alone."""
     if output.suffix.lower() == ".glb":
         whole = Page(found.uv, words={MATERIAL: "all"})
         clashes = {} if mixed else layouts.clashes(whole, found.size, threads)

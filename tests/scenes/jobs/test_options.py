@@ -7,7 +7,9 @@ import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
+from gltf_files import TRIANGLE, Builder
 from meshes import hills
 from project import environment
 
@@ -119,6 +121,11 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "hills.obj").write_text(obj())
     (tmp_path / "other.obj").write_text(obj(0.5))
+    copies = Builder()
+    triangle = copies.primitive(TRIANGLE)
+    triangle["attributes"]["TEXCOORD_0"] = copies.accessor(np.ascontiguousarray(TRIANGLE[:, :2]), "VEC2")
+    copies.mesh(triangle)
+    (tmp_path / "copies.glb").write_bytes(copies.glb([{"mesh": 0}, {"mesh": 0, "translation": [0, 0, 1]}]))
     (tmp_path / "glass.mtl").write_text("newmtl stone\nnewmtl glass\nd 0.5\n")
     return tmp_path
 
@@ -155,6 +162,10 @@ PATHS = {
 TOGETHER = {
     "texel_size": ({"size": None}, {"size": None, "texel_size": "5%"}),
     "uv": ({"mesh_output": "m.glb", "size": "64"}, {"mesh_output": "m.glb", "size": "64", "uv": "unwrap"}),
+    "instances": (
+        {"mesh": "copies.glb", "overlap": None},
+        {"mesh": "copies.glb", "overlap": None, "instances": "first"},
+    ),
     "cage": ({"high": ["other.obj"]}, {"high": ["other.obj"], "cage": "9%"}),
     "colors": ({"output": "w.ply"}, {"output": "w.ply", "colors": True}),
     "up": ({"output": "w.ply"}, {"output": "w.ply", "up": "z"}),
