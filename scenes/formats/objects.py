@@ -1,21 +1,24 @@
 """Objects of a mesh file by patterns of their names: which get w, which occlude, which do neither, and each alone."""
 
+from __future__ import annotations
+
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ao.falloff import Falloff
-from ao.texture.uv_layout import on_page
 from raytrace.errors import ConflictError, OptionError, check_type, nearest_name
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.opacity import AlphaSurface, Opacity
 from raytrace.types import Bools, Float64s, Int64s
 
-from .glb.pieces import pieces
-from .load import MeshFile
+if TYPE_CHECKING:
+    from ao.falloff import Falloff
+
+    from .glb.pieces import Piece
+    from .load import MeshFile
 
 _LISTED = 8  # names in a message
 
@@ -52,6 +55,8 @@ class Chosen(NamedTuple):
 
         Raises: ConflictError: they are of several groups.
         """
+        from ao.texture.uv_layout import on_page
+
         shown = on_page(uv)
         if self.group is None or not shown.any():
             return self.mesh
@@ -129,15 +134,21 @@ def _without(mesh: Mesh, faces: Bools) -> Mesh:
 
 def _groups(source: MeshFile, by: str) -> Int64s:
     group, numbers = np.zeros(len(source.mesh.faces), np.int64), dict[Hashable, int]()
-    for piece in pieces(source):
+    for piece in _pieces(source):
         group[piece.faces] = numbers.setdefault(getattr(piece.object, "name" if by == "name" else "key"), len(numbers))
     return group
+
+
+def _pieces(source: MeshFile) -> Iterator[Piece]:
+    from .glb.pieces import pieces  # slow imports
+
+    return pieces(source)
 
 
 def _named(source: MeshFile, option: str, patterns: Sequence[str], lenient: bool = False) -> Bools:
     """The faces (m,) of objects that match any of the patterns."""
     found = np.zeros(len(source.mesh.faces), np.bool_)
-    objects = [(piece.object.name, piece.faces) for piece in pieces(source)]
+    objects = [(piece.object.name, piece.faces) for piece in _pieces(source)]
     for pattern in patterns:
         wanted = pattern.removeprefix("!")
         matches = {name for name, _ in objects if name == wanted or fnmatchcase(name, wanted)}
