@@ -15,7 +15,7 @@ outside their range raise ValueError.
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import pairwise
-from math import acos, asin, atan2, cos, exp, expm1, hypot, inf, isinf, pi, sin, sqrt
+from math import acos, asin, atan2, cos, exp, expm1, hypot, inf, isinf, pi, radians, sin, sqrt, tan
 from typing import Literal
 
 from scipy.integrate import quad
@@ -99,16 +99,20 @@ def ceiling(height: float, tau: Rate = None, max_distance: float = inf) -> float
     return disk(height, inf, tau, max_distance)
 
 
-def disk(height: float, radius: float, tau: Rate = None, max_distance: float = inf) -> float:
+def disk(height: float, radius: float, tau: Rate = None, max_distance: float = inf, spread: float = 180.0) -> float:
     """Disk of radius R at height h, centred over p and parallel to the plane.
 
     Binary h²/(h² + R²); exponential 1 − 2[E3(τh) − c² E3(τ√(h² + R²))], c² = h²/(h² + R²). D cuts the disk to the
-    radius √(D² − h²). Linear, to the distance F = min(D, √(h² + R²)): h²/F² + (2h/D)(1 − h/F).
+    radius √(D² − h²). Linear, to the distance F = min(D, √(h² + R²)): h²/F² + (2h/D)(1 − h/F). A cone of half the
+    `spread` s, in degrees, has of it the disk within h tan s/2, and sin² s/2 of the hemisphere.
     """
     _require(height > 0 and radius > 0, f"height, radius: expected > 0, got {height}, {radius}")
+    half = radians(spread / 2)
+    radius = min(radius, height * tan(half)) if spread < 180 else radius
 
     def transform(t: float, limit: float, n: int = 0) -> float:
-        return 2 * float(shell(t, height, min(limit, hypot(height, radius)), n)) if height < limit else 0.0
+        seen = 2 * float(shell(t, height, min(limit, hypot(height, radius)), n)) if height < limit else 0.0
+        return seen / sin(half) ** 2
 
     return _obscurance(transform, tau, max_distance)
 

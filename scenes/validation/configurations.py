@@ -10,9 +10,10 @@ Infinite and round geometry has finite stand-ins, and each says by how much its 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from math import inf
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -49,6 +50,7 @@ class Setting:
         missing, beyond: see the module; 0 and ∞ for geometry that is finite already.
         bracket: (`Rate`, max_distance) → w of the other bound of the tessellation, or None for flat geometry.
         certain: μ is the same in all directions, so that the estimate has no variance.
+        options: of `ao.bake`.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Setting:
     beyond: float = inf
     bracket: ClosedForm | None = None
     certain: bool = False
+    options: Mapping[str, Any] = field(default_factory=dict)
 
     def configurations(self) -> list[Configuration]:
         return [self._with(falloff) for falloff in self.falloffs]
@@ -81,7 +84,7 @@ class Setting:
             mesh=self.mesh,
             points=self.points,
             falloff=falloff,
-            normals=self.normals,
+            options={"normals": self.normals, **self.options},
             exact=exact,
             target=target,
             rate=fall,
@@ -95,7 +98,7 @@ class Configuration:
     """One line of the validation table.
 
     Attributes:
-        name, mesh, points, falloff, normals: see `Setting`.
+        name, mesh, points, falloff: see `Setting`. options: of `ao.bake`, `normals` among them.
         exact: float64 (k,), w of the closed form at `points`.
         target: the error allowed to the estimator at 4,096 rays; 0 where w must be exactly 1.
         rate: with N rays it is (4096/N)^rate of that, but at most 1.
@@ -106,7 +109,7 @@ class Configuration:
     mesh: Mesh
     points: Int64s
     falloff: Falloff
-    normals: Normals
+    options: Mapping[str, Any]
     exact: Float64s
     target: float
     rate: float

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from math import asin, cos, exp, hypot, pi, sin, sqrt
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,8 +30,11 @@ def curved_settings() -> list[Setting]:
         _dome(sphere),
         _disk(0.8, 0.5, 31),
         _disk(0.7, 1.4, 32),
+        _disk(0.3, 0.5, 37, "coaxial disk, cone of 80°", spread=80.0),
+        _disk(0.8, 0.5, 38, "disk behind the back of another", back_faces="ignore"),
         _sphere_above(sphere),
         _inside_sphere(sphere),
+        _inside_sphere(sphere, thickness=True),
         _inside_cylinder(),
         _cylinder(),
     ]
@@ -53,10 +57,13 @@ def _above_plane(
     seed: int,
     missing: float = 0.0,
     certain: bool = False,
+    **options: Any,
 ) -> Setting:
     """Receivers in the plane z = 0 under `part`, whose own vertices are not baked.
 
-    Args: bounds: exact w, and that of the smaller shape which `part` contains (`Setting.bracket`).
+    Args:
+        bounds: exact w, and that of the smaller shape which `part` contains (`Setting.bracket`).
+        options: of `ao.bake`.
     """
     receivers = np.asarray(points, dtype=np.float64)
     which = 3 * np.arange(len(receivers))
@@ -71,6 +78,7 @@ def _above_plane(
         beyond=LENGTH / 2,
         bracket=bounds[1],
         certain=certain,
+        options=options,
     )
 
 
@@ -92,13 +100,16 @@ def _dome(sphere: RawMesh) -> Setting:
     return _above_plane("dome", [(0.0, 0.0, 0.0)], (radius * vertices, cap), bounds, falloffs, seed=30, certain=True)
 
 
-def _disk(radius: float, height: float, seed: int) -> Setting:
+def _disk(radius: float, height: float, seed: int, name: str = "coaxial disk", **options: Any) -> Setting:
     angle = 2 * pi * np.arange(SIDES) / SIDES
     rim = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(SIDES, height)], axis=-1)
     reach = 0.5 * (height + hypot(radius, height))
-    bounds = _bounds(lambda r, tau, limit: analytic.disk(height, r, tau, limit), radius, radius * cos(pi / SIDES))
+    inner, spread, part = radius * cos(pi / SIDES), options.get("spread", 180.0), polygon(rim)
+    if "back_faces" in options:
+        part = join([(part[0], part[1][:, ::-1]), polygon(0.5 * rim)])
+    bounds = _bounds(lambda r, tau, limit: analytic.disk(height, r, tau, limit, spread), radius, inner)
     falloffs = (*BOTH, Binary(reach), Exponential(tau=3.0, max_distance=reach), Linear(reach), Smooth(2 * reach))
-    return _above_plane("coaxial disk", [(0.0, 0.0, 0.0)], polygon(rim), bounds, falloffs, seed=seed)
+    return _above_plane(name, [(0.0, 0.0, 0.0)], part, bounds, falloffs, seed=seed, **options)
 
 
 def _sphere_above(sphere: RawMesh) -> Setting:
@@ -139,18 +150,20 @@ def _seen_from_within(weight: Callable[[float, float], float], radius: float, in
     return w
 
 
-def _inside_sphere(sphere: RawMesh) -> Setting:
-    radius = 0.5
+def _inside_sphere(sphere: RawMesh, thickness: bool = False) -> Setting:
+    radius, name = 0.5, "thickness of a ball" if thickness else "inside a sphere"
+    outwards = 1 if thickness else -1
     inner, points = radius * inscribed_radius(sphere), np.arange(0, len(sphere[0]), len(sphere[0]) // 16)
-    part = radius * sphere[0], sphere[1][:, ::-1]
+    part = radius * sphere[0], sphere[1][:, ::outwards]
     return Setting(
-        name="inside a sphere",
-        mesh=_posed("inside a sphere", part, 34, points, -sphere[0][points]),
+        name=name,
+        mesh=_posed(name, part, 34, points, outwards * sphere[0][points]),
         points=points,
         exact=lambda tau, limit: analytic.inside_sphere(radius, tau),
         falloffs=(*BOTH, Exponential(tau=5.0)),
         normals="file",
         bracket=_seen_from_within(lambda a, depth: exp(-depth) * 2 * sin(a) * cos(a), radius, inner),
+        options={"thickness": thickness},
     )
 
 

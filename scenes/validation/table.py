@@ -53,7 +53,7 @@ def measure(
 ) -> Float64s:
     """Measured w (k,) at the configuration's points."""
     mesh, falloff = configuration.mesh, configuration.falloff
-    baked = bake(mesh, falloff, samples=samples, seed=seed, threads=threads, normals=configuration.normals)
+    baked = bake(mesh, falloff, samples=samples, seed=seed, threads=threads, **configuration.options)
     return baked.w[configuration.points]
 
 

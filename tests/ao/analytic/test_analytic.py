@@ -145,7 +145,17 @@ def test_published_values() -> None:
     assert analytic.ceiling(1.0, 1.0) == pytest.approx(1 - 2 * expn(3, 1.0), abs=1e-15)
     assert analytic.wall(1.0, 2.0) == pytest.approx(0.5 * (1 + 1 / sqrt(5)), abs=1e-15)
     assert analytic.disk(1.0, 1.0) == pytest.approx(0.5, abs=1e-15)
+    assert analytic.disk(1.0, 0.5, spread=90) == pytest.approx(0.6, abs=1e-15)
     assert analytic.tilted_normal(pi / 3) == pytest.approx(0.75, abs=1e-15)
+
+
+@pytest.mark.parametrize("tau", [None, 1.3])
+@pytest.mark.parametrize("spread", [150, 80])
+def test_a_disk_in_a_cone(tau: float | None, spread: float) -> None:
+    within = cos(np.radians(spread / 2)) < Z
+    d = horizontal(0.6, 0.9)(X, Y, Z)[within]
+    mean = np.mean(np.isinf(d) if tau is None else -np.expm1(-tau * d))
+    assert analytic.disk(0.6, 0.9, tau, spread=spread) == pytest.approx(mean, abs=1e-3)
 
 
 @pytest.mark.parametrize("tau", [0.05, 1.0, 8.0])

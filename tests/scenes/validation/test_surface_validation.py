@@ -13,7 +13,8 @@ from scenes.validation import table as validation
 
 SIZE = 0.02
 SAMPLES = 4096
-LINES = [line for line in validation.configurations() if line.name != "tilted normal"]  # which faces don't have
+OTHERS = "tilted normal", "disk behind the back of another"  # which faces don't have, and which the method refuses
+LINES = [line for line in validation.configurations() if line.name not in OTHERS]
 
 
 def with_small_receivers(line):
@@ -33,7 +34,7 @@ def with_small_receivers(line):
 def baked_at(line, falloff):
     only = np.zeros(len(line.mesh.vertices), np.bool_)
     only[line.points] = True
-    return ao.bake(line.mesh, falloff, SAMPLES, normals=line.normals, only=only, method="surface")
+    return ao.bake(line.mesh, falloff, SAMPLES, only=only, method="surface", **line.options)
 
 
 def excess(line, baked):
