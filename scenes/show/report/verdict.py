@@ -19,7 +19,7 @@ _REMEDIES = (
     (r"keeps the occlusion textures of", "--replace-occlusion puts w in their place."),
     (r"uses the set TEXCOORD_", "Remove unused texture coordinates from the mesh if a viewer shows no w."),
     (r"cross(es)? (itself|themselves)", "Cut these polygons into triangles in the program that made them."),
-    (r"faces overlap in", "--uv unwrap gives every face a place of its own, --instances own every copy a texture."),
+    (r"faces overlap in", "--uv pack gives every face a place of its own, --instances own every copy a texture."),
     (r"would keep tiles apart", "Write one texture for each tile with <UDIM> in the output's name."),
     (r"reach out of the unit square", "Nothing to do if the material's images repeat, too."),
     (r"have no texture coordinates", "--uv fill makes some for these faces."),
