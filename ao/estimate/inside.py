@@ -116,30 +116,27 @@ def _hidden_points(
 @kernel
 def _find_hidden(packet, points, table, solids, reach, hidden):
     """Whether over half of each point's rays end on the back of a face, bool (n,); no more are traced than decide."""
-    scene, rays, valid, _ = borrow(packet)
-    origins, normals, numbers = borrow(points)
-    table = borrow(table)
-    directions = table.directions
-    of_face, of_point = borrow(solids)
-    hidden = borrow(hidden)
+    packet, points, table = borrow(packet), borrow(points), borrow(table)
+    solids, hidden = borrow(solids), borrow(hidden)
+    rays, directions = packet.rays, table.directions
     samples = directions.shape[2]
     ids = rays.view(np.uint32)
-    for i in range(len(origins)):
-        chosen, turn = choose(numbers[i], table)
-        n = normals[i]
+    for i in range(len(points.origins)):
+        chosen, turn = choose(points.numbers[i], table)
+        n = points.normals[i]
         t, b = turned_frame(n, turn)
-        start_from(rays, origins[i])
+        start_from(rays, points.origins[i])
         count = np.int64(0)
         for first in range(0, samples, LANES):
             if 2 * count > samples or 2 * (count + samples - first) <= samples:
                 break
             aim(rays, directions[chosen], first, t, b, n, reach)
-            intersect8(scene, rays, valid)
+            intersect8(packet.scene, rays, packet.valid)
             for lane in range(LANES):
                 if ids[GEOM_ID, lane] == INVALID:
                     continue
-                part = of_face[ids[PRIM_ID, lane]]
-                if part >= 0 and part != of_point[i]:
+                part = solids.of_face[ids[PRIM_ID, lane]]
+                if part >= 0 and part != solids.of_point[i]:
                     along = np.float32(0.0)
                     for axis in range(3):
                         along += rays[DIR_X + axis, lane] * rays[NG_X + axis, lane]

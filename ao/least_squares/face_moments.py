@@ -124,10 +124,9 @@ def gather_faces(packet, faces, samples, drawn, falloff, reach, moments, counts)
             of Σ b bᵀ, and Σ b y; for all Σ b ȳ_x, Σ b ȳ_y, Σ b ȳ_z, with ȳ the mean of μ·direction; weighted.
         counts: int64 (n, 3), added to: rays traced, rays below the face, samples that are not hidden.
     """
-    packet = borrow(packet)
-    corners, normals, axes = borrow(faces)
-    shift, ends, starts, weights = borrow(samples)
-    directions, key = borrow(drawn)
+    packet, samples = borrow(packet), borrow(samples)
+    (corners, normals, axes), (directions, key) = borrow(faces), borrow(drawn)
+    starts, ends, weights = samples.starts, samples.ends, samples.weights
     falloff, moments, counts = borrow(falloff), borrow(moments), borrow(counts)
     passed = passed_of(packet.opacity)
     values, b, side, origin = np.zeros(4), np.zeros(3), np.zeros(3), np.zeros(3)
@@ -139,7 +138,7 @@ def gather_faces(packet, faces, samples, drawn, falloff, reach, moments, counts)
                 largest = max(largest, abs(corners[f, corner, axis]))
         lift = OFFSET_ULPS * ULP * (abs(g[0]) + abs(g[1]) + abs(g[2])) * largest
         for k in range(starts[f], starts[f + 1]):
-            b[0], b[1], b[2] = place(k, shift, ends[f], ends[f + 1])
+            b[0], b[1], b[2] = place(k, samples.shift, ends[f], ends[f + 1])
             n = _shading_normal(axes[f], b, g)
             front = 1.0 if n[0] * g[0] + n[1] * g[1] + n[2] * g[2] >= 0.0 else -1.0
             for axis in range(3):

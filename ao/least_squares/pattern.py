@@ -85,7 +85,8 @@ def roughness(stencil: Stencil, hinges: Int32s, corners: Float64s, areas: Float6
 
 @kernel
 def _add_faces(stencil, entries, values):
-    face_points, starts, indices = borrow(stencil)
+    stencil = borrow(stencil)
+    face_points, starts, indices = stencil.face_points, stencil.starts, stencil.indices
     for f in range(len(face_points)):
         for a in range(3):
             for b in range(3):
@@ -99,7 +100,8 @@ def add_laplacian(stencil, weights, values):
 
     Args: stencil: `Stencil`. weights: float64 (m,), of its faces. values: float64 (z,), of the matrix.
     """
-    face_points, starts, indices = borrow(stencil)
+    stencil = borrow(stencil)
+    face_points, starts, indices = stencil.face_points, stencil.starts, stencil.indices
     for f in range(len(face_points)):
         for a in range(3):
             i, j = face_points[f, a], face_points[f, (a + 1) % 3]
@@ -111,7 +113,8 @@ def add_laplacian(stencil, weights, values):
 
 @kernel
 def _add_jumps(stencil, hinges, corners, areas, values):
-    face_points, starts, indices = borrow(stencil)
+    stencil = borrow(stencil)
+    face_points, starts, indices = stencil.face_points, stencil.starts, stencil.indices
     place, slope = np.empty(6, np.int32), np.empty(6)
     for h in range(len(hinges)):
         weight = areas[hinges[h, 0] // 3] + areas[hinges[h, 1] // 3]

@@ -36,14 +36,13 @@ def leave_out_below(points, sides, table, out):
         sides: float32 (n, 4), unit normals of the faces, on the side of the hemispheres, and alpha there.
         out: float64 (n, COLUMNS), of `Tracer.gather`, changed in place.
     """
-    _, normals, numbers = borrow(points)
-    table, sides, out = borrow(table), borrow(sides), borrow(out)
+    points, table, sides, out = borrow(points), borrow(table), borrow(sides), borrow(out)
     directions, samples = table.directions, len(table.batches)
-    for i in range(len(normals)):
-        n, side = normals[i], sides[i]
+    for i in range(len(points.normals)):
+        n, side = points.normals[i], sides[i]
         if n[0] == side[0] and n[1] == side[1] and n[2] == side[2]:
             continue
-        chosen, turn = choose(numbers[i], table)
+        chosen, turn = choose(points.numbers[i], table)
         t, b = turned_frame(n, turn)
         x = t[0] * side[0] + t[1] * side[1] + t[2] * side[2]
         y = b[0] * side[0] + b[1] * side[1] + b[2] * side[2]

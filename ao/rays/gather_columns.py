@@ -57,15 +57,14 @@ def gather_columns(tree, rays, state, points, table, columns, t_max, out):
 @kernel
 def gather_columns_by_packets(packet, points, table, columns, t_max, out):
     """`gather_columns` by Embree, as `gather_hemispheres` is `gather_streams`; of opaque faces."""
-    packet = borrow(packet)
-    _, rays, valid, _ = packet
-    origins, normals, numbers = borrow(points)
-    table, columns, out = borrow(table), borrow(columns), borrow(out)
+    packet, points, table = borrow(packet), borrow(points), borrow(table)
+    columns, out = borrow(columns), borrow(out)
+    rays, valid, origins = packet.rays, packet.valid, points.origins
     samples, count = len(table.batches), len(columns.taus)
     sums, losses = np.zeros((_SUMS, count)), np.zeros(count)
     for i in range(len(origins)):
-        chosen, turn = choose(numbers[i], table)
-        n, local = normals[i], table.directions[chosen]
+        chosen, turn = choose(points.numbers[i], table)
+        n, local = points.normals[i], table.directions[chosen]
         t, b = turned_frame(n, turn)
         sums[:] = 0.0
         valid[:] = -1

@@ -25,17 +25,15 @@ def gather_hemispheres(packet, points, table, falloff, t_max, out):
         t_max: length of every ray, at most falloff.limit.
         out: float64 (n, COLUMNS), written.
     """
-    packet = borrow(packet)
-    _, rays, valid, opacity = packet
-    origins, normals, numbers = borrow(points)
-    table, out = borrow(table), borrow(out)
+    packet, points, table, out = borrow(packet), borrow(points), borrow(table), borrow(out)
+    rays, valid, origins = packet.rays, packet.valid, points.origins
     batches, samples = table.batches, len(table.batches)
-    losses, passed = np.zeros(BATCHES), passed_of(opacity)
+    losses, passed = np.zeros(BATCHES), passed_of(packet.opacity)
     falloff = borrow(falloff)
     fading = fades(falloff)
     for i in range(len(origins)):
-        chosen, turn = choose(numbers[i], table)
-        n = normals[i]
+        chosen, turn = choose(points.numbers[i], table)
+        n = points.normals[i]
         t, b = turned_frame(n, turn)
         local = table.directions[chosen]
         losses[:] = 0.0

@@ -29,13 +29,12 @@ def passed_of(opacity):
 @inline
 def trace(packet, closest, falloff, t_max, passed):
     """Trace the valid rays of a `RayPacket`. Args: closest: whether distances, or backs, matter."""
-    scene, rays, valid, _ = packet
     if passed is not None:
         _trace_through(packet, falloff, t_max, passed)
     elif closest:
-        intersect8(scene, rays, valid)
+        intersect8(packet.scene, packet.rays, packet.valid)
     else:
-        occluded8(scene, rays, valid)
+        occluded8(packet.scene, packet.rays, packet.valid)
 
 
 @inline
@@ -73,7 +72,7 @@ def _is_back(rays, lane):
 
 @inline
 def _trace_through(packet, falloff, t_max, passed):
-    scene, rays, valid, opacity = packet
+    rays, valid = packet.rays, packet.valid
     ids = rays.view(np.uint32)
     asked = going = 0
     for lane in range(packets.LANES):
@@ -81,12 +80,12 @@ def _trace_through(packet, falloff, t_max, passed):
         asked |= -valid[lane] << lane
     going = asked
     while going != 0:
-        intersect8(scene, rays, valid)
+        intersect8(packet.scene, rays, valid)
         for lane in range(packets.LANES):
             if valid[lane] == 0:
                 continue
             if ids[packets.GEOM_ID, lane] != packets.INVALID:
-                _meet(opacity, falloff, rays, lane, passed)
+                _meet(packet.opacity, falloff, rays, lane, passed)
                 rays[packets.TNEAR, lane] = max(rays[packets.TFAR, lane] * _FARTHER, _LEAST_T)
                 rays[packets.TFAR, lane] = t_max
             if ids[packets.GEOM_ID, lane] == packets.INVALID or passed[_LEFT, lane] <= LEAST:

@@ -40,7 +40,8 @@ def find_hits(packet, texels, width, step, in_turn, found, layered):
         layered: whether there are more than two, bool (k,), and points on all of them, int64 (k, DEEP) and float32
             (k, DEEP, 3); written, too.
     """
-    scene, rays, valid, _ = borrow(packet)
+    packet = borrow(packet)
+    rays, valid = packet.rays, packet.valid
     triangle, barycentric, overlapping = found
     deep, deep_triangle, deep_place = layered
     count = SLOTS * len(texels)
@@ -59,7 +60,7 @@ def find_hits(packet, texels, width, step, in_turn, found, layered):
         while going and depth < _LAYERS:
             for lane in range(packets.LANES):
                 rays[packets.ORG_Z, lane], rays[packets.TFAR, lane] = height[lane], np.inf
-            intersect8(scene, rays, valid)
+            intersect8(packet.scene, rays, valid)
             going = False
             for lane in range(packets.LANES):
                 if valid[lane] != 0 and _note_layer(rays, lane, depth, first, triangle, barycentric, stack):

@@ -1,8 +1,8 @@
-"""Arrays in kernels without reference counting, which costs more than most of what a hot loop does with them."""
+"""Arrays and records in kernels without reference counting, which costs more than most of what a hot loop does."""
 
 from typing import Any
 
-from .deferred import arrayobj, cgutils, types
+from .deferred import arrayobj, cgutils, lanes, types
 from .jit import intrinsic
 
 
@@ -11,7 +11,8 @@ def borrow(_context: Any, value: Any) -> Any:
     """`value`, an array, a named tuple of arrays, scalars and such tuples, or None, as views that own nothing.
 
     Taking a member of a tuple or a slice of an array counts a reference up and down, atomically. A kernel's arguments
-    outlive it, so it borrows them once at its beginning and every later count is left out.
+    outlive it, so it borrows them once at its beginning and every later count is left out. Of a named tuple it gets
+    the address: only `value.name` is left of it, and functions that it is passed to are small to compile.
     """
 
     def uncounted(context: Any, builder: Any, kind: Any, one: Any) -> Any:
@@ -26,4 +27,12 @@ def borrow(_context: Any, value: Any) -> Any:
         array.parent = cgutils.get_null_value(array.parent.type)
         return array._getvalue()
 
-    return value(value), lambda context, builder, signature, given: uncounted(context, builder, value, given[0])
+    result = lanes.borrowed(value)
+
+    def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        one = uncounted(context, builder, value, given[0])
+        if result == value:
+            return one
+        return builder.bitcast(cgutils.alloca_once_value(builder, one), cgutils.voidptr_t)
+
+    return result(value), generate

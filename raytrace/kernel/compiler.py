@@ -14,6 +14,7 @@ from typing import Any
 import numba
 from llvmlite import ir
 from numba.core import cgutils
+from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher, cpu_target
 from numba.core.runtime import rtsys
@@ -49,6 +50,13 @@ class _Dispatcher(CPUDispatcher):
         key = object()
         _context.insert_user_function(key, compiled.fndesc, [compiled.library])
         self.overloads[tuple(compiled.signature.args)] = compiled._replace(entry_point=key)
+
+
+class _Library(JITCodeLibrary):
+    """The code of one function: those that it calls are linked to a whole kernel and optimised there, once."""
+
+    def add_linking_library(self, library: Any) -> None:
+        self._linking_libraries.append(library)
 
 
 def _lowered_only(flags: Any) -> Any:
@@ -91,13 +99,14 @@ def _compiling() -> Iterator[None]:
     with global_compiler_lock:
         rtsys.initialize(_context)
         codegen = _context.codegen()
-        engine, codegen._engine = codegen._engine, Idle()
+        kept = codegen._engine, codegen._library_class
+        codegen._engine, codegen._library_class = Idle(), _Library
         collecting = gc.isenabled()
         gc.disable()
         try:
             yield
         finally:
-            codegen._engine = engine
+            codegen._engine, codegen._library_class = kept
             if collecting:
                 gc.enable()
 
@@ -213,9 +222,11 @@ def _object_file(library: Any, module: Any, name: str) -> bytes:
     """The entry `name` in `module` with all that it calls in `library`."""
     library.add_ir_module(module)
     library.add_ir_module(_memory())
-    whole = library._final_module
-    for linked in dict.fromkeys(library._linking_libraries):
-        whole.link_in(linked._get_module_for_linking(), preserve=True)
+    whole, libraries = library._final_module, [library]
+    for each in libraries:
+        libraries += [linked for linked in dict.fromkeys(each._linking_libraries) if linked not in libraries]
+    for linked in libraries[1:]:
+        whole.link_in(linked._final_module, preserve=True)
     for defined in (*whole.functions, *whole.global_variables):
         if not defined.is_declaration and defined.name != name:
             defined.linkage = "internal"

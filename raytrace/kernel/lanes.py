@@ -1,4 +1,4 @@
-"""Numba's side of `raytrace.kernel.simd`: the type of sixteen numbers and its operators, as LLVM's vectors."""
+"""Numba's side of `raytrace.kernel.simd` and `borrow`: sixteen numbers, as LLVM's vectors, and records by address."""
 
 import math
 import operator
@@ -6,7 +6,10 @@ from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
-from numba.core import types
+from numba.core import cgutils, types
+from numba.core.imputils import lower_getattr_generic
+from numba.core.types.containers import BaseNamedTuple
+from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.extending import lower_builtin, models, register_model, type_callable
 
 from .simd import WIDE
@@ -139,3 +142,38 @@ _unary(operator.invert, lambda b, x: b.not_(x))
 _unary(abs, lambda b, x: each(b, "llvm.fabs", [x]))
 _unary(math.exp, lambda b, x: each(b, "llvm.exp", [x]))
 _unary(math.sqrt, lambda b, x: each(b, "llvm.sqrt", [x]))
+
+
+class Borrowed(types.Opaque):
+    """The address of a named tuple, whose members are loaded where they are used."""
+
+    def __init__(self, record: Any) -> None:
+        self.record = record
+        super().__init__(name=f"Borrowed({record})")
+
+
+register_model(Borrowed)(models.OpaqueModel)
+
+
+def borrowed(kind: Any) -> Any:
+    """The type of a value that is borrowed."""
+    return Borrowed(kind) if isinstance(kind, BaseNamedTuple) else kind
+
+
+@infer_getattr
+class _Members(AttributeTemplate):
+    key = Borrowed
+
+    def generic_resolve(self, kind: Any, name: str) -> Any:
+        record = kind.record
+        return borrowed(record.types[record.fields.index(name)]) if name in record.fields else None
+
+
+@lower_getattr_generic(Borrowed)
+def _member(context: Any, builder: Any, kind: Any, address: Any, name: str) -> Any:
+    place = kind.record.fields.index(name)
+    record = builder.bitcast(address, context.get_value_type(kind.record).as_pointer())
+    member = cgutils.gep_inbounds(builder, record, 0, place)
+    if isinstance(borrowed(kind.record.types[place]), Borrowed):
+        return builder.bitcast(member, cgutils.voidptr_t)
+    return builder.load(member)

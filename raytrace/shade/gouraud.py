@@ -16,7 +16,6 @@ from . import shading_points as layout
 from .direct_lighting import light_packets, visible_fraction
 from .interaction import between, corner, corner_rows, lights_seen, towards_viewer, vertex_normal
 from .polygon_shading import polygon_light
-from .records import borrow_scene
 from .shading_points import lighting_column, load3, store1, store3
 from .workspace import BOOK, OFF, PACKETS
 
@@ -29,7 +28,7 @@ def light_vertices(scene, view, style, scratch, origins, groups):
 
     Args: origins: as `write_vertices` has them; groups: int64 (k,), where `GROUP` rows begin, or the last of an object.
     """
-    scene, view, scratch, origins = borrow_scene(scene), borrow(view), borrow(scratch), borrow(origins)
+    scene, view, scratch, origins = borrow(scene), borrow(view), borrow(scratch), borrow(origins)
     geometry, out = scene.geometry, scene.lit_vertices
     for begin in groups:
         shift, side = (len(scene.w), -1.0) if begin >= len(scene.w) else (0, 1.0)

@@ -3,8 +3,6 @@
 from typing import Any, NamedTuple
 
 from ..image.texture import PackedTextures
-from ..kernel.borrow import borrow
-from ..kernel.jit import inline
 from ..mesh.opacity import PackedOpacity
 from ..types import Bools, Float32s, Float64s, Int32s, Int64s
 
@@ -95,14 +93,6 @@ class SceneArrays(NamedTuple):
     lights: Lights
     textures: PackedTextures
     lit_vertices: Float64s
-
-
-@inline
-def borrow_scene(scene):
-    """`borrow` for a scene's records and arrays."""
-    geometry, lights, textures = borrow(scene.geometry), borrow(scene.lights), borrow(scene.textures)
-    w, bent = borrow(scene.w), borrow(scene.bent)
-    return SceneArrays(geometry, w, bent, lights, textures, borrow(scene.lit_vertices))
 
 
 class Film(NamedTuple):

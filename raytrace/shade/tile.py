@@ -21,7 +21,6 @@ from .film import TILE, accumulate, clear, column_of, converged, mean, reopened,
 from .gouraud import interpolate_lit
 from .interaction import GOURAUD, PacketHits, write_hits
 from .polygon_shading import write_polygons
-from .records import borrow_scene
 from .see_through import begin_behind, begin_layers, closest_hits, composite, keep_hits, ray_numbers, seen_packets
 from .shading_points import load3, store1, store3
 from .texturing import map_albedo, map_grain, map_occlusion, map_vertex_colours
@@ -37,7 +36,7 @@ def render_tiles(scene, view, style, film, scratch, span, again):
 
     Args: again: only the pixels that need all samples after all, by the `edges` that a first call for all tiles wrote.
     """
-    scene, view, film, scratch = borrow_scene(scene), borrow(view), borrow(film), borrow(scratch)
+    scene, view, film, scratch = borrow(scene), borrow(view), borrow(film), borrow(scratch)
     todo, points = scratch.todo, seen_packets(scene.geometry.opacity, scratch)
     high, wide, _ = film.pixels.shape
     columns = -(-wide // TILE)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from raytrace.kernel import jit
+from raytrace.kernel.borrow import borrow
 from raytrace.kernel.jit import Kernel, inline, kernel
 from raytrace.kernel.simd_memory import rows_at
 
@@ -176,3 +177,35 @@ def test_c_functions_call_a_kernel_back_with_their_address_and_words():
     given.view(np.float32)[2:] = 3.0, 0.5
     ctypes.CFUNCTYPE(None, ctypes.c_void_p)(address)(given.ctypes.data)
     assert out[0] == 6.5 + VALUES.sum()
+
+
+class Record(NamedTuple):
+    values: np.ndarray
+    factor: float
+    absent: None
+    pair: Pair
+    both: tuple[np.ndarray, int]
+
+
+@inline
+def summed(record):
+    """Of the record's arrays: what helpers see of a borrowed record, which is its address."""
+    if record.absent is not None:
+        return 0.0
+    whole = record.factor * record.values.sum() + record.pair.factor * record.pair.values[1]
+    return whole + record.both[0][0] * record.both[1]
+
+
+@kernel
+def of_a_borrowed_record(record, out):
+    record, out = borrow(record), borrow(out)
+    for k in range(len(out)):
+        out[k] = summed(record) + k
+    record.pair.values[0] = -1.0
+
+
+def test_a_borrowed_record_has_the_members_of_the_record():
+    values, out = np.array([3.0, 5.0]), np.empty(3)
+    of_a_borrowed_record(Record(np.array([1.0, 2.0]), 0.5, None, Pair(values, 2.0), (np.array([7.0]), 3)), out)
+    np.testing.assert_array_equal(out, 0.5 * 3 + 2 * 5 + 7 * 3 + np.arange(3))
+    assert values.tolist() == [-1.0, 5.0]
