@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import secrets
+import sys
 
 import pytest
+
+# hundreds of processes start: what the first compiles of Python is kept for the others, whatever the environment says
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
