@@ -6,7 +6,6 @@ import numpy as np
 
 from raytrace.errors import printable
 
-from .gltf.accessors import stored_colors
 from .load import MeshFile
 from .obj.detail import PAINT_WORDS
 from .ply.detail import columns_of, own_colors
@@ -53,6 +52,8 @@ def of_ply(mesh_file: MeshFile, colors: str) -> list[str]:
 def of_glb(mesh_file: MeshFile, colors: str) -> list[str]:
     detail = mesh_file.detail
     if mesh_file.gltf:
+        from .gltf.accessors import stored_colors
+
         for piece, part in zip(mesh_file.gltf.drawn, mesh_file.parts if len(colors) == 1 else (), strict=False):
             stored_colors(mesh_file.gltf, piece.primitive.attributes, part.vertices.stop - part.vertices.start)
         pieces = [piece for mesh in mesh_file.gltf.geometry.meshes for piece in mesh.primitives]
