@@ -67,6 +67,7 @@ pictures: $(STAMP) ## the pictures of docs: gallery, temple, the models' spheres
 	$(BIN)/python -m benchmarks.pictures.ground
 	$(BIN)/python -m benchmarks.pictures.objects
 	$(BIN)/python -m benchmarks.pictures.rays
+	$(BIN)/python -m benchmarks.pictures.high
 	-$(BIN)/python -m benchmarks.pictures.page --pictures docs/viewing
 
 site: $(STAMP) ## the documentation as a site, in build/site, made without network

@@ -68,7 +68,7 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     else:
         from .fine_mesh import sample_fine_mesh
 
-        prepared, values = sample_fine_mesh(prepared, solid, mesh, options.checkpoint)
+        prepared, values = sample_fine_mesh(prepared, solid, mesh, options)
     build = prepared.receivers.tree_seconds
     baked = assemble(prepared, mesh, values)
     if high is None and (only is None or options.denoise):

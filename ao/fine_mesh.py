@@ -11,10 +11,9 @@ from raytrace.types import Bools, Int64s
 from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids
 from .estimate.tolerance import Estimate
-from .execute.checkpoint import Checkpoint
 from .points.corners import CornerSamples
 from .points.receivers import Flag, Receivers, find_receivers
-from .prepared import Prepared
+from .prepared import Inputs, Prepared
 from .result import PointValues
 from .texture.coverage import Coverage
 from .texture.gathering import begin_tracing
@@ -24,9 +23,7 @@ from .texture.texels import find_texels
 _OWN_CORNERS = Flag.FOLDED | Flag.OPPOSED | Flag.CONTACT  # how the coarse mesh's faces lie matters to its own w alone
 
 
-def sample_fine_mesh(
-    prepared: Prepared, high: Mesh, coarse: Mesh, checkpoint: Checkpoint | None
-) -> tuple[Prepared, PointValues]:
+def sample_fine_mesh(prepared: Prepared, high: Mesh, coarse: Mesh, inputs: Inputs) -> tuple[Prepared, PointValues]:
     """Estimate w of `high`, the mesh of `prepared`, at the vertices of `coarse`, which become the wanted points.
 
     Raises: MeshError: nothing is within the cage around `coarse`, or it is one of another mesh.
@@ -40,14 +37,15 @@ def sample_fine_mesh(
     axes = shown.points.normals.astype(np.float64)
     cage = cage_of(options.cage, coarse)
     reach = cage.vertices[shown.first_vertex] if isinstance(cage, Mesh) else cage
-    coverage, missed = project(coverage, positions, axes, prepared, reach)
+    groups = inputs.groups and (np.asarray(inputs.groups[0])[shown.first_vertex], inputs.groups[1])
+    coverage, missed = project(coverage, positions, axes, prepared, reach, groups)
     texels, _ = find_texels(coverage, coverage, prepared, "ignore")
     own = fine.faces[texels.face, 0]
     inside = inside_solids(texels.points, own, placement, fine, options.interior, threads)
     row_of = np.full(count + 1, -1)
     row_of[texels.texels] = np.arange(count)
     wanted = _flagged(shown, missed, texels.texels[inside])
-    tracer = begin_tracing(prepared, texels, "high to low", checkpoint)
+    tracer = begin_tracing(prepared, texels, "high to low", inputs.checkpoint)
 
     points = texels.first_points
     edges = edges_of(points, row_of[shown.of_vertex[shown.faces]], tracer)

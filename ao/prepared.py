@@ -17,7 +17,7 @@ from raytrace.mesh.placement import Placement
 from raytrace.sampling.hash import seed_key
 from raytrace.system.memory import check_memory
 from raytrace.system.threads import thread_count
-from raytrace.types import Bools
+from raytrace.types import Bools, Int64s
 
 from .declared import Option
 from .estimate.estimate import Target
@@ -50,6 +50,9 @@ class Inputs:
         "`mesh`, which itself occludes nothing. The hemisphere is that of the fine mesh there, less what lies below "
         "its face; estimates are denoised, and predicted, over `mesh`. Not by the surface method, nor with `only`.")
         ] = None
+    groups: Annotated[tuple[Int64s, Int64s] | None, Option(on="", role="input", help=
+        "Numbers of groups of the vertices of `mesh` (n,) and of those of `high`, by which their faces are of a group, "
+        "too: points are found on faces of their own group alone. All faces of `high` occlude.")] = None
     occluders: Annotated[Sequence[Mesh | Any], Option(on="", role="input", help=
         "Meshes that only occlude: w is what it would be if they were part of `mesh`. Per cent are of the radius of "
         "`mesh` alone. Not with `high`.")] = ()

@@ -96,7 +96,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
         raise OptionError("overlap", expected, f"{overlapping:,} texels with several", mesh.source)
     covered, coverage, missed = len(page.texels), page, np.zeros(0, np.int64)
     if cage is not None:
-        coverage, missed = shown.project(page, prepared, cage)
+        coverage, missed = shown.project(page, prepared, cage, options.groups)
     texels, filled = find_texels(coverage, page, prepared, options.interior)
     del coverage, page
     tracer = begin_tracing(prepared, texels, "texture", options.checkpoint)

@@ -14,7 +14,7 @@ import numpy as np
 from raytrace.bvh.closest import closest_on_triangle
 from raytrace.bvh.search import begin, new_stack, next_leaf, widened
 from raytrace.embree.rays import intersect
-from raytrace.errors import MeshError
+from raytrace.errors import MeshError, OptionError
 from raytrace.kernel.borrow import borrow
 from raytrace.kernel.jit import kernel
 from raytrace.kernel.simd_masks import lowest_bit
@@ -31,6 +31,8 @@ from ..points.receivers import Receivers
 from ..prepared import Prepared
 from .coverage import Coverage
 
+Groups = tuple[Int64s, Int64s]
+
 _BLOCK, _SHARE = 1 << 9, 16  # points, and blocks at once
 _ROUNDED = 1e-6  # of coordinates, in single precision
 _MOST_HOLES = 64  # that a ray goes through
@@ -38,7 +40,12 @@ _BESIDE = 0.01  # of the cage: how far from its ray a point that counts as met m
 
 
 def project(
-    coverage: Coverage, places: Float64s, normals: Float64s, prepared: Prepared, cage: float | Float64s
+    coverage: Coverage,
+    places: Float64s,
+    normals: Float64s,
+    prepared: Prepared,
+    cage: float | Float64s,
+    groups: Groups | None = None,
 ) -> tuple[Coverage, Int64s]:
     """The points of `coverage` on a fine surface, that of `prepared`, and which of them the cage misses, (j,).
 
@@ -46,8 +53,9 @@ def project(
         places, normals: (k · slots, 3), the points on the coarse mesh and its unit normals there, in render space.
         cage: how far from the coarse mesh the fine surface may be, in mesh units; or the points (k · slots, 3) of a
             cage that belong to `places`, which say it for each, and its direction, as mesh units are placed.
+        groups: of the points (k · slots,) and of the fine mesh's vertices, the first of which says that of a face.
 
-    Raises: MeshError: no point meets anything.
+    Raises: MeshError: no point meets anything. OptionError: no face has a point's group.
     """
     receivers, threads = prepared.receivers, prepared.threads
     vertices = prepared.placement.vertices.astype(np.float64)
@@ -59,9 +67,16 @@ def project(
         reach = np.linalg.norm(outwards, axis=1)
         normals = np.where(reach[:, None] > 0, outwards / np.where(reach > 0, reach, 1)[:, None], normals)
     reach = np.minimum(reach, float(np.linalg.norm(high.max(axis=0) - low.min(axis=0))))
-    face, weights = _first_hits(receivers, vertices, places + reach[:, None] * normals, -normals, 2 * reach, threads)
+    own, of_vertex = groups or (np.zeros(len(places), np.int64), np.zeros(len(vertices), np.int64))
+    of_face = np.asarray(of_vertex)[receivers.faces[:, 0]]
+    if groups and len(lacking := np.setdiff1d(own, of_face)):
+        raise OptionError("groups", "faces of the fine mesh in each", f"none in {lacking[0]}", prepared.mesh.source)
+    match = (own, of_face) if groups else None
+    starts = places + reach[:, None] * normals
+    face, weights = _first_hits(receivers, vertices, starts, -normals, 2 * reach, threads, match)
     missed = np.flatnonzero(face < 0)
-    closest = _closest_points(receivers, vertices, places[missed], float(reach.max()) or 1.0, threads)
+    match = own[missed], of_face
+    closest = _closest_points(receivers, vertices, places[missed], float(reach.max()) or 1.0, threads, match)
     face[missed], weights[missed] = closest
     away = np.einsum("kc,kci->ki", closest[1], vertices[receivers.faces[closest[0]]]) - places[missed]
     along = np.einsum("ki,ki->k", away, normals[missed])
@@ -92,17 +107,26 @@ def cage_of(cage: Length | Mesh | Any, mesh: Mesh) -> float | Mesh:
 
 
 def _first_hits(
-    receivers: Receivers, vertices: Float64s, starts: Float64s, directions: Float64s, reach: Float64s, threads: int
+    receivers: Receivers,
+    vertices: Float64s,
+    starts: Float64s,
+    directions: Float64s,
+    reach: Float64s,
+    threads: int,
+    match: Groups | None,
 ) -> tuple[Int64s, Float32s]:
-    """The face (k,) that rays meet first, −1 for none, and where on it (k, 3); through holes they go on."""
+    """The face (k,) of its group that each ray meets first, −1 for none, and where on it (k, 3); not holes."""
     scene, opacity = receivers.embree(), receivers.opacity
     hits = intersect(scene, starts, directions, reach, threads)
     face, weights, distance = hits.face, hits.barycentric, hits.distance.astype(np.float64)
     rows, step = np.arange(len(face)), _rounding(vertices, starts)
-    for _ in range(_MOST_HOLES if opacity else 0):
+    for _ in range(_MOST_HOLES if opacity or match else 0):
         rows = rows[face[rows] >= 0]
-        alpha = np.empty(len(rows))
-        alphas(opacity, face[rows], weights[rows, 1:].astype(np.float64), alpha)
+        alpha = np.ones(len(rows))
+        if opacity:
+            alphas(opacity, face[rows], weights[rows, 1:].astype(np.float64), alpha)
+        if match:
+            alpha[match[0][rows] != match[1][face[rows]]] = 0
         rows = rows[alpha == 0]
         if not len(rows):
             break
@@ -111,6 +135,8 @@ def _first_hits(
         hits = intersect(scene, behind, directions[rows], np.maximum(reach[rows] - distance[rows], 0), threads)
         face[rows], weights[rows] = hits.face, hits.barycentric
         distance[rows] += hits.distance
+    if match:
+        face[match[0] != match[1][face]] = -1
     return face, weights
 
 
@@ -120,24 +146,24 @@ def _rounding(vertices: Float64s, places: Float64s) -> Float64s:
 
 
 def _closest_points(
-    receivers: Receivers, vertices: Float64s, places: Float64s, radius: float, threads: int
+    receivers: Receivers, vertices: Float64s, places: Float64s, radius: float, threads: int, match: Groups
 ) -> tuple[Int64s, Float32s]:
-    """The face (k,) nearest to each of `places` (k, 3), and where on it (k, 3); sought within `radius` at first."""
+    """The face (k,) nearest to each of `places` (k, 3) among those of its group, and where on it (k, 3)."""
     face, weights = np.full(len(places), -1), np.zeros((len(places), 3), np.float32)
     tree, surface = receivers.tree, (vertices, receivers.faces)
 
     def search(first: int, last: int) -> None:
         out = face[first:last], weights[first:last]
-        _search(tree, new_stack(), surface, places[first:last], radius, *out)
+        _search(tree, new_stack(), surface, places[first:last], radius, (match[0][first:last], match[1]), *out)
 
     run_blocks(len(places), _BLOCK, search, threads, most=_SHARE)
     return face, weights
 
 
 @kernel
-def _search(tree, stack, surface, places, radius, face, weights):
-    """Write the closest points of `places`; `radius`: how far to look at first."""
-    tree, (vertices, faces) = borrow(tree), surface
+def _search(tree, stack, surface, places, radius, match, face, weights):
+    """Write the closest points of `places`, on faces of their groups; `radius`: how far to look at first."""
+    tree, (vertices, faces), (group, of_face) = borrow(tree), surface, match
     for i in range(len(places)):
         p, reach, best = load(places, i), radius, np.inf
         middle = np.float32(p[0]), np.float32(p[1]), np.float32(p[2])
@@ -151,6 +177,8 @@ def _search(tree, stack, surface, places, radius, face, weights):
                 while near != 0:
                     f = tree.rows[leaf, lowest_bit(near)]
                     near &= near - 1
+                    if of_face[f] != group[i]:
+                        continue
                     a, b, c = load_triangle(vertices, faces, f)
                     away, u, v = closest_on_triangle(p, a, b, c)
                     if away < best or (away == best and f < face[i]):

@@ -14,7 +14,7 @@ from raytrace.types import Float64s, Int64s
 from ..points.receivers import Receivers, find_receivers
 from ..prepared import Prepared
 from .coverage import Coverage
-from .projection import project
+from .projection import Groups, project
 from .seams import Seams
 from .surface_points import Faces
 from .texels import Texels
@@ -60,14 +60,16 @@ class Shown:
         size = self.layout.width, self.layout.height
         return Seams.find(self.layout.uv, self.points_of_faces, size, self.layout.wraps)
 
-    def project(self, page: Coverage, prepared: Prepared, cage: float | Mesh) -> tuple[Coverage, Int64s]:
-        """`projection.project` of the points of `page` onto the mesh of `prepared`; `cage`: as `cage_of` gives it."""
+    def project(
+        self, page: Coverage, prepared: Prepared, cage: float | Mesh, groups: Groups | None = None
+    ) -> tuple[Coverage, Int64s]:
+        """`projection.project` of the points of `page`. Args: cage: of `cage_of`. groups: of both meshes' vertices."""
         own, weights = page.face.ravel().astype(np.int64), page.barycentric.reshape(-1, 3)
         places, _, axes = self.faces.points_at(own, weights, prepared.threads)
-        if isinstance(cage, float):
-            return project(page, places, axes, prepared, cage)
-        starts = np.einsum("kc,kci->ki", weights, cage.vertices[self.receivers.faces[own]])
-        return project(page, places, axes, prepared, starts)
+        corners = self.receivers.faces[own]
+        starts = cage if isinstance(cage, float) else np.einsum("kc,kci->ki", weights, cage.vertices[corners])
+        groups = groups and (np.asarray(groups[0])[corners[:, 0]], groups[1])
+        return project(page, places, axes, prepared, starts, groups)
 
 
 def corner_places(uv: Float64s, points: Int64s) -> Int64s:

@@ -1,4 +1,4 @@
-"""Objects of a mesh file by patterns of their names: which get w, which occlude, which do neither, and each alone."""
+"""Objects of mesh files by names: which get w, which occlude, do neither, or each alone, and which are matched."""
 
 from __future__ import annotations
 
@@ -143,6 +143,26 @@ def _pieces(source: MeshFile) -> Iterator[Piece]:
     from .glb.pieces import pieces  # slow imports
 
     return pieces(source)
+
+
+def match(low: MeshFile, high: Sequence[MeshFile]) -> tuple[Int64s, Int64s]:
+    """Groups of the vertices of a coarse file (n,) and of fine ones: by objects' names as far as "_low" and "_high".
+
+    Raises: OptionError: an object of `low` has no fine one.
+    """
+    numbers: dict[str, int] = {}
+    found = []
+    for file, suffix in ((low, "_low"), *((each, "_high") for each in high)):
+        of = np.full(len(file.mesh.vertices), -1)
+        for piece in _pieces(file):
+            of[file.mesh.faces[piece.faces]] = numbers.setdefault(piece.object.name.partition(suffix)[0], len(numbers))
+        found.append(of)
+    of_low, of_high = found[0], np.concatenate(found[1:])
+    lacking = np.setdiff1d(of_low[of_low >= 0], of_high)
+    if len(lacking):
+        names = ", ".join([f"{name}_high" for name, number in numbers.items() if number in lacking][:_LISTED])
+        raise OptionError("match_names", "an object of --high for each of the input", f"no {names}", low.path)
+    return of_low, of_high
 
 
 def _named(source: MeshFile, option: str, patterns: Sequence[str], lenient: bool = False) -> Bools:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ao.execute.checkpoint import Checkpoint
     from ao.options import Options
     from raytrace.mesh.mesh import Mesh
+    from raytrace.types import Int64s
 
     from ..formats.load import MeshFile
     from ..formats.objects import Chosen
@@ -58,7 +59,7 @@ class Sources(NamedTuple):
     """The files of a bake.
 
     Attributes:
-        chosen: of the source. high: of finer meshes. fine: all of them, or None. cage: about the source, or None.
+        chosen: of the source. high: of finer meshes. fine: all of them, or None. groups, cage: of `ao.bake`, or None.
         walls: that only occlude. ground: a plane, or none.
     """
 
@@ -66,6 +67,7 @@ class Sources(NamedTuple):
     chosen: Chosen
     high: list[MeshFile]
     fine: Mesh | None
+    groups: tuple[Int64s, Int64s] | None
     cage: MeshFile | None
     walls: list[MeshFile]
     ground: list[Mesh]
@@ -105,7 +107,8 @@ class Sources(NamedTuple):
     @property
     def arguments(self) -> dict[str, Any]:
         """Those of `ao.bake` and `ao.bake_texture` beside the mesh."""
-        return {"high": self.fine, "occluders": self.occluders} | ({"cage": self.cage.mesh} if self.cage else {})
+        given = {"high": self.fine, "groups": self.groups, "occluders": self.occluders}
+        return given | ({"cage": self.cage.mesh} if self.cage else {})
 
     @property
     def occluders(self) -> list[Mesh]:
@@ -221,7 +224,7 @@ class MeshBake(Record, ABC):
         from ..formats.load import load
 
         kept = Path("texture.glb") if self.sort == "texture" else self.output
-        names = bool(self.receive or self.cast or self.exclude) or self.occluded_by != "all"
+        names = bool(self.receive or self.cast or self.exclude or self.match_names) or self.occluded_by != "all"
         return load(self.mesh, kept, self.content, self.alpha == "auto", self.up, names)
 
     def check_up(self, picture: Path | None, *outputs: Path | None) -> None:
@@ -239,16 +242,17 @@ class MeshBake(Record, ABC):
         from ao.points.occluders import joined
 
         from ..formats.load import load
-        from ..formats.objects import choose
+        from ..formats.objects import choose, match
 
         given, alpha = (self.high, self.occluder), self.alpha == "auto"
-        high, walls = ([load(path, alpha=alpha) for path in each or ()] for each in given)
+        names = self.match_names
+        high, walls = ([load(path, alpha=alpha, names=names) for path in each or ()] for each in given)
         fine = joined([each.mesh for each in high], all_normals=True) if high else None
         cage = load(self.cage) if isinstance(self.cage, Path) else None
         by_name = self.receive or (), self.cast or (), self.exclude or ()
         chosen = choose(source, *by_name, self.occluded_by, self.output_dir is not None)
         ground = [ao.ground(chosen.mesh, self.ground_height())] if self.ground else []
-        return Sources(source, chosen, high, fine, cage, walls, ground)
+        return Sources(source, chosen, high, fine, match(source, high) if names else None, cage, walls, ground)
 
     def ground_height(self) -> float | None:
         """The height of the ground; None just below the mesh. Raises: OptionError: it is no number."""

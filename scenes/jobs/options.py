@@ -104,6 +104,8 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
         Option("high", list[Path] | None, None, "Bake w of this finer mesh onto the input's vertices or texture; of "
                "several as one, an option for each.", EACH, "input", metavar="MESH"),
         "cage",
+        Option("match_names", bool, False, "With --high: objects NAME_low of the input show objects NAME_high alone; "
+               "all of these occlude.", EACH, needs={"high": ...}),
         Option("half", bool, False, "Texture: 16-bit floats in .exr and .tif.", "texture batch merge", "output"),
         Option("bits", Literal["8", "16"] | None, None, "Texture: of a channel of w and bent normals in .png, 16 by "
                "default.", "texture batch merge", "output"),

@@ -86,3 +86,34 @@ def test_mistakes(folder):
     refused(obscurance(*line, "gone.obj"), "gone.obj: file: expected an existing file, got none")
     refused(obscurance(*line, "2,5%"), "bake --cage: expected a length above 0", "got '2,5%'")
     refused(obscurance("bake", "low.obj", "-o", "w.npy", "--cage", "cage.obj"), "--cage needs --high")
+
+
+def square(height, number, left=0.0, right=1.0):
+    corners = ((left, 0), (right, 0), (right, 1), (left, 1))
+    lines = [f"v {x} {y} {height}\nvt {x} {number / 2 + y / 2.01}" for x, y in corners]
+    return "\n".join([*lines, "f -4/-4 -3/-3 -2/-2 -1/-1", ""])
+
+
+def test_objects_are_matched_by_name(tmp_path, monkeypatch):
+    """A lid over a floor, within its cage: by their names the floor is found under the lid, which occludes it."""
+    monkeypatch.chdir(tmp_path)
+    floor, lid = square(0, 0), square(0.1, 1)
+    (tmp_path / "low.obj").write_text(f"o floor_low\n{floor}o lid_low\n{lid}")
+    halves = [f"o floor_high_{k}\n{square(-0.01, 0, *ends)}" for k, ends in enumerate(((-9, 0.55), (0.55, 9)))]
+    (tmp_path / "floor.obj").write_text(halves[0])
+    (tmp_path / "rest.obj").write_text(f"{halves[1]}o lid_high\n{square(0.11, 1, -9, 9)}")
+    options = "--high", "floor.obj", "--high", "rest.obj", "--cage", 0.3, "--falloff", "binary"
+    for output in ("w.npy", "w.exr"):
+        for names in ((), ("--match-names",)):
+            bake(*options, *names, "-o", output, *(("--size", 16) if output == "w.exr" else ()))
+            w = np.load(output) if output == "w.npy" else oiio.ImageBuf(output).get_pixels()[..., 0][::-1].ravel()
+            of_floor, of_lid = w[: len(w) // 2], w[len(w) // 2 :]
+            assert of_lid.min() == 1
+            assert of_floor.max() < 0.7 if names else of_floor.min() == 1
+    for k in (1, 2):
+        bake(*options, "--match-names", "--part", f"{k}/2", "-o", "parts")
+    assert obscurance("merge", "parts", "-o", "m.npy", "-q").returncode == 0
+    assert (tmp_path / "m.npy").read_bytes() == (tmp_path / "w.npy").read_bytes()
+    lacking = obscurance("bake", "low.obj", "-o", "w.ply", "--high", "floor.obj", "--match-names")
+    refused(lacking, "low.obj: match_names: expected an object of --high for each of the input, got no lid_high")
+    refused(obscurance("bake", "low.obj", "-o", "w.npy", "--match-names"), "--match-names needs --high")

@@ -11,7 +11,7 @@ from ao.points.receivers import find_receivers
 from ao.prepared import Prepared
 from ao.texture.coverage import Coverage
 from ao.texture.projection import project
-from raytrace import Mesh, MeshError
+from raytrace import Mesh, MeshError, OptionError
 from raytrace.mesh.placement import Placement
 
 FINE = Mesh(*hills(12))
@@ -39,26 +39,33 @@ def first_hits(starts, directions, reach, mesh):
     return found
 
 
-def test_points_are_found_where_an_independent_projection_finds_them():
-    """Rays of any direction and length, some of which end before they meet the hills."""
+@pytest.mark.parametrize("grouped", [False, True])
+def test_points_are_found_where_an_independent_projection_finds_them(grouped):
+    """Rays of any direction and length, some of which end before they meet the hills; in groups, only their own."""
     rng = np.random.default_rng(7)
     places = np.column_stack([rng.uniform(-0.8, 0.8, (400, 2)), np.zeros(400)])
     cage = places + np.column_stack([rng.normal(size=(400, 2)) * 0.2, rng.uniform(0.05, 0.7, 400)])
     outwards = cage - places
     reach = np.linalg.norm(outwards, axis=1)
-    expected = first_hits(cage, -outwards / reach[:, None], 2 * reach, FINE)
+    own, of_vertex = rng.integers(0, 3, 400) * grouped, rng.integers(0, 3, len(FINE.vertices)) * grouped
+    of_face, expected = of_vertex[FINE.faces[:, 0]], np.full((400, 3), np.nan)
+    for group in range(3):
+        rows, alone = own == group, Mesh(FINE.vertices, FINE.faces[of_face == group]) if grouped or not group else FINE
+        expected[rows] = first_hits(cage[rows], -outwards[rows] / reach[rows, None], 2 * reach[rows], alone)
+    groups = (own, of_vertex) if grouped else None
     prepared = Prepared.of(FINE, VertexOptions(), None, None)
     nowhere = np.zeros((400, 1), np.int32), np.zeros((400, 1, 3), np.float32), np.zeros(400, np.bool_)
     placed = (places - prepared.placement.centre) * prepared.placement.scale
     up = np.tile([0.0, 0, 1], (400, 1))
-    coverage, missed = project(Coverage.of_points(np.arange(400), *nowhere), placed, up, prepared, cage)
+    coverage, missed = project(Coverage.of_points(np.arange(400), *nowhere), placed, up, prepared, cage, groups)
     corners = FINE.vertices[prepared.receivers.faces[coverage.face[:, 0]]]
     found = np.einsum("kc,kci->ki", coverage.barycentric[:, 0], corners)
     met = ~np.isnan(expected[:, 0])
-    assert 100 < met.sum() < 390
+    assert 50 < met.sum() < 390
     np.testing.assert_allclose(found[met], expected[met], atol=1e-5)
     assert set(missed) <= set(np.flatnonzero(~met))
     assert len(missed) > 0.9 * (~met).sum()  # others end beside the surface, within a hundredth
+    assert (of_vertex[prepared.receivers.faces[coverage.face[:, 0], 0]] == own).all()
 
 
 def ceiling(height=0.1, floor=-0.01):
@@ -138,3 +145,12 @@ def test_a_cage_of_another_mesh_is_refused():
             ao.bake(mesh, high=mesh, cage=wrong)
         with pytest.raises(MeshError, match=message):
             ao.bake_texture(mesh, vertices[:, :2], 8, high=mesh, cage=wrong)
+
+
+def test_a_group_without_a_fine_face_is_refused():
+    vertices, faces = sheet()
+    mesh, groups = Mesh(vertices, faces), (np.full(81, 2), np.ones(81, np.int64))
+    with pytest.raises(OptionError, match="groups: expected faces of the fine mesh in each, got none in 2"):
+        ao.bake(mesh, high=mesh, groups=groups)
+    with pytest.raises(OptionError, match="groups: expected"):
+        ao.bake_texture(mesh, vertices[:, :2], 8, high=mesh, groups=groups)

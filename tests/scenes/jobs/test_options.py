@@ -167,6 +167,10 @@ TOGETHER = {
         {"mesh": "copies.glb", "overlap": None, "instances": "first"},
     ),
     "cage": ({"high": ["other.obj"]}, {"high": ["other.obj"], "cage": "9%"}),
+    "match_names": (
+        {"high": ["other.obj"], "cage": "200%"},
+        {"high": ["other.obj"], "cage": "200%", "match_names": True},
+    ),
     "colors": ({"output": "w.ply"}, {"output": "w.ply", "colors": True}),
     "up": ({"output": "w.ply"}, {"output": "w.ply", "up": "z"}),
     "preset": ({"output": "w.glb"}, {"output": "w.glb", "preset": "three"}),
