@@ -1,5 +1,6 @@
 """Thickness: rays inwards, against closed forms of balls, slabs and boxes, at vertices and texels."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from ao.result import Interpolation
 from raytrace import AlphaSurface, Mesh, Opacity
 from raytrace.errors import ConflictError
 from scenes.geometry.polyhedra import icosphere, join
+from scenes.jobs.run import bake_command
 
 FALLOFFS = {
     "binary": (ao.Binary(0.7), None, 0.7),
@@ -150,3 +152,22 @@ def test_holes_are_told():
 def test_solids_that_mark_are_refused(interior):
     with pytest.raises(ConflictError, match=f"^options: thickness does not go with interior='{interior}'$"):
         Options(thickness=True, interior=interior)
+
+
+def test_thickness_is_no_occlusion_of_a_glb_unless_asked(tmp_path):
+    thick = {"mesh": tmp_path / "ball.obj", "output": tmp_path / "ball.glb", "thickness": True}
+    assert bake_command(thick | {"thickness": False}).occlusion is None
+    assert bake_command(thick).occlusion == "none"
+    assert bake_command(thick | {"occlusion": "ramp"}).occlusion == "ramp"
+
+
+def test_a_thin_mesh_is_not_taken_for_one_inside_out(tmp_path):
+    vertices, faces = icosphere(2)
+    lines = [*("v {} {} {}".format(*each) for each in vertices), *("f {} {} {}".format(*each) for each in faces + 1)]
+    mesh, report = tmp_path / "ball.obj", tmp_path / "report.json"
+    mesh.write_text("\n".join(lines))
+    options = {"thickness": True, "falloff": "binary", "samples": 16, "quiet": True}
+    bake_command({"mesh": mesh, "output": tmp_path / "w.npy", "report": report} | options).run()
+    found = json.loads(report.read_text())
+    assert found["w"]["most"] == 0
+    assert "inside out" not in json.dumps(found["verdict"])
