@@ -1,10 +1,11 @@
-"""How tests are shared out, the seed of the random meshes, and meshes in place of the built-in shapes."""
+"""How tests are shared out, the random meshes' seed and given meshes, and what several folders' tests look at."""
 
 from __future__ import annotations
 
 import os
 import secrets
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -26,6 +27,16 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_report_header(config: pytest.Config) -> str:
     return f"random meshes: --mesh-seed {config.option.mesh_seed}"
+
+
+@pytest.fixture(scope="session")
+def demonstration(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder that `obscurance demo` makes."""
+    from command import obscurance
+
+    folder = tmp_path_factory.mktemp("demonstration") / "demo"
+    assert obscurance("demo", "-o", folder).returncode == 0
+    return folder
 
 
 @pytest.hookimpl(optionalhook=True)

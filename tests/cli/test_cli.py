@@ -117,14 +117,12 @@ def test_info_reports_what_is_in_a_file(cube):
         assert fact in result.stdout
 
 
-def test_the_demonstration_makes_a_mesh_and_a_picture(tmp_path):
-    result = obscurance("demo", "-o", tmp_path / "demo")
-    assert result.returncode == 0, result.stderr
-    mesh = trimesh.load(tmp_path / "demo" / "temple.ply", process=False)
+def test_the_demonstration_makes_a_mesh_and_a_picture(demonstration):
+    mesh = trimesh.load(demonstration / "temple.ply", process=False)
     w = mesh.metadata["_ply_raw"]["vertex"]["data"]["obscurance"]
     assert 0 <= w.min() < 0.1
     assert w.max() == 1
-    picture = read_image(tmp_path / "demo" / "temple.png")[0]["beauty"][..., 1]
+    picture = read_image(demonstration / "temple.png")[0]["beauty"][..., 1]
     without, with_w = picture[:, :720], picture[:, -720:]
     assert (with_w <= without + 0.01).all()
     assert with_w.mean() < 0.95 * without.mean()

@@ -36,7 +36,7 @@ def noisy(request):
 @pytest.fixture(scope="module")
 def brute_force(noisy):
     """w at every fourth folded vertex as a function of τ, computed once for each."""
-    return cache(lambda tau: corner_means(*noisy, folded(*noisy)[::4], tau))
+    return cache(lambda tau: corner_means(*noisy, folded(*noisy)[::4], tau, rays=12))
 
 
 def split(baked):

@@ -39,7 +39,13 @@ def test_albedo_of_what_is_known(angle):
     np.testing.assert_allclose(albedo(mirror, min(angle, 1.0)), 1, rtol=1e-4)
 
 
-def test_along_and_across_the_grain():
+@pytest.fixture
+def coarse(monkeypatch):
+    """Figures of a quadrature with a tenth of the points: texts that don't show its last digits."""
+    monkeypatch.setattr("scenes.commands.materials._ORDER", 120)
+
+
+def test_along_and_across_the_grain(coarse):
     text = check("brush", EllipticalBeckmann(albedo=0, k_s=1, m_parallel=0.1, m_perpendicular=0.4, eta=20))
     assert "along all" in text
     assert "across all" in text
@@ -47,7 +53,7 @@ def test_along_and_across_the_grain():
     assert "not reciprocal" not in text
 
 
-def test_figures_of_a_preset_and_of_a_scene(tmp_path):
+def test_figures_of_a_preset_and_of_a_scene(tmp_path, coarse):
     result = obscurance("materials", "--check", "clay")
     assert result.returncode == 0
     assert "integral" in result.stdout
