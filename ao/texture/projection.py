@@ -11,19 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from raytrace.bvh.closest import closest_on_triangle
-from raytrace.bvh.search import begin, new_stack, next_leaf, widened
+from raytrace.bvh.closest import closest_points
 from raytrace.embree.rays import intersect
 from raytrace.errors import MeshError, OptionError
-from raytrace.kernel.borrow import borrow
-from raytrace.kernel.jit import kernel
-from raytrace.kernel.simd_masks import lowest_bit
-from raytrace.kernel.vector import load, load_triangle
 from raytrace.mesh.convert import mesh_of
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.opacity_lookup import alphas
 from raytrace.mesh.placement import NEAR
-from raytrace.system.threads import run_blocks
 from raytrace.types import Float32s, Float64s, Int64s
 
 from ..falloff import Length, is_length, resolve_length
@@ -33,7 +27,6 @@ from .coverage import Coverage
 
 Groups = tuple[Int64s, Int64s]
 
-_BLOCK, _SHARE = 1 << 9, 16  # points, and blocks at once
 _ROUNDED = 1e-6  # of coordinates, in single precision
 _MOST_HOLES = 64  # that a ray goes through
 _BESIDE = 0.01  # of the cage: how far from its ray a point that counts as met may be
@@ -76,7 +69,8 @@ def project(
     face, weights = _first_hits(receivers, vertices, starts, -normals, 2 * reach, threads, match)
     missed = np.flatnonzero(face < 0)
     match = own[missed], of_face
-    closest = _closest_points(receivers, vertices, places[missed], float(reach.max()) or 1.0, threads, match)
+    surface = vertices, receivers.faces
+    closest = closest_points(receivers.tree, surface, places[missed], float(reach.max()) or 1.0, match, threads)
     face[missed], weights[missed] = closest
     away = np.einsum("kc,kci->ki", closest[1], vertices[receivers.faces[closest[0]]]) - places[missed]
     along = np.einsum("ki,ki->k", away, normals[missed])
@@ -143,47 +137,3 @@ def _first_hits(
 def _rounding(vertices: Float64s, places: Float64s) -> Float64s:
     most = max(float(np.abs(vertices).max()), float(np.abs(places).max(initial=0.0)))
     return _ROUNDED * np.minimum(most, np.maximum(NEAR, np.abs(places).max(axis=1)))
-
-
-def _closest_points(
-    receivers: Receivers, vertices: Float64s, places: Float64s, radius: float, threads: int, match: Groups
-) -> tuple[Int64s, Float32s]:
-    """The face (k,) nearest to each of `places` (k, 3) among those of its group, and where on it (k, 3)."""
-    face, weights = np.full(len(places), -1), np.zeros((len(places), 3), np.float32)
-    tree, surface = receivers.tree, (vertices, receivers.faces)
-
-    def search(first: int, last: int) -> None:
-        out = face[first:last], weights[first:last]
-        _search(tree, new_stack(), surface, places[first:last], radius, (match[0][first:last], match[1]), *out)
-
-    run_blocks(len(places), _BLOCK, search, threads, most=_SHARE)
-    return face, weights
-
-
-@kernel
-def _search(tree, stack, surface, places, radius, match, face, weights):
-    """Write the closest points of `places`, on faces of their groups; `radius`: how far to look at first."""
-    tree, (vertices, faces), (group, of_face) = borrow(tree), surface, match
-    for i in range(len(places)):
-        p, reach, best = load(places, i), radius, np.inf
-        middle = np.float32(p[0]), np.float32(p[1]), np.float32(p[2])
-        while best > reach:
-            if best < np.inf:
-                reach = best
-            begin(tree, stack)
-            within = widened(middle, reach)
-            leaf, near = next_leaf(tree, stack, middle, within)
-            while near != 0:
-                while near != 0:
-                    f = tree.rows[leaf, lowest_bit(near)]
-                    near &= near - 1
-                    if of_face[f] != group[i]:
-                        continue
-                    a, b, c = load_triangle(vertices, faces, f)
-                    away, u, v = closest_on_triangle(p, a, b, c)
-                    if away < best or (away == best and f < face[i]):
-                        best, face[i] = away, f
-                        weights[i, 0], weights[i, 1], weights[i, 2] = 1.0 - u - v, u, v
-                leaf, near = next_leaf(tree, stack, middle, within)
-            if best == np.inf:
-                reach *= 2.0
