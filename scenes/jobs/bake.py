@@ -15,17 +15,15 @@ from warnings import catch_warnings, simplefilter
 from raytrace.errors import ClusterError, ObscuranceError, printable
 
 from .console import compiling, note
+from .inputs import Sources
 from .options import BAKER, REPORTS, ROWS, Record, command_line, plain
 
 if TYPE_CHECKING:
     import ao
     from ao.execute.checkpoint import Checkpoint
     from ao.options import Options
-    from raytrace.mesh.mesh import Mesh
-    from raytrace.types import Int64s
 
     from ..formats.load import MeshFile
-    from ..formats.objects import Chosen
     from ..show.report.pictures import Picture
 
 
@@ -53,66 +51,6 @@ class Written(NamedTuple):
 
     summary: str
     warnings: list[str]
-
-
-class Sources(NamedTuple):
-    """The files of a bake.
-
-    Attributes:
-        chosen: of the source. high: of finer meshes. fine: all of them, or None. groups, cage: of `ao.bake`, or None.
-        walls: that only occlude. ground: a plane, or none.
-    """
-
-    source: MeshFile
-    chosen: Chosen
-    high: list[MeshFile]
-    fine: Mesh | None
-    groups: tuple[Int64s, Int64s] | None
-    cage: MeshFile | None
-    walls: list[MeshFile]
-    ground: list[Mesh]
-
-    @property
-    def solid(self) -> Mesh:
-        """Whose w is baked."""
-        return self.fine or self.chosen.mesh
-
-    @property
-    def read(self) -> list[MeshFile]:
-        return [self.source, *self.walls, *self.high, *([self.cage] if self.cage else [])]
-
-    @property
-    def counts(self) -> tuple[int, int]:
-        """Vertices and faces that occlude."""
-        meshes = [*self.occluders, self.solid]
-        return sum(len(each.vertices) for each in meshes), sum(len(each.faces) for each in meshes)
-
-    @property
-    def files(self) -> list[Path]:
-        return [path for each in self.read for path in each.files]
-
-    @property
-    def meshes(self) -> list[Mesh]:
-        """All that occlude, that whose w is baked last."""
-        return [*self.occluders, self.chosen.mesh, *([self.fine] if self.fine else [])]
-
-    @property
-    def notes(self) -> list[str]:
-        """About what was read; also occluders so much larger or smaller that their unit may be another."""
-        sizes = [(each.mesh.source, each.mesh.radius / (self.source.mesh.radius or 1.0)) for each in self.walls]
-        text = "of the mesh's: is its unit another?"
-        unlike = [f"{name}: its radius is {size:.2g} {text}" for name, size in sizes if not 1e-3 < size < 1e3]
-        return [*(note for each in self.read for note in each.notes), *unlike]
-
-    @property
-    def arguments(self) -> dict[str, Any]:
-        """Those of `ao.bake` and `ao.bake_texture` beside the mesh."""
-        given = {"high": self.fine, "groups": self.groups, "occluders": self.occluders}
-        return given | ({"cage": self.cage.mesh} if self.cage else {})
-
-    @property
-    def occluders(self) -> list[Mesh]:
-        return [*(each.mesh for each in self.walls), *self.ground]
 
 
 class MeshBake(Record, ABC):

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from ao.options import VertexOptions
 
-from .bake import MeshBake, Sources, WorkSize, Written
+from .bake import MeshBake, WorkSize, Written
 from .console import alpha_summary, bake_summary, progress, warn
+from .inputs import Sources
 from .options import named
 
 if TYPE_CHECKING:

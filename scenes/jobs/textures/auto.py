@@ -12,8 +12,8 @@ from ao.result import Interpolation
 from raytrace.errors import MeshError
 from raytrace.system.atomic import write_bytes
 
-from ..bake import Sources
 from ..console import progress
+from ..inputs import Sources
 from ..vertices import BakeCommand
 
 _SIZE = "512"  # texels a side: meshes whose faces are too large for w at vertices are small

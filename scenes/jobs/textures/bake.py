@@ -27,8 +27,9 @@ from ...formats.glb.textured import textured_glb
 from ...formats.image_names import MATERIAL, PLACEHOLDERS, UDIM
 from ...formats.images import check_texture_target, write_grey, write_normals
 from ...formats.load import MeshFile
-from ..bake import MeshBake, Sources, WorkSize, Written
+from ..bake import MeshBake, WorkSize, Written
 from ..console import alpha_summary, progress, texture_summary, warn
+from ..inputs import Sources
 from .coordinates import Coordinates, coordinates, parse_texels
 from .pages import Page, lacking, layout_remarks, pages_of
 
