@@ -1,12 +1,14 @@
 """The choice of a traversal: all rays of a point at once, or packets through Embree.
 
-Where most rays meet something, in halls and piles, few go far: Embree's packets are faster there for few rays
-(docs/benchmarks.md).
+Where most rays meet something, in halls and piles, few go far: Embree's packets are faster there for few rays, and on
+processors without vectors of sixteen numbers for some more and in the open, too (docs/benchmarks.md).
 """
 
 import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
+from raytrace.kernel.simd import WIDE
+from raytrace.system.processor import lanes
 from raytrace.types import Float64s, Int64s
 
 from ..mu import KernelMu, fades
@@ -21,7 +23,8 @@ from .traverse import TraversalState
 
 _POINTS, _RAYS, _KEY = 64, 16, np.uint32(0x7A1)  # that are tried
 _CLOSED = 0.5  # part of the rays that meet something from which on most points are closed in
-_ANY_HIT, _CLOSEST_HIT = 320, 512  # rays a point, fewer of which are faster in packets there
+_WIDE = {True: (80, 40), False: (0, 0)}  # rays a point, any-hit and closest-hit, fewer of which are faster in packets,
+_NARROW = {True: (144, 96), False: (56, 24)}  # by whether most points are closed in
 
 
 def packets_below(traversal: Traversal, scene: RayScene, points: Points, mu: KernelMu, t_max: float) -> int:
@@ -39,7 +42,11 @@ def packets_below(traversal: Traversal, scene: RayScene, points: Points, mu: Ker
 
 def most_packets(mu: KernelMu) -> int:
     """The largest number that `packets_below` has for it."""
-    return _CLOSEST_HIT if fades(mu) else _ANY_HIT
+    return _table()[True][fades(mu)]
+
+
+def _table() -> dict[bool, tuple[int, int]]:
+    return _WIDE if lanes()[0] == WIDE else _NARROW
 
 
 def tried(count: int) -> Int64s:
@@ -56,6 +63,4 @@ def try_out(tree: BVH16, points: Points, count: int, limit: float, t_max: float)
 
 def fewer_than(openness: Float64s, mu: KernelMu) -> int:
     """`packets_below` from what `try_out` found at all points that are tried, in their order."""
-    if not len(openness) or np.mean(openness) > 1 - _CLOSED:
-        return 0
-    return most_packets(mu)
+    return _table()[bool(len(openness) and np.mean(openness) <= 1 - _CLOSED)][fades(mu)]

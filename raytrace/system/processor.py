@@ -1,19 +1,25 @@
 """The processor that kernels are compiled for: its name and the width of its vector instructions."""
 
 import platform
+from functools import cache
 from pathlib import Path
 
 import llvmlite.binding
 
-_WIDTHS = {"avx512f": ("AVX-512", 16), "avx": ("AVX", 8), "sse2": ("SSE2", 4), "neon": ("NEON", 4)}
+_WIDTHS = {"avx512f": (16, "AVX-512"), "avx": (8, "AVX"), "sse2": (4, "SSE2"), "neon": (4, "NEON")}
 
 
 def processor() -> str:
     """Such as "AMD EPYC (znver5), 16 lanes of float32 (AVX-512)"; the name in brackets is LLVM's."""
+    count, instructions = lanes()
+    return f"{_model()} ({llvmlite.binding.get_host_cpu_name()}), {count} lanes of float32 ({instructions})"
+
+
+@cache
+def lanes() -> tuple[int, str]:
+    """How many float32 numbers a vector instruction takes, and what such instructions are called."""
     features = llvmlite.binding.get_host_cpu_features()
-    found = (width for feature, width in _WIDTHS.items() if features.get(feature))
-    instructions, lanes = next(found, ("no vector instructions", 1))
-    return f"{_model()} ({llvmlite.binding.get_host_cpu_name()}), {lanes} lanes of float32 ({instructions})"
+    return next((width for feature, width in _WIDTHS.items() if features.get(feature)), (1, "no vector instructions"))
 
 
 def _model() -> str:

@@ -193,14 +193,17 @@ def test_boxes_larger_than_needed_change_nothing():
     assert np.array_equal(prepared.streams(), prepared.streams(scaled(prepared.tree, 1.5)))
 
 
-def test_few_rays_in_a_closed_room_go_through_embree():
+@pytest.mark.parametrize(
+    ("count", "expected"),
+    [(16, (80, 40, 0, 0, 0)), (8, (144, 96, 56, 56, 24))],
+    ids=["sixteen lanes", "eight lanes"],
+)
+def test_few_rays_in_a_closed_room_go_through_embree(count, expected, monkeypatch):
     room, open_ = box((0, 0, 0), (1, 1, 1), 0.2).mesh, Mesh(*icosphere(2))
-    for mesh, falloff, below in (
-        (Mesh(room.vertices, room.faces[:, ::-1]), ao.Binary(), 320),
-        (Mesh(room.vertices, room.faces[:, ::-1]), ao.Exponential(), 512),
-        (Mesh(room.vertices, room.faces[:, ::-1]), ao.Binary(0.05), 0),
-        (open_, ao.Binary(), 0),
-    ):
+    room = Mesh(room.vertices, room.faces[:, ::-1])
+    monkeypatch.setattr("ao.rays.traversal_choice.lanes", lambda: (count, "vectors"))
+    cases = (room, ao.Binary()), (room, ao.Exponential()), (room, ao.Binary(0.05)), (open_, ao.Binary())
+    for (mesh, falloff), below in zip((*cases, (open_, ao.Exponential())), expected, strict=True):
         prepared = Prepared(mesh, 16)
         mu = falloff.resolve(mesh.radius).in_render_space(prepared.placement.scale)
         lengths = mu, min(mu.limit, prepared.placement.diagonal)
