@@ -46,7 +46,7 @@ def meshes(tmp_path):
     return tmp_path
 
 
-BAKE, SURFACE, RENDER = 56, 48, 40  # kernels at most, three of them for an OBJ file
+BAKE, SURFACE, RENDER = 57, 48, 40  # kernels at most, three of them for an OBJ file
 COMMANDS = {
     "bake": ("bake hills.obj -o w.ply --samples 64", BAKE, []),
     "bake a ply": ("bake hills.ply -o w.npz --falloff binary", BAKE, []),
