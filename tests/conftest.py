@@ -7,6 +7,7 @@ import os
 import secrets
 import sys
 from collections.abc import Generator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,8 @@ import pytest
 # hundreds of processes start: what the first compiles of Python is kept for the others, whatever the environment says
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+# every core has a process already: threads of linear algebra would wait for each other, at ten times the cost
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -48,12 +51,17 @@ def pytest_unconfigure() -> None:
 
 @pytest.fixture(scope="session")
 def demonstration(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder that `obscurance demo` makes."""
+    """The folder that `obscurance demo` makes; processes of pytest-xdist share it."""
     from command import obscurance
 
-    folder = tmp_path_factory.mktemp("demonstration") / "demo"
-    assert obscurance("demo", "-o", folder).returncode == 0
-    return folder
+    base = tmp_path_factory.getbasetemp()
+    shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "demonstration"
+    if not shared.exists():
+        folder = tmp_path_factory.mktemp("demonstration") / "demo"
+        assert obscurance("demo", "-o", folder).returncode == 0
+        with suppress(OSError):  # another has been faster
+            folder.rename(shared)
+    return shared
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -53,6 +53,7 @@ def test_the_spheres_of_the_models_are_current(tmp_path, name):
 
 
 def test_an_outdated_picture_is_noticed(tmp_path):
-    shown = read_image(DOCS / "temple.png")[0]["beauty"]
+    shown = read_image(DOCS / "temple.png")[0]["beauty"][:HEIGHT, :WIDTH]
+    write_image(tmp_path / "shown.png", shown)
     write_image(tmp_path / "old.png", 1.06 * shown)
-    assert compare(DOCS / "temple.png", tmp_path / "old.png").flip > ALLOWED
+    assert compare(tmp_path / "shown.png", tmp_path / "old.png").flip > ALLOWED
