@@ -215,3 +215,13 @@ def killed_in_mid_block(cluster, folder, victims):
 
 def kill(pid):
     os.kill(pid, signal.SIGKILL)
+
+
+class Attack:
+    """What makes a file where it is unpickled."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return os.mkdir, (self.path,)

@@ -5,7 +5,7 @@ import signal
 from functools import partial
 
 import pytest
-from clusters import LEFT_SOCKETS, MEDIUM, bake_on, on_one, small_blocks
+from clusters import LEFT_SOCKETS, MEDIUM, Attack, bake_on, on_one, small_blocks
 from meshes import hills
 from parts_of_bakes import bits
 
@@ -86,16 +86,6 @@ def test_a_worker_that_stands_still_is_reported_and_others_trace_its_blocks(clus
     assert bits(baked) == medium
     assert odd not in dispatch.blocks
     assert messages == [f"worker {odd} has not been heard of for 2 s; others get its blocks"]
-
-
-class Attack:
-    """What makes a file where it is unpickled."""
-
-    def __init__(self, path):
-        self.path = path
-
-    def __reduce__(self):
-        return os.mkdir, (self.path,)
 
 
 @pytest.mark.parametrize("answer", ["code", "few"])

@@ -1,0 +1,1 @@
+"""Bakes and pictures by workers of a Dask cluster."""
