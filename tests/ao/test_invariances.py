@@ -166,7 +166,7 @@ def test_smooth_error_falls_as_fast_as_promised() -> None:
     others = faces[:, ::-1][(corners[faces][:, :, 2] > 0).any(axis=1)]
     fan = np.array([(k, (k + 1) % 4, 4) for k in range(4)])
     vertices, faces = join([(np.array(floor, float), fan), (corners, others)])
-    mesh = Mesh(generic_rotation(8).apply(vertices), faces)
+    mesh = ao.PreparedMesh(generic_rotation(8).apply(vertices), faces)
     truth = analytic.box((0.5, 0.5, 0.5, 0.5), 1.0, 1.0)
     only = np.arange(len(vertices)) == 4
     counts = 2 ** np.arange(4, 11, 2)

@@ -24,22 +24,22 @@ class Reference:
 def nearest_hits(origins: np.ndarray, directions: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Distance (r,) to the nearest of triangles (m, 3, 3) along unit rays (r, 3), or ∞.
 
-    Möller & Trumbore 1997, both sides, all triangles for every ray.
+    Möller & Trumbore 1997, both sides, all triangles for every ray; their triple products as products of matrices.
     """
-    nearest = np.full(len(directions), np.inf)
-    for a, b, c in corners:
-        e1, e2 = b - a, c - a
-        p = np.cross(directions, e2)
-        det = p @ e1
+    centre = corners.mean(axis=(0, 1))
+    a, origins = corners[:, 0] - centre, origins - centre
+    e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normals = np.cross(e1, e2)
+    nearest = []
+    for o, d in zip(*(np.array_split(rays, len(rays) // 512 + 1) for rays in (origins, directions)), strict=True):
+        moments, det = np.cross(o, d), -d @ normals.T
         with np.errstate(divide="ignore", invalid="ignore"):
-            s = origins - a
-            u = np.einsum("ij,ij->i", s, p) / det
-            q = np.cross(s, e1)
-            v = np.einsum("ij,ij->i", directions, q) / det
-            t = q @ e2 / det
+            u = (moments @ e2.T - d @ np.cross(e2, a).T) / det
+            v = (-moments @ e1.T - d @ np.cross(a, e1).T) / det
+            t = (o @ normals.T - np.einsum("ij,ij->i", a, normals)) / det
             hit = (det != 0) & (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
-        nearest = np.where(hit & (t < nearest), t, nearest)
-    return nearest
+        nearest.append(np.where(hit, t, np.inf).min(axis=1))
+    return np.concatenate(nearest)
 
 
 def angle_weighted_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

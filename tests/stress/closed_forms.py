@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from shared_directions import one_direction_table
+
 from scenes.validation.table import compare, configurations, described, measure
 
 from .line import Line, undefined
@@ -14,9 +16,10 @@ def closed_forms(long: bool) -> Iterator[Line]:
     """A line for each pose."""
     for pose in poses(long):
         found, missing = [], 0
-        for line in configurations():
-            posed = pose.configuration(line)
-            measured = measure(posed)
+        posed_lines = [pose.configuration(line) for line in configurations()]
+        with one_direction_table():
+            measurements = [measure(posed) for posed in posed_lines]
+        for line, posed, measured in zip(configurations(), posed_lines, measurements, strict=True):
             missing += undefined(measured)
             result = compare(posed, measured)
             case = f"{len(configurations())} closed forms, worst: {line.name}, {described(line.falloff)}"

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from math import isinf, log, nan, pi
 
 import numpy as np
 import pytest
+from shared_directions import one_direction_table
 
 import ao
 from ao.falloff import Binary, Exponential, Linear, Smooth
-from ao.rays.directions import DirectionTable
 from raytrace import Mesh
 from raytrace.ray_origins.offset import ray_offset
 from scenes.geometry.polyhedra import icosphere, inscribed_radius, prism
@@ -27,14 +26,6 @@ SEEDS = 20
 
 def label(line: Configuration) -> str:
     return f"{line.name}, {validation.described(line.falloff)}"
-
-
-@contextmanager
-def one_direction_table() -> Iterator[None]:
-    """Lines of one seed share their directions: make them once, not ninety times."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(DirectionTable, "make", cache(DirectionTable.make))
-        yield
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
