@@ -11,7 +11,7 @@ from ao.execute.checkpoint import Checkpoint
 from raytrace.mesh.mesh import Mesh
 
 MESH = Mesh(*hills(70))
-OPTIONS = {"samples": 512, "threads": 2}
+OPTIONS = {"samples": 128, "threads": 2}
 bake_surface = partial(ao.bake, method="surface")
 METHODS = {"vertex": ao.bake, "surface": bake_surface}
 

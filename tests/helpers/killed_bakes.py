@@ -24,7 +24,7 @@ from raytrace.system.atomic import atomic_write
 def bake_to(target, make, options, **settings):
     """What `obscurance bake` does, with a file that holds every bit of the result."""
     with Checkpoint(f"{target}.partial", notify=lambda _: None, **settings) as checkpoint:
-        baked = make(Mesh(*hills(90)), threads=2, checkpoint=checkpoint, **options)
+        baked = make(Mesh(*hills(60)), threads=2, checkpoint=checkpoint, **options)
         last = baked.covered if isinstance(baked, ao.BakedTexture) else baked.flags
         with atomic_write(target) as file:
             for rows in (baked.w, baked.error, baked.bent_normals, last, np.array([baked.rays, baked.rmse])):
@@ -33,7 +33,7 @@ def bake_to(target, make, options, **settings):
 
 def bake_texture(mesh, **options):
     """The texture of a mesh above the plane of x and y."""
-    return ao.bake_texture(mesh, 0.45 * mesh.vertices[:, :2] + 0.5, 120, **options)
+    return ao.bake_texture(mesh, 0.45 * mesh.vertices[:, :2] + 0.5, 80, **options)
 
 
 def forked(work):

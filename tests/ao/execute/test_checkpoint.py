@@ -113,12 +113,12 @@ def test_much_that_waits_is_written_before_a_minute(path, monkeypatch):
     assert path.stat().st_size > 300_000
 
 
-THIRD = {"samples": 512, "only": np.arange(4900) % 3 == 0}
+THIRD = {"samples": 128, "only": np.arange(4900) % 3 == 0}
 WAYS = [
     ("vertex", {"tolerance": 0.003}),
     ("vertex", THIRD),
     ("vertex", {"tolerance": 0.01, "falloff": ["binary", "exponential"]}),
-    ("surface", {"samples": 512, "only": np.arange(4900) < 900}),
+    ("surface", {"samples": 128, "only": np.arange(4900) < 900}),
     ("surface", {"tolerance": 0.003}),
 ]
 

@@ -16,15 +16,20 @@ METHODS = ("vertex", "surface")
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 
 AT_ONCE = """
-import warnings
+import time, warnings
 from ao.execute.checkpoint import Checkpoint
+put = Checkpoint.put
+def slowly(*arguments):
+    put(*arguments)
+    time.sleep(0.1)
+Checkpoint.put = slowly
 Checkpoint.__init__.__defaults__ = (False, warnings.warn, 0.0, 0.0, *Checkpoint.__init__.__defaults__[4:])
 import cli
 cli.main()
 """
 
 
-@pytest.mark.parametrize(("method", "samples"), [("vertex", 4096), ("surface", 1024)])
+@pytest.mark.parametrize(("method", "samples"), [("vertex", 512), ("surface", 128)])
 def test_the_command_continues_after_an_interrupt(tmp_path, method, samples):
     mesh, target, journal = tmp_path / "hills.obj", tmp_path / "w.npz", tmp_path / "w.npz.partial"
     lines = [f"v {x} {y} {z}" for x, y, z in MESH.vertices] + [f"f {a} {b} {c}" for a, b, c in MESH.faces + 1]

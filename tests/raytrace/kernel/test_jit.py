@@ -43,15 +43,33 @@ def run(folder, code, **environment):
 
 @pytest.fixture
 def project(tmp_path):
-    package = tmp_path / "raytrace"
+    return project_in(tmp_path)
+
+
+def project_in(folder):
+    package = folder / "raytrace"
     package.mkdir()
-    (tmp_path / "ao").mkdir()
+    (folder / "ao").mkdir()
     (package / "__init__.py").touch()
     shutil.copytree(ROOT / "raytrace" / "kernel", package / "kernel", ignore=shutil.ignore_patterns("vector.py"))
     shutil.copy(ROOT / "raytrace" / "types.py", package)
     (package / "helper.py").write_text(HELPER.format(value=1))
     (package / "loop.py").write_text(KERNEL)
-    return tmp_path
+    return folder
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """The cache of a project whose kernel has been compiled."""
+    folder = project_in(tmp_path_factory.mktemp("compiled"))
+    assert run(folder, ANSWER, NUMBA_CACHE_DIR=str(folder / "cache")) == "1 1 True"
+    return folder / "cache"
+
+
+@pytest.fixture
+def filled(project, compiled):
+    """The same of this project, which has the same sources."""
+    return shutil.copytree(compiled, project / "cache")
 
 
 ANSWER = """
@@ -62,9 +80,8 @@ print(answer(), len(compiled), "numba" in sys.modules)
 """
 
 
-def test_an_edit_in_another_file_reaches_the_kernel(project):
-    cache = str(project / "cache")
-    assert run(project, ANSWER, NUMBA_CACHE_DIR=cache) == "1 1 True"
+def test_an_edit_in_another_file_reaches_the_kernel(project, filled):
+    cache = str(filled)
     assert run(project, ANSWER, NUMBA_CACHE_DIR=cache) == "1 0 False"
     (project / "raytrace" / "helper.py").write_text(HELPER.format(value=2))
     assert run(project, ANSWER, NUMBA_CACHE_DIR=cache) == "2 1 True"
@@ -130,18 +147,15 @@ def test_a_disk_that_fills_while_kernels_are_written_is_no_obstacle(project):
     assert run(project, ANSWER, NUMBA_CACHE_DIR=str(cache)) == "1 0 False"
 
 
-def test_half_a_file_in_the_cache_is_passed_over(project):
-    cache = project / "cache"
-    assert run(project, ANSWER, NUMBA_CACHE_DIR=str(cache)) == "1 1 True"
-    (path,) = (path for path in cache.rglob("*") if path.is_file())
+def test_half_a_file_in_the_cache_is_passed_over(project, filled):
+    (path,) = (path for path in filled.rglob("*") if path.is_file())
     os.truncate(path, path.stat().st_size - 1)
-    assert run(project, ANSWER, NUMBA_CACHE_DIR=str(cache)) == "1 1 True"
-    assert run(project, ANSWER, NUMBA_CACHE_DIR=str(cache)) == "1 0 False"
+    assert run(project, ANSWER, NUMBA_CACHE_DIR=str(filled)) == "1 1 True"
+    assert run(project, ANSWER, NUMBA_CACHE_DIR=str(filled)) == "1 0 False"
 
 
-def test_another_setting_of_numba_or_another_processor_has_kernels_of_its_own(project):
-    cache = str(project / "cache")
-    assert run(project, ANSWER, NUMBA_CACHE_DIR=cache) == "1 1 True"
+def test_another_setting_of_numba_or_another_processor_has_kernels_of_its_own(project, filled):
+    cache = str(filled)
     assert run(project, ANSWER, NUMBA_CACHE_DIR=cache, NUMBA_OPT="1") == "1 1 True"
     elsewhere = "import llvmlite.binding; llvmlite.binding.get_host_cpu_name = lambda: 'another'\n" + ANSWER
     assert run(project, elsewhere, NUMBA_CACHE_DIR=cache) == "1 1 True"
@@ -221,20 +235,19 @@ def test_code_by_the_name_of_another_kernel_is_not_read(kept):
     assert cache.read_code("another.kernel") is None
 
 
-def test_kernels_of_a_folder_that_cannot_be_written_are_run(project):
+def test_kernels_of_a_folder_that_cannot_be_written_are_run(project, filled):
     """An image's, filled by root."""
-    cache = project / "cache"
-    assert run(project, ANSWER, NUMBA_CACHE_DIR=str(cache)) == "1 1 True"
-    elsewhere = {"NUMBA_CACHE_DIR": str(cache), "XDG_CACHE_HOME": str(project / "mine")}
+    elsewhere = {"NUMBA_CACHE_DIR": str(filled), "XDG_CACHE_HOME": str(project / "mine")}
     no_space = "import shutil; full = shutil.disk_usage('/')._replace(free=0); before = shutil.disk_usage; "
     no_space += "shutil.disk_usage = lambda f: full if f.name == 'cache' else before(f)\n"
     assert run(project, no_space + WHERE, **elsewhere).startswith(str(project / "mine"))
     assert run(project, no_space + ANSWER, **elsewhere) == "1 0 False"
 
 
-def test_a_chosen_folder_is_filled_whatever_the_users_holds(project):
+def test_a_chosen_folder_is_filled_whatever_the_users_holds(project, filled):
     places = {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": str(project / "mine")}
-    assert run(project, ANSWER, **places) == "1 1 True"
+    filled.rename(users := Path(run(project, WHERE, **places)))
+    assert users == project / "mine" / "obscurance"
     chosen = places | {"NUMBA_CACHE_DIR": str(project / "chosen")}
     assert run(project, ANSWER, **chosen) == "1 1 True"
     assert run(project, ANSWER, **chosen) == "1 0 False"
