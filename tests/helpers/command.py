@@ -82,14 +82,14 @@ cli.main()
 
 
 def interrupted_command(module, *arguments, by=signal.SIGINT):
-    """Run the command as a process and send it a signal half a second after `module` has begun to trace.
+    """Run the command as a process and send it a signal a tenth of a second after `module` has begun to trace.
 
     Returns: the status and what it wrote to standard error.
     """
     command = [sys.executable, "-c", BEGUN.format(module=module), *arguments]
     with started(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
         assert running.stdout.readline() == "begun\n"
-        time.sleep(0.5)
+        time.sleep(0.1)
         running.send_signal(by)
         _, errors = running.communicate(timeout=120)
     return running.returncode, errors

@@ -189,7 +189,10 @@ def cylinders(k_d, k_s, m, spacing, floor, n, l, v, g, count=20_000):
     def reached(w):
         across, rise = w @ b, w @ n
         free = facet @ w > 0
-        for k in range(-40, 41):
+        last = 40  # farther than across / rise the ray is above all circles
+        if rise > 0:
+            last = int(min(40, (abs(across) / rise + 1) / spacing + 1.5))
+        for k in range(-last, last + 1):
             # where the ray (x, z) + s (across, rise) leaves circle k, it may not stand above the floor
             px = x - k * spacing
             aa, bb, cc = across**2 + rise**2, px * across + z * rise, px**2 + z**2 - 1

@@ -22,17 +22,15 @@ _MU = Exponential(tau=2.0)
 def defects(long: bool) -> Iterator[Line]:
     """A line for each defect: the difference of w it makes, in units of its estimated error, root mean square."""
     turns = range(4, 24) if long else range(4, 7)
+    part = torus(40, 20, 0.6)
+    turned = {turn: Mesh(Pose(turn=turn).vertices(part[0]), part[1]) for turn in turns}
+    plain = {turn: bake(mesh, _MU, SAMPLES) for turn, mesh in turned.items()}
     for name, change in _CHANGES.items():
         squares, missing = [], 0
         for turn in turns:
-            part = torus(40, 20, 0.6)
-            vertices = Pose(turn=turn).vertices(part[0])
-            order, changed = change((vertices, part[1]), np.random.default_rng(turn))
-            plain, other = (
-                bake(mesh, _MU, SAMPLES, seed=seed)
-                for mesh, seed in ((Mesh(vertices, part[1]), 0), (Mesh(*changed), turn))
-            )
-            squares.append(_difference(plain, other, order))
+            order, changed = change((turned[turn].vertices, part[1]), np.random.default_rng(turn))
+            other = bake(Mesh(*changed), _MU, SAMPLES, seed=turn)
+            squares.append(_difference(plain[turn], other, order))
             missing += undefined(other.w, other.error, other.bent_normals)
         ratio = float(np.sqrt(np.mean(squares)))
         yield Line(name, f"{len(turns)} turns", "rms difference/error", ratio, NOISE, missing)

@@ -6,7 +6,6 @@ w is the mean of cos²h, as far as h is above 0.
 
 import numpy as np
 import pytest
-from reference import angle_weighted_normals
 
 import ao
 from raytrace import Mesh
@@ -22,10 +21,14 @@ def fan(rim):
 
 
 def apex(rim):
-    """The normal at the apex of a fan, and the cosine by which it clears the face that it clears least."""
-    normal = angle_weighted_normals(*fan(rim))[0]
-    across = np.cross(rim, np.roll(rim, -1, axis=0))
-    return normal, float((across @ normal / np.linalg.norm(across, axis=1)).min())
+    """The angle-weighted normal at the apex of a fan, and the cosine by which it clears the nearest face."""
+    following = np.roll(rim, -1, axis=0)
+    across = np.cross(rim, following)
+    size = np.linalg.norm(across, axis=1)
+    normals = across / size[:, None]
+    normal = np.arctan2(size, np.einsum("ij,ij->i", rim, following)) @ normals
+    normal /= np.linalg.norm(normal)
+    return normal, float((normals @ normal).min())
 
 
 def sky(rim):
