@@ -14,6 +14,7 @@ from scipy.sparse import csr_array, diags_array
 from raytrace.types import Bools, Float64s, Int64s
 
 from ..least_squares.conjugate_gradients import solve_within
+from ..least_squares.dual_newton import least_change
 
 _DENSITY = 2.0  # samples a texel along an edge
 _MOST = 1 << 12  # of an edge
@@ -107,12 +108,14 @@ class Seams:
         texels, columns = np.flatnonzero(looked_up), (np.cumsum(looked_up, dtype=np.int32) - 1)[each]
         weights = np.concatenate([self.left.weights, -self.right.weights], axis=1)
         starts = np.arange(0, columns.size + 1, 8, dtype=np.int32)
-        difference = csr_array((weights.ravel(), columns.ravel(), starts), shape=(len(columns), len(texels)))
-        stay = np.where(covered[texels], 1.0, _FREE)
-        matrix = csr_array(_PULL * (difference.T @ difference) + diags_array(stay))
-        values = page[texels]
+        differences = csr_array((weights.ravel(), columns.ravel(), starts), shape=(len(columns), len(texels)))
+        values, stay = page[texels], np.where(covered[texels], 1.0, _FREE)
+        moved = least_change(differences, values, stay, _PULL)
+        if moved is None:  # edges much shorter than texels or charts of one face: samples meet in all directions
+            matrix = csr_array(_PULL * (differences.T @ differences) + diags_array(stay))
+            moved = solve_within(matrix, stay * values, values, threads=threads)
         closed = page.copy()
-        closed[texels] = solve_within(matrix, stay * values, values, threads=threads)
+        closed[texels] = moved
         return closed
 
 
