@@ -29,7 +29,7 @@ from .options import Normals, Options
 from .points.occluders import joined
 from .points.receivers import Receivers, find_receivers
 from .rays.ray_scene import RayScene
-from .rays.traversal_choice import packets_below
+from .rays.traversal_choice import packets_below, tried
 
 
 # fmt: off
@@ -174,7 +174,9 @@ class Prepared:
         options, placement, receivers = self.options, self.placement, self.receivers
         mu = in_render_space(self.mus, placement.scale)
         t_max = min(mu.limit, placement.diagonal)
-        below = packets_below(options.traversal, self.scene, receivers.points, mu, t_max)
+        points, layered = receivers.points, self.scene.opacity is not None
+        normals, reach = points.normals[tried(len(points))], t_max / placement.diagonal
+        below = packets_below(options.traversal, layered, normals, reach, len(points), mu)
         return Tracer(self.scene, below, mu, t_max, self.threads, total_points, self.progress, self.checkpoint)
 
     @property

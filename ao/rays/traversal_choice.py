@@ -1,66 +1,48 @@
 """The choice of a traversal: all rays of a point at once, or packets through Embree.
 
-Where most rays meet something, in halls and piles, few go far: Embree's packets are faster there for few rays, and on
-processors without vectors of sixteen numbers for some more and in the open, too (docs/benchmarks.md).
+Few rays a point take less time in packets, many in `ao.rays.traverse`. The ratio grows as a power of their number, a
+lower one where surfaces lie along the axes, as walls do, whose boxes are tight and whose cones are loose, and where
+more points are in reach (measured: docs/benchmarks.md).
 """
+
+import math
 
 import numpy as np
 
-from raytrace.bvh.bvh16 import BVH16
 from raytrace.kernel.simd import WIDE
 from raytrace.system.processor import lanes
-from raytrace.types import Float64s, Int64s
+from raytrace.types import Float32s, Int64s
 
 from ..mu import KernelMu, fades
 from ..options import MAX_SAMPLES, Traversal
-from ..points.points import Points
-from .directions import DirectionTable
-from .estimator import COLUMNS, W
-from .gather_streams import gather_streams
-from .ray_blocks import Rays
-from .ray_scene import RayScene
-from .traverse import TraversalState
 
-_POINTS, _RAYS, _KEY = 64, 16, np.uint32(0x7A1)  # that are tried
-_CLOSED = 0.5  # part of the rays that meet something from which on most points are closed in
-_WIDE = {True: (80, 40), False: (0, 0)}  # rays a point, any-hit and closest-hit, fewer of which are faster in packets,
-_NARROW = {True: (144, 96), False: (56, 24)}  # by whether most points are closed in
+_TRIED = 256  # points
+_ALONG = 0.999  # cosine between a normal and an axis
+_ONE_RAY = 0.55  # time of packets over that of `ao.rays.traverse`, for one ray a point
+_WIDE = (0.25, 0.09, 0.018), (0.33, 0.16, 0.024)  # the power, less for points along the axes, less for each factor of e
+_NARROW = (0.25, 0.08, 0.025), (0.31, 0.14, 0.031)  # more points in a length of rays; any-hit and closest-hit
 
 
-def packets_below(traversal: Traversal, scene: RayScene, points: Points, mu: KernelMu, t_max: float) -> int:
+def packets_below(
+    traversal: Traversal, layered: bool, normals: Float32s, reach: float, count: int, mu: KernelMu
+) -> int:
     """The number of rays a point below which Embree traces them.
 
-    Args: points: all of a mesh, some of which are tried, so that a bake of a part of them is that part of the whole.
+    Args:
+        layered: whether rays pass faces with alpha; packets begin anew behind each.
+        normals: (k, 3), at points that are `tried`. reach: length of rays over the mesh's diagonal.
+        count: points of the whole mesh, so that a bake of a part of it is that part of the whole.
     """
     if traversal == "embree":
         return MAX_SAMPLES + 1
-    if scene.opacity is not None:  # packets begin anew behind each layer
+    if layered or not count:
         return 0
-    subset = points[tried(len(points))]
-    return fewer_than(try_out(scene.tree, subset, len(subset), mu.limit, t_max), mu)
-
-
-def most_packets(mu: KernelMu) -> int:
-    """The largest number that `packets_below` has for it."""
-    return _table()[True][fades(mu)]
-
-
-def _table() -> dict[bool, tuple[int, int]]:
-    return _WIDE if lanes()[0] == WIDE else _NARROW
+    own, along, within = (_WIDE if lanes()[0] == WIDE else _NARROW)[fades(mu)]
+    aligned = float(np.mean(np.abs(normals).max(axis=1) > _ALONG))
+    power = own - along * aligned - within * math.log(max(reach * math.sqrt(count), 1.0))
+    most = -math.log(_ONE_RAY) / math.log(MAX_SAMPLES)
+    return MAX_SAMPLES + 1 if power < most else math.ceil(_ONE_RAY ** (-1 / power))
 
 
 def tried(count: int) -> Int64s:
-    return np.arange(min(count, _POINTS)) * count // max(min(count, _POINTS), 1)
-
-
-def try_out(tree: BVH16, points: Points, count: int, limit: float, t_max: float) -> Float64s:
-    """Openness of `points` (k,), of `count` that are tried in all."""
-    table, out = DirectionTable.make(_RAYS, count, _KEY), np.empty((len(points), COLUMNS))
-    binary = KernelMu(0.0, limit, 1.0)
-    gather_streams(tree, Rays.of(table), TraversalState.of(tree), points.arrays, table, binary, t_max, out)
-    return out[:, W]
-
-
-def fewer_than(openness: Float64s, mu: KernelMu) -> int:
-    """`packets_below` from what `try_out` found at all points that are tried, in their order."""
-    return _table()[bool(len(openness) and np.mean(openness) <= 1 - _CLOSED)][fades(mu)]
+    return np.arange(min(count, _TRIED)) * count // max(min(count, _TRIED), 1)

@@ -16,13 +16,13 @@ from ..estimate.fixed_samples import rays_per_corner_sample
 from ..execute.tracer import Progress, Tracer
 from ..falloff import Falloff
 from ..mu import KernelMu, Mu
-from ..options import MAX_SAMPLES, Options
+from ..options import Options
 from ..points.corners import CornerSamples, find_corner_samples
 from ..points.points import Points
 from ..points.receivers import offset_points
 from ..rays.estimator import W
 from ..rays.ray_scene import RayScene
-from ..rays.traversal_choice import fewer_than, most_packets, tried, try_out
+from ..rays.traversal_choice import packets_below, tried
 from .halo import TileMesh, extract_tile
 from .numbering import Numbering, check_tile, number_points
 from .source import TileSource, on_disk, runs
@@ -95,20 +95,10 @@ class _TileTracer:
         self, tiling: Tiling, numbering: Numbering, mu: KernelMu, options: Options, progress: Progress | None
     ) -> None:
         self.tiling, self.numbering, self.mu, self.options, self.progress = tiling, numbering, mu, options, progress
-        self.reach, self.packets_below, self.rays = min(mu.limit, tiling.space.diagonal), 0, 0
-        if options.traversal == "embree":
-            self.packets_below = MAX_SAMPLES + 1
-        elif min(options.rays, rays_per_corner_sample(options.rays, False)) < most_packets(mu):
-            self.packets_below = fewer_than(self._openness(), mu)
-
-    def _openness(self) -> Float64s:
-        rows = self.numbering.order[tried(len(self.numbering.order))]
-        out = np.empty(len(rows))
-        tiles = self.tiling.tile[rows]
-        for tile in np.unique(tiles):
-            scene, which = self._scene(extract_tile(self.tiling, int(tile), self.reach, False)), tiles == tile
-            out[which] = try_out(scene.tree, self._points(rows[which]), len(rows), self.mu.limit, self.reach)
-        return out
+        self.reach, self.rays = min(mu.limit, tiling.space.diagonal), 0
+        count, reach = len(numbering.order), self.reach / tiling.space.diagonal
+        normals = numbering.axes[numbering.order[tried(count)]]
+        self.packets_below = packets_below(options.traversal, False, normals, reach, count, mu)
 
     def _points(self, rows: Int64s) -> Points:
         numbering = self.numbering

@@ -44,7 +44,6 @@ STAGES = (
     ("origins", "raytrace.ray_origins.welded WeldedPoints.ray_origins"),
     ("receivers", "ao.points.receivers find_receivers"),
     ("corners of folds", "ao.points.corners find_corner_samples"),
-    ("trial of traversals", "ao.prepared packets_below"),
     ("Embree's hierarchy", "raytrace.embree.scene TriangleScene.__init__"),
     ("interior", "ao.estimate.inside inside_solids"),
     ("rays", "ao.execute.tracer Tracer.gather"),

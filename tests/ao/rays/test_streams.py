@@ -6,6 +6,7 @@ from meshes import MESHES, hills
 
 import ao
 import ao.prepared
+from ao.options import MAX_SAMPLES
 from ao.points.receivers import find_receivers
 from ao.rays.directions import DirectionTable, choose, turned_frame
 from ao.rays.estimator import COLUMNS, W
@@ -19,7 +20,6 @@ from raytrace import Mesh
 from raytrace.kernel.arrays import aligned
 from raytrace.mesh.placement import Placement
 from scenes.geometry.polyhedra import icosphere
-from scenes.geometry.primitives import box
 from scenes.geometry.temple import temple
 
 APART = 2e-4  # two rays of a small mesh that Embree, which allows for rounding, meets
@@ -193,19 +193,22 @@ def test_boxes_larger_than_needed_change_nothing():
     assert np.array_equal(prepared.streams(), prepared.streams(scaled(prepared.tree, 1.5)))
 
 
-@pytest.mark.parametrize(
-    ("count", "expected"),
-    [(16, (80, 40, 0, 0, 0)), (8, (144, 96, 56, 56, 24))],
-    ids=["sixteen lanes", "eight lanes"],
-)
-def test_few_rays_in_a_closed_room_go_through_embree(count, expected, monkeypatch):
-    room, open_ = box((0, 0, 0), (1, 1, 1), 0.2).mesh, Mesh(*icosphere(2))
-    room = Mesh(room.vertices, room.faces[:, ::-1])
+WALLS, ANY_WAY = np.eye(3, dtype=np.float32).repeat(20, axis=0), np.full((60, 3), 3**-0.5, np.float32)
+NEVER, ALWAYS = 0, MAX_SAMPLES + 1
+
+
+def below(normals=ANY_WAY, reach=1.0, count=40_000, falloff=None, traversal="auto", layered=False):
+    mu = (falloff or ao.Binary()).resolve(1.0).in_render_space(1.0)
+    return packets_below(traversal, layered, normals, reach, count, mu)
+
+
+@pytest.mark.parametrize(("count", "expected"), [(16, (48, 20, 18, 9)), (8, (162, 61, 23, 13))], ids=["wide", "narrow"])
+def test_few_rays_go_through_embree_and_more_of_walls_on_narrow_vectors_and_far_away(count, expected, monkeypatch):
     monkeypatch.setattr("ao.rays.traversal_choice.lanes", lambda: (count, "vectors"))
-    cases = (room, ao.Binary()), (room, ao.Exponential()), (room, ao.Binary(0.05)), (open_, ao.Binary())
-    for (mesh, falloff), below in zip((*cases, (open_, ao.Exponential())), expected, strict=True):
-        prepared = Prepared(mesh, 16)
-        mu = falloff.resolve(mesh.radius).in_render_space(prepared.placement.scale)
-        lengths = mu, min(mu.limit, prepared.placement.diagonal)
-        assert packets_below("auto", prepared.receivers, prepared.points, *lengths) == below
-    assert packets_below("embree", prepared.receivers, prepared.points, *lengths) > 1 << 20
+    fading = ao.Exponential()
+    assert (below(), below(falloff=fading), below(reach=0.05), below(reach=0.05, falloff=fading)) == expected
+    assert below(WALLS) > 1000 < below(WALLS, falloff=fading)
+    assert below(WALLS, reach=0.05) < below(WALLS)
+    assert below(count=400) < below()
+    assert below(WALLS, count=10**9) == ALWAYS == below(reach=1e-9, traversal="embree")
+    assert below(layered=True) == NEVER == below(ANY_WAY[:0], count=0)
