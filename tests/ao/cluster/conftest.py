@@ -11,11 +11,12 @@ __all__ = ["left_sockets"]
 
 
 def pytest_collection_modifyitems(items):
-    """Pictures come last here: another process of pytest-xdist compiles the renderer meanwhile."""
-    here = [item for item in items if item.path.parent == Path(__file__).parent]
-    if here:
-        first = items.index(here[0])
-        items[first : first + len(here)] = sorted(here, key=lambda item: item.path.name == "test_pictures.py")
+    """These are the last tests of `ao`: another process of pytest-xdist compiles the renderer meanwhile."""
+    folder = Path(__file__).parent
+    places = [place for place, item in enumerate(items) if folder.parent in item.path.parents]
+    ordered = sorted((items[place] for place in places), key=lambda item: folder in item.path.parents)
+    for place, item in zip(places, ordered, strict=True):
+        items[place] = item
 
 
 @pytest.fixture(scope="package")

@@ -43,7 +43,7 @@ def test_textures_are_counted_once_each_by_their_headers(tmp_path):
 
 
 def noise(path):
-    pixels = np.random.default_rng(len(path.name)).integers(0, 256, (1024, 2048, 3), np.uint8)
+    pixels = np.random.default_rng(len(path.name)).integers(0, 256, (512, 1024, 3), np.uint8)
     Image.fromarray(pixels).save(path)
     return path
 
@@ -64,18 +64,18 @@ def noise(path):
 def test_images_are_not_decoded_if_they_would_not_fit(read, tmp_path, monkeypatch):
     path = noise(tmp_path / "t.png")
     read(path)
-    monkeypatch.setattr(raytrace.system.memory, "available", lambda: 4 * MIB)
+    monkeypatch.setattr(raytrace.system.memory, "available", lambda: MIB)
     monkeypatch.setattr(raytrace.image.read, "row_blocks", pytest.fail)
     monkeypatch.setattr(raytrace.image.texture, "row_blocks", pytest.fail)
-    with pytest.raises(MemoryLimitError, match=r"t\.png: memory: expected at most 4 MiB.* (2,048×1,024|2,097,152)"):
+    with pytest.raises(MemoryLimitError, match=r"t\.png: memory: expected at most 1 MiB.* (1,024×512|524,288)"):
         read(path)
 
 
 def test_pictures_that_differ_take_more_to_compare(tmp_path, monkeypatch):
     a, b = noise(tmp_path / "a.png"), noise(tmp_path / "other.png")
-    monkeypatch.setattr(raytrace.system.memory, "available", lambda: 200 * MIB)
+    monkeypatch.setattr(raytrace.system.memory, "available", lambda: 50 * MIB)
     assert compare(a, a).flip == 0
-    with pytest.raises(MemoryLimitError, match=r"a\.png: memory: .* to compare 2,048×1,024 pixels"):
+    with pytest.raises(MemoryLimitError, match=r"a\.png: memory: .* to compare 1,024×512 pixels"):
         compare(a, b)
 
 
