@@ -3,13 +3,16 @@
 import numpy as np
 
 from raytrace.kernel.counting_sort import counting_sort
-from raytrace.kernel.jit import kernel
+from raytrace.kernel.jit import bound, inline, kernel
 from raytrace.kernel.vector import cross, dot, load_triangle
 from raytrace.mesh.components import connected_components
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import Placement
 from raytrace.mesh.weld import coincident
+from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Int64s
+
+_BLOCK, _MOST = 1 << 9, 16  # points, and blocks at once
 
 
 def closed_parts(vertices: Float32s, faces: Int64s) -> tuple[Int64s, Bools]:
@@ -46,18 +49,18 @@ def holes(mesh: Mesh) -> str | None:
     return f"{mesh.source}: {open_edges:,} {text}" if open_edges else None
 
 
-def inside_boxes(points: Float32s, own: Int64s, vertices: Float32s, part: Int64s, closed: Bools) -> Int64s:
+def inside_boxes(
+    points: Float32s, own: Int64s, vertices: Float32s, part: Int64s, closed: Bools, threads: int
+) -> Int64s:
     """Rows, ascending, of the `points` (k, 3) within the bounding box of a closed part that is not their `own` (k,).
 
-    Args: vertices: (n, 3). part, closed: of `closed_parts`.
+    Args: points: along a curve, for speed. vertices: (n, 3). part, closed: of `closed_parts`.
     """
     low, high = np.full((len(closed), 3), np.inf, np.float32), np.full((len(closed), 3), -np.inf, np.float32)
     _bound(vertices, part, low, high)
-    order = np.argsort(points[:, 0], kind="stable")
-    x, found = points[order, 0], np.zeros(len(points), np.bool_)
-    for number in np.flatnonzero(closed):
-        first, last = np.searchsorted(x, low[number, 0]), np.searchsorted(x, high[number, 0], "right")
-        _mark_within(points, order[first:last], own, number, low[number], high[number], found)
+    numbers, found = np.flatnonzero(closed), np.zeros(len(points), np.bool_)
+    work = bound(_mark_within, points, own, (numbers, low[numbers], high[numbers]), found)
+    run_blocks(len(points), _BLOCK, work, threads, most=_MOST)
     return np.flatnonzero(found)
 
 
@@ -102,9 +105,34 @@ def _bound(vertices, part, low, high):
 
 
 @kernel
-def _mark_within(points, rows, own, number, low, high, found):
-    """Set `found` of the points in `rows` that are not of part `number` and lie from `low` to `high` in y and z."""
-    for row in rows:
-        y, z = points[row, 1], points[row, 2]
-        if own[row] != number and low[1] <= y <= high[1] and low[2] <= z <= high[2]:
-            found[row] = True
+def _mark_within(points, own, parts, found, first, last):
+    """Set `found` of the points that lie in the box of a part that is not their `own`.
+
+    Args: parts: their numbers, and the low and high corners of their boxes.
+    """
+    numbers, low, high = parts
+    near, around = np.empty(len(numbers), np.int64), np.empty((2, 3), np.float32)
+    for begin in range(first, last, _BLOCK):
+        end, count = min(begin + _BLOCK, last), 0
+        around[0], around[1] = np.inf, -np.inf
+        for i in range(begin, end):
+            for axis in range(3):
+                around[0, axis] = min(around[0, axis], points[i, axis])
+                around[1, axis] = max(around[1, axis], points[i, axis])
+        for k in range(len(numbers)):
+            if _meet(around[0], around[1], low[k], high[k]):
+                near[count] = k
+                count += 1
+        for i in range(begin, end):
+            for k in near[:count]:
+                if numbers[k] != own[i] and _meet(points[i], points[i], low[k], high[k]):
+                    found[i] = True
+                    break
+
+
+@inline
+def _meet(low, high, other_low, other_high):
+    """Whether two boxes have a point in common."""
+    x = low[0] <= other_high[0] and high[0] >= other_low[0]
+    y = low[1] <= other_high[1] and high[1] >= other_low[1]
+    return x and y and low[2] <= other_high[2] and high[2] >= other_low[2]

@@ -57,15 +57,16 @@ def inside_solids(
     if interior == "ignore" or not len(points):
         return inside
     if interior != "auto":
-        return _hidden_points(points, _any_back(receivers, len(points)), placement, receivers, total, threads)
+        solids, rows = _any_back(receivers, len(points)), np.arange(len(points))
+        return _hidden_points(points, rows, solids, placement, receivers, total, threads)
     part, closed = _closed_parts(placement.vertices, receivers)
     if not closed.any():
         return inside
     own = part[vertex]
-    rows = inside_boxes(points.origins, own, placement.vertices, part, closed)
+    rows = inside_boxes(points.origins, own, placement.vertices, part, closed, threads)
     if len(rows):
-        solids = Solids(np.where(closed[part], part, -1)[receivers.faces[:, 0]], own[rows])
-        inside[rows] = _hidden_points(points[rows], solids, placement, receivers, total, threads)
+        solids = Solids(np.where(closed[part], part, -1)[receivers.faces[:, 0]], own)
+        inside[rows] = _hidden_points(points, rows, solids, placement, receivers, total, threads)
     return inside
 
 
@@ -95,21 +96,28 @@ def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Boo
 
 
 def _hidden_points(
-    points: Points, solids: Solids, placement: Placement, receivers: Receivers, total_points: int, threads: int
+    points: Points,
+    rows: Int64s,
+    solids: Solids,
+    placement: Placement,
+    receivers: Receivers,
+    total_points: int,
+    threads: int,
 ) -> Bools:
-    """Whether each point is hidden (k,): more than half of its `RAYS` rays end on the back of a face.
+    """Whether each point in `rows` (k,) is hidden: more than half of its `RAYS` rays end on the back of a face.
 
     Every bake of a mesh agrees, whatever its seed and whichever vertices it is asked for.
     """
     scene, reach = receivers.embree(), placement.diagonal
     table = DirectionTable.make(RAYS, total_points, _KEY)
-    hidden = np.empty(len(points), np.bool_)
+    hidden = np.empty(len(rows), np.bool_)
 
     def work(first: int, last: int) -> None:
-        subset = Solids(solids.of_face, solids.of_point[first:last])
-        _find_hidden(RayPacket.of(scene), points[first:last].arrays, table, subset, reach, hidden[first:last])
+        some = rows[first:last]
+        subset = Solids(solids.of_face, solids.of_point[some])
+        _find_hidden(RayPacket.of(scene), points[some].arrays, table, subset, reach, hidden[first:last])
 
-    run_blocks(len(points), _BLOCK, work, threads, most=_MOST)
+    run_blocks(len(rows), _BLOCK, work, threads, most=_MOST)
     return hidden
 
 

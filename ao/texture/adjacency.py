@@ -25,20 +25,20 @@ def texel_neighbours(shown: Shown, texels: Texels, most: float, threads: int) ->
     row_of = np.full(layout.width * layout.height, -1, np.int32)
     row_of[texels.texels] = np.arange(count)
     face = texels.shown
-    beside = np.empty((count, 4), np.int32)
+    beside, starts = np.empty((count, 4), np.int32), np.zeros(count + 1, np.int64)
     page = row_of, layout.width, layout.wraps
     surface = charts[face].astype(np.int32), sizes[face].astype(np.float32), points.origins
-    run_blocks(count, _BLOCK, bound(_find_beside, texels.texels, page, surface, beside), threads, most=_SHARE)
+    run_blocks(count, _BLOCK, bound(_find_beside, texels.texels, page, surface, beside, starts), threads, most=_SHARE)
     left, right = (row_of[side.nearest()].astype(np.int64) for side in (shown.seams.left, shown.seams.right))
     usable = (left >= 0) & (right >= 0) & (left != right)
     left, right = left[usable], right[usable]
     pairs = np.unique(np.concatenate([left, right]) * count + np.concatenate([right, left]))
     here, there = np.divmod(pairs, count)  # on both sides of seams, both ways, each once
-    listed = beside >= 0
-    counts = listed.sum(axis=1)
-    indices = np.insert(beside[listed], np.cumsum(counts)[here], there.astype(np.int32))
-    counts += np.bincount(here, minlength=count)
-    starts = np.concatenate([[0], np.cumsum(counts)])
+    across = np.zeros(count + 1, np.int64)
+    np.cumsum(np.bincount(here, minlength=count), out=across[1:])
+    starts = np.cumsum(starts) + across
+    indices = np.empty(starts[-1], np.int32)
+    run_blocks(count, _BLOCK, bound(_list, starts, beside, across, there, indices), threads, most=_SHARE)
     return Neighbours.weighted(starts, indices, np.ones(len(indices), np.float32), points.normals, threads)
 
 
@@ -52,7 +52,8 @@ def _texel_sizes(uv: Float64s, vertices: Float64s, faces: Int64s, most: float) -
 
 
 @kernel
-def _find_beside(texels, page, surface, beside, first, last):
+def _find_beside(texels, page, surface, beside, starts, first, last):
+    """Write the four neighbours of each texel, −1 for none, and how many there are into starts[i + 1]."""
     (row_of, width, wraps), (chart, size, origins) = page, surface
     height = len(row_of) // width
     for i in range(first, last):
@@ -72,3 +73,18 @@ def _find_beside(texels, page, surface, beside, first, last):
                 squared += (origins[i, axis] - origins[j, axis]) ** 2
             if squared <= (_NEAR * max(size[i], size[j])) ** 2:
                 beside[i, k] = j
+                starts[i + 1] += 1
+
+
+@kernel
+def _list(starts, beside, across, there, indices, first, last):
+    """Write the neighbours of each texel: those `beside` it, then there[across[i] : across[i + 1]]."""
+    for i in range(first, last):
+        place = starts[i]
+        for k in range(4):
+            if beside[i, k] >= 0:
+                indices[place] = beside[i, k]
+                place += 1
+        for k in range(across[i], across[i + 1]):
+            indices[place] = there[k]
+            place += 1

@@ -31,16 +31,16 @@ class TexelTracer(Tracer):
         """Rows (k, …, COLUMNS) of texels, by `samples` rays each or a few more."""
         texels = points.numbers.astype(np.int64)
         counts, out = self.texels.counts[texels], np.empty((len(points), *self.mu.shape, COLUMNS))
-        for count in np.unique(counts).tolist():
+        for count in np.flatnonzero(np.bincount(counts)).tolist():
             rows = np.flatnonzero(counts == count)
             slots = 1 << int(np.clip(samples // _ENOUGH, 1, count)).bit_length() - 1
             for first in range(0, len(rows), _GATHERED // slots):
                 block = rows[first : first + _GATHERED // slots]
-                out[block] = self._means(texels[block], slots, -(-samples // slots), key)
+                self._write_means(out, block, texels[block], slots, -(-samples // slots), key)
         return out
 
-    def _means(self, rows: Int64s, slots: int, rays: int, key: np.uint32) -> Float64s:
-        """Rows (k, …, COLUMNS) of texels, means over the first `slots` points of each, with `rays` rays each."""
+    def _write_means(self, out: Float64s, to: Int64s, rows: Int64s, slots: int, rays: int, key: np.uint32) -> None:
+        """Set out[to] to means over the first `slots` points of each of the texels `rows`, with `rays` rays each."""
         every, starts, shape = self.texels.points, self.texels.starts, (slots * len(rows), 3)
         subset = Points(np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape[0], np.uint32))
 
@@ -54,7 +54,6 @@ class TexelTracer(Tracer):
         run_blocks(len(rows), _BLOCK, pick, self.threads, most=_SHARE)
         table = self.scene.table(rays, self.total_points, key, slots)
         values = self._gather(subset, rays, key, slots)
-        means = np.empty((len(rows), *values.shape[1:]))
 
         def average(first: int, last: int) -> None:
             each = (starts[rows[first:last], None] + np.arange(slots)).ravel()
@@ -64,13 +63,12 @@ class TexelTracer(Tracer):
                 column = np.ascontiguousarray(falloffs[:, falloff])
                 leave_out_below(arrays, own_sides, table, column)
                 falloffs[:, falloff] = column
-            np.sum(values[block].reshape(-1, slots, *values.shape[1:]), axis=1, out=means[first:last])
-            means[first:last] /= slots
+            means = np.sum(values[block].reshape(-1, slots, *values.shape[1:]), axis=1) / slots
+            means[..., BATCH_VARIANCE] *= slots**-1.5  # as if the batches were of all rays: they share a leaped lattice
+            out[to[first:last]] = means
 
         sides, by_falloff = self.texels.sides, values.reshape(len(values), -1, COLUMNS)
         run_blocks(len(rows), _BLOCK, average, self.threads, most=_SHARE)
-        means[..., BATCH_VARIANCE] *= slots**-1.5  # as if the batches were of all rays: they share a leaped lattice
-        return means
 
 
 def begin_tracing(prepared: Prepared, texels: Texels, kind: str, checkpoint: Checkpoint | None) -> TexelTracer:

@@ -9,7 +9,9 @@ import numpy as np
 
 from raytrace.image.encode import linear_png
 from raytrace.image.fill import fill_holes
+from raytrace.kernel.jit import bound, kernel
 from raytrace.mesh.normals import normalize
+from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Float64s, Int64s
 
 from ..estimate.calibration import Calibration
@@ -22,7 +24,8 @@ if TYPE_CHECKING:
     from .seams import Seams
 
 
-_AROUND = [(y, x) for y in (-1, 0, 1) for x in (-1, 0, 1) if (y, x) != (0, 0)]
+_BLOCK, _SHARE = 1 << 12, 16  # texels, and blocks at once
+_ROWS = 1 << 4  # of the page
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,18 +140,23 @@ def assemble_pages(
     """
     shape = layout.height, layout.width
     covered = np.zeros(shape, np.bool_)
-    covered.ravel()[texels.texels] = True
     w, error, bent = np.zeros(shape), np.zeros(shape, np.float32), np.zeros((*shape, 3), np.float32)
-    w.ravel()[texels.texels] = rows[:, 0].clip(0.0, 1.0)
-    error.ravel()[texels.texels] = np.sqrt(variance)
-    normals = texels.first_points.normals
-    clear = np.einsum("ij,ij->i", rows[:, 1:], rows[:, 1:]) > 1e-18
-    directions = np.where(clear[:, None], normalize(rows[:, 1:]), normals)
-    if frames is not None:
-        directions = np.einsum("kij,kj->ki", frames, directions)
-    bent.reshape(-1, 3)[texels.texels] = directions
+    axes = texels.first_points.normals
 
-    beside = _extend(w, covered, layout.wraps)
+    def spread(first: int, last: int) -> None:
+        block = slice(first, last)
+        at, mean = texels.texels[block], rows[block, 1:]
+        covered.ravel()[at], w.ravel()[at] = True, rows[block, 0].clip(0.0, 1.0)
+        error.ravel()[at] = np.sqrt(variance[block])
+        clear = np.einsum("ij,ij->i", mean, mean) > 1e-18
+        directions = np.where(clear[:, None], normalize(mean), axes[block])
+        if frames is not None:
+            directions = np.einsum("kij,kj->ki", frames[block], directions)
+        bent.reshape(-1, 3)[at] = directions
+
+    run_blocks(len(texels), _BLOCK, spread, threads, most=_SHARE)
+    beside = np.zeros(shape, np.bool_)
+    run_blocks(layout.height, _ROWS, bound(_extend, w, covered, layout.wraps, beside), threads)
     known = covered | beside
     seams = seams.within(known.ravel())
     before = seams.jump(w.ravel())
@@ -161,19 +169,22 @@ def assemble_pages(
     return Pages(page, error, whole, covered, before, seams.jump(page.ravel().astype(np.float64)))
 
 
-def _extend(page: Float64s, covered: Bools, wraps: bool) -> Bools:
-    """Give texels next to covered ones the covered neighbours' mean, in place; returns these texels, bool (h, w)."""
-    total, count = np.zeros(page.shape), np.zeros(page.shape, np.int8)
-    weighted = page * covered
-    for y, x in _AROUND:
-        for source, target in ((weighted, total), (covered, count)):
-            moved = np.roll(source, (y, x), (0, 1))
-            if not wraps:
-                if y:
-                    moved[0 if y > 0 else -1] = 0
-                if x:
-                    moved[:, 0 if x > 0 else -1] = 0
-            target += moved
-    beside = ~covered & (count > 0)
-    page[beside] = total[beside] / count[beside]
-    return beside
+@kernel
+def _extend(page, covered, wraps, beside, first, last):
+    """Give texels of some rows next to covered ones the covered neighbours' mean, in place, and mark them `beside`."""
+    height, width = page.shape
+    for row in range(first, last):
+        for column in range(width):
+            if covered[row, column]:
+                continue
+            total, count = 0.0, 0
+            for k in range(9):
+                y, x = row + 1 - k // 3, column + 1 - k % 3
+                if wraps:
+                    y, x = y % height, x % width
+                elif y < 0 or x < 0 or y >= height or x >= width:
+                    continue
+                if covered[y, x]:
+                    total, count = total + page[y, x], count + 1
+            if count:
+                page[row, column], beside[row, column] = total / count, True

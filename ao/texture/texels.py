@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -18,11 +19,11 @@ from ..points.points import Points
 from ..points.receivers import Receivers
 from ..prepared import Prepared
 from ..rays.below_face import with_alpha
-from .coverage import Coverage, refill
+from .coverage import Coverage
 from .page_rays import DEEP
 from .surface_points import Faces, centres_suffice
 
-_PLACED = 1 << 18  # points whose origins are found together
+_PLACED, _MOST_PLACED = 1 << 14, 1 << 17  # points whose origins are found together: as many as there are faces
 _BLOCK, _SHARE = 1 << 11, 16  # texels, and blocks at once
 _RAYS, _NOISE = 256, 0.004  # so many rays a texel, and about how much they err by
 _BENT = 0.2  # by how much normals may differ within a texel: one point and several then differ by a third of the noise
@@ -56,21 +57,31 @@ class Texels:
     def counts(self) -> Int64s:
         return np.diff(self.starts)
 
-    @property
+    @cached_property
     def first_points(self) -> Points:
         """One point of each texel, for what asks where it is; numbered by the rows of the texels."""
         first = self.points[self.starts[:-1]]
         return replace(first, numbers=np.arange(len(self), dtype=np.uint32))
 
-    def only(self, rows: Int64s) -> Texels:
-        """Some of the texels, numbered anew."""
-        counts = self.counts[rows]
-        starts = np.concatenate([[0], np.cumsum(counts)])
-        each = np.arange(starts[-1]) + np.repeat(self.starts[rows] - starts[:-1], counts)
-        numbers = np.arange(len(each), dtype=np.uint32)
-        points = Points(self.points.origins[each], self.points.normals[each], numbers)
-        shown = self.shown[rows], self.shown_at[rows]
-        return Texels(self.texels[rows], starts, self.face[each], points, self.sides[each], *shown)
+    def without(self, hidden: Bools, threads: int) -> Texels:
+        """The texels of which a point is not `hidden`, numbered anew; points not hidden take the places of others.
+
+        Args: hidden: bool (p,).
+        """
+        rows = np.flatnonzero(np.add.reduceat(~hidden, self.starts[:-1], dtype=np.int64))
+        starts = np.concatenate([[0], np.cumsum(self.counts[rows])])
+        count = int(starts[-1])
+        face, origins, normals, sides = _empty(count)
+        of, to = (self.face, self.points.origins, self.points.normals, self.sides), (face, origins, normals, sides)
+        run_blocks(len(rows), _BLOCK, bound(_keep, rows, self.starts, hidden, of, starts, to), threads, most=_SHARE)
+        points = Points(origins, normals, np.arange(count, dtype=np.uint32))
+        return Texels(self.texels[rows], starts, face, points, sides, self.shown[rows], self.shown_at[rows])
+
+
+def _empty(count: int) -> tuple[Int32s, Float32s, Float32s, Float32s]:
+    """Room for faces, origins, axes and sides of so many points."""
+    origins, normals, sides = (np.empty((count, columns), np.float32) for columns in (3, 3, 4))
+    return np.empty(count, np.int32), origins, normals, sides
 
 
 def find_texels(coverage: Coverage, page: Coverage, prepared: Prepared, interior: Interior) -> tuple[Texels, int]:
@@ -86,21 +97,10 @@ def find_texels(coverage: Coverage, page: Coverage, prepared: Prepared, interior
     alone = centres_suffice(coverage, faces, receivers.tree, most_bent, threads)
     texels = _placed(coverage, page, morton_order(first), alone, faces, receivers, threads)
     inside = inside_solids(texels.points, receivers.faces[texels.face, 0], placement, receivers, interior, threads)
-    if not inside.any():
+    if not inside.any() or inside.all():  # all: a room whose walls face outwards, for instance
         return texels, 0
-    good, counts = ~inside, texels.counts
-    seen = np.add.reduceat(good, texels.starts[:-1], dtype=np.int64)
-    some = (seen > 0) & (seen < counts)
-    for count in np.unique(counts[some]).tolist():
-        each = texels.starts[:-1][some & (counts == count), None] + np.arange(count)
-        for table in (texels.face, texels.points.origins, texels.points.normals, texels.sides):
-            values = table[each]
-            refill(good[each], values)
-            table[each] = values
-    rows = np.flatnonzero(seen)
-    if not len(rows):  # a room whose walls face outwards, for instance
-        return texels, 0
-    return texels.only(rows), len(texels) - len(rows)
+    kept = texels.without(inside, threads)
+    return kept, len(texels) - len(kept)
 
 
 def _placed(
@@ -113,35 +113,48 @@ def _placed(
     counts = np.where(alone, 1, np.where(coverage.deep, DEEP, coverage.face.shape[1]))
     starts = np.concatenate([[0], np.cumsum(counts[order])])
     count = int(starts[-1])
-    face, weights = np.empty(count, np.int32), np.empty((count, 3), np.float32)
+    face, origins, normals, sides = _empty(count)
+    weights, shown_at = (np.empty((rows, 3), np.float32) for rows in (count, len(order)))
+    shown = np.empty(len(order), np.int32)
     points = coverage.face, coverage.barycentric, coverage.centre_face, coverage.centre
+    on_page = page.face, page.barycentric, page.centre_face, page.centre
     layered = np.cumsum(coverage.deep) - 1, coverage.deep_face, coverage.deep_barycentric
-    work = bound(_lay_out, order, starts, alone, points, layered, (face, weights))
+    work = bound(_lay_out, order, starts, alone, points, layered, on_page, (face, weights, shown, shown_at))
     run_blocks(len(order), _BLOCK, work, threads, most=_SHARE)
     tree, surface = receivers.tree, faces.surface
     face_points = np.repeat(np.arange(len(surface.faces))[:, None], 3, axis=1)  # each face is by itself
     magnitude = surface.magnitudes(face_points, len(surface.faces))
-    origins, normals, sides = (np.empty((count, columns), np.float32) for columns in (3, 3, 4))
-    for first in range(0, count, _PLACED):
-        part = slice(first, first + _PLACED)
+
+    def place(first: int, last: int) -> None:
+        part = slice(first, last)
         own = face[part].astype(np.int64)
         places, side, axis = faces.points_at(own, weights[part], threads)
         origins[part], _ = ray_origins(tree, surface, places, side, np.ones(len(own)), face_points, own, magnitude[own])
         normals[part], sides[part] = axis, with_alpha(side, receivers.opacity, own, weights[part])
+
+    run_blocks(count, min(max(_PLACED, len(surface.faces)), _MOST_PLACED), place, threads)
     placed = Points(origins, normals, np.arange(count, dtype=np.uint32))
-    shown = np.where(alone, page.centre_face, page.face[:, 0])[order]
-    shown_at = np.where(alone[:, None], page.centre, page.barycentric[:, 0])[order]
     return Texels(coverage.texels[order], starts, face, placed, sides, shown, shown_at)
 
 
 @kernel
-def _lay_out(order, starts, alone, points, layered, out, first, last):
-    """Write the face and barycentrics of each texel's points in order, from a `Coverage`, up to the texel's count."""
+def _lay_out(order, starts, alone, points, layered, on_page, out, first, last):
+    """Write the face and barycentrics of each texel's points in order, from a `Coverage`, up to the texel's count.
+
+    Args: on_page: as `points`, of the page, for where the first point of each texel is shown.
+    """
     each, each_at, centre, centre_at = points
-    (number, deep, deep_at), (face, weights) = layered, out
+    (number, deep, deep_at), (face, weights, shown, shown_at) = layered, out
+    page_each, page_at, page_centre, page_centre_at = on_page
     for i in range(first, last):
         row, begin = order[i], starts[i]
         count = starts[i + 1] - begin
+        if alone[row]:
+            shown[i], place = page_centre[row], page_centre_at[row]
+        else:
+            shown[i], place = page_each[row, 0], page_at[row, 0]
+        for corner in range(3):
+            shown_at[i, corner] = place[corner]
         for k in range(count):
             if alone[row]:
                 face[begin], place = centre[row], centre_at[row]
@@ -151,3 +164,24 @@ def _lay_out(order, starts, alone, points, layered, out, first, last):
                 face[begin + k], place = each[row, k], each_at[row, k]
             for corner in range(3):
                 weights[begin + k, corner] = place[corner]
+
+
+@kernel
+def _keep(rows, starts, hidden, of, new_starts, to, first, last):
+    """Write the points of the texels `rows` that are not `hidden`, over and over, until each texel has all its points.
+
+    Args: of, to: faces, origins, axes and sides of the points, from `starts` and to `new_starts`.
+    """
+    (face, origins, normals, sides), (new_face, new_origins, new_normals, new_sides) = of, to
+    for i in range(first, last):
+        begin, end = starts[rows[i]], starts[rows[i] + 1]
+        source = begin
+        for k in range(new_starts[i], new_starts[i + 1]):
+            while hidden[source]:
+                source = source + 1 if source + 1 < end else begin
+            new_face[k] = face[source]
+            for axis in range(3):
+                new_origins[k, axis], new_normals[k, axis] = origins[source, axis], normals[source, axis]
+            for column in range(4):
+                new_sides[k, column] = sides[source, column]
+            source = source + 1 if source + 1 < end else begin
