@@ -1,6 +1,7 @@
 """Directional albedo (the white furnace test) and reciprocity of any material, measured."""
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from .base import BaseMaterial
 from .reflect import reflect
 
 NORMAL = np.array([0.0, 0.0, 1.0])
+_gauss_legendre = cache(leggauss)  # an eigenvalue problem, for every angle of a table
 
 
 def towards(theta: npt.ArrayLike, phi: npt.ArrayLike = 0.0) -> Float64s:
@@ -29,7 +31,7 @@ def directional_albedo(
     over halfway vectors to six slopes, dω_v = 4 (l·h) dω_h, since over viewers it would be missed.
     """
     l = towards(incidence)
-    nodes, weights = leggauss(order)
+    nodes, weights = _gauss_legendre(order)
     end = np.pi / 2 if slope is None else min(np.pi / 2, float(np.arctan(6 * slope)))
     theta = (0.5 * end * (nodes + 1))[:, None]
     phi = (np.arange(2 * order) + 0.1) * np.pi / order
