@@ -45,10 +45,9 @@ def test_the_values_are_those_of_the_library(tmp_path, cube):
 
 
 def test_the_same_command_gives_the_same_bytes(tmp_path, cube):
-    for name, run in (("a", obscurance), ("b", process)):
-        for ending in ("npy", "npz", "ply", "glb"):
-            assert run("bake", cube, "-o", tmp_path / f"{name}.{ending}", "--samples", 32).returncode == 0
-    for ending in ("npy", "npz", "ply", "glb"):
+    for ending, run in (("npy", obscurance), ("npz", process), ("ply", obscurance), ("glb", process)):
+        for name, once_more in (("a", obscurance), ("b", run)):
+            assert once_more("bake", cube, "-o", tmp_path / f"{name}.{ending}", "--samples", 32).returncode == 0
         assert (tmp_path / f"a.{ending}").read_bytes() == (tmp_path / f"b.{ending}").read_bytes()
 
 
@@ -103,6 +102,19 @@ def test_the_summary_says_what_became_of_vertices_inside_solids(tmp_path):
     inside = "9 of 34 vertices lie inside solids"
     assert f"{inside}; w there is filled from visible neighbours\n" in obscurance(*command, "--interior", "fill").stdout
     assert f"{inside}\n" in obscurance(*command, "--interior", "mark").stdout
+
+
+def test_the_debug_image_marks_vertices_inside_solids(tmp_path):
+    block, ball = trimesh.creation.box((4, 4, 1)), trimesh.creation.icosphere(subdivisions=3)
+    for _ in range(4):
+        block = block.subdivide()
+    trimesh.util.concatenate([block, ball.apply_translation((0.03, 0.02, 0.47))]).export(tmp_path / "sunk.ply")
+    bake = ("bake", tmp_path / "sunk.ply", "-o", tmp_path / "w.npy", "--samples", 16, "--interior", "fill")
+    assert obscurance(*bake, "--debug-image", tmp_path / "marked.png").returncode == 0
+    picture = read_image(tmp_path / "marked.png")[0]["beauty"]
+    magenta = (picture[..., 0] > 0.9) & (picture[..., 1] < 0.05) & (picture[..., 2] > 0.5)
+    assert magenta.sum() > 1000
+    refused(obscurance(*bake, "--debug-image", tmp_path / "marked.txt"), "--debug-image")
 
 
 def test_the_help_of_bake_says_what_w_is_before_it_speaks_of_it():
