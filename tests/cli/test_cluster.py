@@ -38,7 +38,7 @@ def test_workers_started_here_make_the_file_of_one_process(tmp_path, mesh):
 @pytest.mark.usefixtures("small_blocks")
 def test_a_picture_by_workers_started_here_is_the_file_of_one_process(tmp_path):
     pytest.importorskip("distributed", reason="pip install '.[cluster]'")
-    assert obscurance("scenes", "still_life", "-o", tmp_path / "scene.toml").returncode == 0
+    assert obscurance("scenes", "plane_wall", "-o", tmp_path / "scene.toml").returncode == 0
     render = "render", tmp_path / "scene.toml", "--width", 96, "--height", 64
     assert obscurance(*render, "-o", tmp_path / "whole.exr").returncode == 0
     result = obscurance(*render, "-o", tmp_path / "picture.exr", "--cluster", "local", "--report", tmp_path / "r.json")

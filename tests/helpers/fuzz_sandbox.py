@@ -72,9 +72,14 @@ def silent(stream):
 
 
 def modest(triangles, rows):
-    """Built-in shapes and copies are work that a few bytes may ask for on purpose: here no more than a little."""
+    """Built-in shapes and copies are work that a few bytes may ask for on purpose: here no more than a little.
+
+    Nor are control groups asked, a dozen files each time: the process's own limits are lower.
+    """
+    import raytrace.system.memory
     import scenes.geometry.builtin_shapes
     import scenes.geometry.instances
 
     scenes.geometry.builtin_shapes.MAX_TRIANGLES = triangles
     scenes.geometry.instances.MAX_COPIED = rows
+    raytrace.system.memory._control_groups = lambda root: ()

@@ -88,12 +88,10 @@ def ashikhmin_shirley(rho, r_s, n_u, n_v, n, l, v, g):
 
 
 def kirchhoff_series(g, t):
-    """S = g Σ gʲ e⁻ᵍ/(j! j) e^(−g t/j), term after term until they no longer count."""
-    total, logarithm = 0.0, -g
-    for j in range(1, int(g + 20 * np.sqrt(g)) + 200):
-        logarithm += np.log(g) - np.log(j)
-        total += np.exp(logarithm - g * t / j) / j
-    return g * total
+    """S = g Σ gʲ e⁻ᵍ/(j! j) e^(−g t/j), as many terms as count."""
+    j = np.arange(1, int(g + 20 * np.sqrt(g)) + 200)
+    logarithms = np.cumsum(np.log(g) - np.log(j)) - g
+    return g * np.sum(np.exp(logarithms - g * t / j) / j)
 
 
 def kajiya(sigma, t_x, t_y, wavelengths, eta, n, l, v, g, form):

@@ -23,20 +23,21 @@ MOST_PARAMETERS = 8
 
 
 @cache
-def tree(path):
-    return ast.parse(path.read_text(encoding="utf-8"))
+def nodes(path):
+    """All nodes of a file's tree."""
+    return list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
 
 
 def docstrings(module):
     """Texts that stand as statements: docstrings, and what follows a constant."""
-    for node in ast.walk(tree(FILES[module])):
+    for node in nodes(FILES[module]):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
             yield node.value
 
 
-def bound(node):
-    """Names that are bound anywhere within a node, attributes of `self` among them."""
-    for child in ast.walk(node):
+def bound(nodes):
+    """Names that nodes bind, attributes of `self` among them."""
+    for child in nodes:
         if isinstance(child, ast.FunctionDef | ast.ClassDef):
             yield child.name
         elif isinstance(child, ast.alias):
@@ -50,21 +51,19 @@ def bound(node):
 @cache
 def names_of(module):
     stub = FILES[module].with_suffix(".pyi")
-    return {*bound(tree(FILES[module])), *(bound(tree(stub)) if stub.exists() else ())}
+    return {*bound(nodes(FILES[module])), *(bound(nodes(stub)) if stub.exists() else ())}
 
 
 @cache
 def members():
     """Of each class its own members and those of the classes below which it stands."""
-    classes = {
-        node.name: node for path in FILES.values() for node in ast.walk(tree(path)) if isinstance(node, ast.ClassDef)
-    }
+    classes = {node.name: node for path in FILES.values() for node in nodes(path) if isinstance(node, ast.ClassDef)}
     found = defaultdict(set)
     for name, node in classes.items():
         queue = [node]
         while queue:
             each = queue.pop()
-            found[name] |= set(bound(each))
+            found[name] |= set(bound(ast.walk(each)))
             queue += [classes[base.id] for base in each.bases if isinstance(base, ast.Name) and base.id in classes]
     return found
 
@@ -72,14 +71,13 @@ def members():
 @cache
 def vocabulary():
     """Every word of the program's code, docstrings left out."""
-    words = set(FILES)
+    texts = set()
     for module, path in FILES.items():
         prose = set(map(id, docstrings(module)))
-        for node in ast.walk(tree(path)):
-            texts = [] if id(node) in prose else [text for _, text in ast.iter_fields(node) if isinstance(text, str)]
-            words |= {word for text in texts for word in re.findall(r"\w+", text)}
-        words |= set(module.split("."))
-    return words
+        for node in nodes(path):
+            if id(node) not in prose:
+                texts.update(text for text in vars(node).values() if isinstance(text, str))
+    return {*FILES, *re.findall(r"\w+", "\n".join((*texts, *FILES)))}
 
 
 def is_missing(name):
@@ -144,7 +142,7 @@ def test_a_name_that_is_not_there_is_noticed():
 def test_functions_take_eight_parameters_at_most():
     """But commands."""
     for module in FILES.keys() - {"cli"}:
-        for node in ast.walk(tree(FILES[module])):
+        for node in nodes(FILES[module]):
             if isinstance(node, ast.FunctionDef):
                 given = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
                 names = [argument.arg for argument in given if argument.arg not in ("self", "cls")]

@@ -105,7 +105,7 @@ def closed() -> dict[str, RawMesh]:
     return {
         "icosphere": icosphere(4),
         "torus": torus(),
-        "cube, hard edges": cube(32),
+        "cube, hard edges": cube(20),
         "coarse cube, hard edges": cube(8),
         "cube with T-junctions": junctions(),
         "Menger sponge": raw_mesh(menger(2, 1.0, 1)),

@@ -42,7 +42,7 @@ def rms(difference: np.ndarray) -> float:
 
 @pytest.fixture(scope="module")
 def truth() -> dict[str, np.ndarray]:
-    return {name: ao.bake(mesh, ao.Binary(), samples=8192, seed=999, denoise=False).w for name, mesh in SCENES.items()}
+    return {name: ao.bake(mesh, ao.Binary(), samples=4096, seed=999, denoise=False).w for name, mesh in SCENES.items()}
 
 
 @pytest.mark.parametrize("samples", [4, 16, 64, 256])

@@ -119,7 +119,7 @@ WAYS = [
     ("vertex", THIRD),
     ("vertex", {"tolerance": 0.01, "falloff": ["binary", "exponential"]}),
     ("surface", {"samples": 128, "only": np.arange(4900) < 900}),
-    ("surface", {"tolerance": 0.003}),
+    ("surface", {"tolerance": 0.01}),
 ]
 
 

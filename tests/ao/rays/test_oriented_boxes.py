@@ -44,7 +44,7 @@ def soup(count):
     return loose(np.random.default_rng(2).uniform(-1, 1, (count, 3, 3)))
 
 
-TANGLED = {"cone": cone(3000), "pages": pages(1500), "needles": needles(5000)}
+TANGLED = {"cone": cone(3000), "pages": pages(1500), "needles": needles(2500)}
 
 
 def tree_of(part):

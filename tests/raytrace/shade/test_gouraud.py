@@ -1,5 +1,7 @@
 """Gouraud shading against an independent one: (12.25) at vertices, barycentric weights at pixels, in NumPy."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 import trimesh
@@ -24,15 +26,15 @@ def first_hits(vertices, faces):
     right /= np.linalg.norm(right)
     up = np.cross(right, forward)
     x, y = np.meshgrid((2 * np.arange(WIDTH) + 1 - WIDTH) / HEIGHT, (HEIGHT - 2 * np.arange(HEIGHT) - 1) / HEIGHT)
-    rays = forward + HALF * (x[..., None] * right + y[..., None] * up)
-    face, weights, nearest = np.full(x.shape, -1), np.zeros((*x.shape, 3)), np.full(x.shape, np.inf)
+    rays = (forward + HALF * (x[..., None] * right + y[..., None] * up)).reshape(-1, 3).T
+    face, weights, nearest = np.full(x.size, -1), np.zeros((x.size, 3)), np.full(x.size, np.inf)
     for number, corners in enumerate(vertices[faces]):
-        solved = rays @ np.linalg.inv((corners - EYE).T).T  # t⁻¹ times the weights
-        total = solved.sum(axis=-1)
-        closer = (solved >= 0).all(axis=-1) & (total > 0) & (1 / total < nearest)
+        a, b, c = solved = np.linalg.inv((corners - EYE).T) @ rays  # t⁻¹ times the weights
+        total = a + b + c
+        closer = (a >= 0) & (b >= 0) & (c >= 0) & (total > 0) & (total * nearest > 1)
         face[closer], nearest[closer] = number, 1 / total[closer]
-        weights[closer] = solved[closer] / total[closer][:, None]
-    return face, weights
+        weights[closer] = (solved[:, closer] / total[closer]).T
+    return face.reshape(x.shape), weights.reshape(*x.shape, 3)
 
 
 def vertex_light(points, normals):
@@ -50,6 +52,7 @@ def vertex_light(points, normals):
     return total
 
 
+@cache
 def expected(mesh, two_sided):
     face, weights = first_hits(mesh.vertices, mesh.faces)
     corners = mesh.vertices[mesh.faces]

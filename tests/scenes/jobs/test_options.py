@@ -160,7 +160,7 @@ PATHS = {
     "output": "v.npy", "occluder": ["other.obj"],
 }  # fmt: skip
 TOGETHER = {
-    "texel_size": ({"size": None}, {"size": None, "texel_size": "5%"}),
+    "texel_size": ({"size": None, "texel_size": "1%"}, {"size": None, "texel_size": "5%"}),
     "uv": ({"mesh_output": "m.glb", "size": "64"}, {"mesh_output": "m.glb", "size": "64", "uv": "unwrap"}),
     "instances": (
         {"mesh": "copies.glb", "overlap": None},

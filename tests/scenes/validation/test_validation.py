@@ -28,7 +28,7 @@ def label(line: Configuration) -> str:
     return f"{line.name}, {validation.described(line.falloff)}"
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, 1])
 def test_matches_the_closed_forms(seed: int) -> None:
     with one_direction_table():
         found = validation.run_validation(seed=seed)
@@ -45,7 +45,7 @@ def test_a_bake_to_a_tolerance_matches_the_closed_form(line: Configuration) -> N
     assert np.sqrt(np.mean(error**2)) <= 2 * 0.002 + line.truncation + line.tessellation
 
 
-@pytest.mark.parametrize("samples", [1, 3, 16, 100, 1024])
+@pytest.mark.parametrize("samples", [1, 3, 100, 1024])
 def test_what_is_allowed_goes_by_the_number_of_rays(samples: int) -> None:
     with one_direction_table():
         found = validation.run_validation(samples=samples)
