@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from shared_directions import one_direction_table
+from shared_directions import only_w
 
 from scenes.validation.table import compare, configurations, described, measure
 
@@ -17,7 +17,7 @@ def closed_forms(long: bool) -> Iterator[Line]:
     for pose in poses(long):
         found, missing = [], 0
         posed_lines = [pose.configuration(line) for line in configurations()]
-        with one_direction_table():
+        with only_w():
             measurements = [measure(posed) for posed in posed_lines]
         for line, posed, measured in zip(configurations(), posed_lines, measurements, strict=True):
             missing += undefined(measured)

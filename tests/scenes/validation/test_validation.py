@@ -9,7 +9,7 @@ from math import isinf, log, nan, pi
 
 import numpy as np
 import pytest
-from shared_directions import one_direction_table
+from shared_directions import only_w
 
 import ao
 from ao.falloff import Binary, Exponential, Linear, Smooth
@@ -30,7 +30,7 @@ def label(line: Configuration) -> str:
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_matches_the_closed_forms(seed: int) -> None:
-    with one_direction_table():
+    with only_w():
         found = validation.run_validation(seed=seed)
     assert len(found) == len(LINES)
     assert [result for result in found if not result.ok or abs(result.error) > result.allowed] == []
@@ -47,7 +47,7 @@ def test_a_bake_to_a_tolerance_matches_the_closed_form(line: Configuration) -> N
 
 @pytest.mark.parametrize("samples", [1, 3, 100, 1024])
 def test_what_is_allowed_goes_by_the_number_of_rays(samples: int) -> None:
-    with one_direction_table():
+    with only_w():
         found = validation.run_validation(samples=samples)
     assert [result for result in found if not result.ok] == []
     tight = [abs(result.error) / result.allowed for result in found if result.line.target > 1e-6]
@@ -65,7 +65,7 @@ def test_more_rays_are_allowed_less() -> None:
 
 def test_a_wrong_estimator_fails_with_few_rays_too(monkeypatch: pytest.MonkeyPatch) -> None:
     other_directions(monkeypatch, lambda u: u)
-    with one_direction_table():
+    with only_w():
         assert sum(not result.ok for result in validation.run_validation(samples=64, lines=CHEAP)) >= 6
 
 
@@ -104,7 +104,7 @@ def test_every_closed_form_has_a_line() -> None:
 
 def polygon_errors(samples: int, seed: int) -> np.ndarray:
     raw = partial(ao.bake, denoise=False)
-    with one_direction_table():
+    with only_w():
         return np.concatenate([validation.measure(line, raw, samples, seed) - line.exact for line in POLYGONS])
 
 
@@ -169,7 +169,7 @@ CHEAP = [
 
 
 def failures(bake: validation.Baker) -> list[validation.Result]:
-    with one_direction_table():
+    with only_w():
         return [result for result in validation.run_validation(bake, lines=CHEAP) if not result.ok]
 
 
