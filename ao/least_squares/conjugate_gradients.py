@@ -11,10 +11,13 @@ from raytrace.kernel.jit import bound, kernel
 from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float64s
 
-FINE, COARSE = 1e-6, 1e-4
-_STAGES = COARSE, 1e-5, FINE
-_STEPS = 1000
-_ROUNDS = 20
+FINE, COARSE = 1e-8, 1e-3  # of x, whose bounds are 0 and 1
+_STAGES = 1e-2, COARSE, 1e-4, 1e-5, 1e-6, FINE
+_SLACK = 0.1  # of a stage's accuracy, by which the gradient has to call for a fixed unknown to be free
+_STEPS = 10_000
+_ROUNDS, _STEADY = 50, 4
+_GROUP = 8  # consecutive unknowns that the preconditioner solves for exactly
+_FLOOR = 1e-12  # of a pivot, as a part of the diagonal
 _BLOCK, _MOST = 1 << 14, 4  # rows, and blocks at once
 _TURNED = 1 << 17  # rows, of which to wake a thread for fewer takes longer
 
@@ -48,12 +51,50 @@ def _each(count: int, block: int, work: Callable[[int, int], None], threads: int
 
 
 @kernel
+def _invert(starts, columns, values, free, inverse, first, last):
+    """The matrix's blocks of `_GROUP` rows on the diagonal, inverted by sweeps, and 0 for unknowns that are fixed."""
+    diagonal = np.zeros(_GROUP)
+    for begin in range(first, last, _GROUP):
+        block = inverse[begin : min(begin + _GROUP, last)]
+        size = len(block)
+        for i in range(size):
+            for j in range(_GROUP):
+                block[i, j] = 0.0
+            for k in range(starts[begin + i], starts[begin + i + 1]):
+                j = columns[k] - begin
+                if 0 <= j < size and free[begin + i] and free[begin + j]:
+                    block[i, j] -= values[k]
+            diagonal[i] = -block[i, i]
+        for k in range(size):
+            if diagonal[k] <= 0.0:
+                continue
+            scale = 1.0 / max(-block[k, k], _FLOOR * diagonal[k])
+            for i in range(size):
+                for j in range(size):
+                    if i != k and j != k:
+                        block[i, j] += block[i, k] * block[k, j] * scale
+            for i in range(size):
+                block[i, k] *= scale
+                block[k, i] = block[i, k]
+            block[k, k] = scale
+
+
+@kernel
 def _descend(step, inverse, x, residual, image, length, first, last):
     """Go on by `length` · `step`; the preconditioned residual takes the place of the step's `image`."""
     for i in range(first, last):
         residual[i] -= image[i] * length
         x[i] += step[i] * length
-        image[i] = inverse[i] * residual[i]
+    sums = np.zeros(_GROUP)
+    for begin in range(first, last, _GROUP):
+        end = min(begin + _GROUP, last)
+        for i in range(_GROUP):
+            sums[i] = 0.0
+        for j in range(begin, end):
+            for i in range(_GROUP):
+                sums[i] += inverse[j, i] * residual[j]
+        for i in range(begin, end):
+            image[i] = sums[i - begin]
 
 
 @kernel
@@ -76,23 +117,22 @@ def solve(
     right: Float64s,
     start: Float64s,
     free: Bools | None = None,
-    tolerance: float = FINE,
+    near: float = FINE,
     threads: int = 1,
+    mean: bool = False,
 ) -> Float64s:
-    """Solve matrix · x = right, positive semidefinite, by conjugate gradients with Jacobi's preconditioner.
+    """Solve matrix · x = right, positive semidefinite, by conjugate gradients preconditioned by blocks of the diagonal.
+
+    Unknowns that meet had better be near in number: those of a block are solved for together.
 
     Args: start: (n,), where to begin. free: bool (n,), the unknowns to solve for; fixed unknowns keep their start.
-        tolerance: of the residual, as a part of the right side.
+        near: the preconditioned residual, in the units of x, at any unknown or, if `mean`, by the diagonal's weights.
     """
-    diagonal = matrix.diagonal()
-    usable = diagonal > 0 if free is None else (diagonal > 0) & free
-    inverse = np.where(usable, 1 / np.where(usable, diagonal, 1.0), 0.0)
-    x = start.copy()
-    residual = right - multiply(matrix, x, threads)
-    stop = tolerance**2 * (dot(inverse * right, right) + dot(diagonal * start, start))
-    step = inverse * residual
-    size = dot(residual, step)
-    image = np.empty(len(x))  # new arrays cost more than what is done to them
+    x, image, inverse = start.copy(), np.zeros(len(start)), np.empty((len(start), _GROUP))
+    free = np.ones(len(x), np.bool_) if free is None else free
+    starts, columns = matrix.indptr.view(np.uint32), matrix.indices.view(np.uint32)
+    _each(len(x), _BLOCK, partial(_invert, starts, columns, matrix.data, free, inverse), threads)
+    residual, step = right - multiply(matrix, x, threads), np.zeros(len(x))
     product, turn = _product(matrix, step, image), bound(_turn, step, image)
     descend, sums = bound(_descend, step, inverse, x, residual, image), [0.0] * -(-len(x) // _BLOCK)
 
@@ -108,33 +148,39 @@ def solve(
         _each(len(x), _BLOCK, work_and_add, threads)
         return math.fsum(sums)
 
+    size = dot_after(partial(descend, 0.0), residual, image)
+    step += image
+    most = (1 if mean else _GROUP) * near**2 * float(matrix.diagonal().sum())
     for _ in range(_STEPS):
-        if size <= stop:
+        if size <= most and (mean or np.abs(image).max(initial=0.0) <= near):
             break
-        length = size / dot_after(product, step, image)
+        curvature = dot_after(product, step, image)
+        if curvature <= 0:  # by rounding, where the matrix is singular
+            break
+        length = size / curvature
         size, before = dot_after(partial(descend, length), residual, image), size
         _each(len(x), _TURNED, partial(turn, size / before), threads)
     return x
 
 
-def solve_within(
-    matrix: csr_array, right: Float64s, start: Float64s, tolerance: float = FINE, threads: int = 1
-) -> Float64s:
+def solve_within(matrix: csr_array, right: Float64s, start: Float64s, near: float = FINE, threads: int = 1) -> Float64s:
     """Minimise ½ xᵀ matrix x − xᵀ right over 0 ≤ x ≤ 1, by a primal-dual active set, found roughly first.
 
-    Args: as `solve`; tolerance: COARSE or FINE.
+    Args: as `solve`; near: one of the stages, FINE or COARSE.
     Source: Hintermüller, Ito & Kunisch 2002, The primal-dual active set strategy as a semismooth Newton method.
     """
-    x = solve(matrix, right, start, None, COARSE, threads)
-    low, high = x < 0, x > 1
-    for accuracy in _STAGES[: _STAGES.index(tolerance) + 1]:
-        for _ in range(_ROUNDS):
-            held = low | high
+    x, low, high, chance = start, start <= 0, start >= 1, np.random.default_rng(0)
+    diagonal = matrix.diagonal()
+    for accuracy in _STAGES[: _STAGES.index(near) + 1]:
+        for number in range(_ROUNDS if accuracy == FINE else _STEADY):
+            held, slack = low | high, _SLACK * accuracy * diagonal
             x = solve(matrix, right, np.where(held, high, np.clip(x, 0, 1)), ~held, accuracy, threads)
             pull = right - multiply(matrix, x, threads)
-            now = np.where(held, low & (pull < 0), x < 0), np.where(held, high & (pull > 0), x > 1)
-            same = np.array_equal(low, now[0]) and np.array_equal(high, now[1])
-            low, high = now
-            if same:
+            freed, below, above = (low & (pull > slack)) | (high & (pull < -slack)), x < -accuracy, x > 1 + accuracy
+            wrong = freed | ~held & (below | above)
+            if not wrong.any():
                 break
+            if number >= _STEADY:  # some of them, so that none turn to and fro together
+                wrong &= chance.random(len(x)) < 0.5
+            low, high = np.where(wrong, below, low), np.where(wrong, above, high)
     return np.clip(x, 0, 1)

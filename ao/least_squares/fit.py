@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from raytrace.mesh.weld import CREASE
-from raytrace.types import Float64s
+from raytrace.types import Float64s, Int64s
 
 from .conjugate_gradients import COARSE, dot, multiply, solve, solve_within
 from .face_moments import BENT, HALF, MATRIX, MOMENTS, RIGHT, SQUARES
@@ -22,6 +22,7 @@ Once = Callable[[str, Callable[[], Float64s]], Float64s]
 _LAPLACIAN_WEIGHT = 1e-7
 _RELAXED = 1 / 16
 _STEP = 4.0
+_NEAR = 2e-5  # of the values fitted to either half, in the mean
 _SMOOTHEST, _ROUGHEST = 4, -10
 _RUNS, _RUN = 32, 1 << 13  # stretches of faces in Morton order, and faces in each, that stand for all of many more
 
@@ -46,6 +47,7 @@ class Problem:
         stencil: of all matrices. halves: of the samples, independent. smoothness: (z,), of R.
         laplacian: (m,), weights of the faces in `add_laplacian`. threads: to solve on.
         bent: (3, n), right sides of other fits, of all samples.
+        number: int64 (n,), of each of the patch's unknowns here: by their faces, so that those that meet are near.
     """
 
     stencil: Stencil
@@ -54,10 +56,11 @@ class Problem:
     laplacian: Float64s
     bent: Float64s
     threads: int
+    number: Int64s
 
     def fit(self, half: Half, alpha: float, start: Float64s) -> Float64s:
         """x from one half of the samples, roughly."""
-        return solve(self.system(half.values, alpha), half.right, start, tolerance=COARSE, threads=self.threads)
+        return solve(self.system(half.values, alpha), half.right, start, near=_NEAR, threads=self.threads, mean=True)
 
     def system(self, data: Float64s, alpha: float) -> csr_array:
         """The matrix of a fit to samples whose normal matrix has the values `data`."""
@@ -122,12 +125,17 @@ def fit_values(problem: Problem, trial: Problem, once: Once) -> Fit:
     del matrix  # to make room for the next
     matrix = problem.system(data, alpha[0] * _RELAXED)
     relaxed = once("relaxed", lambda: solve_within(matrix, right, closed, COARSE, threads))
-    return Fit(1 - closed, np.sqrt(variance + (closed - relaxed) ** 2), bent.reshape(3, -1).T)
+    w, error = 1 - closed, np.sqrt(variance + (closed - relaxed) ** 2)
+    return Fit(w[problem.number], error[problem.number], bent.reshape(3, -1).T[problem.number])
 
 
 def _build_problem(patch: Patch, moments: Float64s, laplacian: Float64s, threads: int) -> Problem:
-    hinges = find_hinges(patch.face_points[: patch.own], patch.normals[: patch.own], CREASE, patch.unknowns)
-    stencil = Stencil.of(patch.face_points, hinges, patch.unknowns)
+    first, corners = np.full(patch.unknowns, patch.face_points.size), patch.face_points.ravel()
+    first[corners[::-1]] = np.arange(len(corners))[::-1]
+    number = np.argsort(np.argsort(first, kind="stable"))
+    face_points = number[patch.face_points].astype(np.int32)
+    hinges = find_hinges(face_points[: patch.own], patch.normals[: patch.own], CREASE, patch.unknowns)
+    stencil = Stencil.of(face_points, hinges, patch.unknowns)
     even, odd = (
         Half(
             normal_matrix(stencil, half[:, MATRIX:RIGHT]), right_side(stencil, half[:, RIGHT:]),
@@ -137,7 +145,7 @@ def _build_problem(patch: Patch, moments: Float64s, laplacian: Float64s, threads
     )  # fmt: skip
     bent = np.stack([right_side(stencil, moments[:, a : a + 3]) for a in range(BENT, MOMENTS, 3)])
     smoothness = roughness(stencil, hinges, patch.corners, patch.areas)
-    return Problem(stencil, (even, odd), smoothness, laplacian, bent, threads)
+    return Problem(stencil, (even, odd), smoothness, laplacian, bent, threads, number)
 
 
 def _constant_fit(problem: Problem) -> Float64s:

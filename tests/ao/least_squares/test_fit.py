@@ -123,6 +123,23 @@ def test_the_bounded_minimum_is_the_one_of_scipy(seed):
     assert np.abs(plain - expected).max() > 1e-2  # a clamp at the end would not do
 
 
+@pytest.mark.parametrize("seed", [1, 2, 6, 9])
+def test_the_bounded_minimum_is_found_where_smoothing_outweighs_faint_data(seed):
+    """Squared second differences, which tie what is far apart, and data of weights from 1e-8 to 1e-2."""
+    rng = np.random.default_rng(seed)
+    count, far = 300, np.repeat(rng.integers(0, 2, 10), 30)
+    weights = np.where(far, 1e-5, 1e-2) * rng.uniform(0.01, 1, count) * (rng.random(count) < 0.7)
+    bends = np.diff(np.eye(count), 2, axis=0)
+    bends[148:150] = 0  # two parts that do not meet
+    weights[150:] *= 0.1
+    values = rng.normal(0.5, 0.6, count)
+    root = np.concatenate([np.diag(np.sqrt(weights)), bends])
+    matrix, right = csr_array(root.T @ root), weights * values
+    expected = lsq_linear(root, np.append(np.sqrt(weights) * values, np.zeros(len(bends))), (0, 1), method="bvls").x
+    assert min(np.sum(expected < 1e-6), np.sum(expected > 1 - 1e-6)) > 0
+    np.testing.assert_allclose(solve_within(matrix, right, np.full(count, 0.5)), expected, atol=1e-3)
+
+
 def fit(noise, smooth, per_face=3, seed=0):
     """α chosen for samples of a function on a plane's grid, as a part of that at which R and the data weigh alike."""
     rng = np.random.default_rng(seed)
@@ -148,7 +165,7 @@ def fit(noise, smooth, per_face=3, seed=0):
         halves.append(Half(normal_matrix(stencil, entries), right_side(stencil, right), float(f @ f)))
     smoothness = roughness(stencil, hinges, grid.triangles, areas)
     nothing = np.zeros((3, side * side))
-    problem = Problem(stencil, tuple(halves), smoothness, np.full(len(faces), 1e-9), nothing, 1)
+    problem = Problem(stencil, tuple(halves), smoothness, np.full(len(faces), 1e-9), nothing, 1, None)
     alpha, fits = cross_validated(problem, nothing[0])
     data, prior = (
         stencil.matrix(values).diagonal().sum() for values in (halves[0].values + halves[1].values, smoothness)
