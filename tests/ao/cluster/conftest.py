@@ -23,6 +23,7 @@ def pytest_collection_modifyitems(items):
 def cluster():
     with scheduler(2) as cluster:
         yield cluster
+    gc.unfreeze()
     gc.collect()
 
 
