@@ -119,7 +119,7 @@ def _placed(
     points = coverage.face, coverage.barycentric, coverage.centre_face, coverage.centre
     on_page = page.face, page.barycentric, page.centre_face, page.centre
     layered = np.cumsum(coverage.deep) - 1, coverage.deep_face, coverage.deep_barycentric
-    work = bound(_lay_out, order, starts, alone, points, layered, on_page, (face, weights, shown, shown_at))
+    work = bound(_lay_out, (order, starts, alone), points, layered, on_page, (face, weights, shown, shown_at))
     run_blocks(len(order), _BLOCK, work, threads, most=_SHARE)
     tree, surface = receivers.tree, faces.surface
     face_points = np.repeat(np.arange(len(surface.faces))[:, None], 3, axis=1)  # each face is by itself
@@ -138,12 +138,12 @@ def _placed(
 
 
 @kernel
-def _lay_out(order, starts, alone, points, layered, on_page, out, first, last):
+def _lay_out(texels, points, layered, on_page, out, first, last):
     """Write the face and barycentrics of each texel's points in order, from a `Coverage`, up to the texel's count.
 
-    Args: on_page: as `points`, of the page, for where the first point of each texel is shown.
+    Args: texels: their order, starts, and which are alone. on_page: as `points`, for where each texel is shown.
     """
-    each, each_at, centre, centre_at = points
+    (order, starts, alone), (each, each_at, centre, centre_at) = texels, points
     (number, deep, deep_at), (face, weights, shown, shown_at) = layered, out
     page_each, page_at, page_centre, page_centre_at = on_page
     for i in range(first, last):
