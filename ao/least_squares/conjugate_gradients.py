@@ -163,18 +163,20 @@ def solve(
     return x
 
 
-def solve_within(matrix: csr_array, right: Float64s, start: Float64s, near: float = FINE, threads: int = 1) -> Float64s:
+def solve_within(
+    matrix: csr_array, right: Float64s, start: Float64s, near: float = FINE, threads: int = 1, mean: bool = False
+) -> Float64s:
     """Minimise ½ xᵀ matrix x − xᵀ right over 0 ≤ x ≤ 1, by a primal-dual active set, found roughly first.
 
-    Args: as `solve`; near: one of the stages, FINE or COARSE.
+    Args: as `solve`; near: one of the stages, 1e-2 to FINE.
     Source: Hintermüller, Ito & Kunisch 2002, The primal-dual active set strategy as a semismooth Newton method.
     """
     x, low, high, chance = start, start <= 0, start >= 1, np.random.default_rng(0)
     diagonal = matrix.diagonal()
     for accuracy in _STAGES[: _STAGES.index(near) + 1]:
-        for number in range(_ROUNDS if accuracy == FINE else _STEADY):
+        for number in range(_ROUNDS if accuracy == near < COARSE else _STEADY):
             held, slack = low | high, _SLACK * accuracy * diagonal
-            x = solve(matrix, right, np.where(held, high, np.clip(x, 0, 1)), ~held, accuracy, threads)
+            x = solve(matrix, right, np.where(held, high, np.clip(x, 0, 1)), ~held, accuracy, threads, mean)
             pull = right - multiply(matrix, x, threads)
             freed, below, above = (low & (pull > slack)) | (high & (pull < -slack)), x < -accuracy, x > 1 + accuracy
             wrong = freed | ~held & (below | above)

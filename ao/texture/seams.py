@@ -21,6 +21,7 @@ _MOST = 1 << 12  # of an edge
 _SAME = 1e-4  # texels that places may be apart and be one
 _PULL = 1000.0  # weight of a jump's square, where that of a covered texel's movement is 1
 _FREE = 0.05  # and of the movement of a texel beside the charts
+_NEAR = 1e-6  # of texels to the least change, in the mean, where conjugate gradients find it
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +114,7 @@ class Seams:
         moved = least_change(differences, values, stay, _PULL)
         if moved is None:  # edges much shorter than texels or charts of one face: samples meet in all directions
             matrix = csr_array(_PULL * (differences.T @ differences) + diags_array(stay))
-            moved = solve_within(matrix, stay * values, values, threads=threads)
+            moved = solve_within(matrix, stay * values, values, _NEAR, threads, mean=True)
         closed = page.copy()
         closed[texels] = moved
         return closed

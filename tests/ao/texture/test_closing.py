@@ -43,15 +43,15 @@ def off_minimum(x, matrix, right):
 
 
 @pytest.mark.parametrize("seed", range(6))
-@pytest.mark.parametrize("samples", [network, everywhere])
-def test_closed_seams_are_the_bounded_minimum(samples, seed):
+@pytest.mark.parametrize(("samples", "bound"), [(network, 1e-6), (everywhere, 5e-4)])
+def test_closed_seams_are_the_bounded_minimum(samples, bound, seed):
     rng = np.random.default_rng(seed)
     seams = samples(rng)
     page, covered, texels, (differences, values, stay) = problem(seams, rng)
     closed = seams.close(page, covered, 1)
     dense = differences.toarray()
     matrix, right = np.diag(stay) + _PULL * dense.T @ dense, stay * values
-    assert off_minimum(closed[texels], matrix, right) < 1e-6
+    assert off_minimum(closed[texels], matrix, right) < bound
     assert off_minimum(np.clip(np.linalg.solve(matrix, right), 0, 1), matrix, right) > 0.1  # a clamp would not do
     others = np.setdiff1d(np.arange(len(page)), texels)
     assert np.array_equal(closed[others], page[others])
