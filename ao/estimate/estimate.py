@@ -77,6 +77,8 @@ def estimate(
         tracer.later = count_corner_rays(corners, samples)
         traced = traced_twice(tracer, ordinary, max_samples, key)
         tracer.later = 0
+        if len(corners) and max_samples >= tracer.packets_below:
+            tracer.packets_below = 0  # Embree's hierarchy is not worth building for corner samples alone
         at_corners = traced_twice(tracer, corners.points, samples, key) if len(corners) else None
         tracer.checkpoint.all_traced()
         tracer.scene.embree.cache_clear()  # type: ignore[attr-defined]  # who needs it afterwards builds it anew

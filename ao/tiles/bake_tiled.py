@@ -98,7 +98,8 @@ class _TileTracer:
         self.reach, self.rays = min(mu.limit, tiling.space.diagonal), 0
         count, reach = len(numbering.order), self.reach / tiling.space.diagonal
         normals = numbering.axes[numbering.order[tried(count)]]
-        self.packets_below = packets_below(options.traversal, False, normals, reach, count, mu)
+        below = packets_below(options.traversal, False, normals, reach, count, mu)
+        self.packets_below = below if options.rays < below else 0  # at corner samples, too, as `ao.estimate` has it
 
     def _points(self, rows: Int64s) -> Points:
         numbering = self.numbering
