@@ -23,7 +23,8 @@ from .coverage import Coverage
 from .page_rays import DEEP
 from .surface_points import Faces, centres_suffice
 
-_PLACED, _MOST_PLACED = 1 << 14, 1 << 17  # points whose origins are found together: as many as there are faces
+_PLACED, _MOST_PLACED = 1 << 14, 1 << 18  # points whose origins are found together
+_FEW = 1 << 16  # faces, of which every thread may make tables
 _BLOCK, _SHARE = 1 << 11, 16  # texels, and blocks at once
 _RAYS, _NOISE = 256, 0.004  # so many rays a texel, and about how much they err by
 _BENT = 0.2  # by how much normals may differ within a texel: one point and several then differ by a third of the noise
@@ -132,7 +133,10 @@ def _placed(
         origins[part], _ = ray_origins(tree, surface, places, side, np.ones(len(own)), face_points, own, magnitude[own])
         normals[part], sides[part] = axis, with_alpha(side, receivers.opacity, own, weights[part])
 
-    run_blocks(count, min(max(_PLACED, len(surface.faces)), _MOST_PLACED), place, threads)
+    if len(surface.faces) <= _FEW:
+        run_blocks(count, max(_PLACED, len(surface.faces)), place, threads)
+    else:  # one block after another, whose stages all threads share
+        run_blocks(count, _MOST_PLACED, place, 1)
     placed = Points(origins, normals, np.arange(count, dtype=np.uint32))
     return Texels(coverage.texels[order], starts, face, placed, sides, shown, shown_at)
 
