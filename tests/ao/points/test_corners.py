@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from ao.points.points import Points
 from ao.points.receivers import find_receivers
 from ao.rays.ray_scene import RayScene
 from raytrace import MemoryLimitError, Mesh
+from raytrace.embree.scene import TriangleScene
 from raytrace.mesh.placement import Placement
 from raytrace.sampling.hash import seed_key
 from scenes.geometry.polyhedra import icosphere, join
@@ -98,6 +100,16 @@ def test_some_are_baked_like_all_by_any_number_of_threads(noisy):
     np.testing.assert_array_equal(some.w[only], whole.w[only])
     np.testing.assert_array_equal(some.bent_normals[only], whole.bent_normals[only])
     assert some.rays < whole.rays
+
+
+def test_embrees_hierarchy_is_not_built_for_corner_samples_alone(noisy, monkeypatch):
+    monkeypatch.setattr("ao.prepared.packets_below", lambda *_: 20)
+    build, mesh = Mock(wraps=TriangleScene), Mesh(*noisy)
+    monkeypatch.setattr("ao.points.receivers.TriangleScene", build)
+    ao.bake(mesh, samples=64)  # 8 for each corner sample
+    assert not build.called
+    ao.bake(mesh, samples=16)
+    assert build.called
 
 
 def test_a_bake_interrupted_among_corners_continues_to_the_same_bits(noisy, tmp_path):
