@@ -8,10 +8,9 @@ import numpy as np
 
 from raytrace.errors import ConflictError
 from raytrace.kernel.notice import compiling
-from raytrace.mesh.convert import mesh_of
-from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import opacity_bytes
-from raytrace.system.memory import NEGLIGIBLE, check_memory
+from raytrace.system.checks import NEGLIGIBLE, check_memory
 
 from .declared import taking
 from .estimate.closed_parts import holes
@@ -66,7 +65,7 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
 
         values = fit_to_surface(prepared)
     else:
-        from .fine_mesh import sample_fine_mesh
+        from .texture.projection import sample_fine_mesh
 
         prepared, values = sample_fine_mesh(prepared, solid, mesh, options)
     build = prepared.receivers.tree_seconds

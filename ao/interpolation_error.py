@@ -3,9 +3,9 @@
 import numpy as np
 
 from raytrace.mesh.normals import face_normals
-from raytrace.ray_origins.offset import ray_offset
+from raytrace.ray_origins.origins import ray_offset
 from raytrace.ray_origins.surface import Surface
-from raytrace.sampling.hash import mix_array
+from raytrace.sampling.sequences import mix_array
 from raytrace.types import Float32s, Float64s, Int64s
 
 from .estimate.inside import inside_solids
@@ -14,7 +14,7 @@ from .execute.tracer import Tracer
 from .points.points import Points
 from .prepared import Prepared
 from .rays.below_face import leave_out_below, with_alpha
-from .rays.estimator import W
+from .rays.gather import W
 from .result import Interpolation
 from .texture.surface_points import Faces
 

@@ -10,12 +10,11 @@ import numpy as np
 from raytrace.embree.scene import TriangleScene
 from raytrace.errors import ConflictError, OptionError
 from raytrace.kernel.notice import compiling
-from raytrace.mesh.convert import mesh_of
-from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import PackedOpacity
 from raytrace.mesh.placement import Placement
-from raytrace.sampling.hash import seed_key
-from raytrace.system.memory import check_memory
+from raytrace.sampling.sequences import seed_key
+from raytrace.system.checks import check_memory
 from raytrace.system.threads import thread_count
 from raytrace.types import Bools, Int64s
 
@@ -29,7 +28,7 @@ from .options import Normals, Options
 from .points.occluders import joined
 from .points.receivers import Receivers, find_receivers
 from .rays.ray_scene import RayScene
-from .rays.traversal_choice import packets_below, tried
+from .rays.traverse import packets_below, tried
 
 
 # fmt: off

@@ -25,7 +25,7 @@ from ao.falloff import Exponential
 from ao.points.points import Points
 from raytrace.system.atomic import write_json
 from raytrace.system.threads import thread_count
-from scenes.validation.text_table import text_table
+from scenes.validation.table import text_table
 
 from .meshes import bumpy_sphere
 from .time_against_error.machine import machine

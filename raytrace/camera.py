@@ -10,8 +10,7 @@ from pydantic import Field
 
 from .errors import OptionError, numbers
 from .kernel.arrays import product
-from .mesh.convert import mesh_of
-from .mesh.mesh import Mesh
+from .mesh.mesh import Mesh, mesh_of
 from .mesh.normals import normalize
 from .mesh.up import FROM, UP, up_axis
 from .system.parameters import Number, Parameters, Point

@@ -13,8 +13,7 @@ from .image.texture import Texture
 from .kernel.arrays import product
 from .lights.sources import BaseLight
 from .materials.base import BaseMaterial, Brushed
-from .mesh.convert import mesh_of
-from .mesh.mesh import Mesh
+from .mesh.mesh import Mesh, mesh_of
 from .mesh.opacity import AlphaSurface, Opacity
 from .types import Float64s
 

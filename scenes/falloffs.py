@@ -11,7 +11,7 @@ import numpy as np
 import ao
 from ao.falloff import MAX_KNOTS, Length
 from raytrace.errors import ConflictError, InputError, OptionError, nearest_name
-from raytrace.system.regular_files import check_regular
+from raytrace.system.checks import check_regular
 from raytrace.types import Float64s
 
 FORMS = {"exponential": ao.Exponential, "binary": ao.Binary, "linear": ao.Linear, "smooth": ao.Smooth}

@@ -98,8 +98,7 @@ def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file:
     from ao.texture.result import BakedTexture
 
     from .formats.glb.textured import textured_glb
-    from .formats.image_names import is_texture
-    from .formats.images import write_grey
+    from .formats.images import is_texture, write_grey
 
     textures = [each for each in baked if isinstance(each, BakedTexture)]
     vertices = [each.w for each in baked if not isinstance(each, BakedTexture)]
@@ -132,7 +131,7 @@ def write_tiled(path: Path, w: Float64s, mesh: StoredMesh) -> None:
             for run in runs(len(w)):
                 file.write(w[run].astype("<f4").tobytes())
         else:
-            from .formats.ply.stored import write_stored_ply
+            from .formats.ply.write import write_stored_ply
 
             write_stored_ply(file, w, mesh)
 

@@ -11,8 +11,7 @@ import numpy.typing as npt
 
 from raytrace.kernel.arrays import aligned
 from raytrace.kernel.jit import bound, kernel
-from raytrace.kernel.simd import multiply_add
-from raytrace.kernel.simd_memory import load_row, store_row
+from raytrace.kernel.simd import load_row, multiply_add, store_row
 from raytrace.kernel.vector import add, load, scale, store, subtract
 from raytrace.system.threads import run_blocks, run_ranges
 from raytrace.types import AnyInts, Float32s, Float64s, Int32s, Int64s

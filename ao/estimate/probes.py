@@ -6,12 +6,12 @@ unbiased measure of its squared error; once the probe is baked, a is part of w a
 
 import numpy as np
 
-from raytrace.sampling.hash import mix_array
+from raytrace.sampling.sequences import mix_array
 from raytrace.types import Bools, Float64s, Int64s
 
 from ..execute.tracer import Tracer
 from ..points.points import Points
-from ..rays.estimator import W
+from ..rays.gather import W
 from .one_ring import Neighbours
 from .ray_budget import Pilots, plan, sampling_variance
 

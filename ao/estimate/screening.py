@@ -12,7 +12,7 @@ from raytrace.types import AnyFloats, Bools, Float64s
 
 from ..execute.tracer import Tracer
 from ..points.points import Points
-from ..rays.estimator import BATCH_VARIANCE, W
+from ..rays.gather import BATCH_VARIANCE, W
 from .calibration import distribute_variance, shrunk_to_mean
 from .one_ring import Neighbours
 from .probes import Probes

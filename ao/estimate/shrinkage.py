@@ -15,15 +15,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.kernel.arrays import aligned
-from raytrace.kernel.borrow import borrow
+from raytrace.kernel.arrays import aligned, borrow
 from raytrace.kernel.jit import bound, kernel
 from raytrace.kernel.simd import WIDE
 from raytrace.kernel.vector import add, cross, dot, load, scale, store
 from raytrace.types import Float64s
 
 from ..points.points import Points
-from ..rays.estimator import BATCH_VARIANCE, BENT, W
+from ..rays.gather import BATCH_VARIANCE, BENT, W
 from .calibration import distribute_variance, shrunk_to_mean
 from .one_ring import Block, Neighbours
 

@@ -1,9 +1,8 @@
 """Baking to a tolerance: rays at as few points as a root mean square error needs.
 
 Points far apart are baked first, and w elsewhere is predicted from them; their distance is halved where that gains most
-for its rays (`rate_allocation`). Then every point that is not baked gets a few rays of its own (`screening`), which
-find the jumps of w that no prediction can know of, and points are baked where these rays show a need. Probes measure
-the error.
+for its rays (`ray_budget`). Then every point that is not baked gets a few rays of its own (`screening`), which find the
+jumps of w that no prediction can know of, and points are baked where these rays show a need. Probes measure the error.
 """
 
 import warnings
@@ -16,12 +15,11 @@ from raytrace.types import Bools, Float64s, Int64s
 from ..execute.tracer import Tracer
 from ..options import Options
 from ..points.points import Points
-from ..rays.estimator import BENT, COLUMNS, VALUES, W
+from ..rays.gather import BENT, COLUMNS, VALUES, W
 from .calibration import Calibration, calibration_factor
 from .one_ring import Neighbours
 from .probes import Probes, derive
-from .rate_allocation import ADDED, COARSEST, MET, Baked, Cells, cheapest, halve_strides, variance_factor
-from .ray_budget import work
+from .ray_budget import ADDED, COARSEST, MET, Baked, Cells, cheapest, halve_strides, variance_factor, work
 from .screening import Screening, screening_samples
 from .shrinkage import denoise
 from .upsampling import coarsened, nearest_baked, upsample

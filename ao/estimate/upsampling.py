@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.kernel.borrow import borrow
+from raytrace.kernel.arrays import borrow
 from raytrace.kernel.counting_sort import counting_sort
 from raytrace.kernel.jit import inline, kernel
 from raytrace.system.threads import run_blocks

@@ -12,10 +12,7 @@ from raytrace.types import Bools, Float64s, Int64s
 
 from ..mu import KernelMu
 from ..points.points import Points
-from ..rays.estimator import COLUMNS
-from ..rays.gather_columns import gather_columns, gather_columns_by_packets
-from ..rays.gather_packets import gather_hemispheres
-from ..rays.gather_streams import gather_streams
+from ..rays.gather import COLUMNS, gather_columns, gather_columns_by_packets, gather_hemispheres, gather_streams
 from ..rays.layers import Layers
 from ..rays.ray_blocks import Rays
 from ..rays.ray_packet import RayPacket

@@ -9,17 +9,15 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from raytrace.embree.packets import DIR_X, DIR_Y, DIR_Z, LANES
-from raytrace.kernel.borrow import borrow
+from raytrace.kernel.arrays import borrow
 from raytrace.kernel.jit import inline, kernel
 from raytrace.mesh.placement import ULP
-from raytrace.ray_origins.offset import OFFSET_ULPS
-from raytrace.sampling.hash import mix
-from raytrace.sampling.sequences import cosine_hemisphere
+from raytrace.ray_origins.origins import OFFSET_ULPS
+from raytrace.sampling.sequences import cosine_hemisphere, mix
 from raytrace.types import Float32s, Float64s, Int64s
 
 from ..rays.directions import turned_frame
-from ..rays.passing import backs, mu_of, passed_of, trace
-from ..rays.ray_packet import aim, start_from
+from ..rays.ray_packet import aim, backs, mu_of, passed_of, start_from, trace
 
 HIDDEN = 1e-4  # weight of a sample that sees backs of faces; not 0, so that hidden faces have a value too
 _MOSTLY = 0.5

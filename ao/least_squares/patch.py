@@ -14,7 +14,7 @@ from raytrace.mesh.morton import fine_morton_order
 from raytrace.mesh.normals import face_normals
 from raytrace.mesh.placement import Placement
 from raytrace.mesh.weld import CREASE
-from raytrace.sampling.hash import mix_array
+from raytrace.sampling.sequences import mix_array
 from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
 from ..execute.work import Tables

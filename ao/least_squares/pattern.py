@@ -5,7 +5,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from raytrace.kernel.borrow import borrow
+from raytrace.kernel.arrays import borrow
 from raytrace.kernel.counting_sort import counting_sort
 from raytrace.kernel.jit import inline, kernel
 from raytrace.types import Float64s, Int32s

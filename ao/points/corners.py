@@ -13,8 +13,7 @@ import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
 from raytrace.mesh.placement import NEAR
-from raytrace.ray_origins.offset import ray_offset
-from raytrace.ray_origins.origins import ray_origins
+from raytrace.ray_origins.origins import ray_offset, ray_origins
 from raytrace.ray_origins.surface import Surface
 from raytrace.types import Bools, Float64s, Int64s
 

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from raytrace.errors import ConflictError, OptionError
-from raytrace.mesh.convert import mesh_of
-from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import Opacity
 from raytrace.mesh.up import UP, up_axis
 

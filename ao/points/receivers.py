@@ -20,9 +20,9 @@ from raytrace.mesh.morton import morton_order
 from raytrace.mesh.normals import face_normals, nonzero, normalize
 from raytrace.mesh.opacity import PackedOpacity
 from raytrace.mesh.placement import Placement
+from raytrace.ray_origins.origins import weld_points
 from raytrace.ray_origins.surface import Surface
-from raytrace.ray_origins.welded import weld_points
-from raytrace.system.memory import NEGLIGIBLE, check_memory
+from raytrace.system.checks import NEGLIGIBLE, check_memory
 from raytrace.system.threads import run_blocks, thread_count
 from raytrace.types import Bools, Float32s, Float64s, Int64s, UInt8s
 

@@ -7,14 +7,14 @@ alpha, that is the part of them that ends there; what passes counts as other ray
 
 import numpy as np
 
-from raytrace.kernel.borrow import borrow
+from raytrace.kernel.arrays import borrow
 from raytrace.kernel.jit import kernel
 from raytrace.mesh.opacity import PackedOpacity
 from raytrace.mesh.opacity_lookup import alphas
 from raytrace.types import AnyFloats, Float32s, Int64s
 
 from .directions import choose, turned_frame
-from .estimator import BATCH_VARIANCE, BENT, COLUMNS, W
+from .gather import BATCH_VARIANCE, BENT, COLUMNS, W
 
 _NOTHING = 1e-9  # of the rays lost: rounding
 

@@ -10,8 +10,7 @@ import numpy as np
 from raytrace.kernel.arrays import aligned
 from raytrace.kernel.jit import inline
 from raytrace.kernel.simd import WIDE
-from raytrace.sampling.hash import mix
-from raytrace.sampling.sequences import GOLDEN, LEAPED, cosine_hemisphere, jittered_lattice
+from raytrace.sampling.sequences import GOLDEN, LEAPED, cosine_hemisphere, jittered_lattice, mix
 from raytrace.system.threads import run_blocks, thread_count
 from raytrace.types import Float32s, Float64s, Int64s, UInt8s
 

@@ -13,9 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from raytrace.kernel.jit import inline
-from raytrace.kernel.simd import WIDE
-from raytrace.kernel.simd_masks import bits
-from raytrace.kernel.simd_memory import load_row
+from raytrace.kernel.simd import WIDE, bits, load_row
 from raytrace.kernel.vector import cross, dot, subtract
 from raytrace.mesh.opacity import PackedOpacity
 from raytrace.mesh.opacity_lookup import alpha

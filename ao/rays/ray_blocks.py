@@ -11,9 +11,17 @@ import numpy as np
 
 from raytrace.kernel.arrays import aligned
 from raytrace.kernel.jit import inline
-from raytrace.kernel.simd import WIDE, multiply_add, reciprocal_root, select
-from raytrace.kernel.simd_masks import bits, highest, lowest_bit
-from raytrace.kernel.simd_memory import load_row, store_row
+from raytrace.kernel.simd import (
+    WIDE,
+    bits,
+    highest,
+    load_row,
+    lowest_bit,
+    multiply_add,
+    reciprocal_root,
+    select,
+    store_row,
+)
 from raytrace.types import Float32s, Int64s
 
 from .directions import DirectionTable

@@ -1,4 +1,8 @@
-"""Packets of eight rays that leave one point, as gathering kernels fill them."""
+"""Packets of eight rays that leave one point, and go on behind places that let a part of them through.
+
+A ray is traced again from behind each hit until nothing of it is left. Embree may find the triangle of the last hit
+again, by a rounding farther: it counts once. So do triangles in one place.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +10,31 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.embree.packets import DIR_X, DIR_Y, DIR_Z, LANES, ORG_X, ORG_Y, ORG_Z, TFAR, new_packet
+from raytrace.embree import packets
+from raytrace.embree.packets import (
+    DIR_X,
+    DIR_Y,
+    DIR_Z,
+    LANES,
+    ORG_X,
+    ORG_Y,
+    ORG_Z,
+    TFAR,
+    intersect8,
+    new_packet,
+    occluded8,
+)
 from raytrace.embree.scene import EmbreeScene
 from raytrace.kernel.jit import inline
 from raytrace.mesh.opacity import PackedOpacity
+from raytrace.mesh.opacity_lookup import alpha
 from raytrace.types import Float32s, Int32s
+
+from ..mu import faded, fades
+
+LEAST = 2.0**-12  # of a ray: what is left of it where it ends
+_FARTHER, _LEAST_T = np.float32(1.0 + 2.0**-23), np.float32(2.0**-126)  # so that a hit at 0 is left behind, too
+_LEFT, _LOST, _BACKS, _LAST = range(4)  # rows: what goes on, 1 − μ, the part that ended on backs, the last face
 
 
 class RayPacket(NamedTuple):
@@ -48,3 +72,94 @@ def aim(rays, local, first, t, b, n, t_max):
         rays[DIR_Y, lane] = x * t[1] + y * b[1] + z * n[1]
         rays[DIR_Z, lane] = x * t[2] + y * b[2] + z * n[2]
         rays[TFAR, lane] = t_max
+
+
+@inline
+def passed_of(opacity):
+    """Room for what the rays of a packet pass; None where all faces are opaque."""
+    if opacity is None:
+        return None
+    return np.zeros((4, packets.LANES))
+
+
+@inline
+def trace(packet, closest, falloff, t_max, passed):
+    """Trace the valid rays of a `RayPacket`. Args: closest: whether distances, or backs, matter."""
+    if passed is not None:
+        _trace_through(packet, falloff, t_max, passed)
+    elif closest:
+        intersect8(packet.scene, packet.rays, packet.valid)
+    else:
+        occluded8(packet.scene, packet.rays, packet.valid)
+
+
+@inline
+def mu_of(rays, lane, closest, falloff, passed):
+    """μ of a ray that was traced."""
+    if passed is not None:
+        return 1.0 - passed[_LOST, lane]
+    if not closest:
+        return 0.0 if rays[packets.TFAR, lane] < 0.0 else 1.0
+    if rays.view(np.uint32)[packets.GEOM_ID, lane] == packets.INVALID:
+        return 1.0
+    return _mu_at(rays[packets.TFAR, lane], falloff)
+
+
+@inline
+def backs(rays, lane, passed):
+    """The part of a ray, traced for the closest hit, that ends on the back of a face."""
+    if passed is not None:
+        return passed[_BACKS, lane]
+    return 1.0 if rays.view(np.uint32)[packets.GEOM_ID, lane] != packets.INVALID and _is_back(rays, lane) else 0.0
+
+
+@inline
+def _mu_at(distance, falloff):
+    if distance >= falloff.limit:
+        return 1.0
+    return faded(distance, falloff) if fades(falloff) else 0.0
+
+
+@inline
+def _is_back(rays, lane):
+    x, y, z = rays[packets.DIR_X, lane], rays[packets.DIR_Y, lane], rays[packets.DIR_Z, lane]
+    return x * rays[packets.NG_X, lane] + y * rays[packets.NG_Y, lane] + z * rays[packets.NG_Z, lane] > 0.0
+
+
+@inline
+def _trace_through(packet, falloff, t_max, passed):
+    rays, valid = packet.rays, packet.valid
+    ids = rays.view(np.uint32)
+    asked = going = 0
+    for lane in range(packets.LANES):
+        passed[_LEFT, lane], passed[_LOST, lane], passed[_BACKS, lane], passed[_LAST, lane] = 1.0, 0.0, 0.0, -1.0
+        asked |= -valid[lane] << lane
+    going = asked
+    while going != 0:
+        intersect8(packet.scene, rays, valid)
+        for lane in range(packets.LANES):
+            if valid[lane] == 0:
+                continue
+            if ids[packets.GEOM_ID, lane] != packets.INVALID:
+                _meet(packet.opacity, falloff, rays, lane, passed)
+                rays[packets.TNEAR, lane] = max(rays[packets.TFAR, lane] * _FARTHER, _LEAST_T)
+                rays[packets.TFAR, lane] = t_max
+            if ids[packets.GEOM_ID, lane] == packets.INVALID or passed[_LEFT, lane] <= LEAST:
+                valid[lane] = 0
+                going &= ~(1 << lane)
+    for lane in range(packets.LANES):
+        valid[lane] = -(asked >> lane & 1)
+        rays[packets.TNEAR, lane] = 0.0
+
+
+@inline
+def _meet(opacity, falloff, rays, lane, passed):
+    """Leave at a hit the part of a ray that ends there."""
+    face = np.int64(rays.view(np.uint32)[packets.PRIM_ID, lane])
+    if face == passed[_LAST, lane] or (opacity.one_sided != 0 and _is_back(rays, lane)):
+        return
+    share = passed[_LEFT, lane] * alpha(opacity, face, rays[packets.U, lane], rays[packets.V, lane])
+    passed[_LEFT, lane] -= share
+    passed[_LOST, lane] += share * (1.0 - _mu_at(rays[packets.TFAR, lane], falloff))
+    passed[_BACKS, lane] += share * _is_back(rays, lane)
+    passed[_LAST, lane] = face

@@ -3,10 +3,15 @@
 Near the point a node lies in the way of many rays: its children are opened by their cones. As soon as no more than
 `_LISTED` rays pass through a node they are listed, and each is tested against sixteen children or triangles at once
 (ray streams: Tsakok 2009, Faster Incoherent Rays: Multi-BVH Ray Stream Tracing).
+
+Few rays a point take less time in packets through Embree. The ratio grows as a power of their number, a lower one
+where surfaces lie along the axes, as walls do, whose boxes are tight and whose cones are loose, and where more points
+are in reach (measured: docs/benchmarks.md).
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -15,12 +20,13 @@ from raytrace.bvh.bvh16 import BVH16
 from raytrace.bvh.oriented import along_axes, box_offsets
 from raytrace.kernel.arrays import aligned
 from raytrace.kernel.jit import inline
-from raytrace.kernel.simd import WIDE, reciprocal_root, select
-from raytrace.kernel.simd_masks import bits, lowest_bit
-from raytrace.kernel.simd_memory import store_row
+from raytrace.kernel.simd import WIDE, bits, lowest_bit, reciprocal_root, select, store_row
 from raytrace.kernel.vector import dot, subtract
+from raytrace.system.processor import lanes
 from raytrace.types import Float32s, Int64s
 
+from ..mu import KernelMu, fades
+from ..options import MAX_SAMPLES, Traversal
 from .layers import Layers, leaf_of
 from .ray_blocks import FULL_SPHERE, LEAST, ONE, SLACK, TINY, ZERO, is_active, list_active, list_within, root
 from .triangles import PLANES, find_cones, find_planes, intersect_by_rays, intersect_by_triangles
@@ -29,6 +35,11 @@ _LISTED = 32
 _ENTRIES = 1 << 8  # of the stack: fifteen brothers a level
 _NODE, _LEVEL, _FIRST, _COUNT = range(4)  # columns of entries; a count of −1: the rays are not listed
 _AXIS, _COSINE, _GAP = 0, 3, 4  # columns of bounds: the cone around a node, and how far away it begins
+_TRIED = 256  # points
+_ALONG = 0.999  # cosine between a normal and an axis
+_ONE_RAY = 0.55  # time of packets over that of `ao.rays.traverse`, for one ray a point
+_WIDE = (0.25, 0.09, 0.018), (0.33, 0.16, 0.024)  # the power, less for points along the axes, less for each factor of e
+_NARROW = (0.25, 0.08, 0.025), (0.31, 0.14, 0.031)  # more points in a length of rays; any-hit and closest-hit
 
 
 class TraversalState(NamedTuple):
@@ -212,3 +223,28 @@ def _intersect_children(tree, node, state, rays, listed, origin, t_max):
             state.child_rays[c, state.child_counts[c]] = ray
             state.child_counts[c] += 1
     return opened
+
+
+def packets_below(
+    traversal: Traversal, layered: bool, normals: Float32s, reach: float, count: int, mu: KernelMu
+) -> int:
+    """The number of rays a point below which Embree traces them.
+
+    Args:
+        layered: whether rays pass faces with alpha; packets begin anew behind each.
+        normals: (k, 3), at points that are `tried`. reach: length of rays over the mesh's diagonal.
+        count: points of the whole mesh, so that a bake of a part of it is that part of the whole.
+    """
+    if traversal == "embree":
+        return MAX_SAMPLES + 1
+    if layered or not count:
+        return 0
+    own, along, within = (_WIDE if lanes()[0] == WIDE else _NARROW)[fades(mu)]
+    aligned = float(np.mean(np.abs(normals).max(axis=1) > _ALONG))
+    power = own - along * aligned - within * math.log(max(reach * math.sqrt(count), 1.0))
+    most = -math.log(_ONE_RAY) / math.log(MAX_SAMPLES)
+    return MAX_SAMPLES + 1 if power < most else math.ceil(_ONE_RAY ** (-1 / power))
+
+
+def tried(count: int) -> Int64s:
+    return np.arange(min(count, _TRIED)) * count // max(min(count, _TRIED), 1)

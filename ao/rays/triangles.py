@@ -10,9 +10,19 @@ where a corner is near, a × b does. Nothing is allowed for rounding: near a cor
 import numpy as np
 
 from raytrace.kernel.jit import inline
-from raytrace.kernel.simd import WIDE, multiply_add, reciprocal_root, select
-from raytrace.kernel.simd_masks import bits, lowest, lowest_bit, pick, some
-from raytrace.kernel.simd_memory import load_row, store_row
+from raytrace.kernel.simd import (
+    WIDE,
+    bits,
+    load_row,
+    lowest,
+    lowest_bit,
+    multiply_add,
+    pick,
+    reciprocal_root,
+    select,
+    some,
+    store_row,
+)
 from raytrace.kernel.vector import add, dot, scale, subtract
 
 from .layers import has_alpha, pass_through

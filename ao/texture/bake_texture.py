@@ -9,10 +9,9 @@ import numpy as np
 
 from raytrace.errors import OptionError
 from raytrace.kernel.notice import compiling
-from raytrace.mesh.convert import mesh_of
-from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import opacity_bytes
-from raytrace.system.memory import check_memory
+from raytrace.system.checks import check_memory
 
 from ..declared import Option, taking
 from ..estimate.closed_parts import holes

@@ -13,7 +13,7 @@ from ..execute.tracer import Tracer
 from ..points.points import Points
 from ..prepared import Prepared
 from ..rays.below_face import leave_out_below
-from ..rays.estimator import BATCH_VARIANCE, COLUMNS
+from ..rays.gather import BATCH_VARIANCE, COLUMNS
 from .texels import Texels
 
 _ENOUGH = 8  # rays of a point, so that more points are worth their time

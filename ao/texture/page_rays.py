@@ -6,7 +6,7 @@ from raytrace.embree import packets
 from raytrace.embree.packets import intersect8
 from raytrace.embree.rays import Hits, intersect
 from raytrace.embree.scene import TriangleScene
-from raytrace.kernel.borrow import borrow
+from raytrace.kernel.arrays import borrow
 from raytrace.kernel.jit import inline, kernel
 from raytrace.types import Float64s
 

@@ -3,10 +3,10 @@
 import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
-from raytrace.bvh.search import begin, new_stack, next_leaf
-from raytrace.kernel.borrow import borrow
+from raytrace.bvh.closest import begin, new_stack, next_leaf
+from raytrace.kernel.arrays import borrow
 from raytrace.kernel.jit import inline, kernel
-from raytrace.kernel.simd_masks import lowest_bit
+from raytrace.kernel.simd import lowest_bit
 from raytrace.system.threads import run_blocks
 from raytrace.types import Float32s, Float64s, Int64s
 

@@ -6,11 +6,10 @@ from typing import Self
 import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
-from raytrace.bvh.closest import distance_to_triangle
-from raytrace.bvh.search import begin, new_stack, next_leaf, widened
-from raytrace.kernel.borrow import borrow
+from raytrace.bvh.closest import begin, distance_to_triangle, new_stack, next_leaf, widened
+from raytrace.kernel.arrays import borrow
 from raytrace.kernel.jit import bound, inline, kernel
-from raytrace.kernel.simd_masks import lowest_bit
+from raytrace.kernel.simd import lowest_bit
 from raytrace.kernel.vector import dot, length, load, load_triangle, scale, store, subtract
 from raytrace.mesh.normals import face_normals
 from raytrace.ray_origins.surface import Surface

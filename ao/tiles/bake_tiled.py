@@ -8,11 +8,11 @@ import numpy as np
 
 from raytrace.errors import OptionError
 from raytrace.mesh.normals import face_normals
-from raytrace.sampling.hash import seed_key
+from raytrace.sampling.sequences import seed_key
 from raytrace.system.threads import thread_count
 from raytrace.types import Float64s, Int64s
 
-from ..estimate.fixed_samples import rays_per_corner_sample
+from ..estimate.estimate import rays_per_corner_sample
 from ..execute.tracer import Progress, Tracer
 from ..falloff import Falloff
 from ..mu import KernelMu, Mu
@@ -20,9 +20,9 @@ from ..options import Options
 from ..points.corners import CornerSamples, find_corner_samples
 from ..points.points import Points
 from ..points.receivers import offset_points
-from ..rays.estimator import W
+from ..rays.gather import W
 from ..rays.ray_scene import RayScene
-from ..rays.traversal_choice import packets_below, tried
+from ..rays.traverse import packets_below, tried
 from .halo import TileMesh, extract_tile
 from .numbering import Numbering, check_tile, number_points
 from .source import TileSource, on_disk, runs

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from raytrace.mesh.morton import morton_codes
-from raytrace.system.memory import check_memory
+from raytrace.system.checks import check_memory
 from raytrace.types import Bools, Float32s, Float64s, Int64s, UInt32s
 
 from ..memory import vertex_bytes

@@ -27,7 +27,7 @@ from raytrace.embree.rays import intersect
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import face_normals, normalize
 from raytrace.mesh.placement import Placement
-from raytrace.ray_origins.offset import ray_offset
+from raytrace.ray_origins.origins import ray_offset
 from raytrace.sampling.sequences import cosine_hemisphere, owen_sobol
 from raytrace.system.atomic import write_json
 from scenes.formats.load import load

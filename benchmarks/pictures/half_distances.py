@@ -13,7 +13,7 @@ import ao
 from benchmarks import ROOT
 from raytrace import AmbientLight, Camera, Lambert, Mesh, Object, Scene, Shape, render
 from raytrace.image.write import write_image
-from scenes.geometry.temple import temple
+from scenes.geometry.builtin_shapes import temple
 from scenes.show.look import BACKGROUND, FIELD_OF_VIEW, clay_settings
 
 TARGET = ROOT / "docs" / "profile" / "strip.png"

@@ -23,7 +23,7 @@ from raytrace.image.compare import compare
 from raytrace.image.write import write_image
 from raytrace.mesh.up import UP, up_axis
 from scenes.formats.load import MeshFile, load
-from scenes.geometry.temple import temple
+from scenes.geometry.builtin_shapes import temple
 from scenes.show.look import FIELD_OF_VIEW, clay_scene, clay_settings
 from scenes.show.page.document import html_of_bakes
 from scenes.show.page.encode import Values

@@ -15,7 +15,7 @@ from benchmarks import ROOT
 from benchmarks.pictures.half_distances import picture
 from raytrace import Mesh
 from raytrace.image.write import write_image
-from scenes.geometry.temple import temple
+from scenes.geometry.builtin_shapes import temple
 
 TARGET = ROOT / "docs" / "rays.png"
 

@@ -20,7 +20,7 @@ from ao.options import Traversal
 from raytrace import Mesh
 from raytrace.ray_origins import origins
 from scenes.geometry.polyhedra import icosphere
-from scenes.validation.text_table import text_table
+from scenes.validation.table import text_table
 
 SIZES = 1_000, 10_000, 100_000
 _SAMPLES = 16

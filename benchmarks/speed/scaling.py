@@ -39,9 +39,9 @@ TARGET, PAGE = RESULTS / "scaling.json", ROOT / "docs" / "benchmarks"
 CORES = (2, 4, 8, 16, 32)
 STAGES = (
     ("mesh bounds", "raytrace.mesh.placement Placement.of"),
-    ("welding, normals", "raytrace.ray_origins.welded weld_points"),
+    ("welding, normals", "raytrace.ray_origins.origins weld_points"),
     ("hierarchy", "raytrace.bvh.bvh16 BVH16.of"),
-    ("origins", "raytrace.ray_origins.welded WeldedPoints.ray_origins"),
+    ("origins", "raytrace.ray_origins.origins WeldedPoints.ray_origins"),
     ("receivers", "ao.points.receivers find_receivers"),
     ("corners of folds", "ao.points.corners find_corner_samples"),
     ("Embree's hierarchy", "raytrace.embree.scene TriangleScene.__init__"),

@@ -10,8 +10,8 @@ import ao
 import raytrace
 from benchmarks.time_against_error.suite import stone
 from raytrace.mesh.mesh import Mesh
+from scenes.geometry.builtin_shapes import temple
 from scenes.geometry.primitives import plane
-from scenes.geometry.temple import temple
 
 
 def cases() -> dict[str, Callable[[], Callable[[int], object]]]:

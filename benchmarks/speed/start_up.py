@@ -21,8 +21,8 @@ from typing import Any
 from benchmarks import RESULTS, ROOT
 from benchmarks.time_against_error.machine import machine
 from raytrace.system.atomic import write_json
-from scenes.geometry.temple import temple
-from scenes.validation.text_table import text_table
+from scenes.geometry.builtin_shapes import temple
+from scenes.validation.table import text_table
 
 ROUNDS, FIRST_ROUNDS = 9, 3
 _FINENESS = 0.6  # 3,906 vertices

@@ -21,8 +21,7 @@ from ao import Binary, Exponential
 from ao.mu import KernelMu
 from ao.points.receivers import find_receivers
 from ao.rays.directions import DirectionTable, choose, turned_frame
-from ao.rays.estimator import COLUMNS
-from ao.rays.gather_packets import gather_hemispheres
+from ao.rays.gather import COLUMNS, gather_hemispheres
 from ao.rays.ray_packet import RayPacket
 from ao.report import versions
 from benchmarks import RESULTS
@@ -43,11 +42,11 @@ from raytrace.embree.packets import (
 )
 from raytrace.kernel.jit import kernel
 from raytrace.mesh.placement import Placement
-from raytrace.sampling.hash import seed_key
+from raytrace.sampling.sequences import seed_key
 from raytrace.system.atomic import write_json
 from raytrace.system.threads import run_blocks, thread_count
 from scenes.formats.load import load
-from scenes.geometry.temple import temple
+from scenes.geometry.builtin_shapes import temple
 
 BLOCK = 2048
 
@@ -80,7 +79,7 @@ def bare(scene, packet, valid, origins, directions, reach, closest, hits):
 
 @kernel
 def world_directions(normals, numbers, table, out):
-    """The directions that `ao.rays.gather_packets.gather_hemispheres` would trace, float32 (k, 3, samples)."""
+    """The directions that `ao.rays.gather.gather_hemispheres` would trace, float32 (k, 3, samples)."""
     local = table.directions
     for i in range(len(normals)):
         chosen, turn = choose(numbers[i], table)

@@ -15,9 +15,7 @@ import numpy as np
 
 from ao.points.receivers import find_receivers
 from ao.rays.directions import DirectionTable
-from ao.rays.estimator import COLUMNS, W
-from ao.rays.gather_packets import gather_hemispheres
-from ao.rays.gather_streams import gather_streams
+from ao.rays.gather import COLUMNS, W, gather_hemispheres, gather_streams
 from ao.rays.ray_blocks import Rays
 from ao.rays.ray_packet import RayPacket
 from ao.rays.traverse import TraversalState
@@ -25,7 +23,7 @@ from ao.report import versions
 from benchmarks import RESULTS
 from benchmarks.time_against_error.suite import Specimen, builtin, falloffs
 from raytrace.mesh.placement import Placement
-from raytrace.sampling.hash import seed_key
+from raytrace.sampling.sequences import seed_key
 from raytrace.system.atomic import write_json
 from scenes.formats.load import load
 

@@ -12,11 +12,9 @@ import numpy.typing as npt
 import ao
 from raytrace.mesh.mesh import Mesh
 from scenes.formats.load import load
-from scenes.geometry.builtin_shapes import Box, Cylinder, Sphere
-from scenes.geometry.menger import menger
+from scenes.geometry.builtin_shapes import Box, Cylinder, Sphere, menger, temple
 from scenes.geometry.polyhedra import icosphere
 from scenes.geometry.primitives import merge, plane
-from scenes.geometry.temple import temple
 
 ENDINGS = (".obj", ".ply", ".stl", ".off")
 LIMIT = 0.05  # of the diagonal

@@ -11,8 +11,7 @@ surface's `tangent`.
 import numpy as np
 
 from ..kernel.jit import inline, kernel
-from ..kernel.simd import WIDE
-from ..kernel.simd_masks import pick, replace
+from ..kernel.simd import WIDE, pick, replace
 from ..kernel.vector import add, choose, dot, load, scale, triple
 from . import ashikhmin_shirley, cook_torrance, kajiya, lambert, oren_nayar, phong, poulin_fournier, strauss, ward
 from . import layout as rows

@@ -20,8 +20,7 @@ from math import exp, inf, pi, sqrt
 import numpy as np
 
 from ..kernel.jit import inline
-from ..kernel.simd import WIDE, select
-from ..kernel.simd_masks import pick, replace
+from ..kernel.simd import WIDE, pick, replace, select
 from ..kernel.vector import dot, halfway, perpendicular, scale
 from .coefficients import kirchhoff_table
 from .layout import KIRCHHOFF_END, MODEL

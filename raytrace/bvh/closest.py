@@ -1,20 +1,35 @@
-"""The point of a triangle, and of a surface, that is closest to a point.
+"""Faces near a point, by a walk of a `BVH16` that a kernel takes leaf by leaf, and the closest point of a surface.
+
+begin(tree, stack)
+radius = widened(point, radius)
+leaf, near = next_leaf(tree, stack, point, radius)
+while near != 0:
+    while near != 0:
+        face = tree.rows[leaf, lowest_bit(near)]
+        near &= near - 1
+        ...  # which may make the radius smaller, by `widened`
+    leaf, near = next_leaf(tree, stack, point, radius)
 
 Source: Ericson, Real-Time Collision Detection, 5.1.5.
 """
 
 import numpy as np
 
-from ..kernel.borrow import borrow
+from ..kernel.arrays import borrow
 from ..kernel.jit import inline, kernel
-from ..kernel.simd_masks import lowest_bit
-from ..kernel.vector import add, dot, length, load, load_triangle, scale, subtract
+from ..kernel.simd import WIDE, bits, load_row, lowest_bit
+from ..kernel.vector import add, cross, dot, length, load, load_triangle, scale, subtract
 from ..system.threads import run_blocks
 from ..types import Float32s, Float64s, Int64s
 from .bvh16 import BVH16
-from .search import begin, new_stack, next_leaf, widened
+from .oriented import box_offsets
 
 _BLOCK, _SHARE = 1 << 9, 16  # points, and blocks at once
+_ENTRIES = 1 << 8
+_ROUNDED = 2.0**-20  # of a coordinate and of a distance: sixteen roundings of single precision
+_PLANE = np.float32(2.0**-19)
+_DIAGONAL = np.float32(1.733)  # of a cube of side 1, from oriented boxes to the axes of space
+_NODE, _LEVEL = range(2)  # columns; the last row has how many wait
 
 
 def closest_points(
@@ -104,3 +119,99 @@ def _search(tree, stack, surface, places, radius, match, face, weights):
                 leaf, near = next_leaf(tree, stack, middle, within)
             if best == np.inf:
                 reach *= 2.0
+
+
+def new_stack() -> Int64s:
+    """The nodes that are to be opened: int64 (_ENTRIES + 1, 2), for one walk at a time."""
+    return np.zeros((_ENTRIES + 1, 2), np.int64)
+
+
+@inline
+def begin(tree, stack):
+    stack[0, _NODE], stack[0, _LEVEL] = tree.starts[-1] - 1, len(tree.starts) - 1
+    stack[_ENTRIES, 0] = 1
+
+
+@inline
+def widened(point, radius):
+    """A radius to search with for all that is within `radius` of a point, in spite of single precision: float32."""
+    return np.float32(radius + _ROUNDED * (radius + max(abs(point[0]), abs(point[1]), abs(point[2]))))
+
+
+@inline
+def next_leaf(tree, stack, point, radius):
+    """The next leaf of the walk with triangles whose boxes are within `radius` of a point along every axis.
+
+    Args: point: triple of float32. radius: float32, `widened`.
+    Returns: the leaf and these triangles as bits; no bits if there are none any more.
+    """
+    starts = tree.starts
+    while stack[_ENTRIES, 0] > 0:
+        waiting = stack[_ENTRIES, 0] - 1
+        node, level = stack[waiting, _NODE], stack[waiting, _LEVEL]
+        if level == 0:
+            stack[_ENTRIES, 0] = waiting
+            within = _triangles_within(tree.triangles[node], point, radius)
+            if within != 0:
+                within &= _faces_within(tree.triangles[node], point, radius)
+            if within != 0:
+                return node, within
+            continue
+        child = (node - starts[level - 1]) * WIDE + (starts[level - 2] if level > 1 else 0)
+        within = _boxes_within(tree.boxes, tree.axes, node, point, radius)
+        while within != 0:
+            stack[waiting, _NODE], stack[waiting, _LEVEL] = child + lowest_bit(within), level - 1
+            within &= within - 1
+            waiting += 1
+        stack[_ENTRIES, 0] = waiting
+    return np.int64(-1), np.int64(0)
+
+
+@inline
+def _boxes_within(boxes, axes, node, point, radius):
+    """The boxes of a node that may have something within `radius` of a point along every axis, as bits."""
+    d, half = box_offsets(boxes, axes, node, point)
+    reach = radius if axes is None else _DIAGONAL * radius
+    return bits((abs(d[0]) - half[0] <= reach) & (abs(d[1]) - half[1] <= reach) & (abs(d[2]) - half[2] <= reach))
+
+
+@inline
+def _triangles_within(triangles, point, radius):
+    """The triangles (9, 16) whose boxes are within `radius` of a point along every axis, as bits."""
+    x = _along_axis(triangles, 0, point[0], radius)
+    y = _along_axis(triangles, 1, point[1], radius)
+    return bits(x & y & _along_axis(triangles, 2, point[2], radius))
+
+
+@inline
+def _along_axis(triangles, axis, x, radius):
+    """The triangles of which some part is within `radius` of a point's coordinate `x`."""
+    a, b, c = load_row(triangles, axis), load_row(triangles, 3 + axis), load_row(triangles, 6 + axis)
+    return (min(min(a, b), c) - radius <= x) & (max(max(a, b), c) + radius >= x)
+
+
+@inline
+def _faces_within(triangles, point, radius):
+    """The triangles (9, 16) that may be within `radius` of a point, by their planes and planes across their edges."""
+    a = load_row(triangles, 0), load_row(triangles, 1), load_row(triangles, 2)
+    b = load_row(triangles, 3), load_row(triangles, 4), load_row(triangles, 5)
+    c = load_row(triangles, 6), load_row(triangles, 7), load_row(triangles, 8)
+    ab, bc, ca = subtract(b, a), subtract(c, b), subtract(a, c)
+    n, a, b, c = cross(ca, ab), subtract(a, point), subtract(b, point), subtract(c, point)
+    size = _sum(ab) + _sum(ca)
+    vague = _PLANE * size * size * (_sum(a) + size + radius)  # of its sides: rounding
+    beside = abs(dot(n, a)) > radius * _sum(n) + vague
+    return bits(~(beside | _beyond(ab, n, a, radius, vague) | _beyond(bc, n, b, radius, vague)
+                  | _beyond(ca, n, c, radius, vague)))  # fmt: skip
+
+
+@inline
+def _beyond(edge, n, end, radius, vague):
+    """Lanes where a point is beyond an edge by more than `radius`. Args: n: normals; end: edge ends, from the point."""
+    outwards = cross(edge, n)
+    return dot(outwards, end) < -(radius * _sum(outwards) + vague * _sum(edge))
+
+
+@inline
+def _sum(v):
+    return abs(v[0]) + abs(v[1]) + abs(v[2])

@@ -11,9 +11,7 @@ import numpy as np
 
 from ..kernel.arrays import aligned
 from ..kernel.jit import inline, kernel
-from ..kernel.simd import WIDE
-from ..kernel.simd_masks import count
-from ..kernel.simd_memory import load_row
+from ..kernel.simd import WIDE, count, load_row
 from ..kernel.vector import dot, subtract
 from ..system.threads import run_blocks, thread_count
 from ..types import Float32s, Int64s

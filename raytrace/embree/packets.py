@@ -9,7 +9,7 @@ import numpy as np
 
 from ..kernel.arrays import aligned
 from ..kernel.jit import external, inline
-from ..kernel.simd_memory import rows_at
+from ..kernel.simd import rows_at
 from ..types import Float32s, Int32s, Int64s
 from . import library as library  # LLVM knows Embree's functions from then on
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import OptionError
-from ..kernel.borrow import borrow
+from ..kernel.arrays import borrow
 from ..kernel.jit import kernel
 from ..system.threads import run_blocks, thread_count
 from ..types import Float32s, Int64s

@@ -7,8 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ..errors import InputError, OptionError
-from ..system.memory import check_memory
-from ..system.outputs import check_outputs
+from ..system.checks import check_memory, check_outputs
 from ..types import Float32s
 from .read import open_image, read_image
 from .srgb import decode_srgb

@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from ..errors import InputError, OptionError
-from ..system.memory import check_memory
+from ..system.checks import check_memory
 from ..types import Float32s, Float64s, Int64s, UInt8s, UInt16s
 from .read import check_pixels, decoding_table, open_image, row_blocks, stored_type
 

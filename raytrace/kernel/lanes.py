@@ -1,4 +1,4 @@
-"""Numba's side of `raytrace.kernel.simd` and `borrow`: sixteen numbers, as LLVM's vectors, and records by address."""
+"""Numba's side of `raytrace.kernel.simd`, sixteen numbers as LLVM's vectors, and of `borrow`, records by address."""
 
 import math
 import operator

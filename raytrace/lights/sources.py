@@ -167,7 +167,7 @@ class SkyLight(BaseLight):
     up: Direction = (0.0, 0.0, 1.0)
 
     def row(self) -> Float64s:
-        """The row that `raytrace.lights.environment_kernels` reads."""
+        """The row that `raytrace.lights.environment` reads."""
         colours = [np.multiply(self.intensity, colour) for colour in (self.zenith, self.horizon, self.ground)]
         return np.concatenate([*colours, normalize(np.array(self.up))])
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..brdf.layout import ALPHA
 from ..embree.packets import END, GEOM_ID, ID, INST_ID, NG_X, PRIM_ID, ROOM, TFAR, U, V, filtered
-from ..kernel.borrow import borrow
+from ..kernel.arrays import borrow
 from ..kernel.jit import inline, kernel
 from ..mesh.opacity_lookup import alpha
 

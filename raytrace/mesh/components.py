@@ -6,7 +6,7 @@ Not scipy.sparse.csgraph, which takes five times as long for the faces of a mesh
 import numpy as np
 
 from ..kernel.jit import bound, inline, kernel
-from ..kernel.simd_memory import compare_and_swap
+from ..kernel.simd import compare_and_swap
 from ..system.threads import run_blocks, thread_count
 from ..types import AnyInts, Int64s
 

@@ -7,11 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..bvh.bvh16 import BVH16
-from ..bvh.closest import distance_to_triangle
-from ..bvh.search import begin, new_stack, next_leaf, widened
-from ..kernel.borrow import borrow
+from ..bvh.closest import begin, distance_to_triangle, new_stack, next_leaf, widened
+from ..kernel.arrays import borrow
 from ..kernel.jit import inline, kernel
-from ..kernel.simd_masks import lowest_bit
+from ..kernel.simd import lowest_bit
 from ..kernel.vector import load, load_triangle
 from ..mesh.placement import NEAR, TOUCHING, ULP
 from ..system.threads import run_blocks, thread_count

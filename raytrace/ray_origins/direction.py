@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernel.borrow import borrow
+from ..kernel.arrays import borrow
 from ..kernel.counting_sort import counting_sort
 from ..kernel.jit import inline, kernel
 from ..kernel.vector import add, angle_between, cross, divide, dot, length, load, scale, store, subtract

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernel.borrow import borrow
+from ..kernel.arrays import borrow
 from ..kernel.jit import bound, inline, kernel
 from ..kernel.vector import cross, length, load_triangle, subtract
 from ..mesh.placement import NEAR, TOUCHING, ULP

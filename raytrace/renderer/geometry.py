@@ -244,7 +244,7 @@ def _corners(points: AnyFloats) -> Float64s:
 
 
 def _joined(parts: list[npt.NDArray[Any]], dtype: type[np.generic]) -> npt.NDArray[Any]:
-    """The rows of all `parts`, as `raytrace.kernel.simd_memory.gather3` wants them."""
+    """The rows of all `parts`, as `raytrace.kernel.simd.gather3` wants them."""
     rows = aligned((sum(map(len, parts)), parts[0].shape[1]), dtype)
     np.concatenate(parts, out=rows, casting="same_kind")
     return rows

@@ -7,7 +7,7 @@ import numpy as np
 from ..kernel.counting_sort import counting_sort
 from ..kernel.jit import inline, kernel
 from ..kernel.vector import add, cross, dot, load, load_triangle, scale, store, subtract, unit
-from ..sampling.hash import mix
+from ..sampling.sequences import mix
 from ..types import Float32s, Float64s, Int32s, Int64s
 
 _TURNED = 1e-5  # of twice a polygon's area: a triangle turned over by more than this is one of a fold

@@ -23,7 +23,7 @@ from ..shade.film import EDGE, TILE
 from ..shade.records import Film
 from ..shade.see_through import mark_seen
 from ..shade.shading_points import FILM, LIGHTING
-from ..system.memory import check_memory
+from ..system.checks import check_memory
 from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Int64s
 from .geometry import shape_textures

@@ -9,7 +9,7 @@ from ..mesh.mesh import Mesh
 from ..mesh.normals import face_normals, normalize, vertex_sums
 from ..mesh.placement import Placement
 from ..mesh.weld import CREASE, sum_groups, weld
-from ..ray_origins.welded import weld_points
+from ..ray_origins.origins import weld_points
 from ..settings import Normals
 from ..shade.records import Geometry
 from ..types import Float32s, Float64s, Int64s

@@ -12,14 +12,39 @@ its generator would make bits depend on the order of work (docs/experiments.md).
 """
 
 import numpy as np
+import numpy.typing as npt
 
+from ..kernel.jit import inline
 from ..types import Float64s, UInt32s
-from .hash import mix_array
 
 GOLDEN = (5**0.5 - 1) / 2
 LEAPED = 0.36038
 """A step whose double and fourfold are as far from fractions as itself: q ‖q α‖ ≥ .228 of all three, for multiples up
 to 1,024. The golden ratio's are .38, .22 and .11, so that every fourth point of its lattice lies on few spokes."""
+
+
+def _lowbias32(x):
+    """The hash of one value or an array; results are cast back, as whole numbers are 64 bits wide in kernels."""
+    x = np.uint32(x)
+    x = np.uint32(x ^ (x >> np.uint32(16)))
+    x = np.uint32(x * np.uint32(0x7FEB352D))
+    x = np.uint32(x ^ (x >> np.uint32(15)))
+    x = np.uint32(x * np.uint32(0x846CA68B))
+    return np.uint32(x ^ (x >> np.uint32(16)))
+
+
+mix = inline(_lowbias32)  # of one value, in kernels
+
+
+def mix_array(values: npt.ArrayLike) -> UInt32s:
+    """Bijective hash of whole numbers below 2^32, of one dimension or more, so that counters become random bits."""
+    return _lowbias32(np.asarray(values, np.uint32))
+
+
+def seed_key(seed: int) -> np.uint32:
+    """A 32-bit key from a seed of up to 64 bits."""
+    low, high = mix_array([seed & 0xFFFFFFFF]), np.uint32(seed >> 32)
+    return mix_array(low ^ high)[0]
 
 
 def sobol(count: int) -> tuple[UInt32s, UInt32s]:

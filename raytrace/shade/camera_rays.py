@@ -7,12 +7,9 @@ import numpy as np
 from ..camera import Camera
 from ..embree.packets import DIR_X, ORG_X, TFAR, TNEAR
 from ..kernel.jit import inline
-from ..kernel.simd import WIDE, double, single
-from ..kernel.simd_masks import pick, replace
-from ..kernel.simd_memory import store_row
+from ..kernel.simd import WIDE, double, pick, replace, single, store_row
 from ..kernel.vector import add, dot, scale, triple, unit
-from ..sampling.hash import mix, mix_array, seed_key
-from ..sampling.sequences import owen_sobol
+from ..sampling.sequences import mix, mix_array, owen_sobol, seed_key
 from ..settings import Settings
 from ..types import Float64s
 

@@ -5,9 +5,7 @@ from math import sqrt
 import numpy as np
 
 from ..kernel.jit import inline
-from ..kernel.simd import WIDE
-from ..kernel.simd_masks import pick
-from ..kernel.simd_memory import load_row, scatter4, store_row
+from ..kernel.simd import WIDE, load_row, pick, scatter4, store_row
 from ..kernel.vector import add
 from . import shading_points as layout
 from .shading_points import load3

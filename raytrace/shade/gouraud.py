@@ -6,15 +6,13 @@ around vertices just over the horizon, whose normals point away from the viewer.
 
 import numpy as np
 
-from ..kernel.borrow import borrow
+from ..kernel.arrays import borrow
 from ..kernel.jit import inline, kernel
-from ..kernel.simd import WIDE, select, single
-from ..kernel.simd_masks import lane_numbers
-from ..kernel.simd_memory import gather, gather3, load_row, store_row
+from ..kernel.simd import WIDE, gather, gather3, lane_numbers, load_row, select, single, store_row
 from ..kernel.vector import add, dot, multiply, scale
 from . import shading_points as layout
-from .direct_lighting import light_packets, visible_fraction
 from .interaction import between, corner, corner_rows, lights_seen, towards_viewer, vertex_normal
+from .lighting import light_packets, visible_fraction
 from .polygon_shading import polygon_light
 from .shading_points import lighting_column, load3, store1, store3
 from .workspace import BOOK, OFF, PACKETS

@@ -7,12 +7,11 @@ from typing import Any, NamedTuple
 
 from ..brdf.layout import BRUSHED, GRAIN, TO_LIGHT, TWO_SIDED
 from ..kernel.jit import inline
-from ..kernel.simd import double, select, single
-from ..kernel.simd_memory import gather, gather3
+from ..kernel.simd import double, gather, gather3, select, single
 from ..kernel.vector import add, choose, cross, dot, scale, subtract, triple, unit
 from ..mesh.interpolation import centroid, interpolate, phong_normal, quadratic_normal
 from ..mesh.placement import ULP
-from ..ray_origins.offset import OFFSET_ULPS
+from ..ray_origins.origins import OFFSET_ULPS
 from . import shading_points as layout
 from .shading_points import store1, store3
 

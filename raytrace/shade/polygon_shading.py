@@ -8,9 +8,7 @@ Source: Hormann & Floater 2006, "Mean Value Coordinates for Arbitrary Planar Pol
 """
 
 from ..kernel.jit import inline
-from ..kernel.simd import select, single
-from ..kernel.simd_masks import some
-from ..kernel.simd_memory import gather, load_row
+from ..kernel.simd import gather, load_row, select, single, some
 from ..kernel.vector import add, choose, cross, dot, length, scale, subtract, unit
 from . import shading_points as layout
 from .interaction import CONSTANT, FLAT, QUADRATIC, corner, corner_normal, towards_viewer, vertex_normal

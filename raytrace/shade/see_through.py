@@ -11,9 +11,7 @@ import numpy as np
 
 from ..embree.packets import GEOM_ID, INST_ID, PRIM_ID, TFAR, TNEAR, U, V, intersect16, occluded16
 from ..kernel.jit import inline, kernel
-from ..kernel.simd import WIDE, double, select, single
-from ..kernel.simd_masks import lane_numbers, pick, some
-from ..kernel.simd_memory import load_row, store_row
+from ..kernel.simd import WIDE, double, lane_numbers, load_row, pick, select, single, some, store_row
 from ..kernel.vector import scale
 from ..materials import alpha_filter
 from ..materials.alpha_filter import LEAST, STEP

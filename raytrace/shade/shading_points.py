@@ -30,8 +30,7 @@ BENT                 3       direction of what is open, of any length; zero wher
 import numpy as np
 
 from ..kernel.jit import inline
-from ..kernel.simd import select
-from ..kernel.simd_memory import load_row, store_row
+from ..kernel.simd import load_row, select, store_row
 
 # Numba compiles a function anew for every constant of Python's that it is given, but only once for NumPy's.
 BEAUTY, ALPHA, AMBIENT, DIFFUSE, SPECULAR, EMISSION = np.array([0, 3, 4, 7, 10, 13])

@@ -14,9 +14,7 @@ import numpy as np
 
 from ..kernel.arrays import aligned
 from ..kernel.jit import inline, kernel
-from ..kernel.simd import WIDE, select
-from ..kernel.simd_masks import some
-from ..kernel.simd_memory import load_row
+from ..kernel.simd import WIDE, load_row, select, some
 from ..kernel.vector import add, scale, subtract, triple
 from ..lights.layout import DIRECTION, DIRECTIONAL, POSITION
 from ..mesh.placement import NEAR

@@ -6,9 +6,7 @@ import numpy as np
 
 from ..image.texture_lookup import sample_texture
 from ..kernel.jit import inline
-from ..kernel.simd import WIDE, double, select, single
-from ..kernel.simd_masks import lane_numbers, pick, replace
-from ..kernel.simd_memory import gather, gather3, load_row
+from ..kernel.simd import WIDE, double, gather, gather3, lane_numbers, load_row, pick, replace, select, single
 from ..kernel.vector import add, cross, dot, multiply, perpendicular, scale
 from ..mesh.interpolation import interpolate
 from .camera_rays import pixel_width

@@ -8,18 +8,29 @@ import numpy as np
 
 from ..brdf.layout import ALPHA, MODEL
 from ..embree.packets import DIR_X
-from ..kernel.borrow import borrow
+from ..kernel.arrays import borrow
 from ..kernel.jit import inline, kernel
-from ..kernel.simd import WIDE, double, select, single
-from ..kernel.simd_masks import count, first, lane_numbers, pick, some
-from ..kernel.simd_memory import gather, load_row, store_row
+from ..kernel.simd import (
+    WIDE,
+    count,
+    double,
+    first,
+    gather,
+    lane_numbers,
+    load_row,
+    pick,
+    select,
+    single,
+    some,
+    store_row,
+)
 from ..kernel.vector import multiply, scale, triple
 from . import shading_points as layout
 from .camera_rays import aim
-from .direct_lighting import count_directed, light_packets
 from .film import TILE, accumulate, clear, column_of, converged, mean, reopened, row_of, store_edge, write_pixels
 from .gouraud import interpolate_lit
 from .interaction import GOURAUD, PacketHits, write_hits
+from .lighting import count_directed, light_packets
 from .polygon_shading import write_polygons
 from .see_through import begin_behind, begin_layers, closest_hits, composite, keep_hits, ray_numbers, seen_packets
 from .shading_points import load3, store1, store3

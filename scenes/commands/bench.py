@@ -11,14 +11,14 @@ from ao.options import Options
 from ao.report import versions
 from raytrace.mesh.mesh import Mesh
 from raytrace.system.atomic import write_json
-from raytrace.system.outputs import check_ending, check_outputs
+from raytrace.system.checks import check_ending, check_outputs
 from raytrace.system.threads import thread_count
 
 from ..formats.load import load
-from ..geometry.temple import temple
+from ..geometry.builtin_shapes import temple
 from ..jobs.console import compiling
 from ..validation.reference import RAYS, Errors, reference
-from ..validation.text_table import text_table
+from ..validation.table import text_table
 
 SAMPLES = (16, 64, 256, 1024)
 ROUNDS = 3

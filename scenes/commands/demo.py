@@ -7,11 +7,11 @@ import numpy as np
 import ao
 import raytrace as rt
 from raytrace.image.write import write_image
-from raytrace.system.outputs import check_outputs, make_folder
+from raytrace.system.checks import check_outputs, make_folder
 from raytrace.types import Float64s
 
 from ..formats.load import MeshFile
-from ..geometry.temple import temple
+from ..geometry.builtin_shapes import temple
 from ..jobs.console import bake_summary, compiling, progress
 from ..write_bake import write
 

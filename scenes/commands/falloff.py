@@ -4,7 +4,7 @@ from pathlib import Path
 
 from raytrace.errors import ConflictError, OptionError, SceneError, printable
 from raytrace.system.atomic import write_bytes
-from raytrace.system.outputs import check_ending, check_outputs
+from raytrace.system.checks import check_ending, check_outputs
 
 from ..falloffs import Scales
 from ..formats.images import check_texture_target, write_grey

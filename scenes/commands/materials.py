@@ -10,9 +10,9 @@ from raytrace import PRESETS, OrenNayar, material_from_dict
 from raytrace.brdf.oren_nayar import fitted_orders
 from raytrace.brdf.oren_nayar_reference import reference_orders
 from raytrace.errors import OptionError, nearest_name
-from raytrace.materials import energy
+from raytrace.materials import reflect
 from raytrace.materials.base import BaseMaterial, Brushed
-from raytrace.materials.energy import NORMAL, asymmetry, towards
+from raytrace.materials.reflect import NORMAL, asymmetry, towards
 from raytrace.types import Float64s
 
 from ..formats.table import endings
@@ -80,7 +80,7 @@ def check(name: str, material: BaseMaterial) -> str:
 
 def albedo(material: BaseMaterial, incidence: float) -> Any:
     """∫ f cosθ_v dω (3,) for light at `incidence` radians: the part of it that is reflected."""
-    return energy.albedo(material, incidence, _ORDER) / (1.0 if material.physical else np.pi)
+    return reflect.albedo(material, incidence, _ORDER) / (1.0 if material.physical else np.pi)
 
 
 def fit_error(material: OrenNayar) -> tuple[float, float]:

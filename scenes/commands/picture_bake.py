@@ -14,12 +14,12 @@ from raytrace import EnvironmentLight, SkyLight
 from raytrace.renderer.render import seen_vertices
 from raytrace.renderer.render_scene import release
 from raytrace.scene import Scene
-from raytrace.system.memory import available
+from raytrace.system.checks import available
 from raytrace.types import Float64s
 
 from ..description.description import SceneDescription
 from ..formats.stored_w import read_w
-from ..jobs.workers import cluster_checkpoint
+from ..jobs.remote import cluster_checkpoint
 
 if TYPE_CHECKING:
     from ao.cluster.session import ClusterSession

@@ -16,7 +16,7 @@ from raytrace import Frame, Settings
 from raytrace.errors import ConflictError, printable
 from raytrace.image.write import check_image_target, write_frame
 from raytrace.renderer.render import describe_work, render, rendering_bytes
-from raytrace.system.memory import check_memory
+from raytrace.system.checks import check_memory
 
 from ..description.description import SceneDescription
 from ..falloffs import Scales

@@ -82,7 +82,7 @@ class RenderCommand(Record):
         settings = {name: getattr(self, name) for name in _SETTINGS}
         settings["crop"] = None if self.crop is None else _crop(self.crop)
         from raytrace.image.write import check_image_target
-        from raytrace.system.outputs import check_ending, check_outputs
+        from raytrace.system.checks import check_ending, check_outputs
         from raytrace.system.threads import thread_count
 
         threads = thread_count(self.threads)
@@ -94,7 +94,7 @@ class RenderCommand(Record):
         from ..description.read import read_scene
         from ..falloffs import make_scales
         from ..formats.stored_w import check_stored
-        from ..show.report.complete import complete, hashed, write_report
+        from ..show.report.verdict import complete, hashed, write_report
         from .render import adjusted, make_picture, render_report
 
         if self.baked:
@@ -147,7 +147,7 @@ def render_command(options: dict[str, Any]) -> RenderCommand:
     check_together(options, RENDER)
     if not options["cluster"]:
         return RenderCommand(options)
-    from ..jobs.workers import Workers
+    from ..jobs.remote import Workers
 
     workers = Workers(options["cluster"], options["shared"], options["threads"])
     return RenderCommand(options, open_session=workers.session)

@@ -23,7 +23,7 @@ def read_scene(
     """A scene by the file's ending: `.toml` (docs/scenes.md), `.glb` or `.gltf`, or any other mesh alone.
 
     A mesh alone is matt, in the colours of its vertices or grey, framed whole, under three lights; what is up in it
-    (`Mesh.up`) is up. Without normals it has those of `raytrace.mesh.creases`. One baked file of the mesh fits it.
+    (`Mesh.up`) is up. Without normals it has those of `raytrace.mesh.normals`. One baked file of the mesh fits it.
 
     Args:
         path: the file.

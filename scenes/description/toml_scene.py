@@ -13,8 +13,8 @@ from ao.options import Options
 from raytrace import Camera, Scene, Settings, light_from_dict
 from raytrace.errors import OptionError, SceneError
 from raytrace.mesh.up import FROM, UP
+from raytrace.system.checks import check_regular
 from raytrace.system.faults import fields_of
-from raytrace.system.regular_files import check_regular
 
 from ..falloffs import Scales, make_falloff, make_scales, table_of
 from ..field_errors import check_keys, located, shown

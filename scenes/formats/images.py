@@ -1,4 +1,4 @@
-"""Baked textures as image files: w, bent normals and errors; and the tiles of UDIM layouts."""
+"""Baked textures as image files: their names, w, bent normals and errors; and the tiles of UDIM layouts."""
 
 from __future__ import annotations
 
@@ -14,8 +14,6 @@ from raytrace.image.encode import write_data
 from raytrace.system.atomic import check_writable
 from raytrace.types import Float32s, Float64s, Int64s
 
-from .image_names import ENDINGS, is_texture
-
 if TYPE_CHECKING:
     from ao import Profile
 
@@ -23,6 +21,12 @@ PROFILE = "profile"  # the layer of an EXR
 _MOST_TILES = 100
 _ACROSS = 10  # tiles in a row of UDIM's numbers
 _TINY = 1e-6
+ENDINGS = (".png", ".exr", ".tif", ".tiff")
+UDIM = "<UDIM>"
+"""Placeholder of a tile's number in the name of an output."""
+MATERIAL, OBJECT = "<MATERIAL>", "<OBJECT>"
+"""Placeholders of their names."""
+PLACEHOLDERS = UDIM, MATERIAL, OBJECT
 
 
 def check_texture_target(option: str, path: Path, half: bool = False) -> None:
@@ -91,3 +95,8 @@ def write_normals(path: Path, normals: Float32s, half: bool, metadata: Mapping[s
     """Write unit vectors (h, w, 3): n in files of floats, (n + 1)/2 in PNG. Raises: OutputError."""
     encoded = (normals + 1) / 2 if path.suffix.lower() == ".png" else normals
     write_data(path, encoded.astype(np.float32), metadata, half, "RGB", bits)
+
+
+def is_texture(path: str | os.PathLike[str]) -> bool:
+    """Whether a name is that of an image."""
+    return Path(path).suffix.lower() in ENDINGS

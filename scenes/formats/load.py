@@ -15,10 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from raytrace.errors import InputError, MeshError, printable
-from raytrace.mesh.convert import mesh_of
-from raytrace.mesh.mesh import Mesh
-from raytrace.system.memory import check_memory
-from raytrace.system.regular_files import check_regular
+from raytrace.mesh.mesh import Mesh, mesh_of
+from raytrace.system.checks import check_memory, check_regular
 from raytrace.types import Float64s
 
 from ..geometry.detail import Detail, triangle_detail
@@ -89,7 +87,7 @@ class MeshFile:
         Raises: MeshError: a set of a glTF is malformed.
         """
         if self.gltf:
-            from .gltf.detail import texture_coordinates
+            from .gltf.textures import texture_coordinates
 
             return texture_coordinates(self.gltf, self.parts, self.mesh.faces, number)
         detail = self.detail
@@ -147,7 +145,7 @@ def load(
         if asset and aim.lost:
             asset.check_materials()
             if "scene" not in aim.holds:
-                from .gltf.detail import gltf_detail
+                from .gltf.textures import gltf_detail
 
                 detail, unread = gltf_detail(asset, parts, mesh.faces)
     notes = tuple(printable(f"{path}: {note}") for instance in instances for note in instance.notes)

@@ -28,7 +28,7 @@ def lost(target: Path, mesh_file: MeshFile, channels: Channels = Channels()) -> 
     if row.name == "PLY" and not colors and has_own_colors(mesh_file.detail):
         warnings.append(f"{target}: keeps the colours of {mesh_file.path}; w is in its property obscurance alone")
     if channels.ramp and mesh_file.gltf:
-        from .glb.ramp import ramp_warnings
+        from .glb.write import ramp_warnings
 
         warnings += [f"{target}: {line}" for line in ramp_warnings(mesh_file.gltf, channels.replace)]
     return [printable(line) for line in warnings]

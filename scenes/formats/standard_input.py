@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 from raytrace.errors import MeshError, OptionError
-from raytrace.system.memory import check_memory
+from raytrace.system.checks import check_memory
 
 from .load import PIPED, MeshFile, load
 from .table import FORMATS, endings, sniffed_format

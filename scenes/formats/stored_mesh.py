@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import MeshError
-from raytrace.system.regular_files import check_regular
+from raytrace.system.checks import check_regular
 from raytrace.types import Float64s, Int64s
 
 from .load import mesh_errors

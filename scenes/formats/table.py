@@ -27,7 +27,7 @@ class Channels(NamedTuple):
     """Where a file holds w beside its own attribute, for viewers, and how a page stands."""
 
     colors: str = ""  # which of "rgba" of the vertex colours hold w, too; of several, alpha of a .glb becomes 1
-    ramp: bool = False  # also in the materials' occlusion textures (`scenes.formats.glb.ramp`)
+    ramp: bool = False  # also in the materials' occlusion textures (`scenes.formats.glb.write`)
     replace: bool = False  # in place of occlusion textures of the source, too
     up: str | None = None  # the axis that is up, in place of `Mesh.up`
 
@@ -52,7 +52,7 @@ _ROWS = (
     FileFormat(".npz", "NumPy", write="write_bake:npz", holds=("w",)),
     FileFormat(".obj", "OBJ", "formats.obj.read:read_obj", 9.0,
                rb"(\s*(#[^\n]*)?\n)*\s*(v|vn|vt|o|g|mtllib|usemtl|s)\s", holds=("uv",)),
-    FileFormat(".ply", "PLY", "formats.ply.read:read_ply", 7.5, rb"ply\r?\n", "formats.ply.stored:open_ply",
+    FileFormat(".ply", "PLY", "formats.ply.read:read_ply", 7.5, rb"ply\r?\n", "formats.ply.write:open_ply",
                "formats.ply.write:ply", "formats.losses:of_ply", ("w", "colors", "uv")),
     FileFormat(".stl", "STL", "formats.stl:read_stl", 6.0, rb"\s*solid\b.*\n\s*facet\b", "formats.stl:open_stl"),
     FileFormat(".off", "OFF", "formats.off:read_off", 7.5, rb"\s*(ST)?(C?N?4?n?)OFF\b"),

@@ -21,7 +21,7 @@ import numpy as np
 
 from raytrace.errors import MeshError
 from raytrace.image.srgb import decode_srgb
-from raytrace.system.memory import check_memory
+from raytrace.system.checks import check_memory
 from raytrace.types import Float64s, Int64s
 
 from ..geometry.detail import Paint

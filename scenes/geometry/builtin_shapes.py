@@ -8,21 +8,108 @@ import math
 from abc import abstractmethod
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field
 
 from raytrace.errors import OptionError
-from raytrace.system.memory import NEGLIGIBLE, check_memory
+from raytrace.mesh.mesh import Mesh
+from raytrace.system.checks import NEGLIGIBLE, check_memory
 from raytrace.system.parameters import Length, Lengths, Parameters, Whole
+from raytrace.types import Bools, Float64s, Int64s
 
 from . import primitives
-from .menger import menger
-from .primitives import TexturedMesh
-from .temple import temple
+from .primitives import TexturedMesh, box, merge, tube
 
+COLUMNS = (5, 3)  # along x and along y
+SPACING = 1.5
+COLUMN_RADIUS, COLUMN_HEIGHT = 0.28, 2.6
 MAX_TRIANGLES = 20_000_000
 _SIDES = 16  # triangles around a slim cylinder, the most of any shape
 _TRIANGLE = 200  # bytes of one while it is made
 _CELLS = 32  # along the longest side, where no fineness is given
+
+
+def menger(level: int, size: float, cuts: int) -> Mesh:
+    """The surface of the sponge about the origin, hard edges, exact normals.
+
+    Args:
+        level: times that every cube loses its middle seventh, 0 (a cube) to 4.
+        size: edge of the whole.
+        cuts: parts that the edge of a smallest cube is cut into.
+    """
+    solid = _solid(level)
+    count = solid.shape[0] * cuts
+    vertices, faces, normals, start = [], [], [], 0
+    for axis in range(3):
+        for side in (1, -1):
+            corners = _squares(np.moveaxis(solid, axis, 0), side, cuts)
+            key, index = np.unique(corners @ [(count + 1) ** 2, count + 1, 1], return_inverse=True)
+            lattice = np.stack([key // (count + 1) ** 2, key // (count + 1) % (count + 1), key % (count + 1)], axis=-1)
+            vertices.append(np.roll(lattice, axis, axis=1) * (size / count) - size / 2)
+            square = index.reshape(-1, 4)
+            faces.append(square[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3) + start)
+            normals.append(np.tile(side * np.eye(3)[axis], (len(key), 1)))
+            start += len(key)
+    return Mesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(normals), source="sponge", up="z")
+
+
+def _solid(level: int) -> Bools:
+    """The filled cells of the 3^level lattice."""
+    middle = np.indices((3, 3, 3)) == 1
+    solid = np.ones((1, 1, 1), bool)
+    for _ in range(level):
+        solid = np.kron(solid, middle.sum(axis=0) < 2).astype(bool)
+    return solid
+
+
+def _squares(solid: Bools, side: int, cuts: int) -> Int64s:
+    """Lattice corners (k, 4, 3), counter-clockwise from outside, of the open faces of `solid` along ±its first axis."""
+    beyond = np.zeros_like(solid)
+    if side > 0:
+        beyond[:-1] = solid[1:]
+    else:
+        beyond[1:] = solid[:-1]
+    cells = np.argwhere(solid & ~beyond)
+    first = (cells + np.array([int(side > 0), 0, 0])) * cuts
+    parts = np.stack([np.zeros(cuts * cuts, np.int64), *np.indices((cuts, cuts)).reshape(2, -1)], axis=-1)
+    turn = np.array([[0, 0, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1]])[::side]
+    return (first[:, None, None] + parts[None, :, None] + turn).reshape(-1, 4, 3)
+
+
+def temple(fineness: float = 0.07) -> Mesh:
+    """Three steps, a ring of columns with bases and capitals, and a roof slab with a pediment block.
+
+    Args: fineness: largest edge of a mesh cell; the temple is about 8 × 5 × 4 units, z up.
+    """
+    half = np.array([(COLUMNS[0] - 1) / 2 * SPACING + 0.55, (COLUMNS[1] - 1) / 2 * SPACING + 0.55])
+    parts = [box((0, 0, -0.05), (*(2 * half + 3.0), 0.1), fineness * 2)]
+    steps = [(0.075 + 0.15 * step, 2 * half + 0.5 * (3 - step)) for step in range(3)]
+    parts += [box((0, 0, height), (*size, 0.15), fineness) for height, size in steps]
+    floor = 0.45
+    parts += [_column(position, floor, fineness) for position in _ring()]
+    top = floor + COLUMN_HEIGHT
+    parts.append(box((0, 0, top + 0.2), (*(2 * half), 0.4), fineness))
+    parts.append(box((0, 0, top + 0.475), (*(2 * half + 0.4), 0.15), fineness))
+    parts.append(box((0, 0, top + 0.7), (*(2 * half - 0.6), 0.3), fineness))
+    parts.append(box((0, 0, floor + 0.45), (1.5, 0.9, 0.9), fineness))
+    return merge(parts, source="temple").mesh
+
+
+def _ring() -> Float64s:
+    x, y = (SPACING * (np.arange(count) - (count - 1) / 2) for count in COLUMNS)
+    grid = np.array([(a, b) for a in x for b in y])
+    outer = (np.abs(grid[:, 0]) > x[-1] - 1e-9) | (np.abs(grid[:, 1]) > y[-1] - 1e-9)
+    return grid[outer]
+
+
+def _column(position: Float64s, floor: float, fineness: float) -> TexturedMesh:
+    x, y = position
+    cap = 0.14
+    side = 2.6 * COLUMN_RADIUS
+    shaft = tube((x, y, floor + cap), COLUMN_RADIUS, COLUMN_HEIGHT - 2 * cap, fineness)
+    base = box((x, y, floor + cap / 2), (side, side, cap), fineness)
+    capital = box((x, y, floor + COLUMN_HEIGHT - cap / 2), (side, side, cap), fineness)
+    return merge([shaft, base, capital], source="column")
 
 
 class Solid(Parameters):

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace import Mesh
-from raytrace.mesh.creases import creased_normals
+from raytrace.mesh.normals import creased_normals
 from raytrace.mesh.weld import first_alike
 from raytrace.types import Float64s, Int64s
 
@@ -146,7 +146,7 @@ def split_corners(
 
 
 def split_creases(mesh: Mesh, more: Sequence[PerCorner] = ()) -> tuple[Int64s, Int64s, Float64s, Int64s]:
-    """A mesh with a vertex for each normal that `raytrace.mesh.creases` gives, and for `more` that corners have.
+    """A mesh with a vertex for each normal that `raytrace.mesh.normals` gives, and for `more` that corners have.
 
     Returns vertices (k,), the mesh's n first and repeated ones after them, faces (m, 3), normals (k, 3), and a corner
     like each of the vertices (k,).

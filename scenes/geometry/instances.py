@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace import InputError, Mesh, MeshError, Opacity
-from raytrace.system.memory import check_memory
+from raytrace.system.checks import check_memory
 from raytrace.types import Float64s, Int64s
 
 from .detail import Detail, Paint

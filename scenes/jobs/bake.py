@@ -81,7 +81,7 @@ class MeshBake(Record, ABC):
         """The falloff, if the options go together and the outputs can be written. Raises: OptionError, OutputError."""
         from ao.falloff import resolve_length
         from raytrace.errors import OptionError
-        from raytrace.system.outputs import check_ending, check_outputs
+        from raytrace.system.checks import check_ending, check_outputs
 
         from ..falloffs import make_falloff
 
@@ -115,7 +115,7 @@ class MeshBake(Record, ABC):
     def hashed(self, files: Iterable[Path]) -> list[dict[str, Any]]:
         """Files that were read, as a report has them; nothing if there is none to write."""
         from ..falloffs import table_of
-        from ..show.report.complete import hashed
+        from ..show.report.verdict import hashed
 
         return hashed([*files, *table_of(self.falloff)], {self.mesh: self.content}) if self.report else []
 
@@ -123,7 +123,7 @@ class MeshBake(Record, ABC):
         self, report: Mapping[str, Any], inputs: list[dict[str, Any]], pictures: Callable[[], list[list[Picture]]]
     ) -> None:
         """Write the report. Args: report: of `ao.report`, or of pages. inputs: what was read. pictures: makes them."""
-        from ..show.report.complete import complete, write_report
+        from ..show.report.verdict import complete, write_report
 
         options = self.described()
         line = command_line("bake", ROWS.values(), options)

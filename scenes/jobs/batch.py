@@ -12,14 +12,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from raytrace.errors import printable
-from raytrace.system.outputs import check_outputs
+from raytrace.system.checks import check_outputs
 from raytrace.system.threads import run_blocks, thread_count
 
 from .bake import MeshBake, Outcome, bake_one, silence_tolerance_warnings
 from .console import compiling, note, progress, warn
 from .inputs import MANIFEST, made
 from .manifest import Entry, Manifest, assign_shards, digest, part_manifest
-from .workers import Workers, cluster_checkpoint
+from .remote import Workers, cluster_checkpoint
 
 if TYPE_CHECKING:
     import ao

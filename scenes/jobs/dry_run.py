@@ -6,7 +6,7 @@ from pathlib import Path
 
 import ao
 from raytrace.errors import ObscuranceError, printable
-from raytrace.system.memory import available, in_use, size_text
+from raytrace.system.checks import available, in_use, size_text
 from raytrace.system.threads import thread_count
 
 from .bake import MeshBake, WorkSize

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from raytrace.errors import OptionError
-from raytrace.system.outputs import make_folder
+from raytrace.system.checks import make_folder
 
 from ..formats.table import endings
 

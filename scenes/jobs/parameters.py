@@ -105,7 +105,7 @@ def saved_options(path: Path) -> dict[str, Any]:
 
     from ao.report import SCHEMA_VERSION
     from raytrace.errors import InputError, nearest_name
-    from raytrace.system.regular_files import check_regular
+    from raytrace.system.checks import check_regular
 
     check_regular(path, "the report of a bake")
     try:

@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from ..formats.image_names import is_texture
+from ..formats.images import is_texture
 from .bake import MeshBake
 from .console import note
 from .options import BAKE, absolute, cage_of, plain
@@ -23,7 +23,7 @@ def trace_part(options: dict[str, Any], bake_command: Callable[[Mapping[str, Any
     Raises: as `MeshBake.run`. InputError: the folder has this part of another bake.
     """
     from ao.execute.parts import PartTraced, ShardCheckpoint
-    from raytrace.system.outputs import make_folder
+    from raytrace.system.checks import make_folder
 
     from ..falloffs import table_of
 

@@ -8,8 +8,8 @@ from typing import Any, get_args
 from raytrace.errors import ConflictError, OptionError
 from raytrace.system.atomic import standard_output
 
-from ..formats.image_names import ENDINGS as IMAGES
-from ..formats.image_names import is_texture
+from ..formats.images import ENDINGS as IMAGES
+from ..formats.images import is_texture
 from ..formats.standard_input import STANDARD, standard_input
 from ..presets import preset_format, with_preset
 from .bake import MeshBake
@@ -19,9 +19,9 @@ from .inputs import expand, is_pattern, outputs_in
 from .manifest import is_batch_of_parts, merge_batch
 from .options import BAKE, SORTS, Format, cage_of, check_sort, check_together, defaults
 from .parts import merge, part_numbers, trace_part
+from .remote import Workers, bake_by_workers
 from .tiles import bake_tiles
 from .vertices import BakeCommand
-from .workers import Workers, bake_by_workers
 
 _MEANT = {".obj": ".ply", ".stl": ".ply", ".gltf": ".glb", ".jpg": ".png", ".jpeg": ".png"}  # which can hold w
 

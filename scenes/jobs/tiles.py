@@ -16,7 +16,7 @@ def bake_tiles(options: dict[str, Any]) -> int:
     from ao.tiles.bake_tiled import bake_tiled
     from raytrace.errors import ConflictError, OptionError
     from raytrace.system.atomic import scratch_folder
-    from raytrace.system.outputs import check_outputs
+    from raytrace.system.checks import check_outputs
 
     from ..falloffs import make_falloff, table_of
     from ..formats.stored_mesh import open_mesh

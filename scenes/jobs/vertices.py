@@ -61,7 +61,7 @@ class BakeCommand(MeshBake):
 
     def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
         import ao
-        from raytrace.system.outputs import check_outputs
+        from raytrace.system.checks import check_outputs
 
         from ..formats.losses import lost
         from ..write_bake import channels

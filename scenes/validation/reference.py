@@ -17,8 +17,7 @@ from raytrace.embree.rays import intersect
 from raytrace.embree.scene import TriangleScene
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import Placement
-from raytrace.sampling.hash import seed_key
-from raytrace.sampling.sequences import cosine_hemisphere, owen_sobol
+from raytrace.sampling.sequences import cosine_hemisphere, owen_sobol, seed_key
 from raytrace.system.threads import run_blocks, thread_count
 from raytrace.types import Float32s, Float64s, Int64s
 

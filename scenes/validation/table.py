@@ -1,6 +1,6 @@
-"""The validation table: closed forms against the w of `ao.bake`."""
+"""The validation table: closed forms against the w of `ao.bake`, as aligned text."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import isinf
@@ -14,9 +14,20 @@ from raytrace.types import Float64s
 from .configurations import SAMPLES, Configuration
 from .curved import curved_settings
 from .flat import flat_settings
-from .text_table import text_table
 
 Baker = Callable[..., Bake]
+
+
+def text_table(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: Collection[str]) -> list[str]:
+    """Lines of text, the head first; every cell to the left but in the columns headed by `numbers`."""
+    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+    return [
+        "  ".join(
+            cell.rjust(width) if name in numbers else cell.ljust(width)
+            for cell, width, name in zip(row, widths, head, strict=True)
+        ).rstrip()
+        for row in (head, *rows)
+    ]
 
 
 @dataclass(frozen=True)

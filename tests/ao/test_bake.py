@@ -8,7 +8,7 @@ from meshes import hills
 import ao
 from raytrace import Mesh, OptionError
 from raytrace.kernel import jit
-from scenes.geometry.temple import temple
+from scenes.geometry.builtin_shapes import temple
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ import ao
 import ao.least_squares.fit
 from benchmarks.accuracy.surface_error import Points
 from raytrace import Mesh, OptionError
+from scenes.geometry.builtin_shapes import temple
 from scenes.geometry.polyhedra import icosphere, join
-from scenes.geometry.temple import temple
 from scenes.validation import table as validation
 
 bake_surface = partial(ao.bake, method="surface")

@@ -51,7 +51,7 @@ def test_any_number_of_threads_gives_the_same_bytes(bake, expected, threads):
 @LINUX
 def test_many_threads_change_no_byte_where_address_space_is_short(bake, expected):
     """Address space for the bake and the stacks of a few threads."""
-    code = SMALL_BLOCKS + "import resource; from raytrace.system.memory import _UNTOUCHED; from pathlib import Path;"
+    code = SMALL_BLOCKS + "import resource; from raytrace.system.checks import _UNTOUCHED; from pathlib import Path;"
     code += "used = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize();"
     code += "most = used + _UNTOUCHED[0] + (140 << 20);"
     code += "resource.setrlimit(resource.RLIMIT_AS, (most, most)); import cli; cli.main()"

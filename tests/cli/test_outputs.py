@@ -12,7 +12,7 @@ from PIL import Image
 
 from raytrace.errors import OptionError, OutputError
 from raytrace.image.write import write_image
-from raytrace.system.outputs import check_ending, check_outputs
+from raytrace.system.checks import check_ending, check_outputs
 from scenes.description.read import read_scene
 
 SCENE = '[[objects]]\nmesh = "mesh.ply"\n[[objects]]\nbuiltin = "plane"\ntexture = "paint.png"\n'

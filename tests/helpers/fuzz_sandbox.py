@@ -76,10 +76,10 @@ def modest(triangles, rows):
 
     Nor are control groups asked, a dozen files each time: the process's own limits are lower.
     """
-    import raytrace.system.memory
+    import raytrace.system.checks
     import scenes.geometry.builtin_shapes
     import scenes.geometry.instances
 
     scenes.geometry.builtin_shapes.MAX_TRIANGLES = triangles
     scenes.geometry.instances.MAX_COPIED = rows
-    raytrace.system.memory._control_groups = lambda root: ()
+    raytrace.system.checks._control_groups = lambda root: ()

@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from scenes.description.read import read_scene
-from scenes.geometry.menger import menger
+from scenes.geometry.builtin_shapes import menger, temple
 from scenes.geometry.polyhedra import RawMesh, join, raw_mesh
-from scenes.geometry.temple import temple
 from scenes.library.catalogue import BUILTIN, write_builtin
 
 from .dense import Make, Rng, displacement, refined, sized, unit, used

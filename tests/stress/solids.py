@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from raytrace.types import Float64s
-from scenes.geometry.menger import menger
+from scenes.geometry.builtin_shapes import menger
 from scenes.geometry.polyhedra import RawMesh, hull, icosphere, join, prism, raw_mesh
 from scenes.geometry.primitives import box
 

@@ -8,7 +8,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from raytrace.ray_origins.offset import offsets_and_reaches, ray_offset
+from raytrace.ray_origins.origins import offsets_and_reaches, ray_offset
 
 from . import defects as defects_module
 from . import limits as limits_module

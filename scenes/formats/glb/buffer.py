@@ -11,7 +11,7 @@ from raytrace.types import Float64s, Int64s
 
 from ..gltf.accessors import COMPONENTS
 from ..gltf.container import encode_glb
-from ..gltf.instances import PROFILE
+from ..gltf.records import PROFILE
 
 if TYPE_CHECKING:
     from ao import Bake

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from raytrace.errors import OptionError
 from raytrace.image.srgb import decode_srgb
-from raytrace.mesh.creases import creased_normals
+from raytrace.mesh.normals import creased_normals
 from raytrace.mesh.up import up_axis
 from raytrace.types import Float64s, Int64s
 
@@ -21,7 +21,7 @@ from ..load import MeshFile
 from ..ply.detail import columns_of, fractions
 from ..ply.detail import stored_colors as ply_colors
 from .buffer import ELEMENT_ARRAY_BUFFER, Packed
-from .pictures import add_materials
+from .orm import add_materials
 
 _LARGEST = 1e38  # of float32, and of a difference of two
 WHITE: dict[str, Any] = {"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 1}}
@@ -57,7 +57,7 @@ def plain(mesh_file: MeshFile, colors: str, up: str | None = None) -> tuple[Pack
     The only primitive of a part has the part's vertices in their order, then those whose corners differ once more.
     One of several has the vertices that it uses, with their rows in the mesh as `_SOURCE_INDEX`.
 
-    A mesh without normals gets them by `raytrace.mesh.creases`.
+    A mesh without normals gets them by `raytrace.mesh.normals`.
 
     Where another axis than y is up, all stand below a node that turns it to y.
 

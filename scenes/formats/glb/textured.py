@@ -21,8 +21,7 @@ from .buffer import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Packed
 from .occlusion import OWN, OcclusionTextures, add_coordinates, free_set
 from .orm import OrmTextures
 from .pieces import pieces
-from .ramp import write_ramp
-from .write import document
+from .write import document, write_ramp
 
 _SAME = 1e-6  # of texture coordinates that float32 has rounded
 _KINDS = {"SCALAR", "VEC2", "VEC3", "VEC4"}

@@ -17,12 +17,11 @@ from ..table import MeshInput
 from .accessors import normalized, triangles, values
 from .asset import DrawnPrimitive, Gltf, entry
 from .container import decode
-from .records import Primitive
+from .records import PROFILE, Primitive
 
 if TYPE_CHECKING:
     from ao import Profile
 
-PROFILE = "_OBSCURANCE_PROFILE_"  # and a number: attributes of four columns each
 _COPIES = "EXT_mesh_gpu_instancing"
 
 

@@ -15,6 +15,7 @@ Quadruple = tuple[float, float, float, float]
 Matrix = tuple[
     float, float, float, float, float, float, float, float, float, float, float, float, float, float, float, float
 ]
+PROFILE = "_OBSCURANCE_PROFILE_"  # and a number: attributes of four columns each
 WRAP = 10497  # REPEAT
 LIGHTS = "extensions.KHR_lights_punctual.lights"
 TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6

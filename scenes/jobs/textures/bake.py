@@ -19,13 +19,12 @@ from ao.texture.uv_layout import on_page, page_size
 from raytrace.errors import ConflictError, OptionError
 from raytrace.mesh.mesh import Mesh
 from raytrace.system.atomic import write_bytes
-from raytrace.system.outputs import check_ending, check_outputs
+from raytrace.system.checks import check_ending, check_outputs
 
 from ...formats.glb.orm import check_orm
 from ...formats.glb.pieces import pieces
 from ...formats.glb.textured import textured_glb
-from ...formats.image_names import MATERIAL, PLACEHOLDERS, UDIM
-from ...formats.images import check_texture_target, write_grey, write_normals
+from ...formats.images import MATERIAL, PLACEHOLDERS, UDIM, check_texture_target, write_grey, write_normals
 from ...formats.load import MeshFile
 from ..bake import MeshBake, WorkSize, Written
 from ..console import alpha_summary, progress, texture_summary, warn

@@ -12,8 +12,7 @@ from ao.texture.shown import corner_places
 from ao.texture.uv_layout import MAX_SIDE, corner_uv, doubled_areas, on_page, page_size, texels_across
 from raytrace.errors import MeshError, OptionError
 from raytrace.mesh.components import connected_components
-from raytrace.mesh.convert import mesh_of
-from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.normals import face_normals
 from raytrace.types import Bools, Float64s, Int64s
 

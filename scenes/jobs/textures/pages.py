@@ -21,8 +21,7 @@ from raytrace.errors import OptionError
 from raytrace.types import Bools, Float64s
 
 from ...formats.glb.pieces import Piece, pieces
-from ...formats.image_names import MATERIAL, OBJECT, UDIM
-from ...formats.images import tile_number, udim_tiles
+from ...formats.images import MATERIAL, OBJECT, UDIM, tile_number, udim_tiles
 from ...formats.load import MeshFile
 from ...safe_paths import file_words
 from .coordinates import Coordinates

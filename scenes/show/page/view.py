@@ -12,7 +12,7 @@ from raytrace.errors import SceneError, printable
 from raytrace.image.texture import Texture, texture_codes
 from raytrace.mesh.up import TO_Y_UP, up_axis
 from raytrace.system.atomic import write_bytes
-from raytrace.system.outputs import check_ending, check_outputs
+from raytrace.system.checks import check_ending, check_outputs
 from raytrace.types import Float64s, UInt8s
 
 from ...formats.glb.occlusion import is_ramp

@@ -14,7 +14,7 @@ from ao.estimate.shrinkage import denoise
 from ao.points.receivers import Points, find_receivers
 from raytrace import Mesh
 from raytrace.mesh.placement import Placement
-from scenes.geometry.temple import temple
+from scenes.geometry.builtin_shapes import temple
 
 BOX = trimesh.creation.box()
 SCENES = {

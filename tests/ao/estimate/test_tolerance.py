@@ -12,7 +12,7 @@ from ao.estimate.upsampling import coarsened, nearest_baked, upsample
 from ao.points.receivers import find_receivers
 from raytrace import Mesh, OptionError
 from raytrace.mesh.placement import Placement
-from scenes.geometry.temple import temple
+from scenes.geometry.builtin_shapes import temple
 
 MESHES = {"hills": Mesh(*hills(60)), "temple": temple(fineness=0.6)}
 

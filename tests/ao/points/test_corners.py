@@ -22,7 +22,7 @@ from ao.rays.ray_scene import RayScene
 from raytrace import MemoryLimitError, Mesh
 from raytrace.embree.scene import TriangleScene
 from raytrace.mesh.placement import Placement
-from raytrace.sampling.hash import seed_key
+from raytrace.sampling.sequences import seed_key
 from scenes.geometry.polyhedra import icosphere, join
 from scenes.validation.reference import reference
 
@@ -225,6 +225,6 @@ def test_means_keep_equal_values_and_combine_variances():
 
 def test_corners_that_do_not_fit_into_memory_are_refused(monkeypatch):
     mesh = Mesh(*crumpled(icosphere(4), 0.5, 0), None)
-    monkeypatch.setattr("raytrace.system.memory.available", lambda: corner_bytes(3000))
+    monkeypatch.setattr("raytrace.system.checks.available", lambda: corner_bytes(3000))
     with pytest.raises(MemoryLimitError, match="corners of folded vertices"):
         find_receivers(mesh, Placement.of(mesh))

@@ -92,7 +92,7 @@ def test_a_halo_too_narrow_is_noticed(tmp_path, monkeypatch):
 
 
 def test_a_tile_that_does_not_fit_is_refused_in_a_line(tmp_path, monkeypatch):
-    monkeypatch.setattr("raytrace.system.memory.available", lambda: 1 << 20)
+    monkeypatch.setattr("raytrace.system.checks.available", lambda: 1 << 20)
     with pytest.raises(MemoryLimitError, match=r"arrays: memory: expected .* for a tile of .*; more tiles are smaller"):
         bake_tiled(Arrays(*hills(8)), tmp_path, falloff=FALLOFFS["binary"])
 

@@ -5,8 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 from raytrace import AshikhminShirley, Ward
-from raytrace.materials.energy import NORMAL, albedo, directional_albedo, towards
-from raytrace.materials.reflect import reflect
+from raytrace.materials.reflect import NORMAL, albedo, directional_albedo, reflect, towards
 
 ANGLES = np.radians([0, 50, 75, 85, 89.9])
 ALONG_X = (1, 0, 0)

@@ -6,8 +6,7 @@ import transcription as plain
 
 from raytrace import EllipticalBeckmann, Kajiya
 from raytrace.brdf.kajiya import scattered
-from raytrace.materials.energy import NORMAL, directional_albedo, towards
-from raytrace.materials.reflect import reflect
+from raytrace.materials.reflect import NORMAL, directional_albedo, reflect, towards
 
 PERFECT = 1e6  # η = 1e6: F = 1 to 4e-6
 

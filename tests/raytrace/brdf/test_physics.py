@@ -19,9 +19,8 @@ from raytrace import (
 from raytrace.brdf.oren_nayar import fitted_orders
 from raytrace.brdf.oren_nayar_reference import reference_orders
 from raytrace.errors import OptionError
-from raytrace.materials.energy import NORMAL as N
-from raytrace.materials.energy import asymmetry, directional_albedo, towards
-from raytrace.materials.reflect import reflect
+from raytrace.materials.reflect import NORMAL as N
+from raytrace.materials.reflect import asymmetry, directional_albedo, reflect, towards
 
 MIRROR = {"albedo": 1.0, "k_s": 1.0, "eta": 1e6}  # η = 1e6: F = 1 to 4e-6
 

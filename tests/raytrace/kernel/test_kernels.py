@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from raytrace.kernel import jit
-from raytrace.kernel.borrow import borrow
+from raytrace.kernel.arrays import borrow
 from raytrace.kernel.jit import Kernel, inline, kernel
-from raytrace.kernel.simd_memory import rows_at
+from raytrace.kernel.simd import rows_at
 
 
 class Pair(NamedTuple):

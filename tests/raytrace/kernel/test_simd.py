@@ -7,9 +7,25 @@ import pytest
 
 from raytrace.kernel.arrays import aligned
 from raytrace.kernel.jit import kernel
-from raytrace.kernel.simd import WIDE, double, select, single
-from raytrace.kernel.simd_masks import count, first, highest, lane_numbers, lowest, pick, replace, some
-from raytrace.kernel.simd_memory import gather, gather3, load_row, scatter4, store_row
+from raytrace.kernel.simd import (
+    WIDE,
+    count,
+    double,
+    first,
+    gather,
+    gather3,
+    highest,
+    lane_numbers,
+    load_row,
+    lowest,
+    pick,
+    replace,
+    scatter4,
+    select,
+    single,
+    some,
+    store_row,
+)
 from raytrace.kernel.vector import cross, dot, unit
 
 NUMBERS = np.arange(WIDE)

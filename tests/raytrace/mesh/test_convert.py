@@ -12,7 +12,7 @@ from project import ROOT
 
 import ao
 from raytrace import Camera, Lambert, Mesh, MeshError, Shape
-from raytrace.mesh.convert import mesh_of
+from raytrace.mesh.mesh import mesh_of
 from raytrace.mesh.normals import face_normals
 
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 2]], float)

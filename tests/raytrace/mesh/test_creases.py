@@ -5,8 +5,7 @@ import pytest
 from uv_meshes import icosphere
 
 from raytrace import Mesh
-from raytrace.mesh.creases import creased_normals
-from raytrace.mesh.normals import face_normals, vertex_normals
+from raytrace.mesh.normals import creased_normals, face_normals, vertex_normals
 
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
 SIDES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]

@@ -21,11 +21,11 @@ from raytrace import (
 )
 from raytrace.image.encode import write_layers
 from raytrace.image.write import write_image
-from raytrace.lights.environment import pack_environment
-from raytrace.lights.environment_kernels import (
+from raytrace.lights.environment import (
     cone_visibility,
     harmonic_irradiance,
     map_radiance,
+    pack_environment,
     sky_irradiance,
     sky_radiance,
 )

@@ -5,9 +5,8 @@ import pytest
 from scipy import stats
 from scipy.stats import qmc
 
-from raytrace.sampling.hash import mix_array as mix
-from raytrace.sampling.hash import seed_key
-from raytrace.sampling.sequences import cosine_hemisphere, jittered_lattice, owen_sobol, sobol
+from raytrace.sampling.sequences import cosine_hemisphere, jittered_lattice, owen_sobol, seed_key, sobol
+from raytrace.sampling.sequences import mix_array as mix
 
 
 def test_sobol_points_are_the_published_ones():

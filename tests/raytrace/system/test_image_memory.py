@@ -9,7 +9,7 @@ from meshes import hills
 from PIL import Image
 from project import ROOT
 
-import raytrace.system.memory
+import raytrace.system.checks
 from raytrace import Lambert, MemoryLimitError, Mesh, Object, Scene, Settings, Shape
 from raytrace.image.compare import compare
 from raytrace.image.read import read_image
@@ -64,7 +64,7 @@ def noise(path):
 def test_images_are_not_decoded_if_they_would_not_fit(read, tmp_path, monkeypatch):
     path = noise(tmp_path / "t.png")
     read(path)
-    monkeypatch.setattr(raytrace.system.memory, "available", lambda: MIB)
+    monkeypatch.setattr(raytrace.system.checks, "available", lambda: MIB)
     monkeypatch.setattr(raytrace.image.read, "row_blocks", pytest.fail)
     monkeypatch.setattr(raytrace.image.texture, "row_blocks", pytest.fail)
     with pytest.raises(MemoryLimitError, match=r"t\.png: memory: expected at most 1 MiB.* (1,024×512|524,288)"):
@@ -73,7 +73,7 @@ def test_images_are_not_decoded_if_they_would_not_fit(read, tmp_path, monkeypatc
 
 def test_pictures_that_differ_take_more_to_compare(tmp_path, monkeypatch):
     a, b = noise(tmp_path / "a.png"), noise(tmp_path / "other.png")
-    monkeypatch.setattr(raytrace.system.memory, "available", lambda: 50 * MIB)
+    monkeypatch.setattr(raytrace.system.checks, "available", lambda: 50 * MIB)
     assert compare(a, a).flip == 0
     with pytest.raises(MemoryLimitError, match=r"a\.png: memory: .* to compare 1,024×512 pixels"):
         compare(a, b)

@@ -12,13 +12,13 @@ from meshes import hills
 from project import ROOT
 
 import ao
-import raytrace.system.memory
+import raytrace.system.checks
 import scenes.commands.picture_bake
 from ao.memory import surface_bytes, vertex_bytes
 from raytrace import InputError, Lambert, MemoryLimitError, Mesh, Object, Scene, Settings, Shape
 from raytrace.renderer import render_scene
 from raytrace.renderer.render import rendering_bytes
-from raytrace.system.memory import available, check_memory
+from raytrace.system.checks import available, check_memory
 from scenes.commands.picture_bake import with_obscurance
 from scenes.description.read import read_scene
 from scenes.formats.load import load
@@ -79,7 +79,7 @@ def test_what_makes_no_sense_limits_nothing(tmp_path, content):
 @LINUX
 @pytest.mark.parametrize("kind", [resource.RLIMIT_AS, resource.RLIMIT_DATA], ids=["addresses", "data"])
 def test_a_limit_of_the_process_limits_it(kind):
-    code = "from raytrace.system.memory import available; print(available())"
+    code = "from raytrace.system.checks import available; print(available())"
     limit = 4 << 30
     result = subprocess.run(
         [sys.executable, "-c", code],
@@ -93,7 +93,7 @@ def test_a_limit_of_the_process_limits_it(kind):
 
 
 def test_the_line_says_what_needs_how_much_and_what_would_do(monkeypatch):
-    monkeypatch.setattr(raytrace.system.memory, "available", lambda: 300 * MIB)
+    monkeypatch.setattr(raytrace.system.checks, "available", lambda: 300 * MIB)
     check_memory("m.ply", 300 * MIB, "to bake")
     with pytest.raises(MemoryLimitError) as caught:
         check_memory("m.ply", 3 << 30, "to bake", {"the first": 400 * MIB, "the other": 200 * MIB})
@@ -122,7 +122,7 @@ WORK = {
 @pytest.mark.parametrize("name", WORK)
 def test_everything_big_asks_first(name, monkeypatch):
     mesh = Mesh(*hills(10), source="hills.ply")
-    monkeypatch.setattr(raytrace.system.memory, "available", lambda: 30 * MIB)
+    monkeypatch.setattr(raytrace.system.checks, "available", lambda: 30 * MIB)
     with pytest.raises(MemoryLimitError, match=r"expected at most 30 MiB.* faces"):
         WORK[name](mesh)
 
@@ -141,7 +141,7 @@ def test_files_are_not_read_if_they_would_not_fit(ending, tmp_path, monkeypatch)
         path.write_text('[[objects]]\nmesh = "m.ply"\n')
     else:
         trimesh.creation.icosphere(1).export(path)
-    monkeypatch.setattr(raytrace.system.memory, "available", lambda: 100)
+    monkeypatch.setattr(raytrace.system.checks, "available", lambda: 100)
     with pytest.raises(InputError, match="memory: expected at most 0 MiB"):
         read_scene(path) if ending == "toml" else load(path)
 
@@ -168,7 +168,7 @@ def test_points_that_do_not_fit_are_refused_once_they_are_counted(monkeypatch):
     """Loose triangles have six times the points of a closed surface."""
     corners = np.random.default_rng(0).uniform(size=(6000, 3))
     room = iter([1 << 40, MIB])
-    monkeypatch.setattr(raytrace.system.memory, "available", lambda: next(room))
+    monkeypatch.setattr(raytrace.system.checks, "available", lambda: next(room))
     with pytest.raises(MemoryLimitError, match=r"at most 1 MiB.* to trace rays at 6,000 points"):
         ao.bake(Mesh(corners, np.arange(6000).reshape(-1, 3)), samples=1)
 
@@ -200,7 +200,7 @@ def test_a_dry_run_says_what_a_bake_takes(ending, tmp_path):
     assert 1 / 1.2 < said / taken < 1.2
 
 
-SMALL = "import raytrace.system.memory as m; m.available = lambda: 160 << 20; import cli; cli.main()"
+SMALL = "import raytrace.system.checks as m; m.available = lambda: 160 << 20; import cli; cli.main()"
 
 
 def test_the_command_refuses_with_one_line(tmp_path):

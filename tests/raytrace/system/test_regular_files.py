@@ -5,7 +5,7 @@ import os
 import pytest
 
 from raytrace.errors import InputError, SceneError
-from raytrace.system.regular_files import check_regular
+from raytrace.system.checks import check_regular
 
 
 def test_regular_files_and_links_to_them_pass(tmp_path):

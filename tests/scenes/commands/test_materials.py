@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 from command import obscurance, refused
 
-from raytrace.materials.energy import asymmetry, directional_albedo
-from raytrace.materials.materials import CookTorrance, EllipticalBeckmann, Lambert, OrenNayar, Phong, material_from_dict
+from raytrace.materials.materials import (
+    CookTorrance,
+    EllipticalBeckmann,
+    Lambert,
+    OrenNayar,
+    Phong,
+    material_from_dict,
+)
 from raytrace.materials.presets import PRESETS
+from raytrace.materials.reflect import asymmetry, directional_albedo
 from scenes.commands.materials import albedo, check, fit_error, preset_toml
 
 

@@ -8,7 +8,7 @@ from gltf_files import check_glb, values
 from kept_contents import bake, columns
 
 from scenes.formats.load import load
-from scenes.formats.obj.mtl import read_mtl
+from scenes.formats.obj.detail import read_mtl
 from scenes.geometry.opacity import opacity_map
 
 OBJ = """mtllib paint.mtl

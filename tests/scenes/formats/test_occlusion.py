@@ -7,7 +7,7 @@ import pytest
 
 from scenes.formats.glb.buffer import Packed
 from scenes.formats.glb.occlusion import RAMP, OcclusionTextures, add_coordinates, free_set, occlusion_reference
-from scenes.formats.glb.ramp import ramp_coordinates, ramp_png
+from scenes.formats.glb.write import ramp_coordinates, ramp_png
 
 
 def document(primitives, materials=(), **fields):

@@ -4,7 +4,7 @@ from typing import get_args
 
 import pytest
 
-from scenes.formats.image_names import ENDINGS as IMAGES
+from scenes.formats.images import ENDINGS as IMAGES
 from scenes.formats.table import FORMATS, endings, format_of, function, sniffed_format
 from scenes.jobs.options import Format, InputFormat
 from scenes.write_bake import TILED

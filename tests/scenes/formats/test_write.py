@@ -12,7 +12,7 @@ from mesh_files import mesh_file, random_bake
 
 from raytrace.errors import OptionError, OutputError
 from raytrace.image.srgb import encode_srgb
-from scenes.formats.glb.ramp import ramp_png
+from scenes.formats.glb.write import ramp_png
 from scenes.formats.load import load
 from scenes.write_bake import check_target, write
 

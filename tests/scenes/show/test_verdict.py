@@ -8,8 +8,7 @@ import pytest
 from ao import Flag
 from scenes.commands.render_file import RENDER
 from scenes.jobs.options import BAKE, command_line
-from scenes.show.report.complete import hashed
-from scenes.show.report.verdict import flags_in_words, remedy, verdict
+from scenes.show.report.verdict import flags_in_words, hashed, remedy, verdict
 
 WARNINGS = [
     "m.ply: normals of 3 of 9 vertices are uncertain by 2° (median): its coordinates as stored have steps of 1,"
@@ -34,8 +33,8 @@ PARTS = (
     ("ao/estimate/tolerance.py", "is not met, the estimated RMSE"),
     ("scenes/formats/losses.py", "not kept from"),
     ("scenes/formats/losses.py", "keeps the colours of"),
-    ("scenes/formats/glb/ramp.py", "keeps the occlusion textures of"),
-    ("scenes/formats/glb/ramp.py", "uses the set TEXCOORD_"),
+    ("scenes/formats/glb/write.py", "keeps the occlusion textures of"),
+    ("scenes/formats/glb/write.py", "uses the set TEXCOORD_"),
     ("scenes/geometry/polygons.py", "crosses itself"),
     ("scenes/jobs/vertices.py", "between the vertices w errs by"),
     ("scenes/jobs/textures/pages.py", "faces overlap in"),

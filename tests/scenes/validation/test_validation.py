@@ -14,7 +14,7 @@ from shared_directions import only_w
 import ao
 from ao.falloff import Binary, Exponential, Linear, Smooth
 from raytrace import Mesh
-from raytrace.ray_origins.offset import ray_offset
+from raytrace.ray_origins.origins import ray_offset
 from scenes.geometry.polyhedra import icosphere, inscribed_radius, prism
 from scenes.validation import table as validation
 from scenes.validation.configurations import Configuration

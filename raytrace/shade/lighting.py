@@ -1,23 +1,44 @@
 """The sum over lights (12.75): ambient, diffuse and specular light of many points, a shadow ray only where one matters.
 
 I(p) = I_e + k_a I_a·w + Σ_j δ(p, j) I_L(j) (diffuse_j + specular_j); the book's form weights diffuse light by w too.
+
+Of a sky or an image: k_a I_a(b) w, I_a the mean light of the hemisphere about the bent normal b. Of it the part that
+the material's highlight would reflect, F ≤ k_a, is F (V L + (1 − V) I_a(b) w): L comes from the mirror direction,
+blurred as the material is rough, and V is the part of that which is open
+(`raytrace.lights.environment.cone_visibility`).
 """
+
+from math import acos
 
 import numpy as np
 
 from ..brdf import layout as rows
+from ..brdf.ashikhmin_shirley import fifth
 from ..brdf.dispatch import terms_wide
+from ..brdf.layout import AMBIENT, GLOSS, GRAZING, SLOPE
 from ..embree.packets import DIR_X, ORG_X
 from ..kernel.jit import inline
-from ..kernel.simd import WIDE, double, select, single
-from ..kernel.simd_masks import count, first, highest, lane_numbers, lowest, pick, some
-from ..kernel.simd_memory import load_row, store_row
-from ..kernel.vector import add, choose, dot, multiply, scale, subtract, triple
+from ..kernel.simd import (
+    WIDE,
+    count,
+    double,
+    first,
+    highest,
+    lane_numbers,
+    load_row,
+    lowest,
+    pick,
+    select,
+    single,
+    some,
+    store_row,
+)
+from ..kernel.vector import add, choose, dot, mirror, multiply, scale, subtract, triple, unit
+from ..lights import environment as environment
 from ..lights.kernels import cannot_matter_in, incident, towards
 from ..lights.layout import AMBIENT as AMBIENT_LIGHT
 from ..lights.layout import DIFFUSE, INTENSITY, SPECULAR
 from . import shading_points as layout
-from .environment_lighting import reflect_environment
 from .interaction import CONSTANT, FLAT
 from .see_through import attenuate, transmittance
 from .shading_points import load3, store3
@@ -26,6 +47,62 @@ from .workspace import BEHIND, BLACK, BOOK, CULLED, OFF, SHADOW_RAYS, UNOBSTRUCT
 
 SHORT = 1.0 - 1e-5  # of the way to a light: what touches the light itself is no obstacle
 DARK = (0.0, 0.0, 0.0)
+
+
+@inline
+def diffuse_ibl(lights, total, n):
+    """I_a about a direction n: sum of ambient lights, `total`, of skies and of an image."""
+    for sky in lights.skies:
+        total = add(total, environment.sky_irradiance(sky, n))
+    if len(lights.harmonics) > 0:
+        total = add(total, environment.harmonic_irradiance(lights.harmonics, n))
+    return total
+
+
+@inline
+def specular_ibl(lights, total, d, slope):
+    """L from a direction d, blurred for facets of RMS `slope`."""
+    for sky in lights.skies:
+        total = add(total, environment.sky_radiance(sky, d, slope))
+    if len(lights.harmonics) > 0:
+        total = add(total, environment.map_radiance(lights.maps, lights.frame, d, slope))
+    return total
+
+
+@inline
+def lane_triple(packet, column, lane):
+    x, y, z = packet[column, lane], packet[column + 1, lane], packet[column + 2, lane]
+    return np.float64(x), np.float64(y), np.float64(z)
+
+
+@inline
+def reflect_environment(packet, lane, row, lights, total, style):
+    """Write the ambient light that a point reflects, of ambient lights, `total`, and of the environment."""
+    n, v = lane_triple(packet, layout.NORMAL, lane), lane_triple(packet, layout.VIEW, lane)
+    w, bent = 1.0, n
+    if style.form != OFF:
+        w, bent = np.float64(packet[layout.W, lane]), unit(lane_triple(packet, layout.BENT, lane))
+        if dot(bent, n) <= 0.0:  # no bent normal is known, or the surface is seen from behind
+            bent = n
+    arriving, reflectance = diffuse_ibl(lights, total, bent), triple(row, AMBIENT)
+    slope, gloss, grazing = row[SLOPE], triple(row, GLOSS), triple(row, GRAZING)
+    mirrored, visible, rise = (0.0, 0.0, 0.0), 0.0, 0.0
+    glossy = style.shading != CONSTANT and max(grazing[0], grazing[1], grazing[2]) > 0.0
+    if glossy:
+        r = mirror(n, v)
+        mirrored = specular_ibl(lights, total, r, slope)
+        visible = environment.cone_visibility(w, acos(max(-1.0, min(1.0, dot(bent, r)))), slope)
+        rise = fifth(1.0 - max(0.0, min(1.0, dot(n, v))))
+    for c in range(3):
+        # in single precision, as ambient light alone is reflected
+        share = np.float32(reflectance[c]) * packet[layout.ALBEDO_MAP + c, lane]
+        value = np.float32(reflectance[c] * arriving[c]) * packet[layout.ALBEDO_MAP + c, lane]
+        if style.form != OFF:
+            value = np.float32(w) * value
+        if glossy:
+            part = min(np.float64(share), gloss[c] + (grazing[c] - gloss[c]) * rise)
+            value = np.float32(max(0.0, value + part * visible * (mirrored[c] - arriving[c] * w)))
+        packet[layout.AMBIENT + c, lane] = value
 
 
 @inline

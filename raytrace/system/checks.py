@@ -1,0 +1,256 @@
+"""Checks before work begins: it fits into memory, its inputs are regular files, and its outputs replace none of them.
+
+Where a system overcommits, an allocation does not fail: the process is killed in the middle of its work instead.
+"""
+
+import os
+import re
+import stat
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from ..errors import InputError, MemoryLimitError, OptionError, OutputError
+from .atomic import check_writable
+
+NEGLIGIBLE = 1 << 20  # bytes; finding out whether so few are available takes longer than work that needs them
+_NO_LIMIT = 1 << 60  # kernels write about 2^63 for none
+_ADDRESSES, _RESIDENT, _DATA = 0, 1, 5  # columns of /proc/self/statm
+_UNTOUCHED = 640 << 20, 192 << 20  # addresses, private memory: reserved by libraries, stacks, arenas
+Name = str | os.PathLike[str]
+_MOST = 1 << 28  # bytes of a report or scene; anything larger is none
+_OBJECTS = re.compile(rb"^[ \t]*(\[\[[ \t]*objects[ \t]*\]\]|objects[ \t]*=)", re.MULTILINE)
+
+
+def available(root: Path = Path("/")) -> int | None:
+    """Bytes that this process can still fill: the least of what the system, control groups and its own limits leave.
+
+    None if nothing can be read. Args: root: where `proc` and `sys` are.
+    """
+    limits = [*_system(root / "proc"), *_control_groups(root), *_own_limits(root / "proc")]
+    return max(min(limits), 0) if limits else None
+
+
+def check_memory(source: object, needed: int, work: str, instead: dict[str, int] | None = None) -> None:
+    """Refuse work that does not fit.
+
+    Args:
+        source: what to name in the message. needed: bytes beyond the memory in use. work: such as "to bake 8 vertices".
+        instead: bytes that other ways to reach the same need, by name, best first.
+
+    Raises:
+        MemoryLimitError: less than `needed` is available.
+    """
+    free = available()
+    if free is None or needed <= free:
+        return
+    fitting = [f"{way} takes about {size_text(size)}" for way, size in (instead or {}).items() if size <= free]
+    advice = fitting[0] if fitting else f"{free / needed:.0%} of that work would fit"
+    raise MemoryLimitError(
+        source, "memory", f"at most {size_text(free)}, what is available", f"about {size_text(needed)} {work}; {advice}"
+    )
+
+
+def in_use(proc: Path = Path("/proc")) -> int | None:
+    """Bytes that this process holds now; None where the system does not say."""
+    return _pages(proc, _RESIDENT)
+
+
+def size_text(size: int) -> str:
+    return f"{size / 2**30:.1f} GiB" if size >= 1 << 30 else f"{size / 2**20:.0f} MiB"
+
+
+def _system(proc: Path) -> Iterator[int]:
+    try:
+        fields = dict(line.split(":") for line in (proc / "meminfo").read_text().splitlines())
+        yield int(fields["MemAvailable"].split()[0]) << 10
+    except (OSError, KeyError, ValueError):
+        if hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
+            yield os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+
+def _control_groups(root: Path) -> Iterator[int]:
+    """Bytes left by the process's own control group and each above it, v1 and v2; pages of files count as free."""
+    mounts = root / "sys" / "fs" / "cgroup"
+    try:
+        groups = (root / "proc" / "self" / "cgroup").read_text().splitlines()
+    except OSError:
+        return
+    for group in groups:
+        _, controllers, path = group.split(":", 2)
+        if controllers == "":
+            mount, names = mounts, ("memory.max", "memory.current", "")
+        elif "memory" in controllers.split(","):
+            mount = mounts / "memory"
+            names = "memory.limit_in_bytes", "memory.usage_in_bytes", "total_"
+        else:
+            continue
+        own = mount / path.lstrip("/")
+        for folder in (own, *own.parents):
+            yield from _remaining(folder, *names)
+            if folder == mount:
+                break
+
+
+def _remaining(folder: Path, limit: str, used: str, prefix: str) -> Iterator[int]:
+    try:
+        limit_bytes = int((folder / limit).read_text())  # v2 has the word max where there is none
+        if limit_bytes < _NO_LIMIT:
+            statistics = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
+            files = sum(int(statistics.get(f"{prefix}{kind}_file", 0)) for kind in ("active", "inactive"))
+            yield limit_bytes - int((folder / used).read_text()) + files
+    except (OSError, ValueError):
+        return
+
+
+def _own_limits(proc: Path) -> Iterator[int]:
+    """Bytes left by `ulimit -v`, address space, and `ulimit -d`, private memory that can be written."""
+    if sys.platform == "win32":
+        return
+    import resource
+
+    resident = _pages(proc, _RESIDENT) or 0
+    kinds = (resource.RLIMIT_AS, _ADDRESSES), (resource.RLIMIT_DATA, _DATA)
+    for (kind, column), untouched in zip(kinds, _UNTOUCHED, strict=True):
+        limit = resource.getrlimit(kind)[0]
+        if limit != resource.RLIM_INFINITY:
+            yield limit - resident - max((_pages(proc, column) or 0) - resident, untouched)
+
+
+def _pages(proc: Path, column: int) -> int | None:
+    """Bytes that a column of `statm` says, None without one."""
+    try:
+        return int((proc / "self" / "statm").read_text().split()[column]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:
+        return None
+
+
+def check_regular(path: Path, kind: str, fault: type[InputError] = InputError, source: str | None = None) -> None:
+    """Refuse a path to anything but a regular file.
+
+    Args:
+        path: symbolic links are followed. kind: what the message expects, such as "an image file".
+        fault: the class to raise. source: what the message calls the file; by default `path`.
+
+    Raises:
+        InputError: of the class `fault`: there is no such file, or it is a folder, a device or a pipe.
+        OSError: the system does not let it be looked at.
+    """
+    name = str(path) if source is None else source
+    try:
+        mode = path.stat().st_mode
+    except (FileNotFoundError, ValueError):  # the latter of a name with a null byte
+        raise fault(name, "file", "an existing file", "none") from None
+    if stat.S_ISDIR(mode):
+        raise fault(name, "file", kind, "a folder")
+    if not stat.S_ISREG(mode):
+        raise fault(name, "file", kind, "something that is not a regular file")
+
+
+class _Kind(NamedTuple):
+    """A kind of file that may be replaced: its name, and its first bytes or a test of all of them."""
+
+    name: str
+    starts: tuple[bytes, ...] = ()
+    is_one: Callable[[bytes], bool] | None = None
+
+
+def _is_page(content: bytes) -> bool:
+    return b'<meta name="generator" content="obscurance' in content[:4096]
+
+
+def _is_report(content: bytes) -> bool:
+    return content.lstrip()[:1] == b"{" and b'"versions"' in content and b'"obscurance"' in content
+
+
+_TIFF = _Kind("a TIFF picture", (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"))
+_JPEG = _Kind("a JPEG picture", (b"\xff\xd8\xff",))
+_KINDS = {
+    ".npy": _Kind("a NumPy array", (b"\x93NUMPY",)),
+    ".npz": _Kind("a NumPy archive", (b"PK\x03\x04", b"PK\x05\x06")),
+    ".ply": _Kind("a PLY mesh", (b"ply\n", b"ply\r")),
+    ".glb": _Kind("a GLB file", (b"glTF",)),
+    ".exr": _Kind("an OpenEXR picture", (b"\x76\x2f\x31\x01",)),
+    ".png": _Kind("a PNG picture", (b"\x89PNG\r\n\x1a\n",)),
+    ".tif": _TIFF,
+    ".tiff": _TIFF,
+    ".jpg": _JPEG,
+    ".jpeg": _JPEG,
+    ".json": _Kind("a report of obscurance", is_one=_is_report),
+    ".html": _Kind("a page of obscurance", is_one=_is_page),
+    ".toml": _Kind("a scene", is_one=lambda content: bool(_OBJECTS.search(content))),
+}
+
+
+def check_outputs(outputs: Mapping[str, Name | None], inputs: Iterable[Name] = ()) -> None:
+    """Check before the work that all files of a command can be written without a loss.
+
+    Names that lead to one file, by links of either sort or by another spelling, count as one. An existing file is
+    replaced if it is empty or of the kind that its name's ending says.
+
+    Args:
+        outputs: the files to write by what the user calls them, `--output` for instance; None: not asked for.
+        inputs: every file that is read, whether it exists or not.
+
+    Raises:
+        OptionError: an output is an input, another output, or an existing file of another kind.
+        OutputError: a folder is missing or refuses new files, or an output is something other than a file.
+    """
+    read = {_identity(path): path for path in inputs}
+    written: dict[object, str] = {}
+    for option, path in outputs.items():
+        if path is None:
+            continue
+        check_writable(path)
+        identity = _identity(path)
+        if identity in read:
+            raise OptionError(option, "a file that is not read", _also(path, read[identity], "an input"))
+        if identity in written:
+            raise OptionError(option, f"another file than {written[identity]}", f"{os.fspath(path)}, the same file")
+        written[identity] = option
+        _check_kind(option, path)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for outputs, and its parents, unless it is there. Raises: OutputError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as reason:
+        what = "it is a file" if isinstance(reason, FileExistsError) else reason.strerror
+        raise OutputError(f"{folder}: cannot make this folder: {what}") from None
+
+
+def check_ending(option: str, path: Name, *endings: str) -> None:
+    """Raises: OptionError: the name `path` ends in none of `endings`, upper or lower case."""
+    if Path(path).suffix.lower() not in endings:
+        raise OptionError(option, f"a name ending in {' or '.join(endings)}", os.fspath(path))
+
+
+def _identity(path: Name) -> object:
+    try:
+        status = os.stat(path)
+        if status.st_ino:
+            return status.st_dev, status.st_ino
+    except (OSError, ValueError):
+        pass
+    return os.path.normcase(os.path.realpath(path))
+
+
+def _also(path: Name, other: Name, role: str) -> str:
+    alias = "" if os.fspath(path) == os.fspath(other) else f": {os.fspath(other)}"
+    return f"{os.fspath(path)}, {role}{alias}"
+
+
+def _check_kind(option: str, path: Name) -> None:
+    kind = _KINDS.get(Path(path).suffix.lower())
+    if kind is None or not os.path.exists(path):
+        return
+    try:
+        size = os.path.getsize(path)
+        with open(path, "rb") as file:
+            content = file.read(16) if kind.starts else file.read(_MOST)
+    except OSError as reason:
+        raise OptionError(option, f"a free name or {kind.name} to replace", f"{path}: {reason.strerror}") from None
+    if size and not (content.startswith(kind.starts) if kind.is_one is None else kind.is_one(content)):
+        raise OptionError(option, f"a free name or {kind.name} to replace", f"{os.fspath(path)}, another kind of file")
