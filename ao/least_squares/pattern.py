@@ -8,7 +8,7 @@ from scipy.sparse import coo_array, csr_array
 from raytrace.kernel.arrays import borrow
 from raytrace.kernel.counting_sort import counting_sort
 from raytrace.kernel.jit import inline, kernel
-from raytrace.types import Float64s, Int32s
+from raytrace.types import AnyInts, Float64s, Int32s, Int64s
 
 
 class Stencil(NamedTuple):
@@ -40,10 +40,10 @@ class Stencil(NamedTuple):
         return csr_array((values, self.indices, self.starts), shape=(count, count))
 
 
-def find_hinges(face_points: Int32s, normals: Float64s, agreement: float, count: int) -> Int32s:
-    """The smooth edges of exactly two faces, (h, 2): in either face the corner in `face_points.ravel()` opposite to it.
+def shared_edges(face_points: AnyInts, count: int) -> Int64s:
+    """The edges of exactly two faces, (h, 2): in either face the corner in `face_points.ravel()` opposite to it.
 
-    Args: normals: (m, 3), unit. agreement: the cosine below which they make an edge hard. count: of unknowns.
+    Args: face_points: (m, 3), below `count`; edges with a negative one are left out.
     """
     one, other = face_points[:, [1, 2, 0]].ravel(), face_points[:, [2, 0, 1]].ravel()
     low, high = np.minimum(one, other), np.maximum(one, other)
@@ -52,7 +52,12 @@ def find_hinges(face_points: Int32s, normals: Float64s, agreement: float, count:
     low, high = low[order], high[order]
     ends = np.concatenate([[True], (low[1:] != low[:-1]) | (high[1:] != high[:-1]), [True]])
     first = np.flatnonzero(ends[:-2] & ~ends[1:-1] & ends[2:] & (low != high)[:-1])
-    hinges = np.stack([order[first], order[first + 1]], axis=1).astype(np.int32)
+    return np.stack([order[first], order[first + 1]], axis=1)
+
+
+def find_hinges(face_points: Int32s, normals: Float64s, agreement: float, count: int) -> Int32s:
+    """The smooth ones of `shared_edges`. Args: normals: (m, 3), unit; agreement: their cosine at a hard edge, less."""
+    hinges = shared_edges(face_points, count).astype(np.int32)
     cosines: Float64s = np.sum(normals[hinges[:, 0] // 3] * normals[hinges[:, 1] // 3], axis=1)
     return hinges[cosines >= agreement]
 

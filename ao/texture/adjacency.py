@@ -29,7 +29,9 @@ def texel_neighbours(shown: Shown, texels: Texels, most: float, threads: int) ->
     page = row_of, layout.width, layout.wraps
     surface = charts[face].astype(np.int32), sizes[face].astype(np.float32), points.origins
     run_blocks(count, _BLOCK, bound(_find_beside, texels.texels, page, surface, beside, starts), threads, most=_SHARE)
-    left, right = (row_of[side.nearest()].astype(np.int64) for side in (shown.seams.left, shown.seams.right))
+    sides = shown.seams.sides
+    nearest = np.take_along_axis(sides.texels, sides.weights.argmax(axis=2)[..., None], axis=2)[..., 0]
+    left, right = row_of[nearest].astype(np.int64).T
     usable = (left >= 0) & (right >= 0) & (left != right)
     left, right = left[usable], right[usable]
     pairs = np.unique(np.concatenate([left, right]) * count + np.concatenate([right, left]))

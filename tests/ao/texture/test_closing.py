@@ -18,19 +18,18 @@ def network(rng):
         rim = hub + rng.uniform(12, 15) * np.stack([np.cos(turns), np.sin(turns)], axis=1)
         ends = [*((np.array(hub), end) for end in rim), *zip(rim, np.roll(rim, 1, axis=0), strict=True)]
         sides.append(np.concatenate([first + along * (last - first) for first, last in ends]))
-    return Seams(*(Lookups.at(places, SIZE, True) for places in sides), 10)
+    return Seams(Lookups.at(np.stack(sides, axis=1), SIZE, True), 10)
 
 
 def everywhere(rng):
     """Samples that meet in all directions, whose factor would be full."""
-    return Seams(*(Lookups.at(rng.uniform(0, SIZE, (500, 2)), SIZE, True) for _ in range(2)), 1)
+    return Seams(Lookups.at(rng.uniform(0, SIZE, (500, 2, 2)), SIZE, True), 1)
 
 
 def problem(seams, rng):
     """A page, what is covered of it, the texels that are looked up, and D, v and s of these."""
     page, covered = np.clip(rng.normal(0.5, 0.5, 64 * 32), 0, 1), rng.random(64 * 32) < 0.7
-    each = np.concatenate([seams.left.texels, seams.right.texels], axis=1)
-    weights = np.concatenate([seams.left.weights, -seams.right.weights], axis=1)
+    each, weights = seams.sides.texels.reshape(-1, 8), seams.sides.weights * [[1], [-1]]
     texels, columns = np.unique(each.ravel(), return_inverse=True)
     starts = np.arange(0, columns.size + 1, 8, dtype=np.int32)
     differences = csr_array((weights.ravel(), columns.astype(np.int32), starts), shape=(len(each), len(texels)))

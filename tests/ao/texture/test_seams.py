@@ -62,7 +62,7 @@ def test_both_sides_are_sampled_at_the_same_points_of_the_edge():
     uv = np.array([[(2, 2), (8, 2), (5, 8)], [(3, 12), (3, 9), (9, 9)]], float)
     seams = seams_of(uv, [[0, 1, 2], [1, 0, 3]])
     x, y = np.meshgrid(np.arange(16) + 0.5, np.arange(16) + 0.5)
-    left_x, right_y = seams.left.values(x.ravel()), seams.right.values(y.ravel())
+    left_x, right_y = seams.sides.values(x.ravel())[:, 0], seams.sides.values(y.ravel())[:, 1]
     assert np.allclose((left_x - 2) / 6, (right_y - 9) / 3)  # point 0 is at (2, 2) and at (3, 9)
 
 
