@@ -12,7 +12,7 @@ from raytrace.types import Bools, Float64s, Int64s
 
 from ..mu import KernelMu
 from ..points.points import Points
-from ..rays.gather import COLUMNS, gather_columns, gather_columns_by_packets, gather_hemispheres, gather_streams
+from ..rays.gather import COLUMNS, gather_hemispheres, gather_streams
 from ..rays.layers import Layers
 from ..rays.ray_blocks import Rays
 from ..rays.ray_packet import RayPacket
@@ -68,22 +68,20 @@ class Hemispheres:
 
     def writer(self, scene: RayScene, tables: Tables) -> Callable[[int, int], None]:
         table = scene.table(self.samples, self.total_points, self.key, self.leap)
-        points, mu, t_max, (out,) = self.points, self.mu, self.t_max, tables
-        columns = mu.columns
+        points, mu, t_max = self.points, self.mu, self.t_max
+        out = tables[0].reshape(-1, *(mu.shape or (1,)), COLUMNS)
         if self.samples < self.packets_below:
             embree = scene.embree()
 
             def by_packets(first: int, last: int) -> None:
                 packet, subset = RayPacket.of(embree, scene.opacity), points[first:last].arrays
-                if columns is None:
+                if mu.columns is None or scene.opacity is None:
                     gather_hemispheres(packet, subset, table, mu, t_max, out[first:last])
-                elif scene.opacity is None:
-                    gather_columns_by_packets(packet, subset, table, columns, t_max, out[first:last])
                 else:  # to check the other traversal, without haste
-                    for column, each in enumerate(columns.each()):
-                        rows = np.empty((last - first, COLUMNS))
+                    for column, each in enumerate(mu.columns.each()):
+                        rows = np.empty((last - first, 1, COLUMNS))
                         gather_hemispheres(packet, subset, table, each, min(t_max, each.limit), rows)
-                        out[first:last, column] = rows
+                        out[first:last, column] = rows[:, 0]
 
             return by_packets
         tree, idle = scene.tree, deque[tuple[Rays, TraversalState]]()  # as many at most as threads
@@ -95,10 +93,7 @@ class Hemispheres:
             except IndexError:
                 rays = Rays.of(table)
                 state = TraversalState.of(tree, Layers.of(scene.opacity, rays.t_hit.size, mu))
-            if columns is None:
-                gather_streams(tree, rays, state, subset, table, mu, t_max, out[first:last])
-            else:
-                gather_columns(tree, rays, state, subset, table, columns, t_max, out[first:last])
+            gather_streams(tree, rays, state, subset, table, mu, t_max, out[first:last])
             idle.append((rays, state))
 
         return by_streams

@@ -104,7 +104,7 @@ def measure(path: Path | None, samples: int, rounds: int) -> dict[str, object]:
     directions = np.empty((count, 3, samples), np.float32)
     world_directions(points.normals, points.numbers, table, directions)
     threads = thread_count(None)
-    out, hits = np.empty((count, COLUMNS)), np.empty(count, np.int64)
+    out, hits = np.empty((count, 1, COLUMNS)), np.empty(count, np.int64)
     results: dict[str, object] = {}
     for name, falloff in (("binary", Binary()), ("exponential", Exponential())):
         mu = falloff.resolve(mesh.radius).in_render_space(placement.scale)
@@ -121,7 +121,7 @@ def measure(path: Path | None, samples: int, rounds: int) -> dict[str, object]:
 
         for work in (ours, theirs):
             run_blocks(count, BLOCK, work, threads)
-        if not mu.tau and not np.allclose(out[:, 0], 1 - hits / samples, atol=1e-12):
+        if not mu.tau and not np.allclose(out[:, 0, 0], 1 - hits / samples, atol=1e-12):
             raise SystemExit("the two loops do not trace the same rays")
         times: dict[str, list[float]] = {"gather": [], "bare": []}
         for _ in range(rounds):

@@ -48,7 +48,7 @@ def measure(specimen: Specimen) -> list[dict[str, Any]]:
         for samples in SAMPLES:
             table = DirectionTable.make(samples, len(receivers.points), seed_key(0))
             seconds: dict[str, list[float]] = {"embree": [], "stream": []}
-            by_packets, by_streams = np.empty((2, len(points), COLUMNS))
+            by_packets, by_streams = np.empty((2, len(points), 1, COLUMNS))
             for _ in range(ROUNDS + 1):
                 start = time.perf_counter()
                 gather_hemispheres(RayPacket.of(scene), points.arrays, table, mu, reach, by_packets)
@@ -59,7 +59,7 @@ def measure(specimen: Specimen) -> list[dict[str, Any]]:
                 seconds["embree"].append(middle - start)
                 seconds["stream"].append(time.perf_counter() - middle)
             took = {way: 1e6 * median(times[1:]) / len(points) for way, times in seconds.items()}
-            differ = float(np.mean(np.abs(by_streams[:, W] - by_packets[:, W])))
+            differ = float(np.mean(np.abs(by_streams[..., W] - by_packets[..., W])))
             row = {"mesh": specimen.name, "vertices": len(mesh.vertices), "falloff": name, "samples": samples}
             rows.append(row | took | {"ratio": took["embree"] / took["stream"], "differ": differ})
             print(

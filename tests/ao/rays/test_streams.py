@@ -125,15 +125,15 @@ class Prepared:
         self.mu = ao.Binary().resolve(1.0).in_render_space(self.placement.scale)
 
     def streams(self, tree=None):
-        out, tree = np.empty((len(self.points), COLUMNS)), tree or self.tree
+        out, tree = np.empty((len(self.points), 1, COLUMNS)), tree or self.tree
         room = Rays.of(self.table), TraversalState.of(tree)
         gather_streams(tree, *room, self.points.arrays, self.table, self.mu, self.placement.diagonal, out)
-        return out[:, W]
+        return out[:, 0, W]
 
     def packets(self):
-        out, packet = np.empty((len(self.points), COLUMNS)), RayPacket.of(self.receivers.embree())
+        out, packet = np.empty((len(self.points), 1, COLUMNS)), RayPacket.of(self.receivers.embree())
         gather_hemispheres(packet, self.points.arrays, self.table, self.mu, self.placement.diagonal, out)
-        return out[:, W]
+        return out[:, 0, W]
 
     def doubles(self, rows):
         """w at some of the points by every ray and every triangle in double precision."""
