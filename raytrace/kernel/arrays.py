@@ -11,8 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..types import AnyFloats, Float64s
-from .deferred import arrayobj, cgutils, lanes, types
-from .jit import intrinsic
+from .jit import arrayobj, cgutils, intrinsic, lanes, types
 
 
 def product(rows: Float64s, matrix: AnyFloats) -> Float64s:
@@ -31,33 +30,29 @@ def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike, zeroed: bool = True) -
     return raw[start : start + size].view(dtype).reshape(shape)
 
 
-@intrinsic
-def borrow(_context: Any, value: Any) -> Any:
+def _uncounted(context, builder, kind, value):
+    """The same value, whose arrays own nothing."""
+    if isinstance(kind, types.BaseTuple):
+        members = [builder.extract_value(value, position) for position in range(len(kind.types))]
+        borrowed = [_uncounted(context, builder, *each) for each in zip(kind.types, members, strict=True)]
+        return context.make_tuple(builder, kind, borrowed)
+    if not isinstance(kind, types.Array):
+        return value
+    array = arrayobj.make_array(kind)(context, builder, value)
+    array.meminfo = cgutils.get_null_value(array.meminfo.type)
+    array.parent = cgutils.get_null_value(array.parent.type)
+    return array._getvalue()
+
+
+@intrinsic(lambda value: lanes.borrowed(value)(value))
+def borrow(context, builder, signature, value):
     """`value`, an array, a named tuple of arrays, scalars and such tuples, or None, as views that own nothing.
 
     Taking a member of a tuple or a slice of an array counts a reference up and down, atomically. A kernel's arguments
     outlive it, so it borrows them once at its beginning and every later count is left out. Of a named tuple it gets
     the address: only `value.name` is left of it, and functions that it is passed to are small to compile.
     """
-
-    def uncounted(context: Any, builder: Any, kind: Any, one: Any) -> Any:
-        if isinstance(kind, types.BaseTuple):
-            members = [builder.extract_value(one, position) for position in range(len(kind.types))]
-            borrowed = [uncounted(context, builder, *each) for each in zip(kind.types, members, strict=True)]
-            return context.make_tuple(builder, kind, borrowed)
-        if not isinstance(kind, types.Array):
-            return one
-        array = arrayobj.make_array(kind)(context, builder, one)
-        array.meminfo = cgutils.get_null_value(array.meminfo.type)
-        array.parent = cgutils.get_null_value(array.parent.type)
-        return array._getvalue()
-
-    result = lanes.borrowed(value)
-
-    def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        one = uncounted(context, builder, value, given[0])
-        if result == value:
-            return one
-        return builder.bitcast(cgutils.alloca_once_value(builder, one), cgutils.voidptr_t)
-
-    return result(value), generate
+    (kind,), one = signature.args, _uncounted(context, builder, signature.args[0], value)
+    if signature.return_type == kind:
+        return one
+    return builder.bitcast(cgutils.alloca_once_value(builder, one), cgutils.voidptr_t)

@@ -6,6 +6,7 @@ a kernel and all that it calls become one object file with one entry, which take
 
 import ctypes
 import gc
+import inspect
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import count
@@ -21,7 +22,7 @@ from numba.core.runtime import rtsys
 from numba.np.arrayobj import make_array, populate_array
 
 from . import lanes as lanes  # Numba knows the type and its operators from then on
-from .deferred import types
+from .jit import types
 
 if numba.config.DISABLE_JIT:
     from ..errors import OptionError
@@ -75,9 +76,15 @@ def external(name: str, count: int) -> Any:
     return types.ExternalFunction(name, types.void(*(types.uintp,) * count))
 
 
-def intrinsic(function: Callable[..., Any]) -> Any:
-    """Numba's type of a function that writes LLVM's code."""
-    compiled = numba.extending.intrinsic(function)
+def intrinsic(signature: Callable[..., Any], emit: Callable[..., Any]) -> Any:
+    """Numba's type of a function that writes LLVM's code, as `raytrace.kernel.jit.intrinsic` has it."""
+
+    def define(_typing: Any, *kinds: Any) -> Any:
+        found = signature(*kinds)
+        return found and (found, lambda context, builder, kinds, values: emit(context, builder, kinds, *values))
+
+    define.__signature__ = inspect.Signature([*inspect.signature(emit).parameters.values()][2:])  # type: ignore[attr-defined]
+    compiled = numba.extending.intrinsic(define)
     cpu_target.typing_context.refresh()
     return cpu_target.typing_context.resolve_value_type(compiled)
 

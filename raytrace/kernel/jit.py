@@ -1,23 +1,24 @@
 """Compilation of hot loops: decorators for kernels, and for the helpers, C functions and intrinsics that these call.
 
 A kernel is compiled by Numba when it is first called with arguments of new types, and its machine code kept on disk
-(`raytrace.kernel.cache`). Later processes load that code and call it, without importing Numba.
+(`raytrace.kernel.cache`). Later processes load that code and call it, without importing Numba, which takes longer than
+most bakes.
 """
 
 import ctypes
 import struct
 import threading
-from collections.abc import Callable, Iterator
-from functools import cached_property
+from collections.abc import Callable
+from functools import cache, cached_property
 from hashlib import sha256
+from importlib import import_module
 from typing import Any, NamedTuple, TypeVar
 
+import llvmlite.binding as llvm
 import numpy as np
 
 from ..types import Int64s
 from .cache import is_kept, read_code, write_code
-from .deferred import compiler
-from .machine_code import load
 from .notice import compiling, notices
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -33,6 +34,21 @@ loaded: list[str] = []
 """Names of the kernels that this process has loaded, in this order."""
 compiled: list[str] = []
 """Kernels that this process has compiled."""
+
+
+class _Deferred:
+    """A module that is needed only while kernels are compiled, imported when one of its names is first used."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(import_module(self._name), name)
+
+
+ir, types, cgutils = _Deferred("llvmlite.ir"), _Deferred("numba.core.types"), _Deferred("numba.core.cgutils")
+arrayobj = _Deferred("numba.np.arrayobj")
+lanes, compiler = _Deferred("raytrace.kernel.lanes"), _Deferred("raytrace.kernel.compiler")
 
 
 class _Loaded(NamedTuple):
@@ -69,26 +85,22 @@ class Kernel:
         return compiler.type_of(self.function, self._inlined)
 
     def __call__(self, *arguments: Any) -> Any:
-        kinds: list[Any] = []
-        words: list[Any] = []
-        _flatten(arguments, kinds, words)
-        key = tuple(kinds)
-        return self._run(self._for_types.get(key) or self._load(key, arguments), words)
+        return self._run(arguments, *_flatten(arguments, [], []))
 
-    def _run(self, code: _Loaded, words: list[Any]) -> Any:
+    def _run(self, arguments: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> Any:
+        key = tuple(kinds)
+        code = self._for_types.get(key) or self._load(key, arguments)
         results = ctypes.create_string_buffer(code.results.size) if code.results.size else None
         if code.call(code.arguments.pack(*words), results):
             raise MemoryError(f"{self.__name__}: no memory for its arrays")
-        return next(_nested(code.nesting, iter(code.results.unpack(results)))) if results else None
+        return _nested(code.nesting, code.results.unpack(results)) if results else None
 
     def callback(self, path: tuple[int, ...], *arguments: Any) -> tuple[int, Int64s]:
         """Address of a C function that calls this with the address it is given and `arguments`, and their words.
 
         Args: path: places of pointers, counted in words, that lead from what it is given to the words.
         """
-        kinds: list[Any] = []
-        words: list[Any] = []
-        _flatten((0, *arguments), kinds, words)
+        kinds, words = _flatten((0, *arguments), [], [])
         code = self._load(tuple(kinds), (0, *arguments), path)
         packed = np.frombuffer(code.arguments.pack(*words), np.int64)
         return ctypes.cast(code.call, ctypes.c_void_p).value or 0, packed
@@ -105,33 +117,21 @@ class Kernel:
                     struct.Struct(formats),
                     struct.Struct(nesting.translate(_BRACKETS)),
                     nesting.replace("7x", ""),
-                    _ENTRY(load(name, code)),
+                    _ENTRY(_address(name, code)),
                 )
             self._for_types[key] = self._by_name[name]
         return self._for_types[key]
 
 
-class _External:
-    """A C function for kernels to call."""
+class _Called:
+    """What kernels call besides kernels; its Numba type is made when one of them is compiled."""
 
-    def __init__(self, *about: Any) -> None:
-        self._about = about
-
-    @cached_property
-    def _numba_type_(self) -> Any:
-        return compiler.external(*self._about)
-
-
-class _Intrinsic:
-    """A function that writes LLVM's code where kernels call it, as `numba.extending.intrinsic` has it."""
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self._function = function
-        self.__doc__ = function.__doc__
+    def __init__(self, make_type: Callable[[], Any]) -> None:
+        self._make_type = make_type
 
     @cached_property
     def _numba_type_(self) -> Any:
-        return compiler.intrinsic(self._function)
+        return self._make_type()
 
 
 def kernel(function: F) -> F:
@@ -142,20 +142,8 @@ def kernel(function: F) -> F:
 def bound(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
     """A kernel to be called many times with the same first `arguments`, which are looked through once."""
     kernel: Kernel = function  # type: ignore[assignment]
-    kinds, words = [], []  # type: list[Any], list[Any]
-    _flatten(arguments, kinds, words)
-    codes: dict[tuple[Any, ...], _Loaded] = {}
-
-    def call(*others: Any) -> Any:
-        more, last = [], []  # type: list[Any], list[Any]
-        _flatten(others, more, last)
-        code = codes.get(tuple(more))
-        if code is None:
-            key = (*kinds, *more)
-            code = codes[tuple(more)] = kernel._for_types.get(key) or kernel._load(key, (*arguments, *others))
-        return kernel._run(code, words + last)
-
-    return call
+    kinds, words = _flatten(arguments, [], [])
+    return lambda *others: kernel._run((*arguments, *others), *_flatten(others, kinds.copy(), words.copy()))
 
 
 def inline(function: F) -> F:
@@ -165,12 +153,17 @@ def inline(function: F) -> F:
 
 def external(name: str, count: int) -> Any:
     """The C function of this name, which kernels call with `count` addresses."""
-    return _External(name, count)
+    return _Called(lambda: compiler.external(name, count))
 
 
-def intrinsic(function: Callable[..., Any]) -> Any:
-    """Let kernels call a function that writes LLVM's code; Numba is imported when one is compiled."""
-    return _Intrinsic(function)
+def intrinsic(signature: Callable[..., Any]) -> Callable[[Callable[..., Any]], Any]:
+    """Let kernels call a function that writes LLVM's code.
+
+    Args: signature: Numba's signature of a call from the types of its arguments, or None if they are wrong ones.
+
+    The function gets Numba's context, LLVM's builder, that signature, and LLVM's values of the arguments.
+    """
+    return lambda emit: _Called(lambda: compiler.intrinsic(signature, emit))
 
 
 def _code(name: str, function: Callable[..., Any], compile_: Callable[[], bytes]) -> bytes:
@@ -188,7 +181,24 @@ def _code(name: str, function: Callable[..., Any], compile_: Callable[[], bytes]
     return code
 
 
-def _flatten(values: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> None:
+@cache
+def _engine() -> llvm.ExecutionEngine:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    machine = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine()
+    return llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+
+
+def _address(name: str, code: bytes) -> int:
+    """Of the function `name` of an object file, which LLVM links to Embree's and C's functions; nothing is compiled."""
+    engine = _engine()
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    address: int = engine.get_function_address(name)
+    return address
+
+
+def _flatten(values: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> tuple[list[Any], list[Any]]:
     """Append what Numba's types of the values depend on, and what `kernel_code` makes the values of."""
     for value in values:
         kind = type(value)
@@ -203,6 +213,7 @@ def _flatten(values: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> Non
         else:
             kinds.append(np.uint64 if kind is int and value >= _SIGNED else kind)
             words.append(int(value) if kind is np.bool_ else value)
+    return kinds, words
 
 
 def _types(key: tuple[Any, ...]) -> tuple[str, str]:
@@ -226,16 +237,14 @@ def _types(key: tuple[Any, ...]) -> tuple[str, str]:
     return "; ".join(text), formats
 
 
-def _nested(nesting: str, values: Iterator[Any]) -> Iterator[Any]:
+def _nested(nesting: str, values: tuple[Any, ...]) -> Any:
     """The values as formats say that stand in brackets where tuples are."""
-    depth, begun = 0, 0
-    for place, letter in enumerate(nesting):
+    left = iter(values)
+    levels: list[list[Any]] = [[]]
+    for letter in nesting:
         if letter == "(":
-            begun = begun if depth else place + 1
-            depth += 1
-        elif letter == ")":
-            depth -= 1
-            if not depth:
-                yield tuple(_nested(nesting[begun:place], values))
-        elif not depth:
-            yield next(values)
+            levels.append([])
+        else:
+            value = tuple(levels.pop()) if letter == ")" else next(left)
+            levels[-1].append(value)
+    return levels[0][0]

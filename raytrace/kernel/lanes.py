@@ -8,6 +8,7 @@ from typing import Any
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.imputils import lower_getattr_generic
+from numba.core.registry import cpu_target
 from numba.core.types.containers import BaseNamedTuple
 from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.extending import lower_builtin, models, register_model, type_callable
@@ -33,8 +34,9 @@ ELEMENT = {
 INDEX = ir.IntType(32)
 
 
-def llvm_type(lanes: Lanes) -> ir.VectorType:
-    return ir.VectorType(ELEMENT[lanes.dtype], WIDE)
+def llvm_type(kind: Any) -> ir.VectorType:
+    """Of lanes, or of a row of an array."""
+    return ir.VectorType(ELEMENT[kind.dtype], WIDE)
 
 
 @register_model(Lanes)
@@ -43,19 +45,15 @@ class _LanesModel(models.PrimitiveModel):
         super().__init__(manager, kind, llvm_type(kind))
 
 
-def _splat(builder: Any, scalar: Any) -> Any:
-    vector = ir.VectorType(scalar.type, WIDE)
-    first = builder.insert_element(ir.Constant(vector, ir.Undefined), scalar, INDEX(0))
-    return builder.shuffle_vector(
-        first, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(INDEX, WIDE), None)
-    )
-
-
-def widened(context: Any, builder: Any, value: Any, kind: types.Type, lanes: Lanes) -> Any:
-    """`value` as the LLVM vector of `lanes`; scalars are cast and repeated."""
+def widened(context: Any, builder: Any, value: Any, kind: types.Type, wanted: types.Type) -> Any:
+    """A value of a kind as one of the `wanted` kind; scalars are cast, and repeated where lanes are wanted."""
     if isinstance(kind, Lanes):
         return value
-    return _splat(builder, context.cast(builder, value, kind, lanes.dtype))
+    if not isinstance(wanted, Lanes):
+        return context.cast(builder, value, kind, wanted)
+    nothing = ir.Constant(llvm_type(wanted), ir.Undefined)
+    first = builder.insert_element(nothing, context.cast(builder, value, kind, wanted.dtype), INDEX(0))
+    return builder.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(INDEX, WIDE), None))
 
 
 def common(*kinds: types.Type) -> Lanes | None:
@@ -63,6 +61,14 @@ def common(*kinds: types.Type) -> Lanes | None:
     vectors = {kind for kind in kinds if isinstance(kind, Lanes)}
     scalars = all(isinstance(kind, Lanes | types.Number | types.Boolean) for kind in kinds)
     return vectors.pop() if len(vectors) == 1 and scalars else None
+
+
+def chosen(condition: types.Type, a: types.Type, b: types.Type) -> Any:
+    """The signature of `select`, None if there is none."""
+    kind = common(a, b) or cpu_target.typing_context.unify_types(a, b)
+    if kind and isinstance(condition, Lanes) and not isinstance(kind, Lanes):
+        kind = SINGLE if isinstance(kind, types.Float) else WHOLE
+    return kind and kind(condition, a, b)
 
 
 def _operator(function: Any, emit: Callable[..., Any], result: Callable[[Lanes], Lanes] = lambda lanes: lanes) -> None:

@@ -6,160 +6,102 @@ without branches on its values, serves scalars and lanes alike: `raytrace.kernel
 itself is in `raytrace.kernel.lanes`.
 """
 
-from collections.abc import Callable
-from typing import Any
-
-from .deferred import arrayobj, ir, lanes, types
-from .jit import intrinsic
+from .jit import arrayobj, intrinsic, ir, lanes, types
 
 WIDE = 16
 _FOUR = 4
 
 
-@intrinsic
-def select(typing: Any, condition: Any, a: Any, b: Any) -> Any:
+@intrinsic(lambda condition, a, b: lanes.chosen(condition, a, b))
+def select(context, builder, signature, condition, a, b):
     """a where the condition holds, else b, both of them evaluated. Lanes may be mixed with scalars; two scalars
     make lanes of float32 or int32."""
-    kind = lanes.common(a, b) or typing.unify_types(a, b)
-    if kind is None:
-        return None
-    if isinstance(condition, lanes.Lanes) and not isinstance(kind, lanes.Lanes):
-        kind = lanes.SINGLE if isinstance(kind, types.Float) else lanes.WHOLE
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        chosen, *given = arguments
-        if isinstance(kind, lanes.Lanes):
-            x, y = (lanes.widened(context, builder, v, t, kind) for v, t in zip(given, signature.args[1:], strict=True))
-        else:
-            x, y = (context.cast(builder, v, t, kind) for v, t in zip(given, signature.args[1:], strict=True))
-        return builder.select(chosen, x, y)
-
-    return kind(condition, a, b), generate
+    _, *kinds = signature.args
+    x, y = (lanes.widened(context, builder, *each, signature.return_type) for each in zip((a, b), kinds, strict=True))
+    return builder.select(condition, x, y)
 
 
-def _convert(to: str, emit: Callable[[Any, Any, Any], Any]) -> Any:
-    @intrinsic
-    def convert(_typing: Any, a: Any) -> Any:
-        kind = getattr(lanes, to)
-        vector = lanes.llvm_type(kind)
-        return kind(a), lambda context, builder, signature, arguments: emit(builder, arguments[0], vector)
-
-    return convert
+@intrinsic(lambda a: lanes.SINGLE(a))
+def single(context, builder, signature, a):
+    return builder.fptrunc(a, lanes.llvm_type(lanes.SINGLE))
 
 
-single = _convert("SINGLE", lambda b, x, to: b.fptrunc(x, to))
-double = _convert(
-    "DOUBLE", lambda b, x, to: b.sitofp(x, to) if isinstance(x.type.element, ir.IntType) else b.fpext(x, to)
-)
+@intrinsic(lambda a: lanes.DOUBLE(a))
+def double(context, builder, signature, a):
+    convert = builder.sitofp if isinstance(a.type.element, ir.IntType) else builder.fpext
+    return convert(a, lanes.llvm_type(lanes.DOUBLE))
 
 
-@intrinsic
-def multiply_add(_typing: Any, a: Any, b: Any, c: Any) -> Any:
+@intrinsic(lambda a, b, c: lanes.SINGLE(a, b, c))
+def multiply_add(context, builder, signature, a, b, c):
     """a b + c of lanes of float32, scalars repeated; rounded once where the processor can (FMA)."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        pairs = zip(arguments, signature.args, strict=True)
-        given = [lanes.widened(context, builder, x, kind, lanes.SINGLE) for x, kind in pairs]
-        return lanes.each(builder, "llvm.fmuladd", given)
-
-    return lanes.SINGLE(a, b, c), generate
+    pairs = zip((a, b, c), signature.args, strict=True)
+    given = [lanes.widened(context, builder, value, kind, lanes.SINGLE) for value, kind in pairs]
+    return lanes.each(builder, "llvm.fmuladd", given)
 
 
-@intrinsic
-def reciprocal_root(_typing: Any, a: Any) -> Any:
+@intrinsic(lambda a: lanes.SINGLE(a))
+def reciprocal_root(context, builder, signature, a):
     """1/√a of lanes of float32 above 0, to about 2⁻²⁰: by the processor's estimate and a step of Newton's method."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        one = lanes.widened(context, builder, ir.Constant(ir.FloatType(), 1.0), types.float32, lanes.SINGLE)
-        return builder.fdiv(one, lanes.each(builder, "llvm.sqrt", arguments), flags=("arcp", "contract", "reassoc"))
-
-    return lanes.SINGLE(a), generate
+    one = lanes.widened(context, builder, ir.Constant(ir.FloatType(), 1.0), types.float32, lanes.SINGLE)
+    return builder.fdiv(one, lanes.each(builder, "llvm.sqrt", [a]), flags=("arcp", "contract", "reassoc"))
 
 
-@intrinsic
-def lane_numbers(_typing: Any) -> Any:
-    return lanes.WHOLE(), lambda *_: ir.Constant(lanes.llvm_type(lanes.WHOLE), list(range(WIDE)))
+@intrinsic(lambda: lanes.WHOLE())
+def lane_numbers(context, builder, signature):
+    return ir.Constant(lanes.llvm_type(lanes.WHOLE), list(range(WIDE)))
 
 
-def _bits(builder: Any, mask: Any) -> Any:
+def _bits(builder, mask):
     return builder.bitcast(mask, ir.IntType(WIDE))
 
 
-@intrinsic
-def some(_typing: Any, mask: Any) -> Any:
+@intrinsic(lambda mask: types.boolean(mask))
+def some(context, builder, signature, mask):
     """Whether any lane of a mask is set."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.icmp_unsigned("!=", _bits(builder, arguments[0]), ir.IntType(WIDE)(0))
-
-    return types.boolean(mask), generate
+    return builder.icmp_unsigned("!=", _bits(builder, mask), ir.IntType(WIDE)(0))
 
 
-@intrinsic
-def count(_typing: Any, mask: Any) -> Any:
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.zext(builder.ctpop(_bits(builder, arguments[0])), ir.IntType(64))
-
-    return types.int64(mask), generate
+@intrinsic(lambda mask: types.int64(mask))
+def count(context, builder, signature, mask):
+    return builder.zext(builder.ctpop(_bits(builder, mask)), ir.IntType(64))
 
 
-@intrinsic
-def first(_typing: Any, mask: Any) -> Any:
+@intrinsic(lambda mask: types.int64(mask))
+def first(context, builder, signature, mask):
     """The first lane that is set in a mask that is not empty, int64."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        found = builder.cttz(_bits(builder, arguments[0]), ir.IntType(1)(0))
-        return builder.zext(found, ir.IntType(64))
-
-    return types.int64(mask), generate
+    return builder.zext(builder.cttz(_bits(builder, mask), ir.IntType(1)(0)), ir.IntType(64))
 
 
-@intrinsic
-def bits(_typing: Any, mask: Any) -> Any:
+@intrinsic(lambda mask: types.int64(mask))
+def bits(context, builder, signature, mask):
     """The lanes that are set, as the lowest bits of an int64."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.zext(_bits(builder, arguments[0]), ir.IntType(64))
-
-    return types.int64(mask), generate
+    return builder.zext(_bits(builder, mask), ir.IntType(64))
 
 
-@intrinsic
-def lowest_bit(_typing: Any, number: Any) -> Any:
+@intrinsic(lambda number: types.int64(types.int64))
+def lowest_bit(context, builder, signature, number):
     """The place of the lowest bit that is set in an int64 that is not 0, int64."""
-    return types.int64(types.int64), lambda _, builder, __, arguments: builder.cttz(arguments[0], ir.IntType(1)(0))
+    return builder.cttz(number, ir.IntType(1)(0))
 
 
-@intrinsic
-def pick(_typing: Any, a: Any, lane: Any) -> Any:
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.extract_element(*arguments)
-
-    return a.dtype(a, types.int64), generate
+@intrinsic(lambda a, lane: a.dtype(a, types.int64))
+def pick(context, builder, signature, a, lane):
+    return builder.extract_element(a, lane)
 
 
-@intrinsic
-def replace(_typing: Any, a: Any, lane: Any, value: Any) -> Any:
+@intrinsic(lambda a, lane, value: a(a, types.int64, value))
+def replace(context, builder, signature, a, lane, value):
     """`a` with another value in one lane."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        vector, at, given = arguments
-        return builder.insert_element(vector, context.cast(builder, given, value, a.dtype), at)
-
-    return a(a, types.int64, value), generate
+    lanes_kind, _, kind = signature.args
+    return builder.insert_element(a, context.cast(builder, value, kind, lanes_kind.dtype), lane)
 
 
-def _reduced(name: str) -> Any:
-    @intrinsic
-    def reduce(_typing: Any, a: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            kind = ir.FunctionType(lanes.ELEMENT[a.dtype], [lanes.llvm_type(a)])
-            function = builder.module.declare_intrinsic(f"llvm.vector.reduce.{name}.v{WIDE}f32", (), kind)
-            return builder.call(function, arguments)
-
-        return a.dtype(a), generate
+def _reduced(name):
+    @intrinsic(lambda a: a.dtype(a))
+    def reduce(context, builder, signature, a):
+        kind = ir.FunctionType(a.type.element, [a.type])
+        return builder.call(builder.module.declare_intrinsic(f"llvm.vector.reduce.{name}.v{WIDE}f32", (), kind), [a])
 
     return reduce
 
@@ -167,73 +109,57 @@ def _reduced(name: str) -> Any:
 lowest, highest = _reduced("fmin"), _reduced("fmax")  # of lanes of float32
 
 
-def _pointer(context: Any, builder: Any, kind: Any, array: Any, element: Any, to: Any) -> Any:
+def _pointer(context, builder, kind, array, element, to):
     """Address of an element of a C-contiguous array, counted from its beginning, as a pointer to `to`."""
     data = arrayobj.make_array(kind)(context, builder, array).data
     return builder.bitcast(builder.gep(data, [element]), to.as_pointer())
 
 
-@intrinsic
-def load_row(_typing: Any, array: Any, row: Any) -> Any:
+def _row(context, builder, kind, array, row):
+    """Address of a row of lanes."""
+    start = builder.mul(row, ir.IntType(64)(WIDE))
+    return _pointer(context, builder, kind, array, start, lanes.llvm_type(kind))
+
+
+@intrinsic(lambda array, row: lanes.Lanes(array.dtype)(array, types.int64))
+def load_row(context, builder, signature, array, row):
     """Row `row` of a C-contiguous array (…, WIDE) of float32, float64 or int32, which starts on a 64-byte boundary."""
-    kind = lanes.Lanes(array.dtype)
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        start = builder.mul(arguments[1], ir.IntType(64)(WIDE))
-        return builder.load(_pointer(context, builder, array, arguments[0], start, lanes.llvm_type(kind)), align=64)
-
-    return kind(array, types.int64), generate
+    return builder.load(_row(context, builder, signature.args[0], array, row), align=64)
 
 
-@intrinsic
-def store_row(_typing: Any, array: Any, row: Any, value: Any) -> Any:
+@intrinsic(lambda array, row, value: types.void(array, types.int64, value))
+def store_row(context, builder, signature, array, row, value):
     """Write lanes to where `load_row` reads them; a mask becomes −1 and 0 in an int32 array, a scalar is repeated."""
-    kind = lanes.Lanes(array.dtype)
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        vector = arguments[2]
-        if value == lanes.MASK:
-            vector = builder.sext(vector, lanes.llvm_type(kind))
-        elif not isinstance(value, lanes.Lanes):
-            vector = lanes.widened(context, builder, vector, value, kind)
-        start = builder.mul(arguments[1], ir.IntType(64)(WIDE))
-        builder.store(vector, _pointer(context, builder, array, arguments[0], start, lanes.llvm_type(kind)), align=64)
-        return context.get_dummy_value()
-
-    return types.void(array, types.int64, value), generate
+    target, _, kind = signature.args
+    if kind == lanes.MASK:
+        value = builder.sext(value, lanes.llvm_type(target))
+    value = lanes.widened(context, builder, value, kind, lanes.Lanes(target.dtype))
+    builder.store(value, _row(context, builder, target, array, row), align=64)
+    return context.get_dummy_value()
 
 
-@intrinsic
-def compare_and_swap(_typing: Any, array: Any, element: Any, expected: Any, new: Any) -> Any:
+@intrinsic(lambda array, *others: types.boolean(array, *[types.int64] * len(others)))
+def compare_and_swap(context, builder, signature, array, element, expected, new):
     """Write `new` to an element of a C-contiguous int64 array if `expected` is there, at once; whether it was."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        place = _pointer(context, builder, array, arguments[0], arguments[1], ir.IntType(64))
-        return builder.extract_value(builder.cmpxchg(place, *arguments[2:], "monotonic", "monotonic"), 1)
-
-    return types.boolean(array, types.int64, types.int64, types.int64), generate
+    place = _pointer(context, builder, signature.args[0], array, element, ir.IntType(64))
+    return builder.extract_value(builder.cmpxchg(place, expected, new, "monotonic", "monotonic"), 1)
 
 
-@intrinsic
-def rows_at(_typing: Any, address: Any, rows: Any, columns: Any) -> Any:
+@intrinsic(lambda *_: types.Array(types.float32, 2, "C")(types.int64, types.int64, types.int64))
+def rows_at(context, builder, signature, address, rows, columns):
     """A float32 array (rows, columns), C-contiguous, that stands at an address."""
-    kind = types.Array(types.float32, 2, "C")
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        array, size = arrayobj.make_array(kind)(context, builder), ir.IntType(64)(4)
-        data = builder.inttoptr(arguments[0], array.data.type)
-        arrayobj.populate_array(array, data, arguments[1:], [builder.mul(arguments[2], size), size], size, None)
-        return array._getvalue()
-
-    return kind(types.int64, types.int64, types.int64), generate
+    array, size = arrayobj.make_array(signature.return_type)(context, builder), ir.IntType(64)(4)
+    data = builder.inttoptr(address, array.data.type)
+    arrayobj.populate_array(array, data, (rows, columns), [builder.mul(columns, size), size], size, None)
+    return array._getvalue()
 
 
-def _transpose(builder: Any, rows: list[Any]) -> list[Any]:
+def _transpose(builder, rows):
     """Four vectors that hold four 4×4 blocks side by side, each block transposed."""
 
-    def mix(a: Any, b: Any, order: list[int]) -> Any:
+    def mix(a, b, order):
         mask = [block + (i if i < _FOUR else i - _FOUR + WIDE) for block in range(0, WIDE, _FOUR) for i in order]
-        return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(lanes.INDEX, WIDE), mask))
+        return _shuffle(builder, a, b, mask)
 
     low, high = [0, 4, 1, 5], [2, 6, 3, 7]
     a, b, c, d = rows
@@ -242,73 +168,57 @@ def _transpose(builder: Any, rows: list[Any]) -> list[Any]:
     return [mix(ac, bd, low), mix(ac, bd, high), mix(ac_high, bd_high, low), mix(ac_high, bd_high, high)]
 
 
-@intrinsic
-def gather3(_typing: Any, array: Any, rows: Any) -> Any:
+def _shuffle(builder, a, b, order):
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(lanes.INDEX, len(order)), order))
+
+
+def _place(builder, places, lane):
+    """What `places` have in a lane, int64."""
+    return builder.sext(builder.extract_element(places, lanes.INDEX(lane)), ir.IntType(64))
+
+
+@intrinsic(lambda array, rows: types.UniTuple(lanes.Lanes(array.dtype), 3)(array, rows))
+def gather3(context, builder, signature, array, rows):
     """The triples of a C-contiguous array (n, 3) in the lanes' rows, three lanes of the array's own type.
 
     The array must own a fourth number behind its last triple, see `raytrace.kernel.arrays.aligned`.
     """
-    kind = lanes.Lanes(array.dtype)
-    element = lanes.llvm_type(kind).element
-    four = ir.VectorType(element, _FOUR)
+    kind = signature.args[0]
+    four, quads = ir.VectorType(lanes.ELEMENT[kind.dtype], _FOUR), []
+    for lane in range(WIDE):
+        start = builder.mul(_place(builder, rows, lane), ir.IntType(64)(3))
+        quads.append(builder.load(_pointer(context, builder, kind, array, start, four), align=4))
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        quads = []
-        for lane in range(WIDE):
-            row = builder.sext(builder.extract_element(arguments[1], lanes.INDEX(lane)), ir.IntType(64))
-            start = builder.mul(row, ir.IntType(64)(3))
-            quads.append(builder.load(_pointer(context, builder, array, arguments[0], start, four), align=4))
-        rows = []
-        for first in range(_FOUR):  # lane `first` of every block of four
-            parts = quads[first::_FOUR]
-            halves = [_join(builder, parts[0], parts[1]), _join(builder, parts[2], parts[3])]
-            rows.append(_join(builder, *halves))
-        return context.make_tuple(builder, signature.return_type, _transpose(builder, rows)[:3])
+    def join(a, b):
+        return _shuffle(builder, a, b, list(range(2 * a.type.count)))
 
-    return types.UniTuple(kind, 3)(array, rows), generate
+    corners = [quads[k::_FOUR] for k in range(_FOUR)]  # lane k of every block of four
+    joined = [join(join(a, b), join(c, d)) for a, b, c, d in corners]
+    return context.make_tuple(builder, signature.return_type, _transpose(builder, joined)[:3])
 
 
-def _join(builder: Any, a: Any, b: Any) -> Any:
-    size = 2 * a.type.count
-    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(lanes.INDEX, size), list(range(size))))
-
-
-@intrinsic
-def gather(_typing: Any, array: Any, places: Any) -> Any:
+@intrinsic(lambda array, places: lanes.Lanes(array.dtype)(array, places))
+def gather(context, builder, signature, array, places):
     """Elements of a C-contiguous array in the lanes' places, counted from its beginning, as lanes of its type."""
-    kind = lanes.Lanes(array.dtype)
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        found = ir.Constant(lanes.llvm_type(kind), ir.Undefined)
-        for lane in range(WIDE):
-            place = builder.sext(builder.extract_element(arguments[1], lanes.INDEX(lane)), ir.IntType(64))
-            value = builder.load(_pointer(context, builder, array, arguments[0], place, found.type.element))
-            found = builder.insert_element(found, value, lanes.INDEX(lane))
-        return found
-
-    return kind(array, places), generate
+    found = ir.Constant(lanes.llvm_type(signature.return_type), ir.Undefined)
+    for lane in range(WIDE):
+        place = _place(builder, places, lane)
+        value = builder.load(_pointer(context, builder, signature.args[0], array, place, found.type.element))
+        found = builder.insert_element(found, value, lanes.INDEX(lane))
+    return found
 
 
-@intrinsic
-def scatter4(_typing: Any, array: Any, begin: Any, places: Any, mask: Any, values: Any) -> Any:
+@intrinsic(lambda array, begin, *others: types.void(array, types.int64, *others))
+def scatter4(context, builder, signature, array, begin, places, mask, values):
     """Write four float32 lanes as four neighbours each, from the lanes' places on, where the mask is set.
 
     Args: array: float32, C-contiguous; begin: place in it from which `places` are counted, int64.
     """
-    four = ir.VectorType(ir.FloatType(), _FOUR)
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        target, origin, at, wanted, given = arguments
-        rows = _transpose(builder, [builder.extract_value(given, i) for i in range(_FOUR)])
-        for lane in range(WIDE):
-            with builder.if_then(builder.extract_element(wanted, lanes.INDEX(lane))):
-                place = builder.sext(builder.extract_element(at, lanes.INDEX(lane)), ir.IntType(64))
-                place = builder.add(place, origin)
-                block = [lane // _FOUR * _FOUR + i for i in range(_FOUR)]
-                order = ir.Constant(ir.VectorType(lanes.INDEX, _FOUR), block)
-                row = rows[lane % _FOUR]
-                part = builder.shuffle_vector(row, ir.Constant(row.type, ir.Undefined), order)
-                builder.store(part, _pointer(context, builder, array, target, place, four), align=4)
-        return context.get_dummy_value()
-
-    return types.void(array, types.int64, places, mask, values), generate
+    rows = _transpose(builder, [builder.extract_value(values, i) for i in range(_FOUR)])
+    for lane in range(WIDE):
+        with builder.if_then(builder.extract_element(mask, lanes.INDEX(lane))):
+            place, row = builder.add(_place(builder, places, lane), begin), rows[lane % _FOUR]
+            first = lane // _FOUR * _FOUR
+            part = _shuffle(builder, row, ir.Constant(row.type, ir.Undefined), list(range(first, first + _FOUR)))
+            builder.store(part, _pointer(context, builder, signature.args[0], array, place, part.type), align=4)
+    return context.get_dummy_value()

@@ -30,7 +30,7 @@ DOORS = {
     "embreex": {"raytrace.embree.library"},
     "llvmlite": {
         "raytrace.kernel.cache",
-        "raytrace.kernel.machine_code",
+        "raytrace.kernel.jit",
         "raytrace.system.processor",
         "raytrace.kernel.lanes",
         "raytrace.kernel.compiler",
