@@ -86,7 +86,7 @@ def _occlusion(source: MeshFile) -> dict[str, int] | None:
     """Numbers of primitives of a glTF file with occlusion textures, and with the ramp of a bake."""
     if source.gltf is None:
         return None
-    source.gltf.check_materials()
+    _ = source.gltf.materials  # to find what is malformed
     header, materials = source.gltf.header, [piece.primitive.material for piece in source.gltf.drawn]
     textured = sum(occlusion_reference(header, material) is not None for material in materials)
     return {"primitives": len(materials), "textured": textured, "ramps": sum(is_ramp(header, m) for m in materials)}

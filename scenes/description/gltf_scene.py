@@ -70,7 +70,7 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...]]
     if asset is None:
         raise MeshError(path, "file", "glTF or GLB", path.suffix)
     with mesh_errors(path):
-        asset.check_materials()
+        _ = asset.materials  # to find what is malformed
         textures = Textures(asset)
         materials = Materials(textures)
         shapes: dict[tuple[int, int], Shape] = {}

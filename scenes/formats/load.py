@@ -143,7 +143,7 @@ def load(
             detail = triangle_detail(mesh.faces, instances[0].paints, np.concatenate(of))
         unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
         if asset and aim.lost:
-            asset.check_materials()
+            _ = asset.materials  # to find what is malformed
             if "scene" not in aim.holds:
                 from .gltf.textures import gltf_detail
 

@@ -6,7 +6,6 @@ Format: 3D Systems, StereoLithography interface specification, 1989.
 """
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from raytrace.errors import MeshError
 from ..geometry.instances import Instance
 from .number_rows import NumberRows
 from .ply.layout import INDICES, UP_COMMENT, PlyElement
-from .stored_mesh import EXPECTED, StoredMesh, StoredRows
+from .stored_mesh import EXPECTED, StoredMesh, stored_rows
 from .table import MeshInput
 
 _HEADER, _TRIANGLE = 84, np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -32,17 +31,17 @@ def read_stl(given: MeshInput) -> list[Instance]:
 
     Raises: MeshError: the file ends early, or is no STL. ValueError: text that is not numbers.
     """
-    data, name = given.file.read(), given.name
+    data = given.file.read()
     announced = int.from_bytes(data[80:_HEADER], "little")
     if len(data) == _HEADER + announced * _TRIANGLE.itemsize:
-        rows = np.frombuffer(data, _TRIANGLE, announced, _HEADER)
-        return [_instance(name, rows["vertices"].reshape(-1, 3))]
-    solids = _solids(data, given.source)
-    return [_instance(label if len(solids) > 1 else name, vertices) for label, vertices in solids]
-
-
-def _instance(name: str, vertices: np.ndarray) -> Instance:
-    return Instance(name, vertices, np.arange(len(vertices)).reshape(-1, 3), up="z")
+        solids = [("", np.frombuffer(data, _TRIANGLE, announced, _HEADER)["vertices"].reshape(-1, 3))]
+    else:
+        solids = _solids(data, given.source)
+    names = [name for name, _ in solids] if len(solids) > 1 else [given.name]
+    return [
+        Instance(name, vertices, np.arange(len(vertices)).reshape(-1, 3), up="z")
+        for name, (_, vertices) in zip(names, solids, strict=True)
+    ]
 
 
 def _solids(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
@@ -50,46 +49,21 @@ def _solids(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
     rows = NumberRows.of(data)
     begins, ends = rows.bounds[:-1], rows.bounds[1:]
     solid, vertex, end = (rows.starting_with(word) for word in (b"solid", b"vertex", b"endsolid"))
+    damaged = MeshError(source, "content", "complete ASCII or binary STL", "neither: damaged or cut off")
     if len(solid) != len(end):
-        raise _damaged(source)
+        raise damaged
     marks = np.stack([solid, end], axis=1).ravel()
     splits = np.searchsorted(vertex, marks)
     outside = np.diff(splits, prepend=0, append=len(vertex))[::2]
     if (np.diff(marks) < 0).any() or outside.any() or (ends[vertex] - begins[vertex] != 4).any():
-        raise _damaged(source)
-    numbers = rows.take(begins[vertex] + 1, ends[vertex], 3, _damaged(source)).reshape(-1, 3)
+        raise damaged
+    numbers = rows.take(begins[vertex] + 1, ends[vertex], 3, damaged).reshape(-1, 3)
     names = [next(_NAME.finditer(rows.data, place))[1] for place in rows.words(begins[solid]).tolist()]
     parts = zip(names, np.split(numbers, splits)[1::2], strict=True)
     solids = [(name.decode("utf-8", "replace").strip(), part) for name, part in parts if len(part)]
     if not solids:
-        raise _damaged(source)
+        raise damaged
     return solids
-
-
-def _damaged(source: str) -> MeshError:
-    return MeshError(source, "content", "complete ASCII or binary STL", "neither: damaged or cut off")
-
-
-@dataclass(frozen=True)
-class _Vertices:
-    """The corners of a file's triangles, one after the other."""
-
-    triangles: StoredRows
-    vertex: PlyElement
-
-    def __getitem__(self, run: slice) -> npt.NDArray[Any]:
-        some = self.triangles[run.start // 3 : -(-run.stop // 3)]["vertices"].reshape(-1, 3)
-        return some[run.start % 3 :][: run.stop - run.start].copy().view(self.vertex.row({})).ravel()
-
-
-@dataclass(frozen=True)
-class _Faces:
-    face: PlyElement
-
-    def __getitem__(self, run: slice) -> npt.NDArray[Any]:
-        rows = np.full(run.stop - run.start, 3, self.face.row({INDICES[0]: 3}))
-        rows[INDICES[0]] = np.arange(3 * run.start, 3 * run.stop).reshape(-1, 3)
-        return rows
 
 
 def open_stl(path: Path) -> StoredMesh:
@@ -100,5 +74,15 @@ def open_stl(path: Path) -> StoredMesh:
         raise MeshError(path, "content", EXPECTED, "a text file, an incomplete or an empty one")
     vertex = PlyElement("vertex", 3 * announced, {axis: ("f", "") for axis in "xyz"})
     face = PlyElement("face", announced, {INDICES[0]: ("i", "B")})
-    vertices = _Vertices(StoredRows.of(path, _TRIANGLE, _HEADER), vertex)
-    return StoredMesh(str(path), vertex, face, vertices, _Faces(face), INDICES[0], (UP_COMMENT + "z",))
+    triangles = stored_rows(path, _TRIANGLE, _HEADER)
+
+    def vertices(run: slice) -> npt.NDArray[Any]:
+        some = triangles(slice(run.start // 3, -(-run.stop // 3)))["vertices"].reshape(-1, 3)
+        return some[run.start % 3 :][: run.stop - run.start].copy().view(vertex.row({})).ravel()
+
+    def faces(run: slice) -> npt.NDArray[Any]:
+        rows = np.full(run.stop - run.start, 3, face.row({INDICES[0]: 3}))
+        rows[INDICES[0]] = np.arange(3 * run.start, 3 * run.stop).reshape(-1, 3)
+        return rows
+
+    return StoredMesh(str(path), vertex, face, vertices, faces, INDICES[0], (UP_COMMENT + "z",))

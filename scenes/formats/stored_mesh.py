@@ -3,12 +3,11 @@
 Not mapped into memory: to touch a mapped page of a file that has been cut short ends the process.
 """
 
-from __future__ import annotations
-
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,34 +21,23 @@ from .ply.layout import COUNT, PlyElement
 from .table import format_of, function
 
 EXPECTED = "a binary PLY of vertices, then triangles, or a binary STL, for tiles"
+Rows = Callable[[slice], npt.NDArray[Any]]
+"""The rows of a run, with the fields of an element."""
 
 
-class Rows(Protocol):
-    def __getitem__(self, run: slice) -> npt.NDArray[Any]:
-        """Rows with the fields of an element."""
+def stored_rows(path: Path, dtype: np.dtype[Any], begin: int) -> Rows:
+    """Rows in a file, from byte `begin` on. They raise MeshError: it is gone, cut short, or another than now."""
+    before = _state(path)
 
-
-@dataclass(frozen=True)
-class StoredRows:
-    """Rows of `dtype` in a file, from byte `begin` on, as long as nobody changes it."""
-
-    path: Path
-    dtype: np.dtype[Any]
-    begin: int
-    state: tuple[int, ...]
-
-    @classmethod
-    def of(cls, path: Path, dtype: np.dtype[Any], begin: int) -> StoredRows:
-        return cls(path, dtype, begin, _state(path))
-
-    def __getitem__(self, run: slice) -> npt.NDArray[Any]:
-        """Raises: MeshError: the file is gone, cut short, or another."""
-        with mesh_errors(self.path), self.path.open("rb") as file:
-            state, begin = _state(file.fileno()), self.begin + run.start * self.dtype.itemsize
-            found = np.fromfile(file, self.dtype, run.stop - run.start, offset=begin)
-        if state != self.state or len(found) < run.stop - run.start:
-            raise MeshError(self.path, "file", "one that stays as it is while it is baked", "another, or a part of it")
+    def read(run: slice) -> npt.NDArray[Any]:
+        with mesh_errors(path), path.open("rb") as file:
+            state = _state(file.fileno())
+            found = np.fromfile(file, dtype, run.stop - run.start, offset=begin + run.start * dtype.itemsize)
+        if state != before or len(found) < run.stop - run.start:
+            raise MeshError(path, "file", "one that stays as it is while it is baked", "another, or a part of it")
         return found
+
+    return read
 
 
 def _state(file: int | Path) -> tuple[int, ...]:
@@ -64,7 +52,7 @@ class StoredMesh:
     name: str  # the file's
     vertex: PlyElement  # what a PLY file declares of its rows, at least one
     face: PlyElement
-    vertex_rows: Rows  # these rows
+    vertex_rows: Rows
     face_rows: Rows
     corners: str  # the property of faces with three indices
     comments: tuple[str, ...] = ()  # lines of a header, for an output that keeps them
@@ -78,12 +66,12 @@ class StoredMesh:
         return self.face.count
 
     def vertices(self, first: int, last: int) -> Float64s:
-        some = self.vertex_rows[first:last]
+        some = self.vertex_rows(slice(first, last))
         return np.stack([some[axis] for axis in "xyz"], axis=1).astype(np.float64)
 
     def faces(self, first: int, last: int) -> Int64s:
         """Raises: MeshError: a face is no triangle."""
-        some = self.face_rows[first:last]
+        some = self.face_rows(slice(first, last))
         sizes = some[COUNT + self.corners]
         if not (sizes == 3).all():
             bad = int(np.argmax(sizes != 3))
@@ -92,10 +80,7 @@ class StoredMesh:
 
 
 def open_mesh(path: Path) -> StoredMesh:
-    """A mesh file without reading it.
-
-    Raises: MeshError: it is missing, or none that can be read in runs of rows.
-    """
+    """A mesh file without reading it. Raises: MeshError: it is missing, or none that can be read in runs of rows."""
     with mesh_errors(path):
         check_regular(path, "a mesh file", MeshError)
         target = format_of(path).open_rows

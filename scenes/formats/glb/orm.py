@@ -100,7 +100,7 @@ def check_orm(asset: Gltf | None, coordinates: int | None, replace: bool) -> Non
         return
     taking = OcclusionTextures(Packed(asset.header), replace)
     with mesh_errors(asset.path):
-        drawn = [each.of(asset.header) for each in asset.drawn]
+        drawn = [each.stored for each in asset.drawn]
         if coordinates is not None:
             drawn = [piece for piece in drawn if f"TEXCOORD_{coordinates}" in piece["attributes"]]
         found = {number for piece in drawn for number in taking.materials(piece) if number is not None}

@@ -2,8 +2,6 @@
 
 import copy
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,11 +10,10 @@ import numpy.typing as npt
 from raytrace.errors import OptionError
 from raytrace.image.srgb import decode_srgb
 from raytrace.mesh.normals import creased_normals
-from raytrace.mesh.up import up_axis
 from raytrace.types import Float64s, Int64s
 
-from ...geometry.detail import PerCorner, split_corners
-from ..gltf.container import stand
+from ...geometry.detail import Detail, PerCorner, split_corners
+from ..gltf.accessors import flipped
 from ..load import MeshFile
 from ..ply.detail import columns_of, fractions
 from ..ply.detail import stored_colors as ply_colors
@@ -37,21 +34,11 @@ class Group(NamedTuple):
     faces: Int64s  # (t,) rows of the mesh's faces, ascending
 
 
-@dataclass(frozen=True, eq=False)
-class _Piece:
-    """Attributes of a group's vertices."""
-
-    vertices: Int64s  # (k,), rows of the mesh's; vertices with several normals or texture coordinates repeat
-    faces: Int64s  # (t, 3) places in `vertices`
-    normals: Float64s | None  # (k, 3)
-    uv: Float64s | None  # (k, 2)
-
-
 Drawn = tuple[dict[str, Any], Int64s]
 """A primitive of a document, and which of the baked mesh's vertices its own are."""
 
 
-def plain(mesh_file: MeshFile, colors: str, up: str | None = None) -> tuple[Packed, list[Drawn]]:
+def plain(mesh_file: MeshFile, colors: str) -> tuple[Packed, list[Drawn]]:
     """The document, without w, and its primitives, in the order of `groups`.
 
     The only primitive of a part has the part's vertices in their order, then those whose corners differ once more.
@@ -59,33 +46,42 @@ def plain(mesh_file: MeshFile, colors: str, up: str | None = None) -> tuple[Pack
 
     A mesh without normals gets them by `raytrace.mesh.normals`.
 
-    Where another axis than y is up, all stand below a node that turns it to y.
-
-    Args: colors: the channels that are to hold w: of all, the source's are left out. up: in place of `Mesh.up`.
+    Args: colors: the channels that are to hold w: of all, the source's are left out.
     """
-    detail, mesh = mesh_file.detail, mesh_file.mesh
+    detail, mesh, found = mesh_file.detail, mesh_file.mesh, groups(mesh_file)
     header: dict[str, Any] = {"asset": {"version": "2.0", "generator": "obscurance"}, "scene": 0}
     header |= {"scenes": [{"nodes": []}], "nodes": [], "meshes": [], "materials": [copy.deepcopy(WHITE)]}
     packed = Packed(header)
     add_materials(packed, detail.paints if detail else ())
     drawn: list[Drawn] = []
     origins = [part_origin(mesh.vertices[part.vertices]) for part in mesh_file.parts]
-    found = groups(mesh_file)
-    before = None
-    for group, piece in zip(found, _pieces(mesh_file, found), strict=True):
-        origin = origins[group.part]
+    uv, normals = _of_corners(mesh_file)
+    several = [each for each in (uv, normals) if each]
+    corners, alone, before = np.arange(mesh.faces.size).reshape(-1, 3), Counter(group.part for group in found), None
+    for group in found:
+        origin, own = origins[group.part], mesh_file.parts[group.part].vertices
         if before != (group.part, group.name):
             before = group.part, group.name
             node = {"name": group.name, "mesh": packed.append("meshes", {"name": group.name, "primitives": []})}
             moved = {} if origin is None else {"translation": origin.tolist()}
             header["scenes"][0]["nodes"].append(packed.append("nodes", node | moved))
-        primitive = _primitive(packed, mesh_file, piece, origin, colors)
-        primitive["material"] = group.paint
-        if len(found) > len(mesh_file.parts) and fits_float(piece.vertices):
-            primitive["attributes"][SOURCE_INDEX] = packed.accessor(piece.vertices.astype("<f4"))
+        keep = own.stop - own.start if alone[group.part] == 1 else 0
+        vertices, faces, first = split_corners(mesh.faces.ravel() - own.start, corners[group.faces], several, keep)
+        vertices += own.start
+        places = (mesh.vertices[vertices] - (0 if origin is None else origin)).astype("<f4")
+        bounds = {"min": places.min(axis=0).tolist(), "max": places.max(axis=0).tolist()}
+        attributes = {"POSITION": packed.accessor(places, **bounds)}
+        smooth = None if mesh.normals is None else mesh.normals[vertices]
+        _add_normals(packed, attributes, normals.rows[normals.of[first]] if normals else smooth)
+        if uv:
+            attributes["TEXCOORD_0"] = packed.accessor(flipped(uv.rows[uv.of[first]]).astype("<f4"))
+        _add_columns(packed, attributes, detail, vertices, colors)
+        indices = packed.accessor(faces.astype("<u4").ravel(), ELEMENT_ARRAY_BUFFER)
+        primitive = {"attributes": attributes, "indices": indices, "material": group.paint}
+        if len(found) > len(mesh_file.parts) and fits_float(vertices):
+            attributes[SOURCE_INDEX] = packed.accessor(vertices.astype("<f4"))
         header["meshes"][-1]["primitives"].append(primitive)
-        drawn.append((primitive, piece.vertices))
-    stand(header, up_axis(mesh, up), header["scenes"][0]["nodes"])
+        drawn.append((primitive, vertices))
     return packed, drawn
 
 
@@ -109,29 +105,18 @@ def groups(mesh_file: MeshFile) -> list[Group]:
     return made
 
 
-def _pieces(mesh_file: MeshFile, found: list[Group]) -> Iterator[_Piece]:
+def _of_corners(mesh_file: MeshFile) -> tuple[PerCorner | None, PerCorner | None]:
+    """Texture coordinates and normals of the triangles' corners; no normals where each vertex has one."""
     mesh, detail = mesh_file.mesh, mesh_file.detail
-    corners, smooth = np.arange(mesh.faces.size).reshape(-1, 3), mesh.normals
     uv = normals = None
     if detail and (detail.uv or detail.normals):
         places = detail.triangles.take(np.arange(len(detail.corners))).ravel()
         uv, normals = (each and PerCorner(each.rows, each.of[places]) for each in (detail.uv, detail.normals))
-    if smooth is None and normals is None:
+    if mesh.normals is None and normals is None:
         rows, of = creased_normals(mesh)
         rows[~rows.any(axis=1)] = 0, 0, 1  # of faces without area, which nothing shows
         normals = PerCorner(rows, of.ravel())
-    several = [values for values in (uv, normals) if values is not None]
-    alone = Counter(group.part for group in found)
-    for group in found:
-        start, stop = mesh_file.parts[group.part].vertices.start, mesh_file.parts[group.part].vertices.stop
-        own, keep = mesh.faces.ravel() - start, stop - start if alone[group.part] == 1 else 0
-        vertices, faces, first = split_corners(own, corners[group.faces], several, keep)
-        yield _Piece(
-            vertices + start,
-            faces,
-            normals.rows[normals.of[first]] if normals else None if smooth is None else smooth[vertices + start],
-            uv.rows[uv.of[first]] if uv else None,
-        )
+    return uv, normals
 
 
 def part_origin(vertices: Float64s) -> Float64s | None:
@@ -143,34 +128,29 @@ def part_origin(vertices: Float64s) -> Float64s | None:
     return np.asarray((vertices.min(axis=0) + vertices.max(axis=0)) / 2)
 
 
-def _primitive(
-    packed: Packed, mesh_file: MeshFile, piece: _Piece, origin: Float64s | None, colors: str
-) -> dict[str, Any]:
-    mesh, detail = mesh_file.mesh, mesh_file.detail
-    places = mesh.vertices[piece.vertices] - (0 if origin is None else origin)
-    stored = places.astype("<f4")
-    bounds = {"min": stored.min(axis=0).tolist(), "max": stored.max(axis=0).tolist()}
-    attributes = {"POSITION": packed.accessor(stored, **bounds)}
-    if piece.normals is not None:
-        length = np.linalg.norm(piece.normals, axis=1, keepdims=True)
-        # glTF allows unit normals only: a part that lacks some goes without.
+def _add_normals(packed: Packed, attributes: dict[str, int], normals: Float64s | None) -> None:
+    """glTF allows unit normals only: a primitive that lacks some goes without."""
+    if normals is not None:
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
         if np.isfinite(length).all() and (length > 0).all():
-            attributes["NORMAL"] = packed.accessor((piece.normals / length).astype("<f4"))
-    if piece.uv is not None:
-        downwards = np.stack([piece.uv[:, 0], 1 - piece.uv[:, 1]], axis=1)
-        attributes["TEXCOORD_0"] = packed.accessor(downwards.astype("<f4"))
-    own = detail.colors if detail and len(colors) < 2 else None
-    if detail and own is None and len(colors) == 1:
+            attributes["NORMAL"] = packed.accessor((normals / length).astype("<f4"))
+
+
+def _add_columns(
+    packed: Packed, attributes: dict[str, int], detail: Detail | None, vertices: Int64s, colors: str
+) -> None:
+    """Colours, unless all channels are to hold w, and further numbers of the vertices."""
+    if detail is None:
+        return
+    own = detail.colors if len(colors) < 2 else None
+    if own is None and len(colors) == 1:
         own = fractions(ply_colors(columns_of(detail.elements, "vertex")))  # the grey of an earlier bake
     if own is not None:
-        own = own[piece.vertices]
-        own = np.concatenate([decode_srgb(own[:, :3]), own[:, 3:]], axis=1)
-        attributes["COLOR_0"] = packed.accessor(own.astype("<f4"))
-    for name, values in (detail.numbers if detail else {}).items():
+        linear = np.concatenate([decode_srgb(own[vertices, :3]), own[vertices, 3:]], axis=1)
+        attributes["COLOR_0"] = packed.accessor(linear.astype("<f4"))
+    for name, values in detail.numbers.items():
         if fits_float(values) and attribute_name(name) not in attributes:
-            attributes[attribute_name(name)] = packed.accessor(values[piece.vertices].astype("<f4"))
-    indices = packed.accessor(piece.faces.astype("<u4").ravel(), ELEMENT_ARRAY_BUFFER)
-    return {"attributes": attributes, "indices": indices}
+            attributes[attribute_name(name)] = packed.accessor(values[vertices].astype("<f4"))
 
 
 def fits_float(values: npt.NDArray[Any]) -> bool:

@@ -12,7 +12,7 @@ from raytrace.errors import MeshError
 from raytrace.image.encode import linear_png
 from raytrace.types import AnyFloats, Float64s, Int64s
 
-from ..gltf.accessors import normalized, triangles, values
+from ..gltf.accessors import flipped, normalized, triangles, values
 from ..gltf.asset import Gltf
 from ..gltf.parse import parse
 from ..gltf.records import WRAP, Primitive
@@ -53,7 +53,7 @@ def textured_glb(
         OptionError: coordinates of vertices that are too large for float32.
     """
     packed, drawn = document(mesh_file, bake)
-    before = Gltf(mesh_file.path, packed.header, (bytes(packed.binary),))
+    before = Gltf(mesh_file.path, packed.header, [bytes(packed.binary)])
     textures = OcclusionTextures(packed, replace)
     if orm:
         textures = OrmTextures(packed, mesh_file.gltf, [page.w for page in pages], replace)
@@ -104,12 +104,11 @@ def split_vertices(
     rounded = uv.reshape(-1, 2).astype("<f4")
     keys = np.empty(len(rounded), [("vertex", "<i8"), ("u", "<f4"), ("v", "<f4")])
     keys["vertex"], keys["u"], keys["v"] = faces.ravel(), rounded[:, 0], rounded[:, 1]
-    kinds, corners = np.unique(keys, return_inverse=True)
+    kinds, first, corners = np.unique(keys, return_index=True, return_inverse=True)
     for attributes in (primitive["attributes"], *primitive.get("targets", [])):
         for name, accessor in attributes.items():
             attributes[name] = _taken(packed, asset, accessor, kinds["vertex"])
-    downwards = np.stack([kinds["u"], np.float32(1) - kinds["v"]], axis=1)
-    add_coordinates(packed, primitive, number, downwards)
+    add_coordinates(packed, primitive, number, flipped(rounded[first]))
     primitive["indices"] = packed.accessor(corners.ravel().astype("<u4"), ELEMENT_ARRAY_BUFFER)
     primitive.pop("mode", None)
 

@@ -53,10 +53,10 @@ def glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
 def document(mesh_file: MeshFile, bake: Bake | None, channels: Channels = Channels()) -> tuple[Packed, list[Drawn]]:
     """The document of a mesh file, with w of a bake, and its drawn primitives. Raises: as `glb`."""
     asset = mesh_file.gltf
-    packed, drawn = _stored(asset, mesh_file.parts) if asset else plain(mesh_file, channels.colors, channels.up)
-    stored = Gltf(mesh_file.path, packed.header, (bytes(packed.binary),)) if len(channels.colors) == 1 else None
-    if asset:
-        stand(packed.header, up_axis(mesh_file.mesh, channels.up), asset.roots)
+    packed, drawn = _stored(asset, mesh_file.parts) if asset else plain(mesh_file, channels.colors)
+    stored = Gltf(mesh_file.path, packed.header, [bytes(packed.binary)]) if len(channels.colors) == 1 else None
+    roots = asset.roots if asset else packed.header["scenes"][0]["nodes"]
+    stand(packed.header, up_axis(mesh_file.mesh, channels.up), roots)
     if bake:
         for primitive, vertices in drawn:
             colors = None if stored is None else stored_colors(stored, primitive["attributes"], len(vertices))
@@ -66,7 +66,7 @@ def document(mesh_file: MeshFile, bake: Bake | None, channels: Channels = Channe
 
 def _stored(asset: Gltf, parts: tuple[Submesh, ...]) -> tuple[Packed, list[Drawn]]:
     """The document of a glTF source, and its drawn primitives, an own one for each instance."""
-    asset.check_materials()
+    _ = asset.materials  # to find what is malformed
     packed = _one_buffer(asset)
     nodes, meshes = packed.header["nodes"], packed.header["meshes"]
     owner: dict[int, int] = {}
@@ -170,7 +170,7 @@ def ramp_warnings(asset: Gltf, replace: bool) -> list[str]:
     """Warnings where `write_ramp` leaves w out, or some viewers will: lines for the user, mostly none."""
     header = asset.header
     textures = OcclusionTextures(Packed(header), replace)
-    pieces = {each[1:3]: each.of(header) for each in asset.drawn}.values()
+    pieces = {each[1:3]: each.stored for each in asset.drawn}.values()
     kept = sum(not textures.takes(piece) for piece in pieces)
     lines = []
     if kept:

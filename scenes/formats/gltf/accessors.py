@@ -13,7 +13,7 @@ from raytrace.errors import MeshError
 from raytrace.types import Float64s
 
 from .asset import Gltf, entry
-from .records import TRIANGLE_STRIP, BufferView, GltfGeometry, Primitive, Sparse
+from .records import TRIANGLE_STRIP, GltfGeometry, Primitive, Sparse
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -29,11 +29,6 @@ def compressions(geometry: GltfGeometry) -> str:
     return ", ".join(used) + ", which is not decoded" if used else ""
 
 
-def must_be_decoded(geometry: GltfGeometry, view: BufferView) -> bool:
-    """Whether a buffer view has compressed data, and the file does not promise plain ones beside them."""
-    return any(name in view.extensions for name in MESHOPT if name in geometry.extensionsRequired)
-
-
 def view_bytes(asset: Gltf, number: int) -> memoryview:
     """The bytes of a buffer view, without a copy. Raises: ValueError: it reaches beyond its buffer."""
     view = entry(asset.geometry.bufferViews, number, "bufferViews")
@@ -47,11 +42,9 @@ def view_bytes(asset: Gltf, number: int) -> memoryview:
 def values(asset: Gltf, number: int, *kinds: str) -> npt.NDArray[Any]:
     """The values of an accessor as stored, (count, columns) and read-only, without a copy unless they are sparse.
 
-    Args: kinds: the types that it may have: SCALAR, VEC2, VEC3, VEC4.
+    Args: kinds: the types that it may have.
 
-    Raises:
-        MeshError: an accessor that is compressed, empty or of another type.
-        ValueError: it is missing, or reaches beyond its buffer view.
+    Raises: MeshError: it is compressed, empty or of another type. ValueError: it is not there, or not all of it.
     """
     accessor, field = entry(asset.geometry.accessors, number, "accessors"), f"accessors[{number}]"
     count, sparse = accessor.count, accessor.sparse
@@ -91,7 +84,8 @@ def _rows(
 ) -> npt.NDArray[Any]:
     """Rows from byte `start` of a buffer view on: a view of its bytes."""
     view = entry(asset.geometry.bufferViews, number, "bufferViews")
-    if must_be_decoded(asset.geometry, view):
+    # Compressed data, and no promise of plain ones beside them:
+    if any(name in view.extensions for name in MESHOPT if name in asset.geometry.extensionsRequired):
         raise MeshError(asset.path, field, "uncompressed values", compressions(asset.geometry))
     data, row = view_bytes(asset, number), shape[1] * item.itemsize
     stride = view.byteStride or row
@@ -105,6 +99,11 @@ def normalized(stored: npt.NDArray[Any]) -> Float64s:
     if stored.dtype.kind == "f":
         return stored.astype(np.float64)
     return np.maximum(stored / np.iinfo(stored.dtype).max, -1.0)
+
+
+def flipped(uv: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Texture coordinates (n, 2) with v the other way: glTF's goes downwards."""
+    return np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1)
 
 
 def triangles(asset: Gltf, primitive: Primitive, count: int) -> npt.NDArray[Any]:

@@ -5,7 +5,7 @@ Format: Khronos glTF 2.0 specification, sections 3.5 (scenes and transforms), 3.
 
 import base64
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -26,17 +26,13 @@ T = TypeVar("T")
 
 
 class DrawnPrimitive(NamedTuple):
-    """A drawn piece of triangles: indices of its node and mesh, its place among the mesh's primitives, and itself."""
+    """A drawn piece of triangles."""
 
     node: int
     mesh: int
-    place: int
+    place: int  # among the mesh's primitives
     primitive: Primitive
-
-    def of(self, header: dict[str, Any]) -> dict[str, Any]:
-        """The primitive as the asset's header, or a copy of it, has it."""
-        found: dict[str, Any] = header["meshes"][self.mesh]["primitives"][self.place]
-        return found
+    stored: dict[str, Any]  # the same as the header has it
 
 
 @dataclass(eq=False)
@@ -45,7 +41,7 @@ class Gltf:
 
     path: Path  # where it was read; relative references start beside it
     header: dict[str, Any]  # the JSON document
-    buffers: tuple[bytes, ...] = ()  # the bytes of each of the header's buffers
+    buffers: list[bytes] = field(default_factory=list)  # the bytes of each of the header's buffers
 
     @cached_property
     def geometry(self) -> GltfGeometry:
@@ -57,10 +53,6 @@ class Gltf:
     @cached_property
     def materials(self) -> GltfMaterials:
         return parse(GltfMaterials, self.header, self.path)
-
-    def check_materials(self) -> None:
-        """Raises: MeshError: what a change of materials needs is malformed."""
-        _ = self.materials
 
     @cached_property
     def stage(self) -> Stage:
@@ -87,7 +79,7 @@ class Gltf:
     def world(self) -> dict[int, Float64s]:
         """The (4, 4) map to the world of every node that the scene shows, depth first, children in their order.
 
-        Raises: ValueError: nodes that are no tree, or indices of what is not there.
+        Raises: ValueError: nodes that are no tree, or not there.
         """
         made: dict[int, Float64s] = {}
         stack = [(number, np.eye(4)) for number in reversed(self.roots)]
@@ -102,10 +94,7 @@ class Gltf:
 
     @cached_property
     def drawn(self) -> list[DrawnPrimitive]:
-        """The triangle primitives that the scene draws, node by node as in `world`.
-
-        Raises: ValueError: as `world`, or a triangle fan, which is not supported.
-        """
+        """The triangle primitives, node by node as in `world`. Raises: ValueError: as that, or a triangle fan."""
         made = []
         for node in self.world:
             mesh = self.geometry.nodes[node].mesh
@@ -114,7 +103,8 @@ class Gltf:
                 if primitive.mode == records.TRIANGLE_FAN:
                     raise ValueError(f"mesh {mesh} is a triangle fan, which is not supported")
                 if mesh is not None and primitive.mode in (records.TRIANGLES, records.TRIANGLE_STRIP):
-                    made.append(DrawnPrimitive(node, mesh, place, primitive))
+                    stored = self.header["meshes"][mesh]["primitives"][place]
+                    made.append(DrawnPrimitive(node, mesh, place, primitive, stored))
         return made
 
     def material(self, primitive: Primitive) -> GltfMaterial:
@@ -142,17 +132,14 @@ def _local(node: Node) -> Float64s:
 
 
 def entry(entries: Sequence[T], number: int, name: str) -> T:
-    """One of a header's list of this name. Raises: ValueError: there is no such entry."""
+    """One of a header's list. Raises: ValueError: there is no such entry."""
     if number >= len(entries):
         raise ValueError(f"there is no {name}[{number}]")
     return entries[number]
 
 
 def referenced(uri: str, folder: Path, read: Callable[[Path], bytes] = Path.read_bytes) -> bytes | None:
-    """The bytes a URI stands for: embedded base64 data, or a file inside `folder`. None for anything else.
-
-    Args: read: given once to several calls, it may keep what it has read.
-    """
+    """The bytes a URI stands for: embedded base64 data, or a file inside `folder`. None for anything else."""
     try:
         if uri.startswith("data:"):
             return base64.b64decode(uri.partition("base64,")[2])

@@ -7,7 +7,6 @@ Format: Khronos glTF 2.0 specification, chapter 4 (GLB container), section 3.6 (
 
 import json
 import struct
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -27,9 +26,7 @@ _DEEPEST = 100
 def decode(data: bytes, path: Path) -> Gltf:
     """The asset in the bytes of a .gltf or .glb file.
 
-    Raises:
-        MeshError: not glTF 2.0, incomplete, or a buffer is missing or outside the file's folder.
-        Exception: other malformed JSON.
+    Raises: MeshError: not glTF 2.0, incomplete, or a buffer is missing or elsewhere. Exception: other malformed JSON.
     """
     binary = None
     if data[:4] == b"glTF":
@@ -42,21 +39,17 @@ def decode(data: bytes, path: Path) -> Gltf:
     if deep:
         raise MeshError(path, "content", f"JSON of at most {_DEEPEST} levels", "more")
     asset, read = Gltf(path, header), cache(Path.read_bytes)
-    asset.buffers = tuple(_content(asset, n, binary, read) for n in range(len(asset.geometry.buffers)))
+    for number, stored in enumerate(asset.geometry.buffers):
+        name = f"buffers[{number}]"
+        if stored.uri is None and (stored.fallback or stored.khr_fallback):  # to be filled by a decoder
+            raise MeshError(path, name, "uncompressed values", compressions(asset.geometry) or "none")
+        content = binary if stored.uri is None else referenced(stored.uri, path.parent, read)
+        if content is None:
+            raise MeshError(path, name, "data in or beside the file", (stored.uri or "none")[:80])
+        if len(content) < stored.byteLength:
+            raise MeshError(path, name, f"{stored.byteLength} bytes", len(content))
+        asset.buffers.append(content)
     return asset
-
-
-def _content(asset: Gltf, number: int, binary: bytes | None, read: Callable[[Path], bytes]) -> bytes:
-    """The bytes of a buffer. Args: binary: the binary chunk of a GLB container. read: as of `referenced`."""
-    stored, path, name = asset.geometry.buffers[number], asset.path, f"buffers[{number}]"
-    if stored.uri is None and (stored.fallback or stored.khr_fallback):  # to be filled by a decoder
-        raise MeshError(path, name, "uncompressed values", compressions(asset.geometry) or "none")
-    content = binary if stored.uri is None else referenced(stored.uri, path.parent, read)
-    if content is None:
-        raise MeshError(path, name, "data in or beside the file", (stored.uri or "none")[:80])
-    if len(content) < stored.byteLength:
-        raise MeshError(path, name, f"{stored.byteLength} bytes", len(content))
-    return content
 
 
 def _depth(value: Any) -> int:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from ...geometry.instances import Instance, check_copies
 from ..table import MeshInput
 from .accessors import normalized, triangles, values
-from .asset import DrawnPrimitive, Gltf, entry
+from .asset import Gltf, entry
 from .container import decode
 from .records import PROFILE, Primitive
 
@@ -26,24 +26,19 @@ _COPIES = "EXT_mesh_gpu_instancing"
 
 
 def read_gltf(given: MeshInput) -> tuple[list[Instance], Gltf]:
-    """The drawn primitives of a file, and its asset. Raises: as `decode` and `read_instances`."""
-    asset = decode(given.file.read(), given.path)
-    return read_instances(asset, given.alpha), asset
-
-
-def read_instances(asset: Gltf, alpha: bool = False) -> list[Instance]:
-    """The drawn triangle primitives, in the order of `Gltf.drawn`, sharing arrays by mesh.
-
-    Args: alpha: whether faces have that of their materials.
+    """The triangle primitives that a file draws, in the order of `Gltf.drawn`, sharing arrays by mesh, and its asset.
 
     Raises:
-        MeshError: compressed values, which are not supported, or very many copies.
+        MeshError: as `decode`, compressed values, which are not supported, or very many copies.
         SceneError: an image with alpha is missing.
         ValueError: nodes that are no tree, or indices of what is not there.
     """
+    asset = decode(given.file.read(), given.path)
     shapes: dict[tuple[int, int], Instance] = {}
     opacity_of = None
-    if alpha and _has_alpha(asset):
+    materials = asset.header.get("materials", [])
+    tables = [each for each in materials if isinstance(each, dict)] if isinstance(materials, list) else []
+    if given.alpha and any(each.get("alphaMode", "OPAQUE") != "OPAQUE" for each in tables):  # opaque ones are not read
         from .textures import Textures
         from .textures import opacity_of as of
 
@@ -58,20 +53,13 @@ def read_instances(asset: Gltf, alpha: bool = False) -> list[Instance]:
         shape = shapes[key]
         rows += len(shape.vertices) + len(shape.faces)
         check_copies(rows, sum(map(len, asset.buffers)), asset.path)
-        name = _name(asset, piece)
-        shape = replace(shape, name=name, matrix=asset.world[piece.node])
-        if _COPIES in asset.geometry.nodes[piece.node].extensions:
-            note = f"{name} is drawn many times by {_COPIES}, which is not read: once here"
-            shape = replace(shape, notes=(note,))
-        made.append(shape)
-    return made
-
-
-def _has_alpha(asset: Gltf) -> bool:
-    """Whether a material has alpha; opaque materials are not read."""
-    materials = asset.header.get("materials", [])
-    tables = [each for each in materials if isinstance(each, dict)] if isinstance(materials, list) else []
-    return any(material.get("alphaMode", "OPAQUE") != "OPAQUE" for material in tables)
+        node, mesh = asset.geometry.nodes[piece.node], asset.geometry.meshes[piece.mesh]
+        name = node.name or mesh.name or f"node {piece.node}"
+        name = f"{name}[{piece.place}]" if len(mesh.primitives) > 1 else name
+        drawn_once = f"{name} is drawn many times by {_COPIES}, which is not read: once here"
+        notes = (drawn_once,) if _COPIES in node.extensions else ()
+        made.append(replace(shape, name=name, matrix=asset.world[piece.node], notes=notes))
+    return made, asset
 
 
 def _shape(asset: Gltf, primitive: Primitive) -> Instance:
@@ -113,9 +101,3 @@ def _stored_profile(asset: Gltf, attributes: dict[str, int], count: int) -> Prof
     except (KeyError, TypeError, ValueError):
         return None
     return Profile.stored(lengths, columns[:, : len(lengths)], radius) if len(columns) == count else None
-
-
-def _name(asset: Gltf, piece: DrawnPrimitive) -> str:
-    mesh = asset.geometry.meshes[piece.mesh]
-    name = asset.geometry.nodes[piece.node].name or mesh.name or f"node {piece.node}"
-    return f"{name}[{piece.place}]" if len(mesh.primitives) > 1 else name

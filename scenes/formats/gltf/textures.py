@@ -25,7 +25,7 @@ from ...geometry.detail import Detail, PerCorner, triangle_detail
 from ...geometry.instances import Submesh
 from ...safe_paths import confined
 from ..glb.occlusion import ramp_sets
-from .accessors import column, view_bytes
+from .accessors import column, flipped, view_bytes
 from .asset import Gltf, entry, referenced
 from .records import GltfTexture, Primitive, TextureReference, UvTransform
 
@@ -112,7 +112,7 @@ def _moved(uv: Float64s, moved: UvTransform) -> Float64s:
     if vars(moved):
         c, s = cos(moved.rotation), sin(moved.rotation)
         uv = (uv * moved.scale) @ np.array([[c, -s], [s, c]]) + moved.offset
-    return np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=-1)
+    return flipped(uv)
 
 
 def opacity_of(textures: Textures, primitive: Primitive, faces: Int64s) -> Opacity | None:
@@ -158,7 +158,7 @@ def gltf_detail(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tuple[D
     unread = [words for key, words in _WORDS.items() if asset.header.get(key)]
     if len(parts) > 1:
         unread.insert(0, "nodes")
-    ramps = [{f"TEXCOORD_{n}" for n in ramp_sets(asset.header, piece.of(asset.header))} for piece in asset.drawn]
+    ramps = [{f"TEXCOORD_{n}" for n in ramp_sets(asset.header, piece.stored)} for piece in asset.drawn]
     names = [piece.primitive.attributes.keys() - own for piece, own in zip(asset.drawn, ramps, strict=True)]
     unread += sorted(set[str]().union(*names) - set(_READ))
     columns = {}
@@ -173,7 +173,7 @@ def gltf_detail(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tuple[D
         colors = np.concatenate([encode_srgb(colors[:, :3]).astype(np.float64), colors[:, 3:]], axis=1)
         colors = colors[:, :3] if (colors[:, 3] == 1).all() else colors
     made = triangle_detail(faces)
-    coordinates = None if uv is None else PerCorner(_upwards(uv), made.corners)
+    coordinates = None if uv is None else PerCorner(flipped(uv), made.corners)
     return replace(made, uv=coordinates, colors=colors), tuple(unread)
 
 
@@ -191,11 +191,7 @@ def texture_coordinates(asset: Gltf, parts: Sequence[Submesh], faces: Int64s, nu
         uv = _column(asset, parts, name, ("VEC2",), np.nan, lacking)
     except (ValueError, KeyError, TypeError) as reason:
         raise MeshError(asset.path, name, "two numbers a vertex", reason) from None
-    return None if uv is None else _upwards(uv)[faces]
-
-
-def _upwards(uv: Float64s) -> Float64s:
-    return np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1)
+    return None if uv is None else flipped(uv)[faces]
 
 
 def _column(

@@ -14,7 +14,7 @@ from raytrace.types import Float64s
 
 from ...geometry.detail import Detail, Element, Property
 from ..load import MeshFile
-from ..stored_mesh import EXPECTED, StoredMesh, StoredRows
+from ..stored_mesh import EXPECTED, StoredMesh, stored_rows
 from ..table import Channels
 from .detail import RGB, columns_of, grey_of, is_profile, own_colors, stored_colors, with_channel
 from .layout import COUNT, INDICES, PROFILE, PROFILE_COMMENT, UP_COMMENT, PlyElement, read_header, write_header
@@ -156,7 +156,7 @@ def open_ply(path: Path) -> StoredMesh:
     end = header.start + vertex.count * vertex_type.itemsize
     if end + face.count * face_type.itemsize != path.stat().st_size:
         raise MeshError(path, "content", EXPECTED, "polygons, or an end elsewhere than its header says")
-    vertices, faces = StoredRows.of(path, vertex_type, header.start), StoredRows.of(path, face_type, end)
+    vertices, faces = stored_rows(path, vertex_type, header.start), stored_rows(path, face_type, end)
     return StoredMesh(str(path), vertex, face, vertices, faces, lists[0], header.comments)
 
 
@@ -172,14 +172,14 @@ def write_stored_ply(file: BinaryIO, w: Float64s, mesh: StoredMesh) -> None:
     face = replace(mesh.face, properties=mesh.face.properties | counted)
     file.write(write_header([vertex, face], [OWN + (GREY if grey else ""), *mesh.comments]))
     for run in runs(vertex.count):
-        rows, stored = np.empty(run.stop - run.start, vertex.row({})), mesh.vertex_rows[run]
+        rows, stored = np.empty(run.stop - run.start, vertex.row({})), mesh.vertex_rows(run)
         for name in kept:
             rows[name] = stored[name]
         for name in made:
             rows[name] = w[run] if name == "obscurance" else grey_of(w[run])
         file.write(rows.tobytes())
     for run in runs(face.count):
-        rows, stored = np.empty(run.stop - run.start, face.row({mesh.corners: 3})), mesh.face_rows[run]
+        rows, stored = np.empty(run.stop - run.start, face.row({mesh.corners: 3})), mesh.face_rows(run)
         for name in rows.dtype.names or ():
             rows[name] = stored[name]
         file.write(rows.tobytes())
