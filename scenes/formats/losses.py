@@ -35,14 +35,15 @@ def lost(target: Path, mesh_file: MeshFile, channels: Channels = Channels()) -> 
 
 
 def of_ply(mesh_file: MeshFile, colors: str) -> list[str]:
-    detail = mesh_file.detail
-    missing = ["its colours"] if len(colors) > 1 and has_own_colors(detail) else []
+    detail, missing = mesh_file.detail, list[str]()
+    if len(colors) > 1 and has_own_colors(detail):
+        missing.append("its colours")
     if detail is None or not detail.elements:
         of = None if detail is None else detail.object_of
         if not mesh_file.gltf and (len(mesh_file.parts) > 1 or (of is not None and np.ptp(of))):
             missing.append("its division into objects")
         missing += [words for words in mesh_file.unread if not words.startswith(PAINT_WORDS)]
-    if detail and detail.normals is not None:
+    if detail and detail.normals:
         missing.append("normals of vertices that have several")
     if detail and detail.paints:
         missing.append("materials")
@@ -50,28 +51,27 @@ def of_ply(mesh_file: MeshFile, colors: str) -> list[str]:
 
 
 def of_glb(mesh_file: MeshFile, colors: str) -> list[str]:
-    detail = mesh_file.detail
+    detail, replaced = mesh_file.detail, len(colors) > 1
     if mesh_file.gltf:
         from .gltf.accessors import stored_colors
 
         for piece, part in zip(mesh_file.gltf.drawn, mesh_file.parts if len(colors) == 1 else (), strict=False):
             stored_colors(mesh_file.gltf, piece.primitive.attributes, part.vertices.stop - part.vertices.start)
         pieces = [piece for mesh in mesh_file.gltf.geometry.meshes for piece in mesh.primitives]
-        return ["its colours"] if len(colors) > 1 and any("COLOR_0" in piece.attributes for piece in pieces) else []
+        return ["its colours"] if replaced and any("COLOR_0" in piece.attributes for piece in pieces) else []
     from .glb.plain import SOURCE_INDEX, attribute_name, fits_float, groups, part_origin
 
     part_origin(mesh_file.mesh.vertices)
-    missing = list(mesh_file.unread)
     if detail is None:
-        return missing
-    if len(colors) > 1 and detail.colors is not None:
-        missing.append("its colours")
-    if len(groups(mesh_file)) > len(mesh_file.parts):
-        missing.append(f"the order of vertices ({SOURCE_INDEX} has their places)")
-        if len(np.unique(detail.corners)) < len(mesh_file.mesh.vertices):
-            missing.append("vertices that no face uses")
-    if (detail.sizes != 3).any():
-        missing.append("polygons, which become triangles")
+        return list(mesh_file.unread)
+    divided = len(groups(mesh_file)) > len(mesh_file.parts)
+    left_out = (
+        (replaced and detail.colors is not None, "its colours"),
+        (divided, f"the order of vertices ({SOURCE_INDEX} has their places)"),
+        (divided and len(np.unique(detail.corners)) < len(mesh_file.mesh.vertices), "vertices that no face uses"),
+        ((detail.sizes != 3).any(), "polygons, which become triangles"),
+    )
+    missing = [*mesh_file.unread, *(words for is_left_out, words in left_out if is_left_out)]
     names = {"POSITION", "NORMAL", "_OBSCURANCE"}
     for name, values in detail.numbers.items():
         if not fits_float(values) or attribute_name(name) in names:

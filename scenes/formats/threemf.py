@@ -14,6 +14,7 @@ import zipfile
 from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from graphlib import CycleError, TopologicalSorter
 from itertools import accumulate
 from typing import BinaryIO
 
@@ -92,8 +93,8 @@ class _Reader:
             matrix[:3] = np.array(attributes["transform"].split(), np.float64).reshape(4, 3).T
         return (_member(path) or self.model, attributes["objectid"]), matrix
 
-    def close(self) -> list[tuple[Key, Float64s]]:
-        return self.items
+    def close(self) -> None:
+        """As the parser asks for."""
 
 
 def _index(attributes: Mapping[str, str], name: str) -> int:
@@ -122,28 +123,36 @@ def read_3mf(given: MeshInput) -> list[Instance]:
         MeshError: an archive that unpacks to very much, or very many copies.
         Exception: any, zipfile's and lxml's among them, on malformed content.
     """
+    from lxml import etree
+
     file, source = given.file, given.source
     unpacked = check_archive(file, source)
     with zipfile.ZipFile(file) as archive:
         models = {_member(entry.filename): entry for entry in archive.infolist() if entry.filename.endswith(".model")}
         objects: dict[Key, _Object] = {}
         readers = {name: _Reader(name, objects, given.keep) for name in models}
-        items = {name: _parse(archive, entry, readers[name]) for name, entry in models.items()}
+        for name, entry in models.items():
+            target = readers[name]
+            parser = etree.XMLParser(target=target, resolve_entities=False, no_network=True, load_dtd=False)
+            with archive.open(entry) as content:
+                while block := content.read(_BLOCK):
+                    parser.feed(block)
+            parser.close()
     paints, of, unread = _painted(readers, objects)
-    build = items[next(name for name in models if name.endswith(ROOT))]
+    build = readers[next(name for name in models if name.endswith(ROOT))].items
     _check_build(build, objects, unpacked, source)
-    arrays = {
-        key: (np.array(o.vertices).reshape(-1, 3), np.array(o.faces).reshape(-1, 3)) for key, o in objects.items()
-    }
+    shapes: dict[Key, Instance] = {}
+    for key, item in objects.items():
+        vertices, faces = (np.array(numbers).reshape(-1, 3) for numbers in (item.vertices, item.faces))
+        shape = Instance(item.name, vertices, faces, unread=unread, up="z", paints=paints)
+        shapes[key] = replace(shape, paint_of=of.get(key))
     placed = []
     stack = build[::-1]
     while stack:
         key, matrix = stack.pop()
-        item = objects[key]
-        if item.faces:
-            made = Instance(item.name, *arrays[key], None, matrix, unread=unread, up="z", paints=paints)
-            placed.append(replace(made, paint_of=of.get(key)))
-        stack.extend((child, matrix @ local) for child, local in item.components[::-1])
+        if len(shapes[key].faces):
+            placed.append(replace(shapes[key], matrix=matrix))
+        stack.extend((child, matrix @ local) for child, local in objects[key].components[::-1])
     return placed
 
 
@@ -188,38 +197,26 @@ def _member(path: str) -> str:
     return path.strip("/").lower()
 
 
-def _parse(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, reader: _Reader) -> list[tuple[Key, Float64s]]:
-    from lxml import etree
-
-    parser = etree.XMLParser(target=reader, resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
-    with archive.open(entry) as content:
-        while block := content.read(_BLOCK):
-            parser.feed(block)
-    return parser.close()
-
-
 def _check_build(build: list[tuple[Key, Float64s]], objects: dict[Key, _Object], stored: int, source: str) -> None:
     """Count what is placed before it is made: a few objects of components can mean any number of copies."""
-    rows: dict[Key, int] = {}
-    count: dict[Key, int] = {}
-
-    def visit(key: Key) -> None:
-        if key in rows:
-            if rows[key] < 0:
-                raise MeshError(source, f"object {key[1]}", "components other than itself", "a cycle")
-            return
+    graph: dict[Key, list[Key]] = {}
+    stack = [key for key, _ in build]
+    while stack:
+        key = stack.pop()
         if key not in objects:
             raise MeshError(source, f"object {key[1]}", "an object of the file", "none")
-        rows[key], item = -1, objects[key]
-        for child, _ in item.components:
-            visit(child)
-        own = len(item.vertices) // 3 + len(item.faces) // 3
-        rows[key], count[key] = (
-            start + sum(table[child] for child, _ in item.components) for start, table in ((own, rows), (1, count))
-        )
-
-    for key, _ in build:
-        visit(key)
+        if key not in graph:
+            graph[key] = [child for child, _ in objects[key].components]
+            stack += graph[key]
+    rows, count = dict[Key, int](), dict[Key, int]()
+    try:
+        for key in TopologicalSorter(graph).static_order():
+            own = len(objects[key].vertices) // 3 + len(objects[key].faces) // 3
+            rows[key] = own + sum(rows[child] for child in graph[key])
+            count[key] = 1 + sum(count[child] for child in graph[key])
+    except CycleError as fault:
+        field = f"object {fault.args[1][0][1]}"
+        raise MeshError(source, field, "components other than itself", "a cycle") from None
     check_copies(sum(rows[key] for key, _ in build), stored, source)
     placed = sum(count[key] for key, _ in build)
     if placed > MAX_PLACED:

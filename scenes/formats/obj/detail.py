@@ -24,7 +24,7 @@ from ...geometry.polygons import Triangulation
 from ...safe_paths import beside
 from .text import ObjText, joined_lines
 
-_NAMES, _NAME = 3, 60  # missing libraries that a message lists, and letters of each
+_NAMES, _NAME = 3, 60  # of libraries or materials that a message lists, and letters of each
 MAX_OBJECTS = 4096  # each takes a kilobyte or two of a .glb
 _LIBRARY = re.compile(r"^[ \t]*mtllib(?!\S)([^#\n]*)", re.MULTILINE)
 _OTHER = "l", "p", "curv", "curv2", "surf"
@@ -32,6 +32,7 @@ OPAQUE, OPTION = "Tr 1", "option"  # how words on them begin
 PAINT_WORDS = ("texture of", "material library", OPAQUE, OPTION)  # how what is missing of materials begins
 _COUNTS = {"Kd": 3, "Ke": 3, "Ks": 3, "d": 1, "Tr": 1, "Ns": 1, "Pm": 1, "Pr": 1}  # numbers of a statement
 _MAPS = "map_Kd", "map_d"
+_UNREAD = "map_", "bump", "disp", "decal", "refl", "norm"
 _PICTURES = (b"\x89PNG", b"\xff\xd8\xff")
 _LARGEST = 1 << 24  # bytes of a library
 _OPTION = r"(?i)-(?:mm\s+\S+\s+\S+|[ost](?:\s+[-+.\de]+(?=\s)){1,3}|[a-z]+\s+\S+)\s+"
@@ -69,21 +70,12 @@ def obj_detail(
     )
     known, files, missing = _read_paints(file, folder) if painted.names else ({}, [], [])
     paints = tuple(known.get(name, Paint(name)) for name in painted.names)
-    is_divided = objects.names and objects.kinds <= MAX_OBJECTS
-    detail = Detail(
-        file.corners,
-        file.sizes,
-        triangles,
-        uv if finite else None,
-        None if one_each else normals,
-        colors,
-        paints=paints,
-        paint_of=painted.of if paints else None,
-        objects=objects.names if is_divided else (),
-        object_of=objects.of if is_divided else None,
-        files=tuple(files),
-        some_uv=file.some_uv() if has_some_uv else None,
-    )
+    detail = Detail(file.corners, file.sizes, triangles, uv if finite else None, None if one_each else normals, colors)
+    detail = replace(detail, paints=paints, paint_of=painted.of if paints else None, files=tuple(files))
+    if has_some_uv:
+        detail = replace(detail, some_uv=file.some_uv())
+    if objects.names and objects.kinds <= MAX_OBJECTS:
+        detail = replace(detail, objects=objects.names, object_of=objects.of)
     return detail, (*(words for is_left_out, words in left_out if is_left_out), *missing)
 
 
@@ -92,22 +84,21 @@ def _read_paints(file: ObjText, folder: Path) -> tuple[dict[str, Paint], list[Pa
     known: dict[str, Paint] = {}
     files: list[Path] = []
     left: list[str] = []
-    gone: dict[str, None] = {}
     find = partial(_beside, folder)
-    for name, library in _libraries(file.lines("mtllib").split("\n"), find):
-        if library is None:
-            gone[name] = None
-            continue
+    libraries = list(_libraries(file.lines("mtllib").split("\n"), find))
+    if gone := dict.fromkeys(name for name, library in libraries if library is None):
+        left.append(f"material library {_first([printable(name, _NAME) for name in gone])}")
+    for library in (library for _, library in libraries if library):
         more, missing = read_mtl(library, find)
         known = more | known
         pictures = [picture for paint in more.values() for picture in (paint.texture, paint.opacity_texture)]
         files += [library, *filter(None, pictures)]
         left += missing
-    if gone:
-        first = ", ".join(printable(name, _NAME) for name in list(gone)[:_NAMES])
-        rest = f" and {len(gone) - _NAMES:,} more" if len(gone) > _NAMES else ""
-        left.insert(0, f"material library {first}{rest}")
     return known, files, left
+
+
+def _first(names: list[str]) -> str:
+    return ", ".join(names[:_NAMES]) + (f" and {len(names) - _NAMES:,} more" if len(names) > _NAMES else "")
 
 
 def named_files(path: Path) -> list[Path]:
@@ -115,8 +106,9 @@ def named_files(path: Path) -> list[Path]:
     find = partial(_beside, path.parent)
     lines = _LIBRARY.findall(joined_lines(path.read_bytes()))
     libraries = [library for _, library in _libraries(lines, find) if library]
-    pictures = [picture for library in libraries for picture in named_pictures(library, find)]
-    return list(dict.fromkeys(libraries + pictures))
+    statements = [each for library in libraries for each in _statements(library)]
+    pictures = [find(_picture(rest)[0]) for key, rest in statements if key in _MAPS]
+    return list(dict.fromkeys(filter(None, libraries + pictures)))
 
 
 def _libraries(lines: Iterable[str], find: Callable[[str], Path | None]) -> Iterator[tuple[str, Path | None]]:
@@ -164,36 +156,29 @@ def read_mtl(path: Path, beside: Callable[[str], Path | None]) -> tuple[dict[str
     """
     given: dict[str, dict[str, Any]] = {}
     left = []
-    name = ""
+    own: dict[str, Any] | None = None
     for key, rest in _statements(path):
         if key == "newmtl" and rest:
-            name = rest
-            given[name] = {}
-        elif name and key in _COUNTS:
-            given[name][key] = _numbers(rest, _COUNTS[key])
-        elif name and key in _MAPS:
+            own = given[rest] = {}
+        elif own is None:
+            continue
+        elif key in _COUNTS:
+            own[key] = _numbers(rest, _COUNTS[key])
+        elif key in _MAPS:
             picture, options = _picture(rest)
-            given[name][key] = beside(picture)
-            left += [f"{OPTION} {option} of {key} ({picture})" for option in options if given[name][key]]
-            if given[name][key] is None or (key == "map_Kd" and not _starts(given[name][key]).startswith(_PICTURES)):
+            own[key] = beside(picture)
+            left += [f"{OPTION} {option} of {key} ({picture})" for option in options if own[key]]
+            if not own[key] or (key == "map_Kd" and not _starts(own[key]).startswith(_PICTURES)):
                 left.append(f"texture of {key} ({rest or 'no name'})")
-                del given[name][key]
-        elif name and key.startswith(("map_", "bump", "disp", "decal", "refl", "norm")):
+                del own[key]
+        elif key.startswith(_UNREAD):
             left.append(f"texture of {key} ({rest or 'no name'})")
     made = {name: _paint(name, values) for name, values in given.items()}
     unread = [each["map_d"] for name, each in given.items() if "map_d" in each and not made[name].opacity_texture]
     left += [f"texture of map_d ({picture.name})" for picture in unread]
-    opaque = [name for name, values in given.items() if _is_opaque(values)]
-    if opaque:
-        more = f" and {len(opaque) - 3:,} more" if len(opaque) > 3 else ""
-        left.append(f"{OPAQUE} of {', '.join(opaque[:3])}{more}, taken for opaque")
+    if opaque := [name for name, values in given.items() if _is_opaque(values)]:
+        left.append(f"{OPAQUE} of {_first(opaque)}, taken for opaque")
     return made, left
-
-
-def named_pictures(path: Path, beside: Callable[[str], Path | None]) -> list[Path]:
-    """The pictures that `read_mtl` looks at. Args: as of that."""
-    found = (beside(_picture(rest)[0]) for key, rest in _statements(path) if key in _MAPS)
-    return [picture for picture in found if picture]
 
 
 def _statements(path: Path) -> Iterator[tuple[str, str]]:

@@ -23,28 +23,26 @@ from .text import ObjText
 
 
 def read_obj(given: MeshInput) -> list[Instance]:
-    """All faces of the file, in its order.
+    """All faces of the file, in its order, as triangles of one instance: no vertices are divided in OBJ.
 
-    Objects, groups and materials divide no vertices in OBJ, so the whole file is one instance. Polygons become
-    triangles. Normals are taken where every face has them and each vertex has only one. Negative indices count back
-    from their own line, as the format has it.
+    Normals are taken where every face has them and each vertex has only one.
 
     With `given.keep` its detail has texture coordinates, all normals, colours and materials.
 
-    Raises: MeshError, ValueError: as `ObjText.parse`.
+    Raises: MeshError, ValueError: as `ObjText`.
     """
-    folder, keep = given.path.parent, given.keep
-    file = ObjText.parse(given.file.read(), given.source)
+    folder = given.path.parent
+    file = ObjText(given.file.read(), given.source)
     normals = file.of_corners("vn")
     vertex_normals = normals and normals.at_vertices(file.corners, len(file.vertices), np.nan)
     triangles = triangulate(file.vertices, file.corners, file.sizes, given.source)
-    detail, unread = None, tuple[str, ...]()
-    if keep:
+    made = Instance(given.name, file.vertices, triangles.take(file.corners), vertex_normals, notes=triangles.notes)
+    if given.keep:
         detail, unread = obj_detail(file, folder, triangles, normals, vertex_normals is not None)
-    faces = triangles.take(file.corners)
-    opacity, notes = obj_opacity(file, folder, triangles) if given.alpha else (None, ())
-    notes = triangles.notes + (() if keep else notes)
-    made = Instance(given.name, file.vertices, faces, vertex_normals, None, notes, detail, unread, opacity=opacity)
+        made = replace(made, detail=detail, unread=unread)
+    if given.alpha:
+        opacity, notes = obj_opacity(file, folder, triangles)
+        made = replace(made, opacity=opacity, notes=made.notes + (() if given.keep else notes))
     return [replace(made, polygons=triangles.polygons)]
 
 
@@ -54,17 +52,15 @@ def read_textured_obj(data: bytes, name: str, source: str, folder: Path) -> tupl
     Every combination of a vertex with a texture coordinate, and with a normal where every face has them, becomes a
     vertex of its own, so that seams and hard edges stay. Faces have the alpha of their materials.
 
-    Args: data: the file's bytes. name: of the instance. source: the file, for messages. folder: where it is.
+    Args: source: the file, for messages. folder: where it is.
 
-    Raises: MeshError: as `read_obj`, or a corner without texture coordinates. ValueError: text that is not numbers.
+    Raises: MeshError, ValueError: as `ObjText`, or a corner without texture coordinates.
     """
-    file = ObjText.parse(data, source)
+    file = ObjText(data, source)
     normals, uv = file.of_corners("vn"), file.of_corners("vt")
     if uv is None:
         raise MeshError(source, "vt", "texture coordinates on every corner of a face", "none on some")
-    columns = [file.corners, uv.of]
-    if normals:
-        columns.append(normals.of)
+    columns = [file.corners, uv.of, *([normals.of] if normals else [])]
     first, corners = unique_rows(columns)
     kinds = np.stack(columns, axis=1)[first]
     triangles = triangulate(file.vertices, file.corners, file.sizes, source)

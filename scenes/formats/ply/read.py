@@ -47,13 +47,12 @@ def read_ply(given: MeshInput) -> list[Instance]:
         if column.sizes is not None:
             corners, sizes = whole(column.values), column.sizes
     triangles = triangulate(vertices, corners, sizes, source)
-    detail = None
+    made = Instance(given.name, vertices, triangles.take(corners), normals, notes=triangles.notes, up=header.up)
     if given.keep:
         kept = tuple(map(_declared, elements, header.elements)) if header.text else tuple(elements)
-        detail = ply_detail(kept, header.comments, corners, sizes, triangles)
-    made = Instance(given.name, vertices, triangles.take(corners), normals, None, triangles.notes, detail)
+        made = replace(made, detail=ply_detail(kept, header.comments, corners, sizes, triangles))
     w, profile = vertex.get("obscurance"), header.profile(vertex)
-    return [replace(made, w=w, profile=profile, up=header.up, polygons=triangles.polygons)]
+    return [replace(made, w=w, profile=profile, polygons=triangles.polygons)]
 
 
 def _read_text(data: bytes, header: PlyHeader, source: str) -> list[Element]:
@@ -93,9 +92,8 @@ def _declared(element: Element, declared: PlyElement) -> Element:
     """An element of a text file in its declared types; float is double where it would overflow, or move vertices."""
     single = {column.name: column.values for column in element.properties if column.sizes is None}
     far, made = False, []
-    if element.count and set("xyz") <= set(
-        single
-    ):  # where float32 moves them by more than its error of an extent about 0
+    if element.count and {*"xyz"} <= set(single):
+        # Where float32 moves vertices by more than its error of an extent about 0.
         vertices = np.stack([single[axis] for axis in "xyz"], axis=1)
         far = not np.abs(vertices.astype("f") - vertices).max() <= 1e-6 * np.ptp(vertices, axis=0).max()
     for column in element.properties:
@@ -125,15 +123,12 @@ def _read_rows(data: bytes, start: int, order: str, element: PlyElement) -> tupl
 
     Raises: struct.error: the data ends before that.
     """
-    if not element.count:
-        return _walk(data, start, order, element, 0)
-    first, _ = _walk(data, start, order, element, 1)
-    lengths = {column.name: int(column.sizes[0]) for column in first if column.sizes is not None}
+    first, _ = _walk(data, start, order, element, min(element.count, 1))
+    lengths = {column.name: int(column.sizes.sum()) for column in first if column.sizes is not None}
     row = element.row(lengths, order)
-    if start + element.count * row.itemsize > len(data):
-        return _walk(data, start, order, element, element.count)
-    rows = np.frombuffer(data, row, element.count, start)
-    if not all((rows[COUNT + name] == length).all() for name, length in lengths.items()):
+    fits = start + element.count * row.itemsize <= len(data)
+    rows = np.frombuffer(data, row, element.count if fits else 0, start)
+    if not fits or any((rows[COUNT + name] != length).any() for name, length in lengths.items()):
         return _walk(data, start, order, element, element.count)
     made = []
     for name, (kind, counted) in element.properties.items():

@@ -21,9 +21,8 @@ from .layout import COUNT, INDICES, PROFILE, PROFILE_COMMENT, UP_COMMENT, PlyEle
 
 OWN = "comment obscurance: 1 = open"
 GREY = "; red green blue = obscurance as sRGB"
-_COMMENTS = {"": "", "rgb": GREY, "a": "; alpha = obscurance"} | {
-    name[0]: f"; {name} = obscurance as sRGB" for name in RGB
-}
+_COMMENTS = {"": "", "rgb": GREY, "a": "; alpha = obscurance"}
+_COMMENTS |= {name[0]: f"; {name} = obscurance as sRGB" for name in RGB}
 _LONGEST = 1e38  # of a normal in float32
 _LONGEST_HEADER = 1 << 16
 
@@ -43,10 +42,8 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     Args: mesh_file: what was baked; its `detail` is what is kept.
     """
     detail, profile = mesh_file.detail, bake.profile
-    if detail and detail.elements:
-        elements, comments = detail.elements, list(detail.comments)
-    else:
-        elements, comments = _elements(mesh_file, detail), []
+    elements = detail.elements if detail and detail.elements else _elements(mesh_file, detail)
+    comments = list(detail.comments) if detail else []
     shown = channels.colors or ("" if has_own_colors(detail) else "rgb")
     axis = up_axis(mesh_file.mesh, channels.up)
     comments = [line for line in comments if not line.startswith(UP_COMMENT) or line == UP_COMMENT + axis]
@@ -84,15 +81,14 @@ def _annotate(element: Element, bake: Bake, shown: str) -> Element:
 
 def _elements(mesh_file: MeshFile, detail: Detail | None) -> tuple[Element, ...]:
     mesh = mesh_file.mesh
-    columns = [Property(axis, "f", mesh.vertices[:, number]) for number, axis in enumerate("xyz")]
-    columns = [column.fitting() for column in columns]
+    columns = [Property(axis, "f", mesh.vertices[:, number]).fitting() for number, axis in enumerate("xyz")]
     if any(column.kind == "d" for column in columns):
-        columns = [Property(column.name, "d", column.values) for column in columns]
+        columns = [replace(column, kind="d") for column in columns]
     if mesh.normals is not None:
         normals = np.nan_to_num(mesh.normals)
         longest = np.abs(normals).max(axis=1, keepdims=True)
         normals = (normals / np.where(longest > _LONGEST, longest, 1.0)).astype("<f4")
-        columns += [Property(axis, "f", normals[:, number]) for number, axis in enumerate(("nx", "ny", "nz"))]
+        columns += [Property(axis, "f", column) for axis, column in zip(("nx", "ny", "nz"), normals.T, strict=True)]
     sizes, corners = np.full(len(mesh.faces), 3), mesh.faces.ravel()
     lists = []
     if detail:

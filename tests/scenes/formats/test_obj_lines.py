@@ -87,7 +87,7 @@ def plain(data):
 
 
 def present(data):
-    file = ObjText.parse(data, "m")
+    file = ObjText(data, "m")
     painted = file.named("usemtl")
     materials = [None if of < 0 else painted.names[of] for of in painted.of]
     return file.vertices, file.colors, file.sizes, file.corners, file.of_corners("vn"), file.of_corners("vt"), materials
@@ -191,4 +191,4 @@ def test_numbers_about_midway_between_two_doubles_are_rounded_as_python_rounds_t
         digits = int(midway * Fraction(10) ** places)
         words += [f"{digits + step}e{-places}" for step in (0, 1)]
     text = "v " + "\nv ".join(map(" ".join, zip(*[iter(words)] * 3, strict=True)))
-    assert ObjText.parse(text.encode(), "m").vertices.ravel().tolist() == list(map(float, words))
+    assert ObjText(text.encode(), "m").vertices.ravel().tolist() == list(map(float, words))
