@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import InputError, OptionError
 from ..image.read import read_image
 from ..kernel.jit import inline
-from ..kernel.vector import add, dot, scale, subtract, triple
+from ..kernel.vector import add, dot, load, scale, subtract, triple
 from ..types import Float32s, Float64s
 from .layout import GROUND, HORIZON, MAP_HEIGHT, MAP_SLOPE, MAP_WIDTH, MAPS, SKY_WIDTH, UP, ZENITH
 from .sources import BaseLight, EnvironmentLight, SkyLight
@@ -187,15 +187,9 @@ def bilinear_map(texels, u, v):
     right = (left + 1) % MAP_WIDTH
     left = left % MAP_WIDTH
     return add(
-        scale(1.0 - t, add(scale(1.0 - s, texel(texels, upper, left)), scale(s, texel(texels, upper, right)))),
-        scale(t, add(scale(1.0 - s, texel(texels, upper + 1, left)), scale(s, texel(texels, upper + 1, right)))),
+        scale(1.0 - t, add(scale(1.0 - s, load(texels[upper], left)), scale(s, load(texels[upper], right)))),
+        scale(t, add(scale(1.0 - s, load(texels[upper + 1], left)), scale(s, load(texels[upper + 1], right)))),
     )
-
-
-@inline
-def texel(texels, row, column):
-    """RGB in double precision."""
-    return (np.float64(texels[row, column, 0]), np.float64(texels[row, column, 1]), np.float64(texels[row, column, 2]))
 
 
 @inline

@@ -1,11 +1,6 @@
-"""Light that arrives at a point, and conservative tests for lights that cannot matter there or anywhere in a box.
+"""Light that arrives at a point, and a conservative test for lights that bring nothing to a whole box."""
 
-Skipping is exact for a threshold of zero. With a threshold ε > 0 every skipped light would have brought at most ε of
-incident light in each channel, so what k skipped lights would have reflected is at most k ε times the material's
-`reflect` value: at most k ε for Phong-type materials, ρ k ε/π for Lambert.
-"""
-
-from math import acos, asin, inf, pi, sqrt
+from math import acos, asin, inf, sqrt
 
 from ..kernel.jit import inline
 from ..kernel.simd import select
@@ -60,58 +55,25 @@ def incident(kind, row, point):
 
 
 @inline
-def cannot_matter_at(kind, row, point, normal, threshold):
-    """Whether the light is behind `point`, does not reach it, or brings at most `threshold` in every channel.
+def cannot_matter_in(kind, row, low, high):
+    """Whether the light brings nothing to any point of the box [low, high]; False where that is not certain.
 
-    Not for two-sided materials where n·l ≤ 0: a light behind them matters.
-    """
-    l, _, rgb = incident(kind, row, point)
-    if kind != layout.AMBIENT and dot(normal, l) <= 0.0:
-        return True
-    return max(rgb[0], rgb[1], rgb[2]) <= threshold
-
-
-@inline
-def cannot_matter_in(kind, row, low, high, axis, spread, threshold):
-    """Whether `cannot_matter_at` holds in all of the box [low, high] for all normals within `spread` of `axis`.
-
-    Conservative: the box is bounded by its sphere where angles are concerned, by its nearest point for attenuation.
+    The box is bounded by its sphere where angles are concerned, by its nearest point for attenuation.
     """
     brightest = max(row[layout.INTENSITY], row[layout.INTENSITY + 1], row[layout.INTENSITY + 2])
-    if kind == layout.AMBIENT:
-        return brightest <= threshold
-    if kind == layout.DIRECTIONAL:
-        return brightest <= threshold or turned_away(scale(-1.0, triple(row, layout.DIRECTION)), 0.0, axis, spread)
-
+    if kind in (layout.AMBIENT, layout.DIRECTIONAL):
+        return brightest <= 0.0
     place = triple(row, layout.POSITION)
     nearest = 0.0
     for k in range(3):
         gap = max(low[k] - place[k], place[k] - high[k], 0.0)
         nearest += gap * gap
     # the hair's breadth covers the rounding of the distance
-    if brightest * radial(row, sqrt(nearest) * (1.0 - 1e-12)) <= threshold:
+    if brightest * radial(row, sqrt(nearest) * (1.0 - 1e-12)) <= 0.0:
         return True
-
-    centre = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2]))
-    towards, half = subtract(place, centre), scale(0.5, subtract(high, low))
-    distance, radius = sqrt(dot(towards, towards)), sqrt(dot(half, half))
-    if distance <= radius:
+    way, half = subtract(place, scale(0.5, add(low, high))), scale(0.5, subtract(high, low))
+    distance, radius = sqrt(dot(way, way)), sqrt(dot(half, half))
+    if kind != layout.SPOT or distance <= radius:
         return False
-    opening = asin(radius / distance)
-    l = scale(1.0 / distance, towards)
-    if turned_away(l, opening, axis, spread):
-        return True
-    outside = row[layout.HALF_ANGLE] + opening + 1e-9
-    return kind == layout.SPOT and angle(scale(-1.0, l), triple(row, layout.DIRECTION)) > outside
-
-
-@inline
-def angle(a, b):
-    """Angle between unit vectors, radians."""
-    return acos(max(-1.0, min(1.0, dot(a, b))))
-
-
-@inline
-def turned_away(l, opening, axis, spread):
-    """Whether every normal within `spread` of `axis` turns away from every direction within `opening` of l."""
-    return spread < 0.5 * pi and angle(l, axis) >= 0.5 * pi + opening + spread + 1e-9
+    cosine = -dot(scale(1.0 / distance, way), triple(row, layout.DIRECTION))
+    return acos(max(-1.0, min(1.0, cosine))) > row[layout.HALF_ANGLE] + asin(radius / distance) + 1e-9

@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import cos, radians
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, get_args
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -29,13 +29,6 @@ from ..mesh.normals import normalize
 from ..system.parameters import Direction, Finite, HalfAngle, Length, NonNegative, Parameters, Point, Radiance, made_of
 from ..types import Float64s, Int64s
 from . import layout
-
-
-class PackedLight(NamedTuple):
-    """A light as kernels take it: integer kind, and a float64 row of `WIDTH`."""
-
-    kind: int
-    row: Float64s
 
 
 class BaseLight(Parameters):
@@ -49,16 +42,15 @@ class LightSource(BaseLight):
 
     kind: ClassVar[int]
 
-    def pack(self) -> PackedLight:
-        """The kind and row that `raytrace.lights.kernels` takes."""
+    def pack(self) -> tuple[int, Float64s]:
+        """The kind and row (WIDTH,) that `raytrace.lights.kernels` takes."""
         row = np.zeros(layout.WIDTH)
-        row[layout.INTENSITY : layout.INTENSITY + 3] = self.intensity
-        row[layout.DIFFUSE :] = 1.0
         self._write(row)
-        return PackedLight(self.kind, row)
+        return self.kind, row
 
     def _write(self, row: Float64s) -> None:
-        """Write the columns after the intensity."""
+        row[layout.INTENSITY : layout.INTENSITY + 3] = self.intensity
+        row[layout.DIFFUSE :] = 1.0
 
 
 class _Directed(LightSource):
@@ -214,8 +206,8 @@ def pack_lights(lights: Sequence[LightSource]) -> tuple[Int64s, Float64s]:
     """Kinds (k,) int64 and rows (k, WIDTH) float64 of lights, and behind them of what these add to ambient light."""
     ambient = [AmbientLight(intensity=each.ambient) for each in lights if isinstance(each, _Directed)]
     packed = [light.pack() for light in (*lights, *(each for each in ambient if any(each.intensity)))]
-    kinds = np.array([p.kind for p in packed], np.int64)
-    return kinds, np.array([p.row for p in packed], np.float64).reshape(-1, layout.WIDTH)
+    rows = np.array([row for _, row in packed], np.float64).reshape(-1, layout.WIDTH)
+    return np.array([kind for kind, _ in packed], np.int64), rows
 
 
 def irradiance(

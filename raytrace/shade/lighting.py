@@ -171,7 +171,7 @@ def select_lights(geometry, lights, shading, scratch, packets):
     used = 0
     for j in range(len(lights.kinds)):
         kind, row = lights.kinds[j], lights.rows[j]
-        if kind == AMBIENT_LIGHT or cannot_matter_in(kind, row, low, high, (0.0, 0.0, 1.0), np.pi, 0.0):
+        if kind == AMBIENT_LIGHT or cannot_matter_in(kind, row, low, high):
             continue
         scratch.active[used] = j
         scratch.hidden[used] = obstructed(geometry.boxes, geometry.farthest, start, shift, kind, row)

@@ -8,8 +8,8 @@ import numpy as np
 from raytrace.brdf import layout
 from raytrace.brdf.dispatch import evaluate, terms
 from raytrace.kernel.jit import kernel
-from raytrace.kernel.vector import add, load, triple
-from raytrace.lights.kernels import cannot_matter_at, incident
+from raytrace.kernel.vector import add, dot, load, triple
+from raytrace.lights.kernels import incident
 from raytrace.lights.layout import AMBIENT
 from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight, SpotLight, pack_lights
 from raytrace.materials.materials import CookTorrance, Lambert, OrenNayar, Phong, pack_materials
@@ -27,10 +27,10 @@ def shade(kinds, rows, which, points, normals, viewers, light_kinds, light_rows,
         total = triple(row, layout.EMISSION)
         for j in range(len(light_kinds)):
             light, light_row = light_kinds[j], light_rows[j]
-            if cannot_matter_at(light, light_row, p, n, threshold):
+            l, _, arriving = incident(light, light_row, p)
+            if max(arriving) <= threshold or (light != AMBIENT and dot(n, l) <= 0.0):
                 skipped += 1
                 continue
-            l, _, arriving = incident(light, light_row, p)
             share = triple(row, layout.AMBIENT) if light == AMBIENT else evaluate(kind, row, n, l, v, none)
             total = add(total, (share[0] * arriving[0], share[1] * arriving[1], share[2] * arriving[2]))
         out[i, 0], out[i, 1], out[i, 2] = total
