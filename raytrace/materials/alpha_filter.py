@@ -21,7 +21,7 @@ THROUGH, MET_ALPHA, STOPPED, COUNT, LAYERS = range(ROOM, ROOM + 5)
 
 @kernel
 def filter_hits(call, opacity, first_face, rows):
-    """Embree's filter, as `filtered` has it. Args: as in `raytrace.shade.records.Geometry`."""
+    """Embree's filter, as `filtered` has it. Args: as in `raytrace.shade.layout.Geometry`."""
     valid, rays, hits, packet = filtered(call)
     opacity, first_face, rows, ids = borrow(opacity), borrow(first_face), borrow(rows), hits.view(np.int32)
     for k in range(len(valid)):

@@ -26,7 +26,7 @@ from ..mesh.opacity import Opacity, PackedOpacity
 from ..mesh.placement import Placement, RenderSpace, sample, to_single
 from ..scene import Object, Shape
 from ..settings import Normals
-from ..shade.records import Geometry
+from ..shade.layout import Geometry
 from ..shade.shaft_culling import SLACK, cluster, merged, pack_boxes
 from ..types import AnyFloats, Float32s, Float64s, Int64s
 from .polygon_outlines import Polygons, mesh_polygons

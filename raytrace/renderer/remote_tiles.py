@@ -11,9 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..shade.film import EDGE, TILE
-from ..shade.records import Film
+from ..shade.layout import COUNTERS, Film
 from ..shade.tile import mark_reopened
-from ..shade.workspace import COUNTERS
 from ..types import Bools, Float32s, Int64s
 from .render_job import RenderJob
 

@@ -17,12 +17,10 @@ from ..lights.sources import EnvironmentLight, SkyLight
 from ..mesh.opacity import opacity_bytes
 from ..scene import Scene
 from ..settings import Settings
-from ..shade import workspace
 from ..shade.camera_rays import place_camera
-from ..shade.film import EDGE, TILE
-from ..shade.records import Film
+from ..shade.film import EDGE, FIRST, TILE
+from ..shade.layout import FILM, LIGHTING, Film
 from ..shade.see_through import mark_seen
-from ..shade.shading_points import FILM, LIGHTING
 from ..system.checks import check_memory
 from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Int64s
@@ -111,7 +109,7 @@ def rendering_bytes(scene: Scene, settings: Settings, layers: bool, threads: int
     vertices, faces = sum(len(mesh.vertices) for mesh in meshes), sum(len(mesh.faces) for mesh in meshes)
     _, _, wide, high = whole_tiles(settings)
     film = 4 * wide * high * (FILM if layers else LAYERS["beauty"])
-    film += _EDGES * -(-wide // TILE) * -(-high // TILE) * (settings.samples > workspace.FIRST)
+    film += _EDGES * -(-wide // TILE) * -(-high // TILE) * (settings.samples > FIRST)
     surrounded = any(isinstance(light, SkyLight | EnvironmentLight) for light in scene.lights)
     rows = sum(len(item.shape.mesh.vertices) for item in scene.objects)
     two_sided = any(item.shape.material.two_sided for item in scene.objects)

@@ -9,30 +9,29 @@ import numpy as np
 
 from ..brdf.layout import TWO_SIDED
 from ..camera import Camera
+from ..embree.packets import new_packet
 from ..image.frame import LAYERS, Frame
 from ..image.texture import LazyTextures
 from ..kernel.arrays import aligned
-from ..lights.layout import AMBIENT as AMBIENT_LIGHT
+from ..kernel.simd import WIDE
 from ..settings import Settings, Shading
-from ..shade import workspace
+from ..shade import layout
 from ..shade.camera_rays import place_camera
-from ..shade.film import EDGE, TILE
+from ..shade.film import EDGE, FIRST, PACKETS, SUMS, TILE
 from ..shade.gouraud import GROUP, light_vertices
 from ..shade.interaction import GOURAUD
-from ..shade.records import Film, SceneArrays
-from ..shade.shading_points import FILM, LIGHTING
+from ..shade.layout import FILM, LIGHTING, Film, SceneArrays, Scratch, Style
 from ..shade.tile import render_tiles
-from ..shade.workspace import Scratch, Style, new_scratch
 from ..system.threads import run_blocks
 from ..types import Float64s, Int64s
 from .render_scene import RenderScene
 
 _SHADINGS = get_args(Shading)
 _FORMS = ("off", "ambient", "ambient and diffuse")
-_TRACED = {"primary": workspace.PRIMARY, "shadow": workspace.SHADOW_RAYS}
+_TRACED = {"primary": layout.PRIMARY, "shadow": layout.SHADOW_RAYS}
 _SKIPPED = {
-    "behind": workspace.BEHIND, "unreached": workspace.UNREACHED, "black": workspace.BLACK, "culled": workspace.CULLED,
-    "unobstructed": workspace.UNOBSTRUCTED, "background": workspace.BACKGROUND, "primary_agreed": workspace.RETIRED,
+    "behind": layout.BEHIND, "unreached": layout.UNREACHED, "black": layout.BLACK, "culled": layout.CULLED,
+    "unobstructed": layout.UNOBSTRUCTED, "background": layout.BACKGROUND, "primary_agreed": layout.RETIRED,
 }  # fmt: skip
 
 
@@ -90,9 +89,9 @@ class RenderJob:
         self._crop = settings.crop or (0, 0, settings.width, settings.height)
         self.columns, self.rows = -(-self._wide // TILE), -(-self._high // TILE)
         self.tiles = self.columns * self.rows
-        self.adaptive = settings.samples > workspace.FIRST
+        self.adaptive = settings.samples > FIRST
         self.channels = FILM if layers else LAYERS["beauty"]
-        self.counts = np.zeros(workspace.COUNTERS, np.int64)
+        self.counts = np.zeros(layout.COUNTERS, np.int64)
 
     def __reduce__(self) -> tuple[type[RenderJob], tuple[object, ...]]:
         return RenderJob, (*self._given, self.scene.lit_vertices)
@@ -111,7 +110,22 @@ class RenderJob:
         )
 
     def scratch(self) -> Scratch:
-        return new_scratch(len(self.scene.lights.kinds), len(self.geometry.textures), self.geometry.hit_filter)
+        lights, hit_filter = max(len(self.scene.lights.kinds), 1), self.geometry.hit_filter
+        pixels = np.arange(TILE * TILE, dtype=np.int32)  # row · TILE + column; blocks of 4×4 make a packet
+        return Scratch(
+            *new_packet(WIDE, True, hit_filter),
+            points=aligned((PACKETS, layout.WIDTH, WIDE), np.float32),
+            items=aligned((PACKETS, WIDE), np.int32),
+            sums=aligned((TILE * TILE, SUMS), np.float64),
+            order=pixels.reshape(TILE // 4, 4, TILE // 4, 4).transpose(0, 2, 1, 3).ravel(),
+            todo=aligned((TILE * TILE + WIDE,), np.int32),
+            active=np.zeros(lights, np.int64),
+            hidden=np.zeros(lights, np.bool_),
+            layers=aligned((PACKETS if hit_filter else 0, layout.COVER + 1, WIDE), np.float32),
+            going=aligned((PACKETS, WIDE), np.int32),
+            missing=np.zeros(len(self.geometry.textures), np.int64),
+            counts=np.zeros(layout.COUNTERS, np.int64),
+        )
 
     def render(self, film: Film, scratch: Scratch, tiles: tuple[int, int], again: bool = False) -> Int64s:
         """Render the tiles [first, end) of a film; returns counts of rays, int64 (COUNTERS,).
@@ -132,7 +146,7 @@ class RenderJob:
         if self.style.shading != GOURAUD:
             return
         lights, rows = self.scene.lights, len(self.scene.w)
-        shadows = self.style.shadows and (lights.kinds != AMBIENT_LIGHT).any()
+        shadows = self.style.shadows and len(lights.kinds)
         origins = self.geometry.vertex_origins if shadows else aligned((0, 3), np.float32)
         surrounded = len(lights.skies) + len(lights.harmonics) > 0
         sides = 2 if surrounded or self.scene.geometry.rows[:, TWO_SIDED].any() else 1

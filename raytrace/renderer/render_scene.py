@@ -16,7 +16,7 @@ from ..lights.kernels import incident
 from ..lights.sources import BaseLight, LightSource, pack_lights
 from ..scene import Object, Scene
 from ..settings import Normals
-from ..shade.records import Lights
+from ..shade.layout import Lights
 from ..types import Float32s, Float64s, Int64s
 from .geometry import BuiltGeometry, build_geometry, joined
 
@@ -95,7 +95,7 @@ def make_far_lights_directional(kinds: Int64s, rows: Float64s) -> None:
 
 
 def _place_lights(lights: tuple[BaseLight, ...], centre: Float64s, scale: float) -> Lights:
-    """Positions and attenuation in render space; black lights are left out."""
+    """Positions and attenuation in render space; black lights are left out, ambient ones added up."""
     kinds, rows = pack_lights([light for light in lights if isinstance(light, LightSource)])
     rows[:, light_rows.POSITION : light_rows.POSITION + 3] = scale * (
         rows[:, light_rows.POSITION : light_rows.POSITION + 3] - centre
@@ -108,5 +108,6 @@ def _place_lights(lights: tuple[BaseLight, ...], centre: Float64s, scale: float)
     rows[:, light_rows.INTENSITY : light_rows.INTENSITY + 3] /= largest
     rows[:, light_rows.INVERSE_RANGE] /= scale
     make_far_lights_directional(kinds, rows)
-    bright = rows[:, light_rows.INTENSITY : light_rows.INTENSITY + 3].any(axis=1)
-    return Lights(kinds[bright], rows[bright], *pack_environment(lights))
+    intensity, everywhere = rows[:, light_rows.INTENSITY : light_rows.INTENSITY + 3], kinds == light_rows.AMBIENT
+    kept = intensity.any(axis=1) & ~everywhere
+    return Lights(kinds[kept], rows[kept], intensity[everywhere].sum(axis=0), *pack_environment(lights))

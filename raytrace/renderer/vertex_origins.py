@@ -11,7 +11,7 @@ from ..mesh.placement import Placement
 from ..mesh.weld import CREASE, sum_groups, weld
 from ..ray_origins.origins import weld_points
 from ..settings import Normals
-from ..shade.records import Geometry
+from ..shade.layout import Geometry
 from ..types import Float32s, Float64s, Int64s
 
 INSTANCED = 4.0  # the ray's own way into an instance's frame is rounded too, as if coordinates were that large

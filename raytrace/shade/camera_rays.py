@@ -18,27 +18,20 @@ _CENTRE = np.empty((0, 4, 1))  # no sets of places: every ray goes through its p
 
 
 class View(NamedTuple):
-    """A camera in render space, and where in a pixel its samples fall.
-
-    Attributes:
-        eye, right, up, forward: float64 (3,). half: tangent of half the vertical angle, or half the height of an
-        orthographic view; orthographic: whether. lens: radius; focus: distance of what is sharp. width, height: of the
-        whole picture. offsets: float64 (sets, 4, samples), place in the pixel, from its centre, and on the unit lens;
-        no sets where every ray goes through its pixel's centre from the eye. key: uint32.
-    """
+    """A camera in render space, and where in a pixel its samples fall."""
 
     eye: Float64s
     right: Float64s
     up: Float64s
     forward: Float64s
-    half: float
+    half: float  # tangent of half the vertical angle, or half the height of an orthographic view
     orthographic: bool
-    lens: float
-    focus: float
-    width: int
+    lens: float  # radius
+    focus: float  # distance of what is sharp
+    width: int  # of the whole picture
     height: int
-    offsets: Float64s
-    key: Any
+    offsets: Float64s  # (sets, 4, samples), from the pixel's centre, and on the unit lens; no sets: all 0
+    key: Any  # uint32
 
 
 def place_camera(camera: Camera, settings: Settings, centre: Float64s, scale: float) -> View:

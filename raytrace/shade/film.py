@@ -7,11 +7,13 @@ import numpy as np
 from ..kernel.jit import inline
 from ..kernel.simd import WIDE, load_row, pick, scatter4, store_row
 from ..kernel.vector import add
-from . import shading_points as layout
-from .shading_points import load3
+from . import layout
+from .layout import load3
 
 _BITS = 4
 TILE = 1 << _BITS  # pixels a side
+FIRST = 4  # samples before a pixel may be retired
+PACKETS = TILE * TILE * FIRST // WIDE  # lit together
 # Columns of a pixel's float64 sums: the film's, and then
 SHADED, SAMPLES, LOW, HIGH = layout.FILM, layout.FILM + 1, layout.FILM + 2, layout.FILM + 5
 SUMS = layout.FILM + 8

@@ -10,12 +10,12 @@ from ..kernel.arrays import borrow
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, gather, gather3, lane_numbers, load_row, select, single, store_row
 from ..kernel.vector import add, dot, multiply, scale
-from . import shading_points as layout
+from . import layout
+from .film import PACKETS
 from .interaction import between, corner, corner_rows, lights_seen, towards_viewer, vertex_normal
-from .lighting import light_packets, visible_fraction
+from .layout import BOOK, OFF, lighting_column, load3, store1, store3
+from .lighting import light_packets
 from .polygon_shading import polygon_light
-from .shading_points import lighting_column, load3, store1, store3
-from .workspace import BOOK, OFF, PACKETS
 
 GROUP = PACKETS * WIDE  # vertices lit together
 
@@ -98,7 +98,7 @@ def interpolate_lit(packet, scene, item, mask, hits, style, face_normal):
         store1(packet, layout.UNSHADOWED, mask & behind, 0.0)
         store1(packet, layout.SHADOWED, mask & behind, 0.0)
     unshadowed, shadowed = load_row(packet, layout.UNSHADOWED), load_row(packet, layout.SHADOWED)
-    store1(packet, layout.SHADOW, mask, visible_fraction(unshadowed, shadowed))
+    store1(packet, layout.SHADOW, mask, select(unshadowed > 0.0, shadowed / unshadowed, 1.0))
     albedo, occlusion = load3(packet, layout.ALBEDO_MAP), load_row(packet, layout.OCCLUSION)
     store3(packet, layout.AMBIENT, mask, multiply(load3(packet, layout.AMBIENT), albedo))
     store3(packet, layout.DIFFUSE, mask, multiply(load3(packet, layout.DIFFUSE), albedo))

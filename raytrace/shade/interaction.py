@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 
 from ..brdf.layout import BRUSHED, GRAIN, TO_LIGHT, TWO_SIDED
 from ..kernel.jit import inline
-from ..kernel.simd import double, gather, gather3, select, single
+from ..kernel.simd import double, first, gather, gather3, pick, select, single
 from ..kernel.vector import add, choose, cross, dot, scale, subtract, triple, unit
 from ..mesh.interpolation import centroid, interpolate, phong_normal, quadratic_normal
 from ..mesh.placement import ULP
 from ..ray_origins.origins import OFFSET_ULPS
-from . import shading_points as layout
-from .shading_points import store1, store3
+from . import layout
+from .layout import store1, store3
 
 CONSTANT, FLAT, GOURAUD, PHONG, QUADRATIC = range(5)
 SMOOTH = 0.8660254037844387  # cos 30°: a computed normal that leans away farther marks a hard edge
@@ -27,18 +27,13 @@ def rotate(matrix, a):
 
 
 class PacketHits(NamedTuple):
-    """Hits of sixteen viewing rays, lanes.
+    """Hits of sixteen viewing rays, lanes."""
 
-    Attributes:
-        faces: int32, rows of the shapes' faces. u, v: float32 barycentrics, the weights of corners 1 and 2.
-        depth: float32, distance to the viewer. backward: unit directions against the rays, a triple.
-    """
-
-    faces: Any
-    u: Any
+    faces: Any  # int32, rows of the shapes' faces
+    u: Any  # float32 barycentrics, the weights of corners 1 and 2
     v: Any
-    depth: Any
-    backward: Any
+    depth: Any  # float32, distance to the viewer
+    backward: Any  # unit directions against the rays, a triple
 
 
 @inline
@@ -86,6 +81,13 @@ def corner_normal(geometry, item, vertices, face):
 def face_normal(edge1, edge2):
     """Unit normal of a face from two edges; their product is rounded only once, however thin the face."""
     return unit(rounded(scale(GROWN, cross(doubled(edge1), doubled(edge2)))))
+
+
+@inline
+def next_object(items, left):
+    """The object of the first of the lanes `left`, and the mask of those that are of it."""
+    item = pick(items, first(left))
+    return item, left & (items == item)
 
 
 @inline

@@ -12,61 +12,22 @@ from math import acos
 
 import numpy as np
 
-from ..brdf import layout as rows
 from ..brdf.ashikhmin_shirley import fifth
 from ..brdf.dispatch import terms_wide
-from ..brdf.layout import AMBIENT, GLOSS, GRAZING, SLOPE
-from ..embree.packets import DIR_X, ORG_X
+from ..brdf.layout import AMBIENT, EMISSION, GLOSS, GRAZING, SLOPE
 from ..kernel.jit import inline
-from ..kernel.simd import (
-    WIDE,
-    count,
-    double,
-    first,
-    highest,
-    lane_numbers,
-    load_row,
-    lowest,
-    pick,
-    select,
-    single,
-    some,
-    store_row,
-)
+from ..kernel.simd import WIDE, count, highest, lane_numbers, load_row, lowest, pick, select, some, store_row
 from ..kernel.vector import add, choose, dot, mirror, multiply, scale, subtract, triple, unit
-from ..lights import environment as environment
+from ..lights.environment import cone_visibility, harmonic_irradiance, map_radiance, sky_irradiance, sky_radiance
 from ..lights.kernels import cannot_matter_in, incident, towards
-from ..lights.layout import AMBIENT as AMBIENT_LIGHT
-from ..lights.layout import DIFFUSE, INTENSITY, SPECULAR
-from . import shading_points as layout
-from .interaction import CONSTANT, FLAT
-from .see_through import attenuate, transmittance
-from .shading_points import load3, store3
+from ..lights.layout import DIFFUSE, SPECULAR
+from . import layout
+from .interaction import CONSTANT, FLAT, next_object
+from .layout import BEHIND, BLACK, BOOK, CULLED, OFF, UNOBSTRUCTED, UNREACHED, load3, store3
+from .see_through import transmittance
 from .shaft_culling import obstructed
-from .workspace import BEHIND, BLACK, BOOK, CULLED, OFF, SHADOW_RAYS, UNOBSTRUCTED, UNREACHED
 
-SHORT = 1.0 - 1e-5  # of the way to a light: what touches the light itself is no obstacle
 DARK = (0.0, 0.0, 0.0)
-
-
-@inline
-def diffuse_ibl(lights, total, n):
-    """I_a about a direction n: sum of ambient lights, `total`, of skies and of an image."""
-    for sky in lights.skies:
-        total = add(total, environment.sky_irradiance(sky, n))
-    if len(lights.harmonics) > 0:
-        total = add(total, environment.harmonic_irradiance(lights.harmonics, n))
-    return total
-
-
-@inline
-def specular_ibl(lights, total, d, slope):
-    """L from a direction d, blurred for facets of RMS `slope`."""
-    for sky in lights.skies:
-        total = add(total, environment.sky_radiance(sky, d, slope))
-    if len(lights.harmonics) > 0:
-        total = add(total, environment.map_radiance(lights.maps, lights.frame, d, slope))
-    return total
 
 
 @inline
@@ -76,22 +37,29 @@ def lane_triple(packet, column, lane):
 
 
 @inline
-def reflect_environment(packet, lane, row, lights, total, style):
-    """Write the ambient light that a point reflects, of ambient lights, `total`, and of the environment."""
+def reflect_environment(packet, lane, row, lights, style):
+    """Write the ambient light that a point reflects, of ambient lights and of the environment."""
     n, v = lane_triple(packet, layout.NORMAL, lane), lane_triple(packet, layout.VIEW, lane)
     w, bent = 1.0, n
     if style.form != OFF:
         w, bent = np.float64(packet[layout.W, lane]), unit(lane_triple(packet, layout.BENT, lane))
         if dot(bent, n) <= 0.0:  # no bent normal is known, or the surface is seen from behind
             bent = n
-    arriving, reflectance = diffuse_ibl(lights, total, bent), triple(row, AMBIENT)
+    arriving, reflectance = triple(lights.ambient, 0), triple(row, AMBIENT)  # I_a about the bent normal
+    for sky in lights.skies:
+        arriving = add(arriving, sky_irradiance(sky, bent))
+    if len(lights.harmonics) > 0:
+        arriving = add(arriving, harmonic_irradiance(lights.harmonics, bent))
     slope, gloss, grazing = row[SLOPE], triple(row, GLOSS), triple(row, GRAZING)
-    mirrored, visible, rise = (0.0, 0.0, 0.0), 0.0, 0.0
+    mirrored, visible, rise = triple(lights.ambient, 0), 0.0, 0.0
     glossy = style.shading != CONSTANT and max(grazing[0], grazing[1], grazing[2]) > 0.0
     if glossy:
         r = mirror(n, v)
-        mirrored = specular_ibl(lights, total, r, slope)
-        visible = environment.cone_visibility(w, acos(max(-1.0, min(1.0, dot(bent, r)))), slope)
+        for sky in lights.skies:
+            mirrored = add(mirrored, sky_radiance(sky, r, slope))
+        if len(lights.harmonics) > 0:
+            mirrored = add(mirrored, map_radiance(lights.maps, lights.frame, r, slope))
+        visible = cone_visibility(w, acos(max(-1.0, min(1.0, dot(bent, r)))), slope)
         rise = fifth(1.0 - max(0.0, min(1.0, dot(n, v))))
     for c in range(3):
         # in single precision, as ambient light alone is reflected
@@ -106,29 +74,20 @@ def reflect_environment(packet, lane, row, lights, total, style):
 
 
 @inline
-def add_undirected(packet, items, geometry, total, form):
+def add_undirected(packet, items, geometry, ambient, form):
     """Write emission and reflected ambient light, which have no direction."""
     left = items >= 0
     albedo = load3(packet, layout.ALBEDO_MAP)
     w = load_row(packet, layout.W)
     while some(left):
-        item = pick(items, first(left))
-        mask = left & (items == item)
+        item, mask = next_object(items, left)
         material = geometry.rows[item]
-        reflected = multiply(multiply(triple(material, rows.AMBIENT), total), albedo)
+        reflected = multiply(multiply(triple(material, AMBIENT), triple(ambient, 0)), albedo)
         if form != OFF:
             reflected = scale(w, reflected)
         store3(packet, layout.AMBIENT, mask, reflected)
-        store3(packet, layout.EMISSION, mask, triple(material, rows.EMISSION))
+        store3(packet, layout.EMISSION, mask, triple(material, EMISSION))
         left = left & ~mask
-
-
-@inline
-def count_directed(lights):
-    directed = 0
-    for j in range(len(lights.kinds)):
-        directed += lights.kinds[j] != AMBIENT_LIGHT
-    return directed
 
 
 @inline
@@ -152,7 +111,7 @@ def corners(box):
 @inline
 def select_lights(geometry, lights, shading, scratch, packets):
     """Fill `active` and `hidden` of `scratch` with the lights that can matter to a point; returns how many do."""
-    nowhere = single(double(lane_numbers())) + np.float32(np.inf)
+    nowhere = select(lane_numbers() < 0, 0.0, np.inf)
     empty = (nowhere, nowhere, nowhere), scale(-1.0, (nowhere, nowhere, nowhere))
     points, origins, shifts = empty, empty, empty
     for e in range(packets):
@@ -171,31 +130,27 @@ def select_lights(geometry, lights, shading, scratch, packets):
     used = 0
     for j in range(len(lights.kinds)):
         kind, row = lights.kinds[j], lights.rows[j]
-        if kind == AMBIENT_LIGHT or cannot_matter_in(kind, row, low, high):
-            continue
-        scratch.active[used] = j
-        scratch.hidden[used] = obstructed(geometry.boxes, geometry.farthest, start, shift, kind, row)
-        used += 1
+        if not cannot_matter_in(kind, row, low, high):
+            scratch.active[used] = j
+            scratch.hidden[used] = obstructed(geometry.boxes, geometry.farthest, start, shift, kind, row)
+            used += 1
     return used
 
 
 @inline
 def light_packets(geometry, lights, style, scratch, packets):
-    total = DARK  # I_a
-    for j in range(len(lights.kinds)):
-        if lights.kinds[j] == AMBIENT_LIGHT:
-            total = add(total, triple(lights.rows[j], INTENSITY))
+    """Write the light that the first packets of `scratch.points` reflect."""
     points = 0
     for e in range(packets):
         items = load_row(scratch.items, e)
-        add_undirected(scratch.points[e], items, geometry, total, style.form)
+        add_undirected(scratch.points[e], items, geometry, lights.ambient, style.form)
         if len(lights.skies) + len(lights.harmonics) > 0:
             for lane in range(WIDE):
                 if pick(items, lane) >= 0:
-                    reflect_environment(scratch.points[e], lane, geometry.rows[pick(items, lane)], lights, total, style)
+                    reflect_environment(scratch.points[e], lane, geometry.rows[pick(items, lane)], lights, style)
         points += count(items >= 0)
     used = select_lights(geometry, lights, style.shading, scratch, packets) if points > 0 else 0
-    scratch.counts[CULLED] += (count_directed(lights) - used) * points
+    scratch.counts[CULLED] += (len(lights.kinds) - used) * points
     for e in range(packets):
         items = load_row(scratch.items, e)
         if some(items >= 0):
@@ -205,7 +160,7 @@ def light_packets(geometry, lights, style, scratch, packets):
 @inline
 def light_packet(packet, items, used, geometry, lights, style, scratch):
     """Add up the first `used` active lights of sixteen points."""
-    counts, opacity = scratch.counts, geometry.opacity
+    counts = scratch.counts
     point, ahead = load3(packet, layout.POINT), load3(packet, layout.ORIGIN)
     n, albedo = load3(packet, layout.NORMAL), load3(packet, layout.ALBEDO_MAP)
     seen = (items >= 0) & (load_row(packet, layout.FRONT) > 0.0)
@@ -237,30 +192,23 @@ def light_packet(packet, items, used, geometry, lights, style, scratch):
         brightness = reflected[0] + reflected[1] + reflected[2]
         bright = reached & (brightness > 0.0)
         counts[BLACK] += count(reached) - count(bright)
-        lit, part = bright, select(bright, 1.0, 0.0)
-        if style.shadows:
-            if scratch.hidden[a]:
-                if style.shading in (CONSTANT, FLAT):  # the light is the face's, δ(p, j) the sample's
-                    l, distance = towards(lights.kinds[j], lights.rows[j], origin)
-                lit, part = trace_shadow_rays(origin, bright, l, distance, geometry, scratch)
-            else:
-                counts[UNOBSTRUCTED] += count(bright)
-        body, highlight = attenuate(opacity, part, body), attenuate(opacity, part, highlight)
-        diffuse, specular = add(diffuse, choose(lit, body, DARK)), add(specular, choose(lit, highlight, DARK))
+        lit, part = bright, select(bright, 1.0, 1.0)
+        if style.shadows and scratch.hidden[a]:
+            if style.shading in (CONSTANT, FLAT):  # the light is the face's, δ(p, j) the sample's
+                l, distance = towards(lights.kinds[j], lights.rows[j], origin)
+            lit, part = transmittance(geometry, scratch, bright, origin, l, distance)
+        elif style.shadows:
+            counts[UNOBSTRUCTED] += count(bright)
+        diffuse = add(diffuse, choose(lit, scale(part, body), DARK))
+        specular = add(specular, choose(lit, scale(part, highlight), DARK))
         unshadowed += select(bright, brightness, 0.0)
-        shadowed += select(lit, attenuate(opacity, part, (brightness, brightness, brightness))[0], 0.0)
+        shadowed += select(lit, part * brightness, 0.0)
     for c in range(3):
         store_row(packet, layout.DIFFUSE + c, diffuse[c])
         store_row(packet, layout.SPECULAR + c, specular[c])
     store_row(packet, layout.UNSHADOWED, unshadowed)
     store_row(packet, layout.SHADOWED, shadowed)
-    store_row(packet, layout.SHADOW, visible_fraction(unshadowed, shadowed))
-
-
-@inline
-def visible_fraction(unshadowed, shadowed):
-    """The part of the light that δ lets through, 1 without light."""
-    return select(unshadowed > 0.0, shadowed / unshadowed, 1.0)
+    store_row(packet, layout.SHADOW, select(unshadowed > 0.0, shadowed / unshadowed, 1.0))
 
 
 @inline
@@ -270,21 +218,8 @@ def reflect(packet, items, reached, n, l, geometry):
     diffuse, specular = scale(0.0, n), scale(0.0, n)
     left = reached
     while some(left):
-        item = pick(items, first(left))
-        mask = left & (items == item)
+        item, mask = next_object(items, left)
         d, s = terms_wide(geometry.kinds[item], geometry.rows[item], n, l, view, tangent, mask)
         diffuse, specular = choose(mask, d, diffuse), choose(mask, s, specular)
         left = left & ~mask
     return diffuse, specular
-
-
-@inline
-def trace_shadow_rays(origin, wanted, l, distance, geometry, scratch):
-    """The `wanted` points that light reaches, a mask, and the part of it that does: `transmittance` of shadow rays."""
-    rays = scratch.rays
-    for axis in range(3):
-        store_row(rays, ORG_X + axis, origin[axis])
-        store_row(rays, DIR_X + axis, l[axis])
-    scratch.counts[SHADOW_RAYS] += count(wanted)
-    limit = min(distance * SHORT, geometry.farthest)
-    return transmittance(geometry.opacity, geometry, rays, scratch.valid, wanted, limit)

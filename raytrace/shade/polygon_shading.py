@@ -10,9 +10,9 @@ Source: Hormann & Floater 2006, "Mean Value Coordinates for Arbitrary Planar Pol
 from ..kernel.jit import inline
 from ..kernel.simd import gather, load_row, select, single, some
 from ..kernel.vector import add, choose, cross, dot, length, scale, subtract, unit
-from . import shading_points as layout
+from . import layout
 from .interaction import CONSTANT, FLAT, QUADRATIC, corner, corner_normal, towards_viewer, vertex_normal
-from .shading_points import lighting_column, load3, store1, store3
+from .layout import lighting_column, load3, store1, store3
 
 NEAR = 1e-9  # distance that counts as none, and sine of an angle that counts as 0 or π
 

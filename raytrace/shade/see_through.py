@@ -9,27 +9,27 @@ Where all is opaque, `opacity` is None, and kernels are compiled without any of 
 
 import numpy as np
 
-from ..embree.packets import GEOM_ID, INST_ID, PRIM_ID, TFAR, TNEAR, U, V, intersect16, occluded16
+from ..embree.packets import DIR_X, GEOM_ID, INST_ID, ORG_X, PRIM_ID, TFAR, TNEAR, U, V, intersect16, occluded16
 from ..kernel.jit import inline, kernel
-from ..kernel.simd import WIDE, double, lane_numbers, load_row, pick, select, single, some, store_row
-from ..kernel.vector import scale
+from ..kernel.simd import WIDE, count, lane_numbers, load_row, pick, select, some, store_row
 from ..materials import alpha_filter
 from ..materials.alpha_filter import LEAST, STEP
-from . import shading_points as layout
+from . import layout
 from .camera_rays import aim
-from .shading_points import BEGIN, BEHIND, COVER, THROUGH
+from .layout import BEGIN, COVER, NEXT, SHADOW_RAYS, THROUGH
 
 HALF = 0.5
+SHORT = 1.0 - 1e-5  # of the way to a light: what touches the light itself is no obstacle
 
 
 @inline
-def closest_hits(opacity, geometry, rays, valid, there):
+def closest_hits(geometry, rays, valid, there):
     """The closest hits of `rays` where the mask `there` is set, past holes.
 
     Returns: rows of the objects hit, −1 for none, and of their shapes' faces, int32 lanes; barycentrics u, v and
     distance, float32 lanes.
     """
-    if opacity is not None:
+    if geometry.opacity is not None:
         store_row(rays, alpha_filter.THROUGH, -1.0)
     store_row(valid, 0, there)
     intersect16(geometry.handle, rays, valid)
@@ -40,110 +40,59 @@ def closest_hits(opacity, geometry, rays, valid, there):
 
 
 @inline
-def behind(opacity, geometry, rays, items, distance, through):
-    """Continue viewing rays behind their `closest_hits`: a mask of the rays that do, and their transmittance."""
-    if opacity is None:
-        return items < items, through
-    through = through * (1.0 - load_row(rays, alpha_filter.STOPPED))
-    store_row(rays, TNEAR, distance + STEP)
-    store_row(rays, TFAR, geometry.farthest)
-    return (items >= 0) & (through > LEAST), through
+def transmittance(geometry, scratch, wanted, origin, l, distance):
+    """δ of shadow rays to a light: the product of 1 − alpha over all surfaces that they hit.
 
-
-@inline
-def transmittance(opacity, geometry, rays, valid, wanted, limit):
-    """δ of shadow rays up to the distances `limit`: the product of 1 − alpha over all surfaces that they hit.
-
-    Returns: the mask of the `wanted` rays that light passes along, and δ for `attenuate`, float32 lanes.
+    Returns: the mask of the `wanted` rays that light passes along, and δ there, float32 lanes.
     """
-    store_row(rays, TFAR, limit)
-    store_row(valid, 0, wanted)
-    if opacity is not None:
+    rays, part = scratch.rays, select(wanted, 1.0, 1.0)
+    for axis in range(3):
+        store_row(rays, ORG_X + axis, origin[axis])
+        store_row(rays, DIR_X + axis, l[axis])
+    store_row(rays, TFAR, min(distance * SHORT, geometry.farthest))
+    store_row(scratch.valid, 0, wanted)
+    if geometry.opacity is not None:
         store_row(rays, TNEAR, 0.0)
         store_row(rays, alpha_filter.THROUGH, 1.0)
         store_row(rays, alpha_filter.COUNT, 0.0)
-    occluded16(geometry.handle, rays, valid)
-    lit, part = wanted & (load_row(rays, TFAR) >= 0.0), limit
-    if opacity is not None:
-        part = select(lit, load_row(rays, alpha_filter.THROUGH), 0.0)
-    return lit, part
+    occluded16(geometry.handle, rays, scratch.valid)
+    scratch.counts[SHADOW_RAYS] += count(wanted)
+    if geometry.opacity is not None:
+        part = load_row(rays, alpha_filter.THROUGH)
+    return wanted & (load_row(rays, TFAR) >= 0.0), part
 
 
 @inline
-def attenuate(opacity, part, a):
-    """The triple `a` times the part of the light that passes; `a` itself where all is opaque."""
-    if opacity is None:
-        return a
-    return scale(part, a)
+def begin_layers(scratch, packets):
+    """Reset the viewing rays of the first packets, which have seen nothing yet."""
+    for e in range(packets):
+        kept = scratch.layers[e]
+        for column in range(layout.FILM):
+            store_row(kept, column, 0.0)
+        store_row(kept, layout.W, 1.0)
+        store_row(kept, layout.SHADOW, 1.0)
+        store_row(kept, layout.DEPTH, np.float32(np.inf))
+        store_row(kept, THROUGH, 1.0)
+        store_row(kept, BEGIN, 0.0)
+        store_row(scratch.going, e, lane_numbers() + e * WIDE)
 
 
 @inline
-def seen_packets(opacity, scratch):
-    """The packets that hold the light of viewing rays in the end: `layers`, or `points` where all is opaque."""
-    if opacity is None:
-        return scratch.points
-    return scratch.layers
-
-
-@inline
-def begin_layers(opacity, scratch, packets):
-    """Reset the viewing rays of the first `packets` packets, which have seen nothing yet; returns `packets`."""
-    if opacity is not None:
-        for e in range(packets):
-            kept = scratch.layers[e]
-            for column in range(layout.FILM):
-                store_row(kept, column, 0.0)
-            store_row(kept, layout.W, 1.0)
-            store_row(kept, layout.SHADOW, 1.0)
-            store_row(kept, layout.DEPTH, np.float32(np.inf))
-            store_row(kept, THROUGH, 1.0)
-            store_row(kept, BEGIN, 0.0)
-            store_row(scratch.going, e, lane_numbers() + e * WIDE)
-    return packets
-
-
-@inline
-def ray_numbers(opacity, scratch, e):
-    """Numbers of the viewing rays of packet e, lanes, −1 for none."""
-    if opacity is None:
-        return lane_numbers() + e * WIDE
-    return load_row(scratch.going, e)
-
-
-@inline
-def begin_behind(opacity, scratch, numbers):
-    """Start the rays of these `numbers` behind the layers that they have seen."""
-    if opacity is not None:
-        for lane in range(WIDE):
-            ray = max(pick(numbers, lane), 0)
-            scratch.rays[TNEAR, lane] = scratch.layers[ray // WIDE, BEGIN, ray % WIDE]
-
-
-@inline
-def keep_hits(opacity, scratch, e, distance):
-    """Store where the rays of packet e would go on, and the alpha of what they hit."""
-    if opacity is not None:
-        store_row(scratch.layers[e], BEHIND, distance + STEP)
-        store_row(scratch.layers[e], COVER, load_row(scratch.rays, alpha_filter.MET_ALPHA))
-
-
-@inline
-def composite(opacity, scratch, packets, layers):
+def composite(scratch, packets, layers):
     """Composite hits, or the background, behind earlier hits of their rays; returns the packets of rays that go on.
 
     Args: layers: whether all layers of a picture are wanted. Layers that are no light show the first surface behind
         which less than half of the light passes.
     """
     going = 0
-    if opacity is not None:
-        for e in range(packets):
-            for lane in range(WIDE):
-                ray = scratch.going[e, lane]
-                if ray >= 0 and composite_ray(scratch, e, lane, scratch.layers[ray // WIDE], ray % WIDE, layers):
-                    scratch.going[going // WIDE, going % WIDE] = ray
-                    going += 1
-        for place in range(going, -(-going // WIDE) * WIDE):
-            scratch.going[place // WIDE, place % WIDE] = -1
+    for e in range(packets):
+        for lane in range(WIDE):
+            ray = scratch.going[e, lane]
+            if ray >= 0 and composite_ray(scratch, e, lane, scratch.layers[ray // WIDE], ray % WIDE, layers):
+                scratch.going[going // WIDE, going % WIDE] = ray
+                going += 1
+    for place in range(going, -(-going // WIDE) * WIDE):
+        scratch.going[place // WIDE, place % WIDE] = -1
     return -(-going // WIDE)
 
 
@@ -160,7 +109,7 @@ def composite_ray(scratch, e, lane, kept, ray, layers):
     if layers and met and through > HALF and left <= HALF:
         for column in range(layout.W, layout.FILM):
             kept[column, ray] = packet[column, lane]
-    kept[layout.ALPHA, ray], kept[THROUGH, ray], kept[BEGIN, ray] = np.float32(1.0) - left, left, noted[BEHIND, lane]
+    kept[layout.ALPHA, ray], kept[THROUGH, ray], kept[BEGIN, ray] = np.float32(1.0) - left, left, noted[NEXT, lane]
     return met and left > 0.0
 
 
@@ -177,11 +126,16 @@ def mark_seen(geometry, view, columns, rows, rays, valid, seen, whole):
             pixels = lane_numbers() + x
             for sample in range(max(1, view.offsets.shape[2])):
                 aim(rays, view, pixels, 0 * pixels + y, 0 * pixels + sample, geometry.farthest)
-                there, through = pixels < right, single(double(0 * pixels + 1))
+                there, through = pixels < right, select(pixels < right, 1.0, 1.0)
                 while some(there):
-                    items, faces, _, _, distance = closest_hits(geometry.opacity, geometry, rays, valid, there)
+                    items, faces, _, _, distance = closest_hits(geometry, rays, valid, there)
                     mark_corners(geometry, items, faces, seen, whole)
-                    there, through = behind(geometry.opacity, geometry, rays, items, distance, through)
+                    there = items < items
+                    if geometry.opacity is not None:
+                        through = through * (1.0 - load_row(rays, alpha_filter.STOPPED))
+                        there = (items >= 0) & (through > LEAST)
+                        store_row(rays, TNEAR, distance + STEP)
+                        store_row(rays, TFAR, geometry.farthest)
 
 
 @inline

@@ -11,7 +11,7 @@ from ..kernel.vector import add, cross, dot, multiply, perpendicular, scale
 from ..mesh.interpolation import interpolate
 from .camera_rays import pixel_width
 from .interaction import between, corner_rows, doubled, edges, rounded, tangents
-from .shading_points import ALBEDO_MAP, NORMAL, OCCLUSION, TANGENT, W, load3, store1, store3
+from .layout import ALBEDO_MAP, NORMAL, OCCLUSION, TANGENT, W, load3, store1, store3
 
 NOWHERE = 1e-4  # squared length of a direction: 8 bits have no exact zero
 

@@ -7,35 +7,22 @@ known only when all tiles have been rendered, so pixels that one of them is unli
 import numpy as np
 
 from ..brdf.layout import ALPHA, MODEL
-from ..embree.packets import DIR_X
+from ..embree.packets import DIR_X, TNEAR
 from ..kernel.arrays import borrow
 from ..kernel.jit import inline, kernel
-from ..kernel.simd import (
-    WIDE,
-    count,
-    double,
-    first,
-    gather,
-    lane_numbers,
-    load_row,
-    pick,
-    select,
-    single,
-    some,
-    store_row,
-)
+from ..kernel.simd import WIDE, count, double, gather, lane_numbers, load_row, pick, select, single, some, store_row
 from ..kernel.vector import multiply, scale, triple
-from . import shading_points as layout
+from ..materials.alpha_filter import MET_ALPHA, STEP
+from . import layout
 from .camera_rays import aim
-from .film import TILE, accumulate, clear, column_of, converged, mean, reopened, row_of, store_edge, write_pixels
+from .film import FIRST, TILE, accumulate, clear, column_of, converged, mean, reopened, row_of, store_edge, write_pixels
 from .gouraud import interpolate_lit
-from .interaction import GOURAUD, PacketHits, write_hits
-from .lighting import count_directed, light_packets
+from .interaction import GOURAUD, PacketHits, next_object, write_hits
+from .layout import BACKGROUND, BEGIN, COVER, NEXT, PRIMARY, RETIRED, load3, store1, store3
+from .lighting import light_packets
 from .polygon_shading import write_polygons
-from .see_through import begin_behind, begin_layers, closest_hits, composite, keep_hits, ray_numbers, seen_packets
-from .shading_points import load3, store1, store3
+from .see_through import begin_layers, closest_hits, composite
 from .texturing import map_albedo, map_grain, map_occlusion, map_vertex_colours
-from .workspace import BACKGROUND, FIRST, PRIMARY, RETIRED
 
 
 @kernel
@@ -48,7 +35,7 @@ def render_tiles(scene, view, style, film, scratch, span, again):
     Args: again: only the pixels that need all samples after all, by the `edges` that a first call for all tiles wrote.
     """
     scene, view, film, scratch = borrow(scene), borrow(view), borrow(film), borrow(scratch)
-    todo, points = scratch.todo, seen_packets(scene.geometry.opacity, scratch)
+    todo, points = scratch.todo, scratch.points if scene.geometry.opacity is None else scratch.layers
     high, wide, _ = film.pixels.shape
     columns = -(-wide // TILE)
     for tile in range(span[0], span[1]):
@@ -126,11 +113,14 @@ def trace_samples(scene, view, style, scratch, corner, work, samples):
         how many of each pixel.
     """
     (pending, packets), (done, batch) = work, samples
-    opacity, each, directed = scene.geometry.opacity, WIDE // batch, count_directed(scene.lights)
-    traced = begin_layers(opacity, scratch, packets)
+    opacity, each, traced = scene.geometry.opacity, WIDE // batch, packets
+    if opacity is not None:
+        begin_layers(scratch, packets)
     while traced > 0:  # once, where all surfaces are opaque
         for e in range(traced):
-            numbers = ray_numbers(opacity, scratch, e)
+            numbers = lane_numbers() + e * WIDE  # of viewing rays, −1 for none
+            if opacity is not None:
+                numbers = load_row(scratch.going, e)
             turn = ((numbers & (WIDE - 1)) * (256 // batch + 1)) >> 8  # number // batch, in a packet
             place = turn + (numbers >> 4) * each
             there = (numbers >= 0) & (turn < each) & (place < pending)
@@ -138,14 +128,17 @@ def trace_samples(scene, view, style, scratch, corner, work, samples):
             sample = (numbers & (WIDE - 1)) - turn * batch + done
             x, y = column_of(pixels) + corner[0], row_of(pixels) + corner[1]
             start = aim(scratch.rays, view, x, y, select(there, sample, 0), scene.geometry.farthest)
-            begin_behind(opacity, scratch, numbers)
+            if opacity is not None:  # rays start behind the layers that they have seen
+                for lane in range(WIDE):
+                    ray = max(pick(numbers, lane), 0)
+                    scratch.rays[TNEAR, lane] = scratch.layers[ray // WIDE, BEGIN, ray % WIDE]
             items = trace_packet(scene, view, style, scratch, e, start, there)
             store_row(scratch.items, e, items)
             scratch.counts[PRIMARY] += count(there)
-            scratch.counts[BACKGROUND] += count(there & (items < 0)) * directed
+            scratch.counts[BACKGROUND] += count(there & (items < 0)) * len(scene.lights.kinds)
         if style.shading != GOURAUD:
             light_packets(scene.geometry, scene.lights, style, scratch, traced)
-        traced = composite(opacity, scratch, traced, style.layers)
+        traced = 0 if opacity is None else composite(scratch, traced, style.layers)
 
 
 @inline
@@ -155,9 +148,16 @@ def trace_packet(scene, view, style, scratch, e, start, there):
     Args: start: distance from the viewer at which the rays begin. Returns the rows of the objects hit, −1 for none.
     """
     geometry, rays, packet = scene.geometry, scratch.rays, scratch.points[e]
-    items, faces, u, v, distance = closest_hits(geometry.opacity, geometry, rays, scratch.valid, there)
-    keep_hits(geometry.opacity, scratch, e, distance)
-    clear_packet(packet, style)
+    items, faces, u, v, distance = closest_hits(geometry, rays, scratch.valid, there)
+    if geometry.opacity is not None:  # where the rays would go on, and the alpha of what they hit
+        store_row(scratch.layers[e], NEXT, distance + STEP)
+        store_row(scratch.layers[e], COVER, load_row(rays, MET_ALPHA))
+    for column in range(layout.BEAUTY, layout.FILM if style.layers else layout.W):
+        store_row(packet, column, 1.0 if layout.W <= column <= layout.SHADOW else 0.0)
+    for c in range(3):
+        store_row(packet, layout.EMISSION + c, style.background[c])
+    store_row(packet, layout.UNSHADOWED, 0.0)
+    store_row(packet, layout.SHADOWED, 0.0)
     left = items >= 0
     depth = start + distance
     hits = PacketHits(faces, u, v, depth, scale(-1.0, load3(rays, DIR_X)))
@@ -165,8 +165,7 @@ def trace_packet(scene, view, style, scratch, e, start, there):
         store_row(packet, layout.DEPTH, select(left, depth, np.inf))
         store_row(packet, layout.ID, single(double(items + 1)))
     while some(left):
-        item = pick(items, first(left))
-        mask = left & (items == item)
+        item, mask = next_object(items, left)
         face_normal = write_hits(packet, scene, item, mask, hits, view, style)
         if len(geometry.polygons) > 0:
             write_polygons(packet, geometry, item, mask, hits, view, style, face_normal)
@@ -183,13 +182,3 @@ def trace_packet(scene, view, style, scratch, e, start, there):
             interpolate_lit(packet, scene, item, mask, hits, style, face_normal)
         left = left & ~mask
     return items
-
-
-@inline
-def clear_packet(packet, style):
-    for column in range(layout.BEAUTY, layout.FILM if style.layers else layout.W):
-        store_row(packet, column, 1.0 if layout.W <= column <= layout.SHADOW else 0.0)
-    for c in range(3):
-        store_row(packet, layout.EMISSION + c, style.background[c])
-    store_row(packet, layout.UNSHADOWED, 0.0)
-    store_row(packet, layout.SHADOWED, 0.0)
