@@ -5,7 +5,6 @@ import json
 import os
 import secrets
 import shutil
-import stat
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -40,7 +39,7 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
         yield content
         _to_standard_output(content.getbuffer())
         return
-    with _replacing(path) as (_, handle), os.fdopen(handle, "wb") as file:
+    with _beside(path) as (_, handle), os.fdopen(handle, "wb") as file:
         yield file
         file.flush()
         os.fsync(file.fileno())
@@ -59,7 +58,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
             yield made
             _to_standard_output(made.read_bytes())
         return
-    with _replacing(path) as (temporary, handle):
+    with _beside(path) as (temporary, handle):
         os.close(handle)
         yield temporary
         with temporary.open("rb+") as file:
@@ -67,28 +66,27 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 @contextmanager
-def _replacing(path: str | os.PathLike[str]) -> Iterator[tuple[Path, int]]:
-    """A temporary file, and its open handle, that replaces `path` when the block ends without an exception."""
+def _beside(path: str | os.PathLike[str], replaces: bool = True) -> Iterator[tuple[Path, int]]:
+    """A temporary file and its open handle; it replaces `path`, if at all, when the block ends without an exception."""
     try:
         target = _regular_target(path)
         _remove_left_over(target.parent)
-        temporary, lock = _beside(target), -1
+        temporary, lock = _temporary_name(target), -1
         try:  # from before the file is there: an interrupt may come as it is opened
             handle = _create(temporary)
             if sys.platform != "win32":
                 lock = os.dup(handle)
             yield temporary, handle
-            os.replace(temporary, target)
-        except BaseException:
+            if replaces:
+                os.replace(temporary, target)
+        finally:
             with suppress(OSError):
                 temporary.unlink()
-            raise
-        finally:
             if lock >= 0:
                 os.close(lock)
+    except OutputError:
+        raise
     except OSError as reason:
-        if isinstance(reason, OutputError):
-            raise
         raise _cannot_write(path, reason) from None
 
 
@@ -100,7 +98,7 @@ def scratch_folder(target: str | os.PathLike[str]) -> Iterator[Path]:
         OutputError: it cannot be made.
     """
     for again in (False, True):  # the first may be taken for one of the dead's before it is locked
-        folder = _beside(Path(target).absolute())
+        folder = _temporary_name(Path(target).absolute())
         try:
             _remove_left_over(folder.parent)
             folder.mkdir()
@@ -158,19 +156,8 @@ def check_writable(path: str | os.PathLike[str]) -> None:
         if sys.stdout.isatty():
             raise OutputError("standard output: cannot write: it is a terminal; pipe it, or name a file")
         return
-    try:
-        target = _regular_target(path)
-        _remove_left_over(target.parent)
-        temporary = _beside(target)
-        try:
-            os.close(_create(temporary))
-        finally:
-            with suppress(OSError):
-                temporary.unlink()
-    except OSError as reason:
-        if isinstance(reason, OutputError):
-            raise
-        raise _cannot_write(path, reason) from None
+    with _beside(path, replaces=False) as (_, handle):
+        os.close(handle)
 
 
 def _regular_target(path: str | os.PathLike[str]) -> Path:
@@ -180,12 +167,12 @@ def _regular_target(path: str | os.PathLike[str]) -> Path:
         raise OutputError(f"{os.fspath(path)}: cannot write: there is no folder {target.parent}")
     if target.is_dir():
         raise OutputError(f"{os.fspath(path)}: cannot write: it is a folder")
-    if target.exists() and not stat.S_ISREG(target.stat().st_mode):
+    if target.exists() and not target.is_file():
         raise OutputError(f"{os.fspath(path)}: cannot write: it is not a regular file")
     return target
 
 
-def _beside(target: Path) -> Path:
+def _temporary_name(target: Path) -> Path:
     return target.parent / f"{_BEGIN}{secrets.token_hex(6)}{_END}"
 
 

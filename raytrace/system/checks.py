@@ -8,8 +8,8 @@ import re
 import stat
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
-from typing import NamedTuple
 
 from ..errors import InputError, MemoryLimitError, OptionError, OutputError
 from .atomic import check_writable
@@ -20,7 +20,6 @@ _ADDRESSES, _RESIDENT, _DATA = 0, 1, 5  # columns of /proc/self/statm
 _UNTOUCHED = 640 << 20, 192 << 20  # addresses, private memory: reserved by libraries, stacks, arenas
 Name = str | os.PathLike[str]
 _MOST = 1 << 28  # bytes of a report or scene; anything larger is none
-_OBJECTS = re.compile(rb"^[ \t]*(\[\[[ \t]*objects[ \t]*\]\]|objects[ \t]*=)", re.MULTILINE)
 
 
 def available(root: Path = Path("/")) -> int | None:
@@ -33,14 +32,9 @@ def available(root: Path = Path("/")) -> int | None:
 
 
 def check_memory(source: object, needed: int, work: str, instead: dict[str, int] | None = None) -> None:
-    """Refuse work that does not fit.
+    """Refuse work, such as "to bake 8 vertices", that takes more than is available. Raises: MemoryLimitError.
 
-    Args:
-        source: what to name in the message. needed: bytes beyond the memory in use. work: such as "to bake 8 vertices".
-        instead: bytes that other ways to reach the same need, by name, best first.
-
-    Raises:
-        MemoryLimitError: less than `needed` is available.
+    Args: needed: bytes beyond the memory in use. instead: bytes that other ways to reach the same need, best first.
     """
     free = available()
     if free is None or needed <= free:
@@ -52,9 +46,12 @@ def check_memory(source: object, needed: int, work: str, instead: dict[str, int]
     )
 
 
-def in_use(proc: Path = Path("/proc")) -> int | None:
-    """Bytes that this process holds now; None where the system does not say."""
-    return _pages(proc, _RESIDENT)
+def in_use(proc: Path = Path("/proc"), column: int = _RESIDENT) -> int | None:
+    """Bytes that this process holds now, or what another column of `statm` says; None where the system does not."""
+    try:
+        return int((proc / "self" / "statm").read_text().split()[column]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:
+        return None
 
 
 def size_text(size: int) -> str:
@@ -80,28 +77,22 @@ def _control_groups(root: Path) -> Iterator[int]:
     for group in groups:
         _, controllers, path = group.split(":", 2)
         if controllers == "":
-            mount, names = mounts, ("memory.max", "memory.current", "")
+            mount, limit_name, used_name, prefix = mounts, "memory.max", "memory.current", ""
         elif "memory" in controllers.split(","):
-            mount = mounts / "memory"
-            names = "memory.limit_in_bytes", "memory.usage_in_bytes", "total_"
+            mount, prefix = mounts / "memory", "total_"
+            limit_name, used_name = "memory.limit_in_bytes", "memory.usage_in_bytes"
         else:
             continue
         own = mount / path.lstrip("/")
         for folder in (own, *own.parents):
-            yield from _remaining(folder, *names)
+            with suppress(OSError, ValueError):
+                limit = int((folder / limit_name).read_text())  # v2 has the word max where there is none
+                if limit < _NO_LIMIT:
+                    statistics = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
+                    files = sum(int(statistics.get(f"{prefix}{kind}_file", 0)) for kind in ("active", "inactive"))
+                    yield limit - int((folder / used_name).read_text()) + files
             if folder == mount:
                 break
-
-
-def _remaining(folder: Path, limit: str, used: str, prefix: str) -> Iterator[int]:
-    try:
-        limit_bytes = int((folder / limit).read_text())  # v2 has the word max where there is none
-        if limit_bytes < _NO_LIMIT:
-            statistics = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
-            files = sum(int(statistics.get(f"{prefix}{kind}_file", 0)) for kind in ("active", "inactive"))
-            yield limit_bytes - int((folder / used).read_text()) + files
-    except (OSError, ValueError):
-        return
 
 
 def _own_limits(proc: Path) -> Iterator[int]:
@@ -110,50 +101,30 @@ def _own_limits(proc: Path) -> Iterator[int]:
         return
     import resource
 
-    resident = _pages(proc, _RESIDENT) or 0
+    resident = in_use(proc) or 0
     kinds = (resource.RLIMIT_AS, _ADDRESSES), (resource.RLIMIT_DATA, _DATA)
     for (kind, column), untouched in zip(kinds, _UNTOUCHED, strict=True):
         limit = resource.getrlimit(kind)[0]
         if limit != resource.RLIM_INFINITY:
-            yield limit - resident - max((_pages(proc, column) or 0) - resident, untouched)
-
-
-def _pages(proc: Path, column: int) -> int | None:
-    """Bytes that a column of `statm` says, None without one."""
-    try:
-        return int((proc / "self" / "statm").read_text().split()[column]) * os.sysconf("SC_PAGE_SIZE")
-    except OSError:
-        return None
+            yield limit - resident - max((in_use(proc, column) or 0) - resident, untouched)
 
 
 def check_regular(path: Path, kind: str, fault: type[InputError] = InputError, source: str | None = None) -> None:
-    """Refuse a path to anything but a regular file.
+    """Refuse a path to anything but a regular file or a link to one. Raises: `fault`; OSError: it can't be looked at.
 
-    Args:
-        path: symbolic links are followed. kind: what the message expects, such as "an image file".
-        fault: the class to raise. source: what the message calls the file; by default `path`.
-
-    Raises:
-        InputError: of the class `fault`: there is no such file, or it is a folder, a device or a pipe.
-        OSError: the system does not let it be looked at.
+    Args: kind: what the message expects, such as "an image file". source: what it calls the file; by default `path`.
     """
     name = str(path) if source is None else source
     try:
         mode = path.stat().st_mode
     except (FileNotFoundError, ValueError):  # the latter of a name with a null byte
         raise fault(name, "file", "an existing file", "none") from None
-    if stat.S_ISDIR(mode):
-        raise fault(name, "file", kind, "a folder")
     if not stat.S_ISREG(mode):
-        raise fault(name, "file", kind, "something that is not a regular file")
+        what = "a folder" if stat.S_ISDIR(mode) else "something that is not a regular file"
+        raise fault(name, "file", kind, what)
 
 
-class _Kind(NamedTuple):
-    """A kind of file that may be replaced: its name, and its first bytes or a test of all of them."""
-
-    name: str
-    starts: tuple[bytes, ...] = ()
-    is_one: Callable[[bytes], bool] | None = None
+_SCENE = re.compile(rb"^[ \t]*(\[\[[ \t]*objects[ \t]*\]\]|objects[ \t]*=)", re.MULTILINE)
 
 
 def _is_page(content: bytes) -> bool:
@@ -164,23 +135,20 @@ def _is_report(content: bytes) -> bool:
     return content.lstrip()[:1] == b"{" and b'"versions"' in content and b'"obscurance"' in content
 
 
-_TIFF = _Kind("a TIFF picture", (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"))
-_JPEG = _Kind("a JPEG picture", (b"\xff\xd8\xff",))
-_KINDS = {
-    ".npy": _Kind("a NumPy array", (b"\x93NUMPY",)),
-    ".npz": _Kind("a NumPy archive", (b"PK\x03\x04", b"PK\x05\x06")),
-    ".ply": _Kind("a PLY mesh", (b"ply\n", b"ply\r")),
-    ".glb": _Kind("a GLB file", (b"glTF",)),
-    ".exr": _Kind("an OpenEXR picture", (b"\x76\x2f\x31\x01",)),
-    ".png": _Kind("a PNG picture", (b"\x89PNG\r\n\x1a\n",)),
-    ".tif": _TIFF,
-    ".tiff": _TIFF,
-    ".jpg": _JPEG,
-    ".jpeg": _JPEG,
-    ".json": _Kind("a report of obscurance", is_one=_is_report),
-    ".html": _Kind("a page of obscurance", is_one=_is_page),
-    ".toml": _Kind("a scene", is_one=lambda content: bool(_OBJECTS.search(content))),
+_KINDS: dict[tuple[str, ...], tuple[str, tuple[bytes, ...] | Callable[[bytes], object]]] = {
+    (".npy",): ("a NumPy array", (b"\x93NUMPY",)),
+    (".npz",): ("a NumPy archive", (b"PK\x03\x04", b"PK\x05\x06")),
+    (".ply",): ("a PLY mesh", (b"ply\n", b"ply\r")),
+    (".glb",): ("a GLB file", (b"glTF",)),
+    (".exr",): ("an OpenEXR picture", (b"\x76\x2f\x31\x01",)),
+    (".png",): ("a PNG picture", (b"\x89PNG\r\n\x1a\n",)),
+    (".tif", ".tiff"): ("a TIFF picture", (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")),
+    (".jpg", ".jpeg"): ("a JPEG picture", (b"\xff\xd8\xff",)),
+    (".json",): ("a report of obscurance", _is_report),
+    (".html",): ("a page of obscurance", _is_page),
+    (".toml",): ("a scene", _SCENE.search),
 }
+"""Files that may be replaced, by their endings: a name, and their first bytes or a test of all of them."""
 
 
 def check_outputs(outputs: Mapping[str, Name | None], inputs: Iterable[Name] = ()) -> None:
@@ -205,7 +173,9 @@ def check_outputs(outputs: Mapping[str, Name | None], inputs: Iterable[Name] = (
         check_writable(path)
         identity = _identity(path)
         if identity in read:
-            raise OptionError(option, "a file that is not read", _also(path, read[identity], "an input"))
+            other = os.fspath(read[identity])
+            alias = "" if os.fspath(path) == other else f": {other}"
+            raise OptionError(option, "a file that is not read", f"{os.fspath(path)}, an input{alias}")
         if identity in written:
             raise OptionError(option, f"another file than {written[identity]}", f"{os.fspath(path)}, the same file")
         written[identity] = option
@@ -237,20 +207,16 @@ def _identity(path: Name) -> object:
     return os.path.normcase(os.path.realpath(path))
 
 
-def _also(path: Name, other: Name, role: str) -> str:
-    alias = "" if os.fspath(path) == os.fspath(other) else f": {os.fspath(other)}"
-    return f"{os.fspath(path)}, {role}{alias}"
-
-
 def _check_kind(option: str, path: Name) -> None:
-    kind = _KINDS.get(Path(path).suffix.lower())
-    if kind is None or not os.path.exists(path):
-        return
-    try:
-        size = os.path.getsize(path)
-        with open(path, "rb") as file:
-            content = file.read(16) if kind.starts else file.read(_MOST)
-    except OSError as reason:
-        raise OptionError(option, f"a free name or {kind.name} to replace", f"{path}: {reason.strerror}") from None
-    if size and not (content.startswith(kind.starts) if kind.is_one is None else kind.is_one(content)):
-        raise OptionError(option, f"a free name or {kind.name} to replace", f"{os.fspath(path)}, another kind of file")
+    for endings, (name, is_one) in _KINDS.items():
+        if Path(path).suffix.lower() not in endings or not os.path.exists(path):
+            continue
+        try:
+            with open(path, "rb") as file:
+                content = file.read(_MOST if callable(is_one) else 16)
+            known = is_one(content) if callable(is_one) else content.startswith(is_one)
+            fault = None if known or not content else f"{os.fspath(path)}, another kind of file"
+        except OSError as reason:
+            fault = f"{path}: {reason.strerror}"
+        if fault:
+            raise OptionError(option, f"a free name or {name} to replace", fault)

@@ -102,15 +102,12 @@ def run_ranges(count: int, least: int, work: Callable[[int, int], None], threads
 
 
 class _Call:
-    """A call of `run_blocks`.
-
-    Attributes: finished: sizes of finished blocks, and failures. over: no more blocks are to begin. helping: threads at
-        work beside the one that called.
-    """
+    """A call of `run_blocks`."""
 
     def __init__(self, parts: Iterator[tuple[int, int]], work: Callable[[int, int], None]) -> None:
-        self.finished: SimpleQueue[int | BaseException] = SimpleQueue()
-        self.over, self.helping = False, 0
+        self.finished: SimpleQueue[int | BaseException] = SimpleQueue()  # sizes of finished blocks, and failures
+        self.over = False  # no more blocks are to begin
+        self.helping = 0  # threads at work beside the one that called
         self._parts, self._work, self._taking = parts, work, threading.Lock()
 
     def work_one(self) -> bool:
@@ -146,18 +143,14 @@ class _Call:
 
 
 class _Team:
-    """Threads that wait for work until the process ends; a process that is forked begins with none.
-
-    Attributes: asked: calls to be helped, once for each thread wanted. idle: locks that threads wait for. wanted: how
-        many threads each call of this moment wants. there: how many there are.
-    """
+    """Threads that wait for work until the process ends; a process that is forked begins with none."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._asked: deque[_Call] = deque()
-        self._idle: list[threading.Lock] = []
-        self._wanted: dict[_Call, int] = {}
-        self._there = 0
+        self._asked: deque[_Call] = deque()  # calls to be helped, once for each thread wanted
+        self._idle: list[threading.Lock] = []  # what threads wait for
+        self._wanted: dict[_Call, int] = {}  # how many threads each call of this moment wants
+        self._there = 0  # threads
 
     def ask(self, call: _Call, threads: int) -> None:
         """Have so many threads help; a system short of memory or of processes grants fewer."""
@@ -179,8 +172,7 @@ class _Team:
         """End what `ask` began: threads that have not come are not to come."""
         with self._lock:
             self._wanted.pop(call, None)
-            for _ in range(self._asked.count(call)):
-                self._asked.remove(call)
+            self._asked = deque(other for other in self._asked if other is not call)
 
     def _wake(self) -> None:
         with self._lock:
