@@ -164,7 +164,7 @@ class Prepared:
     def scene(self) -> RayScene:
         receivers, opacity = self.receivers, self.receivers.opacity
         if self.options.back_faces == "ignore":
-            opacity = (opacity or PackedOpacity.opaque(len(receivers.faces)))._replace(one_sided=np.int64(1))
+            opacity = (opacity or PackedOpacity(np.full(len(receivers.faces), -1)))._replace(one_sided=np.int64(1))
         hierarchies = receivers.tree, receivers.embree
         return RayScene(self.placement.vertices, receivers.faces, *hierarchies, opacity, self.options.cone)
 

@@ -41,7 +41,7 @@ class Tiling:
         """
         used = _used(source)
         low, high = _bounds(source, used)
-        space = RenderSpace.of(low, high, _sample(source, used))
+        space = RenderSpace.around(low, high, _sample(source, used))
         count = source.vertex_count
         placed = on_disk(scratch / "placed", np.float32, count, 3)
         tile = on_disk(scratch / "tile", np.int32, count)

@@ -4,7 +4,7 @@ Other libraries' meshes are recognised by their attributes, so that no such libr
 """
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +17,6 @@ from .opacity import Opacity
 from .up import UP
 
 LARGEST = 5e153  # squares of coordinates and their differences don't overflow
-_OF_SURFACES = ("triangle", "quad")
-_SKIPPED = ("vertex", "line")
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,20 +63,9 @@ class Mesh:
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", self._array("vertices", self.vertices, np.float64))
         object.__setattr__(self, "faces", self._array("faces", self.faces, np.int64))
-        if not np.abs(self.vertices).max() <= LARGEST:
-            bad = ~(np.abs(self.vertices) <= LARGEST).all(axis=1)
-            first = int(np.argmax(bad))
-            raise MeshError(
-                self.source,
-                f"vertices[{first}]",
-                f"finite coordinates up to {LARGEST:g}",
-                f"{self.vertices[first]} ({bad.sum()} such)",
-            )
-        if self.faces.min() < 0 or self.faces.max() >= len(self.vertices):
-            outside = ((self.faces < 0) | (self.faces >= len(self.vertices))).any(axis=1)
-            first = int(np.argmax(outside))
-            limit = f"indices from 0 to {len(self.vertices) - 1}"
-            raise MeshError(self.source, f"faces[{first}]", limit, f"{self.faces[first]} ({outside.sum()} such)")
+        last = len(self.vertices) - 1
+        self._check_range("vertices", -LARGEST, LARGEST, f"finite coordinates up to {LARGEST:g}")
+        self._check_range("faces", 0, last, f"indices from 0 to {last}")
         if self.normals is not None:
             normals = self._array("normals", self.normals, np.float64)
             if len(normals) != len(self.vertices):
@@ -102,15 +89,22 @@ class Mesh:
     def __repr__(self) -> str:
         return f"<Mesh {self.source!r}: {len(self.vertices):,} vertices, {len(self.faces):,} faces>"
 
+    def _check_range(self, name: str, least: float, most: float, expected: str) -> None:
+        rows = getattr(self, name)
+        if not (rows.min() >= least and rows.max() <= most):
+            bad = ~((rows >= least) & (rows <= most)).all(axis=1)
+            first = int(np.argmax(bad))
+            raise MeshError(self.source, f"{name}[{first}]", expected, f"{rows[first]} ({bad.sum()} such)")
+
     def _array(self, name: str, values: Any, dtype: type[np.generic]) -> npt.NDArray[Any]:
         try:
             array = np.array(values, order="C")  # kernels are compiled for each layout
             if dtype is np.int64 and array.size and not np.issubdtype(array.dtype, np.integer):
                 raise MeshError(self.source, name, "integers", array.dtype)
             array = array.astype(dtype, copy=False)
+        except MeshError:
+            raise
         except (TypeError, ValueError) as reason:
-            if isinstance(reason, MeshError):
-                raise
             raise MeshError(self.source, name, "an array of numbers, shape (…, 3)", reason) from None
         if array.ndim != 2 or array.shape[1] != 3:
             raise MeshError(self.source, name, "shape (…, 3)", array.shape)
@@ -122,8 +116,7 @@ class Mesh:
     def reversed(self) -> "Mesh":
         """The same surface with its inner side outwards: corners of faces in reverse order, normals negated."""
         normals, opacity = None if self.normals is None else -self.normals, self.opacity and self.opacity.reversed()
-        more = {"source": self.source, "up": self.up, "opacity": opacity, "polygons": self.polygons}
-        return Mesh(self.vertices, self.faces[:, ::-1], normals, **more)  # type: ignore[arg-type]
+        return replace(self, faces=self.faces[:, ::-1], normals=normals, opacity=opacity)
 
     @cached_property
     def used(self) -> Float64s:
@@ -198,27 +191,16 @@ def _tensors(given: Any, source: str) -> tuple[Any, Any]:
 
 
 def _triangles(given: Any, source: str) -> Int64s:
-    """The triangles of meshio's cells, quads cut along the diagonal that lies inside of them.
-
-    Raises: MeshError: no cells, or cells of another kind.
-    """
-    parts = []
-    for block in given.cells:
-        if block.type in _SKIPPED:
-            continue
-        if block.type not in _OF_SURFACES:
-            raise MeshError(source, "cells", "triangle or quad", block.type)
-        parts.append(
-            block.data if block.type == "triangle" else _halves(np.asarray(given.points, np.float64), block.data)
-        )
-    if not parts:
-        raise MeshError(source, "cells", "triangle or quad", "none of them")
-    return np.concatenate(parts).astype(np.int64)
-
-
-def _halves(points: Any, quads: Any) -> Any:
-    """Two triangles (2k, 3) for each of the quads (k, 4): both turn the same way."""
-    a, b, c, d = (points[quads[:, corner]] for corner in range(4))
-    folds = (np.cross(b - a, c - a) * np.cross(c - a, d - a)).sum(axis=1) < 0
-    turned = np.where(folds[:, None], np.roll(quads, -1, axis=1), quads)
-    return np.stack([turned[:, [0, 1, 2]], turned[:, [0, 2, 3]]], axis=1).reshape(-1, 3)
+    """The triangles of meshio's cells, quads cut along the diagonal that lies inside of them. Raises: MeshError."""
+    parts = [block for block in given.cells if block.type not in ("vertex", "line")]
+    other = next((block.type for block in parts if block.type not in ("triangle", "quad")), None)
+    if other or not parts:
+        raise MeshError(source, "cells", "triangle or quad", other or "none of them")
+    triangles = [block.data for block in parts]
+    for row, block in enumerate(parts):
+        if block.type == "quad":
+            a, b, c, d = (np.asarray(given.points, np.float64)[block.data[:, corner]] for corner in range(4))
+            folds = (np.cross(b - a, c - a) * np.cross(c - a, d - a)).sum(axis=1) < 0
+            turned = np.where(folds[:, None], np.roll(block.data, -1, axis=1), block.data)
+            triangles[row] = turned[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+    return np.concatenate(triangles).astype(np.int64)

@@ -65,21 +65,13 @@ class PackedOpacity(NamedTuple):
     """
 
     of: Int64s
-    uv: Float64s
-    corners: Float64s
-    factor: Float64s
-    cutoff: Float64s
-    texels: Float32s
-    images: Int64s
+    uv: Float64s = np.zeros((0, 3, 2))
+    corners: Float64s = np.zeros((0, 3))
+    factor: Float64s = np.zeros(0)
+    cutoff: Float64s = np.zeros(0)
+    texels: Float32s = np.zeros((0, 1), np.float32)
+    images: Int64s = np.zeros((0, 5), np.int64)
     one_sided: np.int64 = np.int64(0)
-
-    @classmethod
-    def opaque(cls, count: int) -> PackedOpacity:
-        """That of so many faces without alpha."""
-        values = np.zeros(0)
-        images = np.zeros((0, 5), np.int64)
-        empty = np.zeros((0, 1), np.float32)
-        return cls(np.full(count, -1), np.zeros((0, 3, 2)), np.zeros((0, 3)), values, values, empty, images)
 
     def only(self, kept: Bools) -> PackedOpacity | None:
         """That of the faces `kept`, bool (m,), numbered anew; None if they are opaque."""
@@ -161,26 +153,21 @@ class Opacity:
         """That of several meshes' faces after one another. Args: counts: of their faces."""
         if all(each is None for each in opacities):
             return None
-        of, uv, corners = np.full(sum(counts), -1), np.zeros((sum(counts), 3, 2)), np.ones((sum(counts), 3))
-        surfaces: list[AlphaSurface] = []
-        start = 0
-        for each, count in zip(opacities, counts, strict=True):
-            rows = slice(start, start + count)
-            start += count
-            if each is None:
-                continue
-            of[rows] = np.where(each.of < 0, -1, each.of + len(surfaces))
-            surfaces += each.surfaces
-            uv[rows] = 0.0 if each.uv is None else each.uv
-            corners[rows] = 1.0 if each.corners is None else each.corners
-        has_uv, has_corners = any(each is not None and each.uv is not None for each in opacities), (corners != 1).any()
-        return Opacity(of, tuple(surfaces), uv if has_uv else None, corners if has_corners else None)
+        parts = [each or Opacity(np.full(count, -1), ()) for each, count in zip(opacities, counts, strict=True)]
+        starts = np.cumsum([0] + [len(part.surfaces) for part in parts[:-1]])
+        of = [np.where(part.of < 0, -1, part.of + start) for part, start in zip(parts, starts, strict=True)]
+        surfaces = tuple(surface for part in parts for surface in part.surfaces)
+        uv = [np.zeros((len(part.of), 3, 2)) if part.uv is None else part.uv for part in parts]
+        corners = np.concatenate([np.ones((len(p.of), 3)) if p.corners is None else p.corners for p in parts])
+        has_uv, has_corners = any(part.uv is not None for part in parts), (corners != 1).any()
+        return Opacity(
+            np.concatenate(of), surfaces, np.concatenate(uv) if has_uv else None, corners if has_corners else None
+        )
 
     def packed(self) -> PackedOpacity | None:
         """What kernels read; each image is read once. None if all faces are opaque wherever one looks.
 
-        Raises:
-            InputError: an image is missing, damaged or none.
+        Raises: InputError: an image is missing, damaged or none.
         """
         from ..image.texture import WRAPS, texture_alpha
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -31,11 +30,14 @@ def contact_radius(points: Float64s) -> Float64s:
     return TOUCHING * ULP * np.maximum(product(np.abs(points), np.ones(3)), LEAST)
 
 
-class RenderSpace(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class RenderSpace:
     """The placement of a mesh of known bounds.
 
     Attributes:
-        centre: float64 (3,), in mesh units. scale, diagonal: as of `Placement`.
+        centre: float64 (3,), mesh units.
+        scale: what a length in mesh units is multiplied by; a power of two, so nothing is rounded by it.
+        diagonal: no two points of the placed mesh are farther apart; a ray need not be longer.
     """
 
     centre: Float64s
@@ -43,7 +45,7 @@ class RenderSpace(NamedTuple):
     diagonal: float
 
     @classmethod
-    def of(cls, low: Float64s, high: Float64s, subset: Float64s) -> RenderSpace:
+    def around(cls, low: Float64s, high: Float64s, subset: Float64s) -> RenderSpace:
         """For a mesh with the bounding box from `low` (3,) to `high`, and a `subset` (k, 3) of its vertices."""
         near_low, near_high = near_box(low, high, subset)
         centre = near_low + (near_high - near_low) / 2
@@ -84,21 +86,15 @@ def near_box(low: Float64s, high: Float64s, subset: Float64s) -> tuple[Float64s,
 
 
 @dataclass(frozen=True, eq=False)
-class Placement:
+class Placement(RenderSpace):
     """A mesh in render space: recentred in float64, scaled by a power of two to about unit size, then rounded once.
 
-    Attributes:
-        vertices: float32 (n, 3), within [−1, 1], but for a few far away. centre: float64 (3,), mesh units.
-        scale: what a length in mesh units is multiplied by; a power of two, so nothing is rounded by it.
-        diagonal: no two points of the placed mesh are farther apart; a ray need not be longer.
+    `vertices`: float32 (n, 3), within [−1, 1], but for a few far away.
     """
 
     vertices: Float32s
-    centre: Float64s
-    scale: float
-    diagonal: float
 
     @classmethod
     def of(cls, mesh: Mesh) -> Placement:
-        space = RenderSpace.of(*mesh.bounds, mesh.used[sample(len(mesh.used))])
-        return cls(space.place(mesh.vertices), space.centre, space.scale, space.diagonal)
+        space = RenderSpace.around(*mesh.bounds, mesh.used[sample(len(mesh.used))])
+        return cls(**vars(space), vertices=space.place(mesh.vertices))

@@ -4,7 +4,7 @@ A rounding of δ tilts a face of height h by about δ/h; where the faces around 
 can be right. Heights below 10⁻⁵ of the coordinates are reported: a tilt of .01, half a degree.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,21 +17,13 @@ from .placement import Placement, near_box, sample
 TILT = 0.01
 
 
-@dataclass(frozen=True)
-class Coarseness:
-    """Vertices of a mesh whose normals rounding makes unreliable.
+class Coarseness(NamedTuple):
+    """Vertices of a mesh whose normals rounding makes unreliable."""
 
-    Attributes:
-        vertices: how many have a normal that is uncertain by more than `TILT`.
-        tilt: median uncertainty of their normals, radians.
-        spacing: largest distance of neighbouring float32 numbers among the coordinates of their faces, mesh units.
-        stored: whether the mesh's own coordinates are that coarse; else only coordinates of render space.
-    """
-
-    vertices: int
-    tilt: float
-    spacing: float
-    stored: bool
+    vertices: int  # that have a normal which is uncertain by more than `TILT`
+    tilt: float  # median uncertainty of their normals, radians
+    spacing: float  # largest distance of neighbouring numbers among the coordinates of their faces, mesh units
+    stored: bool  # whether the mesh's own coordinates are that coarse; else only those of render space
 
 
 def coarseness(mesh: Mesh) -> Coarseness:
@@ -42,23 +34,18 @@ def coarseness(mesh: Mesh) -> Coarseness:
         placed = np.ldexp(mesh.vertices - placement.centre, int(np.log2(placement.scale)))
         stored = _spacing(mesh.vertices, kind) * placement.scale
     seen = _spacing(placed, np.float32)
-    tilt, spacing = np.zeros(len(placed)), np.zeros(len(placed))
-    weight = np.zeros(len(placed))
+    tilt, weight, spacing = np.zeros((3, len(placed)))
     _tilts(placed, mesh.faces, np.maximum(stored, seen), tilt, weight, spacing)
     tilt = np.divide(tilt, weight, out=np.zeros_like(tilt), where=weight > 0)
     bad = tilt > TILT
     if not bad.any():
         return Coarseness(0, 0.0, 0.0, False)
-    return Coarseness(
-        vertices=int(np.count_nonzero(bad)),
-        tilt=float(np.median(tilt[bad])),
-        spacing=float(spacing[bad].max() / placement.scale),
-        stored=bool((stored[bad] >= seen[bad]).mean() > 0.5),
-    )
+    coarsest, is_stored = float(spacing[bad].max() / placement.scale), bool((stored[bad] >= seen[bad]).mean() > 0.5)
+    return Coarseness(int(np.count_nonzero(bad)), float(np.median(tilt[bad])), coarsest, is_stored)
 
 
 def precision_warnings(mesh: Mesh) -> list[str]:
-    """Warnings about the precision of `mesh`'s coordinates: one line, or none."""
+    """A line if coordinates are too coarse; or none."""
     coarse = coarseness(mesh)
     if not coarse.vertices:
         return []

@@ -173,13 +173,11 @@ def _near(positions: Float32s, faces: Int64s, rows: Int64s) -> Int64s:
     return pairs[large[pairs].all(axis=1)]
 
 
-def _pairs(keys: AnyInts, along: Float64s | None = None) -> Iterator[tuple[Int64s, Int64s]]:
+def _pairs(keys: AnyInts, along: Float64s) -> Iterator[tuple[Int64s, Int64s]]:
     """Pairs a < b of equal `keys` (k,), ascending, up to 64 apart; not of what is apart in `along`, ascending too."""
     for step in range(1, min(_NEIGHBOURS, len(keys) - 1) + 1):
-        same = keys[step:] == keys[:-step]
-        if along is not None:
-            same &= along[step:] - along[:-step] <= _EDGE / _CELLS * np.maximum(1.0, np.abs(along[step:]))
-        first = np.flatnonzero(same)
+        near = along[step:] - along[:-step] <= _EDGE / _CELLS * np.maximum(1.0, np.abs(along[step:]))
+        first = np.flatnonzero((keys[step:] == keys[:-step]) & near)
         if not len(first):
             return
         yield first, first + step

@@ -219,7 +219,7 @@ def _opacity(shapes: list[Shape]) -> PackedOpacity | None:
     joined = Opacity.joined([shape.mesh.opacity for shape in shapes], counts)
     packed = joined.packed() if joined else None
     if packed is None and any(shape.material.pack().row[ALPHA] < 1 for shape in shapes):
-        return PackedOpacity.opaque(sum(counts))
+        return PackedOpacity(np.full(sum(counts), -1))
     return packed
 
 
@@ -234,7 +234,7 @@ def _render_space(objects: tuple[Object, ...]) -> tuple[RenderSpace, float]:
     corners = [place(item, boxes[id(item.shape)]) for item in objects]
     low, high = np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))
     rows = sample(sum(len(item.shape.mesh.used) for item in objects))  # the same fraction of each object
-    space = RenderSpace.of(low, high, np.concatenate([place(item, item.shape.mesh.used[rows]) for item in objects]))
+    space = RenderSpace.around(low, high, np.concatenate([place(item, item.shape.mesh.used[rows]) for item in objects]))
     return space, float(np.maximum(high - space.centre, space.centre - low).max())
 
 
