@@ -15,7 +15,7 @@ import typer
 from typer.exceptions import TyperException
 from typer.main import get_command
 
-from scenes.commands.render_file import RENDER, render_command
+from scenes.commands.render_file import RENDER, run_render
 from scenes.commands.usage import mistake_in_words, option_in_words
 from scenes.jobs import options as choices
 from scenes.jobs.console import columns, note, output_failed, readable_output, reopen_streams
@@ -141,7 +141,7 @@ def validate(
 @parameters(RENDER)
 def render(**options: Any) -> None:
     """Render a scene to an image; an .exr holds every layer."""
-    render_command(options).run()
+    run_render(options)
 
 
 @app.command()

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,10 +16,8 @@ from ..jobs.console import compiling, progress, show_picture, warn
 from ..jobs.options import REPORTS, ROWS, Record, check_together, command_line, plain
 
 if TYPE_CHECKING:
-    from ao.cluster.session import ClusterSession
-
+    from ..jobs.remote import Workers
     from ..show.report.pictures import Picture
-    from .render import RenderedPicture
 
 _SETTINGS = ("samples", "shading", "normals", "obscurance", "shadows", "seed")
 RENDER = (
@@ -55,79 +51,78 @@ RENDER = (
 )  # fmt: skip
 
 
-class RenderCommand(Record):
-    """The command with its options as attributes; None: as the scene has it. Attributes: open_session: of workers."""
+def run_render(options: dict[str, Any]) -> None:
+    """Read a scene, render it, write the image and a report, and print a summary. Raises: ObscuranceError."""
+    check_together(options, RENDER)
+    given, workers = Record(options), None
+    if given.cluster:
+        from ..jobs.remote import workers_of
 
-    open_session: Callable[[Path], ClusterSession] | None = None
+        workers = workers_of(options)
+    if given.output is not None:
+        _render(given, given.output, workers)
+        return
+    if not given.show:
+        raise OptionError("output", "an image file, or --show", "nothing")
+    from tempfile import TemporaryDirectory
 
-    def run(self) -> None:
-        """Read a scene, render it, write the image and a report, and print a summary.
-
-        Raises: InputError, OutputError, EmbreeError: as `read_scene`, `adjusted` and `make_picture`.
-        """
-        if self.output is not None:
-            self._render(self.output)
-            return
-        if not self.show:
-            raise OptionError("output", "an image file, or --show", "nothing")
-        from tempfile import TemporaryDirectory
-
-        with TemporaryDirectory() as folder:
-            self.replaced(quiet=True)._render(Path(folder) / "shown.png")
-
-    def _render(self, output: Path) -> None:
-        if self.show and not sys.stdout.isatty():
-            raise OptionError("show", "a terminal as standard output", "a file or a pipe")
-        size = None if self.width is None else (self.width, self.height)
-        settings = {name: getattr(self, name) for name in _SETTINGS}
-        settings["crop"] = None if self.crop is None else _crop(self.crop)
-        from raytrace.image.write import check_image_target
-        from raytrace.system.checks import check_ending, check_outputs
-        from raytrace.system.threads import thread_count
-
-        threads = thread_count(self.threads)
-        check_image_target(output, self.half)
-        if self.report:
-            check_ending("--report", self.report, *REPORTS)
-        outputs = {"--output": output, "--report": self.report}
-        check_outputs(outputs, [self.scene])
-        from ..description.read import read_scene
-        from ..falloffs import make_scales
-        from ..formats.stored_w import check_stored
-        from ..show.report.verdict import complete, hashed, write_report
-        from .render import adjusted, make_picture, render_report
-
-        if self.baked:
-            check_stored(self.baked)
-        scales = None if self.half_distance is None else make_scales(self.half_distance, self.power)
-        with compiling():
-            read = read_scene(self.scene, size, self.up, self.view)
-            description = adjusted(read, settings, self.preview, self.baked, self.own_occlusion, self.alpha, scales)
-            check_outputs(outputs, description.files)
-            inputs = hashed([self.scene, *description.files]) if self.report else []
-            warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
-            with self.open_session(output) if self.open_session else nullcontext() as session:
-                status = session.status if session else str
-                with progress(self.quiet, "rays", "tiles", form=self.progress, status=status) as (rays, tiles):
-                    picture = make_picture(self.scene, description, output, self.half, threads, rays, tiles, session)
-        if self.show:
-            show_picture(picture.frame.layers["beauty"])
-        if self.report:
-            facts = render_report(self.scene, description.settings, picture, threads, warnings)
-            kept = [row for row in RENDER if row.role != "run" or row.name == "threads"]
-            options = {row.name: plain(getattr(self, row.name)) for row in kept}
-            line = command_line("render", RENDER, options)
-            write_report(self.report, complete("render", line, facts, inputs, options), partial(_pictures, picture))
-        if not self.quiet:
-            print(picture.summary(output, description.settings))
-            if session:
-                print(session.summary())
+    with TemporaryDirectory() as folder:
+        _render(given.replaced(quiet=True), Path(folder) / "shown.png", workers)
 
 
-def _pictures(picture: RenderedPicture) -> list[list[Picture]]:
-    from ..show.report.pictures import pictures_of_frame
+def _render(given: Record, output: Path, workers: Workers | None) -> None:
+    if given.show and not sys.stdout.isatty():
+        raise OptionError("show", "a terminal as standard output", "a file or a pipe")
+    size = None if given.width is None else (given.width, given.height)
+    settings = {name: getattr(given, name) for name in _SETTINGS}
+    settings["crop"] = None if given.crop is None else _crop(given.crop)
+    from raytrace.image.write import check_image_target
+    from raytrace.system.checks import check_ending, check_outputs
+    from raytrace.system.threads import thread_count
 
-    return [pictures_of_frame(picture.frame)]
+    threads = thread_count(given.threads)
+    check_image_target(output, given.half)
+    if given.report:
+        check_ending("--report", given.report, *REPORTS)
+    outputs = {"--output": output, "--report": given.report}
+    check_outputs(outputs, [given.scene])
+    from ..description.read import read_scene
+    from ..falloffs import make_scales
+    from ..formats.stored_w import check_stored
+    from ..show.report.verdict import hashed, write_report
+    from .render import adjusted, make_picture, render_report
+
+    if given.baked:
+        check_stored(given.baked)
+    scales = None if given.half_distance is None else make_scales(given.half_distance, given.power)
+    with compiling():
+        read = read_scene(given.scene, size, given.up, given.view)
+        description = adjusted(read, settings, given.preview, given.baked, given.own_occlusion, given.alpha, scales)
+        check_outputs(outputs, description.files)
+        inputs = hashed([given.scene, *description.files]) if given.report else []
+        warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
+        with workers.session(output) if workers else nullcontext() as session:
+            status = session.status if session else str
+            with progress(given.quiet, "rays", "tiles", form=given.progress, status=status) as (rays, tiles):
+                picture = make_picture(given.scene, description, output, given.half, threads, rays, tiles, session)
+    if given.show:
+        show_picture(picture.frame.layers["beauty"])
+    if given.report:
+        facts = render_report(given.scene, description.settings, picture, threads, warnings)
+        kept = [row for row in RENDER if row.role != "run" or row.name == "threads"]
+        options = {row.name: plain(getattr(given, row.name)) for row in kept}
+        line = command_line("render", RENDER, options)
+
+        def pictures() -> list[list[Picture]]:
+            from ..show.report.pictures import pictures_of_frame
+
+            return [pictures_of_frame(picture.frame)]
+
+        write_report(given.report, "render", line, facts, inputs, options, pictures)
+    if not given.quiet:
+        print(picture.summary(output, description.settings))
+        if session:
+            print(session.summary())
 
 
 def _crop(text: str) -> tuple[int, int, int, int]:
@@ -137,17 +132,3 @@ def _crop(text: str) -> tuple[int, int, int, int]:
     except ValueError:
         raise OptionError("crop", "four whole numbers X,Y,W,H", repr(text)) from None
     return x, y, width, height
-
-
-def render_command(options: dict[str, Any]) -> RenderCommand:
-    """The command for `render`, with `--cluster` and `--shared` if they are given.
-
-    Raises: OptionError: as `Workers`, or options do not go together.
-    """
-    check_together(options, RENDER)
-    if not options["cluster"]:
-        return RenderCommand(options)
-    from ..jobs.remote import Workers
-
-    workers = Workers(options["cluster"], options["shared"], options["threads"])
-    return RenderCommand(options, open_session=workers.session)

@@ -18,13 +18,9 @@ VIEWS = {"front": (0, 0, 1), "back": (0, 0, -1), "right": (1, 0, 0), "left": (-1
 
 
 def framing(mesh: Mesh, up: str | None, width: int, height: int, view: str | None = None) -> Camera:
-    """A camera that sees every vertex in a picture of `width` × `height` pixels.
+    """A camera that sees every vertex, with `up` in place of `Mesh.up`, from the front, the right and above.
 
-    Args:
-        up: in place of `Mesh.up`.
-        view: one of `VIEWS`, or "X,Y,Z", from the mesh to the camera; by default the front, the right and above.
-
-    Raises: OptionError: `up` or `view` is none.
+    Args: view: one of `VIEWS`, or "X,Y,Z", from the mesh to the camera. Raises: OptionError: `up` or `view` is none.
     """
     turn, above = np.array(TO_Y_UP[up_axis(mesh, up)]), UP[up_axis(mesh, up)]
     if view is None:
@@ -44,7 +40,7 @@ def framing(mesh: Mesh, up: str | None, width: int, height: int, view: str | Non
 def three_lights(camera: Camera) -> tuple[BaseLight, ...]:
     """Key from the upper left of the picture, fill from the right, rim from behind, and a little ambient light.
 
-    The first three are directional; a white surface that faces the key is as bright as a picture shows, about 1.
+    A white surface that faces the key is as bright as a picture shows, about 1.
     """
     right, above, forward = camera.axes()
 

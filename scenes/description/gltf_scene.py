@@ -5,10 +5,30 @@ Intensities of lights are taken as they are: candela as watts per steradian, lux
 colour. A spot's edge differs: glTF's falls off as ((cosφ − cos outer)/(cos inner − cos outer))² from the inner to the
 outer angle, ours as cos^e φ up to the outer. e is the exponent for which both cones send out the same power; inner =
 outer gives e = 0.
-Format: Khronos glTF 2.0 specification, section 3.10 (cameras); KHR_lights_punctual.
+
+Materials are the nearest of the reflection models here. glTF mixes a coated diffuse surface, F0 = .04, with a metal of
+F0 = base colour, over GGX facets of α = roughness². The nearest here is Cook–Torrance's of RMS slope m = α, whose
+weights are k_d = 1 − k_s of the base and k_s of the facets:
+
+- k_s = .1 + .9 metallic, and η such that k_s F0 is glTF's specular reflectance at normal incidence; at grazing
+  incidence it tends to k_s, where glTF's tends to 1;
+- KHR_materials_pbrSpecularGlossiness: roughness = 1 − glossiness, F0 is the specular colour, the base
+  the diffuse one, and metallic as far as the specular colour's largest channel lies from .04 to 1;
+- metallic 0 and roughness 1: Lambert; there is no highlight to speak of;
+- KHR_materials_unlit without texture: emission of the base colour, and no reflection;
+- emission: emissiveFactor times KHR_materials_emissive_strength;
+- doubleSided: both sides reflect what falls on them, two_sided = "viewer";
+- no material, or one without the metallic-roughness table: the neutral matt grey, or matt white.
+
+The ambient reflectance is the base colour. The base colour's texture is looked up at each hit; of metallic-roughness,
+specular-glossiness and emissive textures the mean over the image multiplies the factors.
+Format: Khronos glTF 2.0 specification, sections 3.9, 3.10 and appendix B; KHR_lights_punctual;
+KHR_materials_pbrSpecularGlossiness, 2017.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from math import cos, degrees, pi
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,23 +36,111 @@ from typing import Any, TypeVar
 import numpy as np
 
 from raytrace import Camera, Mesh, MeshError, Object, Occlusion, OptionError, Scene, Settings, Shape, light_from_dict
-from raytrace.errors import printable
+from raytrace.brdf.coefficients import eta_from_reflectance
+from raytrace.errors import InputError, printable
+from raytrace.image.texture import texture_mean
 from raytrace.lights.sources import BaseLight
+from raytrace.materials.base import BaseMaterial
+from raytrace.materials.materials import material_from_dict
 from raytrace.mesh.normals import normalize
 from raytrace.types import Float64s
 
 from ..field_errors import located
+from ..formats.gltf import records
 from ..formats.gltf.asset import DrawnPrimitive, Gltf, entry
-from ..formats.gltf.records import LIGHTS, GltfCamera, GltfLight
+from ..formats.gltf.parse import JsonObject
 from ..formats.gltf.textures import Textures, vertex_colours
 from ..formats.load import mesh_errors, read_objects
 from ..geometry.instances import Instance
-from .defaults import BACKGROUND, framing, three_lights
+from .defaults import BACKGROUND, NEUTRAL, WHITE, framing, three_lights
 from .description import SceneDescription
-from .gltf_materials import Materials
 
 _FLOAT32_RIGHT_ANGLE = 1.5707964
+DIELECTRIC_F0 = 0.04
+_LEAST_SLOPE = 0.02  # sharper highlights of lights without extent are smaller than a pixel
+_FACETS = 0.1
+_WHITE, _NO_METAL = np.ones(4), np.array([1.0, 1.0, 0.0, 1.0])
+_READ = {"KHR_materials_emissive_strength", "KHR_materials_unlit", "KHR_materials_pbrSpecularGlossiness"}
 T = TypeVar("T")
+Surface = tuple[list[float], float, float, Float64s]  # base colour, roughness, metallic, F0
+
+
+class Materials:
+    """The materials of an asset; keys of textures that are represented by their means, and of what is not used."""
+
+    def __init__(self, textures: Textures) -> None:
+        self._textures, self._asset = textures, textures.asset
+        self._made: dict[int, BaseMaterial] = {}
+        self._means: dict[tuple[int | None, bool], Float64s | None] = {}
+        self.means: set[str] = set()
+        self.left_out: set[str] = set()
+
+    def notes(self) -> tuple[str, ...]:
+        """What materials have that pictures do not show, in a line."""
+        words = [f"of {', '.join(sorted(self.means))} the mean"] if self.means else []
+        words += [f"left out {', '.join(sorted(self.left_out))}"] if self.left_out else []
+        return (printable(f"{self._asset.path}: materials: {'; '.join(words)}"),) if words else ()
+
+    def of(self, primitive: records.Primitive, coloured: bool) -> BaseMaterial:
+        """The material of a primitive, whose vertices may have colours. Raises: ValueError: there is none of it."""
+        number = primitive.material
+        if number is None:
+            return WHITE if coloured else NEUTRAL
+        if number not in self._made:
+            self._made[number] = self._material(self._asset.material(primitive))
+        return self._made[number]
+
+    def _material(self, stored: records.GltfMaterial) -> BaseMaterial:
+        self.left_out |= {name for name in stored.extensions if name not in _READ}
+        self.left_out |= {"normalTexture"} & vars(stored).keys()
+        emitted = np.multiply(stored.emissiveFactor, stored.emissiveStrength)
+        if emitted.any():
+            emitted = emitted * self._mean(stored, "emissiveTexture", srgb=True)[:3]
+        sides = "viewer" if stored.doubleSided else False
+        common: dict[str, Any] = {"emission": emitted.tolist(), "two_sided": sides}
+        base, roughness, metallic, f0 = self._specular(stored.specular) if stored.specular else self._metallic(stored)
+        unlit = "KHR_materials_unlit" in stored.extensions
+        if unlit and stored.base[1] is None:
+            return material_from_dict(common | {"model": "lambert", "albedo": 0.0, "emission": base})
+        if metallic == 0 and (roughness == 1 or unlit):
+            return material_from_dict(common | {"model": "lambert", "albedo": base})
+        facets = _FACETS + (1 - _FACETS) * metallic
+        eta = [eta_from_reflectance(min(channel / facets, 0.999)) for channel in f0.tolist()]
+        common |= {"albedo": base, "k_s": facets, "eta": eta, "m": max(roughness**2, _LEAST_SLOPE)}
+        return material_from_dict(common | {"model": "cook_torrance"})
+
+    def _metallic(self, stored: records.GltfMaterial) -> Surface:
+        given = stored.pbrMetallicRoughness
+        is_metal = given.metallicFactor if "pbrMetallicRoughness" in vars(stored) else 0.0
+        base = np.clip(given.baseColorFactor[:3], 0.0, 1.0).tolist()
+        factors = np.clip([given.roughnessFactor, is_metal], 0.0, 1.0)
+        mean = self._mean(given, "metallicRoughnessTexture", srgb=False, unread=_NO_METAL)
+        roughness, metallic = (factors * mean[1:3]).tolist()
+        f0 = (1 - metallic) * DIELECTRIC_F0 + metallic * np.array(base)
+        return base, roughness, metallic, f0
+
+    def _specular(self, given: records.SpecularGlossiness) -> Surface:
+        diffuse = np.clip(given.diffuseFactor[:3], 0.0, 1.0)
+        factors = np.clip([*given.specularFactor, given.glossinessFactor], 0.0, 1.0)
+        *f0, glossiness = (factors * self._mean(given, "specularGlossinessTexture", srgb=True)).tolist()
+        metallic = max(0.0, (max(f0) - DIELECTRIC_F0) / (1 - DIELECTRIC_F0))
+        base = ((1 - metallic) * diffuse + metallic * np.array(f0)).tolist()
+        return base, 1 - glossiness, metallic, np.array(f0)
+
+    def _mean(self, record: JsonObject, key: str, srgb: bool, unread: Float64s = _WHITE) -> Float64s:
+        """The mean RGBA of a record's texture, ones without it, `unread` if it cannot be read."""
+        reference: records.TextureReference | None = getattr(record, key)
+        if reference is None:
+            return _WHITE
+        number = entry(self._asset.materials.textures, reference.index, "textures").source
+        if (number, srgb) not in self._means:
+            self._means[number, srgb] = None
+            if number is not None:
+                with suppress(InputError):
+                    self._means[number, srgb] = texture_mean(replace(self._textures.image(number), srgb=srgb))
+        mean = self._means[number, srgb]
+        (self.left_out if mean is None else self.means).add(key)
+        return unread if mean is None else mean
 
 
 def read_gltf(path: Path, settings: Settings, up: str | None = None, view: str | None = None) -> SceneDescription:
@@ -40,16 +148,13 @@ def read_gltf(path: Path, settings: Settings, up: str | None = None, view: str |
 
     Without a camera, or with a `view`, everything is framed; without lights there are three of our own.
 
-    Raises:
-        MeshError: the file cannot be read (`scenes.load`).
-        SceneError: a texture, light or camera cannot be used.
-        OptionError: `up`, and the file has a camera of its own.
+    Raises: as `gltf_objects`. OptionError: `up`, and the file has a camera of its own.
     """
     objects, asset, notes = gltf_objects(path)
     with mesh_errors(path):
         cameras = _placed(asset, "camera", "cameras", asset.stage.cameras, _camera)
         camera = None if view else next(cameras, None)
-        lights = tuple(_placed(asset, "light", LIGHTS, asset.stage.lights, _light))
+        lights = tuple(_placed(asset, "light", records.LIGHTS, asset.stage.lights, _light))
         if camera and up is not None:
             raise OptionError("--up", "a file without a camera", f"{path}, which has one")
         camera = camera or framing(Scene(objects).flattened(), up, settings.width, settings.height, view)
@@ -60,11 +165,7 @@ def read_gltf(path: Path, settings: Settings, up: str | None = None, view: str |
 def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...]]:
     """The drawn primitives of a file, sharing shapes by mesh, the asset, and notes on what is left out.
 
-    Objects that their nodes flatten to nothing (a scale of zero hides, in glTF) are left out.
-
-    Raises:
-        MeshError: the file cannot be read, or draws no triangles.
-        SceneError: a texture cannot be used.
+    Raises: MeshError: the file cannot be read, or draws no triangles. SceneError: a texture cannot be used.
     """
     instances, asset = read_objects(path, alpha=True)
     if asset is None:
@@ -76,24 +177,23 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...]]
         shapes: dict[tuple[int, int], Shape] = {}
         objects = []
         for piece, placed in zip(asset.drawn, instances, strict=True):
-            if placed.is_flattened:
+            if placed.is_flattened:  # a scale of zero hides, in glTF
                 continue
-            matrix = np.eye(4) if placed.matrix is None else placed.matrix
             key = (piece.mesh, piece.place)
             if key not in shapes:
                 shapes[key] = _shape(piece, placed, materials, textures)
-            objects.append(Object(shapes[key], matrix, placed.name))
+            objects.append(Object(shapes[key], np.eye(4) if placed.matrix is None else placed.matrix, placed.name))
     if not objects:
         raise MeshError(path, "nodes", "at least one triangle to see", "none")
-    return tuple(objects), asset, tuple(map(printable, materials.notes))
+    return tuple(objects), asset, materials.notes()
 
 
 def _shape(piece: DrawnPrimitive, placed: Instance, materials: Materials, textures: Textures) -> Shape:
     asset, path = textures.asset, textures.asset.path
     primitive = piece.primitive
     uv, texture = textures.of_base(primitive) or (None, None)
-    name = f"{path}: {placed.name}"
-    mesh = Mesh(placed.vertices, placed.faces, placed.normals, source=name, opacity=placed.opacity)
+    source = f"{path}: {placed.name}"
+    mesh = Mesh(placed.vertices, placed.faces, placed.normals, source=source, opacity=placed.opacity)
     occlusion = textures.of_occlusion(primitive)
     with located(path, f"materials[{primitive.material}]"):
         colours = vertex_colours(asset, primitive, placed.w)
@@ -113,7 +213,7 @@ def _placed(
             yield placed
 
 
-def _camera(stored: GltfCamera, matrix: Float64s) -> Camera:
+def _camera(stored: records.GltfCamera, matrix: Float64s) -> Camera:
     target = matrix[:3, 3] - normalize(matrix[:3, 2])
     view: dict[str, Any] = {"position": matrix[:3, 3].tolist(), "target": target.tolist(), "up": matrix[:3, 1].tolist()}
     if stored.type == "orthographic":
@@ -121,7 +221,7 @@ def _camera(stored: GltfCamera, matrix: Float64s) -> Camera:
     return Camera(**view, field_of_view=degrees(stored.yfov))
 
 
-def _light(stored: GltfLight, matrix: Float64s) -> BaseLight:
+def _light(stored: records.GltfLight, matrix: Float64s) -> BaseLight:
     intensity = [stored.intensity * channel for channel in stored.color]
     values: dict[str, Any] = {"light": stored.type, "intensity": intensity}
     if stored.type != "directional":
@@ -138,9 +238,7 @@ def _light(stored: GltfLight, matrix: Float64s) -> BaseLight:
 def spot_exponent(inner: float, outer: float) -> float:
     """e for which ∫ cos^e φ dω over the outer cone is glTF's.
 
-    Over 2π: (1 − cos^(e+1) outer)/(e + 1) = 1 − (2 cos inner + cos outer)/3.
-
-    Args: angles from the axis in radians, 0 ≤ inner ≤ outer ≤ π/2.
+    Over 2π: (1 − cos^(e+1) outer)/(e + 1) = 1 − (2 cos inner + cos outer)/3, in radians, 0 ≤ inner ≤ outer ≤ π/2.
     """
     edge = max(cos(outer), 0.0)
     power = 1.0 - (2 * cos(min(inner, outer)) + edge) / 3.0

@@ -65,10 +65,7 @@ class Transform(Table):
     matrix: Annotated[list[list[Number]], AfterValidator(_affine)] | None = None
 
     def affine(self, source: object, path: str) -> Float64s:
-        """The affine (4, 4) map for column vectors.
-
-        Raises: SceneError: a zero scale or axis, a singular matrix, or keys that exclude each other.
-        """
+        """The affine (4, 4) map for column vectors. Raises: SceneError: none, or keys that exclude each other."""
 
         def fault(key: str, expected: str, got: object) -> SceneError:
             return SceneError(source, joined(path, key), expected, got)
@@ -128,9 +125,9 @@ class ObjectTable(Transform):
     copies: Annotated[list[Transform], Field(min_length=1, fail_fast=True)] | None = None
 
     @property
-    def images(self) -> list[str]:
-        """The images that need texture coordinates."""
-        return [name for name in (self.texture, self.grain, self.opacity_texture) if name is not None]
+    def textured(self) -> bool:
+        """Whether it has images, which need texture coordinates."""
+        return (self.texture, self.grain, self.opacity_texture) != (None, None, None)
 
 
 class CameraTable(Table):

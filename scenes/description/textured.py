@@ -23,22 +23,16 @@ _BEGIN = 1 << 16  # bytes of a file that show whether it can have colours
 
 
 def read_textured(path: Path) -> tuple[TexturedMesh, list[str]]:
-    """An OBJ or PLY file with its texture coordinates, without them if a PLY has none, and warnings.
-
-    Vertices whose corners have several coordinates repeat.
-
-    Raises: MeshError, and what parsers raise.
-    """
+    """An OBJ or PLY file with its texture coordinates if it has some, for which vertices repeat; and warnings."""
     if path.suffix.lower() == ".obj":
         instance, uv, origin = read_textured_obj(path.read_bytes(), path.stem, str(path), path.parent)
-        mesh, _ = flatten([instance], str(path))
-        return TexturedMesh(mesh, uv, origin), [printable(f"{path}: {note}") for note in instance.notes]
-    (instance,), _ = read_objects(path, keep=True)
+    else:
+        (instance,), _ = read_objects(path, keep=True)
+        uv, origin = None, None
     mesh, _ = flatten([instance], str(path))
-    notes = [printable(f"{path}: {note}") for note in instance.notes]
-    detail = instance.detail
-    if detail is None or detail.uv is None:
-        return TexturedMesh(mesh), notes
+    notes, detail = [printable(f"{path}: {note}") for note in instance.notes], instance.detail
+    if uv is not None or detail is None or detail.uv is None:
+        return TexturedMesh(mesh, uv, origin), notes
     places = detail.triangles.take(np.arange(len(detail.corners)))
     vertices, faces, like = split_corners(detail.corners, places, [detail.uv], len(mesh.vertices))
     if len(vertices) == len(mesh.vertices):
@@ -49,10 +43,7 @@ def read_textured(path: Path) -> tuple[TexturedMesh, list[str]]:
 
 
 def vertex_colors(path: Path) -> tuple[Float64s | None, list[str]]:
-    """Linear RGB (n, 3) of the vertices in the file's order, None if they have none, and warnings.
-
-    Raises: MeshError: as `scenes.load`.
-    """
+    """Linear RGB (n, 3) of the vertices in the file's order, None if they have none, and warnings."""
     if not _may_have_colors(path):
         return None, []
     (instance, *_), _ = read_objects(path, keep=True)

@@ -13,7 +13,7 @@ from raytrace.system.faults import fields_of
 from ..field_errors import check_keys, check_name, joined, located, shown
 from ..formats.load import mesh_errors, read_objects
 from ..formats.table import format_of
-from ..geometry.builtin_shapes import SOLIDS, Solid
+from ..geometry.builtin_shapes import SOLIDS
 from ..geometry.instances import check_copies, flatten
 from ..geometry.primitives import Origin, TexturedMesh
 from ..safe_paths import confined
@@ -27,10 +27,7 @@ MAX_OBJECTS = 100_000  # 10 s for a picture
 
 
 def named_materials(tables: Sequence[dict[str, Any]], source: object) -> dict[str, BaseMaterial]:
-    """Materials by name: the presets, then `[[materials]]`.
-
-    Raises: SceneError: a name is missing or given twice, or a material has a bad value.
-    """
+    """Materials by name: the presets, then `[[materials]]`. Raises: SceneError."""
     materials = {name: material_from_dict({"preset": name}) for name in PRESETS}
     own: set[str] = set()
     for number, table in enumerate(tables):
@@ -38,9 +35,9 @@ def named_materials(tables: Sequence[dict[str, Any]], source: object) -> dict[st
         name = table.get("name")
         if not isinstance(name, str) or not name or not name.isprintable():
             got = shown(name) if "name" in table else "nothing"
-            raise SceneError(source, joined(path, "name"), "a name on one line", got)
+            raise SceneError(source, f"{path}.name", "a name on one line", got)
         if name in own:
-            raise SceneError(source, joined(path, "name"), "a name of its own", f"{shown(name)} again")
+            raise SceneError(source, f"{path}.name", "a name of its own", f"{shown(name)} again")
         own.add(name)
         with located(source, path):
             materials[name] = material_from_dict({key: value for key, value in table.items() if key != "name"})
@@ -50,10 +47,7 @@ def named_materials(tables: Sequence[dict[str, Any]], source: object) -> dict[st
 class ObjectReader:
     """Makes objects; what is the same in several of them, in mesh, material and texture, becomes one shape.
 
-    Attributes:
-        files: what was read, or will be.
-        notes: warnings about meshes.
-        origins: by the identities of shapes, of vertices that are not their file's one by one.
+    Attributes: origins: by the identities of shapes, of vertices that are not their file's one by one.
     """
 
     def __init__(self, source: Path, materials: dict[str, BaseMaterial]) -> None:
@@ -69,18 +63,13 @@ class ObjectReader:
         self._built = 0.0
 
     def read(self, table: ObjectTable, path: str) -> list[Object]:
-        """The objects of one entry, whose path in the file is `path`: one for each copy, or more for a glTF file.
-
-        Raises: SceneError: a bad or missing value or file.
-        """
+        """The objects of the entry at `path`: one for each copy, or more for a glTF file. Raises: SceneError."""
         repeated = joined(path, "mesh" if table.mesh else "fineness") if table.copies is None else f"{path}.copies"
         pieces = self._pieces(table, path, repeated)
         self._check_copies(pieces, table, repeated)
         own = table.affine(self._source, path)
-        places = [("", own)]
-        if table.copies is not None:
-            affine = [copy.affine(self._source, f"{path}.copies[{n}]") for n, copy in enumerate(table.copies)]
-            places = [(f" {number}", matrix @ own) for number, matrix in enumerate(affine)]
+        affine = [copy.affine(self._source, f"{path}.copies[{n}]") for n, copy in enumerate(table.copies or ())]
+        places = [(f" {number}", matrix @ own) for number, matrix in enumerate(affine)] or [("", own)]
         with located(self._source, path):
             return [
                 replace(piece, transform=matrix @ piece.transform, name=piece.name + suffix)
@@ -98,16 +87,8 @@ class ObjectReader:
         rows = {id(item.shape.mesh): len(item.shape.mesh.vertices) + len(item.shape.mesh.faces) for item in pieces}
         if table.mesh is not None:
             self._stored |= rows
-        each = sum(rows[id(item.shape.mesh)] for item in pieces)
-        self._placed += each * copies
+        self._placed += copies * sum(rows[id(item.shape.mesh)] for item in pieces)
         check_copies(self._placed, sum(self._stored.values()), self._source, SceneError, field)
-
-    def _check_built(self, solid: Solid, table: ObjectTable, field: str) -> None:
-        """Count the triangles of built-in shapes with all copies before they are made."""
-        self._built += solid.triangles() * len(table.copies or [table])
-        if not self._built <= MAX_BUILT:
-            expected = f"at most {MAX_BUILT:,} triangles of built-in shapes with all copies"
-            raise SceneError(self._source, field, expected, f"about {self._built:,.0f}")
 
     def _pieces(self, table: ObjectTable, path: str, repeated: str) -> list[Object]:
         """The entry's objects before its own transform."""
@@ -116,18 +97,14 @@ class ObjectReader:
             unknown = (nearest_name(key, ("mesh", "builtin")) for key in table.model_extra or {})
             raise SceneError(self._source, path, "either mesh or builtin", got, next(filter(None, unknown), None))
         material = None if table.material is None else self._material(table.material, joined(path, "material"))
-        if table.wrap is not None and not table.images:
+        if table.wrap is not None and not table.textured:
             raise SceneError(self._source, joined(path, "wrap"), "texture, grain or opacity_texture with it", "none")
         if table.cutoff is not None and table.opacity is None and table.opacity_texture is None:
             raise SceneError(self._source, joined(path, "cutoff"), "opacity or opacity_texture with it", "none")
         texture = self._texture(table, path, "texture")
         if table.builtin is not None:
-            solid = self._solid(table, path)
-            self._check_built(solid, table, repeated)
-            with located(self._source, path):
-                geometry = self._once(solid, solid.geometry)
-            shape = self._shape(table, path, geometry, material, texture)
-            return [Object(shape, name=table.name or table.builtin)]
+            geometry = self._built_in(table, path, repeated)
+            return [Object(self._shape(table, path, geometry, material, texture), name=table.name or table.builtin)]
 
         check_keys(self._source, path, table.model_extra or {}, _keys("mesh"))
         field = joined(path, "mesh")
@@ -136,11 +113,22 @@ class ObjectReader:
         with located(self._source, field):
             if "scene" in format_of(mesh).holds:
                 return self._gltf_pieces(mesh, table, path, material, texture)
-            textured = bool(table.images)
-            geometry = self._once((mesh, textured), lambda: self._read(mesh, textured))
+            geometry = self._once((mesh, table.textured), lambda: self._read(mesh, table.textured))
             if _wants_colours(table):
-                geometry = self._once((mesh, textured, "colours"), lambda: self._coloured(mesh, geometry))
+                geometry = self._once((mesh, table.textured, "colours"), lambda: self._coloured(mesh, geometry))
         return [Object(self._shape(table, path, geometry, material, texture), name=table.name or mesh.stem)]
+
+    def _built_in(self, table: ObjectTable, path: str, field: str) -> TexturedMesh:
+        """A built-in shape; triangles, with all copies, are counted before they are made."""
+        kind = SOLIDS[check_name(self._source, joined(path, "builtin"), table.builtin or "", SOLIDS)]
+        check_keys(self._source, path, table.model_extra or {}, [*fields_of(kind), *_keys("builtin")])
+        with located(self._source, path):
+            solid = kind(**table.model_extra or {})
+            self._built += solid.triangles() * len(table.copies or [table])
+            if not self._built <= MAX_BUILT:
+                expected = f"at most {MAX_BUILT:,} triangles of built-in shapes with all copies"
+                raise SceneError(self._source, field, expected, f"about {self._built:,.0f}")
+            return self._once(solid, solid.geometry)
 
     def _gltf_pieces(
         self, mesh: Path, table: ObjectTable, path: str, material: BaseMaterial | None, texture: Texture | None
@@ -187,9 +175,12 @@ class ObjectReader:
         self, table: ObjectTable, path: str, given: TexturedMesh, material: BaseMaterial | None, texture: Texture | None
     ) -> Shape:
         grain = self._texture(table, path, "grain")
-        alpha = self._alpha(table, path)
-        for field, image in (("texture", texture), ("grain", grain), ("opacity_texture", alpha and alpha.texture)):
-            if image is not None and given.uv is None:
+        image, alpha = self._texture(table, path, "opacity_texture"), None
+        if image is not None or table.opacity is not None:
+            opacity = 1.0 if table.opacity is None else table.opacity
+            alpha = AlphaSurface(opacity, image, grey=True, cutoff=table.cutoff)
+        for field, used in (("texture", texture), ("grain", grain), ("opacity_texture", image)):
+            if used is not None and given.uv is None:
                 raise SceneError(self._source, joined(path, field), "a mesh with texture coordinates", "one without")
         colours = given.colours if _wants_colours(table) else None
         if table.vertex_colors and colours is None:
@@ -207,12 +198,6 @@ class ObjectReader:
                 self.origins[id(self._shapes[key])] = given.origin
         return self._shapes[key]
 
-    def _alpha(self, table: ObjectTable, path: str) -> AlphaSurface | None:
-        image = self._texture(table, path, "opacity_texture")
-        if image is None and table.opacity is None:
-            return None
-        return AlphaSurface(1.0 if table.opacity is None else table.opacity, image, grey=True, cutoff=table.cutoff)
-
     def _material(self, given: str | dict[str, Any], path: str) -> BaseMaterial:
         if isinstance(given, str):
             return self._materials[check_name(self._source, path, given, sorted(self._materials))]
@@ -226,13 +211,6 @@ class ObjectReader:
         file = confined(name, self._source.parent, self._source, joined(path, field))
         self.files.append(file)
         return Texture(file, srgb=field == "texture", wrap=table.wrap or ("repeat", "repeat"))
-
-    def _solid(self, table: ObjectTable, path: str) -> Solid:
-        kind = SOLIDS[check_name(self._source, joined(path, "builtin"), table.builtin or "", SOLIDS)]
-        parameters = table.model_extra or {}
-        check_keys(self._source, path, parameters, [*fields_of(kind), *_keys("builtin")])
-        with located(self._source, path):
-            return kind(**parameters)
 
 
 def _wants_colours(table: ObjectTable) -> bool:

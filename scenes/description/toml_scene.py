@@ -2,8 +2,8 @@
 
 import re
 import tomllib
-from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -33,19 +33,10 @@ _LONG_KEY = re.compile(
 
 
 def read_toml(path: Path, size: tuple[int, int] | None = None) -> SceneDescription:
-    """A TOML scene; files it names are looked for in its own folder and below.
-
-    Args: size: width and height of the picture in place of the file's own.
-
-    Raises: SceneError: the file cannot be read, is no TOML, or has a missing, unknown or bad value; says which.
-    """
+    """A TOML scene; files it names are looked for in its own folder and below. Raises: SceneError."""
     document = parse_document(_load(path), path)
     settings = _settings(document, path, size)
-
-    def locate(name: str) -> Path:
-        return confined(name, path.parent, path, "obscurance.falloff")
-
-    w_from, bake = _bake(document.obscurance, path, settings, locate)
+    w_from, bake, scales, files = _obscurance(document.obscurance, path, settings)
     reader = ObjectReader(path, named_materials(document.materials, path))
     objects = [item for n, table in enumerate(document.objects) for item in reader.read(table, f"objects[{n}]")]
     lights = []
@@ -62,10 +53,8 @@ def read_toml(path: Path, size: tuple[int, int] | None = None) -> SceneDescripti
     if not lights:
         scene = replace(scene, lights=three_lights(camera))
     origins = tuple(reader.origins.get(id(item.shape)) for item in objects)
-    of_falloff = table_of(document.obscurance.falloff, locate) if w_from == "bake" else []
-    files = (path, *reader.files, *of_falloff, *((w_from,) if isinstance(w_from, Path) else ()))
-    scales = _scales(document.obscurance, path) if isinstance(w_from, Path) else None
-    return SceneDescription(scene, camera, settings, w_from, bake, files, tuple(reader.notes), origins, scales)
+    read = (path, *reader.files, *files)
+    return SceneDescription(scene, camera, settings, w_from, bake, read, tuple(reader.notes), origins, scales)
 
 
 def _load(path: Path) -> dict[str, Any]:
@@ -80,14 +69,13 @@ def _load(path: Path) -> dict[str, Any]:
         raise SceneError(path, "content", "a TOML scene", "an empty file")
     try:
         text = content.decode("utf-8-sig")
-        if _LONG_KEY.search(text):
-            raise SceneError(path, "content", f"keys of fewer than {_PARTS} parts", "a longer one")
-        return tomllib.loads(text)
-    except SceneError:
-        raise
     except UnicodeDecodeError as reason:
         line = content.count(b"\n", 0, reason.start) + 1
         raise SceneError(path, f"line {line}", "UTF-8", f"byte {content[reason.start]:#04x}") from None
+    if _LONG_KEY.search(text):
+        raise SceneError(path, "content", f"keys of fewer than {_PARTS} parts", "a longer one")
+    try:
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as reason:
         message, _, place = str(reason).removesuffix(")").rpartition(" (at ")
         got = "a mistake: " + " ".join(re.sub(r"^[A-Z]", lambda m: m[0].lower(), message).split())
@@ -112,9 +100,11 @@ def _settings(document: Document, path: Path, size: tuple[int, int] | None) -> S
         raise SceneError(path, "obscurance.form", fault.expected, shown(form), fault.nearest) from None
 
 
-def _bake(
-    table: ObscuranceTable, path: Path, settings: Settings, locate: Callable[[str], Path]
-) -> tuple[Source, Options]:
+def _obscurance(
+    table: ObscuranceTable, path: Path, settings: Settings
+) -> tuple[Source, Options, Scales | None, list[Path]]:
+    """As `SceneDescription` has it: source, bake and scales; and the files of these."""
+
     def excluded(expected: str, *names: str) -> None:
         for name in names:
             if name in table.model_fields_set:
@@ -123,26 +113,23 @@ def _bake(
     bake = ("falloff", "tau", "half_distance", "max_distance", "samples", "seed")
     if settings.obscurance == "off":
         excluded('nothing beside form = "off"', "baked", "power", *bake)
-        return "off", Options()
+        return "off", Options(), None, []
     if table.baked is not None:
         excluded("nothing beside baked but form, half_distance and power", *(set(bake) - {"half_distance"}))
         file = confined(table.baked, path.parent, path, "obscurance.baked")
         if file.suffix.lower() not in ENDINGS:
             raise SceneError(path, "obscurance.baked", "a name ending in " + ", ".join(ENDINGS), shown(table.baked))
-        return file, Options()
+        if table.half_distance is None:
+            excluded("half_distance with it", "power")
+            return file, Options(), None, [file]
+        with located(path, "obscurance"):
+            return file, Options(), make_scales(table.half_distance, table.power), [file]
     excluded("baked with it", "power")
+    locate = partial(confined, folder=path.parent, source=path, field="obscurance.falloff")
     with located(path, "obscurance"):
         falloff = make_falloff(table.falloff, table.tau, table.half_distance, table.max_distance, locate)
-        return "bake", Options(falloff=falloff, samples=table.samples, seed=table.seed or 0)
-
-
-def _scales(table: ObscuranceTable, path: Path) -> Scales | None:
-    if table.half_distance is None:
-        if table.power is not None:
-            raise SceneError(path, "obscurance.power", "half_distance with it", shown(table.power))
-        return None
-    with located(path, "obscurance"):
-        return make_scales(table.half_distance, table.power)
+        options = Options(falloff=falloff, samples=table.samples, seed=table.seed or 0)
+    return "bake", options, None, table_of(table.falloff, locate)
 
 
 def _camera(table: CameraTable, scene: Scene, settings: Settings, path: Path) -> Camera:

@@ -8,6 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from warnings import catch_warnings, simplefilter
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from ao.options import Options
 
     from ..formats.load import MeshFile
-    from ..show.report.pictures import Picture
+    from ..show.report.verdict import Pictures
 
 
 @contextmanager
@@ -46,25 +47,16 @@ class WorkSize(NamedTuple):
     trial: Callable[[int], int]
 
 
-class Written(NamedTuple):
-    """An output that was written: its summary, and warnings about it, which have been printed."""
-
-    summary: str
-    warnings: list[str]
+Written = tuple[str, list[str]]  # of an output: its summary, and warnings about it, which have been printed
 
 
 class MeshBake(Record, ABC):
-    """A bake of a mesh file, to vertices or a texture, with its options as attributes.
+    """A bake of a mesh file, to vertices or a texture, with its options as attributes."""
 
-    Attributes:
-        sort: in the words of `Option.on`. record: of its options. content: of the mesh, if it is no file's.
-        open_checkpoint: makes the checkpoint of an output, unless it is the usual one.
-    """
-
-    sort: str
+    sort: str  # in the words of `Option.on`
     record: type[Options]
-    content: bytes | None = None
-    open_checkpoint: Callable[[Path], AbstractContextManager[Checkpoint]] | None = None
+    content: bytes | None = None  # of the mesh, if it is no file's
+    open_checkpoint: Callable[[Path], AbstractContextManager[Checkpoint]] | None = None  # unless it is the usual one
 
     def run(self) -> int:
         """Bake, write, and print a summary. Returns: the exit status, 0. Raises: as `check`, `ao.bake` and writers."""
@@ -72,9 +64,9 @@ class MeshBake(Record, ABC):
 
         falloff = self.check()
         with compiling(), silence_tolerance_warnings():
-            for written in self.bake(falloff):
+            for summary, _ in self.bake(falloff):
                 if not self.quiet:
-                    print(written.summary, file=sys.stderr if is_standard_output(self.output) else sys.stdout)
+                    print(summary, file=sys.stderr if is_standard_output(self.output) else sys.stdout)
         return 0
 
     def check(self) -> ao.Falloff:
@@ -119,15 +111,12 @@ class MeshBake(Record, ABC):
 
         return hashed([*files, *table_of(self.falloff)], {self.mesh: self.content}) if self.report else []
 
-    def write_report(
-        self, report: Mapping[str, Any], inputs: list[dict[str, Any]], pictures: Callable[[], list[list[Picture]]]
-    ) -> None:
-        """Write the report. Args: report: of `ao.report`, or of pages. inputs: what was read. pictures: makes them."""
-        from ..show.report.verdict import complete, write_report
+    def write_report(self, report: Mapping[str, Any], inputs: list[dict[str, Any]], pictures: Pictures) -> None:
+        from ..show.report.verdict import write_report
 
         options = self.described()
         line = command_line("bake", ROWS.values(), options)
-        write_report(self.report, complete("bake", line, report, inputs, options), pictures)
+        write_report(self.report, "bake", line, report, inputs, options, pictures)
 
     def checkpoint(self, output: Path) -> AbstractContextManager[Checkpoint]:
         """Keeps what is traced for an output, beside it; none beside standard output."""
@@ -136,11 +125,7 @@ class MeshBake(Record, ABC):
 
         if self.open_checkpoint:
             return self.open_checkpoint(output)
-        return Checkpoint(None if is_standard_output(output) else self.journal(output), self.resume, note)
-
-    def journal(self, output: Path) -> Path:
-        """The path of an output's journal."""
-        return Path(f"{output}.partial")
+        return Checkpoint(None if is_standard_output(output) else journal(output), self.resume, note)
 
     def inputs(self) -> list[Path]:
         """The files that are read, as far as the options name them."""
@@ -182,9 +167,8 @@ class MeshBake(Record, ABC):
         from ..formats.load import load
         from ..formats.objects import choose, match
 
-        given, alpha = (self.high, self.occluder), self.alpha == "auto"
-        names = self.match_names
-        high, walls = ([load(path, alpha=alpha, names=names) for path in each or ()] for each in given)
+        names, read = self.match_names, partial(load, alpha=self.alpha == "auto", names=self.match_names)
+        high, walls = ([read(path) for path in each or ()] for each in (self.high, self.occluder))
         fine = joined([each.mesh for each in high], all_normals=True) if high else None
         cage = load(self.cage) if isinstance(self.cage, Path) else None
         by_name = self.receive or (), self.cast or (), self.exclude or ()
@@ -212,6 +196,11 @@ class MeshBake(Record, ABC):
         """Bake and write, one output after the other. Raises: as `run`."""
 
 
+def journal(output: Path) -> Path:
+    """The path of an output's journal."""
+    return Path(f"{output}.partial")
+
+
 @dataclass(frozen=True)
 class Outcome:
     """Attributes: as of `scenes.jobs.manifest.Entry`."""
@@ -224,7 +213,7 @@ class Outcome:
 
 def bake_one(bake: MeshBake, falloff: ao.Falloff, threads: int, resume: bool) -> Outcome:
     """Bake and write, or continue what was begun; errors become messages, but for a cluster's, which ends all bakes."""
-    begun = resume and bake.journal(bake.output).exists()
+    begun = resume and journal(bake.output).exists()
     bake = bake.replaced(quiet=True, progress="bar", threads=threads, resume=begun)
     start = time.perf_counter()
     try:
@@ -236,5 +225,5 @@ def bake_one(bake: MeshBake, falloff: ao.Falloff, threads: int, resume: bool) ->
         message = str(fault) if expected and str(fault) else f"{type(fault).__name__}: {fault}"
         message = printable(message if str(bake.mesh) in message else f"{bake.mesh}: {message}")
         return Outcome("failed", round(time.perf_counter() - start, 3), message)
-    seconds, message = round(time.perf_counter() - start, 3), "\n".join(each.summary for each in written)
-    return Outcome("done", seconds, message, [line for each in written for line in each.warnings])
+    message, warnings = "\n".join(text for text, _ in written), [line for _, lines in written for line in lines]
+    return Outcome("done", round(time.perf_counter() - start, 3), message, warnings)

@@ -19,7 +19,7 @@ from .bake import MeshBake, Outcome, bake_one, silence_tolerance_warnings
 from .console import compiling, note, progress, warn
 from .inputs import MANIFEST, made
 from .manifest import Entry, Manifest, assign_shards, digest, part_manifest
-from .remote import Workers, cluster_checkpoint
+from .remote import Workers, bake_remotely, cluster_checkpoint
 
 if TYPE_CHECKING:
     import ao
@@ -31,29 +31,20 @@ _OF_ONE = ("mesh", "output", "threads")  # options that differ from one bake to 
 
 @dataclass(frozen=True)
 class Batch:
-    """Bakes with the same options.
-
-    Attributes:
-        bakes: one for each input. folder: of their outputs.
-        workers: of a cluster, to trace the rays. part: (K, N), to bake only the K-th of N parts.
-    """
+    """Bakes with the same options, one for each input."""
 
     bakes: Sequence[MeshBake]
-    folder: Path
-    workers: Workers | None = None
-    part: tuple[int, int] | None = None
+    folder: Path  # of their outputs
+    workers: Workers | None = None  # of a cluster, to trace the rays
+    part: tuple[int, int] | None = None  # (K, N), to bake only the K-th of N parts
 
     def run(self) -> int:
-        """Bake all, going on after faults, each reported in one line. Returns: the exit status, 1 for faults.
-
-        Raises: as `check`. InputError: a manifest that cannot be resumed. SystemExit: interrupted.
-        """
+        """Bake all, going on after faults, each reported in one line. Returns: the exit status, 1 for faults."""
         if self.workers:
             self.check(keep=False)  # before any are asked for
         start = time.perf_counter()
         with self.workers.session(self.folder / MANIFEST) if self.workers else nullcontext() as session:
-            falloff = self.check()
-            manifest = self._manifest()
+            falloff, manifest = self.check(), self._manifest()
             try:
                 with compiling(), silence_tolerance_warnings():
                     self._bake_all(manifest, falloff, session)
@@ -69,7 +60,7 @@ class Batch:
         return 1 if manifest.count("failed") else 0
 
     def check(self, keep: bool = True) -> ao.Falloff:
-        """`MeshBake.check` of all, in folders that are made, and stay if `keep`. Raises: OptionError, OutputError."""
+        """`MeshBake.check` of all, in folders that are made, and stay if `keep`."""
         with made((self.folder, *(bake.output.parent for bake in self.bakes)), keep):
             falloff = self.bakes[0].check()
             inputs = [path for bake in self.bakes for path in bake.inputs()]
@@ -103,34 +94,32 @@ class Batch:
         """The bakes to be done here: all, or this shard's."""
         if not self.part:
             return list(self.bakes)
-        shards = assign_shards([_size(bake.mesh) for bake in self.bakes], self.part[1])
+        shards = assign_shards([_identity(bake.mesh)[0] for bake in self.bakes], self.part[1])
         return [bake for bake, shard in zip(self.bakes, shards, strict=True) if shard == self.part[0]]
 
     def _bake_all(self, manifest: Manifest, falloff: ao.Falloff, session: ClusterSession | None) -> None:
-        bakes = self._own()
-        count = len(bakes)
-        places = [place for place in range(count) if manifest.entries[place].status == "waiting"]
-        threads = thread_count(self.bakes[0].threads)
-        small = [place for place in places if bakes[place].sort == "vertices" and _size(bakes[place].mesh) < _LARGE]
-        large = sorted({*places} - {*small})
-        done = count - len(places)
+        bakes, first = self._own(), self.bakes[0]
+        places = [place for place, entry in enumerate(manifest.entries) if entry.status == "waiting"]
+        threads, done = thread_count(first.threads), len(bakes) - len(places)
+        vertices = [place for place in places if bakes[place].sort == "vertices"]
+        small = [place for place in vertices if _identity(bakes[place].mesh)[0] < _LARGE]
         status = session.status if session else str
-        with progress(self.bakes[0].quiet, "meshes", form=self.bakes[0].progress, status=status) as (advance,):
+        with progress(first.quiet, "meshes", form=first.progress, status=status) as (advance,):
 
             def add(more: int) -> None:
                 nonlocal done
                 done += more
                 if advance:
-                    advance(done, count)
+                    advance(done, len(bakes))
                 manifest.save()
 
             def bake_here(place: int, threads: int) -> None:
                 entry, bake = manifest.entries[place], bakes[place]
                 before = _identity(bake.output)
                 if session:
-                    bake = bake.replaced(open_checkpoint=partial(cluster_checkpoint, session, self.bakes[0].resume))
+                    bake = bake.replaced(open_checkpoint=partial(cluster_checkpoint, session, first.resume))
                 try:
-                    _note(entry, bake_one(bake, falloff, threads, self.bakes[0].resume))
+                    _note(entry, bake_one(bake, falloff, threads, first.resume))
                 except KeyboardInterrupt:
                     if _identity(bake.output) != before:  # it has been written, whole
                         entry.done()
@@ -141,24 +130,21 @@ class Batch:
                     bake_here(place, 1)
 
             if session:
-                from .remote import bake_remotely
-
                 given = [bakes[place] for place in small]
-                for place, outcome in bake_remotely(session, given, falloff, self.bakes[0].resume, threads):
+                for place, outcome in bake_remotely(session, given, falloff, first.resume, threads):
                     warn([], outcome.warnings)
                     _note(manifest.entries[small[place]], outcome)
                     add(1)
             else:
                 run_blocks(len(small), 1, bake_small, threads, add)
-            for place in large:
+            for place in sorted({*places} - {*small}):
                 bake_here(place, threads)
                 add(1)
 
 
 def _note(entry: Entry, outcome: Outcome) -> None:
     """Take over what became of an input."""
-    entry.status, entry.seconds, entry.message = outcome.status, outcome.seconds, outcome.message
-    entry.warnings = outcome.warnings
+    vars(entry).update(vars(outcome))
     if outcome.status == "failed":
         note(outcome.message)
     else:
@@ -171,7 +157,7 @@ def _read_by(bake: MeshBake) -> list[Path]:
     from ..formats.obj.detail import named_files
 
     files = bake.inputs()
-    for path in bake.inputs():
+    for path in [*files]:
         with suppress(OSError, ValueError, TypeError, AttributeError, RecursionError):  # its bake will say why
             if path.suffix.lower() == ".gltf":
                 files += Gltf(path, json.loads(path.read_bytes())).files[1:]
@@ -180,17 +166,10 @@ def _read_by(bake: MeshBake) -> list[Path]:
     return files
 
 
-def _identity(path: Path) -> object:
-    """A value that changes if a file is replaced."""
+def _identity(path: Path) -> tuple[int, ...]:
+    """A file's bytes, and what changes if it is replaced."""
     try:
         status = path.stat()
-        return status.st_ino, status.st_mtime_ns
+        return status.st_size, status.st_ino, status.st_mtime_ns
     except (OSError, ValueError):
-        return None
-
-
-def _size(path: Path) -> int:
-    try:
-        return path.stat().st_size
-    except (OSError, ValueError):
-        return 0
+        return 0, 0, 0

@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from raytrace.errors import LINE, printable
 from raytrace.kernel import notice
 
 from .options import ProgressForm
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
 
 
 def note(message: str) -> None:
-    from raytrace.errors import LINE, printable
-
     print("obscurance: " + printable(" ".join(message.split()), LINE), file=sys.stderr)
 
 
@@ -41,7 +40,7 @@ _PLAIN = str.maketrans({
 
 
 def _in_plain_letters(fault: UnicodeError) -> tuple[str, int]:
-    """Replacements for characters that an output cannot encode: similar letters, else escapes."""
+    """Similar letters for characters that an output cannot encode, else escapes."""
     if not isinstance(fault, UnicodeEncodeError):
         raise fault
     characters = fault.object[fault.start : fault.end].translate(_PLAIN)
@@ -103,7 +102,6 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff
 
     Args: falloff: that is relative to the radius of the last of the meshes, perhaps.
     """
-    from raytrace.errors import LINE, printable
     from raytrace.mesh.precision import outlier_warnings, precision_warnings
 
     each = {id(mesh): mesh for mesh in meshes}.values()
@@ -132,12 +130,10 @@ def progress(
 ) -> Iterator[tuple[Advance | None, ...]]:
     """Progress bars on a terminal's standard error, one after the other, each from its first call on.
 
-    In the form "json" they are lines, ten a second at most, on standard error whatever that is, quiet or not.
+    In the form "json" they are lines, ten a second at most, on standard error whatever that is, quiet or not. A bar is
+    full when the next one begins, and the last when the work is done.
 
-    Each is called with (done, total); the total is a guess and may change. A bar is full when the next one begins, and
-    the last when the work is done.
-
-    Args: units: what each bar counts, for its rate. status: says what else to show.
+    Args: units: what each bar counts. status: says what else to show.
     """
     if form == "json":
         start = time.perf_counter()
@@ -198,8 +194,6 @@ def _json_lines(unit: str, start: float) -> Advance:
 
 def bake_summary(baked: ao.Bake, target: Path) -> str:
     """The line after a bake: file, vertices, rays, time, estimated error; and one for each flag that vertices have."""
-    from raytrace.errors import printable
-
     from ..show.report.verdict import flags_in_words
 
     took = f"in {baked.seconds['bake']:.2f} s, estimated RMSE {baked.rmse:.4f}"
@@ -210,10 +204,7 @@ def bake_summary(baked: ao.Bake, target: Path) -> str:
 
 def texture_summary(baked: ao.BakedTexture, target: str) -> str:
     """The line after a bake of a texture, and a second one about its layout and seams."""
-    from raytrace.errors import printable
-
-    height, width = baked.w.shape
-    facts = baked.facts
+    (height, width), facts = baked.w.shape, baked.facts
     rays = f"{baked.rays:,} rays traced in {baked.seconds['bake']:.2f} s, estimated RMSE {baked.rmse:.4f}"
     text = f"{printable(target)}: {width}×{height}, {facts.covered:,} texels covered, {rays}"
     if not facts.seam_edges:
@@ -223,16 +214,13 @@ def texture_summary(baked: ao.BakedTexture, target: str) -> str:
 
 
 def alpha_summary(mesh: Mesh) -> str:
-    """One more line for a mesh of which some faces have alpha."""
     return f"\n{mesh.opacity.summary}" if mesh.opacity else ""
 
 
 def show_picture(pixels: npt.NDArray[np.float32]) -> None:
-    """Print a picture in the terminal's colours, at most as wide as it: two pixels a character, one above the other.
+    """Print a picture, linear RGB, in the terminal's colours, at most as wide: two pixels a character, in a column.
 
     Not the terminal writer of OpenImageIO, which prints `\\u2580` in these six letters instead of the half block.
-
-    Args: pixels: (h, w, 3 or more), linear RGB.
     """
     from rich.color import Color
     from rich.console import Console
@@ -241,29 +229,20 @@ def show_picture(pixels: npt.NDArray[np.float32]) -> None:
 
     from raytrace.image.srgb import encode_srgb
 
+    from ..show.page.base_colour import block_means
+
     console = Console()
     half, step = ("▀", 2) if "utf" in console.encoding.lower() else (" ", 1)
-    codes = (255 * encode_srgb(_reduced(pixels[..., :3], console.width, step)) + 0.5).astype(int)
+    height, width = pixels.shape[:2]
+    wide = min(console.width, width)
+    high = max(round(height * wide / width * step / 2 / step), 1) * step  # characters are twice as high as wide
+    codes = (255 * encode_srgb(block_means(pixels[..., :3], high, wide).astype("f4")) + 0.5).astype(int)
     for lines in zip(*(codes[first::step] for first in range(step)), strict=True):
         text = Text(no_wrap=True, end="\n")
         for column in range(codes.shape[1]):
             upper, lower = (Color.from_rgb(*line[column]) for line in (lines[0], lines[-1]))
             text.append(half, Style(color=upper, bgcolor=lower))
         console.print(text)
-
-
-def _reduced(pixels: npt.NDArray[np.float32], columns: int, step: int) -> npt.NDArray[np.float32]:
-    """Means over blocks: at most `columns` wide, characters being twice as high as wide, rows a multiple of `step`."""
-    import numpy as np
-
-    height, width = pixels.shape[:2]
-    wide = min(columns, width)
-    high = max(round(height * wide / width * step / 2 / step), 1) * step
-    means = np.add.reduceat(pixels, np.arange(high) * height // high, axis=0)
-    means = np.add.reduceat(means, np.arange(wide) * width // wide, axis=1)
-    ones = np.add.reduceat(np.ones((height, 1)), np.arange(high) * height // high, axis=0)
-    counts = ones * np.add.reduceat(np.ones(width), np.arange(wide) * width // wide)
-    return (means / counts[..., None]).astype(np.float32)
 
 
 def columns(rows: Sequence[tuple[str, str]]) -> str:

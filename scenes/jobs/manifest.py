@@ -24,22 +24,16 @@ _NAME = re.compile(r"manifest-\d+-of-(\d+)\.json")
 
 @dataclass
 class Entry:
-    """The outcome of an input.
-
-    Attributes:
-        input, output: their names. status: "waiting" also of what an interrupt left out. seconds: of reading, baking
-            and writing. message: the summary or the fault. warnings: about the output. sha256: of the bytes of the
-            input and of the files that it names. written: that of the output.
-    """
+    """The outcome of an input, with the names of files."""
 
     input: str
     output: str
-    status: Status = "waiting"
-    seconds: float = 0.0
-    message: str = ""
+    status: Status = "waiting"  # also of what an interrupt left out
+    seconds: float = 0.0  # of reading, baking and writing
+    message: str = ""  # the summary or the fault
     warnings: list[str] = field(default_factory=list)
-    sha256: str = ""
-    written: str = ""
+    sha256: str = ""  # of the bytes of the input and of the files that it names
+    written: str = ""  # that of the output
 
     def done(self) -> None:
         """Take note of an output that is whole."""
@@ -52,18 +46,14 @@ def digest(files: Iterable[Path]) -> str:
     try:
         for path in files:
             with path.open("rb") as file:
-                while chunk := file.read(1 << 20):
-                    hashed.update(chunk)
+                hashlib.file_digest(file, lambda: hashed)
     except (OSError, ValueError):
         return ""
     return hashed.hexdigest()
 
 
 class Manifest:
-    """The entries of a batch in the order of its inputs, written every few seconds; from any thread.
-
-    Args: path: the file. entries: all of them. about: what else the file says: options and versions.
-    """
+    """The entries of a batch, written every few seconds; from any thread. Args: about: options and versions."""
 
     def __init__(self, path: Path, entries: list[Entry], about: dict[str, Any]) -> None:
         self.path, self.entries, self._about = path, entries, about
@@ -88,10 +78,7 @@ class Manifest:
     def resume(self, notify: Callable[[str], object]) -> None:
         """Take over what the file on disk says is done, of the same bytes with the same options and versions.
 
-        Outputs that are gone or have other bytes than were written, and inputs that have changed, are not done. Where
-        nothing can be taken over, `notify` gets a line for the user.
-
-        Raises: InputError: the file cannot be read, or is no manifest of this version.
+        Outputs that are gone or have other bytes than were written, and inputs that have changed, are not done.
         """
         try:
             stored = json.loads(self.path.read_bytes())
@@ -137,34 +124,30 @@ def merge_batch(folder: Path) -> Manifest:
     paths = sorted(path for path in folder.iterdir() if _NAME.fullmatch(path.name))
     parts = [_read(path) for path in paths]
     first = parts[0]
-    for path, part in zip(paths, parts, strict=True):
-        for name in first["options"].keys() | part["options"].keys():
-            _same(path, name, first["options"].get(name), part["options"].get(name))
-        _same(path, "versions", first["versions"], part["versions"])
-        _same(path, "of", first["part"]["of"], part["part"]["of"])
-        _same(path, "inputs", first["part"]["inputs"], part["part"]["inputs"])
+    facts = [
+        {**part["options"], "versions": part["versions"], "of": part["part"]["of"], "inputs": part["part"]["inputs"]}
+        for part in parts
+    ]
+    for path, known in zip(paths, facts, strict=True):
+        for name in facts[0] | known:
+            if facts[0].get(name) != known.get(name):
+                raise InputError(path, name, f"{facts[0].get(name)}, as in the first part", known.get(name))
     of, numbers = first["part"]["of"], {part["part"]["number"] for part in parts}
     if missing := sorted({*range(1, of + 1)} - numbers):
         lacking = ", ".join(map(str, missing[:20])) + (", …" if len(missing) > 20 else "")
         raise InputError(folder, "parts", f"all of 1 to {of}", f"{len(parts)} of them; missing: {lacking}")
     entries = {each["input"]: Entry(**each) for part in parts for each in part["inputs"]}
     for path, part in zip(paths, parts, strict=True):
-        if part["waiting"]:
+        if waiting := part["waiting"]:
             expected = "a finished part; the same command continues it"
-            raise InputError(path, "waiting", expected, f"{part['waiting']:,} meshes that wait")
+            raise InputError(path, "waiting", expected, f"{waiting:,} meshes that wait")
     for name in first["part"]["inputs"]:
         if name not in entries:  # the parts saw files of other sizes
             raise InputError(folder, "inputs", f"{name} in one of the parts", "none that has it")
-    facts = {name: first[name] for name in ("options", "versions")}
-    manifest = Manifest(folder / MANIFEST, [entries[name] for name in first["part"]["inputs"]], facts)
+    about = {name: first[name] for name in ("options", "versions")}
+    manifest = Manifest(folder / MANIFEST, [entries[name] for name in first["part"]["inputs"]], about)
     manifest.write()
     return manifest
-
-
-def _same(path: Path, name: str, expected: object, got: object) -> None:
-    """Raises: InputError: they differ."""
-    if expected != got:
-        raise InputError(path, name, f"{expected}, as in the first part", got)
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib.util import find_spec
@@ -19,7 +19,7 @@ import numpy as np
 
 from raytrace.types import Int64s
 
-from .bake import MeshBake, Outcome, bake_one, silence_tolerance_warnings
+from .bake import MeshBake, Outcome, bake_one, journal, silence_tolerance_warnings
 from .console import note, unprinted_warnings
 from .options import absolute
 
@@ -35,10 +35,7 @@ _FILES = "mesh", "output", "high", "occluder", "cage"
 
 @dataclass(frozen=True)
 class Workers:
-    """Workers at `address`, which see the folder `shared`, or that of the output.
-
-    Raises: OptionError: Dask is not installed, `address` is none, or `shared` no folder.
-    """
+    """Workers at `address`, which see the folder `shared`, or that of the output. Raises: OptionError."""
 
     address: str
     shared: Path | None
@@ -63,11 +60,13 @@ class Workers:
         return ClusterSession(self.address, shared, output.name, note, self.threads)
 
 
-def bake_by_workers(bake: MeshBake, workers: Workers) -> int:
-    """Bake, write, and print summaries, with rays traced by `workers`. Returns: the exit status, 0.
+def workers_of(options: Mapping[str, Any]) -> Workers | None:
+    """The workers that `--cluster` and `--shared` ask for."""
+    return Workers(options["cluster"], options["shared"], options["threads"]) if options["cluster"] else None
 
-    Raises: as `MeshBake.run` and `ClusterSession`.
-    """
+
+def bake_by_workers(bake: MeshBake, workers: Workers) -> int:
+    """Bake, write, and print summaries, with rays traced by `workers`. Returns: the exit status, 0."""
     bake.check()  # before any are asked for
     with workers.session(bake.output) as session:
         bake.replaced(open_checkpoint=partial(cluster_checkpoint, session, bake.resume)).run()
@@ -80,18 +79,15 @@ def cluster_checkpoint(session: ClusterSession, resume: bool, target: Path | Non
     """Lets workers trace what a target needs, and keeps it beside that; nothing without a target."""
     from ao.execute.checkpoint import Checkpoint
 
-    path = None if target is None else f"{target}.partial"
+    path = target and journal(target)
     return Checkpoint(path, resume, note, fill_spans=session.fill_spans, status=session.status)
 
 
 @dataclass(frozen=True, eq=False)
 class SharedBakes:
-    """Bakes whose files all workers see. Unpickled where they are not seen, it raises OSError.
+    """Bakes whose files all workers see. Unpickled where they are not seen, it raises OSError."""
 
-    Attributes: bakes: with absolute names. falloff: of all. resume: continue what an interrupted run has traced.
-    """
-
-    bakes: tuple[MeshBake, ...]
+    bakes: tuple[MeshBake, ...]  # with absolute names
     falloff: ao.Falloff
     resume: bool
 
@@ -110,13 +106,10 @@ def _seen(files: set[Path], bakes: tuple[MeshBake, ...], falloff: ao.Falloff, re
 
 @dataclass(frozen=True, eq=False)
 class WholeBakes:
-    """Bakes to be done, the rows of which are their outcomes.
+    """Bakes to be done, the rows of which are their outcomes."""
 
-    Attributes: numbers: int64 (k,), places in `SharedBakes.bakes`. rays: of one, about.
-    """
-
-    numbers: Int64s
-    rays: float
+    numbers: Int64s  # (k,), places in `SharedBakes.bakes`
+    rays: float  # of one, about
     block_rays: ClassVar = 1
 
     def __len__(self) -> int:
@@ -143,16 +136,14 @@ class WholeBakes:
 def bake_remotely(
     session: ClusterSession, bakes: Sequence[MeshBake], falloff: ao.Falloff, resume: bool, threads: int
 ) -> Iterator[tuple[int, Outcome]]:
-    """Bake by workers, or on threads here if it is little: the place of each bake, and what became of it.
-
-    Raises: as `ClusterSession.trace`.
-    """
+    """Bake by workers, or on threads here if it is little: the place of each bake, and what became of it."""
     if not bakes:
         return
     sizes = np.array([bake.mesh.stat().st_size if bake.mesh.is_file() else 0 for bake in bakes])
     rays = max(sizes.mean() / _BYTES, 1) * (bakes[0].samples or 256)
     work = WholeBakes(np.argsort(-sizes, kind="stable"), float(rays))  # the largest first, to end together
-    scene = SharedBakes(tuple(map(_absolute, bakes)), falloff, resume)
+    placed = [bake.replaced(**{name: absolute(getattr(bake, name)) for name in _FILES}) for bake in bakes]
+    scene = SharedBakes(tuple(placed), falloff, resume)
     for first, last, (outcomes,) in session.rows(work, scene, threads):
         for place, outcome in zip(work.numbers[first:last].tolist(), outcomes, strict=True):
             yield place, _named_as(bakes[place], _outcome(outcome))
@@ -165,10 +156,6 @@ def _outcome(fields: Any) -> Outcome:
         return Outcome(status, float(fields["seconds"]), str(fields["message"]), list(map(str, fields["warnings"])))
     except (TypeError, KeyError, ValueError) as reason:
         return Outcome("failed", 0.0, f"a worker's answer is no outcome of a bake: {reason}")
-
-
-def _absolute(bake: MeshBake) -> MeshBake:
-    return bake.replaced(**{name: absolute(getattr(bake, name)) for name in _FILES})
 
 
 def _named_as(bake: MeshBake, outcome: Outcome) -> Outcome:

@@ -1,6 +1,8 @@
 """`obscurance bake`: one input, or several into a folder."""
 
 import os.path
+import re
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, get_args
@@ -14,20 +16,20 @@ from ..formats.standard_input import STANDARD, standard_input
 from ..presets import preset_format, with_preset
 from .bake import MeshBake
 from .batch import Batch
+from .console import compiling, progress
 from .dry_run import dry_run
 from .inputs import expand, is_pattern, outputs_in
 from .manifest import is_batch_of_parts, merge_batch
-from .options import BAKE, SORTS, Format, cage_of, check_sort, check_together, defaults
+from .options import BAKE, BAKER, SORTS, Format, cage_of, check_sort, check_together, defaults
 from .parts import merge, part_numbers, trace_part
-from .remote import Workers, bake_by_workers
-from .tiles import bake_tiles
+from .remote import bake_by_workers, workers_of
 from .vertices import BakeCommand
 
 _MEANT = {".obj": ".ply", ".stl": ".ply", ".gltf": ".glb", ".jpg": ".png", ".jpeg": ".png"}  # which can hold w
 
 
 def run_bake(options: dict[str, Any]) -> int:
-    """Run the command with its options. Returns: the exit status. Raises: as `MeshBake.run` and `Batch.run`."""
+    """Run the command with its options. Returns: the exit status."""
     sort = next((sort for sort, name in SORTS.items() if options[name]), None)
     if sort:
         check_sort(options, sort)
@@ -60,10 +62,7 @@ def run_merge(folder: Path, options: dict[str, Any]) -> int:
 
 
 def bake_command(options: Mapping[str, Any]) -> MeshBake:
-    """A bake to vertices, or to a texture, as its output asks for.
-
-    Raises: OptionError: the output's ending is unknown, or an option is not for this sort of output.
-    """
+    """A bake to vertices, or to a texture, as its output asks for. Raises: OptionError."""
     from ..write_bake import ENDINGS
 
     options = {**defaults(), **options}
@@ -75,12 +74,9 @@ def bake_command(options: Mapping[str, Any]) -> MeshBake:
     options = with_preset(options) | {"cage": cage_of(options["cage"])}
     if options["profile"] is None:
         # where it takes the rays of the bake alone, and has w as baked between its columns
-        exponential = options["falloff"] == "exponential" and options["max_distance"] == "inf"
-        sampled = options["method"] == "vertex" and options["tolerance"] is None
-        alone = options["occluded_by"] == "all"
-        options["profile"] = ending == ".html" and exponential and sampled and alone
-    shown, colors = options["occlusion"], options["colors"]
-    glb, image = ending == ".glb", is_texture(output)
+        asked = {"falloff": "exponential", "max_distance": "inf", "method": "vertex", "tolerance": None}
+        options["profile"] = ending == ".html" and (asked | {"occluded_by": "all"}).items() <= options.items()
+    shown, colors, glb, image = options["occlusion"], options["colors"], ending == ".glb", is_texture(output)
     if shown in ("auto", "texture") and not (glb or (image and shown == "texture")):
         raise ConflictError(("occlusion", shown), "needs", "a .glb output")
     if shown == "auto" and colors:
@@ -97,7 +93,7 @@ def bake_command(options: Mapping[str, Any]) -> MeshBake:
 
 
 def _run_single(options: dict[str, Any]) -> int:
-    """Run the bake of one input. Raises: InputError: options do not go together; as `standard_input` and the bake."""
+    """Run the bake of one input."""
     given, output, format_ = options["mesh"], options["output"], options["format"]
     large = next((name for name in ("tiles", "part", "cluster") if options[name]), None)
     if STANDARD in given and len(given) > 1:
@@ -113,11 +109,10 @@ def _run_single(options: dict[str, Any]) -> int:
         raise ConflictError("format", "needs", "--output-dir or -o -")
     options = {**options, "mesh": given[0], "output": output}
     if large == "tiles":
-        return bake_tiles(options)
+        return _bake_tiles(options)
     if large == "part":
         return trace_part(options, bake_command)
-    if large == "cluster":
-        workers = Workers(options["cluster"], options["shared"], options["threads"])
+    if workers := workers_of(options):
         return bake_by_workers(bake_command(options), workers)
     if given[0] == STANDARD:
         bake_command({**options, "mesh": Path("<stdin>.ply")}).check()  # before anything is read from a pipe
@@ -126,6 +121,43 @@ def _run_single(options: dict[str, Any]) -> int:
     else:
         bake = bake_command(options)
     return dry_run([bake], bake.check()) if options["dry_run"] else bake.run()
+
+
+def _bake_tiles(options: dict[str, Any]) -> int:
+    """Bake with `--tiles` AxBxC, write, and print a summary. Returns: the exit status, 0."""
+    from ao.tiles.bake_tiled import bake_tiled
+    from raytrace.system.atomic import scratch_folder
+    from raytrace.system.checks import check_outputs
+
+    from ..falloffs import make_falloff, table_of
+    from ..formats.stored_mesh import open_mesh
+    from ..write_bake import TILED, write_tiled
+
+    match = re.fullmatch(r"(\d{1,3})x(\d{1,3})x(\d{1,3})", options["tiles"])
+    x, y, z = map(int, match.groups()) if match else (0, 0, 0)
+    if 0 in (x, y, z):
+        raise OptionError("tiles", "how many along x, y and z, such as 2x2x2", repr(options["tiles"]))
+    endless = options["max_distance"].strip().lower() in ("inf", "+inf", "infinity")
+    if endless and not options["falloff"].startswith("table:"):
+        raise ConflictError("tiles", "needs", "max_distance")
+    if options["normals"] == "file":
+        raise ConflictError("tiles", "does not go with", ("normals", "file"))
+    start, output = time.perf_counter(), options["output"]
+    falloff = make_falloff(*(options[name] for name in ("falloff", "tau", "half_distance", "max_distance")))
+    if output.suffix.lower() not in TILED:
+        raise OptionError("output", "a name ending in " + " or ".join(TILED) + " with --tiles", output)
+    check_outputs({"--output": output}, [options["mesh"], *table_of(options["falloff"])])
+    mesh = open_mesh(options["mesh"])
+    given = {row.name: options[row.name] for row in BAKER.values() if "tiles" in row.on}
+    with scratch_folder(output) as scratch:
+        with progress(options["quiet"], "rays", form=options["progress"]) as (advance,), compiling():
+            baked = bake_tiled(mesh, scratch, (x, y, z), falloff, progress=advance, **given)
+        write_tiled(output, baked.w, mesh)
+    if not options["quiet"]:
+        took = f"{baked.rays:,} rays traced in {time.perf_counter() - start:.2f} s"
+        more = f"{baked.tiles:,} tiles, {baked.halo:.0%} more faces than without"
+        print(f"{output}: {mesh.vertex_count:,} vertices, {took}\n{more}")
+    return 0
 
 
 def _batch(options: dict[str, Any]) -> Batch:
@@ -138,8 +170,7 @@ def _batch(options: dict[str, Any]) -> Batch:
     inputs = expand(given)
     pairs = zip(inputs, outputs_in(folder, inputs, preset_format(options) or "ply"), strict=True)
     bakes = [bake_command({**options, "mesh": path, "output": output}) for path, output in pairs]
-    workers = Workers(options["cluster"], options["shared"], options["threads"]) if options["cluster"] else None
-    return Batch(bakes, folder, workers, part_numbers(options["part"]) if options["part"] else None)
+    return Batch(bakes, folder, workers_of(options), part_numbers(options["part"]) if options["part"] else None)
 
 
 def _check_output(given: list[Path], output: Path | None, folder: bool) -> None:

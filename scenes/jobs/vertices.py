@@ -103,7 +103,7 @@ class BakeCommand(MeshBake):
             from ..show.report.pictures import write_marked
 
             write_marked(self.debug_image, source.mesh, baked)
-        yield Written(bake_summary(baked, self.output) + alpha_summary(sources.fine or source.mesh) + shown, warnings)
+        yield (bake_summary(baked, self.output) + alpha_summary(sources.fine or source.mesh) + shown, warnings)
 
     def _bake_parts(self, sources: Sources, falloff: ao.Falloff) -> ao.Bake:
         """Bake groups of objects one by one; vertices of several groups have w of the last."""

@@ -92,7 +92,7 @@ class TextureCommand(MeshBake):
                 bakes.append(BakedPage(self._title(page), baked, seconds, [*warnings, *more]))
                 if not glb:
                     summary = texture_summary(baked, bakes[-1].title) + alpha_summary(sources.fine or source.mesh)
-                    yield Written(summary, bakes[-1].warnings)
+                    yield (summary, bakes[-1].warnings)
             if glb:
                 begun = time.perf_counter()
                 lines = self._write_glb(glb, sources, [each.baked for each in bakes], falloff)
@@ -100,7 +100,7 @@ class TextureCommand(MeshBake):
                 bakes[-1].seconds["write"] += time.perf_counter() - begun
                 summary = "\n".join(texture_summary(each.baked, each.title) for each in bakes)
                 summary += alpha_summary(sources.fine or source.mesh)
-                yield Written(summary, list(dict.fromkeys(line for each in bakes for line in each.warnings)))
+                yield (summary, list(dict.fromkeys(line for each in bakes for line in each.warnings)))
         if self.report:
             self._write_report(bakes, inputs, source.mesh)
 

@@ -2,8 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -13,10 +11,11 @@ from raytrace.errors import InputError, printable
 from raytrace.image.encode import write_picture
 from raytrace.image.srgb import decode_srgb, encode_srgb
 from raytrace.image.texture import Texture, Wrap, texture_codes
-from raytrace.types import Float64s, Int64s, UInt8s
+from raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
 
 from ...formats.load import MeshFile, mesh_errors
 from ...geometry.detail import PerCorner
+from ..look import written
 
 _PLACES = (1 << 20) - 1  # steps of texture coordinates
 _LARGEST, _MANY = 1024, 8  # texels a side of so many images
@@ -26,19 +25,13 @@ _SHOWN = b"\x89PNG", b"\xff\xd8\xff"  # first bytes of files that browsers show
 
 @dataclass(frozen=True, eq=False)
 class BaseColour:
-    """Base colours of m faces.
+    """Base colours of m faces."""
 
-    Attributes:
-        codes: uint8 (m, 3, 3), sRGB of each corner, a factor of the texture.
-        uv: float64 (m, 3, 2), v downwards. of: (m,), the image of each face, −1 for none.
-        images: files that browsers show. wraps: modes of each along u and v.
-    """
-
-    codes: UInt8s
-    uv: Float64s
-    of: Int64s
-    images: Sequence[bytes]
-    wraps: Sequence[tuple[Wrap, Wrap]]
+    codes: UInt8s  # (m, 3, 3), sRGB of each corner, a factor of the texture
+    uv: Float64s  # (m, 3, 2), v downwards
+    of: Int64s  # (m,), the image of each face, −1 for none
+    images: Sequence[bytes]  # files that browsers show
+    wraps: Sequence[tuple[Wrap, Wrap]]  # modes of each along u and v
 
     def several(self) -> list[PerCorner]:
         """What vertices are repeated for: colours and places of their corners."""
@@ -117,13 +110,19 @@ def _read(file: MeshFile) -> BaseColour | None:
 
 def shrunk(image: UInt8s, most: int) -> UInt8s:
     """An image (h, w, …) of at most `most` texels across and down, by means over blocks."""
-    sizes = [-(-side // -(-side // most)) for side in image.shape[:2]]
-    if tuple(sizes) == image.shape[:2]:
+    high, wide = (-(-side // -(-side // most)) for side in image.shape[:2])
+    if (high, wide) == image.shape[:2]:
         return image
-    starts = [np.arange(size) * side // size for size, side in zip(sizes, image.shape, strict=False)]
-    sums = np.add.reduceat(np.add.reduceat(image.astype(np.float64), starts[0], axis=0), starts[1], axis=1)
-    counts = [np.diff(start, append=side) for start, side in zip(starts, image.shape, strict=False)]
-    return np.rint(sums.T / np.outer(*counts).T).T.astype(np.uint8)
+    return np.rint(block_means(image.astype(np.float64), high, wide)).astype(np.uint8)
+
+
+def block_means(image: AnyFloats, high: int, wide: int) -> AnyFloats:
+    """An image (h, w, …) of another size, by means over blocks."""
+    sides = tuple(zip((high, wide), image.shape, strict=False))
+    starts = [np.arange(size) * side // size for size, side in sides]
+    sums = np.add.reduceat(np.add.reduceat(image, starts[0], axis=0), starts[1], axis=1)
+    counts = [np.maximum(np.diff(start, append=side), 1) for start, (_, side) in zip(starts, sides, strict=True)]
+    return (sums.T / np.outer(*counts).T).T
 
 
 def _image(texture: Texture, most: int) -> bytes:
@@ -135,7 +134,4 @@ def _image(texture: Texture, most: int) -> bytes:
     largest = np.iinfo(codes.dtype).max if codes.dtype.kind == "u" else 1.0
     colours = np.broadcast_to(codes[..., : 3 if codes.shape[2] > 2 else 1], (*codes.shape[:2], 3))
     small = shrunk(np.rint(colours * (255 / largest)).astype(np.uint8), most)
-    with TemporaryDirectory() as folder:
-        target = Path(folder) / "small.jpg"
-        write_picture(target, decode_srgb(small / np.float32(255)).astype(np.float32), {})
-        return target.read_bytes()
+    return written("small.jpg", write_picture, decode_srgb(small / np.float32(255)).astype(np.float32), {})

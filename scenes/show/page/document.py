@@ -58,12 +58,7 @@ def html_page(
 def html_of_bakes(
     mesh: Mesh, bakes: Sequence[Values], title: str, up: str | None = None, base: BaseColour | str | None = None
 ) -> bytes:
-    """A page that shows one bake of a mesh, or two with a slider between: UTF-8, the same input gives the same bytes.
-
-    Args: bakes: one or two. up, base: as `html_page`.
-
-    Raises: OptionError: another number of bakes, values of a wrong shape or out of range, or another axis.
-    """
+    """A page that shows one bake of a mesh, or two with a slider between; the rest as `html_page`."""
     check_type(mesh, Mesh, "page", "mesh", "a raytrace.Mesh")
     if not 1 <= len(bakes) <= 2:
         raise OptionError("bakes", "one or two", len(bakes), "page")

@@ -36,44 +36,29 @@ _LARGEST = 2048  # texels of a texture across or down, which every browser takes
 
 @dataclass(frozen=True, eq=False)
 class TexturedW:
-    """w in textures.
+    """w in textures."""
 
-    Attributes:
-        uv: (n, 2), a place for each vertex, v downwards. of: (n,), the texture of each vertex's faces, −1 for none.
-        images: uint8 (h, w) each, 255 w, the uppermost row first. wraps: modes of each along u and v.
-    """
-
-    uv: Float64s
-    of: Int64s
-    images: Sequence[UInt8s]
-    wraps: Sequence[tuple[Wrap, Wrap]]
+    uv: Float64s  # (n, 2), a place for each vertex, v downwards
+    of: Int64s  # (n,), the texture of each vertex's faces, −1 for none
+    images: Sequence[UInt8s]  # (h, w) each, 255 w, the uppermost row first
+    wraps: Sequence[tuple[Wrap, Wrap]]  # modes of each along u and v
 
 
 @dataclass(frozen=True, eq=False)
 class Values:
-    """Values of a bake at n vertices, None if unknown; an `ao.Bake` has the same attributes.
+    """Values of a bake at n vertices, None if unknown; an `ao.Bake` has the same attributes."""
 
-    Attributes:
-        w: (n,), in [0, 1].
-        error: (n,), standard error of w, in [0, 100]. flags: (n,), `ao.Flag`s. bent_normals: (n, 3), unit or zero.
-        name: what to call the bake. textures: what shows w in place of the vertices, or None.
-        profile: w at other half-distances, too. permanent: the command that bakes one of them, which "{}" stands for.
-    """
-
-    w: AnyFloats
-    error: AnyFloats | None = None
-    flags: npt.NDArray[Any] | None = None
-    bent_normals: AnyFloats | None = None
+    w: AnyFloats  # (n,), in [0, 1]
+    error: AnyFloats | None = None  # (n,), standard error of w, in [0, 100]
+    flags: npt.NDArray[Any] | None = None  # (n,), `ao.Flag`s
+    bent_normals: AnyFloats | None = None  # (n, 3), unit or zero
     name: str = "bake"
-    textures: TexturedW | None = None
+    textures: TexturedW | None = None  # what shows w in place of the vertices
     profile: Profile | None = None
-    permanent: str = 'baked.profile.at("{}")'
+    permanent: str = 'baked.profile.at("{}")'  # the command that bakes a half-distance, which "{}" stands for
 
     def checked(self, count: int) -> Values:
-        """The same as float64 and uint8 arrays for `count` vertices.
-
-        Raises: OptionError: a wrong shape, or a value out of range.
-        """
+        """The same as float64 and uint8 arrays for `count` vertices. Raises: OptionError."""
         found: dict[str, Any] = {}
         for field, columns, least, most, expected in (
             ("w", (), 0, 1, "numbers in [0, 1]"),
@@ -97,10 +82,7 @@ class Values:
 
 
 def encoded(mesh: Mesh, bakes: Sequence[Values], base: BaseColour | None = None) -> tuple[dict[str, Any], bytes]:
-    """A page's data: a JSON-ready header, and gzip-compressed arrays; the same input gives the same bytes.
-
-    Args: bakes: checked. base: of the mesh's faces.
-    """
+    """A page's data: a JSON-ready header, and gzip-compressed arrays. Args: bakes: checked."""
     low, high = mesh.bounds
     step = (high - low) / MOST
     steps = np.rint(np.divide(mesh.vertices - low, step, out=np.zeros_like(mesh.vertices), where=step > 0))
@@ -169,11 +151,8 @@ def _texture_columns(textures: TexturedW, number: int, columns: dict[str, npt.ND
     images = [shrunk(image, _LARGEST) for image in textures.images]
     for place, image in enumerate(images):
         columns[f"texels{number}.{place}"] = np.diff(image.ravel(), prepend=np.uint8(0))
-    known = [
-        {"width": image.shape[1], "height": image.shape[0], "wrap": wrap}
-        for image, wrap in zip(images, textures.wraps, strict=True)
-    ]
-    return {"textures": known, **scale}
+    sizes = [{"width": image.shape[1], "height": image.shape[0]} for image in images]
+    return {"textures": [size | {"wrap": wrap} for size, wrap in zip(sizes, textures.wraps, strict=True)], **scale}
 
 
 def _runs(shown: Int64s) -> list[list[int]]:

@@ -16,15 +16,10 @@ _MOST = 250_000  # vertices; a notebook keeps some 10 bytes of each
 
 
 def framed_page(bake: Bake) -> str | None:
-    """The page in an `iframe`, or None of a mesh too large to be kept in a notebook, which then shows a picture.
-
-    It stands as `Mesh.up` says, with y upwards if it says nothing.
-    """
-    mesh = bake.mesh
-    if len(mesh.vertices) > _MOST:
+    """The page in an `iframe`, or None of a mesh too large to be kept in a notebook, which then shows a picture."""
+    if len(bake.mesh.vertices) > _MOST:
         return None
-    name = Path(mesh.source).name
+    name = Path(bake.mesh.source).name
     values = Values(bake.w, bake.error, bake.flags, bake.bent_normals, name, profile=bake.profile)
-    page = html_of_bakes(mesh, [values], name)
-    content = html.escape(page.decode())
+    content = html.escape(html_of_bakes(bake.mesh, [values], name).decode())
     return f'<iframe srcdoc="{content}" width="100%" height="480" style="border: 0"></iframe>'

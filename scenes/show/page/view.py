@@ -13,7 +13,7 @@ from raytrace.image.texture import Texture, texture_codes
 from raytrace.mesh.up import TO_Y_UP, up_axis
 from raytrace.system.atomic import write_bytes
 from raytrace.system.checks import check_ending, check_outputs
-from raytrace.types import Float64s, UInt8s
+from raytrace.types import UInt8s
 
 from ...formats.glb.occlusion import is_ramp
 from ...formats.gltf.textures import Textures
@@ -33,13 +33,7 @@ def view_results(
 ) -> str:
     """Write the page of one bake, or of two with a slider between, and return a line about it.
 
-    Args:
-        output: by default beside `result` and with its name. mesh: what `.npy` and `.npz` belong to.
-        up: in place of `Mesh.up`. show: open it in a browser.
-
-    Raises:
-        OptionError: a name of another kind of file. OutputError: the page cannot be written.
-        MeshError, SceneError: a file cannot be read, has no w, or belongs to another mesh.
+    Args: output: by default beside `result` and with its name. mesh: what `.npy` and `.npz` belong to.
     """
     results = [result] if other is None else [result, other]
     for field, path in zip(("result", "other"), results, strict=False):
@@ -53,10 +47,11 @@ def view_results(
     check_outputs({"--output": target}, [*results, *([mesh] if mesh else [])])
     sources = {path: load(path, _PAGE) for path in results if path.suffix.lower() not in _ARRAYS}
     whole = load(mesh, _PAGE) if mesh else min(sources.values(), key=lambda each: len(each.mesh.vertices))
+    read = [*whole.files, *results]
     for source in sources.values():
         _check_same(whole.mesh, source)
-    bakes = [_values(path, whole, sources.get(path)) for path in results]
-    read = [*whole.files, *results, *(file for source in sources.values() for file in source.files)]
+        read += source.files
+    bakes = [_values(path, len(whole.mesh.vertices), sources.get(path)) for path in results]
     check_outputs({"--output": target}, read)
     title = " and ".join(path.name for path in results)
     page = html_of_bakes(whole.mesh, bakes, title, up, base_colour(whole))
@@ -66,8 +61,7 @@ def view_results(
     return printable(f"{target}: {len(whole.mesh.vertices):,} vertices, {len(page) / 1e6:.2f} MB; open it in a browser")
 
 
-def _values(path: Path, whole: MeshFile, source: MeshFile | None) -> Values:
-    count = len(whole.mesh.vertices)
+def _values(path: Path, count: int, source: MeshFile | None) -> Values:
     if source is None or source.w is None:
         w, textures = read_w(path, count), _textures(source)
     else:
@@ -106,19 +100,14 @@ def _codes(texture: Texture, strength: float) -> UInt8s:
     return np.rint(255 * np.clip(1 + strength * (codes[..., 0] / most - 1), 0, 1)).astype(np.uint8)
 
 
-def _upright(mesh: Mesh) -> Float64s:
-    """Vertices turned so that y is up, as a .glb places them."""
-    return mesh.vertices @ np.transpose(TO_Y_UP[up_axis(mesh)])
-
-
 def _check_same(mesh: Mesh, source: MeshFile) -> None:
     """Raises: SceneError: not the same vertices, but for repeated ones with w of their own, or not the same faces."""
     other, path, count = source.mesh, source.path, len(mesh.vertices)
     own = len(other.vertices) if source.w is None else unrepeated(other.vertices, (count,))
     if own != count:
-        expected, got = f"the {count:,} of {mesh.source}", f"{len(other.vertices):,}"
-        raise SceneError(path, "vertices", expected, got)
-    pairs = (mesh.vertices, other.vertices[:count]), (_upright(mesh), _upright(other)[:count])
+        raise SceneError(path, "vertices", f"the {count:,} of {mesh.source}", f"{len(other.vertices):,}")
+    upright = (each.vertices[:count] @ np.transpose(TO_Y_UP[up_axis(each)]) for each in (mesh, other))  # as a .glb's
+    pairs = (mesh.vertices, other.vertices[:count]), upright
     moved = min(float(np.abs(one - two).max()) for one, two in pairs)
     if moved > _MOVED * mesh.radius:
         raise SceneError(path, "vertices", f"those of {mesh.source}", f"others, up to {moved:.3g} away")

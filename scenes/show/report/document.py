@@ -1,7 +1,6 @@
 """A report as one HTML file to read, from the values that its JSON has, and pictures.
 
-No template engine: some twenty fragments, all of whose values are escaped in one function, need none, and importing one
-would be the longest part of writing a report.
+No template engine: to import one would be the longest part of writing a report.
 """
 
 import base64
@@ -33,7 +32,7 @@ def number(value: float) -> str:
     return f"{value:.3g}"
 
 
-def histogram(summary: Mapping[str, Any], label: str) -> str:
+def _histogram(summary: Mapping[str, Any], label: str) -> str:
     """Bars of a histogram as `ao.report` has it, and its quantiles as a table for readers that see none."""
     bins = summary["histogram"]
     counts, most = bins["counts"], max(*bins["counts"], 1)
@@ -45,51 +44,24 @@ def histogram(summary: Mapping[str, Any], label: str) -> str:
         if count
     )
     shown = f"{label} from {number(summary['least'])} to {number(summary['most'])}, mean {number(summary['mean'])}"
-    ticks = _ticks(bins["from"], bins["to"])
+    low, high = bins["from"], bins["to"]
+    places = ((0, low, "start"), (_WIDTH / 2, (low + high) / 2, "middle"), (_WIDTH, high, "end"))
+    ticks = f'<path class="axes" d="M0 {_HEIGHT}H{_WIDTH}"/>' + "".join(
+        f'<text x="{x}" y="{_HEIGHT + 14}" text-anchor="{anchor}">{number(value)}</text>' for x, value, anchor in places
+    )
     return _svg(f'<g class="bars">{bars}</g>{ticks}', shown, _HEIGHT + _FOOT) + f"<figcaption>{shown}</figcaption>"
 
 
-def shares(parts: Mapping[str, float], label: str, unit: str) -> str:
+def _shares(parts: Mapping[str, float], label: str, unit: str) -> str:
     """Parts of a whole as rows of bars with their numbers."""
     most = max(*parts.values(), 1e-300) if parts else 1.0
     rows = "".join(
-        f"<tr><th>{html.escape(name.replace('_', ' '))}</th><td>{_bar(value / most)}</td>"
-        f"<td>{number(value)}{unit}</td></tr>"
+        f"<tr><th>{html.escape(name.replace('_', ' '))}</th><td>"
+        f'<svg class="bar" viewBox="0 0 100 8" preserveAspectRatio="none">'
+        f'<rect width="{100 * (value / most):.2f}" height="8"/></svg></td><td>{number(value)}{unit}</td></tr>'
         for name, value in parts.items()
     )
     return f'<table class="shares"><caption>{label}</caption>{rows}</table>'
-
-
-def calibration(groups: Sequence[Mapping[str, float]]) -> str:
-    """Measured errors over estimated ones, with their standard errors, and the line on which they agree."""
-    top = 1.1 * max(max(group["estimated"], group["high"]) for group in groups)
-    side = _HEIGHT + 50
-
-    def place(value: float) -> float:
-        return side * value / top
-
-    marks = "".join(
-        f'<line x1="{place(g["estimated"]):.1f}" x2="{place(g["estimated"]):.1f}" y1="{side - place(g["low"]):.1f}"'
-        f' y2="{side - place(g["high"]):.1f}"/>'
-        f'<circle cx="{place(g["estimated"]):.1f}" cy="{side - place(g["measured"]):.1f}" r="3.5"/>'
-        for g in groups
-    )
-    frame = f'<path class="axes" d="M0 0V{side}H{side}"/><line class="same" x1="0" y1="{side}" x2="{side}" y2="0"/>'
-    text = f'<text x="{side + 8}" y="{side}">estimated</text><text x="8" y="12">measured, to {number(top)}</text>'
-    return _svg(f'{frame}<g class="marks">{marks}</g>{text}', "measured over estimated errors", side + 4)
-
-
-def _bar(share: float) -> str:
-    filled = f'<rect width="{100 * share:.2f}" height="8"/>'
-    return f'<svg class="bar" viewBox="0 0 100 8" preserveAspectRatio="none">{filled}</svg>'
-
-
-def _ticks(low: float, high: float) -> str:
-    places = ((0, low, "start"), (_WIDTH / 2, (low + high) / 2, "middle"), (_WIDTH, high, "end"))
-    texts = "".join(
-        f'<text x="{x}" y="{_HEIGHT + 14}" text-anchor="{anchor}">{number(value)}</text>' for x, value, anchor in places
-    )
-    return f'<path class="axes" d="M0 {_HEIGHT}H{_WIDTH}"/>{texts}'
 
 
 def _svg(content: str, label: str, height: float) -> str:
@@ -97,12 +69,7 @@ def _svg(content: str, label: str, height: float) -> str:
 
 
 def html_report(report: Report, pictures: Sequence[Sequence[Picture]]) -> bytes:
-    """A page, UTF-8, without scripts.
-
-    Args:
-        report: as its JSON has it, from `scenes.show.report.verdict`.
-        pictures: of each of its `pages`, or of the one it is.
-    """
+    """A page, UTF-8, without scripts. Args: pictures: of each of the report's `pages`, or of the one it is."""
     folder = files(__package__).joinpath("parts")
     style, template = (folder.joinpath(f"report.{ending}").read_text("utf-8") for ending in ("css", "html"))
     title = f"{Path(report['inputs'][0]['path']).name}: {report['kind']}"
@@ -157,12 +124,13 @@ def _legend(top: float) -> str:
 def _values(report: Report) -> str:
     if "w" not in report:
         return ""
-    figures = "".join(f"<figure>{histogram(report[name], name)}</figure>" for name in ("w", "error"))
+    figures = "".join(f"<figure>{_histogram(report[name], name)}</figure>" for name in ("w", "error"))
     what = f"{number(report['vertices'])} vertices" if "vertices" in report else "the covered texels"
     return _section(f"Values at {what}", f'<div class="charts">{figures}</div>')
 
 
 def _calibration(report: Report) -> str:
+    """Measured errors over estimated ones, with their standard errors, and the line on which they agree."""
     calibrated = report.get("error_calibration")
     if not calibrated:
         return ""
@@ -171,19 +139,29 @@ def _calibration(report: Report) -> str:
         f"{points} points were baked twice: their errors were estimated as {estimated} and measured as {measured}, root"
         " mean squares. This has set the level of all estimates."
     )
-    chart = ""
-    if calibrated["groups"]:
-        text += " Whether they are larger where errors are larger shows below, for groups of points:"
-        text += " both agree on the line."
-        chart = f'<figure class="calibration">{calibration(calibrated["groups"])}</figure>'
-    return _section("Are the errors right?", f"<p>{text}</p>{chart}")
+    groups = calibrated["groups"]
+    if not groups:
+        return _section("Are the errors right?", f"<p>{text}</p>")
+    text += (
+        " Whether they are larger where errors are larger shows below, for groups of points: both agree on the line."
+    )
+    top, side = 1.1 * max(max(group["estimated"], group["high"]) for group in groups), _HEIGHT + 50
+    marks = ""
+    for group in groups:
+        x, y, low, high = (side * group[name] / top for name in ("estimated", "measured", "low", "high"))
+        marks += f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{side - low:.1f}" y2="{side - high:.1f}"/>'
+        marks += f'<circle cx="{x:.1f}" cy="{side - y:.1f}" r="3.5"/>'
+    frame = f'<path class="axes" d="M0 0V{side}H{side}"/><line class="same" x1="0" y1="{side}" x2="{side}" y2="0"/>'
+    words = f'<text x="{side + 8}" y="{side}">estimated</text><text x="8" y="12">measured, to {number(top)}</text>'
+    chart = _svg(f'{frame}<g class="marks">{marks}</g>{words}', "measured over estimated errors", side + 4)
+    return _section("Are the errors right?", f'<p>{text}</p><figure class="calibration">{chart}</figure>')
 
 
 def _costs(report: Report) -> str:
     rays = dict(report["rays"]) if isinstance(report["rays"], Mapping) else {"traced": report["rays"]}
     skipped = {f"not traced: {name}": count for name, count in report["rays_skipped"].items() if count}
-    whole = shares(rays | skipped, "Rays", "")
-    return _section("Costs", f'<div class="charts">{shares(report["seconds"], "Seconds", " s")}{whole}</div>')
+    whole = _shares(rays | skipped, "Rays", "")
+    return _section("Costs", f'<div class="charts">{_shares(report["seconds"], "Seconds", " s")}{whole}</div>')
 
 
 def _flags(report: Report) -> str:

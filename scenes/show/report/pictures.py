@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +17,7 @@ from raytrace.image.write import write_image
 from raytrace.types import AnyFloats, Float32s, Float64s
 
 from ...description.defaults import framing
-from ..look import BACKGROUND, FIELD_OF_VIEW, HEAT, clay_scene, clay_settings
+from ..look import BACKGROUND, FIELD_OF_VIEW, HEAT, clay_scene, clay_settings, written
 
 _WIDTH, _HEIGHT = 480, 400
 _SAMPLES = 8
@@ -27,11 +26,9 @@ _LAYERS = ("beauty", "ambient", "diffuse", "specular", "emission", "obscurance",
 
 
 class Picture(NamedTuple):
-    """A picture of a report: what it shows, a file, and the largest error if it shows errors."""
-
     title: str
     png: bytes
-    top: float | None = None
+    top: float | None = None  # the largest error, if it shows errors
 
 
 def pictures_of_vertices(mesh: Mesh, w: AnyFloats, error: AnyFloats) -> list[Picture]:
@@ -110,10 +107,8 @@ def _textured(mesh: Mesh, uv: Float64s, values: AnyFloats) -> Shape:
     normals = None if mesh.normals is None else mesh.normals[drawn].reshape(-1, 3)
     faces = np.arange(drawn.size).reshape(-1, 3)
     apart = Mesh(mesh.vertices[drawn].reshape(-1, 3), faces, normals, source=mesh.source)
-    with TemporaryDirectory() as folder:
-        file = Path(folder) / "values.png"
-        write_data(file, values[..., None].astype(np.float32), {}, False, "Y")
-        texture = Texture(Path("values.png"), file.read_bytes(), srgb=False)
+    content = written("values.png", write_data, values[..., None].astype(np.float32), {}, False, "Y")
+    texture = Texture(Path("values.png"), content, srgb=False)
     return Shape(apart, _WHITE, occlusion=Occlusion(corners.reshape(-1, 2), texture))
 
 
@@ -129,10 +124,7 @@ def _shrunk(layer: Float32s) -> Float32s:
 
 
 def _png(linear: AnyFloats) -> bytes:
-    with TemporaryDirectory() as folder:
-        file = Path(folder) / "picture.png"
-        write_image(file, linear)
-        return file.read_bytes()
+    return written("picture.png", write_image, linear)
 
 
 _DOTS = {
@@ -148,10 +140,7 @@ _DOTS = {
 
 
 def write_marked(target: Path, mesh: Mesh, baked: ao.Bake) -> None:
-    """Write the mesh in ambient light times w, with a dot on each flagged vertex, hidden or not.
-
-    Raises: OptionError: not the ending of a picture. OutputError: the file cannot be written.
-    """
+    """Write the mesh in ambient light times w, with a dot on each flagged vertex, hidden or not."""
     settings = Settings(width=960, height=720)
     camera = framing(mesh, None, settings.width, settings.height)
     scene = Scene((Object(Shape(mesh, _WHITE), w=baked.w),), (AmbientLight(intensity=(1, 1, 1)),), (0.05, 0.05, 0.05))

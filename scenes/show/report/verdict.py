@@ -1,7 +1,4 @@
-"""A report with all that its readers ask: the verdict, the command to repeat it, and what was read.
-
-The verdict says whether what was asked for is met, what is suspicious, and what can be done about it.
-"""
+"""A report with its verdict: whether what was asked for is met, what is suspicious, and what can be done about it."""
 
 from __future__ import annotations
 
@@ -18,6 +15,7 @@ if TYPE_CHECKING:
     from .pictures import Picture
 
 Facts = Mapping[str, Any]
+Pictures = Callable[[], "Sequence[Sequence[Picture]]"]
 _LEVELS = "bad", "note", "good"
 _NOISY = 0.02  # RMSE of w that shows in a picture
 _OPEN, _CLOSED = 0.999, 0.05  # w of a mesh without occlusion, and of one that is inside out
@@ -52,24 +50,20 @@ _OF_FLAGS = {
     "contact": ("touch faces of which they are no corner; w is that of one side", "Nothing to do if parts touch."),
     "folded": ("have a normal behind one of their faces; w is the mean over them", "Nothing to do if they are few."),
 }
+_SINGULAR = {"belong": "belongs", "lie": "lies", "have": "has", "are": "is", "touch": "touches"}
 
 
 class Finding(NamedTuple):
-    """One sentence of a verdict. Attributes: level: "good", "note" or "bad". what; do: what can be done, or ""."""
-
-    level: str
+    level: str  # "good", "note" or "bad"
     what: str
-    do: str = ""
+    do: str = ""  # what can be done
 
 
 def verdict(report: Facts) -> dict[str, Any]:
     """Whether nothing is bad, and the findings, bad ones first; of a report of several pages, of each by its name."""
     pages = report.get("pages", {"": report})
-    findings = [
-        each._replace(what=f"{name}: {each.what}") if name else each
-        for name, page in pages.items()
-        for each in _findings(page)
-    ]
+    found = ((name, each) for name, page in pages.items() for each in _findings(page))
+    findings = [each._replace(what=f"{name}: {each.what}") if name else each for name, each in found]
     findings = sorted(dict.fromkeys(findings), key=lambda each: _LEVELS.index(each.level))
     return {"good": all(each.level != "bad" for each in findings), "findings": [each._asdict() for each in findings]}
 
@@ -82,7 +76,9 @@ def _findings(report: Facts) -> Iterator[Finding]:
     if "w" in report:
         yield from _error(report)
         yield from _occlusion(report)
-        yield from _flags(report)
+        if "flagged" in report:
+            words = flags_in_words(report["flagged"], report["vertices"], report.get("rays_skipped", {}))
+            yield from (Finding("note", f"{text}.", _OF_FLAGS[name][1]) for name, text in words.items())
     else:
         yield from _picture(report)
     for warning in report["warnings"]:
@@ -119,26 +115,18 @@ def _occlusion(report: Facts) -> Iterator[Finding]:
         yield Finding("bad", text, "obscurance info MESH tells of its faces; turn them over where it is made.")
 
 
-def _flags(report: Facts) -> Iterator[Finding]:
-    if "flagged" in report:
-        for name, text in flags_in_words(report["flagged"], report["vertices"], report.get("rays_skipped", {})).items():
-            yield Finding("note", f"{text}.", _OF_FLAGS[name][1])
-
-
 def flags_in_words(flagged: dict[str, int], vertices: int, rays_skipped: dict[str, int]) -> dict[str, str]:
     """The treatment of a bake's flagged vertices, by flag, in words. Args: `flagged`, `rays_skipped`: see `ao.Bake`."""
     hidden = "; w there is filled from visible neighbours" if rays_skipped.get("hidden") else ""
-    words = {name: _OF_FLAGS[name][0].format(hidden) for name, count in flagged.items() if count}
-    for name, what in words.items():
-        several = f"{flagged[name]:,} of {vertices:,} vertices {what}"
-        words[name] = several if flagged[name] > 1 else f"One vertex {_singular(what)}"
+    words = {}
+    for name, count in flagged.items():
+        what = _OF_FLAGS[name][0].format(hidden)
+        verb, _, rest = what.partition(" ")
+        if count == 1:
+            words[name] = f"One vertex {_SINGULAR[verb]} {rest.replace('they are', 'it is')}"
+        elif count:
+            words[name] = f"{count:,} of {vertices:,} vertices {what}"
     return words
-
-
-def _singular(what: str) -> str:
-    verbs = {"belong": "belongs", "lie": "lies", "have": "has", "are": "is", "touch": "touches"}
-    verb, _, rest = what.partition(" ")
-    return f"{verbs[verb]} {rest.replace('they are', 'it is')}"
 
 
 def _picture(report: Facts) -> Iterator[Finding]:
@@ -158,36 +146,27 @@ def _picture(report: Facts) -> Iterator[Finding]:
         yield Finding(level, f"The estimated RMSE of w at the vertices in view is {rmse:.2g}.", advice)
 
 
-def complete(
-    kind: str, line: str, report: Mapping[str, Any], inputs: Sequence[Mapping[str, Any]], options: Mapping[str, Any]
-) -> dict[str, Any]:
-    """The report of a command, ready for JSON and for `scenes.show.report.document.html_report`.
+def write_report(
+    path: Path, kind: str, line: str, report: Facts, inputs: Sequence[Facts], options: Facts, pictures: Pictures
+) -> None:
+    """Write the report of a command in the format of the ending, .json or .html. Raises: OutputError.
 
     Args:
         kind: the command, "bake" or "render". line: the command line that repeats it.
         report: of `ao.report`, or like it; with `pages`, of several pages.
-        inputs: from `hashed`. options: every effective option.
+        inputs: from `hashed`. options: every effective option. pictures: makes them, for .html: of each page.
     """
     first = next(iter(report["pages"].values())) if "pages" in report else report
     head = {"schema_version": first["schema_version"], "kind": kind, "verdict": verdict(report)}
     body = {name: value for name, value in report.items() if name not in head}
-    tail = {"command": line, "inputs": list(inputs), "options": dict(options), "versions": first["versions"]}
-    return head | body | tail
-
-
-def write_report(path: Path, report: Mapping[str, Any], pictures: Callable[[], Sequence[Sequence[Picture]]]) -> None:
-    """Write a complete report in the format of the ending, .json or .html.
-
-    Args: pictures: makes them, for .html: as `scenes.show.report.document.html_report` takes them.
-
-    Raises: OutputError: the file cannot be written.
-    """
+    tail = {"command": line, "inputs": [*inputs], "options": {**options}, "versions": first["versions"]}
+    whole = head | body | tail
     if path.suffix.lower() == ".json":
-        write_json(path, report)
+        write_json(path, whole)
         return
     from .document import html_report  # and what renders
 
-    write_bytes(path, html_report(report, pictures()))
+    write_bytes(path, html_report(whole, pictures()))
 
 
 def hashed(files: Iterable[Path], contents: Mapping[Path, bytes | None] = {}) -> list[dict[str, Any]]:
