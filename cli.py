@@ -15,10 +15,11 @@ import typer
 from typer.exceptions import TyperException
 from typer.main import get_command
 
+from raytrace.errors import InputError, ObscuranceError, OptionError, OutputError
 from scenes.commands.render_file import RENDER, run_render
-from scenes.commands.usage import mistake_in_words, option_in_words
+from scenes.commands.usage import fault_in_words
 from scenes.jobs import options as choices
-from scenes.jobs.console import columns, note, output_failed, readable_output, reopen_streams
+from scenes.jobs.console import columns, compiling, note, output_failed, readable_output, reopen_streams
 from scenes.jobs.options import BAKE, MERGE, ROWS
 from scenes.jobs.parameters import EXAMPLES, TableCommand, name_of, parameter, parameters
 
@@ -128,13 +129,18 @@ def validate(
     moved: Annotated[bool, typer.Option("--stress", "--generated", "--long", hidden=True)] = False,
 ) -> None:
     """Compare bakes with exact solutions; exit status 1 on failure."""
-    from scenes.commands.validate import validate_closed_forms
+    from ao.options import Options
+    from scenes.validation.table import run_validation, validation_table
 
     if moved:
         where = "python -m pytest tests/stress tests/random_meshes, in the source folder"
-        raise typer.Exit(_fail(f"validate: stress tests and random meshes are test suites: {where}", 2))
-    if not validate_closed_forms(samples, seed, threads):
-        raise typer.Exit(1)
+        note(f"validate: stress tests and random meshes are test suites: {where}")
+        raise typer.Exit(2)
+    Options(samples=samples, seed=seed, threads=threads)
+    with compiling():
+        results = run_validation(samples=samples, seed=seed, threads=threads)
+    print(validation_table(results))
+    raise typer.Exit(0 if all(result.ok for result in results) else 1)
 
 
 @app.command()
@@ -152,7 +158,6 @@ def scenes(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the scene to this .toml file.")] = None,
 ) -> None:
     """List the built-in scenes, or print or write one as TOML."""
-    from raytrace.errors import OptionError
     from scenes.library.catalogue import BUILTIN, builtin_toml, write_builtin
 
     if name is None:
@@ -198,8 +203,7 @@ def compare(
     """Compare two images: mean, RMS and maximum error, PSNR, FLIP."""
     from scenes.commands.compare import compare_files
 
-    if not compare_files(a, b, threshold, metric, difference):
-        raise typer.Exit(1)
+    raise typer.Exit(0 if compare_files(a, b, threshold, metric, difference) else 1)
 
 
 @app.command()
@@ -262,8 +266,6 @@ def main() -> None:
 
 
 def _run() -> int:
-    from raytrace.errors import InputError, ObscuranceError, OutputError
-
     gc.set_threshold(20_000)  # what is imported stays: to look for garbage in it takes 5 % of a short bake
     reopen_streams()
     arguments, commands = sys.argv[1:], get_command(app)
@@ -271,23 +273,14 @@ def _run() -> int:
         try:
             status = commands.main(arguments, "obscurance", standalone_mode=False)
             sys.stdout.flush()
-        except TyperException as mistake:
-            status = _fail(mistake_in_words(mistake, commands, arguments), 2)
-        except InputError as mistake:
-            status = _fail(option_in_words(mistake, commands, arguments), 2)
-        except OutputError as mistake:
-            status = _fail(str(mistake), 2)
-        except ObscuranceError as failure:
-            status = _fail(str(failure), 1)
+        except (TyperException, ObscuranceError) as fault:
+            note(fault_in_words(fault, commands, arguments))
+            status = 2 if isinstance(fault, TyperException | InputError | OutputError) else 1
         except MemoryError:
-            status = _fail("out of memory: the system or a limit, ulimit -v for instance, gives no more", 2)
+            note("out of memory: the system or a limit, ulimit -v for instance, gives no more")
+            status = 2
         except OSError as failure:
             status = output_failed(failure)
-    return status
-
-
-def _fail(message: str, status: int) -> int:
-    note(message)
     return status
 
 

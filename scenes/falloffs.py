@@ -32,10 +32,7 @@ def make_falloff(
     max_distance: Length | None = None,
     locate: Callable[[str], Path] = Path,
 ) -> ao.Falloff:
-    """The falloff of these options; `locate` finds the file of "table:FILE".
-
-    Raises: OptionError: they are out of range or don't go together. InputError: the file is no table of μ.
-    """
+    """The falloff of these options; `locate` finds the file of "table:FILE". Raises: InputError."""
     limit = math.inf if max_distance is None else max_distance
     if form == "exponential":
         return ao.Exponential(tau, half_distance, limit)
@@ -66,10 +63,7 @@ class Scales(NamedTuple):
 
 
 def make_scales(half_distance: Length, power: float | str | None = None) -> Scales:
-    """The scales of these options: one length and power, or several in a text with commas between.
-
-    Raises: OptionError: no lengths or powers above 0, or not as many powers as lengths.
-    """
+    """The scales of these options: one length and power, or several in a text with commas. Raises: OptionError."""
     lengths = str(half_distance).split(",")
     for length in lengths:
         ao.Exponential(half_distance=length)
@@ -87,8 +81,6 @@ def read_table(path: Path) -> ao.Tabulated:
     """The two columns of a CSV, text or `.npy` file: distances in mesh units or, as "25%", of the radius; and μ.
 
     Columns of text are separated by commas, semicolons or blanks; a line of names may stand above, "#" begins remarks.
-
-    Raises: InputError: the file cannot be read, or is no such table.
     """
     if path.suffix.lower() not in _ENDINGS:
         raise InputError(path, "file", "a table, a name ending in " + ", ".join(_ENDINGS), path.name)
@@ -99,9 +91,9 @@ def read_table(path: Path) -> ao.Tabulated:
         distances, values = _array(path) if path.suffix.lower() == ".npy" else _text(path)
     except OSError as reason:
         raise InputError(path, "file", "a readable file", reason.strerror or reason) from None
+    except InputError:
+        raise
     except (ValueError, EOFError) as reason:
-        if isinstance(reason, InputError):
-            raise
         raise InputError(path, "content", "two columns, distances and values", " ".join(str(reason).split())) from None
     try:
         return ao.Tabulated(distances, values)

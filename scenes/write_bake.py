@@ -28,12 +28,7 @@ Colors = Literal["rgb", "r", "g", "b", "a"]
 
 
 def check_target(path: str | os.PathLike[str]) -> None:
-    """Find out before the bake whether `write` will accept `path`.
-
-    Raises:
-        OptionError: the ending is none of .npy .npz .ply .glb .html.
-        OutputError: the folder is missing or refuses new files, or `path` is something other than a file.
-    """
+    """Find out before the bake whether `write` will accept `path`. Raises: OptionError: of its ending; OutputError."""
     _writer(path)
     check_writable(path)
 
@@ -107,8 +102,7 @@ def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file:
             expected = f"a texture of the {len(mesh_file.mesh.faces):,} faces of {mesh_file.path}"
             raise OptionError("bake", expected, f"{len(texture.uv):,} faces")
     if path.suffix.lower() == ".glb":
-        content, _ = textured_glb(mesh_file, textures, replace, w=vertices[0] if vertices else None)
-        write_bytes(path, content)
+        write_bytes(path, textured_glb(mesh_file, textures, replace, w=vertices[0] if vertices else None)[0])
     elif is_texture(path) and len(baked) == 1:
         write_grey(path, textures[0].w, False, {"content": "w, 1 = open"}, profile=textures[0].profile)
     else:
@@ -116,18 +110,12 @@ def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file:
 
 
 def write_tiled(path: Path, w: Float64s, mesh: StoredMesh) -> None:
-    """Write w (n,) of a mesh on the disk in runs of rows, as `write` does; vertex colours of a PLY stay what they are.
-
-    Args: path: its name ends as one of `TILED`.
-
-    Raises: OutputError: the file cannot be written.
-    """
+    """Write w (n,) of a mesh on the disk in runs of rows, as `write` does; colours of a PLY stay what they are."""
     from ao.tiles.source import runs
 
     with atomic_write(path) as file:
         if path.suffix.lower() == ".npy":
-            header = {"descr": "<f4", "fortran_order": False, "shape": (len(w),)}
-            np.lib.format.write_array_header_1_0(file, header)
+            np.lib.format.write_array_header_1_0(file, {"descr": "<f4", "fortran_order": False, "shape": (len(w),)})
             for run in runs(len(w)):
                 file.write(w[run].astype("<f4").tobytes())
         else:
@@ -185,9 +173,8 @@ def npz(bake: Bake | Values, *_: object) -> memoryview:
     content = io.BytesIO()
     kinds = {"w": "<f4", "error": "<f4", "bent_normals": "<f4", "flags": "u1"}
     arrays = {name: getattr(bake, name).astype(kind) for name, kind in kinds.items() if getattr(bake, name) is not None}
-    if profile := bake.profile:
-        radius = np.float64(profile.radius)
-        arrays |= {"profile": profile.values, "half_distances": profile.half_distances, "radius": radius}
+    if known := bake.profile:
+        arrays |= {"profile": known.values, "half_distances": known.half_distances, "radius": np.float64(known.radius)}
     np.savez(content, **arrays)
     return content.getbuffer()
 

@@ -82,12 +82,7 @@ def bench_file(
     report: Path | None,
     options: dict[str, object],
 ) -> None:
-    """Print the table for a mesh file or a coarse temple, and write the report.
-
-    Args: options: the command's, for the report.
-
-    Raises: OptionError, OutputError: an option, or a report that cannot be written. MeshError: see `scenes.load`.
-    """
+    """Print the table for a mesh file or a coarse temple, and write the report, with the command's `options`."""
     if report:
         check_ending("--report", report, ".json")
         check_outputs({"--report": report}, [path] if path else [])

@@ -2,6 +2,10 @@
 
 from pathlib import Path
 
+from raytrace.errors import OptionError
+from raytrace.image.compare import compare
+from raytrace.image.write import check_image_target
+
 from ..jobs.console import columns
 from ..jobs.options import Metric, named
 
@@ -9,14 +13,7 @@ _FIGURES = ("mean_error", "rms_error", "max_error", "psnr", "flip")
 
 
 def compare_files(a: Path, b: Path, threshold: float | None, metric: Metric, difference: Path | None) -> bool:
-    """Print the metrics and write the FLIP map; whether `metric` is within `threshold`, if there is one.
-
-    Raises: OptionError: a threshold below 0, or not the ending of an image. InputError, OutputError: the files.
-    """
-    from raytrace.errors import OptionError
-    from raytrace.image.compare import compare
-    from raytrace.image.write import check_image_target
-
+    """Print the metrics and write the FLIP map; whether `metric` is within `threshold`, if there is one."""
     if threshold is not None and not threshold >= 0:
         raise OptionError("threshold", "a number in [0, inf)", threshold)
     if difference:

@@ -25,10 +25,7 @@ _ABOVE = (0.3, 0.42, 0.6)  # colour of the backdrop at the upper edge
 
 
 def make_demo(folder: Path, quiet: bool = False) -> None:
-    """Bake the temple with the default options; write the mesh with w, and a picture: left without, right with w.
-
-    Raises: OptionError, OutputError: the files cannot be written.
-    """
+    """Bake the temple with the default options; write the mesh with w, and a picture: left without, right with w."""
     make_folder(folder)
     mesh_target, image_target = folder / "temple.ply", folder / "temple.png"
     check_outputs({"temple.ply": mesh_target, "temple.png": image_target})
@@ -40,8 +37,7 @@ def make_demo(folder: Path, quiet: bool = False) -> None:
     write(mesh_target, baked, MeshFile.of(mesh))
     write_image(image_target, np.concatenate([halves[0], np.ones((_HALF.height, _GAP, 3)), halves[1]], axis=1))
     if not quiet:
-        print(bake_summary(baked, mesh_target))
-        print(f"image: {image_target}")
+        print(f"{bake_summary(baked, mesh_target)}\nimage: {image_target}")
 
 
 def _half(temple: rt.Object) -> Float64s:

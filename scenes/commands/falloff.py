@@ -21,21 +21,17 @@ def change_falloff(baked: Path, scales: Scales, output: Path, mesh: Path | None)
     """Write w at other half-distances in the format of the output's ending, and return a line about it.
 
     Args: baked: a `.npz`, an `.exr` or a mesh file with a profile. mesh: what a `.npz` belongs to, for other formats.
-
-    Raises:
-        OptionError: a name of another kind of file, or a half-distance outside the profile.
-        MeshError, SceneError: a file cannot be read, or has no profile. OutputError: the output cannot be written.
     """
-    ending = baked.suffix.lower()
     check_ending("baked", baked, ".exr", *(each for each in endings("holds", "w") if each != ".npy"))
-    if mesh and ending != ".npz":
+    if mesh and baked.suffix.lower() != ".npz":
         raise ConflictError("mesh", "needs", "a .npz")
-    if ending == ".exr":
+    textured = baked.suffix.lower() == ".exr"
+    if textured:
         check_texture_target("output", output)
     else:
         check_target(output)
     check_outputs({"--output": output}, [baked, *([mesh] if mesh else [])])
-    if ending == ".exr":
+    if textured:
         profile = checked_profile(baked, find_profile(baked))
         w = scales.of(profile)
         write_grey(output, w.astype("<f4"), False, {"content": "w, 1 = open"}, profile=profile)

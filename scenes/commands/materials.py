@@ -36,10 +36,7 @@ def preset_toml(name: str) -> str:
 
 
 def chosen_materials(name: str | None) -> list[tuple[str, BaseMaterial]]:
-    """The materials of a preset, of all for None, or of the objects of a scene file.
-
-    Raises: OptionError: no preset of this name, nor a scene file. InputError: a fault of the scene.
-    """
+    """The materials of a preset, of all for None, or of the objects of a scene file. Raises: InputError."""
     if name is None:
         return [(each, material_from_dict({"preset": each})) for each in PRESETS]
     if Path(name).suffix.lower() not in _SCENES:

@@ -9,19 +9,26 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 import ao
 from ao.execute.tracer import Progress
+from ao.memory import vertex_bytes
 from ao.report import SCHEMA_VERSION, calibration_facts, versions
-from raytrace import Frame, Settings
+from raytrace import EnvironmentLight, Frame, Settings, SkyLight
 from raytrace.errors import ConflictError, printable
 from raytrace.image.write import check_image_target, write_frame
-from raytrace.renderer.render import describe_work, render, rendering_bytes
-from raytrace.system.checks import check_memory
+from raytrace.renderer.render import describe_work, render, rendering_bytes, seen_vertices
+from raytrace.renderer.render_scene import release
+from raytrace.scene import Scene
+from raytrace.system.checks import available, check_memory
+from raytrace.types import Float64s
 
 from ..description.description import SceneDescription
 from ..falloffs import Scales
+from ..formats.stored_w import read_w
 from ..jobs.options import Alpha
-from .picture_bake import with_obscurance
+from ..jobs.remote import cluster_checkpoint
 
 if TYPE_CHECKING:
     from ao.cluster.session import ClusterSession
@@ -32,8 +39,6 @@ PREVIEW_BAKE = 32  # and it bakes with that many rays a vertex
 
 @dataclass(frozen=True)
 class RenderedPicture:
-    """A picture that was made, and its costs."""
-
     frame: Frame  # the layers that the file's format holds, and the renderer's counts
     bake: ao.Bake | None
     seconds: dict[str, float]  # bake, build, render, write
@@ -61,20 +66,17 @@ def adjusted(
     Args:
         baked: a file with w, in place of the description's own or of a bake. scales: of its profile.
         own_occlusion: use the occlusion textures that the file has, in place of a bake.
-        alpha: "ignore": faces are opaque.
-
-    Raises: OptionError: a setting out of range, or `baked` for a picture without obscurance.
     """
     settings = replace(description.settings, **{name: value for name, value in changes.items() if value is not None})
     w_from, bake, files = description.w_from, description.bake, description.files
+    if settings.obscurance == "off" and baked is not None:
+        raise ConflictError("baked", "does not go with", ("obscurance", "off"))
     if settings.obscurance == "off":
         w_from = "off"
+    elif baked is not None:
+        w_from, files = baked, (*files, baked)
     elif w_from == "off":
         w_from = "bake"
-    if baked is not None:
-        if settings.obscurance == "off":
-            raise ConflictError("baked", "does not go with", ("obscurance", "off"))
-        w_from, files = baked, (*files, baked)
     if preview:
         settings = _quarter(settings)
         bake = replace(bake, samples=min(bake.rays, PREVIEW_BAKE))
@@ -96,6 +98,53 @@ def _quarter(settings: Settings) -> Settings:
     return replace(settings, width=width, height=height, crop=crop, samples=min(settings.samples, 4))
 
 
+def with_obscurance(
+    description: SceneDescription,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    session: ClusterSession | None = None,
+) -> tuple[Scene, ao.Bake | None]:
+    """The scene with w(p) as `description.w_from` and `description.bake` ask, and the bake if there was one.
+
+    Only vertices that the picture can show are baked; all else gets w = 1, and so do vertices of shapes with an
+    occlusion texture. w from a file stands in place of such textures.
+    """
+    scene, options = description.scene, description.bake
+    if description.w_from == "off":
+        return scene, None
+    if isinstance(description.w_from, Path):
+        return scene.without_occlusion().with_obscurance(_stored(description, description.w_from)), None
+    settings = description.settings
+    seen = seen_vertices(scene, description.camera, settings, threads)
+    textured = [item.shape.occlusion is not None for item in scene.objects]
+    seen &= ~np.repeat(textured, [len(item.shape.mesh.vertices) for item in scene.objects])
+    if all(textured):
+        return scene, None
+    mesh, room = scene.flattened(), available()
+    if room is not None and vertex_bytes(len(mesh.vertices), len(mesh.faces), options.rays) > room:
+        release(scene)  # the bake does not fit beside the geometry, which is built again for the picture
+    normals = "angle" if settings.normals == "file" else settings.normals
+    kept = cluster_checkpoint(session, False, None) if session else None
+    bake = ao.bake(
+        mesh, options.falloff, options.samples, options.seed, threads, normals, progress=progress, only=seen,
+        denoise=False, checkpoint=kept,
+    )  # fmt: skip
+    surrounded = any(isinstance(light, SkyLight | EnvironmentLight) for light in scene.lights)
+    return scene.with_obscurance(bake.w, bake.bent_normals if surrounded else None), bake
+
+
+def _stored(description: SceneDescription, path: Path) -> Float64s:
+    """w of all vertices of the scene, from a file that has one for each, or one for each vertex of its mesh files."""
+    counts = [len(item.shape.mesh.vertices) for item in description.scene.objects]
+    origins = description.origins or (None,) * len(counts)
+    of_files = [origin.total if origin else count for origin, count in zip(origins, counts, strict=True)]
+    w = read_w(path, sum(of_files), sum(counts), scales=description.scales)
+    if len(w) != sum(of_files):
+        return w
+    parts = np.split(w, np.cumsum(of_files)[:-1])
+    return np.concatenate([part[origin.of] if origin else part for origin, part in zip(origins, parts, strict=True)])
+
+
 def make_picture(
     source: Path,
     description: SceneDescription,
@@ -109,12 +158,6 @@ def make_picture(
     """Make the picture of a described scene and write it.
 
     Args: source: the scene file, for the picture's metadata. half: 16-bit floats in EXR. baking, rendering: progress.
-        session: workers who trace the rays.
-
-    Raises:
-        InputError: a texture or a baked file cannot be read; the ending of `output`, or `threads`.
-        MemoryLimitError: the picture or the bake for it would not fit into memory.
-        OutputError, EmbreeError, ClusterError: it cannot be written; Embree failed; the cluster is lost.
     """
     layers = check_image_target(output, half)
     needed = rendering_bytes(description.scene, description.settings, layers is None, threads)
@@ -129,22 +172,17 @@ def make_picture(
         renderer = partial(render_on, session)
     frame = renderer(scene, description.camera, description.settings, layers is None, threads, rendering)
     rendered = time.perf_counter()
-    write_frame(output, frame, metadata(source, description), half)
+    names = ("samples", "seed", "shading", "normals", "obscurance")
+    settings = {name: str(getattr(description.settings, name)) for name in names}  # nothing that changes between runs
+    write_frame(output, frame, {"scene": source.name, "version": versions()["obscurance"], **settings}, half)
     seconds = {"bake": prepared - start, **frame.seconds, "write": time.perf_counter() - rendered}
     return RenderedPicture(frame, baked, seconds)
-
-
-def metadata(source: Path, description: SceneDescription) -> dict[str, str]:
-    """Metadata of an image file: settings and version, nothing that changes from run to run."""
-    names = ("samples", "seed", "shading", "normals", "obscurance")
-    settings = {name: str(getattr(description.settings, name)) for name in names}
-    return {"scene": source.name, "version": versions()["obscurance"], **settings}
 
 
 def render_report(
     source: Path, settings: Settings, picture: RenderedPicture, threads: int, warnings: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """The report of a rendering as JSON-ready values. Args: warnings: what limits the picture."""
+    """The report of a rendering as JSON-ready values."""
     bake, frame = picture.bake, picture.frame
     beauty = frame.layers["beauty"]
     skipped = {f"bake_{reason}": count for reason, count in bake.rays_skipped.items()} if bake else {}

@@ -6,17 +6,21 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from raytrace.errors import ConflictError, InputError, OptionError, nearest_name, printable, shortened
+from raytrace.errors import ConflictError, InputError, ObscuranceError, OptionError, nearest_name, printable, shortened
 
 _OPTIONS = ("options", "render")  # what errors about options of the command name as their source
 
 
-def mistake_in_words(mistake: Any, app: Any, arguments: Sequence[str]) -> str:
-    """A mistake that the parser found.
+def fault_in_words(fault: Any, app: Any, arguments: Sequence[str]) -> str:
+    """What an exception says, with options by their names. Args: app: all commands. arguments: what was typed."""
+    command = app.commands.get(arguments[0]) if arguments else None
+    if isinstance(fault, InputError):
+        return _option_in_words(fault, command)
+    return str(fault) if isinstance(fault, ObscuranceError) else _mistake_in_words(fault, app, command, arguments)
 
-    Args: mistake: its `TyperException`. app: the group of all commands. arguments: what was typed.
-    """
-    command = _command(app, arguments)
+
+def _mistake_in_words(mistake: Any, app: Any, command: Any, arguments: Sequence[str]) -> str:
+    """A mistake that the parser found, a `TyperException`."""
     place = command.name if command else ""
     cause = mistake.__cause__
     near = None
@@ -45,9 +49,8 @@ def mistake_in_words(mistake: Any, app: Any, arguments: Sequence[str]) -> str:
     return _line(place, expected, got, near, command)
 
 
-def option_in_words(mistake: InputError, app: Any, arguments: Sequence[str]) -> str:
+def _option_in_words(mistake: InputError, command: Any) -> str:
     """A mistake that the command itself found: an option by its name, where there is one of that name."""
-    command = _command(app, arguments)
     if (mistake.field, mistake.got) == ("file", "none"):
         return str(mistake) + _file_meant(Path(mistake.source))
     if command is None or not isinstance(mistake, OptionError) or mistake.source not in _OPTIONS:
@@ -91,10 +94,6 @@ def _file_meant(missing: Path) -> str:
     by_stem = {path.stem: path for path in sorted(names, key=lambda path: path.suffix == missing.suffix)}
     near = nearest_name(missing.stem, by_stem)
     return printable(f"; did you mean {by_stem[near]}?") if near else ""
-
-
-def _command(app: Any, arguments: Sequence[str]) -> Any:
-    return app.commands.get(arguments[0]) if arguments else None
 
 
 def _shown(parameter: Any) -> str:

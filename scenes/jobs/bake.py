@@ -13,7 +13,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from warnings import catch_warnings, simplefilter
 
-from raytrace.errors import ClusterError, ObscuranceError, printable
+from raytrace.errors import ClusterError, ConflictError, ObscuranceError, OptionError, printable
+from raytrace.system.atomic import is_standard_output
+from raytrace.system.checks import check_ending, check_outputs
+from raytrace.system.threads import thread_count
 
 from .console import compiling, note
 from .inputs import Sources
@@ -60,8 +63,6 @@ class MeshBake(Record, ABC):
 
     def run(self) -> int:
         """Bake, write, and print a summary. Returns: the exit status, 0. Raises: as `check`, `ao.bake` and writers."""
-        from raytrace.system.atomic import is_standard_output
-
         falloff = self.check()
         with compiling(), silence_tolerance_warnings():
             for summary, _ in self.bake(falloff):
@@ -72,8 +73,6 @@ class MeshBake(Record, ABC):
     def check(self) -> ao.Falloff:
         """The falloff, if the options go together and the outputs can be written. Raises: OptionError, OutputError."""
         from ao.falloff import resolve_length
-        from raytrace.errors import OptionError
-        from raytrace.system.checks import check_ending, check_outputs
 
         from ..falloffs import make_falloff
 
@@ -99,8 +98,6 @@ class MeshBake(Record, ABC):
 
     def described(self) -> dict[str, Any]:
         """Every effective option, as a JSON report has it."""
-        from raytrace.system.threads import thread_count
-
         rows = [row for row in ROWS.values() if row.role != "run" and self.sort in row.on.split()]
         return {row.name: plain(getattr(self, row.name)) for row in rows} | {"threads": thread_count(self.threads)}
 
@@ -121,7 +118,6 @@ class MeshBake(Record, ABC):
     def checkpoint(self, output: Path) -> AbstractContextManager[Checkpoint]:
         """Keeps what is traced for an output, beside it; none beside standard output."""
         from ao.execute.checkpoint import Checkpoint
-        from raytrace.system.atomic import is_standard_output
 
         if self.open_checkpoint:
             return self.open_checkpoint(output)
@@ -152,8 +148,6 @@ class MeshBake(Record, ABC):
 
     def check_up(self, picture: Path | None, *outputs: Path | None) -> None:
         """Raises: OptionError: `up`, and neither a picture nor an output that stands."""
-        from raytrace.errors import ConflictError
-
         standing = (".html", ".ply", ".glb")
         endings = {path.suffix.lower() for path in (*outputs, self.report) if path}
         if self.up and not picture and not self.ground and endings.isdisjoint(standing):
@@ -178,8 +172,6 @@ class MeshBake(Record, ABC):
 
     def ground_height(self) -> float | None:
         """The height of the ground; None just below the mesh. Raises: OptionError: it is no number."""
-        from raytrace.errors import OptionError
-
         if self.ground in (None, "auto"):
             return None
         try:

@@ -20,8 +20,7 @@ def dry_run(bakes: Sequence[MeshBake], falloff: "ao.Falloff", besides: Sequence[
 
     Returns: the exit status, 1 if a mesh cannot be read.
     """
-    works: dict[MeshBake, WorkSize] = {}
-    held = 0
+    works, held = dict[MeshBake, WorkSize](), 0
     for bake in bakes:
         try:
             source = bake.read()
@@ -40,19 +39,16 @@ def dry_run(bakes: Sequence[MeshBake], falloff: "ao.Falloff", besides: Sequence[
 
 def _rows(works: Sequence[WorkSize], bake: MeshBake, held: int) -> list[tuple[str, str]]:
     """Args: held: bytes that the process has before it bakes."""
-    points = sum(work.points for work in works)
-    options = bake.checked()
-    rays = sum(options.rays_in_all(work.points) for work in works)
-    most = "at most " if bake.tolerance is not None or works[0].unit == "texels" else ""
+    points, unit = sum(work.points for work in works), works[0].unit
+    rays = sum(bake.checked().rays_in_all(work.points) for work in works)
+    most = "at most " if bake.tolerance is not None or unit == "texels" else ""
     meshes = f"{len(works):,} meshes, " if len(works) > 1 else ""
-    free = available()
+    free, needed = available(), max(work.bytes for work in works)
     room = "" if free is None else f", {size_text(free)} available"
-    needed = max(work.bytes for work in works)
-    whole = f"about {size_text(needed + held)} in all, {size_text(needed)} of it beside the mesh"
     return [
-        ("would bake", f"{meshes}{most if works[0].unit == 'texels' else ''}{points:,} {works[0].unit}"),
+        ("would bake", f"{meshes}{most if unit == 'texels' else ''}{points:,} {unit}"),
         ("rays", f"{most or 'about '}{rays:,}, {rays // max(points, 1):,} each"),
-        ("memory", whole + room),
+        ("memory", f"about {size_text(needed + held)} in all, {size_text(needed)} of it beside the mesh{room}"),
         ("time", _time(works, bake, most)),
     ]
 
@@ -86,10 +82,7 @@ def _trial(work: WorkSize, rays: int) -> tuple[float, float]:
 
 
 def _written(bakes: Sequence[MeshBake], besides: Sequence[Path]) -> list[tuple[str, str]]:
-    paths = [path for bake in bakes for path in bake.outputs().values() if path is not None]
-    paths += besides
-    shown = [
-        f"{printable(str(path))}{' in place of the one there' if Path(path).exists() else ''}" for path in paths[:8]
-    ]
-    more = [f"and {len(paths) - 8:,} more"] if len(paths) > 8 else []
-    return [("would write", line) for line in shown + more]
+    paths = [path for bake in bakes for path in bake.outputs().values() if path is not None] + [*besides]
+    lines = [printable(str(path)) + (" in place of the one there" if path.exists() else "") for path in paths[:8]]
+    lines += [f"and {len(paths) - 8:,} more"] if len(paths) > 8 else []
+    return [("would write", line) for line in lines]

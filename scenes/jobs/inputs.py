@@ -25,21 +25,16 @@ MANIFEST = "manifest.json"
 
 
 class Sources(NamedTuple):
-    """The files of a bake.
-
-    Attributes:
-        chosen: of the source. high: of finer meshes. fine: all of them, or None. groups, cage: of `ao.bake`, or None.
-        walls: that only occlude. ground: a plane, or none.
-    """
+    """The files of a bake."""
 
     source: MeshFile
-    chosen: Chosen
-    high: list[MeshFile]
-    fine: Mesh | None
-    groups: tuple[Int64s, Int64s] | None
+    chosen: Chosen  # of the source
+    high: list[MeshFile]  # of finer meshes
+    fine: Mesh | None  # all of them
+    groups: tuple[Int64s, Int64s] | None  # of `ao.bake`, as `cage`
     cage: MeshFile | None
-    walls: list[MeshFile]
-    ground: list[Mesh]
+    walls: list[MeshFile]  # that only occlude
+    ground: list[Mesh]  # a plane, or none
 
     @property
     def solid(self) -> Mesh:
@@ -68,10 +63,12 @@ class Sources(NamedTuple):
     @property
     def notes(self) -> list[str]:
         """About what was read; also occluders so much larger or smaller that their unit may be another."""
-        sizes = [(each.mesh.source, each.mesh.radius / (self.source.mesh.radius or 1.0)) for each in self.walls]
-        text = "of the mesh's: is its unit another?"
-        unlike = [f"{name}: its radius is {size:.2g} {text}" for name, size in sizes if not 1e-3 < size < 1e3]
-        return [*(note for each in self.read for note in each.notes), *unlike]
+        notes = [note for each in self.read for note in each.notes]
+        for each in self.walls:
+            size = each.mesh.radius / (self.source.mesh.radius or 1.0)
+            if not 1e-3 < size < 1e3:
+                notes.append(f"{each.mesh.source}: its radius is {size:.2g} of the mesh's: is its unit another?")
+        return notes
 
     @property
     def arguments(self) -> dict[str, Any]:
@@ -116,8 +113,6 @@ def outputs_in(folder: Path, inputs: Sequence[Path], ending: str) -> list[Path]:
     """An output for each input: its name, with another ending, in `folder`.
 
     Where names are equal the outputs lie below `folder` as the inputs do below the folder that holds them all.
-
-    Raises: OptionError: two inputs would have one output.
     """
     names = [Path(f"{path.stem}.{ending}") for path in inputs]
     if len({os.path.normcase(name) for name in names}) < len(names):

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 from ao.declared import ALL, EACH, IMAGE, Option, rows
 from ao.options import TextureOptions, VertexOptions
+from raytrace.errors import ConflictError, OptionError, Relation
 
 from ..presets import HELP as PRESET_HELP
 from ..presets import PRESETS
@@ -163,14 +164,14 @@ MERGE = (
 
 
 class Record:
-    """Values of options by their names, as attributes. Args: options: the values. more: what is no option."""
+    """Values of options by their names, as attributes."""
 
     if TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any: ...
 
-    def __init__(self, options: Mapping[str, Any], **more: Any) -> None:
-        vars(self).update(options, **more)
+    def __init__(self, options: Mapping[str, Any]) -> None:
+        vars(self).update(options)
 
     def replaced(self, **changes: Any) -> Self:
         """A copy with some values changed."""
@@ -188,23 +189,22 @@ def _given(row: Option, options: Mapping[str, Any]) -> bool:
     return row.default is not ... and options.get(row.name, row.default) != row.default
 
 
+_UNLIKE: dict[str, tuple[Relation, str]] = {
+    "vertices": ("needs", "an image as --output, or --occlusion texture"),
+    "texture": ("does not go with", "a texture"),
+    **{sort: ("excludes", name) for sort, name in SORTS.items()},
+}
+
+
 def check_sort(options: Mapping[str, Any], sort: str) -> None:
     """Raises: ConflictError: an option is given that a bake of this sort, in the words of `Option.on`, has not."""
-    from raytrace.errors import ConflictError
-
     for row in BAKE:
         if _given(row, options) and sort not in row.on.split():
-            if sort == "vertices":
-                raise ConflictError(row.name, "needs", "an image as --output, or --occlusion texture")
-            if sort == "texture":
-                raise ConflictError(row.name, "does not go with", "a texture")
-            raise ConflictError(row.name, "excludes", SORTS[sort])
+            raise ConflictError(row.name, *_UNLIKE[sort])
 
 
 def check_together(options: Mapping[str, Any], table: Iterable[Option]) -> None:
     """Raises: ConflictError: an option is given that needs or excludes another."""
-    from raytrace.errors import ConflictError
-
     rows = {row.name: row for row in table}
     for row in rows.values():
         if not _given(row, options):
@@ -243,8 +243,6 @@ def _streamed(name: str, option: str) -> list[str]:
 @contextmanager
 def named(option: str) -> Iterator[None]:
     """Errors raised within about the option `option`, whatever the function called has for a name."""
-    from raytrace.errors import OptionError
-
     try:
         yield
     except OptionError as fault:

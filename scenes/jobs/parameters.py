@@ -11,6 +11,7 @@ import typer
 from typer.core import TyperCommand
 
 from ao.declared import Option
+from raytrace.errors import InputError, nearest_name
 
 from ..presets import without_preset
 from .options import BAKE, ROWS
@@ -31,13 +32,11 @@ def parameters(rows: Iterable[Option]) -> Callable[[F], F]:
     """Give a command that takes any values by their names a parameter for each row."""
 
     def with_parameters(command: F) -> F:
-        given = [
-            Parameter(
-                row.name, Parameter.KEYWORD_ONLY, annotation=Annotated[row.kind, parameter(row)],
-                default=Parameter.empty if row.default is ... else row.default,
-            )
-            for row in rows
-        ]  # fmt: skip
+        given = []
+        for row in rows:
+            default = Parameter.empty if row.default is ... else row.default
+            form = {"annotation": Annotated[row.kind, parameter(row)], "default": default}
+            given.append(Parameter(row.name, Parameter.KEYWORD_ONLY, **form))
         command.__signature__ = Signature(given)  # type: ignore[attr-defined]
         return command
 
@@ -80,8 +79,7 @@ class TableCommand(TyperCommand):
     def format_options(self, ctx: Any, formatter: Any) -> None:
         rows: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
         for item in self.get_params(ctx):
-            record = item.get_help_record(ctx)
-            if record is not None:
+            if (record := item.get_help_record(ctx)) is not None:
                 general = "Arguments" if item.param_type_name == "argument" else "Options"
                 row = ROWS.get(str(item.name))
                 rows.setdefault((row and row.section) or general, []).append(record)
@@ -97,14 +95,10 @@ def _take_options(context: typer.Context, report: Path | None) -> None:
 
 
 def saved_options(path: Path) -> dict[str, Any]:
-    """Options of an earlier bake, but for what was written and how it was run.
-
-    Raises: InputError: not the report of a bake, or with an option that this version has not.
-    """
+    """Options of an earlier bake, but for what was written and how it was run. Raises: InputError."""
     import json
 
     from ao.report import SCHEMA_VERSION
-    from raytrace.errors import InputError, nearest_name
     from raytrace.system.checks import check_regular
 
     check_regular(path, "the report of a bake")
@@ -114,11 +108,11 @@ def saved_options(path: Path) -> dict[str, Any]:
         report = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):
         raise InputError(path, "content", "the report of a bake, JSON", "something else") from None
-    version = report.get("schema_version", SCHEMA_VERSION) if isinstance(report, dict) else SCHEMA_VERSION
-    if version != SCHEMA_VERSION:
+    report = report if isinstance(report, dict) else {}
+    if (version := report.get("schema_version", SCHEMA_VERSION)) != SCHEMA_VERSION:
         raise InputError(path, "schema_version", f"a report of schema version {SCHEMA_VERSION}", version)
-    if not isinstance(report, dict) or not isinstance(report.get("options"), dict) or "settings" in report:
-        got = "the report of a rendering" if isinstance(report, dict) and "settings" in report else "something else"
+    if not isinstance(report.get("options"), dict) or "settings" in report:
+        got = "the report of a rendering" if "settings" in report else "something else"
         raise InputError(path, "options", "the report of a bake, or the manifest of a batch", got)
     new = {row.was: row.name for row in BAKE if row.was}
     options = {new.get(name, name): value for name, value in report["options"].items() if value is not None}

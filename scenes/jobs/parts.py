@@ -7,6 +7,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from raytrace.errors import OptionError
+from raytrace.system.checks import make_folder
+
 from ..formats.images import is_texture
 from .bake import MeshBake
 from .console import note
@@ -18,12 +21,9 @@ _OF_TEXTURE = "size", "texel_size"
 def trace_part(options: dict[str, Any], bake_command: Callable[[Mapping[str, Any]], MeshBake]) -> int:
     """Trace the part `--part` K/N, of a texture if its size is given, and print a summary. Returns: the exit status, 0.
 
-    Args: bake_command: makes the bake of options.
-
     Raises: as `MeshBake.run`. InputError: the folder has this part of another bake.
     """
     from ao.execute.parts import PartTraced, ShardCheckpoint
-    from raytrace.system.checks import make_folder
 
     from ..falloffs import table_of
 
@@ -50,8 +50,6 @@ def trace_part(options: dict[str, Any], bake_command: Callable[[Mapping[str, Any
 
 def part_numbers(text: str) -> tuple[int, int]:
     """K and N of `--part` K/N. Raises: OptionError: it is not two such numbers."""
-    from raytrace.errors import OptionError
-
     match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
     number, of = map(int, match.groups()) if match else (0, 0)
     if not 1 <= number <= of:
@@ -60,15 +58,11 @@ def part_numbers(text: str) -> tuple[int, int]:
 
 
 def merge(folder: Path, options: dict[str, Any], bake_command: Callable[[Mapping[str, Any]], MeshBake]) -> None:
-    """Make of the parts in `folder` what the bake would have made.
+    """Make of the parts in `folder` what the bake would have made. Raises: as `MeshBake.run`, and InputError.
 
-    Args:
-        options: of the output, as `bake` has them; `mesh`, `high`, `occluder`: where files are, None where they were.
-
-    Raises: as `MeshBake.run`. InputError: a part is missing, not finished or of another bake.
+    Args: options: of the output, as `bake` has them; `mesh`, `high`, `occluder`: where files are, None where they were.
     """
     from ao.execute.parts import Merge, read_parts
-    from raytrace.errors import OptionError
 
     parts = read_parts(folder)
     description, output = parts[0].description, options["output"]
@@ -76,13 +70,13 @@ def merge(folder: Path, options: dict[str, Any], bake_command: Callable[[Mapping
     if texture and output.suffix.lower() == ".glb":
         options["occlusion"] = "texture"
     elif texture != is_texture(output):
-        expected = (
-            "an image or a .glb: the parts are of a texture" if texture else "a file of vertices, as the parts are"
+        of_texture, of_vertices = (
+            "an image or a .glb: the parts are of a texture",
+            "a file of vertices, as the parts are",
         )
-        raise OptionError("output", expected, output)
+        raise OptionError("output", of_texture if texture else of_vertices, output)
     for name in ("mesh", "high", "occluder"):
         stored = description.get(name)
         known = [Path(each) for each in stored] if isinstance(stored, list) else stored and Path(stored)
         options[name] = options[name] or known
-    command = bake_command({**description["options"], **options})
-    command.replaced(open_checkpoint=lambda _: Merge(parts)).run()
+    bake_command({**description["options"], **options}).replaced(open_checkpoint=lambda _: Merge(parts)).run()

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
+from raytrace.errors import OptionError
 from raytrace.types import Int64s
 
 from .bake import MeshBake, Outcome, bake_one, journal, silence_tolerance_warnings
@@ -42,8 +43,6 @@ class Workers:
     threads: int | None
 
     def __post_init__(self) -> None:
-        from raytrace.errors import OptionError
-
         if find_spec("distributed") is None or find_spec("cryptography") is None:
             expected = "Dask and cryptography: pip install dask distributed cryptography"
             raise OptionError("cluster", expected, "not both")

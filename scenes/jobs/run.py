@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any, get_args
 
 from raytrace.errors import ConflictError, OptionError
-from raytrace.system.atomic import standard_output
+from raytrace.system.atomic import scratch_folder, standard_output
+from raytrace.system.checks import check_outputs
 
 from ..formats.images import ENDINGS as IMAGES
 from ..formats.images import is_texture
@@ -126,8 +127,6 @@ def _run_single(options: dict[str, Any]) -> int:
 def _bake_tiles(options: dict[str, Any]) -> int:
     """Bake with `--tiles` AxBxC, write, and print a summary. Returns: the exit status, 0."""
     from ao.tiles.bake_tiled import bake_tiled
-    from raytrace.system.atomic import scratch_folder
-    from raytrace.system.checks import check_outputs
 
     from ..falloffs import make_falloff, table_of
     from ..formats.stored_mesh import open_mesh

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ao.options import VertexOptions
+from raytrace.errors import ConflictError
+from raytrace.system.checks import check_outputs
 
 from .bake import MeshBake, WorkSize, Written
 from .console import alpha_summary, bake_summary, progress, warn
@@ -41,18 +43,16 @@ class BakeCommand(MeshBake):
         checked = self.checked()
         needed = surface_bytes(*sources.counts)
         if self.method == "vertex":
-            needed = vertex_bytes(*sources.counts, checked.rays, len(points)) + column_bytes(
-                len(points), checked.columns
-            )
+            needed = vertex_bytes(*sources.counts, checked.rays, len(points))
+            needed += column_bytes(len(points), checked.columns)
         options = self.arguments() | {"samples": checked.rays_in_all(len(points)) // max(len(points), 1)}
 
         def trial(count: int) -> int:
             only = np.zeros(len(mesh.vertices), bool)
             rows = np.arange(len(only)) if wanted is None else np.flatnonzero(wanted)
-            most = len(rows)
-            places = np.linspace(0, most - 1, min(count, most)).astype(np.int64)
+            places = np.linspace(0, len(rows) - 1, min(count, len(rows))).astype(np.int64)
             if self.method == "surface":  # whose work is that of faces, which neighbours share
-                places = np.arange(len(places)) + (most - len(places)) // 2
+                places = np.arange(len(places)) + (len(rows) - len(places)) // 2
             only[rows[places]] = True
             ao.bake(mesh, falloff, only=only, occluders=sources.occluders, **options)
             return len(places)
@@ -61,7 +61,6 @@ class BakeCommand(MeshBake):
 
     def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
         import ao
-        from raytrace.system.checks import check_outputs
 
         from ..formats.losses import lost
         from ..write_bake import channels
@@ -114,10 +113,9 @@ class BakeCommand(MeshBake):
 
         chosen, parts = sources.chosen, list[ao.Bake]()
         only, count = chosen.only, len(chosen.mesh.vertices)
-        flags = np.full(count, ao.Flag.UNREFERENCED, np.uint8)
-        flags[chosen.mesh.faces] = 0
-        values: dict[str, Any] = {"w": np.ones(count), "error": np.zeros(count), "flags": flags}
-        values["bent_normals"] = np.zeros((count, 3))
+        values: dict[str, Any] = {"w": np.ones(count), "error": np.zeros(count), "bent_normals": np.zeros((count, 3))}
+        values["flags"] = np.full(count, ao.Flag.UNREFERENCED, np.uint8)
+        values["flags"][chosen.mesh.faces] = 0
         for vertices, mesh in chosen.parts():
             wanted = None if only is None else only[vertices]
             part = ao.bake(mesh, chosen.absolute(falloff), only=wanted, **sources.arguments, **self.arguments())
@@ -135,8 +133,6 @@ class BakeCommand(MeshBake):
         )  # fmt: skip
 
     def check_own(self) -> None:
-        from raytrace.errors import ConflictError
-
         from ..write_bake import channels, check_target
 
         if self.high is not None and self.method == "surface":

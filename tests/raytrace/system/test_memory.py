@@ -13,13 +13,13 @@ from project import ROOT
 
 import ao
 import raytrace.system.checks
-import scenes.commands.picture_bake
+import scenes.commands.render
 from ao.memory import surface_bytes, vertex_bytes
 from raytrace import InputError, Lambert, MemoryLimitError, Mesh, Object, Scene, Settings, Shape
 from raytrace.renderer import render_scene
 from raytrace.renderer.render import rendering_bytes
 from raytrace.system.checks import available, check_memory
-from scenes.commands.picture_bake import with_obscurance
+from scenes.commands.render import with_obscurance
 from scenes.description.read import read_scene
 from scenes.formats.load import load
 
@@ -158,7 +158,7 @@ def test_more_to_do_takes_more():
 def test_geometry_is_let_go_of_where_a_bake_does_not_fit_beside_it(room, kept, tmp_path, monkeypatch):
     (tmp_path / "s.toml").write_text('[[objects]]\nbuiltin = "sphere"\n[render]\nwidth = 8\nheight = 8\n')
     description = read_scene(tmp_path / "s.toml")
-    monkeypatch.setattr(scenes.commands.picture_bake, "available", lambda: room)
+    monkeypatch.setattr(scenes.commands.render, "available", lambda: room)
     baked, _ = with_obscurance(description)
     assert (description.scene in render_scene._scenes) == kept
     assert baked.objects[0].w is not None

@@ -7,7 +7,7 @@ import pytest
 from scene_texts import PLAIN, SQUARE, scene
 
 from raytrace.errors import InputError, SceneError
-from scenes.commands.picture_bake import with_obscurance
+from scenes.commands.render import with_obscurance
 from scenes.description.read import read_scene
 
 MISTAKES = {
