@@ -1,12 +1,16 @@
 """Lines of numbers, and of a Wavefront OBJ file, for kernels that share its bytes: each takes text[begin:end].
 
 The last byte of `text` must be the end of a line, so that no loop passes it.
+
+Numbers are rounded correctly, as Python's `float` does, or left to the caller. The product or quotient of two numbers
+that doubles hold exactly is rounded correctly (Clinger 1990, "How to read floating point numbers accurately"). Up to 19
+digits and 10^±60 it is formed of pairs of doubles (Dekker 1971) and taken where their error cannot change how it is
+rounded (Ziv 1991).
 """
 
 import numpy as np
 
 from ..kernel.jit import inline, kernel
-from .decimal import byte, is_blank, is_digit, parse_float
 
 NUMBERED = "v", "vt", "vn"
 V, VT, VN, F, REST, NOTHING = range(6)
@@ -17,6 +21,85 @@ NEEDED = np.array([3, 2, 3, 0])
 COUNT, USABLE, LEAST, MOST, WORDS, SLASHES = range(6)  # columns of a tally
 _LARGEST = (1 << 63) - 1
 _NAN = np.uint64(0x7FF8 << 48)
+_POWERS = np.array([[float(10**k), float(10**k - int(float(10**k)))] for k in range(61)])  # of ten, and their rounding
+_DIGITS = 19  # below 2⁶⁴, whatever they are
+_EXACT, _EXACT_POWER = np.uint64(1 << 53), 22
+_SPLIT = 134217729.0  # 2²⁷ + 1
+
+
+@inline
+def _byte(text, i):
+    """text[i], i ≥ 0: Numba takes twice as long where an index may be negative."""
+    return text[np.uint64(i)]
+
+
+@inline
+def _is_blank(c):
+    return c == 32 or 9 <= c <= 13
+
+
+@inline
+def _is_digit(c):
+    return 48 <= c <= 57
+
+
+@inline
+def _parse_float(text, i):
+    """The number at text[i]: (number, where it ends, whether it is one that this can round)."""
+    sign = _byte(text, i)
+    if sign == 45 or sign == 43:
+        i += 1
+    mantissa, digits, exponent, valid, point = np.uint64(0), 0, 0, False, False
+    while _is_digit(_byte(text, i)) or (_byte(text, i) == 46 and not point):
+        c = _byte(text, i)
+        if c == 46:
+            point = True
+        else:
+            mantissa = mantissa * np.uint64(10) + np.uint64(c - 48)
+            digits += digits > 0 or c > 48
+            exponent -= point
+            valid = True
+        i += 1
+    if valid and (_byte(text, i) == 101 or _byte(text, i) == 69):
+        down, scale, valid = _byte(text, i + 1) == 45, 0, False
+        i += 2 if down or _byte(text, i + 1) == 43 else 1
+        while _is_digit(_byte(text, i)):
+            scale = 10 * scale + _byte(text, i) - 48 if scale < 1000 else scale
+            valid = True
+            i += 1
+        exponent += -scale if down else scale
+    value, sure = _round(mantissa, exponent)
+    return -value if sign == 45 else value, i, valid and digits <= _DIGITS and sure
+
+
+@inline
+def _round(mantissa, exponent):
+    """mantissa·10^exponent, and whether it is correctly rounded."""
+    power = abs(exponent)
+    if mantissa == 0 or power >= len(_POWERS):
+        return 0.0, mantissa == 0
+    a, p, q = np.float64(mantissa), _POWERS[power, 0], _POWERS[power, 1]
+    if mantissa <= _EXACT and power <= _EXACT_POWER:
+        return a / p if exponent < 0 else a * p, True
+    rest = np.float64(np.int64(mantissa - np.uint64(a)))
+    if exponent < 0:
+        high = a / p
+        product, error = _multiply(high, p)
+        low = (a - product - error + rest - high * q) / p
+    else:
+        high, error = _multiply(a, p)
+        low = error + (rest * p + a * q)
+    slack = abs(low) * 2.0**-48 + high * 2.0**-100
+    return high + low, high + (low - slack) == high + (low + slack)
+
+
+@inline
+def _multiply(a, b):
+    """a·b rounded, and what that leaves (Dekker 1971)."""
+    product = a * b
+    x, y = a * _SPLIT, b * _SPLIT
+    x, y = x - (x - a), y - (y - b)
+    return product, ((x * y - product) + x * (b - y) + (a - x) * y) + (a - x) * (b - y)
 
 
 @inline
@@ -27,69 +110,60 @@ def _is_end(c):
 @inline
 def _keyword(text, i):
     """The kind of the line that begins at i, and where its words begin."""
-    while byte(text, i) == 32 or byte(text, i) == 9:
+    while _byte(text, i) == 32 or _byte(text, i) == 9:
         i += 1
-    first = byte(text, i)
+    first = _byte(text, i)
     if first == 35 or _is_end(first):
         return NOTHING, i
     kind = F if first == 102 else V if first == 118 else REST
-    if kind == V and (byte(text, i + 1) == 116 or byte(text, i + 1) == 110):
+    if kind == V and (_byte(text, i + 1) == 116 or _byte(text, i + 1) == 110):
         i += 1
-        kind = VT if byte(text, i) == 116 else VN
-    return kind if is_blank(byte(text, i + 1)) else REST, i + 1
+        kind = VT if _byte(text, i) == 116 else VN
+    return kind if _is_blank(_byte(text, i + 1)) else REST, i + 1
 
 
 @inline
 def _next_word(text, i):
     """Where the next word of a line begins, and whether there is one before the line or its comment ends."""
-    while is_blank(byte(text, i)) and not _is_end(byte(text, i)):
+    while _is_blank(_byte(text, i)) and not _is_end(_byte(text, i)):
         i += 1
-    return i, byte(text, i) != 35 and not _is_end(byte(text, i))
+    return i, _byte(text, i) != 35 and not _is_end(_byte(text, i))
 
 
 @inline
 def _skip_word(text, i):
-    while byte(text, i) != 35 and not is_blank(byte(text, i)):
+    while _byte(text, i) != 35 and not _is_blank(_byte(text, i)):
         i += 1
     return i
 
 
 @inline
 def _skip_line(text, i):
-    while not _is_end(byte(text, i)):
+    while not _is_end(_byte(text, i)):
         i += 1
     return i + 1
 
 
 @inline
-def _parse_word(text, i, powers):
-    """The number at i, where its word ends, and whether all of the word is one that `parse_float` can round."""
-    value, stop, sure = parse_float(text, i, powers)
+def _parse_word(text, i):
+    """The number at i and where its word ends; a NaN whose last bits are i if the word is none that this can round."""
+    value, stop, sure = _parse_float(text, i)
     end = _skip_word(text, stop)
-    return value, end, sure and stop == end
+    return value if sure and stop == end else np.uint64(_NAN | np.uint64(i)).view(np.float64), end
 
 
 @kernel
-def read_rows(text, begin, end, powers, numbers, counts):
-    """The numbers of all lines that have words, one after the other.
+def read_rows(text, begin, end, numbers, counts):
+    """The numbers (`_parse_word`) of all lines that have words, one after the other; returns how many lines that are.
 
-    What `parse_float` leaves becomes a NaN whose last bits say where the word begins.
-
-    Args:
-        powers: `raytrace.text.decimal.POWERS`.
-        numbers, counts: float64 and int64 (any,), filled with the numbers, and with how many each such line has.
-
-    Returns how many such lines there are.
+    Args: numbers, counts: float64 and int64 (any,), filled with the numbers, and with how many each such line has.
     """
-    bits, found, rows, i = numbers.view(np.uint64), 0, 0, begin
+    found, rows, i = 0, 0, begin
     while i < end:
         before = found
         i, some = _next_word(text, i)
         while some:
-            word = i
-            numbers[found], i, sure = _parse_word(text, word, powers)
-            if not sure:
-                bits[found] = _NAN | np.uint64(word)
+            numbers[found], i = _parse_word(text, i)
             found += 1
             i, some = _next_word(text, i)
         if found > before:
@@ -101,14 +175,12 @@ def read_rows(text, begin, end, powers, numbers, counts):
 
 @kernel
 def survey(text, begin, end, tally, rest):
-    """Count the lines.
+    """Count the lines, and find runs of other statements than `NUMBERED` and faces; returns how many runs there are.
 
     Args:
         tally: zeros (4, 6), of each kind up to F: lines, those that have the words they need, the fewest and the most
             words of a line, words, slashes in the words of faces.
-        rest: (any, 3), is filled with runs of other statements: where each begins and ends, and faces before it.
-
-    Returns how many such runs there are.
+        rest: (any, 3), is filled with runs: where each begins and ends, and faces before it.
     """
     tally[:, LEAST] = NONE
     runs, running, i = 0, False, begin
@@ -122,7 +194,7 @@ def survey(text, begin, end, tally, rest):
                 words += 1
                 word, i = i, _skip_word(text, i)
                 for k in range(word, i if kind == F else word):
-                    tally[F, SLASHES] += byte(text, k) == 47
+                    tally[F, SLASHES] += _byte(text, k) == 47
                 i, some = _next_word(text, i)
             tally[kind, COUNT] += 1
             tally[kind, USABLE] += words >= NEEDED[kind]
@@ -141,24 +213,21 @@ def survey(text, begin, end, tally, rest):
 
 
 @kernel
-def read_numbers(text, begin, end, wanted, powers, rows):
+def read_numbers(text, begin, end, wanted, rows):
     """The first numbers of those lines that are of the kind `wanted` and have the words that it needs.
 
-    Args: as of `read_rows`. rows: float64 (lines, numbers).
+    Args: rows: float64 (lines, numbers).
     """
-    bits, row, i = rows.view(np.uint64), 0, begin
+    row, i = 0, begin
     while i < end:
         kind, i = _keyword(text, i)
         if kind == wanted:
             words = 0
             i, some = _next_word(text, i)
             while some and words < rows.shape[1]:
-                word = i
-                value, i, sure = _parse_word(text, word, powers)
+                value, i = _parse_word(text, i)
                 if row < len(rows):
                     rows[row, words] = value
-                    if not sure:
-                        bits[row, words] = _NAN | np.uint64(word)
                 words += 1
                 i, some = _next_word(text, i)
             row += words >= NEEDED[wanted]
@@ -167,14 +236,12 @@ def read_numbers(text, begin, end, wanted, powers, rows):
 
 @kernel
 def read_faces(text, begin, end, before, sizes, indices):
-    """The faces.
+    """The faces; returns whether all words are indices.
 
     Args:
         before: (4, 6), the sum of the tallies of all lines before these.
         sizes: int64 (p,), of all faces. indices: int64 (1 or 3, c), of all corners' `NUMBERED`, from 1 on, or `NONE`;
             relative ones are made absolute.
-
-    Returns whether all words are indices.
     """
     v, vt, vn, face = before[V, COUNT], before[VT, COUNT], before[VN, COUNT], before[F, COUNT]
     corner, valid, i = before[F, WORDS], True, begin
@@ -188,7 +255,7 @@ def read_faces(text, begin, end, before, sizes, indices):
                 for part in range(len(indices)):
                     indices[part, corner] = NONE
                 part, i = -1, i - 1
-                while part < 0 or byte(text, i) == 47:
+                while part < 0 or _byte(text, i) == 47:
                     part += 1
                     index, stop, sure = _parse_index(text, i + 1)
                     if stop > i + 1 and part < len(indices):
@@ -209,11 +276,11 @@ def read_faces(text, begin, end, before, sizes, indices):
 @inline
 def _parse_index(text, i):
     """The whole number at i, or the largest there is, where it ends, and whether digits follow its sign, if any."""
-    begin, sign, size = i, byte(text, i), 0
+    begin, sign, size = i, _byte(text, i), 0
     if sign == 45 or sign == 43:
         i += 1
     digits = i
-    while is_digit(byte(text, i)):
-        size = 10 * size + byte(text, i) - 48 if size < _LARGEST // 10 else _LARGEST
+    while _is_digit(_byte(text, i)):
+        size = 10 * size + _byte(text, i) - 48 if size < _LARGEST // 10 else _LARGEST
         i += 1
     return -size if sign == 45 else size, i, i > digits or digits == begin

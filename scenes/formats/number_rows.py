@@ -9,7 +9,6 @@ from itertools import pairwise
 import numpy as np
 
 from raytrace.system.threads import run_blocks, thread_count
-from raytrace.text.decimal import POWERS
 from raytrace.text.lines import read_rows
 from raytrace.types import Float64s, Int64s, UInt8s
 
@@ -57,7 +56,7 @@ class NumberRows:
             first, end = blocks[block]
             most = (end - first) // 2 + 1
             found, by_row = np.empty(most), np.empty(most, np.int64)
-            by_row = by_row[: read_rows(text, first, end, POWERS, found, by_row)].copy()
+            by_row = by_row[: read_rows(text, first, end, found, by_row)].copy()
             numbers[block], counts[1 + block] = found[: by_row.sum()].copy(), by_row
 
         run_blocks(len(blocks), 1, work, thread_count(None))

@@ -15,7 +15,6 @@ import numpy as np
 from raytrace.errors import MeshError
 from raytrace.system.threads import run_blocks, thread_count
 from raytrace.text import lines
-from raytrace.text.decimal import POWERS
 from raytrace.text.lines import COUNT, LEAST, MOST, NEEDED, NONE, NUMBERED, SLASHES, USABLE, WORDS, F, V
 from raytrace.types import Bools, Float64s, Int64s
 
@@ -121,7 +120,7 @@ class ObjText:
         def work(block: int, _: int) -> None:
             if self._tallies[block, kind, COUNT]:
                 own = rows[ends[block] : ends[block + 1]]
-                lines.read_numbers(self._text, *self._blocks[block], kind, POWERS, own)
+                lines.read_numbers(self._text, *self._blocks[block], kind, own)
 
         run_blocks(len(self._blocks), 1, work, thread_count(None))
         round_left(self._data, rows.reshape(-1))
