@@ -17,51 +17,39 @@ LANES = 8
 ORG_X, ORG_Y, ORG_Z, TNEAR, DIR_X, DIR_Y, DIR_Z, TIME, TFAR, MASK, ID, FLAGS = range(12)
 NG_X, NG_Y, NG_Z, U, V, PRIM_ID, GEOM_ID, INST_ID, INST_PRIM_ID = range(12, 21)
 ARGUMENTS = 21
-_ARGUMENTS_AT = ARGUMENTS * LANES * 4
 INVALID = np.uint32(0xFFFFFFFF)
 _COHERENT, _INVOKE_FILTER = 1 << 16, 1 << 1
 CONTEXT, ROOM, END = 22, 23, 42  # rows of packets with a filter: Embree's context, and what the filter may write to
 FILTER_PATH = 2, 1  # from what Embree gives a filter to the words of its `Kernel.callback`
 
-_intersect8 = external("rtcIntersect8", 4)
-_occluded8 = external("rtcOccluded8", 4)
-_intersect16 = external("rtcIntersect16", 4)
-_occluded16 = external("rtcOccluded16", 4)
 
+def _queries(lanes):
+    """The two queries of packets of so many lanes.
 
-@inline
-def intersect8(scene, packet, valid):
-    """Closest hit of each valid lane: overwrites TFAR and the hit rows of `packet`; GEOM_ID is INVALID on a miss.
-
-    Args: scene: handle, uint64. packet: float32 (22, 8), aligned. valid: int32 (8,), aligned, −1 traced, 0 not.
+    Args: scene: handle, uint64. packet: float32 (22, lanes), aligned. valid: int32 (lanes,), aligned, −1 traced, 0 not.
     """
-    ids = packet.view(np.uint32)
-    for lane in range(LANES):
-        ids[GEOM_ID, lane] = INVALID
-        ids[INST_ID, lane] = INVALID
-    _intersect8(valid.ctypes.data, scene, packet.ctypes.data, packet.ctypes.data + _ARGUMENTS_AT)
+    closest_hits, any_hits = external(f"rtcIntersect{lanes}", 4), external(f"rtcOccluded{lanes}", 4)
+    arguments_at = ARGUMENTS * lanes * 4
+
+    @inline
+    def intersect(scene, packet, valid):
+        """Closest hit of each valid lane: overwrites TFAR and the rows of the hit; GEOM_ID is INVALID on a miss."""
+        ids = packet.view(np.uint32)
+        for lane in range(lanes):
+            ids[GEOM_ID, lane] = INVALID
+            ids[INST_ID, lane] = INVALID
+        closest_hits(valid.ctypes.data, scene, packet.ctypes.data, packet.ctypes.data + arguments_at)
+
+    @inline
+    def occluded(scene, packet, valid):
+        """Any hit of each valid lane: TFAR of `packet` becomes −inf where something stands in the way."""
+        any_hits(valid.ctypes.data, scene, packet.ctypes.data, packet.ctypes.data + arguments_at)
+
+    return intersect, occluded
 
 
-@inline
-def occluded8(scene, packet, valid):
-    """Any hit of each valid lane: TFAR of `packet` becomes −inf where something stands in the way."""
-    _occluded8(valid.ctypes.data, scene, packet.ctypes.data, packet.ctypes.data + _ARGUMENTS_AT)
-
-
-@inline
-def intersect16(scene, packet, valid):
-    """`intersect8` of sixteen lanes."""
-    ids = packet.view(np.uint32)
-    for lane in range(2 * LANES):
-        ids[GEOM_ID, lane] = INVALID
-        ids[INST_ID, lane] = INVALID
-    _intersect16(valid.ctypes.data, scene, packet.ctypes.data, packet.ctypes.data + 2 * _ARGUMENTS_AT)
-
-
-@inline
-def occluded16(scene, packet, valid):
-    """`occluded8` of sixteen lanes."""
-    _occluded16(valid.ctypes.data, scene, packet.ctypes.data, packet.ctypes.data + 2 * _ARGUMENTS_AT)
+intersect8, occluded8 = _queries(8)
+intersect16, occluded16 = _queries(16)
 
 
 @inline

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ..errors import OptionError
-from ..kernel.arrays import borrow
 from ..kernel.jit import kernel
 from ..system.threads import run_blocks, thread_count
 from ..types import Float32s, Int64s
@@ -33,28 +32,20 @@ class Hits:
     barycentric: Float32s
 
 
-class _Rays(NamedTuple):
-    """float32: origins, directions (k, 3), reach (k,)."""
-
-    origins: Float32s
-    directions: Float32s
-    reach: Float32s
-
-
 @kernel
-def _closest(scene, packet, valid, rays, distance, face, barycentric):
-    rays, ids = borrow(rays), packet.view(np.uint32)
-    count = len(rays.reach)
-    for first in range(0, count, LANES):
+def _closest(scene, traced, rays, found, begin, end):
+    (packet, valid), (origins, directions, reach), (distance, face, barycentric) = traced, rays, found
+    ids = packet.view(np.uint32)
+    for first in range(begin, end, LANES):
         for lane in range(LANES):
-            ray = min(first + lane, count - 1)
-            valid[lane] = -1 if first + lane < count else 0
+            ray = min(first + lane, end - 1)
+            valid[lane] = -1 if first + lane < end else 0
             for axis in range(3):
-                packet[ORG_X + axis, lane] = rays.origins[ray, axis]
-                packet[DIR_X + axis, lane] = rays.directions[ray, axis]
-            packet[TFAR, lane] = rays.reach[ray]
+                packet[ORG_X + axis, lane] = origins[ray, axis]
+                packet[DIR_X + axis, lane] = directions[ray, axis]
+            packet[TFAR, lane] = reach[ray]
         intersect8(scene, packet, valid)
-        for lane in range(min(LANES, count - first)):
+        for lane in range(min(LANES, end - first)):
             if ids[GEOM_ID, lane] != INVALID:
                 ray = first + lane
                 distance[ray] = packet[TFAR, lane]
@@ -63,16 +54,6 @@ def _closest(scene, packet, valid, rays, distance, face, barycentric):
                 barycentric[ray, 0] = np.float32(1.0) - u - v
                 barycentric[ray, 1] = u
                 barycentric[ray, 2] = v
-
-
-def _rays(origins: Any, directions: Any, reach: Any) -> _Rays:
-    """Arguments of `intersect` as arrays. Raises: OptionError."""
-    origins, directions = (np.ascontiguousarray(a, np.float32) for a in np.broadcast_arrays(origins, directions))
-    if origins.ndim != 2 or origins.shape[1] != 3:
-        raise OptionError("origins, directions", "shapes that broadcast to (k, 3)", origins.shape)
-    if not (np.isfinite(origins).all() and np.isfinite(directions).all() and directions.any(axis=1).all()):
-        raise OptionError("origins, directions", "finite origins and finite directions that are not zero", "others")
-    return _Rays(origins, directions, np.ascontiguousarray(np.broadcast_to(np.float32(reach), len(origins))))
 
 
 def intersect(
@@ -87,13 +68,17 @@ def intersect(
     Raises:
         OptionError: wrong shapes, or values that Embree would take for a miss: NaN, infinity, zero directions.
     """
-    rays = _rays(origins, directions, reach)
-    count = len(rays.reach)
-    hits = Hits(np.full(count, np.inf, np.float32), np.full(count, -1), np.zeros((count, 3), np.float32))
+    origins, directions = (np.ascontiguousarray(a, np.float32) for a in np.broadcast_arrays(origins, directions))
+    if origins.ndim != 2 or origins.shape[1] != 3:
+        raise OptionError("origins, directions", "shapes that broadcast to (k, 3)", origins.shape)
+    if not (np.isfinite(origins).all() and np.isfinite(directions).all() and directions.any(axis=1).all()):
+        raise OptionError("origins, directions", "finite origins and finite directions that are not zero", "others")
+    count = len(origins)
+    rays = origins, directions, np.ascontiguousarray(np.broadcast_to(np.float32(reach), count))
+    found = np.full(count, np.inf, np.float32), np.full(count, -1), np.zeros((count, 3), np.float32)
 
-    def work(a: int, b: int) -> None:
-        part, out = _Rays(*(each[a:b] for each in rays)), (hits.distance[a:b], hits.face[a:b], hits.barycentric[a:b])
-        _closest(scene.handle, *new_packet(), part, *out)
+    def work(first: int, last: int) -> None:
+        _closest(scene.handle, new_packet(), rays, found, first, last)
 
     run_blocks(count, _BLOCK, work, thread_count(threads), most=_MOST)
-    return hits
+    return Hits(*found)
