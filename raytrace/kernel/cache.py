@@ -33,14 +33,14 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 @cache
-def source_hash(root: Path = ROOT) -> str:
+def source_hash() -> str:
     """Hash of every source file that can hold or feed a kernel, and of Numba's, NumPy's and Python's: 16 hex digits."""
     numba = find_spec("numba")  # not imported, which takes longer than most bakes
     version = Path(numba.origin).with_name("_version.py").read_bytes() if numba and numba.origin else b""
     digest = hashlib.sha256(version + f"{np.__version__} {sys.version}".encode())
     for package in PACKAGES:
-        for path in sorted((root / package).rglob("*.py")):
-            digest.update(path.relative_to(root).as_posix().encode())
+        for path in sorted((ROOT / package).rglob("*.py")):
+            digest.update(path.relative_to(ROOT).as_posix().encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
@@ -53,35 +53,7 @@ def numba_settings() -> str:
     return " ".join(settings)
 
 
-def _machine() -> str:
-    """Hash of the processor and of Numba's settings: 8 hex digits."""
-    features = llvmlite.binding.get_host_cpu_features().flatten()
-    text = f"{llvmlite.binding.get_host_cpu_name()} {features} {numba_settings()}"
-    return hashlib.sha256(text.encode()).hexdigest()[:8]
-
-
-def _chosen() -> Path:
-    """Raises: LookupError: nothing is chosen."""
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    if not chosen:
-        raise LookupError
-    return Path(chosen)
-
-
-def _users() -> Path:
-    """Raises: RuntimeError: a user without a home."""
-    folder = platformdirs.user_cache_path("obscurance", appauthor=False)
-    if not folder.is_absolute():  # earlier releases leave a "~" as it is
-        raise RuntimeError
-    return folder
-
-
-def _temporary() -> Path:
-    """Raises: OSError: there is none."""
-    return Path(tempfile.gettempdir()) / f"obscurance-{_name()}"
-
-
-def _name() -> str:
+def _user() -> str:
     try:
         return getpass.getuser()
     except (LookupError, OSError, ImportError):  # a user without a name, as containers have them
@@ -94,10 +66,15 @@ def _places() -> tuple[Path, ...]:
 
     They are in ``NUMBA_CACHE_DIR``, the user's cache, and the temporary folder.
     """
-    parents, name = [], f"{source_hash()}-{_machine()}"
-    for place in (_chosen, _users, _temporary):
-        with suppress(OSError, LookupError, RuntimeError):
-            parents.append(place())
+    features = llvmlite.binding.get_host_cpu_features().flatten()
+    machine = hashlib.sha256(f"{llvmlite.binding.get_host_cpu_name()} {features} {numba_settings()}".encode())
+    chosen, name = os.environ.get("NUMBA_CACHE_DIR"), f"{source_hash()}-{machine.hexdigest()[:8]}"
+    parents = [Path(chosen)] if chosen else []
+    with suppress(OSError, LookupError, RuntimeError):  # a user without a home
+        users = platformdirs.user_cache_path("obscurance", appauthor=False)
+        parents += [users] if users.is_absolute() else []  # earlier releases leave a "~" as it is
+    with suppress(OSError):
+        parents.append(Path(tempfile.gettempdir()) / f"obscurance-{_user()}")
     return tuple(parent / name for parent in parents)
 
 

@@ -7,7 +7,7 @@ a kernel and all that it calls become one object file with one entry, which take
 import ctypes
 import gc
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from itertools import count
 from typing import Any
@@ -129,7 +129,9 @@ def kernel_code(name: str, function: Callable[..., Any], arguments: tuple[Any, .
     """
     with _compiling():
         given = tuple(map(_kind, arguments))
-        compiled = _compiled(function, given)
+        dispatcher = _Dispatcher(function, False)
+        dispatcher.compile(given)
+        compiled = dispatcher.overloads[given]
         module = _context.create_module(name)
         entry = ir.Function(module, ir.FunctionType(ir.IntType(32), [_POINTER, _POINTER]), name)
         builder = ir.IRBuilder(entry.append_basic_block())
@@ -141,7 +143,7 @@ def kernel_code(name: str, function: Callable[..., Any], arguments: tuple[Any, .
         values = [_argument(builder, words, rows, kind) for kind in given]
         if path:
             values[0] = builder.ptrtoint(entry.args[0], _WORD)
-        status, found = _call(builder, compiled, values)
+        status, found = _context.call_internal_no_propagate(builder, compiled.fndesc, compiled.signature, values)
         with builder.if_then(status.is_error):
             builder.ret(ir.IntType(32)(1))
         formats = _store(builder, compiled.signature.return_type, found, results, count())
@@ -155,19 +157,6 @@ def _kind(value: Any) -> Any:
         return types.BaseTuple.from_types(tuple(map(_kind, value)), type(value))
     kind = numba.typeof(value)
     return kind.copy(readonly=False) if isinstance(kind, types.Array) else kind
-
-
-def _compiled(function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
-    dispatcher = _Dispatcher(function, False)
-    dispatcher.compile(given)
-    return dispatcher.overloads[given]
-
-
-def _call(builder: Any, compiled: Any, values: Any) -> Any:
-    about, convention = compiled.fndesc, _context.call_conv
-    kind = convention.get_function_type(about.restype, about.argtypes)
-    function = ir.Function(builder.module, kind, about.llvm_func_name)
-    return convention.call_function(builder, function, about.restype, about.argtypes, values)
 
 
 def _argument(builder: Any, words: Any, rows: Iterator[int], kind: Any) -> Any:
@@ -192,17 +181,16 @@ def _argument(builder: Any, words: Any, rows: Iterator[int], kind: Any) -> Any:
 
 def _array(builder: Any, word: Any, kind: Any) -> Any:
     """The array whose Python object is at an address; it is kept by who calls."""
-    head = builder.inttoptr(word, _POINTER.as_pointer())
-    data, shape, strides = (
-        builder.load(cgutils.gep_inbounds(builder, head, place)) for place in (_DATA, _SHAPE, _STRIDES)
-    )
-    counts, steps = (
-        [builder.load(cgutils.gep_inbounds(builder, numbers, axis)) for axis in range(kind.ndim)]
-        for numbers in (builder.bitcast(each, _WORD.as_pointer()) for each in (shape, strides))
-    )
+
+    def words(address: Any, places: Iterable[int]) -> list[Any]:
+        pointer = builder.inttoptr(address, _WORD.as_pointer())
+        return [builder.load(cgutils.gep_inbounds(builder, pointer, place)) for place in places]
+
+    data, *dimensions = words(word, (_DATA, _SHAPE, _STRIDES))
+    shape, strides = (words(each, range(kind.ndim)) for each in dimensions)
     array = make_array(kind)(_context, builder)
     size = _context.get_abi_sizeof(_context.get_data_type(kind.dtype))
-    populate_array(array, builder.bitcast(data, array.data.type), counts, steps, _WORD(size), None)
+    populate_array(array, builder.inttoptr(data, array.data.type), shape, strides, _WORD(size), None)
     return array._getvalue()
 
 
