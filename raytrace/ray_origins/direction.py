@@ -6,13 +6,11 @@ look opposite ways cannot both be obeyed: the one that surrounds the point with 
 over the foot of a box that stands on it, and the point's own in a tie, as in a sheet with two sides.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ..kernel.arrays import borrow
 from ..kernel.counting_sort import counting_sort
-from ..kernel.jit import inline, kernel
+from ..kernel.jit import bound, inline, kernel
 from ..kernel.vector import add, angle_between, cross, divide, dot, length, load, scale, store, subtract
 from ..mesh.placement import NEAR, ULP
 from ..system.threads import run_blocks, thread_count
@@ -24,22 +22,6 @@ from .surface import Surface
 _SAME_PLANE = 0.9999
 _RISE = 1e-3
 _BLOCK, _MOST = 1 << 7, 16  # points, and blocks at once
-
-
-class _Incident(NamedTuple):
-    """Faces at some points; int64.
-
-    Attributes:
-        rows: (j,), the points. own: the faces that the i-th of them is a corner of, own_starts[i] to own_ends[i],
-        touched: those that it touches, touched_starts[i] to touched_starts[i + 1]; each ascending.
-    """
-
-    rows: Int64s
-    own: Int64s
-    own_starts: Int64s
-    own_ends: Int64s
-    touched: Int64s
-    touched_starts: Int64s
 
 
 def turn_directions(
@@ -64,32 +46,34 @@ def turn_directions(
     needed[numbers[rows]] = True
     kept = np.where(needed, np.cumsum(needed) - 1, -1)
     corners, starts = counting_sort(kept[face_points], int(np.count_nonzero(needed)))
-    own = kept[numbers[rows]]
-    touched_starts = np.append(first, len(touched.point))
-    incident = _Incident(rows, corners // 3, starts[own], starts[own + 1], touched.face, touched_starts)
-
-    def work(first: int, last: int) -> None:
-        _turn(incident, surface, points, first, last, *found)
-
+    at = kept[numbers[rows]]
+    own, others = (
+        (corners // 3, starts[at], starts[at + 1]),
+        (touched.face, first, np.append(first, len(touched.point))[1:]),
+    )
+    work = bound(_turn, surface, points, found, rows, own, others)
     run_blocks(len(rows), _BLOCK, work, thread_count(None), most=_MOST)
 
 
 @kernel
-def _turn(incident, surface, points, first, last, directions, clearance, decided):
-    """`turn_directions` of the points incident.rows[first:last]."""
-    incident, surface = borrow(incident), borrow(surface)
-    own, own_starts, own_ends = incident.own, incident.own_starts, incident.own_ends
-    touched, touched_starts = incident.touched, incident.touched_starts
+def _turn(surface, points, found, rows, own_faces, touched_faces, first, last):
+    """`turn_directions` of the points rows[first:last].
+
+    Args: own_faces, touched_faces: faces that points are a corner of, or touch, and where those of each row begin and
+        end, ascending; int64.
+    """
+    surface, (directions, clearance, decided), rows = borrow(surface), borrow(found), borrow(rows)
+    (own, own_starts, own_ends), (touched, touched_starts, touched_ends) = borrow(own_faces), borrow(touched_faces)
     largest = 0
     for k in range(first, last):
-        largest = max(largest, own_ends[k] - own_starts[k] + touched_starts[k + 1] - touched_starts[k])
+        largest = max(largest, own_ends[k] - own_starts[k] + touched_ends[k] - touched_starts[k])
     normals, front = np.empty((largest, 3)), np.empty((largest, 3))
     angles, is_own = np.empty(largest), np.empty(largest, np.bool_)
     for k in range(first, last):
-        row = incident.rows[k]
+        row = rows[k]
         p, direction = load(points, row), load(directions, row)
         i, j, count = own_starts[k], touched_starts[k], 0
-        own_end, touched_end = own_ends[k], touched_starts[k + 1]
+        own_end, touched_end = own_ends[k], touched_ends[k]
         while i < own_end or j < touched_end:
             is_own[count] = j == touched_end or (i < own_end and own[i] < touched[j])
             f = own[i] if is_own[count] else touched[j]

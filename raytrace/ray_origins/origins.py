@@ -27,8 +27,7 @@ from .surface import Surface
 OFFSET_ULPS = 16.0  # 4 were enough in 20,000 trials
 _BLURRED = 5.0  # offsets within which rounding has a say in what a point sees of a face, and where faces are looked for
 _BLOCK = 1 << 13  # points
-_LEAST = 0.25  # of an offset
-_NEAR = 1.0 / 64.0  # of the shortest edge
+_LEAST, _NEAR = 0.25, 1.0 / 64.0  # of an offset and of the shortest edge, to which offsets in folds are cut
 
 
 def ray_origins(
@@ -68,7 +67,8 @@ def ray_origins(
     decided[blurred] = True
     sharp = np.flatnonzero((reach >= 0.0) & (clearance < SHARP))
     if len(sharp):
-        offset[sharp] = stay_near(offset[sharp], surface.shortest_edges(face_points, numbers[sharp]))
+        near_edge = _NEAR * surface.shortest_edges(face_points, numbers[sharp])
+        offset[sharp] = np.clip(near_edge, _LEAST * offset[sharp], offset[sharp])
     stop_short(offset, points, directions, touching, near, surface)
     return points + offset[:, None] * directions, decided
 
@@ -111,11 +111,6 @@ def _offsets_and_reaches(points, directions, magnitude, clearance, found, first,
 @inline
 def _span(v):
     return abs(v[0]) + abs(v[2]) + abs(v[1])
-
-
-def stay_near(offset: Float64s, edge: Float64s) -> Float64s:
-    """Offsets (k,) in folds cut to a 64th of the shortest edges (k,) there, but to a quarter of themselves at most."""
-    return np.clip(_NEAR * edge, _LEAST * offset, offset)
 
 
 @kernel

@@ -47,17 +47,15 @@ def seed_key(seed: int) -> np.uint32:
     return mix_array(low ^ high)[0]
 
 
-def sobol(count: int) -> tuple[UInt32s, UInt32s]:
-    """The first `count` Sobol points in two dimensions as 32-bit fractions: two arrays (count,)."""
-    index = np.arange(count, dtype=np.uint32)
-    first, second = np.zeros_like(index), np.zeros_like(index)
+def sobol(count: int) -> UInt32s:
+    """The first `count` Sobol points in two dimensions as 32-bit fractions: (2, count)."""
+    index, points = np.arange(count, dtype=np.uint32), np.zeros((2, count), np.uint32)
     column = np.uint32(1 << 31)
     for bit in range(32):
         on = (index >> np.uint32(bit)) & np.uint32(1)
-        first ^= on * np.uint32(1 << (31 - bit))
-        second ^= on * column
+        points ^= on * np.array([[1 << (31 - bit)], [column]], np.uint32)
         column ^= column >> np.uint32(1)  # the Pascal matrix, direction numbers of the polynomial x + 1
-    return first, second
+    return points
 
 
 def owen_scramble(points: UInt32s, keys: UInt32s, levels: int) -> UInt32s:
@@ -66,24 +64,28 @@ def owen_scramble(points: UInt32s, keys: UInt32s, levels: int) -> UInt32s:
     Each of the top `levels` bits is flipped by a random bit of its node in the binary tree; what lies below is
     drawn uniformly in the cell, which equals full scrambling while a cell holds at most one point.
     """
-    scrambled = np.broadcast_to(points, (len(keys), len(points))).copy()
     key = keys[:, None]
-    for level in range(levels):
+
+    def of_node(level: int, key: UInt32s) -> UInt32s:
         node = (points.astype(np.uint64) >> np.uint64(32 - level)).astype(np.uint32) | np.uint32(1 << level)
-        scrambled ^= (mix_array(mix_array(node) ^ key) & np.uint32(1)) << np.uint32(31 - level)
-    cell = (points.astype(np.uint64) >> np.uint64(32 - levels)).astype(np.uint32) | np.uint32(1 << levels)
+        return mix_array(mix_array(node) ^ key)
+
+    scrambled = np.broadcast_to(points, (len(keys), len(points))).copy()
+    for level in range(levels):
+        scrambled ^= (of_node(level, key) & np.uint32(1)) << np.uint32(31 - level)
     below = np.uint32((1 << (32 - levels)) - 1)
-    return (scrambled & ~below) | (mix_array(mix_array(cell) ^ key ^ np.uint32(0x9E3779B9)) & below)
+    return (scrambled & ~below) | (of_node(levels, key ^ np.uint32(0x9E3779B9)) & below)
+
+
+def _keys(sets: int, key: np.uint32) -> UInt32s:
+    """Of each dimension and set: (2, sets)."""
+    return mix_array(mix_array(np.arange(2 * sets, dtype=np.uint32)) ^ key).reshape(2, sets)
 
 
 def owen_sobol(sets: int, count: int, key: np.uint32) -> tuple[Float64s, Float64s]:
     """`sets` independently scrambled Sobol sets of `count` points: two arrays (sets, count) in (0, 1)."""
-    levels = max(count - 1, 1).bit_length()
-    first, second = sobol(count)
-    numbers = np.arange(2 * sets, dtype=np.uint32)
-    keys = mix_array(mix_array(numbers) ^ key)
-    bits = owen_scramble(first, keys[:sets], levels), owen_scramble(second, keys[sets:], levels)
-    u, v = (np.ldexp(b + np.float64(0.5), -32) for b in bits)
+    levels, pairs = max(count - 1, 1).bit_length(), zip(sobol(count), _keys(sets, key), strict=True)
+    u, v = (np.ldexp(owen_scramble(points, keys, levels) + np.float64(0.5), -32) for points, keys in pairs)
     return u, v
 
 
@@ -97,7 +99,7 @@ def jittered_lattice(
     Args: part: which of the sets are wanted.
     """
     rank = np.arange(count)
-    keys = mix_array(mix_array(np.arange(2 * sets, dtype=np.uint32)) ^ key).reshape(2, sets, 1)[:, part]
+    keys = _keys(sets, key)[:, part, None]
     chance = np.ldexp(mix_array(mix_array(rank.astype(np.uint32)) ^ keys) + 0.5, -32)
     u = (rank + chance[0]) / count
     v = (rank * step + chance[1] / count) % 1.0
