@@ -79,7 +79,7 @@ def _on_faces(corners: Float64s, normals: Float64s, axes: Float32s, weights: Flo
     each = np.repeat(rows[:, None], 3, axis=1)
     surface = Surface.of(corners.reshape(-1, 3), alone, normals)
     magnitude = surface.magnitudes(each, count)
-    faces = Faces(surface.vertices, axes.reshape(-1, 3).astype(np.float64), surface)
+    faces = Faces(axes.reshape(-1, 3).astype(np.float64), surface)
     places, sides, hemispheres = faces.points_at(rows, weights, 1)
     origins = places + ray_offset(sides, magnitude, np.ones(count))[:, None] * sides
     points = Points(origins.astype(np.float32), hemispheres.astype(np.float32), rows.astype(np.uint32))

@@ -10,6 +10,7 @@ from raytrace.types import Float64s, Int64s
 from ..estimate.one_ring import Neighbours
 from .shown import Shown, corner_places
 from .texels import Texels
+from .uv_layout import doubled_areas
 
 _NEAR = 3.0  # times the size of a texel on the surface that a neighbour may be away: more is another part of the chart
 _BLOCK, _SHARE = 1 << 12, 16  # texels, and blocks at once
@@ -46,11 +47,9 @@ def texel_neighbours(shown: Shown, texels: Texels, most: float, threads: int) ->
 
 def _texel_sizes(uv: Float64s, vertices: Float64s, faces: Int64s, most: float) -> Float64s:
     """The size (m,) of a texel on each face, in render space, `most` at most."""
-    a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
-    page = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
     p, q, r = (vertices[faces[:, corner]] for corner in range(3))
     surface = np.linalg.norm(np.cross(q - p, r - p), axis=1)
-    return np.sqrt(surface / np.maximum(page, surface / most**2))
+    return np.sqrt(surface / np.maximum(np.abs(doubled_areas(uv)), surface / most**2))
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 import time
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -93,7 +93,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     if options.overlap == "refuse" and overlapping:
         expected = "faces that do not overlap on the page"
         raise OptionError("overlap", expected, f"{overlapping:,} texels with several", mesh.source)
-    covered, coverage, missed = len(page.texels), page, np.zeros(0, np.int64)
+    reached, coverage, missed = len(page.texels), page, np.zeros(0, np.int64)
     if cage is not None:
         coverage, missed = shown.project(page, prepared, cage, options.groups)
     texels, filled = find_texels(coverage, page, prepared, options.interior)
@@ -111,33 +111,31 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     frames = None if options.bent_space == "world" else tangent_frames(shown, texels)
     if frames is not None and options.bent_space == "tangent-directx":
         frames[:, 1] *= -1
-    values = estimated.rows, estimated.variance, frames
-    closed = shown.seams, options.close_seams, prepared.threads
-    pages = assemble_pages(shown.layout, texels, *values, *closed)
-    more = [assemble_pages(shown.layout, texels, each.rows, each.variance, None, *closed) for each in others]
+    pages_of = partial(assemble_pages, shown.layout, texels, shown.seams, options.close_seams, prepared.threads)
+    (w, error, bent_normals, covered), jumps = pages_of(estimated.rows, estimated.variance, frames)
+    more = [pages_of(each.rows, each.variance)[0][:2] for each in others]
     rmses = tuple(float(np.sqrt(np.mean(each.variance))) for each in (estimated, *others))
     build, layout = prepared.receivers.tree_seconds, shown.layout
     mirrored = layout.mirrored
     if options.thickness and high is None:
         mirrored = int(np.count_nonzero(on_page(corners))) - layout.flat - mirrored
     baked = BakedTexture(
-        w=pages.w,
-        error=pages.error,
-        bent_normals=pages.bent_normals,
-        covered=pages.covered,
+        w=w,
+        error=error,
+        bent_normals=bent_normals,
+        covered=covered,
         rays=tracer.rays,
         rays_skipped=estimated.skipped(filled),
         rmse=rmses[0],
         rmses=rmses,
         facts=TextureFacts(
-            covered, overlapping, filled, len(missed), mirrored, layout.flat, layout.outside, shown.seams.edges,
-            pages.jump, pages.jump_before,
+            reached, overlapping, filled, len(missed), mirrored, layout.flat, layout.outside, shown.seams.edges, *jumps
         ),
         uv=uv,
         seconds={"build": build, "bake": time.perf_counter() - start - build},
         mu=prepared.mu,
         calibration=estimated.calibration,
-        **of_columns(prepared, [np.stack(each, axis=-1) for each in zip(*((p.w, p.error) for p in more), strict=True)]),
+        **of_columns(prepared, [np.stack(each, axis=-1) for each in zip(*more, strict=True)]),
     )  # fmt: skip
     short = shortfall(options, max(rmses), estimated.samples, "texel"), holes(solid) if options.thickness else None
     return replace(baked, shortfalls=tuple(filter(None, short)))

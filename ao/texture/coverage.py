@@ -10,6 +10,7 @@ from typing import Self
 
 import numpy as np
 
+from raytrace.bvh.bvh16 import BVH16
 from raytrace.embree.scene import TriangleScene
 from raytrace.system.threads import run_blocks, thread_count
 from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
@@ -17,7 +18,7 @@ from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 from ..options import Overlap
 from ..rays.ray_packet import RayPacket
 from .page_rays import DEEP, SLOTS, find_hits, look_down
-from .slivers import PageTree, find_slivers, page_tree
+from .slivers import PageTree, find_slivers
 from .uv_layout import UVLayout
 
 _FINE = 8  # points across and down of texels that are not whole
@@ -25,47 +26,35 @@ _WITHIN = np.array([0.125, 0.625, 0.375, 0.875])  # where to take one from each 
 _FINE_TEXELS = 1 << 14  # together
 _HIGHEST = 0.5  # triangles lie at heights up to this, so that one ray can meet overlapping ones
 _STEP = 2.0**-22
+_ROUNDED = 1e-6  # of coordinates, in single precision
 _BAND = 1 << 13  # texels that a thread covers at once
 _BLOCK, _SHARE = 1 << 10, 16  # texels, and blocks at once
 
 
 @dataclass(frozen=True, eq=False)
 class Coverage:
-    """The covered texels of a page, ascending.
+    """The covered texels of a page, ascending, with points on faces, rows of `UVLayout.uv`, by barycentrics."""
 
-    Attributes:
-        texels: int64 (k,), row · width + column.
-        face: int32 (k, SLOTS), the face that each point lies on, a row of `UVLayout.uv`.
-        barycentric: float32 (k, SLOTS, 3).
-        centre_face: int32 (k,), the face at the centre of each texel that is covered as a whole by faces that do not
-            overlap, else −1. centre: float32 (k, 3), barycentric.
-        overlapping: bool (k,), whether several faces lie over one another.
-        deep: bool (k,), whether these are more than two at some point, and share the texel.
-        deep_face: int32 (j, DEEP), deep_barycentric: float32 (j, DEEP, 3), of the j deep texels: points on all faces.
-    """
-
-    texels: Int64s
-    face: Int32s
-    barycentric: Float32s
-    centre_face: Int32s
-    centre: Float32s
-    overlapping: Bools
-    deep: Bools
-    deep_face: Int32s
-    deep_barycentric: Float32s
+    texels: Int64s  # (k,), row · width + column
+    face: Int32s  # (k, SLOTS), that each point lies on
+    barycentric: Float32s  # (k, SLOTS, 3)
+    centre_face: Int32s  # (k,), at the centre, where faces that do not overlap cover the texel as a whole; else −1
+    centre: Float32s  # (k, 3)
+    overlapping: Bools  # (k,), whether several faces lie over one another
+    deep: Bools  # (k,), whether these are more than two at some point, and share the texel
+    deep_face: Int32s  # (j, DEEP), of points on all faces of the j deep texels
+    deep_barycentric: Float32s  # (j, DEEP, 3)
 
     @classmethod
     def of_points(cls, texels: Int64s, face: Int32s, barycentric: Float32s, overlapping: Bools) -> Self:
-        """Coverage without centres and deep texels. Arguments as the attributes."""
+        """Coverage without centres and deep texels."""
         centres = np.full(len(texels), -1, np.int32), np.zeros((len(texels), 3), np.float32)
         none = np.zeros((0, DEEP), np.int32), np.zeros((0, DEEP, 3), np.float32)
         return cls(texels, face, barycentric, *centres, overlapping, np.zeros(len(texels), np.bool_), *none)
 
 
 def cover(layout: UVLayout, overlap: Overlap, threads: int) -> Coverage:
-    """The texels that the faces of `layout` cover.
-
-    Args: overlap: where faces overlap, points lie on all of them in turn ("mean"), or on the first ("first").
+    """The texels that faces cover; where these overlap, points lie on all in turn ("mean"), or on the first.
 
     Raises: EmbreeError: Embree failed, out of memory for instance.
     """
@@ -74,12 +63,13 @@ def cover(layout: UVLayout, overlap: Overlap, threads: int) -> Coverage:
     heights = np.floor(np.arange(count)[::-1] * step / 2.0**-24) * 2.0**-24  # the first face on top
     vertices = np.empty((count, 3, 3), np.float32)
     vertices[:, :, :2], vertices[:, :, 2] = layout.corners, heights[:, None]
-    scene = TriangleScene(vertices.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3))
+    triangles = vertices.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)
+    scene, radius = TriangleScene(*triangles), 0.5 + _ROUNDED * (0.5 + float(np.abs(vertices).max()))
+    slivers = layout.corners, BVH16.of(*triangles), radius
     found: dict[int, Coverage] = {}
-    tree = page_tree(layout.corners)
 
     def work(first: int, last: int) -> None:
-        found[first] = _cover_band(layout, scene, tree, np.arange(first, last), overlap == "mean", step, threads)
+        found[first] = _cover_band(layout, scene, slivers, np.arange(first, last), overlap == "mean", step, threads)
 
     run_blocks(layout.width * layout.height, _BAND, work, threads)
     bands = [band for _, band in sorted(found.items())]
@@ -92,13 +82,7 @@ def shared_texels(
 ) -> tuple[dict[tuple[int, int], int], Int64s]:
     """In how many texels two groups of faces overlap, by pairs (a, b), a < b; and how many texels each group covers.
 
-    Faces that share an edge on the page do not overlap there.
-
-    Args:
-        uv: (m, 3, 2), v upwards, NaN of faces that are not on the page. groups: int64 (m,), from 0.
-        size: texels across and down. wraps: as `ao.bake_texture` has it. source: for messages.
-
-    Raises: MeshError: no face has an area on the page.
+    Args: groups: (m,), from 0, of the faces, which do not overlap where they share an edge. Others: as `UVLayout.of`.
     """
     coverage = cover(UVLayout.of(uv, size, wraps, source), "mean", thread_count(threads))
     of_points, count = groups[coverage.face], int(groups.max()) + 1
@@ -113,7 +97,7 @@ def shared_texels(
 
 
 def _cover_band(
-    layout: UVLayout, scene: TriangleScene, tree: PageTree, texels: Int64s, in_turn: bool, step: float, threads: int
+    layout: UVLayout, scene: TriangleScene, slivers: PageTree, texels: Int64s, in_turn: bool, step: float, threads: int
 ) -> Coverage:
     """`cover` of some texels. Args: in_turn, step: as `find_hits` has them."""
     shape, width = (len(texels), SLOTS), layout.width
@@ -138,9 +122,12 @@ def _cover_band(
     hits = look_down(scene, corner[several] + 0.5, threads)
     centre_face[several], centre[several] = hits.face, hits.barycentric
     missed = np.flatnonzero(~hit.any(axis=1))
-    sliver, where = find_slivers(tree, texels[missed], width, threads)
+    sliver, where = find_slivers(slivers, texels[missed], width, threads)
     triangle[missed], barycentric[missed] = sliver[:, None], where[:, None]
-    refill(hit, triangle, barycentric)
+    some = np.flatnonzero(hit.any(axis=1) & ~hit.all(axis=1))
+    slots = in_turn_of(hit[some].ravel(), np.arange(0, SLOTS * len(some), SLOTS), np.full(len(some), SLOTS))
+    for table in (triangle, barycentric):
+        table[some] = table[some].reshape(-1, *table.shape[2:])[slots].reshape(-1, *table.shape[1:])
     parts = np.flatnonzero(~(hit.all(axis=1) | (triangle[:, 0] < 0) | overlapping))
     for first in range(0, len(parts), _FINE_TEXELS):
         block = parts[first : first + _FINE_TEXELS]
@@ -157,9 +144,9 @@ def _cover_band(
 def _spread_over_part(
     scene: TriangleScene, corner: Int64s, rows: Int64s, triangle: Int64s, barycentric: Float32s, threads: int
 ) -> None:
-    """Spread the points of texels that are covered in part over that part, in place, unless it is too small for that.
+    """Spread points of texels at `corner` (k, 2), covered in part, over that part unless it is too small, in place.
 
-    Args: corner: int64 (k, 2), x and y of each. rows: int64 (k,), where it is in `triangle` and `barycentric`.
+    Args: rows: (k,), of the texels in `triangle` and `barycentric`.
     """
     cells = np.arange(_FINE**2)
     bits = [(cells >> shift) & 1 for shift in range(6)]
@@ -175,16 +162,12 @@ def _spread_over_part(
     barycentric[rows[some]] = weights[some[:, None], chosen[some]]
 
 
-def refill(good: Bools, *tables: Int32s | Int64s | Float32s) -> None:
-    """Give slots that are not `good`, bool (k, slots), what the good ones of their texel have, in turn and in place.
+def in_turn_of(good: Bools, starts: Int64s, counts: Int64s) -> Int64s:
+    """For each entry of the runs of `good` from `starts`, which have some that are good, the place of one, in turn.
 
-    Args: tables: (k, slots, …). Texels without good slots stay as they are.
+    Args: counts: (r,), of entries wanted for each run.
     """
-    found: Int64s = np.sum(good, axis=1, dtype=np.int64)
-    slots = good.shape[1]
-    rows = np.flatnonzero((found > 0) & (found < slots))
-    count = found[rows]
-    order = np.argsort(~good[rows], axis=1, kind="stable")
-    source = np.take_along_axis(order, np.arange(slots) % count[:, None], axis=1)
-    for table in tables:
-        table[rows] = table[rows[:, None], source]
+    found = np.add.reduceat(good, starts, dtype=np.int64) if len(starts) else counts
+    before = np.cumsum(found) - found
+    turn = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    return np.flatnonzero(good)[np.repeat(before, counts) + turn % np.repeat(found, counts)]

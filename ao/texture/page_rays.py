@@ -31,14 +31,10 @@ def look_down(scene: TriangleScene, places: Float64s, threads: int) -> Hits:
 
 @kernel
 def find_hits(packet, texels, width, step, in_turn, found, layered):
-    """Find the triangle at each point of some texels by rays straight down.
+    """Find the triangle at each point of some texels by rays down: of several in turn if `in_turn`, or the first.
 
-    Args:
-        in_turn: whether points at which several lie over one another take turns among all of them, or have the first.
-        found: triangles, int64 (k, SLOTS), where on them, float32 (k, SLOTS, 3), and whether there are several at any
-            point, bool (k,); written where there are any.
-        layered: whether there are more than two, bool (k,), and points on all of them, int64 (k, DEEP) and float32
-            (k, DEEP, 3); written, too.
+    Args, written where there are any: found: triangles (k, SLOTS), barycentrics, and whether there are several at any
+        point, (k,). layered: whether more than two, (k,), and points on all of them, (k, DEEP) and barycentrics.
     """
     packet = borrow(packet)
     rays, valid = packet.rays, packet.valid
@@ -132,9 +128,7 @@ def _put(rows, i, k, v):
 @inline
 def _bring_forward(triangle, barycentric):
     """Put the last point of a texel in the second place."""
-    last, a, b, c = triangle[SLOTS - 1], barycentric[SLOTS - 1, 0], barycentric[SLOTS - 1, 1], barycentric[SLOTS - 1, 2]
     for k in range(SLOTS - 1, 1, -1):
-        triangle[k] = triangle[k - 1]
+        triangle[k - 1], triangle[k] = triangle[k], triangle[k - 1]
         for corner in range(3):
-            barycentric[k, corner] = barycentric[k - 1, corner]
-    triangle[1], barycentric[1, 0], barycentric[1, 1], barycentric[1, 2] = last, a, b, c
+            barycentric[k - 1, corner], barycentric[k, corner] = barycentric[k, corner], barycentric[k - 1, corner]

@@ -18,14 +18,14 @@ from raytrace.errors import MeshError, OptionError
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity_lookup import alphas
 from raytrace.mesh.placement import NEAR, Placement
-from raytrace.types import Bools, Float32s, Float64s, Int64s
+from raytrace.types import Float32s, Float64s, Int64s
 
 from ..estimate.estimate import edges_of, estimate_outside
 from ..estimate.inside import inside_solids
 from ..estimate.tolerance import Estimate
 from ..falloff import Length, is_length, resolve_length
 from ..points.corners import CornerSamples
-from ..points.receivers import Flag, Receivers, find_receivers
+from ..points.receivers import Flag, find_receivers
 from ..prepared import Inputs, Prepared
 from ..result import PointValues
 from .coverage import Coverage
@@ -52,8 +52,8 @@ def project(
 
     Args:
         places, normals: (k · slots, 3), the points on the coarse mesh and its unit normals there, in render space.
-        cage: how far from the coarse mesh the fine surface may be, in mesh units; or the points (k · slots, 3) of a
-            cage that belong to `places`, which say it for each, and its direction, as mesh units are placed.
+        cage: how far the fine surface may be, in mesh units; or the points (k · slots, 3) of a cage, in mesh units too,
+            that belong to `places`, and say how far and which way.
         groups: of the points (k · slots,) and of the fine mesh's vertices, the first of which says that of a face.
 
     Raises: MeshError: no point meets anything. OptionError: no face has a point's group.
@@ -74,7 +74,7 @@ def project(
         raise OptionError("groups", "faces of the fine mesh in each", f"none in {lacking[0]}", prepared.mesh.source)
     match = (own, of_face) if groups else None
     starts = places + reach[:, None] * normals
-    face, weights = _first_hits(receivers, vertices, starts, -normals, 2 * reach, threads, match)
+    face, weights = _first_hits(prepared, starts, -normals, 2 * reach, _rounding(vertices, starts), match)
     missed = np.flatnonzero(face < 0)
     match = own[missed], of_face
     surface = vertices, receivers.faces
@@ -109,19 +109,13 @@ def cage_of(cage: Length | Mesh | Any, mesh: Mesh) -> float | Mesh:
 
 
 def _first_hits(
-    receivers: Receivers,
-    vertices: Float64s,
-    starts: Float64s,
-    directions: Float64s,
-    reach: Float64s,
-    threads: int,
-    match: Groups | None,
+    prepared: Prepared, starts: Float64s, directions: Float64s, reach: Float64s, step: Float64s, match: Groups | None
 ) -> tuple[Int64s, Float32s]:
     """The face (k,) of its group that each ray meets first, −1 for none, and where on it (k, 3); not holes."""
-    scene, opacity = receivers.embree(), receivers.opacity
+    scene, opacity, threads = prepared.receivers.embree(), prepared.receivers.opacity, prepared.threads
     hits = intersect(scene, starts, directions, reach, threads)
     face, weights, distance = hits.face, hits.barycentric, hits.distance.astype(np.float64)
-    rows, step = np.arange(len(face)), _rounding(vertices, starts)
+    rows = np.arange(len(face))
     for _ in range(_MOST_HOLES if opacity or match else 0):
         rows = rows[face[rows] >= 0]
         alpha = np.ones(len(rows))
@@ -168,27 +162,19 @@ def sample_fine_mesh(prepared: Prepared, high: Mesh, coarse: Mesh, inputs: Input
     inside = inside_solids(texels.points, own, placement, fine, options.interior, threads)
     row_of = np.full(count + 1, -1)
     row_of[texels.texels] = np.arange(count)
-    wanted = _flagged(shown, missed, texels.texels[inside])
+    flags = shown.flags & ~np.uint8(_OWN_CORNERS)
+    for points, flag in ((missed, Flag.MISSED), (texels.texels[inside], Flag.HIDDEN)):
+        flags[np.isin(shown.of_vertex, points)] |= np.uint8(flag)
     tracer = begin_tracing(prepared, texels, "high to low", inputs.checkpoint)
 
-    points = texels.first_points
-    edges = edges_of(points, row_of[shown.of_vertex[shown.faces]], tracer)
+    first = texels.first_points
+    edges = edges_of(first, row_of[shown.of_vertex[shown.faces]], tracer)
     filled = inside & (options.interior != "mark")
     order = row_of[:-1]
 
     def estimated() -> tuple[Estimate, int]:
-        found, untraced = estimate_outside(tracer, points, CornerSamples.none(), edges, filled, prepared.target)
+        found, untraced = estimate_outside(tracer, first, CornerSamples.none(), edges, filled, prepared.target)
         return replace(found, rows=found.rows[order], variance=found.variance[order]), untraced
 
     values = PointValues.of(tracer.each_column(estimated), tracer.rays)
-    return replace(prepared, wanted=wanted), values
-
-
-def _flagged(shown: Receivers, missed: Int64s, hidden: Int64s) -> Receivers:
-    """The receivers of a coarse mesh with flags for points that the cage misses and that are inside of solids."""
-    flags = shown.flags & ~np.uint8(_OWN_CORNERS)
-    for rows, flag in ((missed, Flag.MISSED), (hidden, Flag.HIDDEN)):
-        which: Bools = np.zeros(len(shown.points) + 1, np.bool_)
-        which[rows] = True
-        flags[which[shown.of_vertex]] |= np.uint8(flag)
-    return replace(shown, flags=flags)
+    return replace(prepared, wanted=replace(shown, flags=flags)), values

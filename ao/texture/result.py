@@ -23,34 +23,24 @@ from .uv_layout import UVLayout
 if TYPE_CHECKING:
     from .seams import Seams
 
-
 _BLOCK, _SHARE = 1 << 12, 16  # texels, and blocks at once
 _ROWS = 1 << 4  # of the page
 
 
 @dataclass(frozen=True, eq=False)
 class TextureFacts:
-    """Facts about a layout of texture coordinates.
+    """Facts about a layout of texture coordinates."""
 
-    Attributes:
-        covered: texels that faces reach into. overlapping: texels in which faces lie over one another.
-        hidden: texels that are filled because they lie inside solids. missed: points that the cage missed.
-        mirrored, flat, outside: faces that are turned over, have no area on the page, or reach out of the unit square.
-        seam_edges: edges that lie at two places of the page.
-        seam_jump: the largest difference of w between the two sides of such an edge, as bilinear lookups see it; in
-            the texture as it is. seam_jump_before: before seams were closed.
-    """
-
-    covered: int
-    overlapping: int
-    hidden: int
-    missed: int
-    mirrored: int
-    flat: int
-    outside: int
-    seam_edges: int
-    seam_jump: float
-    seam_jump_before: float
+    covered: int  # texels that faces reach into
+    overlapping: int  # texels in which faces lie over one another
+    hidden: int  # texels that are filled because they lie inside solids
+    missed: int  # points that the cage missed
+    mirrored: int  # faces that are turned over
+    flat: int  # faces that have no area on the page
+    outside: int  # faces that reach out of the unit square
+    seam_edges: int  # that lie at two places of the page
+    seam_jump: float  # largest difference of w between both sides of these, as bilinear lookups see it
+    seam_jump_before: float  # before they were closed
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,33 +100,20 @@ class BakedTexture(Columns):
         return linear_png((255 * self.w[..., None] + 0.5).astype(np.uint8))
 
 
-@dataclass(frozen=True, eq=False)
-class Pages:
-    """`BakedTexture.w`, `error` and `bent_normals`, the largest jumps at seams, and what is `covered`."""
-
-    w: Float32s
-    error: Float32s
-    bent_normals: Float32s
-    covered: Bools
-    jump_before: float
-    jump: float
-
-
 def assemble_pages(
     layout: UVLayout,
     texels: Texels,
-    rows: Float64s,
-    variance: Float64s,
-    frames: Float64s | None,
     seams: Seams,
     close: bool,
     threads: int,
-) -> Pages:
+    rows: Float64s,
+    variance: Float64s,
+    frames: Float64s | None = None,
+) -> tuple[tuple[Float32s, Float32s, Float32s, Bools], tuple[float, float]]:
     """Spread estimates of texels over the page, close seams, and fill the rest of it.
 
-    Args:
-        rows: (k, 4), w and the mean of μ·direction of each of `texels`. variance: (k,), of w.
-        frames: (k, 3, 3), in which bent normals are to be, or None.
+    Args: rows: (k, 4), w and the mean of μ·direction. variance: (k,), of w. frames: (k, 3, 3), of bent normals.
+    Returns: `BakedTexture.w`, `error`, `bent_normals`, `covered`; the largest jumps at seams, as they are and before.
     """
     shape = layout.height, layout.width
     covered = np.zeros(shape, np.bool_)
@@ -166,7 +143,7 @@ def assemble_pages(
         known = covered
     page = fill_holes(w.astype(np.float32)[:, :, None], known, threads)[:, :, 0].clip(0.0, 1.0)
     whole = normalize(fill_holes(bent, covered, threads).astype(np.float64)).astype(np.float32)
-    return Pages(page, error, whole, covered, before, seams.jump(page.ravel().astype(np.float64)))
+    return (page, error, whole, covered), (seams.jump(page.ravel().astype(np.float64)), before)
 
 
 @kernel

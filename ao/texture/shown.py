@@ -23,15 +23,12 @@ from .uv_layout import UVLayout, on_page
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """Attributes:
-    vertices: float64 (n, 3). receivers: of this mesh. layout: of its faces that are not degenerate.
-    points_of_faces: int64 (m', 3), the receivers at the corners of the faces, −1 for faces that are not on the page.
-    """
+    """A mesh on a page."""
 
-    vertices: Float64s
+    vertices: Float64s  # (n, 3)
     receivers: Receivers
-    layout: UVLayout
-    points_of_faces: Int64s
+    layout: UVLayout  # of the faces that are not degenerate
+    points_of_faces: Int64s  # (m', 3), the receivers at the corners of these, −1 for faces that are not on the page
 
     @classmethod
     def of(cls, mesh: Mesh, uv: Float64s, prepared: Prepared, size: tuple[int, int], wrap: bool) -> Self:
@@ -51,12 +48,10 @@ class Shown:
 
     @cached_property
     def faces(self) -> Faces:
-        """The faces that are not degenerate."""
         return Faces.of(self.vertices, self.receivers)
 
     @cached_property
     def seams(self) -> Seams:
-        """The edges that lie at two places of the page."""
         size = self.layout.width, self.layout.height
         return Seams.find(self.layout.uv, self.points_of_faces, size, self.layout.wraps)
 
@@ -73,10 +68,7 @@ class Shown:
 
 
 def corner_places(uv: Float64s, points: Int64s) -> Int64s:
-    """A number (m, 3) for each corner, the same for corners that share a point and its place on the page.
-
-    Args: uv: (m, 3, 2), in texels. points: int64 (m, 3), the welded point at each corner.
-    """
+    """A number (m, 3) for each corner, the same where they share a welded point of `points` and its place in texels."""
     rounded = np.round(uv.reshape(-1, 2) * 4096).astype(np.int64)
     order = np.lexsort((rounded[:, 1], rounded[:, 0], points.ravel()))
     keys = np.column_stack([points.ravel(), rounded])[order]
@@ -105,8 +97,9 @@ def tangent_frames(shown: Shown, texels: Texels) -> Float64s:
     axes[unset] = np.broadcast_to(shown.faces.surface.normals[:, None], axes.shape)[unset]
     flat = normalize(direction[:, None] - np.einsum("fd,fcd->fc", direction, axes)[..., None] * axes)
     group = 2 * corner_places(uv, shown.points_of_faces) + mirrored[:, None]
-    weighted = (_angles(corners)[..., None] * flat).reshape(-1, 3)
-    columns = [np.bincount(group.ravel(), column) for column in weighted.T]
+    ahead, behind = (normalize(np.roll(corners, -step, axis=1) - corners) for step in (1, 2))
+    angles = np.arccos(np.einsum("fcd,fcd->fc", ahead, behind).clip(-1, 1))
+    columns = [np.bincount(group.ravel(), column) for column in (angles[..., None] * flat).reshape(-1, 3).T]
     sums: Float64s = np.stack(columns, axis=1).astype(np.float64)
     b = texels.shown_at.astype(np.float64)
     normal = normalize(np.einsum("kc,kcd->kd", b, axes[face]))
@@ -114,8 +107,3 @@ def tangent_frames(shown: Shown, texels: Texels) -> Float64s:
     tangent = normalize(tangent - np.einsum("kd,kd->k", tangent, normal)[:, None] * normal)
     bitangent = np.cross(normal, tangent) * np.where(mirrored[face], -1.0, 1.0)[:, None]
     return np.stack([tangent, bitangent, normal], axis=1)
-
-
-def _angles(corners: Float64s) -> Float64s:
-    ahead, behind = (normalize(np.roll(corners, -step, axis=1) - corners) for step in (1, 2))
-    return np.arccos(np.einsum("fcd,fcd->fc", ahead, behind).clip(-1, 1))

@@ -11,27 +11,13 @@ from raytrace.system.threads import run_blocks
 from raytrace.types import Float32s, Float64s, Int64s
 
 _BLOCK, _SHARE = 1 << 10, 16  # texels, and blocks at once
-_ROUNDED = 1e-6  # of coordinates, in single precision
 _LEAST = 1e-9  # area, in texels, that is any at all
 _CORNERS = 8  # of a triangle cut by a square, at most 7
-
-
-PageTree = tuple[Float64s, BVH16, float]
-
-
-def page_tree(corners: Float64s) -> PageTree:
-    """Triangles on the page, `corners` float64 (t, 3, 2), in texels; a tree over them; and the radius of a texel."""
-    flat = np.zeros((3 * len(corners), 3), np.float32)
-    flat[:, :2] = corners.reshape(-1, 2)
-    radius = 0.5 * (1 + _ROUNDED) + _ROUNDED * float(np.abs(flat).max())
-    return corners, BVH16.of(flat, np.arange(len(flat)).reshape(-1, 3)), radius
+PageTree = tuple[Float64s, BVH16, float]  # corners of faces (t, 3, 2), the tree over these, the radius of a texel
 
 
 def find_slivers(page: PageTree, texels: Int64s, width: int, threads: int) -> tuple[Int64s, Float32s]:
-    """The face (k,) that covers most of each of the `texels`, −1 for none, and the centroid (k, 3) of what it covers.
-
-    Args: texels: int64 (k,), row · width + column.
-    """
+    """The face (k,) that covers most of each of the `texels`, −1 for none, and the centroid of that (k, 3)."""
     face, weights = np.full(len(texels), -1), np.zeros((len(texels), 3), np.float32)
     corners, tree, radius = page
 

@@ -27,26 +27,20 @@ _BLOCK, _SHARE = 1 << 10, 16  # points, and blocks at once
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """Faces in render space: `vertices` float64 (n, 3), `axes` float64 (n, 3), unit or zero, and their surface."""
+    """Faces in render space. Attributes: axes: (n, 3), of the vertices, unit or zero."""
 
-    vertices: Float64s
     axes: Float64s
     surface: Surface
 
     @classmethod
     def of(cls, vertices: Float64s, receivers: Receivers) -> Self:
         """The faces of `receivers` over `vertices` (n, 3)."""
-        faces = receivers.faces
         axes = np.concatenate([receivers.points.normals, np.zeros((1, 3), np.float32)])[receivers.of_vertex]
-        surface = Surface.of(vertices, faces, face_normals(vertices, faces)[0])
-        return cls(vertices, axes.astype(np.float64), surface)
+        normals = face_normals(vertices, receivers.faces)[0]
+        return cls(axes.astype(np.float64), Surface.of(vertices, receivers.faces, normals))
 
     def points_at(self, own: Int64s, weights: Float32s, threads: int) -> tuple[Float64s, Float64s, Float64s]:
-        """Points (k,) on the faces `own`: float64 (k, 3), where they are, their faces' normals on the side of the
-        hemispheres, and the hemispheres' axes.
-
-        Args: weights: float32 (k, 3), barycentric coordinates.
-        """
+        """Points (k, 3) at `weights` on faces `own`: places, normals on the hemispheres' side, and their axes."""
         places, sides, axes = np.empty((3, len(own), 3))
         work = bound(_place, own, weights, self.surface, self.axes, (places, sides, axes))
         run_blocks(len(own), _BLOCK, work, threads, most=_SHARE)
@@ -54,12 +48,9 @@ class Faces:
 
 
 def centres_suffice(coverage: Coverage, faces: Faces, tree: BVH16, most: float, threads: int) -> Bools:
-    """Whether the point at the centre can stand for all of a texel, (k,): the surface is smooth there, and nothing
-    rises from it nearby.
+    """Whether the point at the centre can stand for all of a texel, (k,), as it does for linear functions.
 
-    The value at the centre of a linear function is its mean over the texel.
-
-    Args: tree: over the faces. most: by how much normals within a texel may differ from the normal at its centre.
+    The surface is smooth there, normals differ by less than `most`, and nothing rises from it nearby.
     """
     enough = np.zeros(len(coverage.texels), np.bool_)
     points = coverage.face, coverage.barycentric, coverage.centre_face, coverage.centre
@@ -102,7 +93,6 @@ def _place(own, weights, surface, axes, out, first, last):
 
 @kernel
 def _find_smooth(tree, stack, surface, axes, points, most, enough):
-    """Set `enough` where centres suffice. Args: points: faces and weights, of texels' points and of their centres."""
     tree, surface = borrow(tree), borrow(surface)
     face, weights, centre_face, centre = points
     for i in range(len(enough)):

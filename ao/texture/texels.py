@@ -19,7 +19,7 @@ from ..points.points import Points
 from ..points.receivers import Receivers
 from ..prepared import Prepared
 from ..rays.below_face import with_alpha
-from .coverage import Coverage
+from .coverage import Coverage, in_turn_of
 from .page_rays import DEEP
 from .surface_points import Faces, centres_suffice
 
@@ -32,24 +32,15 @@ _BENT = 0.2  # by how much normals may differ within a texel: one point and seve
 
 @dataclass(frozen=True, eq=False)
 class Texels:
-    """The texels to bake, along a curve that keeps neighbours together.
+    """The texels to bake, along a curve that keeps neighbours together; each with one point or several."""
 
-    Attributes:
-        texels: int64 (k,), row · width + column.
-        starts: int64 (k + 1,): the points of texel i, one or several, are starts[i] to starts[i + 1].
-        face: int32 (p,), the face under each point.
-        points: p, numbered one by one.
-        sides: float32 (p, 4), normals of the faces on the hemispheres' side, and alpha.
-        shown: int32 (k,), the face on the page at each texel's first point; shown_at: float32 (k, 3), where on it.
-    """
-
-    texels: Int64s
-    starts: Int64s
-    face: Int32s
-    points: Points
-    sides: Float32s
-    shown: Int32s
-    shown_at: Float32s
+    texels: Int64s  # (k,), row · width + column
+    starts: Int64s  # (k + 1,): the points of texel i are starts[i] to starts[i + 1]
+    face: Int32s  # (p,), under each point
+    points: Points  # p, numbered one by one
+    sides: Float32s  # (p, 4), normals of the faces on the hemispheres' side, and alpha
+    shown: Int32s  # (k,), the face on the page at each texel's first point
+    shown_at: Float32s  # (k, 3), where on it, barycentric
 
     def __len__(self) -> int:
         return len(self.texels)
@@ -61,34 +52,22 @@ class Texels:
     @cached_property
     def first_points(self) -> Points:
         """One point of each texel, for what asks where it is; numbered by the rows of the texels."""
-        first = self.points[self.starts[:-1]]
-        return replace(first, numbers=np.arange(len(self), dtype=np.uint32))
+        return replace(self.points[self.starts[:-1]], numbers=np.arange(len(self), dtype=np.uint32))
 
-    def without(self, hidden: Bools, threads: int) -> Texels:
-        """The texels of which a point is not `hidden`, numbered anew; points not hidden take the places of others.
-
-        Args: hidden: bool (p,).
-        """
-        rows = np.flatnonzero(np.add.reduceat(~hidden, self.starts[:-1], dtype=np.int64))
-        starts = np.concatenate([[0], np.cumsum(self.counts[rows])])
-        count = int(starts[-1])
-        face, origins, normals, sides = _empty(count)
-        of, to = (self.face, self.points.origins, self.points.normals, self.sides), (face, origins, normals, sides)
-        run_blocks(len(rows), _BLOCK, bound(_keep, rows, self.starts, hidden, of, starts, to), threads, most=_SHARE)
-        points = Points(origins, normals, np.arange(count, dtype=np.uint32))
-        return Texels(self.texels[rows], starts, face, points, sides, self.shown[rows], self.shown_at[rows])
-
-
-def _empty(count: int) -> tuple[Int32s, Float32s, Float32s, Float32s]:
-    """Room for faces, origins, axes and sides of so many points."""
-    origins, normals, sides = (np.empty((count, columns), np.float32) for columns in (3, 3, 4))
-    return np.empty(count, np.int32), origins, normals, sides
+    def without(self, hidden: Bools) -> Texels:
+        """The texels with a point that is not `hidden` (p,), numbered anew; such points take the places of others."""
+        kept = np.logical_or.reduceat(~hidden, self.starts[:-1])
+        source = in_turn_of(~hidden, self.starts[:-1], np.where(kept, self.counts, 0))
+        starts = np.concatenate([[0], np.cumsum(self.counts[kept])])
+        points = replace(self.points[source], numbers=np.arange(len(source), dtype=np.uint32))
+        own = self.face[source], points, self.sides[source], self.shown[kept], self.shown_at[kept]
+        return Texels(self.texels[kept], starts, *own)
 
 
 def find_texels(coverage: Coverage, page: Coverage, prepared: Prepared, interior: Interior) -> tuple[Texels, int]:
-    """The texels to bake, and how many are left out because all of their points are inside of solids.
+    """The texels to bake, and how many are left out, whose points are all inside of solids.
 
-    Args: coverage: on the faces of `prepared`; page: on the faces on the page, mostly the same.
+    Args: coverage: on the faces of `prepared`. page: on those on the page, mostly the same.
     """
     placement, receivers, threads = prepared.placement, prepared.receivers, prepared.threads
     faces = Faces.of(placement.vertices.astype(np.float64), receivers)
@@ -100,27 +79,25 @@ def find_texels(coverage: Coverage, page: Coverage, prepared: Prepared, interior
     inside = inside_solids(texels.points, receivers.faces[texels.face, 0], placement, receivers, interior, threads)
     if not inside.any() or inside.all():  # all: a room whose walls face outwards, for instance
         return texels, 0
-    kept = texels.without(inside, threads)
+    kept = texels.without(inside)
     return kept, len(texels) - len(kept)
 
 
 def _placed(
     coverage: Coverage, page: Coverage, order: Int64s, alone: Bools, faces: Faces, receivers: Receivers, threads: int
 ) -> Texels:
-    """Points with origins from which no ray hits the faces that they lie on.
+    """Texels in `order`, whose points have origins from which no ray hits the faces that they lie on.
 
-    Args: order: of the texels. alone: bool (k,), texels whose only point is that at the centre; not yet in order.
+    Args: alone: (k,), texels whose only point is that at the centre; not yet in order.
     """
     counts = np.where(alone, 1, np.where(coverage.deep, DEEP, coverage.face.shape[1]))
     starts = np.concatenate([[0], np.cumsum(counts[order])])
     count = int(starts[-1])
-    face, origins, normals, sides = _empty(count)
-    weights, shown_at = (np.empty((rows, 3), np.float32) for rows in (count, len(order)))
-    shown = np.empty(len(order), np.int32)
+    origins, normals, sides, weights = (np.empty((count, columns), np.float32) for columns in (3, 3, 4, 3))
     points = coverage.face, coverage.barycentric, coverage.centre_face, coverage.centre
-    on_page = page.face, page.barycentric, page.centre_face, page.centre
+    face = np.empty(count, np.int32)
     layered = np.cumsum(coverage.deep) - 1, coverage.deep_face, coverage.deep_barycentric
-    work = bound(_lay_out, (order, starts, alone), points, layered, on_page, (face, weights, shown, shown_at))
+    work = bound(_lay_out, order, starts, alone, points, layered, face, weights)
     run_blocks(len(order), _BLOCK, work, threads, most=_SHARE)
     tree, surface = receivers.tree, faces.surface
     face_points = np.repeat(np.arange(len(surface.faces))[:, None], 3, axis=1)  # each face is by itself
@@ -138,27 +115,17 @@ def _placed(
     else:  # one block after another, whose stages all threads share
         run_blocks(count, _MOST_PLACED, place, 1)
     placed = Points(origins, normals, np.arange(count, dtype=np.uint32))
+    shown = np.where(alone, page.centre_face, page.face[:, 0])[order]
+    shown_at = np.where(alone[:, None], page.centre, page.barycentric[:, 0])[order]
     return Texels(coverage.texels[order], starts, face, placed, sides, shown, shown_at)
 
 
 @kernel
-def _lay_out(texels, points, layered, on_page, out, first, last):
-    """Write the face and barycentrics of each texel's points in order, from a `Coverage`, up to the texel's count.
-
-    Args: texels: their order, starts, and which are alone. on_page: as `points`, for where each texel is shown.
-    """
-    (order, starts, alone), (each, each_at, centre, centre_at) = texels, points
-    (number, deep, deep_at), (face, weights, shown, shown_at) = layered, out
-    page_each, page_at, page_centre, page_centre_at = on_page
+def _lay_out(order, starts, alone, points, layered, face, weights, first, last):
+    """Write the face and barycentrics of each texel's points in order, from a `Coverage`, up to the texel's count."""
+    (each, each_at, centre, centre_at), (number, deep, deep_at) = points, layered
     for i in range(first, last):
-        row, begin = order[i], starts[i]
-        count = starts[i + 1] - begin
-        if alone[row]:
-            shown[i], place = page_centre[row], page_centre_at[row]
-        else:
-            shown[i], place = page_each[row, 0], page_at[row, 0]
-        for corner in range(3):
-            shown_at[i, corner] = place[corner]
+        row, begin, count = order[i], starts[i], starts[i + 1] - starts[i]
         for k in range(count):
             if alone[row]:
                 face[begin], place = centre[row], centre_at[row]
@@ -168,24 +135,3 @@ def _lay_out(texels, points, layered, on_page, out, first, last):
                 face[begin + k], place = each[row, k], each_at[row, k]
             for corner in range(3):
                 weights[begin + k, corner] = place[corner]
-
-
-@kernel
-def _keep(rows, starts, hidden, of, new_starts, to, first, last):
-    """Write the points of the texels `rows` that are not `hidden`, over and over, until each texel has all its points.
-
-    Args: of, to: faces, origins, axes and sides of the points, from `starts` and to `new_starts`.
-    """
-    (face, origins, normals, sides), (new_face, new_origins, new_normals, new_sides) = of, to
-    for i in range(first, last):
-        begin, end = starts[rows[i]], starts[rows[i] + 1]
-        source = begin
-        for k in range(new_starts[i], new_starts[i + 1]):
-            while hidden[source]:
-                source = source + 1 if source + 1 < end else begin
-            new_face[k] = face[source]
-            for axis in range(3):
-                new_origins[k, axis], new_normals[k, axis] = origins[source, axis], normals[source, axis]
-            for column in range(4):
-                new_sides[k, column] = sides[source, column]
-            source = source + 1 if source + 1 < end else begin

@@ -18,32 +18,24 @@ _TINY = 1e-6  # of a tile that a face may reach over its border, for coordinates
 
 @dataclass(frozen=True, eq=False)
 class UVLayout:
-    """Faces on a page: x to the right and y down, in texels.
-
-    Attributes:
-        width, height: of the page, in texels. wraps: whether the page repeats beyond its edges.
-        uv: float64 (m, 3, 2), corners of every face in texels, before any wrapping.
-        corners: float64 (t, 3, 2), triangles that reach into the page. face: int64 (t,), the row in `uv` of each.
-        mirrored, flat, outside: how many faces are turned over, have no area, or reach out of the unit square.
-    """
+    """Faces on a page: x to the right and y down, in texels."""
 
     width: int
     height: int
-    wraps: bool
-    uv: Float64s
-    corners: Float64s
-    face: Int64s
-    mirrored: int
-    flat: int
-    outside: int
+    wraps: bool  # whether the page repeats beyond its edges
+    uv: Float64s  # (m, 3, 2), corners of every face, before any wrapping
+    corners: Float64s  # (t, 3, 2), of triangles that reach into the page
+    face: Int64s  # (t,), the row of each in `uv`
+    mirrored: int  # how many faces are turned over
+    flat: int  # have no area
+    outside: int  # reach out of the unit square
 
     @classmethod
     def of(cls, uv: Float64s, size: tuple[int, int], wraps: bool, source: object) -> Self:
         """Faces of texture coordinates `uv` (m, 3, 2), v upwards, on a page of `size`, width and height in texels.
 
-        Faces whose coordinates are NaN are not on the page; here they become points at its lower left corner.
-
-        Args: wraps: what lies outside of the unit square is taken modulo 1; otherwise it is left out.
+        Faces that are NaN, not on the page, become points at its lower left corner. What lies outside of the unit
+        square is taken modulo 1 if it `wraps`, else left out.
 
         Raises: MeshError: no face has an area on the page, or one reaches over very many tiles.
         """
@@ -94,9 +86,7 @@ def page_size(size: Any) -> tuple[int, int]:
 
 
 def corner_uv(uv: Any, mesh: Mesh) -> Float64s:
-    """Texture coordinates (m, 3, 2) of the corners of all faces, given as such or of vertices (n, 2).
-
-    NaN at all corners of a face stays: it has none.
+    """Texture coordinates (m, 3, 2) of the corners of all faces, given as such or of vertices (n, 2); NaN of none.
 
     Raises: MeshError: another shape, or coordinates that are not finite or lie very far out.
     """
