@@ -11,7 +11,7 @@ from raytrace.types import Bools, Float64s, Int64s
 
 from .least_squares.face_moments import BELOW, TRACED
 from .least_squares.fit import Fit, build_problems, fit_values
-from .least_squares.patch import Patch, gather_moments, reveal_interiors
+from .least_squares.patch import Patch, gather_moments
 from .prepared import Prepared
 from .result import PointValues
 
@@ -62,7 +62,6 @@ def _fit(prepared: Prepared, rays: int) -> tuple[Fit, Int64s]:
     receivers, checkpoint = prepared.receivers, prepared.checkpoint
     patch = Patch.of(prepared.placement, receivers, _wanted(prepared))
     moments, counts = gather_moments(prepared, patch, rays)
-    reveal_interiors(patch, moments, counts)
     totals = counts.sum(axis=0)
     if prepared.options.tolerance is None:
         checkpoint.all_traced()

@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 
 from raytrace.kernel.jit import bound, kernel
 from raytrace.system.threads import run_blocks
-from raytrace.types import Bools, Float64s
+from raytrace.types import Bools, Float64s, UInt32s
 
 FINE, COARSE = 1e-8, 1e-3  # of x, whose bounds are 0 and 1
 _STAGES = 1e-2, COARSE, 1e-4, 1e-5, 1e-6, FINE
@@ -29,17 +29,12 @@ def dot(a: Float64s, b: Float64s) -> float:
 
 def multiply(matrix: csr_array, x: Float64s, threads: int) -> Float64s:
     out = np.empty(len(x))
-    _each(len(x), _BLOCK, _product(matrix, x, out), threads)
+    _each(len(x), _BLOCK, bound(_multiply, *_arrays(matrix), x, out), threads)
     return out
 
 
-def _product(matrix: csr_array, x: Float64s, out: Float64s) -> Callable[[int, int], None]:
-    starts, columns = matrix.indptr.view(np.uint32), matrix.indices.view(np.uint32)  # no sign to be minded
-
-    def product(first: int, last: int) -> None:
-        _multiply(starts[first : last + 1], columns, matrix.data, x, out[first:last])
-
-    return product
+def _arrays(matrix: csr_array) -> tuple[UInt32s, UInt32s, Float64s]:
+    return matrix.indptr.view(np.uint32), matrix.indices.view(np.uint32), matrix.data  # no sign to be minded
 
 
 def _each(count: int, block: int, work: Callable[[int, int], None], threads: int) -> None:
@@ -104,8 +99,8 @@ def _turn(step, scaled, ratio, first, last):
 
 
 @kernel
-def _multiply(starts, columns, values, x, out):
-    for i in range(len(out)):
+def _multiply(starts, columns, values, x, out, first, last):
+    for i in range(first, last):
         total = 0.0
         for k in range(starts[i], starts[i + 1]):
             total += values[k] * x[columns[k]]
@@ -130,10 +125,9 @@ def solve(
     """
     x, image, inverse = start.copy(), np.zeros(len(start)), np.empty((len(start), _GROUP))
     free = np.ones(len(x), np.bool_) if free is None else free
-    starts, columns = matrix.indptr.view(np.uint32), matrix.indices.view(np.uint32)
-    _each(len(x), _BLOCK, partial(_invert, starts, columns, matrix.data, free, inverse), threads)
+    _each(len(x), _BLOCK, bound(_invert, *_arrays(matrix), free, inverse), threads)
     residual, step = right - multiply(matrix, x, threads), np.zeros(len(x))
-    product, turn = _product(matrix, step, image), bound(_turn, step, image)
+    product, turn = bound(_multiply, *_arrays(matrix), step, image), bound(_turn, step, image)
     descend, sums = bound(_descend, step, inverse, x, residual, image), [0.0] * -(-len(x) // _BLOCK)
 
     def dot_after(work: Callable[[int, int], None], a: Float64s, b: Float64s) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 from raytrace.embree.packets import DIR_X, DIR_Y, DIR_Z, LANES
 from raytrace.kernel.arrays import borrow
 from raytrace.kernel.jit import inline, kernel
+from raytrace.kernel.vector import add, divide, length, load, scale
 from raytrace.mesh.placement import ULP
 from raytrace.ray_origins.origins import OFFSET_ULPS
 from raytrace.sampling.sequences import cosine_hemisphere, mix
@@ -38,17 +39,12 @@ class Samples(NamedTuple):
     other is the fractional part of k/golden ratio. So samples are evenly spread on each face, whatever their number,
     and over neighbouring faces that hold less than one each.
 
-    Attributes:
-        shift: in [0, 1).
-        ends: float64 (m + 1,), where each face begins between 0 and `count`.
-        starts: int64 (m + 1,), the first sample on each.
-        weights: float64 (m,), the share of the area that a sample on each stands for.
     """
 
-    shift: float
-    ends: Float64s
-    starts: Int64s
-    weights: Float64s
+    shift: float  # in [0, 1)
+    ends: Float64s  # (m + 1,), where each face begins between 0 and `count`
+    starts: Int64s  # (m + 1,), the first sample on each
+    weights: Float64s  # (m,), the share of the area that a sample on each stands for
 
     @classmethod
     def spread(cls, areas: Float64s, count: int, shift: float) -> Self:
@@ -60,18 +56,11 @@ class Samples(NamedTuple):
         starts[-1] = count
         return cls(shift, ends, starts, share / np.diff(ends))
 
-    def of_faces(self, first: int, last: int) -> Self:
-        """The samples on the faces from a first one to a last one."""
-        ends, starts = self.ends[first : last + 1], self.starts[first : last + 1]
-        return self._replace(ends=ends, starts=starts, weights=self.weights[first:last])
-
 
 def lattices(rays: int, cone: float) -> Float32s:
-    """Fibonacci lattices of `rays` cosine-weighted directions about +z, shifted in height: float32 (256, 3, rays).
+    """Fibonacci lattices of `rays` cosine-weighted directions about +z, shifted in height: (256, 3, rays).
 
-    They are ordered by azimuth, which keeps a packet's rays together.
-
-    Args: rays: a multiple of 8. cone: sin² of the largest angle to +z.
+    They are ordered by azimuth, which keeps a packet's rays together. Args: cone: sin² of the largest angle to +z.
     """
     number = np.arange(rays)
     azimuth = number * _GOLDEN % 1
@@ -101,13 +90,9 @@ def _draw(k, key):
 
 @inline
 def _shading_normal(axes, b, g):
-    x = b[0] * axes[0, 0] + b[1] * axes[1, 0] + b[2] * axes[2, 0]
-    y = b[0] * axes[0, 1] + b[1] * axes[1, 1] + b[2] * axes[2, 1]
-    z = b[0] * axes[0, 2] + b[1] * axes[1, 2] + b[2] * axes[2, 2]
-    length = np.sqrt(x * x + y * y + z * z)
-    if length < 1e-6:
-        return g[0], g[1], g[2]
-    return x / length, y / length, z / length
+    n = add(add(scale(b[0], load(axes, 0)), scale(b[1], load(axes, 1))), scale(b[2], load(axes, 2)))
+    size = length(n)
+    return (g[0], g[1], g[2]) if size < 1e-6 else divide(n, size)
 
 
 @kernel
@@ -115,12 +100,10 @@ def gather_faces(packet, faces, samples, drawn, falloff, reach, moments, counts)
     """Gather the moments of n faces.
 
     Args:
-        packet: RayPacket. samples: Samples, of the faces. falloff: KernelMu. reach: length of every ray.
-        faces: in render space, corners float64 (n, 3, 3), unit normals float64 (n, 3) and, float32 (n, 3, 3), unit
-            normals of the corners. drawn: `lattices`, and the uint32 key by which samples draw them.
-        moments: float64 (n, 29), added to: for the even and for the odd samples Σ y² of y = 1 − w, the upper triangle
-            of Σ b bᵀ, and Σ b y; for all Σ b ȳ_x, Σ b ȳ_y, Σ b ȳ_z, with ȳ the mean of μ·direction; weighted.
-        counts: int64 (n, 3), added to: rays traced, rays below the face, samples that are not hidden.
+        faces: `Moments.faces`. drawn: `lattices`, and the key by which samples draw them. reach: length of every ray.
+        moments: (n, 29), added to: for the even and for the odd samples Σ y² of y = 1 − w, the upper triangle of
+            Σ b bᵀ, and Σ b y; for all Σ b ȳ_x, Σ b ȳ_y, Σ b ȳ_z, with ȳ the mean of μ·direction; weighted.
+        counts: (n, 3), added to: rays traced, rays below the face, samples that are not hidden.
     """
     packet, samples = borrow(packet), borrow(samples)
     (corners, normals, axes), (directions, key) = borrow(faces), borrow(drawn)
@@ -159,10 +142,7 @@ def gather_faces(packet, faces, samples, drawn, falloff, reach, moments, counts)
 
 @inline
 def _trace_above(packet, passed, local, frame, side, falloff, reach, values):
-    """Trace the rays of a hemisphere that are above a face, seen from its side `side`.
-
-    Args: values: float64 (4,), becomes Σ 1 − μ and Σ μ·direction. Returns: numbers of rays, and of rays that hit backs.
-    """
+    """Trace rays above a face, seen from `side`: how many, and how many hit backs; `values`: Σ 1 − μ, Σ μ·direction."""
     rays, valid, (t, u, n) = packet.rays, packet.valid, frame
     values[:] = 0.0
     traced, behind = 0, 0.0

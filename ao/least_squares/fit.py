@@ -5,6 +5,7 @@ Minimised is Σ_s dA_s (Σ_j b_sj x_j − f_s)² + α xᵀRx (Kavan, Bargteil & 
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -15,7 +16,7 @@ from raytrace.types import Float64s, Int64s
 from .conjugate_gradients import COARSE, dot, multiply, solve, solve_within
 from .face_moments import BENT, HALF, MATRIX, MOMENTS, RIGHT, SQUARES
 from .patch import Patch
-from .pattern import Stencil, add_laplacian, find_hinges, normal_matrix, right_side, roughness
+from .pattern import Stencil, add_faces, add_jumps, add_laplacian, find_hinges, right_side
 
 Once = Callable[[str, Callable[[], Float64s]], Float64s]
 
@@ -27,36 +28,25 @@ _SMOOTHEST, _ROUGHEST = 4, -10
 _RUNS, _RUN = 32, 1 << 13  # stretches of faces in Morton order, and faces in each, that stand for all of many more
 
 
-@dataclass(frozen=True, eq=False)
-class Half:
-    """Σ_s dA_s (b_s·x − f_s)² over some samples, as xᵀ matrix x − 2 x·right + squares.
+class Half(NamedTuple):
+    """Σ_s dA_s (b_s·x − f_s)² over some samples, as xᵀ matrix x − 2 x·right + squares."""
 
-    Attributes: values: float64 (z,), of the matrix. right: float64 (n,). squares: a number.
-    """
-
-    values: Float64s
-    right: Float64s
+    values: Float64s  # (z,), of the matrix
+    right: Float64s  # (n,)
     squares: float
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """The normal equations of x from either half of the samples, and the regularisation.
+    """The normal equations of x from either half of the samples, and the regularisation."""
 
-    Attributes:
-        stencil: of all matrices. halves: of the samples, independent. smoothness: (z,), of R.
-        laplacian: (m,), weights of the faces in `add_laplacian`. threads: to solve on.
-        bent: (3, n), right sides of other fits, of all samples.
-        number: int64 (n,), of each of the patch's unknowns here: by their faces, so that those that meet are near.
-    """
-
-    stencil: Stencil
-    halves: tuple[Half, Half]
-    smoothness: Float64s
-    laplacian: Float64s
-    bent: Float64s
+    stencil: Stencil  # of all matrices
+    halves: tuple[Half, Half]  # of the samples, independent
+    smoothness: Float64s  # (z,), of R
+    laplacian: Float64s  # (m,), weights of the faces in `add_laplacian`
+    bent: Float64s  # (3, n), right sides of other fits, of all samples
     threads: int
-    number: Int64s
+    number: Int64s  # (n,), of each of the patch's unknowns: by their faces, so that those that meet are near
 
     def fit(self, half: Half, alpha: float, start: Float64s) -> Float64s:
         """x from one half of the samples, roughly."""
@@ -75,20 +65,16 @@ class Problem:
         return dot(x, image) - 2 * dot(x, half.right) + half.squares
 
 
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """Attributes: w, error: float64 (k,). bent: float64 (k, 3), mean of μ·direction."""
+class Fit(NamedTuple):
+    """Values at the points of a patch."""
 
     w: Float64s
     error: Float64s
-    bent: Float64s
+    bent: Float64s  # (k, 3), mean of μ·direction
 
 
 def build_problems(patch: Patch, moments: Float64s, threads: int) -> tuple[Problem, Problem]:
-    """The problem, and one like it, or itself, that is small enough to be solved many times.
-
-    Args: moments: (m, 29), see `gather_faces`.
-    """
+    """The problem, and one like it, or itself, that is small enough to be solved many times."""
     diagonal = MATRIX + np.array([0, 3, 5])
     trace = sum(float(moments[:, column].sum()) for column in (*diagonal, *(HALF + diagonal)))
     laplacian = _LAPLACIAN_WEIGHT * trace / max(float(patch.areas.sum()), 1e-300) * patch.areas
@@ -101,10 +87,7 @@ def build_problems(patch: Patch, moments: Float64s, threads: int) -> tuple[Probl
 
 
 def fit_values(problem: Problem, trial: Problem, once: Once) -> Fit:
-    """Fit 1 − w, so that where nothing is closed w is exactly 1.
-
-    Args: problem, trial: from `build_problems`. once: called with what is long to compute, and a name of it.
-    """
+    """Fit 1 − w, so that where nothing is closed w is exactly 1; `once` is called with what is long to compute."""
 
     def fit_halves() -> Float64s:
         alpha, fits = cross_validated(trial, _constant_fit(trial))
@@ -136,15 +119,14 @@ def _build_problem(patch: Patch, moments: Float64s, laplacian: Float64s, threads
     face_points = number[patch.face_points].astype(np.int32)
     hinges = find_hinges(face_points[: patch.own], patch.normals[: patch.own], CREASE, patch.unknowns)
     stencil = Stencil.of(face_points, hinges, patch.unknowns)
+    halves = moments[:, :HALF], moments[:, HALF:BENT]
+    matrices = (stencil.sum(add_faces, half[:, MATRIX:RIGHT]) for half in halves)
     even, odd = (
-        Half(
-            normal_matrix(stencil, half[:, MATRIX:RIGHT]), right_side(stencil, half[:, RIGHT:]),
-            float(half[:, SQUARES].sum()),
-        )
-        for half in (moments[:, :HALF], moments[:, HALF:BENT])
-    )  # fmt: skip
+        Half(values, right_side(stencil, half[:, RIGHT:]), float(half[:, SQUARES].sum()))
+        for values, half in zip(matrices, halves, strict=True)
+    )
     bent = np.stack([right_side(stencil, moments[:, a : a + 3]) for a in range(BENT, MOMENTS, 3)])
-    smoothness = roughness(stencil, hinges, patch.corners, patch.areas)
+    smoothness = stencil.sum(add_jumps, hinges, patch.corners, patch.areas)
     return Problem(stencil, (even, odd), smoothness, laplacian, bent, threads, number)
 
 

@@ -36,24 +36,16 @@ class Patch:
     """Faces in render space, in Morton order; at the end the faces of rectangles again, cut by the other diagonal.
 
     A fit to the two halves of a rectangle alone would raise or lower the ends of its diagonal.
-
-    Attributes:
-        corners: float64 (m, 3, 3). normals: float64 (m, 3), unit. areas: float64 (m,), above 0.
-        face_points: int32 (m, 3), the unknown at each corner: its row in `Receivers.points`, or a row behind them for
-            a vertex without a point.
-        axes: float32 (m, 3, 3), unit normals of the corners' points, or 0.
-        unknowns: their number. own: number of faces that are the mesh's.
-        cover: float64 (m,), the share of each face's area that it stands for: half in rectangles.
     """
 
-    corners: Float64s
-    normals: Float64s
-    areas: Float64s
-    face_points: Int32s
-    axes: Float32s
-    unknowns: int
-    own: int
-    cover: Float64s
+    corners: Float64s  # (m, 3, 3)
+    normals: Float64s  # (m, 3), unit
+    areas: Float64s  # (m,), above 0
+    face_points: Int32s  # (m, 3), unknowns: rows in `Receivers.points`, or behind them for vertices without a point
+    axes: Float32s  # (m, 3, 3), unit normals of the corners' points, or 0
+    unknowns: int  # their number
+    own: int  # number of faces that are the mesh's
+    cover: Float64s  # (m,), the share of each face's area that it stands for: half in rectangles
 
     @classmethod
     def of(cls, placement: Placement, receivers: Receivers, wanted: Bools) -> Patch:
@@ -101,22 +93,16 @@ class Patch:
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Moments and counts of faces, as work that any process can do; see `gather_faces`.
+    """Moments and counts of faces, as work that any process can do; see `gather_faces`."""
 
-    Attributes:
-        faces: corners, normals and axes of m faces, as `Patch` has them. samples: on them.
-        points: int32 (m, 3), unknowns, which identify the faces. rays_of_sample: rays. count: samples in all.
-        key: of the directions. mu: in render space. reach: length of rays there.
-    """
-
-    faces: Tables
+    faces: Tables  # corners, normals and axes of m faces, as `Patch` has them
     samples: Samples
-    points: Int32s
+    points: Int32s  # (m, 3), unknowns, which identify the faces
     rays_of_sample: int
-    count: int
-    key: np.uint32
-    mu: KernelMu
-    reach: float
+    count: int  # of samples in all
+    key: np.uint32  # of the directions
+    mu: KernelMu  # in render space
+    reach: float  # of rays there
     block_rays: ClassVar = 1 << 19
 
     def __len__(self) -> int:
@@ -124,8 +110,9 @@ class Moments:
 
     def __getitem__(self, rows: slice) -> Moments:
         first, last, _ = rows.indices(len(self))
-        faces, samples = tuple(each[rows] for each in self.faces), self.samples.of_faces(first, last)
-        return replace(self, faces=faces, samples=samples, points=self.points[rows])
+        shift, ends, starts, weights = self.samples
+        samples = Samples(shift, ends[first : last + 1], starts[first : last + 1], weights[rows])
+        return replace(self, faces=tuple(each[rows] for each in self.faces), samples=samples, points=self.points[rows])
 
     @property
     def name(self) -> bytes:
@@ -153,7 +140,11 @@ class Moments:
 
 
 def gather_moments(prepared: Prepared, patch: Patch, total: int) -> tuple[Float64s, Int64s]:
-    """Moments (m, 29) and counts (m, 3) of the faces of `patch` from `total` rays, see `gather_faces`."""
+    """Moments (m, 29) and counts (m, 3) of the faces of `patch` from `total` rays, see `gather_faces`.
+
+    Hidden samples count next to nothing beside visible ones of the same vertex, but fully on faces of which no vertex
+    has one: a room whose walls face outwards has none but hidden ones.
+    """
     placement, key, progress = prepared.placement, prepared.key, prepared.progress
     if not len(patch.face_points):
         return np.zeros((0, MOMENTS)), np.zeros((0, 3), np.int64)
@@ -173,16 +164,7 @@ def gather_moments(prepared: Prepared, patch: Patch, total: int) -> tuple[Float6
             progress(count * rays * done // len(work), count * rays)
 
     prepared.checkpoint.fill(work, prepared.scene, tables, prepared.threads, advance)
+    seen = np.zeros(patch.unknowns, np.bool_)
+    seen[patch.face_points[counts[:, SEEN] > 0]] = True
+    moments[~seen[patch.face_points].any(axis=1)] /= HIDDEN
     return moments, counts
-
-
-def reveal_interiors(patch: Patch, moments: Float64s, counts: Int64s) -> None:
-    """Give samples their full weight again, in place, on faces of which no vertex has a visible sample.
-
-    Elsewhere hidden samples count next to nothing beside the visible ones of the same vertex. A room whose walls face
-    outwards has none but hidden ones.
-    """
-    seen, face_points = np.zeros(patch.unknowns, np.bool_), patch.face_points
-    seen[face_points[counts[:, SEEN] > 0]] = True
-    interior = ~(seen[face_points[:, 0]] | seen[face_points[:, 1]] | seen[face_points[:, 2]])
-    moments[interior] /= HIDDEN

@@ -1,6 +1,7 @@
 """The matrices of a fit, which share a sparsity pattern, so that their sums are sums of arrays."""
 
-from typing import NamedTuple, Self
+from collections.abc import Callable
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -12,21 +13,15 @@ from raytrace.types import AnyInts, Float64s, Int32s, Int64s
 
 
 class Stencil(NamedTuple):
-    """The pairs of unknowns that meet, in one face or opposite each other at a hinge.
+    """The pairs of unknowns that meet, in one face or opposite each other at a hinge."""
 
-    Attributes:
-        face_points: int32 (m, 3), the unknown at each corner of each face.
-        starts: int32 (n + 1,), indices: int32 (z,): unknowns that meet each, itself among them, ascending, as the
-            indptr and indices of a `scipy.sparse.csr_array`.
-    """
-
-    face_points: Int32s
-    starts: Int32s
-    indices: Int32s
+    face_points: Int32s  # (m, 3), the unknown at each corner of each face
+    starts: Int32s  # (n + 1,), indptr of a `scipy.sparse.csr_array`
+    indices: Int32s  # (z,), of the same: unknowns that meet each, itself among them, ascending
 
     @classmethod
     def of(cls, face_points: Int32s, hinges: Int32s, count: int) -> Self:
-        """Args: face_points: as above. hinges: as `find_hinges` gives them. count: how many unknowns there are."""
+        """Args: hinges: of `find_hinges`. count: how many unknowns there are."""
         corners, own = face_points.ravel(), np.arange(count, dtype=np.int32)
         one, other = corners[hinges].T
         ahead, behind = (face_points[:, turn].ravel() for turn in ([1, 2, 0], [2, 0, 1]))
@@ -38,6 +33,12 @@ class Stencil(NamedTuple):
         """The matrix (n, n) with `values` (z,), which it keeps."""
         count = len(self.starts) - 1
         return csr_array((values, self.indices, self.starts), shape=(count, count))
+
+    def sum(self, add: Callable[..., None], *terms: Any) -> Float64s:
+        """Values (z,) of the matrix to which the kernel `add` adds `terms`."""
+        values = np.zeros(len(self.indices))
+        add(self, *terms, values)
+        return values
 
 
 def shared_edges(face_points: AnyInts, count: int) -> Int64s:
@@ -62,34 +63,15 @@ def find_hinges(face_points: Int32s, normals: Float64s, agreement: float, count:
     return hinges[cosines >= agreement]
 
 
-def normal_matrix(stencil: Stencil, entries: Float64s) -> Float64s:
-    """Values (z,) of Σ b bᵀ, from the upper triangles `entries` (m, 6) of each face's part."""
-    values = np.zeros(len(stencil.indices))
-    _add_faces(stencil, entries, values)
-    return values
-
-
 def right_side(stencil: Stencil, entries: Float64s) -> Float64s:
     """Σ b f, (n,), from `entries` (m, 3) of each face."""
     count = len(stencil.starts) - 1
     return np.bincount(stencil.face_points.ravel(), entries.ravel(), count).astype(np.float64, copy=False)
 
 
-def roughness(stencil: Stencil, hinges: Int32s, corners: Float64s, areas: Float64s) -> Float64s:
-    """Values (z,) of R = Σ_hinges (A₁ + A₂) (∂x/∂m₁ + ∂x/∂m₂)²: how much the slope jumps at edges of two faces.
-
-    m is the direction within a face square to the edge, away from it: the bracket is |∇₁ − ∇₂| of the faces unfolded
-    into one plane.
-
-    Args: hinges: as `find_hinges` gives them. corners: (m, 3, 3). areas: (m,), above 0.
-    """
-    values = np.zeros(len(stencil.indices))
-    _add_jumps(stencil, hinges, corners, areas, values)
-    return values
-
-
 @kernel
-def _add_faces(stencil, entries, values):
+def add_faces(stencil, entries, values):
+    """Add Σ b bᵀ, from the upper triangles `entries` (m, 6) of each face's part."""
     stencil = borrow(stencil)
     face_points, starts, indices = stencil.face_points, stencil.starts, stencil.indices
     for f in range(len(face_points)):
@@ -101,10 +83,7 @@ def _add_faces(stencil, entries, values):
 
 @kernel
 def add_laplacian(stencil, weights, values):
-    """Add the graph Laplacian Σ_faces weight Σ_edges (x_i − x_j)², so that vertices without samples get neighbours'.
-
-    Args: stencil: `Stencil`. weights: float64 (m,), of its faces. values: float64 (z,), of the matrix.
-    """
+    """Add the graph Laplacian Σ_faces weight Σ_edges (x_i − x_j)², so that vertices without samples get neighbours'."""
     stencil = borrow(stencil)
     face_points, starts, indices = stencil.face_points, stencil.starts, stencil.indices
     for f in range(len(face_points)):
@@ -117,7 +96,12 @@ def add_laplacian(stencil, weights, values):
 
 
 @kernel
-def _add_jumps(stencil, hinges, corners, areas, values):
+def add_jumps(stencil, hinges, corners, areas, values):
+    """Add R = Σ_hinges (A₁ + A₂) (∂x/∂m₁ + ∂x/∂m₂)²: how much the slope jumps at edges of two faces.
+
+    m is the direction within a face square to the edge, away from it: the bracket is |∇₁ − ∇₂| of the faces unfolded
+    into one plane.
+    """
     stencil = borrow(stencil)
     face_points, starts, indices = stencil.face_points, stencil.starts, stencil.indices
     place, slope = np.empty(6, np.int32), np.empty(6)

@@ -10,7 +10,7 @@ from scipy.spatial import Delaunay
 from ao.least_squares.conjugate_gradients import multiply, solve, solve_within
 from ao.least_squares.face_moments import Samples, place
 from ao.least_squares.fit import Half, Problem, cross_validated
-from ao.least_squares.pattern import Stencil, add_laplacian, find_hinges, normal_matrix, right_side, roughness
+from ao.least_squares.pattern import Stencil, add_faces, add_jumps, add_laplacian, find_hinges, right_side
 from raytrace.mesh.morton import fine_morton_order
 from raytrace.mesh.normals import face_normals
 
@@ -66,7 +66,7 @@ def stencil_of(face_points, normals, agreement=np.cos(np.radians(30))):
 def rough(mesh, face_points=None, **agreement):
     normals, areas = face_normals(mesh.vertices, mesh.faces)
     stencil, hinges = stencil_of(mesh.faces if face_points is None else face_points, normals, **agreement)
-    return stencil.matrix(roughness(stencil, hinges, mesh.triangles, areas))
+    return stencil.matrix(stencil.sum(add_jumps, hinges, mesh.triangles, areas))
 
 
 def test_roughness_is_the_squared_jump_of_the_gradients_on_a_plane():
@@ -162,8 +162,8 @@ def fit(noise, smooth, per_face=3, seed=0):
         entries, right = np.zeros((len(faces), 6)), np.zeros((len(faces), 3))
         np.add.at(entries, face, upper_triangles(b))
         np.add.at(right, face, b * f[:, None])
-        halves.append(Half(normal_matrix(stencil, entries), right_side(stencil, right), float(f @ f)))
-    smoothness = roughness(stencil, hinges, grid.triangles, areas)
+        halves.append(Half(stencil.sum(add_faces, entries), right_side(stencil, right), float(f @ f)))
+    smoothness = stencil.sum(add_jumps, hinges, grid.triangles, areas)
     nothing = np.zeros((3, side * side))
     problem = Problem(stencil, tuple(halves), smoothness, np.full(len(faces), 1e-9), nothing, 1, None)
     alpha, fits = cross_validated(problem, nothing[0])
@@ -200,7 +200,7 @@ def test_face_parts_add_up_to_the_whole():
     rows = np.zeros((20, 9))
     np.add.at(rows, (np.arange(20)[:, None], face_points), b)
     stencil, _ = stencil_of(face_points, np.tile([0.0, 0, 1], (20, 1)))
-    values = normal_matrix(stencil, upper_triangles(b))
+    values = stencil.sum(add_faces, upper_triangles(b))
     np.testing.assert_allclose(stencil.matrix(values).toarray(), rows.T @ rows)
     np.testing.assert_allclose(right_side(stencil, b * f[:, None]), rows.T @ f)
 
@@ -209,8 +209,7 @@ def test_ties_are_the_squared_differences_along_edges():
     rng = np.random.default_rng(0)
     face_points, weights, x = rng.integers(0, 9, (20, 3)), rng.random(20), rng.random(9)
     stencil, _ = stencil_of(face_points, np.tile([0.0, 0, 1], (20, 1)))
-    values = np.zeros(len(stencil.indices))
-    add_laplacian(stencil, weights, values)
+    values = stencil.sum(add_laplacian, weights)
     expected = (weights[:, None] * (x[face_points] - np.roll(x[face_points], 1, axis=1)) ** 2).sum()
     assert x @ (stencil.matrix(values) @ x) == pytest.approx(expected)
 
