@@ -61,10 +61,7 @@ class AutoCommand(BakeCommand):
 
 
 def _shown(baked: ao.Bake, textures: list[ao.BakedTexture]) -> Interpolation | None:
-    """The error of w as textures show it, or the ramp where they have no texels; None without any.
-
-    Faces that repeat an image share its texels, which then show none of them.
-    """
+    """The error of w as textures show it, or the ramp where they have no texels; None without any."""
     checked = baked.interpolation
     if checked is None or not textures:
         return None

@@ -16,7 +16,7 @@ from ao.memory import column_bytes, texture_bytes
 from ao.options import TextureOptions
 from ao.report import report
 from ao.texture.uv_layout import on_page, page_size
-from raytrace.errors import ConflictError, OptionError
+from raytrace.errors import ConflictError, OptionError, Relation, Term
 from raytrace.mesh.mesh import Mesh
 from raytrace.system.atomic import write_bytes
 from raytrace.system.checks import check_ending, check_outputs
@@ -36,15 +36,12 @@ if TYPE_CHECKING:
     from ...show.report.pictures import Picture
 
 
-_Place = tuple[int, int, ExitStack]
-
-
 class BakedPage(NamedTuple):
-    """A page as reports have it. Attributes: seconds: of reading and writing."""
+    """A page as reports have it."""
 
     title: str
     baked: ao.BakedTexture
-    seconds: dict[str, float]
+    seconds: dict[str, float]  # of reading and writing
     warnings: list[str]
 
 
@@ -122,26 +119,25 @@ class TextureCommand(MeshBake):
                     raise OptionError(name, f"{placeholder} in all names of images, or in none", path)
         if self.mesh_output is not None:
             check_ending("mesh_output", self.mesh_output, ".glb")
-            if glb == self.output or UDIM in self.output.name:
-                raise ConflictError("mesh_output", "needs", "an image of one page as --output")
-        if self.replace_occlusion and glb is None:
-            raise ConflictError("replace_occlusion", "needs", "a .glb to write")
-        if glb and self.occluded_by != "all":
-            raise ConflictError(("occluded_by", self.occluded_by), "does not go with", "textures in a .glb")
-        if self.orm and glb is None:
-            raise ConflictError("orm", "needs", "a .glb to write, as --output or --mesh-output")
-        if self.occlusion not in (None, "texture"):
-            raise ConflictError(("occlusion", self.occlusion), "does not go with", "a texture")
-        if self.uv in ("unwrap", "pack") and self.instances != "mean":
-            raise ConflictError("instances", "does not go with", ("uv", self.uv))
-        if self.uv in ("unwrap", "fill", "pack") and glb is None:
-            raise ConflictError(("uv", self.uv), "needs", "mesh_output")
-        if self.half and glb == self.output and len(self._images()) == 1:
-            raise ConflictError("half", "needs", "images that end in .exr or .tif")
-        if self.bits and not any(path and path.suffix.lower() == ".png" for path in (self.output, self.bent_normals)):
-            raise ConflictError("bits", "needs", "w or bent normals in an image that ends in .png")
-        if self.profile and not self.part and self.output.suffix.lower() != ".exr":
-            raise ConflictError("profile", "needs", "a texture that holds one: .exr")
+        one_page = glb != self.output and UDIM not in self.output.name
+        endings = [path.suffix.lower() for path in (self.output, self.bent_normals) if path]
+        holds_profile = self.part or endings[0] == ".exr"
+        against: Relation = "does not go with"
+        conflicts: list[tuple[object, Term, Relation, Term]] = [
+            (self.mesh_output and not one_page, "mesh_output", "needs", "an image of one page as --output"),
+            (self.replace_occlusion and not glb, "replace_occlusion", "needs", "a .glb to write"),
+            (glb and self.occluded_by != "all", ("occluded_by", self.occluded_by), against, "textures in a .glb"),
+            (self.orm and not glb, "orm", "needs", "a .glb to write, as --output or --mesh-output"),
+            (self.occlusion not in (None, "texture"), ("occlusion", self.occlusion), against, "a texture"),
+            (self.uv in ("unwrap", "pack") and self.instances != "mean", "instances", against, ("uv", self.uv)),
+            (self.uv in ("unwrap", "fill", "pack") and not glb, ("uv", self.uv), "needs", "mesh_output"),
+            (self.half and [glb] == list(self._images().values()), "half", "needs", "images that end in .exr or .tif"),
+            (self.bits and ".png" not in endings, "bits", "needs", "w or bent normals in an image that ends in .png"),
+            (self.profile and not holds_profile, "profile", "needs", "a texture that holds one: .exr"),
+        ]
+        for conflicting, first, relation, second in conflicts:
+            if conflicting:
+                raise ConflictError(first, relation, second)
         self.check_up(None, glb)
 
     def outputs(self, pages: Sequence[Page] = ()) -> dict[str, Path | None]:
@@ -179,12 +175,9 @@ class TextureCommand(MeshBake):
         return f"{page.path(self.output)}{f', {page.name}' if page.name else ''}"
 
     def _bake_page(
-        self, sources: Sources, page: Page, found: Coordinates, falloff: ao.Falloff, place: _Place
+        self, sources: Sources, page: Page, found: Coordinates, falloff: ao.Falloff, place: tuple[int, int, ExitStack]
     ) -> tuple[ao.BakedTexture, list[str]]:
-        """Bake one page: what was baked, and warnings to print.
-
-        Args: place: of how many pages, which it is, and what closes its journal.
-        """
+        """What was baked, and warnings to print. Args: place: of how many pages, which, and what closes its journal."""
         pages, number, stack = place
         target = page.path(self.output) if not page.name or not number else Path(f"{self.output}.{number + 1}")
         checkpoint = stack.enter_context(self.checkpoint(target))

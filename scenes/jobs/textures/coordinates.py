@@ -26,25 +26,18 @@ _LEAST = 64  # texels across, below which there is no room for charts
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """Texture coordinates of a mesh.
+    """Texture coordinates of a mesh."""
 
-    Attributes:
-        uv: (m, 3, 2), v upwards, NaN of faces that have none. new: bool (m,), which the file has not.
-        number: of the file's set, None if all are new. size: texels across and down of a page.
-    """
-
-    uv: Float64s
-    new: Bools
-    number: int | None
-    size: tuple[int, int]
+    uv: Float64s  # (m, 3, 2), v upwards, NaN of faces that have none
+    new: Bools  # (m,), which the file has not
+    number: int | None  # of the file's set, None if all are new
+    size: tuple[int, int]  # texels across and down of a page
 
 
 def coordinates(
     source: MeshFile, wanted: str, pages: tuple[str | None, str | None], into_glb: bool, chosen: Chosen
 ) -> Coordinates:
-    """Texture coordinates and size by the options --uv, --size and --texel-size.
-
-    Args: pages: the options `size`, `texel_size`. into_glb: whether new coordinates would be written.
+    """Texture coordinates `wanted` by --uv; `pages`: --size, --texel-size; `into_glb`: new ones would be written.
 
     Raises: MeshError: there are none. OptionError: as `unwrap`, or a page too large.
     """
@@ -140,10 +133,7 @@ def unwrap(mesh: Mesh | Any, size: int = 1024, uv: Any = None) -> Float64s:
 def _flat_charts(
     vertices: Float64s, faces: Int64s, uv: Float64s, size: int
 ) -> Iterator[tuple[Int64s, Float64s, Int64s]]:
-    """The charts of `uv` (m, 3, 2): rows of their faces, and each as a flat mesh of the area that it has in space.
-
-    An unwrapper keeps these in shape. Mirrored halves are charts of their own, even if they share their fold.
-    """
+    """The charts of `uv` (m, 3, 2), mirrored halves apart: rows of faces, and a flat mesh of the area that it has."""
     rows = np.flatnonzero(np.nan_to_num(doubled_areas(uv)))
     if not len(rows):
         return

@@ -33,19 +33,13 @@ _LISTED = 3  # pieces without texture coordinates
 
 @dataclass(frozen=True, eq=False)
 class Page:
-    """One page.
+    """One page."""
 
-    Attributes:
-        uv: (m, 3, 2), NaN of faces that are not on it. wraps: whether what lies outside of it is taken modulo 1.
-        name: of a texture set, where one file holds several. words: for placeholders in the names of its files.
-        shown: as `uv`, also of instances that show the page though it is baked for the first instance; None: `uv`.
-    """
-
-    uv: Float64s
-    wraps: bool = True
-    name: str = ""
-    words: dict[str, str] = field(default_factory=dict)
-    shown: Float64s | None = None
+    uv: Float64s  # (m, 3, 2), NaN of faces that are not on it
+    wraps: bool = True  # whether what lies outside of it is taken modulo 1
+    name: str = ""  # of a texture set, where one file holds several
+    words: dict[str, str] = field(default_factory=dict)  # for placeholders in the names of its files
+    shown: Float64s | None = None  # `uv` also of instances that show what is baked for the first one; None: `uv`
 
     def path(self, template: Path) -> Path:
         name = template.name
@@ -124,12 +118,7 @@ class Layouts:
 def pages_of(
     source: MeshFile, found: Coordinates, output: Path, mixed: bool, threads: int | None, instances: str = "mean"
 ) -> list[Page]:
-    """The pages of an output, each of some faces.
-
-    Args:
-        mixed: whether layouts that overlap may share a page.
-        instances: what a page of several instances of a mesh holds: their "mean", or w of the "first"; "own": each has
-            a page of its own.
+    """The pages of an output, each of some faces. Args: mixed: whether layouts that overlap may share a page.
 
     Raises: OptionError: they would share one, and may not; or tiles that have no number.
     """
@@ -203,10 +192,7 @@ def _refusal(source: MeshFile, layouts: Layouts, clashes: dict[tuple[int, int], 
 
 
 def layout_remarks(baked: ao.BakedTexture, wraps: bool, tiles: bool) -> list[str]:
-    """Remarks on the layout of a page.
-
-    Args: wraps: whether it was taken modulo 1. tiles: whether the output may have a file for each tile.
-    """
+    """Remarks on the layout of a page that `wraps`, or not. Args: tiles: whether a file for each may be written."""
     facts = baked.facts
     lines = []
     if facts.overlapping > _NOTED * facts.covered:
@@ -223,10 +209,7 @@ def layout_remarks(baked: ao.BakedTexture, wraps: bool, tiles: bool) -> list[str
 
 
 def lacking(source: MeshFile, uv: Float64s, wanted: Bools, glb: Path | None) -> list[str]:
-    """The parts of a file that have no texture coordinates, in a line.
-
-    Args: wanted: bool (m,), the faces that matter. glb: what is to hold the textures.
-    """
+    """The parts of a file without texture coordinates, in a line. Args: wanted: (m,), the faces that matter."""
     without = ~on_page(uv) & wanted
     if not without.any():
         return []
