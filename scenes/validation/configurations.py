@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ao.analytic.closed_forms import Rate
-from ao.falloff import Falloff
+from ao.falloff import Binary, Exponential, Falloff
 from ao.points.receivers import Normals
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s, Int64s
@@ -28,29 +28,24 @@ from ..geometry.polyhedra import RawMesh, generic_rotation
 
 ClosedForm = Callable[[Rate, float], npt.ArrayLike]
 
-BINARY_TARGET = 0.004
-EXPONENTIAL_TARGET = 0.001
-ZERO_VARIANCE_TARGET = 1e-6
+BOTH: tuple[Falloff, ...] = (Binary(), Exponential(tau=1.0))
+BINARY_TARGET, EXPONENTIAL_TARGET, ZERO_VARIANCE_TARGET = 0.004, 0.001, 1e-6
 SAMPLES = 4096  # that the targets are meant for
 MOST_SAMPLES = 16384  # beyond which they fall no more
 BINARY_RATE, EXPONENTIAL_RATE = 0.75, 0.85  # the powers of the number of rays by which they fall
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Setting:
     """A scene of known w, for any falloff in `falloffs`.
 
     Attributes:
-        name: what the closed form is of.
-        mesh: the stand-in.
-        points: int64 (k,), the vertices whose w is known.
+        name: what the closed form is of. mesh: the stand-in. points: int64 (k,), the vertices whose w is known.
         exact: (`Rate`, max_distance) → w, (k,) or one number for all.
-        falloffs: to bake it with.
-        normals: as `ao.bake` takes it.
+        normals, options: as `ao.bake` takes them.
         missing, beyond: see the module; 0 and ∞ for geometry that is finite already.
         bracket: (`Rate`, max_distance) → w of the other bound of the tessellation, or None for flat geometry.
         certain: μ is the same in all directions, so that the estimate has no variance.
-        options: of `ao.bake`.
     """
 
     name: str
@@ -66,7 +61,7 @@ class Setting:
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def configurations(self) -> list[Configuration]:
-        return [self._with(falloff) for falloff in self.falloffs]
+        return list(map(self._with, self.falloffs))
 
     def _with(self, falloff: Falloff) -> Configuration:
         mu = falloff.resolve(self.mesh.radius)
@@ -79,21 +74,12 @@ class Setting:
             target, fall = 0.0, 0.0
         elif self.certain or closed:
             target, fall = ZERO_VARIANCE_TARGET, 0.0
-        return Configuration(
-            name=self.name,
-            mesh=self.mesh,
-            points=self.points,
-            falloff=falloff,
-            options={"normals": self.normals, **self.options},
-            exact=exact,
-            target=target,
-            rate=fall,
-            truncation=self.missing * float(1.0 - mu(self.beyond)),
-            tessellation=float(np.abs(exact - other).max()),
-        )
+        options = {"normals": self.normals, **self.options}
+        own_error = self.missing * float(1.0 - mu(self.beyond)), float(np.abs(exact - other).max())
+        return Configuration(self.name, self.mesh, self.points, falloff, options, exact, target, fall, *own_error)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Configuration:
     """One line of the validation table.
 
@@ -120,6 +106,16 @@ class Configuration:
         """The largest |measured − exact| that passes with `samples` rays."""
         target = min(self.target * (SAMPLES / min(samples, MOST_SAMPLES)) ** self.rate, 1.0)
         return target + self.truncation + self.tessellation
+
+
+def closed_form(form: Callable[..., float], *arguments: tuple[Any, ...]) -> ClosedForm:
+    """w of some points by a function of `ao.analytic.closed_forms`, of each one's `arguments`, τ and, if finite, D."""
+
+    def exact(tau: Rate, limit: float) -> list[float]:
+        mu = (tau,) if limit == inf else (tau, limit)
+        return [form(*own, *mu) for own in arguments]
+
+    return exact
 
 
 def posed(part: RawMesh, seed: int | None = None, normals: Float64s | None = None, source: str = "mesh") -> Mesh:

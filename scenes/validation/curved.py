@@ -1,6 +1,7 @@
 """Validation scenes of tessellated spheres, cylinders and disks, with w known between two bounds."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from math import asin, cos, exp, hypot, pi, sin, sqrt
 from typing import Any
 
@@ -12,16 +13,13 @@ from ao.analytic import closed_forms as analytic
 from ao.analytic.closed_forms import Rate
 from ao.analytic.special import bickley
 from ao.falloff import Binary, Exponential, Falloff, Linear, Smooth
-from raytrace.mesh.mesh import Mesh
 from raytrace.types import Int64s
 
 from ..geometry.polyhedra import RawMesh, icosphere, inscribed_radius, join, patches, polygon, prism
-from .configurations import ClosedForm, Setting, posed
+from .configurations import BOTH, ClosedForm, Setting, closed_form, posed
 
-BOTH: tuple[Falloff, ...] = (Binary(), Exponential(tau=1.0))
-SUBDIVISIONS = 5
-SIDES = 512
-LENGTH = 200.0
+SUBDIVISIONS, SIDES, LENGTH = 5, 512, 200.0
+AT_ORIGIN = [(0.0, 0.0, 0.0)]
 
 
 def curved_settings() -> list[Setting]:
@@ -40,53 +38,35 @@ def curved_settings() -> list[Setting]:
     ]
 
 
-def _posed(name: str, part: RawMesh, seed: int, points: Int64s, normals: npt.ArrayLike) -> Mesh:
-    """A mesh with normals at `points` and none elsewhere: the stand-in's other vertices need no bake."""
-    all_normals = np.full((len(part[0]), 3), np.nan)
-    all_normals[points] = normals
-    return posed(part, seed, all_normals, source=name)
-
-
-def _above_plane(
+def _setting(
     name: str,
-    points: npt.ArrayLike,
-    part: RawMesh,
-    bounds: tuple[ClosedForm, ClosedForm],
-    falloffs: tuple[Falloff, ...] = BOTH,
-    *,
     seed: int,
+    part: RawMesh,
+    points: Int64s,
+    normals: npt.ArrayLike,
+    bounds: Sequence[ClosedForm],
+    falloffs: tuple[Falloff, ...],
+    *,
     missing: float = 0.0,
     certain: bool = False,
     **options: Any,
 ) -> Setting:
-    """Receivers in the plane z = 0 under `part`, whose own vertices are not baked.
+    """A part with normals at `points` and none elsewhere: the stand-in's other vertices need no bake.
 
-    Args:
-        bounds: exact w, and that of the smaller shape which `part` contains (`Setting.bracket`).
-        options: of `ao.bake`.
+    Args: bounds: exact w, and that of the smaller shape which `part` contains (`Setting.bracket`).
     """
-    receivers = np.asarray(points, dtype=np.float64)
-    which = 3 * np.arange(len(receivers))
-    return Setting(
-        name=name,
-        mesh=_posed(name, join([patches(receivers), part]), seed, which, (0.0, 0.0, 1.0)),
-        points=which,
-        exact=bounds[0],
-        falloffs=falloffs,
-        normals="file",
-        missing=missing,
-        beyond=LENGTH / 2,
-        bracket=bounds[1],
-        certain=certain,
-        options=options,
-    )
+    own = np.full((len(part[0]), 3), np.nan)
+    own[points] = normals
+    known = missing, LENGTH / 2, bounds[1], certain, options
+    return Setting(name, posed(part, seed, own, source=name), points, bounds[0], falloffs, "file", *known)
 
 
-def _bounds(
-    w: Callable[[float, Rate, float], npt.ArrayLike], radius: float, inner: float
-) -> tuple[ClosedForm, ClosedForm]:
-    """w(radius, τ, limit) of a shape of `radius` and of the one of radius `inner` within it."""
-    return lambda tau, limit: w(radius, tau, limit), lambda tau, limit: w(inner, tau, limit)
+def _above_plane(
+    name: str, seed: int, points: Sequence[tuple[float, float, float]], part: RawMesh, *about: Any, **options: Any
+) -> Setting:
+    """`_setting` of receivers in the plane z = 0 under `part`, whose own vertices are not baked."""
+    rows, joint = 3 * np.arange(len(points)), join([patches(points), part])
+    return _setting(name, seed, joint, rows, (0.0, 0.0, 1.0), *about, **options)
 
 
 def _dome(sphere: RawMesh) -> Setting:
@@ -95,9 +75,9 @@ def _dome(sphere: RawMesh) -> Setting:
     cap = faces[vertices[faces][:, :, 2].max(axis=1) > -0.1]
     inner = radius * inscribed_radius((vertices, cap))
     limited = (Binary(1.2), Exponential(tau=1.0, max_distance=2.0), Linear(2.0), Smooth(2.0))
-    bounds = _bounds(analytic.dome, radius, inner)
+    bounds = [closed_form(analytic.dome, (r,)) for r in (radius, inner)]
     falloffs = (*BOTH, Exponential(tau=0.001), Exponential(tau=10.0), *limited)
-    return _above_plane("dome", [(0.0, 0.0, 0.0)], (radius * vertices, cap), bounds, falloffs, seed=30, certain=True)
+    return _above_plane("dome", 30, AT_ORIGIN, (radius * vertices, cap), bounds, falloffs, certain=True)
 
 
 def _disk(radius: float, height: float, seed: int, name: str = "coaxial disk", **options: Any) -> Setting:
@@ -107,18 +87,18 @@ def _disk(radius: float, height: float, seed: int, name: str = "coaxial disk", *
     inner, spread, part = radius * cos(pi / SIDES), options.get("spread", 180.0), polygon(rim)
     if "back_faces" in options:
         part = join([(part[0], part[1][:, ::-1]), polygon(0.5 * rim)])
-    bounds = _bounds(lambda r, tau, limit: analytic.disk(height, r, tau, limit, spread), radius, inner)
+    bounds = [closed_form(partial(analytic.disk, spread=spread), (height, r)) for r in (radius, inner)]
     falloffs = (*BOTH, Binary(reach), Exponential(tau=3.0, max_distance=reach), Linear(reach), Smooth(2 * reach))
-    return _above_plane(name, [(0.0, 0.0, 0.0)], part, bounds, falloffs, seed=seed, **options)
+    return _above_plane(name, seed, AT_ORIGIN, part, bounds, falloffs, **options)
 
 
 def _sphere_above(sphere: RawMesh) -> Setting:
     radius, height, offsets = 0.8, 1.0, (0.0, 0.6, 1.5)
     inner = radius * inscribed_radius(sphere)
     points = [(x * cos(k), x * sin(k), 0.0) for k, x in enumerate(offsets)]
-    bounds = _bounds(lambda r, tau, limit: [analytic.sphere(r, height, x, tau) for x in offsets], radius, inner)
+    bounds = [closed_form(analytic.sphere, *((r, height, x) for x in offsets)) for r in (radius, inner)]
     raised = (radius * sphere[0] + [0, 0, height], sphere[1])
-    return _above_plane("sphere above a plane", points, raised, bounds, (*BOTH, Exponential(tau=4.0)), seed=33)
+    return _above_plane("sphere above a plane", 33, points, raised, bounds, (*BOTH, Exponential(tau=4.0)))
 
 
 def chord_within(angle: float, radius: float, inner: float) -> float:
@@ -151,20 +131,12 @@ def _seen_from_within(weight: Callable[[float, float], float], radius: float, in
 
 
 def _inside_sphere(sphere: RawMesh, thickness: bool = False) -> Setting:
-    radius, name = 0.5, "thickness of a ball" if thickness else "inside a sphere"
-    outwards = 1 if thickness else -1
+    radius, outwards = 0.5, 1 if thickness else -1
     inner, points = radius * inscribed_radius(sphere), np.arange(0, len(sphere[0]), len(sphere[0]) // 16)
-    part = radius * sphere[0], sphere[1][:, ::outwards]
-    return Setting(
-        name=name,
-        mesh=_posed(name, part, 34, points, outwards * sphere[0][points]),
-        points=points,
-        exact=lambda tau, limit: analytic.inside_sphere(radius, tau),
-        falloffs=(*BOTH, Exponential(tau=5.0)),
-        normals="file",
-        bracket=_seen_from_within(lambda a, depth: exp(-depth) * 2 * sin(a) * cos(a), radius, inner),
-        options={"thickness": thickness},
-    )
+    part, normals = (radius * sphere[0], sphere[1][:, ::outwards]), outwards * sphere[0][points]
+    least = _seen_from_within(lambda a, depth: exp(-depth) * 2 * sin(a) * cos(a), radius, inner)
+    about = points, normals, (closed_form(analytic.inside_sphere, (radius,)), least), (*BOTH, Exponential(tau=5.0))
+    return _setting("thickness of a ball" if thickness else "inside a sphere", 34, part, *about, thickness=thickness)
 
 
 def _missing(reach: float) -> float:
@@ -180,18 +152,10 @@ def _inside_cylinder() -> Setting:
     radius = 0.5
     inner, points = radius * cos(pi / SIDES), SIDES + np.arange(0, SIDES, SIDES // 16)
     vertices, faces = prism(SIDES, LENGTH / radius, 3)
-    part = radius * vertices, faces[:, ::-1]
-    return Setting(
-        name="inside a cylinder",
-        mesh=_posed("inside a cylinder", part, 35, points, -vertices[points]),
-        points=points,
-        exact=lambda tau, limit: analytic.inside_cylinder(radius, tau),
-        falloffs=(*BOTH, Exponential(tau=5.0)),
-        normals="file",
-        missing=_missing(2 * radius),
-        beyond=LENGTH / 2,
-        bracket=_seen_from_within(lambda a, depth: 4 / pi * cos(a) * float(bickley(3, depth)), radius, inner),
-    )
+    part, normals = (radius * vertices, faces[:, ::-1]), -vertices[points]
+    least = _seen_from_within(lambda a, depth: 4 / pi * cos(a) * float(bickley(3, depth)), radius, inner)
+    about = points, normals, (closed_form(analytic.inside_cylinder, (radius,)), least), (*BOTH, Exponential(tau=5.0))
+    return _setting("inside a cylinder", 35, part, *about, missing=_missing(2 * radius))
 
 
 def _cylinder() -> Setting:
@@ -200,7 +164,6 @@ def _cylinder() -> Setting:
     vertices, faces = prism(SIDES, LENGTH / radius)
     far = height + radius + max(map(abs, offsets))
     name, falloffs = "cylinder parallel to a plane", (Binary(), Exponential(tau=3.0))
-    bounds = _bounds(lambda r, tau, limit: [analytic.cylinder(r, height, x, tau) for x in offsets], radius, inner)
-    raised = (radius * vertices + [0, 0, height], faces)
-    points = [(x, 0.0, 0.0) for x in offsets]
-    return _above_plane(name, points, raised, bounds, falloffs, seed=36, missing=_missing(far))
+    bounds = [closed_form(analytic.cylinder, *((r, height, x) for x in offsets)) for r in (radius, inner)]
+    raised, points = (radius * vertices + [0, 0, height], faces), [(x, 0.0, 0.0) for x in offsets]
+    return _above_plane(name, 36, points, raised, bounds, falloffs, missing=_missing(far))

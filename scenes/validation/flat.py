@@ -1,22 +1,19 @@
 """Validation scenes of planes and polygons, where the only error beside the estimator's is truncation."""
 
-from functools import partial
 from math import cos, inf, pi, radians, sin
 
 import numpy as np
 
 from ao.analytic import closed_forms as analytic
-from ao.analytic.closed_forms import Rate
 from ao.analytic.form_factor import polygon_form_factor
 from ao.falloff import Binary, Exponential, Falloff, Linear, Smooth
 from raytrace.types import Float64s
 
 from ..geometry.polyhedra import generic_rotation, hull, icosphere, join, patches, polygon
-from .configurations import ClosedForm, Setting, posed
+from .configurations import BOTH, ClosedForm, Setting, closed_form, posed
 
 _Point = tuple[float, float, float]
 UP = np.array([0.0, 0.0, 1.0])
-BOTH: tuple[Falloff, ...] = (Binary(), Exponential(tau=1.0))
 FAR = 1000.0  # binary stand-ins of infinite walls: they miss about distance/(2·FAR)
 NEAR = 60.0  # exponential ones: e^(−τ·NEAR) of that
 # Sets whose standard error at 4,096 rays is about .001, so that an error above .004 is a fault and not bad luck; edges
@@ -33,30 +30,31 @@ def flat_settings() -> list[Setting]:
         *_trenches(),
         *_boxes(),
         _tilted(),
-        *(_triangles(seed) for seed in TRIANGLE_SEEDS),
+        *map(_triangles, TRIANGLE_SEEDS),
         _pentagon(),
     ]
 
 
 def _setting(
+    points: list[_Point],
     name: str,
-    points: Float64s,
     occluders: list[Float64s],
-    exact: ClosedForm,
+    exact: ClosedForm | None,
     falloffs: tuple[Falloff, ...],
     *,
     beyond: float = inf,
     patch: float = 0.1,
     seed: int | None = None,
 ) -> Setting:
-    """Receivers in the plane z = 0 under convex polygons; what an infinite truth misses is measured by Lambert."""
+    """Receivers in the plane z = 0 under convex polygons.
+
+    Args: exact: None: by Lambert's formula, which else measures what an infinite truth misses.
+    """
     mesh = posed(join([patches(points, patch), *map(polygon, occluders)]), seed, source=name)
-    rows, missing = 3 * np.arange(len(points)), 0.0
-    if beyond < inf:
-        whole = 1.0 - np.broadcast_to(np.asarray(exact(None, inf)), len(points))
-        finite = [sum(polygon_form_factor(occluder, p, UP) for occluder in occluders) for p in points]
-        missing = float(np.abs(whole - finite).max())
-    return Setting(name=name, mesh=mesh, points=rows, exact=exact, falloffs=falloffs, missing=missing, beyond=beyond)
+    open_parts = 1.0 - np.array([sum(polygon_form_factor(each, p, UP) for each in occluders) for p in points])
+    missing = float(np.abs(np.subtract(exact(None, inf), open_parts)).max()) if exact and beyond < inf else 0.0
+    rows = 3 * np.arange(len(points))
+    return Setting(name, mesh, rows, exact or (lambda *_: open_parts), falloffs, missing=missing, beyond=beyond)
 
 
 def _rectangle(corner: _Point, u: _Point, v: _Point) -> Float64s:
@@ -65,76 +63,59 @@ def _rectangle(corner: _Point, u: _Point, v: _Point) -> Float64s:
 
 
 def _open() -> list[Setting]:
-    plane = patches(np.random.default_rng(0).normal(size=(8, 3)) * [1.0, 1.0, 0.0], 0.5)
-    cube = hull([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-    tetrahedron = hull([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])
     directions = np.random.default_rng(1).normal(size=(40, 3))
-    pebble = hull(directions / np.linalg.norm(directions, axis=1, keepdims=True) * [1.0, 0.7, 0.2])
-    shapes = {"plane": plane, "cube from outside": cube, "tetrahedron": tetrahedron, "icosphere": icosphere(1)}
-    settings = []
-    for seed, (shape, part) in enumerate((shapes | {"convex hull": pebble}).items()):
-        mesh, name, points = posed(part, seed, source=shape), f"nothing above: {shape}", np.arange(len(part[0]))
-        settings.append(Setting(name=name, mesh=mesh, points=points, exact=lambda tau, limit: 1.0, falloffs=BOTH))
-    return settings
+    shapes = {
+        "plane": patches(np.random.default_rng(0).normal(size=(8, 3)) * [1.0, 1.0, 0.0], 0.5),
+        "cube from outside": hull([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]),
+        "tetrahedron": hull([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)]),
+        "icosphere": icosphere(1),
+        "convex hull": hull(directions / np.linalg.norm(directions, axis=1, keepdims=True) * [1.0, 0.7, 0.2]),
+    }
+    return [
+        Setting(
+            f"nothing above: {shape}", posed(part, seed, source=shape), np.arange(len(part[0])), lambda *_: 1.0, BOTH
+        )
+        for seed, (shape, part) in enumerate(shapes.items())
+    ]
 
 
 def _ceiling() -> Setting:
     size, height = 100.0, 0.7
-    points = np.array([[0.0, 0.0, 0.0], [3.0, -2.0, 0.0]])
     slab = _rectangle((-size, -size, height), (2 * size, 0, 0), (0, 2 * size, 0))
     limits = (Binary(2 * height), Exponential(tau=1.0, max_distance=2 * height), Binary(0.9 * height))
     falloffs = (*BOTH, Exponential(tau=5.0), *limits, Linear(2 * height), Smooth(3 * height))
-
-    def exact(tau: Rate, limit: float) -> float:
-        return analytic.ceiling(height, tau, limit)
-
-    return _setting("ceiling", points, [slab], exact, falloffs, beyond=size - 3.0, patch=1.0, seed=10)
+    exact, points = closed_form(analytic.ceiling, (height,)), [(0.0, 0.0, 0.0), (3.0, -2.0, 0.0)]
+    return _setting(points, "ceiling", [slab], exact, falloffs, beyond=size - 3.0, patch=1.0, seed=10)
 
 
 def _walls(extent: float, falloffs: tuple[Falloff, ...]) -> list[Setting]:
-    points = np.array([[0.5, 0.5, 0.0], [1.0, 0.4, 0.0]])
-    beyond, patch = extent - 2.0, 0.3 * extent
+    points = [(0.5, 0.5, 0.0), (1.0, 0.4, 0.0)]
     tall = _rectangle((0, -extent, 0), (0, 2 * extent, 0), (0, 0, extent))
     quarter = [_rectangle((0, 0, 0), along, (0, 0, extent)) for along in ((extent, 0, 0), (0, extent, 0))]
-
-    def single(tau: Rate, limit: float) -> list[float]:
-        return [analytic.wall(x, inf, tau, limit) for x, _, _ in points]
-
-    def corner(tau: Rate, limit: float) -> list[float]:
-        return [analytic.corner(x, y, tau) for x, y, _ in points]
-
-    def groove(angle: float) -> ClosedForm:
-        return lambda tau, limit: [analytic.groove(angle, x, tau) for x, _, _ in points]
-
     limited = () if extent == FAR else (Binary(1.5), Exponential(tau=0.4, max_distance=1.5), Linear(3.0), Smooth(3.0))
-    settings = [
-        _setting("infinite wall", points, [tall], single, falloffs + limited, beyond=beyond, patch=patch, seed=11),
-        _setting("corner of two walls", points, quarter, corner, falloffs, beyond=beyond, patch=patch, seed=12),
+    rows = [
+        ("infinite wall", [tall], closed_form(analytic.wall, *((x, inf) for x, _, _ in points)), falloffs + limited),
+        ("corner of two walls", quarter, closed_form(analytic.corner, *(p[:2] for p in points)), falloffs),
     ]
-    for seed, degrees in enumerate((40, 90, 140), 13):
+    for degrees in (40, 90, 140):
         angle = radians(degrees)
         side = _rectangle((0, -extent, 0), (0, 2 * extent, 0), (extent * cos(angle), 0, extent * sin(angle)))
-        name = f"V-groove of {degrees}°"
-        settings.append(_setting(name, points, [side], groove(angle), falloffs, beyond=beyond, patch=patch, seed=seed))
-    return settings
+        exact = closed_form(analytic.groove, *((angle, x) for x, _, _ in points))
+        rows.append((f"V-groove of {degrees}°", [side], exact, falloffs))
+    beyond, patch = extent - 2.0, 0.3 * extent
+    return [_setting(points, *row, beyond=beyond, patch=patch, seed=seed) for seed, row in enumerate(rows, 11)]
 
 
 def _trenches() -> list[Setting]:
     length, depth, width = 20.0, 0.8, 1.0
-    points = np.array([[0.25, 0.0, 0.0], [0.5, 1.0, 0.0], [0.9, -1.0, 0.0]])
-    right = _rectangle((width, -length, 0), (0, 2 * length, 0), (0, 0, depth))
-    left = _rectangle((0, -length, 0), (0, 2 * length, 0), (0, 0, depth))
+    left, right = (_rectangle((x, -length, 0), (0, 2 * length, 0), (0, 0, depth)) for x in (0, width))
     falloffs = (Binary(), Exponential(tau=2.0), Binary(0.9), Exponential(tau=2.0, max_distance=0.9), Linear(0.9))
-
-    def trench(tau: Rate, limit: float) -> list[float]:
-        return [analytic.trench(x, width - x, depth, tau, limit) for x, _, _ in points]
-
-    def wall(tau: Rate, limit: float) -> list[float]:
-        return [analytic.wall(width - x, depth, tau, limit) for x, _, _ in points]
-
+    points = [(0.25, 0.0, 0.0), (0.5, 1.0, 0.0), (0.9, -1.0, 0.0)]
+    trench = closed_form(analytic.trench, *((x, width - x, depth) for x, _, _ in points))
+    wall = closed_form(analytic.wall, *((width - x, depth) for x, _, _ in points))
     return [
-        _setting("trench", points, [right, left], trench, falloffs, beyond=length - 1),
-        _setting("wall", points, [right], wall, falloffs, beyond=length - 1, seed=16),
+        _setting(points, "trench", [right, left], trench, falloffs, beyond=length - 1),
+        _setting(points, "wall", [right], wall, falloffs, beyond=length - 1, seed=16),
     ]
 
 
@@ -153,30 +134,22 @@ def _boxes() -> list[Setting]:
         faces = faces[:, ::-1][(vertices[faces][:, :, 2] > 0).any(axis=1)]
         floor = np.array([[0, 0, 0], *corners[[0, 4, 6, 2]]], dtype=np.float64)
         fan = np.array([[0, i, i % 4 + 1] for i in range(1, 5)])
-
-        exact = partial(analytic.box, sides, height)
         mesh = posed(join([(floor, fan), (vertices, faces)]), seed, source=name)
-        settings.append(Setting(name=name, mesh=mesh, points=np.array([0]), exact=exact, falloffs=falloffs))
+        settings.append(Setting(name, mesh, np.array([0]), closed_form(analytic.box, (sides, height)), falloffs))
     return settings
 
 
 def _tilted() -> Setting:
-    tilts = np.radians([15.0, 45.0, 80.0])
+    tilts, angles = np.radians([15.0, 45.0, 80.0]), 2 * pi * np.arange(6) / 6
     points = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]])
-    angles = 2 * pi * np.arange(6) / 6
     fan = np.concatenate([np.zeros((1, 3)), np.stack([np.cos(angles), np.sin(angles), np.zeros(6)], axis=-1)])
     vertices = (points[:, None] + fan).reshape(-1, 3)
     faces = np.array([[7 * k, 7 * k + 1 + i, 7 * k + 1 + (i + 1) % 6] for k in range(3) for i in range(6)])
     normals = np.full_like(vertices, np.nan)
     normals[::7] = [(sin(t) * cos(5 * t), sin(t) * sin(5 * t), cos(t)) for t in tilts]
-    return Setting(
-        name="tilted normal",
-        mesh=posed((vertices, faces), 19, normals, source="tilted normal"),
-        points=7 * np.arange(3),
-        exact=lambda tau, limit: [analytic.tilted_normal(t) for t in tilts],
-        falloffs=(Binary(),),
-        normals="file",
-    )
+    mesh = posed((vertices, faces), 19, normals, source="tilted normal")
+    exact = [analytic.tilted_normal(t) for t in tilts]
+    return Setting("tilted normal", mesh, 7 * np.arange(3), lambda *_: exact, (Binary(),), normals="file")
 
 
 def _triangles(seed: int) -> Setting:
@@ -189,16 +162,13 @@ def _triangles(seed: int) -> Setting:
     directions, faces = hull(directions / np.linalg.norm(directions, axis=1, keepdims=True))
     chosen = faces[rng.random(len(faces)) < 0.4]
     occluders = list(directions[chosen] * rng.uniform(0.5, 3.0, size=(len(chosen), 3, 1)))
-    open_part = 1.0 - sum(polygon_form_factor(occluder, np.zeros(3), UP) for occluder in occluders)
     name = f"polygons by Lambert's formula, {len(occluders)} triangles"
-    return _setting(name, np.zeros((1, 3)), occluders, lambda tau, limit: open_part, (Binary(),), seed=seed)
+    return _setting([(0.0, 0.0, 0.0)], name, occluders, None, (Binary(),), seed=seed)
 
 
 def _pentagon() -> Setting:
     angles = 2 * pi * np.arange(5) / 5
     corners = np.stack([np.cos(angles), 1.3 * np.sin(angles), np.zeros(5)], axis=-1)
     pentagon = generic_rotation(3).apply(corners) + np.array([0.2, 0.1, 0.6])
-    points = np.array([[0.0, 0.0, 0.0], [1.0, 0.5, 0.0], [-0.8, 0.9, 0.0], [0.5, -1.2, 0.0], [-2.0, -0.5, 0.0]])
-    covered = np.array([polygon_form_factor(pentagon, p, UP) for p in points])
-    name = "polygon by Lambert's formula, pentagon"
-    return _setting(name, points, [pentagon], lambda tau, limit: 1.0 - covered, (Binary(),), seed=20)
+    points = [(0.0, 0.0, 0.0), (1.0, 0.5, 0.0), (-0.8, 0.9, 0.0), (0.5, -1.2, 0.0), (-2.0, -0.5, 0.0)]
+    return _setting(points, "polygon by Lambert's formula, pentagon", [pentagon], None, (Binary(),), seed=20)
