@@ -9,6 +9,7 @@ import numpy as np
 
 from raytrace.kernel.arrays import borrow
 from raytrace.kernel.jit import kernel
+from raytrace.kernel.vector import dot
 from raytrace.mesh.opacity import PackedOpacity
 from raytrace.mesh.opacity_lookup import alphas
 from raytrace.types import AnyFloats, Float32s, Int64s
@@ -44,9 +45,7 @@ def leave_out_below(points, sides, table, out):
             continue
         chosen, turn = choose(points.numbers[i], table)
         t, b = turned_frame(n, turn)
-        x = t[0] * side[0] + t[1] * side[1] + t[2] * side[2]
-        y = b[0] * side[0] + b[1] * side[1] + b[2] * side[2]
-        z = n[0] * side[0] + n[1] * side[1] + n[2] * side[2]
+        x, y, z = dot(t, side), dot(b, side), dot(n, side)
         local, below = directions[chosen], 0
         for k in range(samples):
             below += x * local[0, k] + y * local[1, k] + z * local[2, k] < 0.0

@@ -47,10 +47,6 @@ class DirectionTable(NamedTuple):
     leap: np.int64
     step: np.float64
 
-    @property
-    def samples(self) -> int:
-        return len(self.batches)
-
     @classmethod
     def make(cls, samples: int, points: int, key: np.uint32, leap: int = 1, cone: float = 1.0) -> DirectionTable:
         """A table for gathering at `points` points: so many sets that making them costs little beside that.

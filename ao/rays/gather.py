@@ -15,8 +15,8 @@ from raytrace.kernel.vector import load
 
 from ..mu import add_losses, fades
 from .directions import BATCHES, choose, turned_frame
-from .layers import clear, lost, rays_that_met
-from .ray_blocks import T_MISS, init_rays
+from .layers import clear, lose, rays_that_met
+from .ray_blocks import init_rays
 from .ray_packet import aim, mu_of, passed_of, start_from, trace
 from .traverse import traverse
 
@@ -74,10 +74,7 @@ def _lost_by_lane(rays, lane, fading, falloff, columns, passed, losses):
 
 @kernel
 def gather_streams(tree, rays, state, points, table, falloff, t_max, out):
-    """Estimate the obscurance of n points, as `gather_hemispheres` does with Embree.
-
-    Args: tree: BVH16. rays: Rays and state: TraversalState, overwritten; if that has layers, faces have alpha.
-    """
+    """`gather_hemispheres` by a BVH16, in Rays and a TraversalState, whose layers are None where all is opaque."""
     tree, rays, state = borrow(tree), borrow(rays), borrow(state)
     points, table, out = borrow(points), borrow(table), borrow(out)
     falloff, t_max = borrow(falloff), np.float32(t_max)
@@ -97,28 +94,9 @@ def gather_streams(tree, rays, state, points, table, falloff, t_max, out):
             while met != 0:
                 ray = WIDE * k + lowest_bit(met)
                 met &= met - 1
-                _lost_by_ray(state.layers, rays, ray, falloff, falloff.columns, losses)
+                lose(state.layers, rays, ray, falloff, falloff.columns, losses)
                 _add(losses, table.batches[ray], table.directions[chosen], ray, sums)
         _write(out[i], sums, table, chosen, (t, b, normal))
-
-
-@inline
-def _lost_by_ray(layers, rays, ray, falloff, columns, losses):
-    """Write 1 − μ of a ray by each falloff, see `layers.lost`."""
-    if columns is None:
-        losses[0] = lost(layers, rays, ray, falloff)
-        return
-    losses[:] = 0.0
-    t_hit, left = rays.t_hit[ray // WIDE, ray % WIDE], 1.0
-    if layers is not None:
-        for layer in range(layers.counts[ray]):
-            distance, found = layers.distances[ray, layer], np.float64(layers.alphas[ray, layer])
-            if distance >= t_hit:
-                break
-            add_losses(columns, distance, left * found, losses)
-            left *= 1.0 - found
-    if t_hit < T_MISS:
-        add_losses(columns, t_hit, left, losses)
 
 
 @inline

@@ -14,12 +14,12 @@ import numpy as np
 
 from raytrace.kernel.jit import inline
 from raytrace.kernel.simd import WIDE, bits, load_row
-from raytrace.kernel.vector import cross, dot, subtract
+from raytrace.kernel.vector import column, cross, dot, subtract
 from raytrace.mesh.opacity import PackedOpacity
 from raytrace.mesh.opacity_lookup import alpha
 from raytrace.types import Float32s, Int64s
 
-from ..mu import KernelMu, faded, fades
+from ..mu import KernelMu, add_losses, faded, fades
 from .ray_blocks import T_MISS, deactivate, is_active, shrink_t_max
 
 LEAST = 2.0**-12  # of a ray: what is left of it where it ends
@@ -75,17 +75,10 @@ def pass_through(leaf, rays, block, lane, place, distance, closest, t_max):
     layers, faces, triangles, origin = leaf
     if closest and distance >= rays.t_hit[block, lane]:
         return
-    count = len(rays.t_hit)
-    v = (
-        np.float64(rays.directions[block, lane]),
-        np.float64(rays.directions[count + block, lane]),
-        np.float64(rays.directions[2 * count + block, lane]),
-    )
-    a, b, c = (
-        _corner(triangles, place, 0, origin),
-        _corner(triangles, place, 3, origin),
-        _corner(triangles, place, 6, origin),
-    )
+    v = column(rays.directions, block, len(rays.t_hit), lane)
+    a = subtract(column(triangles, 0, 1, place), origin)
+    b = subtract(column(triangles, 3, 1, place), origin)
+    c = subtract(column(triangles, 6, 1, place), origin)
     first, second, third = dot(v, cross(b, c)), dot(v, cross(c, a)), dot(v, cross(a, b))
     total = first + second + third  # v·2N: above 0 the ray meets the back
     if total > 0.0 and layers.opacity.one_sided != 0:
@@ -103,16 +96,6 @@ def pass_through(leaf, rays, block, lane, place, distance, closest, t_max):
             shrink_t_max(rays, block, t_max)
         else:
             deactivate(rays, block, 1 << lane)
-
-
-@inline
-def _corner(triangles, place, row, origin):
-    x, y, z = (
-        np.float64(triangles[row, place]),
-        np.float64(triangles[row + 1, place]),
-        np.float64(triangles[row + 2, place]),
-    )
-    return subtract((x, y, z), origin)
 
 
 @inline
@@ -143,21 +126,27 @@ def rays_that_met(layers, rays, block, sent, closest):
 
 
 @inline
-def lost(layers, rays, ray, falloff):
-    """1 − μ of a ray."""
-    t_hit = rays.t_hit[ray // WIDE, ray % WIDE]
-    fading = fades(falloff)
-    if layers is None:
-        return 1.0 - faded(t_hit, falloff) if fading else 1.0
-    if not fading and not is_active(rays, ray):
-        return 1.0
-    loss, left = 0.0, 1.0
-    for layer in range(layers.counts[ray]):
-        distance, found = layers.distances[ray, layer], np.float64(layers.alphas[ray, layer])
-        if distance >= t_hit:
-            break
-        loss += left * found * (1.0 - faded(distance, falloff) if fading else 1.0)
-        left *= 1.0 - found
+def lose(layers, rays, ray, falloff, columns, losses):
+    """Write 1 − μ of a ray of those `rays_that_met`, float64 (k,): by a `KernelMu`, or by each of its k `columns`."""
+    losses[:] = 0.0
+    if not fades(falloff) and (layers is None or not is_active(rays, ray)):
+        losses[0] = 1.0
+        return
+    t_hit, left = rays.t_hit[ray // WIDE, ray % WIDE], 1.0
+    if layers is not None:
+        for layer in range(layers.counts[ray]):
+            distance, found = layers.distances[ray, layer], np.float64(layers.alphas[ray, layer])
+            if distance >= t_hit:
+                break
+            _lose_at(distance, left * found, falloff, columns, losses)
+            left *= 1.0 - found
     if t_hit < T_MISS:
-        loss += left * (1.0 - faded(t_hit, falloff))
-    return loss
+        _lose_at(t_hit, left, falloff, columns, losses)
+
+
+@inline
+def _lose_at(distance, share, falloff, columns, losses):
+    if columns is not None:
+        add_losses(columns, distance, share, losses)
+    else:
+        losses[0] += share * (1.0 - faded(distance, falloff) if fades(falloff) else 1.0)

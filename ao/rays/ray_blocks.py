@@ -22,6 +22,7 @@ from raytrace.kernel.simd import (
     select,
     store_row,
 )
+from raytrace.kernel.vector import dot, scale
 from raytrace.types import Float32s, Int64s
 
 from .directions import DirectionTable
@@ -71,6 +72,16 @@ def root(a):
 
 
 @inline
+def cone_around(centre, squared_radius):
+    """The cones around sixteen balls: axes, cosines, sines; how far away their centres are, and their radii."""
+    squared, radius = max(dot(centre, centre), TINY), root(squared_radius)
+    nearness = reciprocal_root(squared)
+    sine = radius * nearness + SLACK
+    cosine = select(sine < ONE, root(max(ONE - sine * sine, ZERO)), FULL_SPHERE)
+    return scale(nearness, centre), cosine, sine, squared * nearness, radius
+
+
+@inline
 def along(rows, k, count, v):
     """The dot products of a triple with the sixteen vectors in rows k, count + k and 2·count + k."""
     xy = multiply_add(load_row(rows, count + k), v[1], load_row(rows, 2 * count + k) * v[2])
@@ -116,10 +127,7 @@ def blocks_within(rays, g, axis, cosine, sine):
 
 @inline
 def list_within(rays, axis, cosine, gap, max_count, out, first):
-    """List the active rays within a cone that still matter at distance `gap`, if there are at most `max_count`.
-
-    Returns: how many, −1 for more; from out[first] on their numbers.
-    """
+    """List from out[first] on the active rays within a cone that matter at distance `gap`; −1 for over `max_count`."""
     count, sine = 0, np.float32(np.sqrt(max(ONE - cosine * cosine, ZERO))) + SLACK
     for g in range(len(rays.groups)):
         inside = blocks_within(rays, g, axis, cosine, sine)

@@ -11,19 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from raytrace.embree import packets
-from raytrace.embree.packets import (
-    DIR_X,
-    DIR_Y,
-    DIR_Z,
-    LANES,
-    ORG_X,
-    ORG_Y,
-    ORG_Z,
-    TFAR,
-    intersect8,
-    new_packet,
-    occluded8,
-)
+from raytrace.embree.packets import LANES, TFAR
 from raytrace.embree.scene import EmbreeScene
 from raytrace.kernel.jit import inline
 from raytrace.mesh.opacity import PackedOpacity
@@ -53,14 +41,15 @@ class RayPacket(NamedTuple):
     @classmethod
     def of(cls, scene: EmbreeScene, opacity: PackedOpacity | None = None) -> RayPacket:
         """A new packet, all lanes valid."""
-        return cls(scene.handle, *new_packet(), opacity)
+        return cls(scene.handle, *packets.new_packet(), opacity)
 
 
 @inline
 def start_from(rays, origin):
     """Let all rays of a packet, float32 (22, 8), start at a point."""
     for lane in range(LANES):
-        rays[ORG_X, lane], rays[ORG_Y, lane], rays[ORG_Z, lane] = origin[0], origin[1], origin[2]
+        for axis in range(3):
+            rays[packets.ORG_X + axis, lane] = origin[axis]
 
 
 @inline
@@ -68,9 +57,9 @@ def aim(rays, local, first, t, b, n, t_max):
     """Turn eight of the directions `local` about +z, (3, samples), into the frame t, b, n; rays of length `t_max`."""
     for lane in range(LANES):
         x, y, z = local[0, first + lane], local[1, first + lane], local[2, first + lane]
-        rays[DIR_X, lane] = x * t[0] + y * b[0] + z * n[0]
-        rays[DIR_Y, lane] = x * t[1] + y * b[1] + z * n[1]
-        rays[DIR_Z, lane] = x * t[2] + y * b[2] + z * n[2]
+        rays[packets.DIR_X, lane] = x * t[0] + y * b[0] + z * n[0]
+        rays[packets.DIR_Y, lane] = x * t[1] + y * b[1] + z * n[1]
+        rays[packets.DIR_Z, lane] = x * t[2] + y * b[2] + z * n[2]
         rays[TFAR, lane] = t_max
 
 
@@ -79,7 +68,7 @@ def passed_of(opacity):
     """Room for what the rays of a packet pass; None where all faces are opaque."""
     if opacity is None:
         return None
-    return np.zeros((4, packets.LANES))
+    return np.zeros((4, LANES))
 
 
 @inline
@@ -88,9 +77,9 @@ def trace(packet, closest, falloff, t_max, passed):
     if passed is not None:
         _trace_through(packet, falloff, t_max, passed)
     elif closest:
-        intersect8(packet.scene, packet.rays, packet.valid)
+        packets.intersect8(packet.scene, packet.rays, packet.valid)
     else:
-        occluded8(packet.scene, packet.rays, packet.valid)
+        packets.occluded8(packet.scene, packet.rays, packet.valid)
 
 
 @inline
@@ -99,10 +88,10 @@ def mu_of(rays, lane, closest, falloff, passed):
     if passed is not None:
         return 1.0 - passed[_LOST, lane]
     if not closest:
-        return 0.0 if rays[packets.TFAR, lane] < 0.0 else 1.0
+        return 0.0 if rays[TFAR, lane] < 0.0 else 1.0
     if rays.view(np.uint32)[packets.GEOM_ID, lane] == packets.INVALID:
         return 1.0
-    return _mu_at(rays[packets.TFAR, lane], falloff)
+    return _mu_at(rays[TFAR, lane], falloff)
 
 
 @inline
@@ -131,23 +120,23 @@ def _trace_through(packet, falloff, t_max, passed):
     rays, valid = packet.rays, packet.valid
     ids = rays.view(np.uint32)
     asked = going = 0
-    for lane in range(packets.LANES):
+    for lane in range(LANES):
         passed[_LEFT, lane], passed[_LOST, lane], passed[_BACKS, lane], passed[_LAST, lane] = 1.0, 0.0, 0.0, -1.0
         asked |= -valid[lane] << lane
     going = asked
     while going != 0:
-        intersect8(packet.scene, rays, valid)
-        for lane in range(packets.LANES):
+        packets.intersect8(packet.scene, rays, valid)
+        for lane in range(LANES):
             if valid[lane] == 0:
                 continue
             if ids[packets.GEOM_ID, lane] != packets.INVALID:
                 _meet(packet.opacity, falloff, rays, lane, passed)
-                rays[packets.TNEAR, lane] = max(rays[packets.TFAR, lane] * _FARTHER, _LEAST_T)
-                rays[packets.TFAR, lane] = t_max
+                rays[packets.TNEAR, lane] = max(rays[TFAR, lane] * _FARTHER, _LEAST_T)
+                rays[TFAR, lane] = t_max
             if ids[packets.GEOM_ID, lane] == packets.INVALID or passed[_LEFT, lane] <= LEAST:
                 valid[lane] = 0
                 going &= ~(1 << lane)
-    for lane in range(packets.LANES):
+    for lane in range(LANES):
         valid[lane] = -(asked >> lane & 1)
         rays[packets.TNEAR, lane] = 0.0
 
@@ -160,6 +149,6 @@ def _meet(opacity, falloff, rays, lane, passed):
         return
     share = passed[_LEFT, lane] * alpha(opacity, face, rays[packets.U, lane], rays[packets.V, lane])
     passed[_LEFT, lane] -= share
-    passed[_LOST, lane] += share * (1.0 - _mu_at(rays[packets.TFAR, lane], falloff))
+    passed[_LOST, lane] += share * (1.0 - _mu_at(rays[TFAR, lane], falloff))
     passed[_BACKS, lane] += share * _is_back(rays, lane)
     passed[_LAST, lane] = face

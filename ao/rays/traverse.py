@@ -20,16 +20,16 @@ from raytrace.bvh.bvh16 import BVH16
 from raytrace.bvh.oriented import along_axes, box_offsets
 from raytrace.kernel.arrays import aligned
 from raytrace.kernel.jit import inline
-from raytrace.kernel.simd import WIDE, bits, lowest_bit, reciprocal_root, select, store_row
-from raytrace.kernel.vector import dot, subtract
+from raytrace.kernel.simd import WIDE, bits, lowest_bit, select, store_row
+from raytrace.kernel.vector import column, dot, subtract
 from raytrace.system.processor import lanes
 from raytrace.types import Float32s, Int64s
 
 from ..mu import KernelMu, fades
 from ..options import MAX_SAMPLES, Traversal
 from .layers import Layers, leaf_of
-from .ray_blocks import FULL_SPHERE, LEAST, ONE, SLACK, TINY, ZERO, is_active, list_active, list_within, root
-from .triangles import PLANES, find_cones, find_planes, intersect_by_rays, intersect_by_triangles
+from .ray_blocks import FULL_SPHERE, LEAST, ONE, SLACK, ZERO, cone_around, is_active, list_active, list_within, root
+from .triangles import PLANES, find_cones, find_planes, intersect_by_rays, intersect_by_triangles, store_triple
 
 _LISTED = 32
 _ENTRIES = 1 << 8  # of the stack: fifteen brothers a level
@@ -151,15 +151,11 @@ def _push(state, opened, waiting, child, level, first, listed):
 def _open_children(boxes, node, state, origin, normal, lowest_sine, t_max):
     """Write the bounds of a node's children in aligned boxes; bits of those within t_max above the lowest ray."""
     d, half, gap = _relative(boxes, None, node, origin)
-    squared = max(dot(d, d), TINY)
-    nearness = reciprocal_root(squared)
-    radius, distance = root(dot(half, half)), squared * nearness
+    axis, cosine, _, distance, radius = cone_around(d, dot(half, half))
     upright = abs(normal[0]), abs(normal[1]), abs(normal[2])
     height = dot(d, normal) + dot(half, upright) + SLACK * (distance + radius)
-    sine = radius * nearness + SLACK
-    for axis in range(3):
-        store_row(state.children, _AXIS + axis, d[axis] * nearness)
-    store_row(state.children, _COSINE, select(sine < ONE, root(max(ONE - sine * sine, ZERO)), FULL_SPHERE))
+    store_triple(state.children, _AXIS, axis)
+    store_row(state.children, _COSINE, cosine)
     store_row(state.children, _GAP, gap * (ONE - SLACK))
     return bits((height > lowest_sine * gap) & (gap * (ONE - SLACK) <= t_max))
 
@@ -189,7 +185,7 @@ def _reciprocals(rays, ray, axes, node, used):
 @inline
 def _repeated(rows, k, lane, count, mask):
     """A vector in rows k, count + k and 2·count + k as a triple of lanes."""
-    x, y, z = rows[k, lane], rows[count + k, lane], rows[2 * count + k, lane]
+    x, y, z = column(rows, k, count, lane)
     return select(mask, x, x), select(mask, y, y), select(mask, z, z)
 
 

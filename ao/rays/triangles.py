@@ -10,36 +10,11 @@ where a corner is near, a × b does. Nothing is allowed for rounding: near a cor
 import numpy as np
 
 from raytrace.kernel.jit import inline
-from raytrace.kernel.simd import (
-    WIDE,
-    bits,
-    load_row,
-    lowest,
-    lowest_bit,
-    multiply_add,
-    pick,
-    reciprocal_root,
-    select,
-    some,
-    store_row,
-)
-from raytrace.kernel.vector import add, dot, scale, subtract
+from raytrace.kernel.simd import WIDE, bits, load_row, lowest, lowest_bit, multiply_add, pick, select, some, store_row
+from raytrace.kernel.vector import add, choose, column, dot, scale, subtract
 
 from .layers import has_alpha, pass_through
-from .ray_blocks import (
-    FULL_SPHERE,
-    ONE,
-    SLACK,
-    T_MISS,
-    TINY,
-    ZERO,
-    along,
-    blocks_within,
-    deactivate,
-    is_active,
-    root,
-    shrink_t_max,
-)
+from .ray_blocks import ONE, SLACK, T_MISS, ZERO, along, blocks_within, cone_around, deactivate, is_active, shrink_t_max
 
 PLANES = 18  # rows of sixteen: the three edges' normals, N, a·N, and a cone around each: axis, cosine, sine
 _NORMAL, _VOLUME, _AXIS, _COSINE, _SINE = 9, 12, 13, 16, 17
@@ -49,11 +24,7 @@ _THIRD = np.float32(1.0 / 3.0)
 
 @inline
 def find_planes(triangles, origin, planes):
-    """Write the planes of sixteen triangles of a `BVH16`, float32 (9, 16), seen from a point.
-
-    Args: planes: float32 (PLANES, 16), written.
-    Returns: their corners, triples of lanes, relative to the point.
-    """
+    """Write the planes (PLANES, 16) of triangles of a `BVH16`, (9, 16), seen from a point; gives relative corners."""
     a = subtract((load_row(triangles, 0), load_row(triangles, 1), load_row(triangles, 2)), origin)
     b = subtract((load_row(triangles, 3), load_row(triangles, 4), load_row(triangles, 5)), origin)
     c = subtract((load_row(triangles, 6), load_row(triangles, 7), load_row(triangles, 8)), origin)
@@ -61,10 +32,10 @@ def find_planes(triangles, origin, planes):
     n = _normal(ab, bc, ca)
     volume = multiply_add(a[0], n[0], multiply_add(a[1], n[1], a[2] * n[2]))
     side = select(volume < ZERO, -ONE, ONE)  # so that all products are positive where a ray meets the triangle
-    _store(planes, 0, scale(side, _edge_plane(a, b, ab)))
-    _store(planes, 3, scale(side, _edge_plane(b, c, bc)))
-    _store(planes, 6, scale(side, _edge_plane(c, a, ca)))
-    _store(planes, _NORMAL, scale(side, n))
+    store_triple(planes, 0, scale(side, _edge_plane(a, b, ab)))
+    store_triple(planes, 3, scale(side, _edge_plane(b, c, bc)))
+    store_triple(planes, 6, scale(side, _edge_plane(c, a, ca)))
+    store_triple(planes, _NORMAL, scale(side, n))
     volume = abs(volume)
     store_row(planes, _VOLUME, select(volume > ZERO, volume, T_MISS))
     return a, b, c
@@ -72,21 +43,15 @@ def find_planes(triangles, origin, planes):
 
 @inline
 def find_cones(a, b, c, normal, lowest_sine, planes):
-    """Write the cones around sixteen triangles whose planes are found.
-
-    Args: normal: of the point's hemisphere. lowest_sine: of the elevation of the lowest ray.
-    Returns: bits of the triangles that have an area and reach above the lowest ray.
-    """
+    """Write the cones around triangles whose planes are found; bits of those with an area that reach above the lowest
+    ray, of whose elevation over the plane of `normal` the sine is given."""
     centre = scale(_THIRD, add(add(a, b), c))
     to_a, to_b, to_c = subtract(a, centre), subtract(b, centre), subtract(c, centre)
-    radius = root(max(max(dot(to_a, to_a), dot(to_b, to_b)), dot(to_c, to_c)))
-    squared = max(dot(centre, centre), TINY)
-    nearness = reciprocal_root(squared)
-    sine = radius * nearness + SLACK
-    _store(planes, _AXIS, scale(nearness, centre))
-    store_row(planes, _COSINE, select(sine < ONE, root(max(ONE - sine * sine, ZERO)), FULL_SPHERE))
+    squared_radius = max(max(dot(to_a, to_a), dot(to_b, to_b)), dot(to_c, to_c))
+    axis, cosine, sine, distance, radius = cone_around(centre, squared_radius)
+    store_triple(planes, _AXIS, axis)
+    store_row(planes, _COSINE, cosine)
     store_row(planes, _SINE, sine)
-    distance = squared * nearness
     height = max(max(dot(a, normal), dot(b, normal)), dot(c, normal)) + SLACK * (distance + radius)
     above = height > max(lowest_sine * (distance - radius), ZERO)
     return bits(above & (load_row(planes, _VOLUME) < T_MISS))
@@ -98,15 +63,9 @@ def _edge_plane(a, b, ab):
     both = add(a, b)
     squared_a, squared_b = dot(a, a), dot(b, b)
     near_a, near_b = _FOUR * squared_a < squared_b, _FOUR * squared_b < squared_a
-    first = _choose(near_a, a, _choose(near_b, b, ab))
-    second = _choose(near_a, b, _choose(near_b, scale(-ONE, a), both))
+    first = choose(near_a, a, choose(near_b, b, ab))
+    second = choose(near_a, b, choose(near_b, scale(-ONE, a), both))
     return _cross(first, second)
-
-
-@inline
-def _choose(mask, a, b):
-    """A triple of lanes out of two."""
-    return select(mask, a[0], b[0]), select(mask, a[1], b[1]), select(mask, a[2], b[2])
 
 
 @inline
@@ -131,15 +90,10 @@ def _normal(ab, bc, ca):
 
 
 @inline
-def _store(rows, first, v):
+def store_triple(rows, first, v):
     store_row(rows, first, v[0])
     store_row(rows, first + 1, v[1])
     store_row(rows, first + 2, v[2])
-
-
-@inline
-def _pick(rows, first, lane):
-    return rows[first, lane], rows[first + 1, lane], rows[first + 2, lane]
 
 
 @inline
@@ -158,7 +112,7 @@ def intersect_by_rays(rays, listed, first, last, planes, closest, t_max, leaf):
         k, lane = ray // WIDE, ray % WIDE
         if not is_active(rays, ray):
             continue
-        v = rays.directions[k, lane], rays.directions[blocks + k, lane], rays.directions[2 * blocks + k, lane]
+        v = column(rays.directions, k, blocks, lane)
         sides = along(planes, 0, 1, v), along(planes, 3, 1, v), along(planes, 6, 1, v)
         ahead = along(planes, _NORMAL, 1, v)
         met = _meets(sides, ahead, volume, t_max)
@@ -185,8 +139,9 @@ def intersect_by_triangles(rays, triangles, planes, closest, t_max, leaf):
     while triangles != 0:
         j = lowest_bit(triangles)
         triangles &= triangles - 1
-        ab, bc, ca, n = _pick(planes, 0, j), _pick(planes, 3, j), _pick(planes, 6, j), _pick(planes, _NORMAL, j)
-        axis, volume = _pick(planes, _AXIS, j), planes[_VOLUME, j]
+        ab, bc = column(planes, 0, 1, j), column(planes, 3, 1, j)
+        ca, n = column(planes, 6, 1, j), column(planes, _NORMAL, 1, j)
+        axis, volume = column(planes, _AXIS, 1, j), planes[_VOLUME, j]
         for g in range(len(rays.groups)):
             inside = blocks_within(rays, g, axis, planes[_COSINE, j], planes[_SINE, j])
             while inside != 0:

@@ -21,6 +21,12 @@ def triple(row, column):
 
 
 @inline
+def column(rows, first, step, lane):
+    """The vector of a lane: rows first, first + step and first + 2·step."""
+    return rows[first, lane], rows[first + step, lane], rows[first + 2 * step, lane]
+
+
+@inline
 def load_triangle(vertices, faces, f):
     """The corners of face `f` of `faces` (m, 3), rows of `vertices` (n, 3)."""
     return load(vertices, faces[f, 0]), load(vertices, faces[f, 1]), load(vertices, faces[f, 2])

@@ -11,7 +11,7 @@ SAMPLES, KEY = 50, np.uint32(7)
 def drawn(table, number):
     """Places on the disk (2, samples) of a point's directions, and which set they are."""
     chosen, turn = choose(np.uint32(number), table)
-    x, y = table.directions[chosen, :2, : table.samples].astype(np.float64)
+    x, y = table.directions[chosen, :2, : len(table.batches)].astype(np.float64)
     return np.array([x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn)]), int(chosen)
 
 

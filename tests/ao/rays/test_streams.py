@@ -152,7 +152,7 @@ class Prepared:
         chosen, turn = choose(self.points.numbers[i], self.table)
         normal = tuple(self.points.normals[i])
         frame = np.array([*turned_frame(normal, turn), normal], np.float64)
-        return self.table.directions[chosen, :, : self.table.samples].T.astype(np.float64) @ frame
+        return self.table.directions[chosen, :, : len(self.table.batches)].T.astype(np.float64) @ frame
 
 
 @pytest.mark.parametrize("name", ["hills", "soup"])
