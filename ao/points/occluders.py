@@ -49,8 +49,8 @@ def occluding(occluders: Sequence[Mesh | Any], high: Mesh | Any | None) -> list[
 
 def joined(meshes: Sequence[Mesh], all_normals: bool = False) -> Mesh:
     """Meshes as one, with the name of the first; normals of their own are those of the first alone, or all of them."""
-    first, *others = meshes
-    if not others:
+    first = meshes[0]
+    if len(meshes) == 1:
         return first
     vertices, faces = (np.concatenate([getattr(mesh, name) for mesh in meshes]) for name in ("vertices", "faces"))
     counts = [len(mesh.faces) for mesh in meshes]

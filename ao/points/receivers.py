@@ -20,7 +20,7 @@ from raytrace.mesh.morton import morton_order
 from raytrace.mesh.normals import face_normals, nonzero, normalize
 from raytrace.mesh.opacity import PackedOpacity
 from raytrace.mesh.placement import Placement
-from raytrace.ray_origins.origins import weld_points
+from raytrace.ray_origins.origins import WeldedPoints, weld_points
 from raytrace.ray_origins.surface import Surface
 from raytrace.system.checks import NEGLIGIBLE, check_memory
 from raytrace.system.threads import run_blocks, thread_count
@@ -95,25 +95,20 @@ class Receivers:
 
 
 class OffsetPoints(NamedTuple):
-    """Points of n vertices, with ray origins, before they are numbered; m faces that are not degenerate.
+    """Points of n vertices, with ray origins, before they are numbered.
 
     Attributes:
-        group: int64 (n,), the point of each vertex. first: int64 (k,), the first vertex of each point.
-        face_points: int64 (m, 3), the point at each corner of the faces of `surface`.
-        origins, axes: float64 (k, 3), of hemispheres. usable: bool (k,), points that have a hemisphere.
-        split: bool (k,), points whose faces share no hemisphere: folded or opposed. displaced: as `Receivers` has it.
-        flags: uint8 (n,). tree: over the faces. tree_seconds: how long it took to build.
+        welded: the points, their axes those of hemispheres. origins: float64 (k, 3), of rays.
+        usable: bool (k,), points that have a hemisphere.
+        split: bool (k,), those whose faces share no hemisphere: folded or opposed.
+        flags: uint8 (n,). tree: over the faces of `surface`. tree_seconds: how long it took to build.
     """
 
-    group: Int64s
-    first: Int64s
-    face_points: Int64s
+    welded: WeldedPoints
     surface: Surface
     origins: Float64s
-    axes: Float64s
     usable: Bools
     split: Bools
-    displaced: Float64s
     flags: UInt8s
     tree: BVH16
     tree_seconds: float
@@ -134,11 +129,10 @@ def offset_points(
     if normals == "file":
         axes = normalize(np.asarray(own_normals))
         welded = weld_points(vertices, faces, "angle", axes, SAME)
-        axes, folded = axes[welded.first], np.zeros(len(welded.first), np.bool_)
+        welded, folded = welded._replace(axes=axes[welded.first]), np.zeros(len(welded.first), np.bool_)
     else:
         welded = weld_points(vertices, faces, normals)
-        axes = welded.axes
-        folded = (welded.clearance <= 0) | nonzero(axes != welded.normals)
+        folded = (welded.clearance <= 0) | nonzero(welded.axes != welded.normals)
     surface = welded.surface(vertices)
     start = time.perf_counter()
     tree = BVH16.of(placed, welded.faces)
@@ -146,16 +140,13 @@ def offset_points(
     origins, decided = welded.ray_origins(tree, surface)
 
     group = welded.group
-    usable = nonzero(welded.directions) & nonzero(axes)
+    usable = nonzero(welded.directions) & nonzero(welded.axes)
     flags[~usable[group] & (flags == 0)] = Flag.DEGENERATE
     flags[(usable & decided)[group]] = Flag.CONTACT
     flags[(usable & folded)[group]] |= np.uint8(Flag.FOLDED)
     opposed = (usable & (welded.clearance <= 0))[group]
     flags[opposed] = flags[opposed] & np.uint8(Flag.CONTACT) | np.uint8(Flag.OPPOSED)
-    split = usable & folded
-    displaced = np.where(split, 0.0, np.minimum(_DISPLACED * welded.displacement(surface, origins), 0.5))
-    points = welded.first, welded.face_points, surface, origins, axes, usable, split, displaced
-    return OffsetPoints(group, *points, flags, tree, tree_seconds)
+    return OffsetPoints(welded, surface, origins, usable, usable & folded, flags, tree, tree_seconds)
 
 
 def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle") -> Receivers:
@@ -169,29 +160,31 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     if normals == "file" and mesh.normals is None:
         raise MeshError(mesh.source, "normals", "vertex normals in the mesh", "none")
     offset = offset_points(placement.vertices, mesh.faces, normals, mesh.normals)
-    rows = np.flatnonzero(offset.usable)
+    welded, rows = offset.welded, np.flatnonzero(offset.usable)
     few = len(rows) < len(offset.usable)
     order = morton_order(offset.origins.take(rows, axis=0) if few else offset.origins)
     rows, index = rows[order] if few else order, np.full(len(offset.usable), -1)
     origins, axes = np.empty((len(rows), 3), np.float32), np.empty((len(rows), 3), np.float32)
     points = Points(origins, axes, np.arange(len(rows), dtype=np.uint32))
-    take = bound(_take, rows, offset.origins, offset.axes, origins, axes, index)
+    take = bound(_take, rows, offset.origins, welded.axes, origins, axes, index)
     run_blocks(len(rows), _BLOCK, take, thread_count(None))
-    corners, faces = CornerSamples.none(), offset.surface.faces
+    displaced = np.minimum(_DISPLACED * welded.displacement(offset.surface, offset.origins), 0.5)
+    displaced[offset.split] = 0.0
+    corners, faces = CornerSamples.none(), welded.faces
     if offset.split.any():
-        split = np.flatnonzero(offset.split[offset.face_points])
+        split = np.flatnonzero(offset.split[welded.face_points])
         needed = corner_bytes(len(split))
         if needed > NEGLIGIBLE:
             check_memory(mesh.source, needed, f"for the {len(split):,} corners of folded vertices")
-        numbered = index[offset.face_points.ravel()[split]]
+        numbered = index[welded.face_points.ravel()[split]]
         corners = find_corner_samples(offset.tree, offset.surface, split, numbered, len(rows))
     embree = cache(partial(TriangleScene, placement.vertices, faces))
-    of_vertex, flags = index[offset.group], offset.flags
+    of_vertex, flags = index[welded.group], offset.flags
     opacity = mesh.opacity.packed() if mesh.opacity else None
     if opacity:
         opacity = opacity.only(face_normals(placement.vertices.astype(np.float64), mesh.faces)[1] > 0)
-    tree, displaced = (offset.tree, offset.tree_seconds), offset.displaced[rows]
-    return Receivers(points, corners, of_vertex, flags, faces, *tree, displaced, embree, opacity)
+    tree = offset.tree, offset.tree_seconds
+    return Receivers(points, corners, of_vertex, flags, faces, *tree, displaced[rows], embree, opacity)
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -10,17 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import OutputError
-from raytrace.types import Float64s, Int64s
+from raytrace.types import AnyFloats, Float64s, Int64s
 
 RUN = 1 << 19  # rows at once
 _ZEROS = 1 << 20
 
 
 class TileSource(Protocol):
-    """Triangles over vertices, in the order and units they came in.
-
-    Attributes: name: for messages. vertex_count, face_count: at least 1.
-    """
+    """Triangles over vertices, at least one, in the order and units they came in; a name for messages."""
 
     @property
     def name(self) -> str: ...
@@ -32,7 +29,7 @@ class TileSource(Protocol):
     def face_count(self) -> int: ...
 
     def vertices(self, first: int, last: int) -> Float64s:
-        """Vertices (k, 3) from a first one to a last one."""
+        """(k, 3)."""
 
     def faces(self, first: int, last: int) -> Int64s:
         """Faces (k, 3), indices of vertices."""
@@ -43,11 +40,16 @@ def runs(count: int) -> Iterator[slice]:
         yield slice(first, min(first + RUN, count))
 
 
-def on_disk(path: Path, kind: npt.DTypeLike, *shape: int) -> npt.NDArray[Any]:
-    """An array of zeros in a new file. Its space is taken now: a full disk would end the process at some later write.
+def bounds(parts: Iterable[AnyFloats]) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+    """The bounding box of points (k, 3) in parts; from ∞ to −∞ without any."""
+    low, high = np.full(3, np.inf, np.float32), np.full(3, -np.inf, np.float32)
+    for part in filter(len, parts):
+        low, high = np.minimum(low, part.min(axis=0)), np.maximum(high, part.max(axis=0))
+    return low, high
 
-    Raises: OutputError: there is no space.
-    """
+
+def on_disk(path: Path, kind: npt.DTypeLike, *shape: int) -> npt.NDArray[Any]:
+    """Zeros in a new file, whose space is taken now: a full disk would end the process later. Raises: OutputError."""
     size = np.dtype(kind).itemsize * math.prod(shape)
     try:
         with path.open("wb") as file:

@@ -6,8 +6,8 @@ from meshes import crumpled, hills, soup_over_floor, two_boxes
 from tiled_meshes import Arrays
 
 import ao
-import ao.tiles.halo
 import ao.tiles.source
+import ao.tiles.tiling
 from ao.tiles.bake_tiled import bake_tiled
 from raytrace import MemoryLimitError, Mesh, MeshError, OptionError
 
@@ -83,7 +83,7 @@ def test_a_flat_mesh_with_an_unused_vertex_below_it(tmp_path):
 
 def test_a_halo_too_narrow_is_noticed(tmp_path, monkeypatch):
     """The test of the tests above: without what is in reach, w is another."""
-    extract = ao.tiles.halo.extract_tile
+    extract = ao.tiles.tiling.extract_tile
     short = lambda tiling, tile, reach, origins: extract(tiling, tile, 0.0, origins)  # noqa: E731
     monkeypatch.setattr("ao.tiles.bake_tiled.extract_tile", short)
     whole = ao.bake(Mesh(*PARTS["hills"]), FALLOFFS["exponential"], samples=32, **FIXED)
