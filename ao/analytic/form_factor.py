@@ -6,11 +6,8 @@ import numpy.typing as npt
 from raytrace.types import Float64s
 
 
-def clipped_to_horizon(points: Float64s, normal: Float64s) -> Float64s:
-    """The part of a polygon (k, 3) in the half-space x·normal ≥ 0, (j, 3); j = 0 when nothing is left.
-
-    Sutherland & Hodgman 1974, against one plane through the origin.
-    """
+def _clipped_to_horizon(points: Float64s, normal: Float64s) -> Float64s:
+    """The part of a polygon (k, 3) in the half-space x·normal ≥ 0 (Sutherland & Hodgman 1974), (j, 3), j ≥ 0."""
     height = points @ normal
     kept: list[Float64s] = []
     for a, b, ha, hb in zip(points, np.roll(points, -1, axis=0), height, np.roll(height, -1), strict=True):
@@ -28,17 +25,11 @@ def polygon_form_factor(polygon: npt.ArrayLike, point: npt.ArrayLike, normal: np
     (Lambert 1760; Baum, Rushmeier & Winget 1989), after clipping to the horizon. Polygons that do not overlap as seen
     from the point add up.
 
-    Args:
-        polygon: (k, 3), k ≥ 3, its corners in order, in any length unit; it need not be convex.
-        point: (3,), not on the polygon.
-        normal: (3,), any length > 0.
-
-    Returns:
-        F in [0, 1].
+    Args: polygon: (k, 3), its corners in order; it need not be convex. point: not on it. normal: any length > 0.
     """
     up = np.asarray(normal, dtype=np.float64)
     up = up / np.linalg.norm(up)
-    seen = clipped_to_horizon(np.asarray(polygon, np.float64) - np.asarray(point, np.float64), up)
+    seen = _clipped_to_horizon(np.asarray(polygon, np.float64) - np.asarray(point, np.float64), up)
     if len(seen) < 3:
         return 0.0
     seen /= np.linalg.norm(seen, axis=1, keepdims=True)

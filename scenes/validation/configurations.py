@@ -81,11 +81,10 @@ class Setting:
 
 @dataclass(frozen=True, eq=False)
 class Configuration:
-    """One line of the validation table.
+    """One line of the validation table, see `Setting`.
 
     Attributes:
-        name, mesh, points, falloff: see `Setting`. options: of `ao.bake`, `normals` among them.
-        exact: float64 (k,), w of the closed form at `points`.
+        options: of `ao.bake`, `normals` among them. exact: float64 (k,), w of the closed form at `points`.
         target: the error allowed to the estimator at 4,096 rays; 0 where w must be exactly 1.
         rate: with N rays it is (4096/N)^rate of that, but at most 1.
         truncation, tessellation: bounds on the stand-in's own error in w.

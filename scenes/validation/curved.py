@@ -10,8 +10,7 @@ import numpy.typing as npt
 from scipy.integrate import quad
 
 from ao.analytic import closed_forms as analytic
-from ao.analytic.closed_forms import Rate
-from ao.analytic.special import bickley
+from ao.analytic.closed_forms import Rate, bickley
 from ao.falloff import Binary, Exponential, Falloff, Linear, Smooth
 from raytrace.types import Int64s
 
@@ -101,18 +100,11 @@ def _sphere_above(sphere: RawMesh) -> Setting:
     return _above_plane("sphere above a plane", 33, points, raised, bounds, (*BOTH, Exponential(tau=4.0)))
 
 
-def chord_within(angle: float, radius: float, inner: float) -> float:
-    """Least length of a chord from a corner p of a convex shape that holds the concentric circle of radius `inner`.
-
-    The hull of p, at distance `radius` from the centre, and that circle is left at R cosψ + √(r² − R² sin²ψ), ψ the
-    angle to the centre; beside it nothing is known, so 0.
-    """
-    within = inner**2 - (radius * sin(angle)) ** 2
-    return radius * cos(angle) + sqrt(within) if within > 0 else 0.0
-
-
 def _seen_from_within(weight: Callable[[float, float], float], radius: float, inner: float) -> ClosedForm:
-    """w at a corner of a convex shape of `radius` that holds a circle or sphere of radius `inner`, at least.
+    """w at a corner p of a convex shape of `radius` R that holds a circle or sphere of radius `inner` r, at least.
+
+    The hull of p and that circle is left at R cosψ + √(r² − R² sin²ψ), ψ the angle to the centre; beside it nothing is
+    known, so 0.
 
     Args: weight: (angle, τ·distance) → what directions at that angle to the centre add to 1 − w.
     """
@@ -122,7 +114,8 @@ def _seen_from_within(weight: Callable[[float, float], float], radius: float, in
             return 0.0
 
         def reached(angle: float) -> float:
-            return weight(angle, float(tau) * chord_within(angle, radius, inner))
+            within = inner**2 - (radius * sin(angle)) ** 2
+            return weight(angle, float(tau) * (radius * cos(angle) + sqrt(within) if within > 0 else 0.0))
 
         edge = asin(inner / radius)
         return 1.0 - quad(reached, 0, edge, epsabs=1e-11)[0] - quad(reached, edge, pi / 2, epsabs=1e-11)[0]
@@ -153,7 +146,7 @@ def _inside_cylinder() -> Setting:
     inner, points = radius * cos(pi / SIDES), SIDES + np.arange(0, SIDES, SIDES // 16)
     vertices, faces = prism(SIDES, LENGTH / radius, 3)
     part, normals = (radius * vertices, faces[:, ::-1]), -vertices[points]
-    least = _seen_from_within(lambda a, depth: 4 / pi * cos(a) * float(bickley(3, depth)), radius, inner)
+    least = _seen_from_within(lambda a, depth: 4 / pi * cos(a) * bickley(3, depth), radius, inner)
     about = points, normals, (closed_form(analytic.inside_cylinder, (radius,)), least), (*BOTH, Exponential(tau=5.0))
     return _setting("inside a cylinder", 35, part, *about, missing=_missing(2 * radius))
 

@@ -45,10 +45,8 @@ class Errors:
 
     @classmethod
     def of(cls, w: Float64s, truth: Float64s) -> Errors:
-        difference = w - truth
-        size = np.abs(difference)
-        rmse = float(np.sqrt(np.mean(difference**2)))
-        return cls(rmse, float(np.quantile(size, 0.99)), float(size.max()), float(difference.mean()))
+        off, size = w - truth, np.abs(w - truth)
+        return cls(*map(float, (np.sqrt(np.mean(off**2)), np.quantile(size, 0.99), size.max(), off.mean())))
 
 
 def reference(
@@ -56,17 +54,13 @@ def reference(
 ) -> Reference:
     """w by brute force at no more than `vertices` vertices, chosen at random among baked ones.
 
-    Args:
-        mus: falloffs with lengths in the mesh's units.
-        rays: rays a vertex; a power of two is best. At visibility edges the error falls with rays^(−3/4).
+    Args: rays: of a vertex; a power of two is best. At visibility edges the error falls with rays^(−3/4).
     """
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement)
-    order = np.random.default_rng(_SEED).permutation(len(receivers.points))
-    chosen = np.sort(order[:vertices])
-    points = receivers.points[chosen]
+    chosen = np.sort(np.random.default_rng(_SEED).permutation(len(receivers.points))[:vertices])
     scene = receivers.embree()
-    w = trace(scene, placement, points, mus, rays, threads)
+    w = trace(scene, placement, receivers.points[chosen], mus, rays, threads)
     corners = receivers.corners.only(chosen)
     if len(corners):
         places = trace(scene, placement, corners.points, mus, rays, threads)

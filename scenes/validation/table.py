@@ -34,9 +34,7 @@ def text_table(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: Coll
 class Result:
     """One line of the table: the vertex of a configuration with the largest error.
 
-    Attributes:
-        measured, exact: w, 1 = open.
-        allowed: the largest |error| that passes: the estimator's target and the bound on the stand-in's own error.
+    Attributes: allowed: the largest |error| that passes: the estimator's target and the bound on the stand-in's own.
     """
 
     line: Configuration
@@ -98,10 +96,7 @@ def described(falloff: Falloff) -> str:
 
 
 def validation_table(results: Sequence[Result]) -> str:
-    """The results as lines of text: measured, exact, error, what of it is allowed, verdict, and a count at the end.
-
-    The error allowed includes the bound on a stand-in's own error, which has its own column.
-    """
+    """The results as lines of text, and a count; the error allowed includes a stand-in's own, which has its column."""
     head = ("closed form", "falloff", "measured", "exact", "error", "allowed", "stand-in", "")
     rows = [
         (r.line.name, described(r.line.falloff), f"{r.measured:.6f}", f"{r.exact:.6f}", f"{r.error:+.6f}",
