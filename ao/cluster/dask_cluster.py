@@ -34,10 +34,7 @@ LOCAL: dict[str, Any] = {
 
 
 def local_workers(address: str) -> int | None:
-    """N of `local:N`, 1 of `local`, None of a scheduler's address.
-
-    Raises: OptionError: it is neither.
-    """
+    """N of `local:N`, 1 of `local`, None of a scheduler's address. Raises: OptionError: it is neither."""
     name, _, number = address.partition(":")
     if name == "local" and ((number.isdecimal() and 1 <= int(number) <= 4096) or ":" not in address):
         return int(number or 1)
@@ -56,12 +53,7 @@ def unguarded(address: str) -> str | None:
 class DaskCluster:
     """Workers that are there, and those of this machine if they are asked for, which end with `close`.
 
-    Args:
-        address: `local`, `local:N` for N workers on this machine, or a scheduler's, `tls://host:port`.
-        threads: of all workers on this machine together; None: all cores.
-
-    Attributes:
-        count: of workers that are started here, or None. threads: of each of these, None for all cores of others.
+    Attributes: count: of workers that are started here, or None. threads: of each; None for all cores of others.
     """
 
     def __init__(self, address: str, threads: int | None) -> None:
@@ -73,10 +65,7 @@ class DaskCluster:
         self._opened = self._aside.submit(self._open)
 
     def connect(self) -> None:
-        """Wait until the scheduler is reached.
-
-        Raises: OptionError: there is none at that address, or there are no credentials for it.
-        """
+        """Wait for the scheduler. Raises: OptionError: there is none at the address, or no credentials for it."""
         self._opened.result()
 
     def _open(self) -> None:
@@ -103,10 +92,7 @@ class DaskCluster:
             self._local.scale(self.count)  # now: cluster and client, as they are made, wait for the last one to start
 
     def workers(self) -> dict[str, object]:
-        """Of each worker that is there, by address, what changes when it is heard of.
-
-        Raises: ClusterError: the scheduler is lost.
-        """
+        """Of each worker that is there, what changes when it is heard of. Raises: ClusterError: none is left."""
         lost = f"{self.address}: the cluster is lost"
         if self._client.status != "running":
             raise ClusterError(f"{lost}: its scheduler has gone")

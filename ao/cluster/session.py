@@ -1,16 +1,17 @@
 """Rows made by the workers of a Dask cluster, for one command: one work after the other, one scene after the other.
 
 Dask carries calls to workers and says which of these are alive. What it does not do is here: no block goes to a worker
-that is unlike this machine, does not see the scene, or has failed; one that stands still has its blocks taken away; and
-a block's losses end the bake once they are many, whatever the scheduler allows (`allowed-failures`).
+that is unlike this machine, does not see the scene, or has failed; one that stands still loses its blocks; and many
+losses of a block end the bake, whatever the scheduler allows (`allowed-failures`).
 """
 
 import time
 import weakref
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
@@ -18,7 +19,6 @@ from raytrace.errors import ClusterError, InputError
 
 from ..execute.work import Finished, Span, Tables, Work, fill, fill_spans, machine
 from .dask_cluster import DaskCluster, unguarded
-from .dispatch import IN_FLIGHT, Dispatch
 from .worker import SceneFile, trace_block, unpack, write_scene
 
 _FEW = 1 << 19  # rays that are traced here: to send them takes as long
@@ -28,8 +28,68 @@ _SILENCE = 30.0  # seconds without a heartbeat, after which others get a worker'
 _START = 120.0  # seconds without any worker on this machine, after which none is waited for
 _FAILURES = 3  # of one block, after which it is the block's fault
 _LOSSES = 10  # of workers with the same block, likewise: out of memory, for instance
+IN_FLIGHT = 3  # blocks that a worker has at once: one traced, the others on their way
+_SECONDS, _LEAST_SECONDS = 3.0, 0.25  # of a block
+_ENDGAME = 4  # blocks to each worker that what is left is cut into at least
+_FIRST_RAYS = 1 << 20  # while nothing is known of a worker
+_MOST_BYTES = 10 << 20  # of a block's tables
+_KEPT = 0.5  # of what was known of a worker's speed, when a block comes back
 
 Found = tuple[int, int, Tables]
+
+
+@dataclass
+class Dispatch:
+    """The rows of one work after another, handed out in blocks.
+
+    Not Dask's queue: it would give workers that come later no share of what it has handed out, and all the same blocks.
+
+    Attributes:
+        blocks: that came back, of each worker. rows: in them. again: blocks that were handed out once more.
+        speed: rays a second of the workers, as far as known.
+        spans: rows of the present work that no worker has. left: how many have not come back.
+    """
+
+    blocks: Counter[str] = field(default_factory=Counter)
+    rows: int = 0
+    again: int = 0
+    speed: dict[str, float] = field(default_factory=dict)
+    spans: deque[Span] = field(default_factory=deque)
+    left: int = 0
+    _rays: float = 1.0
+    _most_rows: int = 1
+
+    def begin(self, work: Work, spans: Sequence[Span]) -> None:
+        """Hand out the rows `spans` of `work` from now on, and none of the last work."""
+        self.spans, self.left = deque(spans), sum(last - first for first, last in spans)
+        self._rays = max(work.rays, 1e-9)
+        self._most_rows = max(_MOST_BYTES // sum(table.nbytes for table in work[:1].tables()), 1)
+
+    def take(self, worker: str) -> Span:
+        """A block for `worker`, of a few seconds, less where little is left."""
+        wanted, speed = float(_FIRST_RAYS), self.speed.get(worker)
+        if speed:
+            waiting = self._rays * sum(last - first for first, last in self.spans)
+            seconds = waiting / sum(self.speed.values()) / _ENDGAME
+            wanted = speed * min(max(seconds, _LEAST_SECONDS), _SECONDS)
+        first, last = self.spans.popleft()
+        end = min(first + min(max(int(wanted / self._rays), 1), self._most_rows), last)
+        if end < last:
+            self.spans.appendleft((end, last))
+        return first, end
+
+    def came_back(self, worker: str, rows: int, seconds: float) -> None:
+        """Take note of a traced block."""
+        self.blocks[worker] += 1
+        self.rows += rows
+        self.left -= rows
+        speed = rows * self._rays / min(max(1e-6, seconds), 1e9)  # whatever number it is
+        self.speed[worker] = _KEPT * self.speed.get(worker, speed) + (1 - _KEPT) * speed
+
+    def lost(self, span: Span) -> None:
+        """Hand out a block once more."""
+        self.again += 1
+        self.spans.appendleft(span)
 
 
 class ClusterSession:
@@ -41,18 +101,14 @@ class ClusterSession:
         notify: called with a line for the user.
         threads: of all workers on this machine together; None: all cores.
 
-    Attributes: dispatch: what is handed out, and what came back.
-
-    Raises, when the block is entered:
-        OptionError: there is no scheduler at the address.
+    Raises: OptionError: when the block is entered: there is no scheduler at the address.
     """
 
     def __init__(
         self, address: str, shared: Path, name: str, notify: Callable[[str], object], threads: int | None = None
     ) -> None:
-        self.dispatch, self._notify, self._address = Dispatch(), notify, address
-        self._cluster = DaskCluster(address, threads)
-        self._shared, self._name = shared, name
+        self.dispatch, self._cluster = Dispatch(), DaskCluster(address, threads)
+        self._address, self._shared, self._name, self._notify = address, shared, name, notify
         self._scene: Callable[[], object] = lambda: None  # a weak reference: it may be large
         self._file: SceneFile | None = None
         self._calls: dict[Future[Any], tuple[str, Span]] = {}
@@ -99,8 +155,7 @@ class ClusterSession:
 
         Raises:
             OutputError: the scene's file cannot be written.
-            InputError: no worker is like this machine or sees the scene; or the work itself cannot be done, a texture
-                not be read for instance.
+            InputError: no worker is like this machine or sees the scene; or the work cannot be done, by a bad texture.
             ClusterError: the scheduler is lost, or blocks fail again and again.
         """
         if self._scene() is not scene:
@@ -167,10 +222,7 @@ class ClusterSession:
             self._alone(now - self._alone_since)
 
     def _alone(self, seconds: float) -> None:
-        """Say, once, that no worker can be used for so many seconds.
-
-        Raises: InputError, ClusterError: waiting is of no use.
-        """
+        """Say, once, that no worker can be used for so long. Raises: InputError, ClusterError: waiting is of no use."""
         for reason in filter(None, self._workers.values()):
             raise reason
         local = self._cluster.count
@@ -193,9 +245,7 @@ class ClusterSession:
     def _answer(self, work: Work, worker: str, span: Span, call: Future[Any]) -> Tables | None:
         """The rows of a block; None if there are none, and the worker gets no more.
 
-        Raises:
-            InputError: every worker would say so.
-            ClusterError: the block has failed on several.
+        Raises: InputError: every worker would say so. ClusterError: the block has failed on several.
         """
         nobody, (first, last) = f"{self._address}: no worker can be used: {worker}", span
         error: InputError | ClusterError

@@ -39,11 +39,9 @@ class SceneFile(NamedTuple):
 
 
 def write_scene(folder: Path, name: str, scene: object) -> SceneFile:
-    """Write a scene into `folder`, if it is not there yet.
+    """Write a scene into `folder`, if it is not there yet. Raises: OutputError.
 
     Args: name: of one bake, which removes the file in the end: another of the same mesh may still need its own.
-
-    Raises: OutputError: the file cannot be written.
     """
     arrays: list[pickle.PickleBuffer] = []
     head = pickle.dumps(scene, protocol=5, buffer_callback=arrays.append)
@@ -60,12 +58,7 @@ def write_scene(folder: Path, name: str, scene: object) -> SceneFile:
 
 
 def load_scene(file: SceneFile) -> Any:
-    """The scene that was written.
-
-    Raises:
-        OSError: there is no such file here, or it cannot be read.
-        ValueError: it holds something else.
-    """
+    """The scene that was written. Raises: OSError: it cannot be read here. ValueError: it holds something else."""
     parts: list[bytearray] = []
     digest = hashlib.blake2b(digest_size=32)
     with Path(file.path).open("rb") as stored:
@@ -121,10 +114,7 @@ def pack(tables: Tables) -> tuple[bytes, ...]:
 
 
 def unpack(work: Work, contents: Sequence[object]) -> Tables:
-    """The tables of `work` that `pack` has packed.
-
-    Raises: ValueError: these are contents of other tables.
-    """
+    """The tables of `work` that `pack` has packed. Raises: ValueError: these are contents of other tables."""
     tables = work.tables()
     for table, content in zip(tables, contents, strict=True):
         if not isinstance(content, bytes):

@@ -104,9 +104,9 @@ def left_sockets():
 @pytest.fixture
 def small_blocks(monkeypatch):
     monkeypatch.setattr("ao.cluster.session._FEW", 0)
-    monkeypatch.setattr("ao.cluster.dispatch._FIRST_RAYS", 1 << 12)
-    monkeypatch.setattr("ao.cluster.dispatch._SECONDS", 0.1)
-    monkeypatch.setattr("ao.cluster.dispatch._LEAST_SECONDS", 0.02)
+    monkeypatch.setattr("ao.cluster.session._FIRST_RAYS", 1 << 12)
+    monkeypatch.setattr("ao.cluster.session._SECONDS", 0.1)
+    monkeypatch.setattr("ao.cluster.session._LEAST_SECONDS", 0.02)
 
 
 def bake_on(address, make, path, notify=pytest.fail, progress=None, **settings):

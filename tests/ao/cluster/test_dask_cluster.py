@@ -18,8 +18,7 @@ from clusters import (
 from parts_of_bakes import bits
 
 from ao.cluster.dask_cluster import local_workers
-from ao.cluster.dispatch import IN_FLIGHT
-from ao.cluster.session import ClusterSession
+from ao.cluster.session import IN_FLIGHT, ClusterSession
 from ao.cluster.worker import pack, unpack
 from raytrace import InputError, OptionError
 

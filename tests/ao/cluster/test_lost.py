@@ -10,7 +10,7 @@ from clusters import BAKES, LEFT_SOCKETS, LONG, LONG_ROWS, all_bits, bake_on, ki
 from command import started
 from project import environment
 
-from ao.cluster.dispatch import IN_FLIGHT
+from ao.cluster.session import IN_FLIGHT
 from ao.execute.checkpoint import Checkpoint
 from ao.execute.journal import Journal
 from raytrace.errors import ClusterError
@@ -21,9 +21,9 @@ pytestmark = LEFT_SOCKETS
 COORDINATOR = """
 import sys, logging
 from pathlib import Path
-import ao.cluster.dispatch
-ao.cluster.dispatch._SECONDS = ao.cluster.dispatch._LEAST_SECONDS = 0.1
-ao.cluster.dispatch._FIRST_RAYS = 1 << 16
+import ao.cluster.session
+ao.cluster.session._SECONDS = ao.cluster.session._LEAST_SECONDS = 0.1
+ao.cluster.session._FIRST_RAYS = 1 << 16
 from clusters import LONG, bake_on
 
 def progress(done, total):

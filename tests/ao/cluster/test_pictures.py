@@ -7,9 +7,8 @@ import pytest
 from clusters import LEFT_SOCKETS, compiled_by, killed_in_mid_block, small_blocks
 from rendered import CAMERA, SMALL, box, still_scene
 
-from ao.cluster.dispatch import IN_FLIGHT
 from ao.cluster.pictures import render_on
-from ao.cluster.session import ClusterSession
+from ao.cluster.session import IN_FLIGHT, ClusterSession
 from raytrace import (
     AlphaSurface,
     EnvironmentLight,
@@ -33,7 +32,7 @@ pytestmark = LEFT_SOCKETS
 @pytest.fixture(autouse=True)
 def single_tiles(small_blocks, monkeypatch):
     """The first blocks of each worker are one tile each, however many cores it has."""
-    monkeypatch.setattr("ao.cluster.dispatch._FIRST_RAYS", 1)
+    monkeypatch.setattr("ao.cluster.session._FIRST_RAYS", 1)
 
 
 def image(path):
