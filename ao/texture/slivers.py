@@ -33,13 +33,11 @@ def find_slivers(page: PageTree, texels: Int64s, width: int, threads: int) -> tu
 def _search(tree, stack, corners, texels, width, radius, found):
     tree, corners, texels, (face, barycentric) = borrow(tree), borrow(corners), borrow(texels), borrow(found)
     one, other, weights = np.empty((_CORNERS, 2)), np.empty((_CORNERS, 2)), np.empty(3)
-    reach = np.float32(radius)
     for i in range(len(texels)):
         left, top = np.float64(texels[i] % width), np.float64(texels[i] // width)
-        middle = np.float32(left + 0.5), np.float32(top + 0.5), np.float32(0.0)
         best, best_face = _LEAST, -1
-        begin(tree, stack)
-        leaf, near = next_leaf(tree, stack, middle, reach)
+        around = begin(tree, stack, (left + 0.5, top + 0.5, 0.0), radius)
+        leaf, near = next_leaf(tree, stack, around)
         while near != 0:
             while near != 0:
                 f = tree.rows[leaf, lowest_bit(near)]
@@ -50,7 +48,7 @@ def _search(tree, stack, corners, texels, width, radius, found):
                     _weights(corners[f], x, y, weights)
                     for corner in range(3):
                         barycentric[i, corner] = weights[corner]
-            leaf, near = next_leaf(tree, stack, middle, reach)
+            leaf, near = next_leaf(tree, stack, around)
         face[i] = best_face
 
 

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
-from raytrace.bvh.closest import begin, distance_to_triangle, new_stack, next_leaf, widened
+from raytrace.bvh.closest import begin, closest_on_triangle, new_stack, next_leaf
 from raytrace.kernel.arrays import borrow
 from raytrace.kernel.jit import bound, inline, kernel
 from raytrace.kernel.simd import lowest_bit
@@ -110,11 +110,8 @@ def _find_smooth(tree, stack, surface, axes, points, most, enough):
 @inline
 def _rises(tree, stack, surface, p, side, reach, slope):
     """Whether a face not far around a point rises above the plane through it, by more than a slope."""
-    middle = np.float32(p[0]), np.float32(p[1]), np.float32(p[2])
-    radius = widened(middle, reach)
-    most = slope * reach
-    begin(tree, stack)
-    leaf, near = next_leaf(tree, stack, middle, radius)
+    most, around = slope * reach, begin(tree, stack, p, reach)
+    leaf, near = next_leaf(tree, stack, around)
     while near != 0:
         while near != 0:
             f = tree.rows[leaf, lowest_bit(near)]
@@ -126,7 +123,7 @@ def _rises(tree, stack, surface, p, side, reach, slope):
             normal = load(surface.normals, f)
             if length(subtract(normal, side)) < slope and abs(dot(to_a, normal)) <= most:
                 continue
-            if distance_to_triangle(p, a, b, c) <= reach:
+            if closest_on_triangle(p, a, b, c)[0] <= reach:
                 return True
-        leaf, near = next_leaf(tree, stack, middle, radius)
+        leaf, near = next_leaf(tree, stack, around)
     return False

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..kernel.arrays import aligned
-from ..kernel.jit import kernel
+from ..kernel.jit import bound, kernel
 from ..kernel.simd import WIDE
 from ..system.threads import run_blocks, thread_count
 from ..types import Float32s, Int64s
@@ -27,8 +27,7 @@ class BVH16(NamedTuple):
         triangles: float32 (leaves, 9, 16), the corners' coordinates. rows: int64 (leaves, 16), which faces they are.
         boxes: float32 (nodes, 6, 16), centres and half sides of a node's children; levels follow each other upwards.
         starts: int64 (levels + 1,), the first node of each level, the lowest one's children being leaves.
-        axes: float32 (nodes, 9, 16), three unit vectors, along which the sides of these boxes are; None if all boxes
-            are aligned.
+        axes: float32 (nodes, 9, 16), three unit vectors, along which the boxes' sides are; None if all are aligned.
     """
 
     triangles: Float32s
@@ -43,21 +42,15 @@ class BVH16(NamedTuple):
         order = median_order(vertices, faces)
         leaves = max(-(-len(faces) // WIDE), 1)
         triangles, bounds = aligned((leaves, 9, WIDE), np.float32), np.empty((leaves, 6), np.float32)
-
-        def fill_leaves(first: int, last: int) -> None:
-            _fill_leaves(vertices, faces, order[first * WIDE : last * WIDE], triangles[first:last], bounds[first:last])
-
-        run_blocks(leaves, _BLOCK, fill_leaves, thread_count(None), most=_MOST)
+        work = bound(_fill_leaves, vertices, faces, order, triangles, bounds)
+        run_blocks(leaves, _BLOCK, work, thread_count(None), most=_MOST)
         levels, starts = [], [0]
         while True:
-            nodes = -(-len(bounds) // WIDE)
-            level, parents = np.empty((nodes, 6, WIDE), np.float32), np.empty((nodes, 6), np.float32)
-            _build_level(bounds, level, parents)
+            level, bounds = _level_around(bounds)
             levels.append(level)
-            starts.append(starts[-1] + nodes)
-            if nodes == 1:
+            starts.append(starts[-1] + len(level))
+            if len(level) == 1:
                 break
-            bounds = parents
         boxes = aligned((starts[-1], 6, WIDE), np.float32)
         np.concatenate(levels, out=boxes)
         rows = np.full((leaves, WIDE), -1)
@@ -66,9 +59,9 @@ class BVH16(NamedTuple):
 
 
 @kernel
-def _fill_leaves(vertices, faces, order, triangles, bounds):
+def _fill_leaves(vertices, faces, order, triangles, bounds, first, last):
     """Write triangles into leaves, and the low and high corners of the boxes around these into `bounds` (leaves, 6)."""
-    for leaf in range(len(triangles)):
+    for leaf in range(first, last):
         triangles[leaf] = np.nan
         bounds[leaf, :3], bounds[leaf, 3:] = np.inf, -np.inf
         for lane in range(min(WIDE, len(order) - leaf * WIDE)):
@@ -81,20 +74,13 @@ def _fill_leaves(vertices, faces, order, triangles, bounds):
                     bounds[leaf, 3 + axis] = max(bounds[leaf, 3 + axis], x)
 
 
-@kernel
-def _build_level(bounds, level, parents):
-    """Write the boxes `bounds` (c, 6) into nodes of sixteen, and the boxes around these into `parents`."""
-    for node in range(len(level)):
-        parents[node, :3], parents[node, 3:] = np.inf, -np.inf
-        for lane in range(WIDE):
-            k = node * WIDE + lane
-            for axis in range(3):
-                if k >= len(bounds):
-                    level[node, axis, lane] = level[node, 3 + axis, lane] = np.nan
-                    continue
-                low, high = bounds[k, axis], bounds[k, 3 + axis]
-                centre = np.float32(0.5) * (low + high)
-                level[node, axis, lane] = centre
-                level[node, 3 + axis, lane] = max(high - centre, centre - low) * _GROWN
-                parents[node, axis] = min(parents[node, axis], low)
-                parents[node, 3 + axis] = max(parents[node, 3 + axis], high)
+def _level_around(bounds: Float32s) -> tuple[Float32s, Float32s]:
+    """Nodes (n, 6, 16) of boxes with the corners `bounds` (c, 6), and the corners (n, 6) of the boxes around these."""
+    corners = np.full((-(-len(bounds) // WIDE) * WIDE, 6), np.nan, np.float32)
+    corners[: len(bounds)] = bounds
+    low, high = corners.reshape(-1, WIDE, 2, 3).transpose(2, 0, 3, 1)
+    with np.errstate(invalid="ignore"):  # the box around nothing
+        centre = np.float32(0.5) * (low + high)
+        half = np.maximum(high - centre, centre - low) * _GROWN
+    parents = np.fmin.reduce(low, axis=2), np.fmax.reduce(high, axis=2)
+    return np.concatenate([centre, half], axis=1), np.concatenate(parents, axis=1)

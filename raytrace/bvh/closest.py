@@ -1,14 +1,13 @@
 """Faces near a point, by a walk of a `BVH16` that a kernel takes leaf by leaf, and the closest point of a surface.
 
-begin(tree, stack)
-radius = widened(point, radius)
-leaf, near = next_leaf(tree, stack, point, radius)
+around = begin(tree, stack, point, radius)
+leaf, near = next_leaf(tree, stack, around)
 while near != 0:
     while near != 0:
         face = tree.rows[leaf, lowest_bit(near)]
         near &= near - 1
-        ...  # which may make the radius smaller, by `widened`
-    leaf, near = next_leaf(tree, stack, point, radius)
+        ...
+    leaf, near = next_leaf(tree, stack, around)
 
 Source: Ericson, Real-Time Collision Detection, 5.1.5.
 """
@@ -42,8 +41,7 @@ def closest_points(
 ) -> tuple[Int64s, Float32s]:
     """The face (k,) nearest to each of `places` (k, 3) among those of its group, and where on it, barycentric (k, 3).
 
-    Args:
-        tree: over the faces of `surface`: vertices (n, 3) and faces (m, 3). radius: how far to look at first, above 0.
+    Args: tree: over `surface`: vertices (n, 3) and faces (m, 3). radius: how far to look at first, above 0.
         match: groups, of the places (k,) and of the faces (m,), with a face for each that occurs.
     """
     face, weights = np.full(len(places), -1), np.zeros((len(places), 3), np.float32)
@@ -87,24 +85,17 @@ def closest_on_triangle(p, a, b, c):
     return length(subtract(p, near)), u, v
 
 
-@inline
-def distance_to_triangle(p, a, b, c):
-    return closest_on_triangle(p, a, b, c)[0]
-
-
 @kernel
 def _search(tree, stack, surface, places, radius, match, face, weights):
     """Write the closest points of `places`, on faces of their groups; `radius`: how far to look at first."""
     tree, (vertices, faces), (group, of_face) = borrow(tree), surface, match
     for i in range(len(places)):
         p, reach, best = load(places, i), radius, np.inf
-        middle = np.float32(p[0]), np.float32(p[1]), np.float32(p[2])
         while best > reach:
             if best < np.inf:
                 reach = best
-            begin(tree, stack)
-            within = widened(middle, reach)
-            leaf, near = next_leaf(tree, stack, middle, within)
+            around = begin(tree, stack, p, reach)
+            leaf, near = next_leaf(tree, stack, around)
             while near != 0:
                 while near != 0:
                     f = tree.rows[leaf, lowest_bit(near)]
@@ -116,7 +107,7 @@ def _search(tree, stack, surface, places, radius, match, face, weights):
                     if away < best or (away == best and f < face[i]):
                         best, face[i] = away, f
                         weights[i, 0], weights[i, 1], weights[i, 2] = 1.0 - u - v, u, v
-                leaf, near = next_leaf(tree, stack, middle, within)
+                leaf, near = next_leaf(tree, stack, around)
             if best == np.inf:
                 reach *= 2.0
 
@@ -127,25 +118,19 @@ def new_stack() -> Int64s:
 
 
 @inline
-def begin(tree, stack):
+def begin(tree, stack, point, radius):
+    """The point, and a radius to search with for all that is within `radius` of it in spite of single precision."""
     stack[0, _NODE], stack[0, _LEVEL] = tree.starts[-1] - 1, len(tree.starts) - 1
     stack[_ENTRIES, 0] = 1
+    x, y, z = np.float32(point[0]), np.float32(point[1]), np.float32(point[2])
+    return (x, y, z), np.float32(radius + _ROUNDED * (radius + max(abs(x), abs(y), abs(z))))
 
 
 @inline
-def widened(point, radius):
-    """A radius to search with for all that is within `radius` of a point, in spite of single precision: float32."""
-    return np.float32(radius + _ROUNDED * (radius + max(abs(point[0]), abs(point[1]), abs(point[2]))))
-
-
-@inline
-def next_leaf(tree, stack, point, radius):
-    """The next leaf of the walk with triangles whose boxes are within `radius` of a point along every axis.
-
-    Args: point: triple of float32. radius: float32, `widened`.
-    Returns: the leaf and these triangles as bits; no bits if there are none any more.
-    """
-    starts = tree.starts
+def next_leaf(tree, stack, around):
+    """The next leaf of the walk and, as bits, triangles whose boxes may be as near as wanted along every axis; no bits
+    if there are none any more. Args: around: what `begin` has found."""
+    starts, (point, radius) = tree.starts, around
     while stack[_ENTRIES, 0] > 0:
         waiting = stack[_ENTRIES, 0] - 1
         node, level = stack[waiting, _NODE], stack[waiting, _LEVEL]

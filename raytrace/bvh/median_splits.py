@@ -5,11 +5,13 @@ their centroids, as in a k-d tree (Bentley 1975, Multidimensional Binary Search 
 All nodes but the last of a level are full, so that a tree needs no links.
 """
 
-from threading import Event
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
-from ..kernel.jit import inline, kernel
+from ..kernel.jit import bound, inline, kernel
 from ..kernel.simd import WIDE
 from ..kernel.vector import load_triangle
 from ..system.threads import run_blocks, thread_count
@@ -23,28 +25,18 @@ def median_order(vertices: Float32s, faces: Int64s) -> Int64s:
     """The order (m,) of `faces` (m, 3) of `vertices` (n, 3)."""
     centroids, order = np.empty((len(faces), 3), np.float32), np.arange(len(faces))
     threads = thread_count(None)
+    run_blocks(len(faces), _LEAST, bound(_find_centroids, vertices, faces, centroids), threads)
 
-    def measure(first: int, last: int) -> None:
-        _find_centroids(vertices, faces[first:last], centroids[first:last])
+    def each(work: Callable[..., Any], parts: list[tuple[int, int]]) -> None:
+        run_blocks(len(parts), 1, lambda part, _: work(centroids, order, *parts[part]), threads)
 
-    run_blocks(len(faces), _LEAST, measure, threads)
-    parts, most = [(0, len(faces), -1)], max(_LEAST, len(faces) // _PARTS)
-    for number, (begin, end, _) in enumerate(parts):
-        if end - begin > most:
-            half = _middle(begin, end)
-            parts += [(begin, half, number), (half, end, number)]
-    ordered = [Event() for _ in parts]
-
-    def divide(number: int, _: int) -> None:
-        begin, end, whole = parts[number]
-        try:
-            if whole >= 0:  # a block that has begun before this one
-                ordered[whole].wait()
-            (_halve if end - begin > most else _split)(centroids, order, begin, end)
-        finally:
-            ordered[number].set()
-
-    run_blocks(len(parts), 1, divide, threads)
+    waiting, small, most = [(0, len(faces))], [], max(_LEAST, len(faces) // _PARTS)
+    while waiting:
+        small += [(begin, end) for begin, end in waiting if end - begin <= most]
+        large = [(begin, end) for begin, end in waiting if end - begin > most]
+        each(_halve, large)
+        waiting = [half for begin, end in large for half in pairwise((begin, _middle(begin, end), end))]
+    each(_split, small)
     return order
 
 
@@ -60,9 +52,9 @@ _middle_of = inline(_middle)
 
 
 @kernel
-def _find_centroids(vertices, faces, out):
+def _find_centroids(vertices, faces, out, first, last):
     """Write three times the centroid of each face."""
-    for f in range(len(faces)):
+    for f in range(first, last):
         a, b, c = load_triangle(vertices, faces, f)
         for axis in range(3):
             out[f, axis] = a[axis] + b[axis] + c[axis]

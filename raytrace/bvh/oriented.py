@@ -24,10 +24,7 @@ _GROWN = 2.0**-20  # of half sides, for their rounding and that of what is compa
 
 
 def orient(triangles: Float32s, boxes: Float32s, starts: Int64s) -> tuple[Float32s, Int64s, Float32s | None]:
-    """`boxes`, `starts` and `axes` of a `BVH16`: aligned `boxes` as they are, or oriented ones if these overlap less.
-
-    Args: triangles, boxes, starts: as of a `BVH16`.
-    """
+    """`boxes`, `starts` and `axes` of a `BVH16`: aligned boxes as they are, or oriented ones if these overlap less."""
     overlap = _overlap(triangles, boxes[: starts[1]], None)
     if overlap < _OVERLAPPING:
         return boxes, starts, None

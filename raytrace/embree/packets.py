@@ -24,10 +24,7 @@ FILTER_PATH = 2, 1  # from what Embree gives a filter to the words of its `Kerne
 
 
 def _queries(lanes):
-    """The two queries of packets of so many lanes.
-
-    Args: scene: handle, uint64. packet: float32 (22, lanes), aligned. valid: int32 (lanes,), aligned, −1 traced, 0 not.
-    """
+    """The queries of packets of so many lanes; of int32 lanes `valid`, aligned, −1 are traced and 0 not."""
     closest_hits, any_hits = external(f"rtcIntersect{lanes}", 4), external(f"rtcOccluded{lanes}", 4)
     arguments_at = ARGUMENTS * lanes * 4
 

@@ -22,11 +22,7 @@ _lock = threading.Lock()
 
 
 class Triangles:
-    """Vertex and index buffers as Embree shares them.
-
-    Args:
-        vertices: float32 (n, 3), finite. faces: integer (m, 3), indices into `vertices`. Both are copied once.
-    """
+    """Vertex and index buffers as Embree shares them: copies of `vertices` (n, 3), finite, and `faces` (m, 3)."""
 
     def __init__(self, vertices: Float32s, faces: AnyInts) -> None:
         self.vertices = aligned(vertices.shape, np.float32)
@@ -43,11 +39,7 @@ class Triangles:
 
 
 class EmbreeInstance:
-    """A scene placed inside another.
-
-    Args:
-        scene: what is placed. matrix: float32 (3, 4), its coordinates to the outer scene's.
-    """
+    """A scene placed inside another, to whose coordinates the `matrix`, float32 (3, 4), takes its own."""
 
     def __init__(self, scene: EmbreeScene, matrix: Float32s) -> None:
         self.scene = scene
@@ -62,15 +54,10 @@ class EmbreeInstance:
 
 
 class EmbreeScene:
-    """Triangles and instances in an Embree scene, robust mode.
+    """Triangles and instances in an Embree scene, robust mode; `handle` is what kernels trace in.
 
     A hit's GEOM_ID is the row in `geometries`, or 0 inside an instance whose row is INST_ID.
-
-    Attributes:
-        handle: what kernels trace in.
-
-    Raises:
-        EmbreeError: Embree reports an error, out of memory for instance.
+    Raises: EmbreeError: Embree reports an error, out of memory for instance.
     """
 
     def __init__(self, geometries: Sequence[Triangles | EmbreeInstance]) -> None:

@@ -20,10 +20,7 @@ def product(rows: Float64s, matrix: AnyFloats) -> Float64s:
 
 
 def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike, zeroed: bool = True) -> npt.NDArray[Any]:
-    """Array that starts on a 64-byte boundary and owns 16 spare bytes behind its end, as Embree wants.
-
-    Args: zeroed: whether it is of zeros; else it is of anything.
-    """
+    """Array of zeros, or of anything, that starts on a 64-byte boundary and owns 16 spare bytes, as Embree wants."""
     size = math.prod(shape) * np.dtype(dtype).itemsize
     raw = (np.zeros if zeroed else np.empty)(size + 80, np.uint8)
     start = -raw.ctypes.data % 64

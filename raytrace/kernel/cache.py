@@ -2,8 +2,8 @@
 
 A kernel holds code of helpers from other files, so the folder is named by a hash of all sources that can hold or feed
 one, and of everything else that machine code depends on. It is in the user's cache folder, which also serves read-only
-installations; ``NUMBA_CACHE_DIR`` overrides the parent. Code is only read from folders and files that nobody but this
-user and root can write.
+installations; ``NUMBA_CACHE_DIR`` overrides the parent. Code is only read from what nobody but this user and root can
+write.
 """
 
 import getpass
@@ -62,10 +62,7 @@ def _user() -> str:
 
 @cache
 def _places() -> tuple[Path, ...]:
-    """Folders for exactly these sources and this processor, whether they exist or not, the best one first.
-
-    They are in ``NUMBA_CACHE_DIR``, the user's cache, and the temporary folder.
-    """
+    """Folders for exactly these sources and this processor, whether they exist or not, the best one first."""
     features = llvmlite.binding.get_host_cpu_features().flatten()
     machine = hashlib.sha256(f"{llvmlite.binding.get_host_cpu_name()} {features} {numba_settings()}".encode())
     chosen, name = os.environ.get("NUMBA_CACHE_DIR"), f"{source_hash()}-{machine.hexdigest()[:8]}"
@@ -93,10 +90,7 @@ def _is_safe(folder: Path) -> bool:
 
 @cache
 def cache_folder() -> Path | None:
-    """Folder where compiled kernels are kept: the first that can be written and that nobody else can write to.
-
-    None where there is none: kernels are then compiled anew in every process.
-    """
+    """Where compiled kernels are kept: the first folder that can be written, by nobody else; None if there is none."""
     for folder in _places():
         with suppress(OSError):
             folder.parent.mkdir(_FOLDER, parents=True, exist_ok=True)

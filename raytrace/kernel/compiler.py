@@ -91,11 +91,8 @@ def intrinsic(signature: Callable[..., Any], emit: Callable[..., Any]) -> Any:
 
 @contextmanager
 def _compiling() -> Iterator[None]:
-    """Nothing that Numba compiles meanwhile, on this thread alone, becomes machine code but what is asked for.
-
-    Nor is its garbage collected, of which there is little: looking for it takes a sixth of the time.
-    """
-
+    """What Numba compiles meanwhile, on this thread alone, becomes no machine code but what is asked for; nor is its
+    garbage collected, of which there is little: looking for it takes a sixth of the time."""
     nowhere = ctypes.c_void_p()  # Numba writes there what wrappers would need
 
     class Idle:

@@ -7,34 +7,24 @@ from .jit import kernel
 
 
 def counting_sort(keys: AnyInts, count: int) -> tuple[Int64s, Int64s]:
-    """Sort places by their keys.
+    """Places in the flattened keys, below `count`, by key, ascending among equal keys; negative ones are left out.
 
-    Args: keys: C-contiguous, any shape, below `count`; negative ones are left out.
-    Returns: places in the flattened keys (k,), int64, by key, ascending among equal keys; and starts (count + 1,),
-        int64: places[starts[i] : starts[i + 1]] have key i.
+    Returns: places int64 (k,), and starts int64 (count + 1,): places[starts[i] : starts[i + 1]] have key i.
     """
-    flat, starts = keys.reshape(-1), np.zeros(count + 2, np.int64)
-    _count(flat, starts)
-    places = np.empty(starts[-1], np.int64)
-    _place(flat, starts, places)
-    return places, starts[:-1]
+    starts, places = np.zeros(count + 2, np.int64), np.empty(keys.size, np.int64)
+    _sort(keys.reshape(-1), starts, places)
+    return places[: starts[-1]], starts[:-1]
 
 
 @kernel
-def _count(keys, starts):
-    """Set starts[i + 1] to where key i begins."""
+def _sort(keys, starts, places):
     for k in range(len(keys)):
         if keys[k] >= 0:
             starts[keys[k] + 2] += 1
     for i in range(2, len(starts)):
-        starts[i] += starts[i - 1]
-
-
-@kernel
-def _place(keys, starts, places):
-    """Fill in the places, which moves starts[i + 1] to where key i ends."""
+        starts[i] += starts[i - 1]  # starts[i + 1] is where key i begins
     for k in range(len(keys)):
         if keys[k] >= 0:
             row = keys[k] + 1
             places[starts[row]] = k
-            starts[row] += 1
+            starts[row] += 1  # and becomes where it ends

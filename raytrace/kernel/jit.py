@@ -60,7 +60,18 @@ class _Loaded(NamedTuple):
     call: Any
 
 
-class Kernel:
+class _Called:
+    """What kernels call; its Numba type is made when one of them is compiled."""
+
+    def __init__(self, make_type: Callable[[], Any]) -> None:
+        self._make_type = make_type
+
+    @cached_property
+    def _numba_type_(self) -> Any:
+        return self._make_type()
+
+
+class Kernel(_Called):
     """A function that Numba compiles: machine code when called from Python, a part of the kernels that call it.
 
     Arguments are arrays, numbers, None, and tuples of such; results are numbers or a tuple of numbers. Code under
@@ -73,16 +84,11 @@ class Kernel:
     """
 
     def __init__(self, function: Callable[..., Any], inlined: bool = False) -> None:
+        super().__init__(lambda: compiler.type_of(function, inlined))
         self.function = function
-        self._inlined = inlined
         self._for_types: dict[tuple[Any, ...], _Loaded] = {}
         self._by_name: dict[str, _Loaded] = {}
         self.__doc__, self.__name__, self.__module__ = function.__doc__, function.__name__, function.__module__
-
-    @cached_property
-    def _numba_type_(self) -> Any:
-        """The Numba type of the kernel in other kernels."""
-        return compiler.type_of(self.function, self._inlined)
 
     def __call__(self, *arguments: Any) -> Any:
         return self._run(arguments, *_flatten(arguments, [], []))
@@ -121,17 +127,6 @@ class Kernel:
                 )
             self._for_types[key] = self._by_name[name]
         return self._for_types[key]
-
-
-class _Called:
-    """What kernels call besides kernels; its Numba type is made when one of them is compiled."""
-
-    def __init__(self, make_type: Callable[[], Any]) -> None:
-        self._make_type = make_type
-
-    @cached_property
-    def _numba_type_(self) -> Any:
-        return self._make_type()
 
 
 def kernel(function: F) -> F:

@@ -63,7 +63,7 @@ def common(*kinds: types.Type) -> Lanes | None:
     return vectors.pop() if len(vectors) == 1 and scalars else None
 
 
-def chosen(condition: types.Type, a: types.Type, b: types.Type) -> Any:
+def selection(condition: types.Type, a: types.Type, b: types.Type) -> Any:
     """The signature of `select`, None if there is none."""
     kind = common(a, b) or cpu_target.typing_context.unify_types(a, b)
     if kind and isinstance(condition, Lanes) and not isinstance(kind, Lanes):

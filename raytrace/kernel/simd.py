@@ -12,7 +12,7 @@ WIDE = 16
 _FOUR = 4
 
 
-@intrinsic(lambda condition, a, b: lanes.chosen(condition, a, b))
+@intrinsic(lambda condition, a, b: lanes.selection(condition, a, b))
 def select(context, builder, signature, condition, a, b):
     """a where the condition holds, else b, both of them evaluated. Lanes may be mixed with scalars; two scalars
     make lanes of float32 or int32."""
@@ -179,10 +179,8 @@ def _place(builder, places, lane):
 
 @intrinsic(lambda array, rows: types.UniTuple(lanes.Lanes(array.dtype), 3)(array, rows))
 def gather3(context, builder, signature, array, rows):
-    """The triples of a C-contiguous array (n, 3) in the lanes' rows, three lanes of the array's own type.
-
-    The array must own a fourth number behind its last triple, see `raytrace.kernel.arrays.aligned`.
-    """
+    """The triples of a C-contiguous array (n, 3) in the lanes' rows, three lanes of the array's own type. The array
+    must own a fourth number behind its last triple, see `raytrace.kernel.arrays.aligned`."""
     kind = signature.args[0]
     four, quads = ir.VectorType(lanes.ELEMENT[kind.dtype], _FOUR), []
     for lane in range(WIDE):
@@ -210,10 +208,8 @@ def gather(context, builder, signature, array, places):
 
 @intrinsic(lambda array, begin, *others: types.void(array, types.int64, *others))
 def scatter4(context, builder, signature, array, begin, places, mask, values):
-    """Write four float32 lanes as four neighbours each, from the lanes' places on, where the mask is set.
-
-    Args: array: float32, C-contiguous; begin: place in it from which `places` are counted, int64.
-    """
+    """Write four float32 lanes as four neighbours each, from the lanes' places on, where the mask is set. `places` are
+    counted from the place `begin` of a C-contiguous float32 array."""
     rows = _transpose(builder, [builder.extract_value(values, i) for i in range(_FOUR)])
     for lane in range(WIDE):
         with builder.if_then(builder.extract_element(mask, lanes.INDEX(lane))):

@@ -93,8 +93,7 @@ def choose(condition, a, b):
 
 @inline
 def unit(a):
-    """a/|a|; the zero vector for a vector without a direction (zero, or shorter than 1e-150;
-    in lanes of float32 1e-22)."""
+    """a/|a|; the zero vector for a vector without a direction: shorter than 1e-150, in lanes of float32 1e-22."""
     square = dot(a, a)
     return scale(select(square > 1e-300, 1.0 / sqrt(square), 0.0), a)
 
@@ -113,10 +112,7 @@ def halfway(l, v):
 
 @inline
 def perpendicular(n, grain):
-    """Unit tangent (g, n × g): `grain` projected into the plane of the unit normal `n`.
-
-    Where the grain is zero or along the normal it has no direction there, and some tangent is returned.
-    """
+    """Unit tangents (g, n × g): `grain` projected into the plane of the unit normal `n`; some if it is along that."""
     projected = subtract(grain, scale(dot(grain, n), n))
     axis = choose(abs(n[0]) < 0.6, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     without = dot(projected, projected) <= 1e-20 * dot(grain, grain)

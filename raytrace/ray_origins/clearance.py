@@ -8,25 +8,22 @@ from ..kernel.vector import add, divide, dot, length, load, store
 from ..system.threads import run_ranges, thread_count
 from ..types import Float64s, Int64s
 
-SHARP = 0.1
-ENOUGH = 0.3  # clearance with which a search for a better direction ends
+SHARP, ENOUGH = 0.1, 0.3  # clearances: of folds, and with which a search for a better direction ends
 MANY = 1 << 10  # faces at a point; of more, some stand for all where each is compared with each
 _LEAST = 1 << 12  # points of a thread that looks at all faces
-_MOVES = 1000
-_FEW = 100  # of which there may be many
+_MOVES, _FEW = 1000, 100  # at most, where few and where many points are moved
 
 
 def outermost_normals(
     normals: Float64s, face_points: Int64s, face_normals: Float64s
 ) -> tuple[Float64s, Float64s, Float64s]:
-    """Normals in front of all the faces that meet at a point, and directions (k, 3) to move a ray origin along.
+    """Normals in front of all the faces that meet at a point, directions (k, 3) to move a ray origin along, and the
+    clearance (k,) of these: the smallest cosine to a face's normal.
 
     Only a normal behind a face is moved, see `_moved`. Directions are these, or, where these clear a face by `SHARP` or
-    less, others that clear all by more. Last comes the clearance of the directions: the smallest cosine to a face's
-    normal, (k,).
+    less, others that clear all by more.
 
-    Args:
-        normals: (k, 3), unit or zero. face_points: int64 (m, any), the rows of `normals` that each face counts for.
+    Args: normals: (k, 3), unit or zero. face_points: int64 (m, any), the rows of `normals` that each face counts for.
         face_normals: (m, 3), unit.
     """
     moved, directions, clearance = normals.copy(), normals.copy(), np.ones(len(normals))

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..bvh.bvh16 import BVH16
-from ..bvh.closest import begin, distance_to_triangle, new_stack, next_leaf, widened
+from ..bvh.closest import begin, closest_on_triangle, new_stack, next_leaf
 from ..kernel.arrays import borrow
-from ..kernel.jit import inline, kernel
+from ..kernel.jit import bound, inline, kernel
 from ..kernel.simd import lowest_bit
 from ..kernel.vector import load, load_triangle
 from ..mesh.placement import NEAR, TOUCHING, ULP
@@ -37,18 +37,7 @@ class Contacts(NamedTuple):
         return Contacts(self.point[which], self.face[which], self.distance[which])
 
 
-class _Points(NamedTuple):
-    """Points to search around: float64 (k, 3), `reach` (k,), `face_points` and `numbers`, as below.
-
-    Faces are sought whose rounding is above `least` and up to `most`.
-    """
-
-    points: Float64s
-    reach: Float64s
-    least: float
-    most: float
-    face_points: Int64s
-    numbers: Int64s
+_Points = tuple[Float64s, Float64s, Int64s, Int64s]  # points, reach, face_points, numbers
 
 
 def find_contacts(
@@ -63,9 +52,9 @@ def find_contacts(
     """
     if not (reach >= 0.0).any() or not len(surface.faces):
         return _empty(0)
-    most = float(surface.rounding.max())
+    around, most = (points, reach, face_points, numbers), float(surface.rounding.max())
     if most <= _USUAL_ROUNDING:
-        return _find(tree, surface, _Points(points, reach, -1.0, most, face_points, numbers))
+        return _find(tree, surface, around, most)
     found, least = [], -1.0
     while least < most:
         limit = max(_CLASS * least, _USUAL_ROUNDING)
@@ -73,7 +62,7 @@ def find_contacts(
         if len(rows):
             some = BVH16.of(surface.vertices.astype(np.float32), surface.faces[rows])
             some = some._replace(rows=np.where(some.rows < 0, -1, rows[some.rows]))
-            found.append(_find(some, surface, _Points(points, reach, least, limit, face_points, numbers)))
+            found.append(_find(some, surface, around, limit))
         least = limit
     joined = Contacts(*(np.concatenate(column) for column in zip(*found, strict=True)))
     joined = joined.only(np.lexsort((joined.face, joined.point)))
@@ -81,19 +70,20 @@ def find_contacts(
     return joined.only(place < _MOST)
 
 
-def _find(tree: BVH16, surface: Surface, around: _Points) -> Contacts:
-    points = around.points
-    parts: list[Contacts] = [_empty(0)] * -(-len(points) // _BLOCK)
+def _find(tree: BVH16, surface: Surface, around: _Points, most: float) -> Contacts:
+    """`find_contacts` of the faces of a tree, whose rounding is `most` at most."""
+    count = len(around[0])
+    parts: list[Contacts] = [_empty(0)] * -(-count // _BLOCK)
 
     def search(first: int, last: int) -> None:
-        found, stack = _empty(_USUAL * _BLOCK), new_stack()
-        count = _search(tree, stack, around, surface, first, last, found)
-        if count > len(found.point):
-            found = _empty(count)
-            _search(tree, stack, around, surface, first, last, found)
-        parts[first // _BLOCK] = found.only(np.arange(count))  # copies, so that the rest is let go
+        found, fill = _empty(_USUAL * _BLOCK), bound(_search, tree, new_stack(), surface, around, most)
+        size = fill(first, last, found)
+        if size > len(found.point):
+            found = _empty(size)
+            fill(first, last, found)
+        parts[first // _BLOCK] = found.only(np.arange(size))  # copies, so that the rest is let go
 
-    run_blocks(len(points), _BLOCK, search, thread_count(None))
+    run_blocks(count, _BLOCK, search, thread_count(None))
     point, face, distance = (np.concatenate(column) for column in zip(*parts, strict=True))
     return Contacts(point, face, distance)
 
@@ -109,26 +99,25 @@ def _beside(p, reach, a, b, c):
 
 
 @kernel
-def _search(tree, stack, around, surface, first, last, found):
+def _search(tree, stack, surface, around, most, first, last, found):
     """Write the contacts of points from `first` to `last` into `found` as far as they fit; returns their number."""
-    tree, around, surface, found = borrow(tree), borrow(around), borrow(surface), borrow(found)
-    points, reach, count = around.points, around.reach, 0
+    tree, surface, found = borrow(tree), borrow(surface), borrow(found)
+    (points, reach, corners, numbers), count = borrow(around), 0
     nearest = kept, distances = np.empty(_MOST, np.int64), np.empty(_MOST)
     for i in range(first, last):
         if reach[i] < 0.0:
             continue
-        p, number, filled, seen = load(points, i), around.numbers[i], 0, 0
-        middle = np.float32(p[0]), np.float32(p[1]), np.float32(p[2])
-        radius = widened(middle, max(reach[i], around.most))
-        begin(tree, stack)
-        leaf, near = next_leaf(tree, stack, middle, radius)
+        p, number, filled, seen = load(points, i), numbers[i], 0, 0
+        place = begin(tree, stack, p, max(reach[i], most))
+        leaf, near = next_leaf(tree, stack, place)
         while near != 0 and seen < _SEEN:
             while near != 0:
                 f = tree.rows[leaf, lowest_bit(near)]
                 near &= near - 1
                 seen += filled == _MOST
-                filled = _keep(surface, around, f, p, number, reach[i], nearest, filled)
-            leaf, near = next_leaf(tree, stack, middle, radius)
+                if corners[f, 0] != number and corners[f, 1] != number and corners[f, 2] != number:
+                    filled = _keep(surface, f, p, max(reach[i], surface.rounding[f]), nearest, filled)
+            leaf, near = next_leaf(tree, stack, place)
         for k in range(filled):
             if count < len(found.point):
                 found.point[count], found.face[count], found.distance[count] = i, kept[k], distances[k]
@@ -137,22 +126,15 @@ def _search(tree, stack, around, surface, first, last, found):
 
 
 @inline
-def _keep(surface, around, f, p, number, reach, nearest, filled):
-    """Put a face among the `nearest`, sorted by number, if it is near enough; returns how many there are.
-
-    Args: nearest: the faces kept and their distances. filled: how many there are.
-    """
-    (kept, distances), corners, within = nearest, around.face_points, max(reach, surface.rounding[f])
-    if surface.rounding[f] <= around.least or surface.rounding[f] > around.most:
-        return filled
-    if corners[f, 0] == number or corners[f, 1] == number or corners[f, 2] == number:
-        return filled
+def _keep(surface, f, p, within, nearest, filled):
+    """Add a face to those `filled`, sorted by number, and their distances if it is near enough; how many there are."""
+    kept, distances = nearest
     a, b, c = load_triangle(surface.vertices, surface.faces, f)
     if _beside(p[0], within, a[0], b[0], c[0]) or _beside(p[1], within, a[1], b[1], c[1]):
         return filled
     if _beside(p[2], within, a[2], b[2], c[2]):
         return filled
-    away = distance_to_triangle(p, a, b, c)
+    away = closest_on_triangle(p, a, b, c)[0]
     if away > within or (filled == _MOST and f > kept[filled - 1]):
         return filled
     place = min(filled, _MOST - 1)

@@ -34,11 +34,9 @@ def turn_directions(
 ) -> None:
     """Turn the directions of touched `points` in front of what they touch, where possible.
 
-    Args:
+    Args: touched: at least one, sorted by point. face_points, numbers: as `find_contacts` takes them.
         found: directions (k, 3), their clearance (k,), and whether (k,) a touched face decides what is seen: it rises
             above the plane across the direction, or lies in it and looks the other way. Changed in place.
-        touched: at least one, sorted by point.
-        face_points: int64 (m, 3), the number of the point at each face corner. numbers: int64 (k,), of each point.
     """
     first = np.flatnonzero(np.diff(touched.point, prepend=-1))
     rows = touched.point[first]
@@ -57,11 +55,8 @@ def turn_directions(
 
 @kernel
 def _turn(surface, points, found, rows, own_faces, touched_faces, first, last):
-    """`turn_directions` of the points rows[first:last].
-
-    Args: own_faces, touched_faces: faces that points are a corner of, or touch, and where those of each row begin and
-        end, ascending; int64.
-    """
+    """`turn_directions` of the points rows[first:last], from faces that they are a corner of, or touch, ascending, and
+    where those of each row begin and end."""
     surface, (directions, clearance, decided), rows = borrow(surface), borrow(found), borrow(rows)
     (own, own_starts, own_ends), (touched, touched_starts, touched_ends) = borrow(own_faces), borrow(touched_faces)
     largest = 0

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..bvh.bvh16 import BVH16
-from ..bvh.closest import distance_to_triangle
+from ..bvh.closest import closest_on_triangle
 from ..kernel.arrays import borrow, product
 from ..kernel.jit import bound, inline, kernel
 from ..kernel.vector import add, dot, load, load_triangle, scale, subtract
@@ -42,13 +42,10 @@ def ray_origins(
 ) -> tuple[Float64s, Bools]:
     """Ray origins (k, 3) of `points` (k, 3) in render space, and which (k,) are decided by faces beside them.
 
-    Args:
-        tree: over the faces of `surface`.
+    Args: tree, face_points, numbers: as `find_contacts` takes them; points may share a number.
         directions: (k, 3), unit, or zero for points without origins; in front of the point's own faces with the least
             cosine `clearance` (k,).
-        face_points: int64 (m, 3), the number of the point that each face corner is.
-        numbers: int64 (k,), the number of each point; points may share one.
-        magnitude: (k,), what `surface.magnitudes(face_points, …)` has for that number.
+        magnitude: (k,), what `surface.magnitudes(face_points, …)` has for a point's number.
     """
     offset, touching, reach = offsets_and_reaches(points, directions, magnitude, clearance)
     decided = np.zeros(len(points), np.bool_)
@@ -57,8 +54,7 @@ def ray_origins(
     touched, blurred = near.only(touches), near.point[~touches & (near.distance <= (reach * clearance)[near.point])]
     if len(touched.point):
         directions, clearance, magnitude = directions.copy(), clearance.copy(), magnitude.copy()
-        found = directions, clearance, decided
-        turn_directions(found, surface, points, touched, face_points, numbers)
+        turn_directions((directions, clearance, decided), surface, points, touched, face_points, numbers)
         np.maximum.at(magnitude, touched.point, np.maximum(surface.extent[touched.face], surface.flat[touched.face]))
         offset = ray_offset(directions, magnitude, clearance)
         farther = np.where((reach >= 0.0) & (2.0 * offset > reach), 2.0 * offset, -1.0)
@@ -76,8 +72,7 @@ def ray_origins(
 def ray_offset(directions: Float64s, magnitude: Float64s, clearance: Float64s) -> Float64s:
     """Distance (n,) along unit `directions` (n, 3) at which an origin is surely above the surface that it starts on.
 
-    Args:
-        magnitude: (n,), the largest |coordinate| among the corners of the faces that meet there.
+    Args: magnitude: (n,), the largest |coordinate| among the corners of the faces that meet there.
         clearance: (n,), the smallest cosine between the direction and those faces' normals; below .01 it counts as .01.
     """
     return OFFSET_ULPS * ULP * product(np.abs(directions), np.ones(3)) * magnitude / np.maximum(clearance, 0.01)
@@ -86,10 +81,7 @@ def ray_offset(directions: Float64s, magnitude: Float64s, clearance: Float64s) -
 def offsets_and_reaches(
     points: Float64s, directions: Float64s, magnitude: Float64s, clearance: Float64s
 ) -> tuple[Float64s, Float64s, Float64s]:
-    """`ray_offset`, `contact_radius`, and within what distance to look for faces, −1 without a direction: (n,) each.
-
-    Args: points: (n, 3), directions, magnitude, clearance: as `ray_offset` takes them.
-    """
+    """`ray_offset`, how near a face is touched, and within what distance to look for faces, −1 without a direction."""
     found = np.empty((3, len(points)))
     work = bound(_offsets_and_reaches, points, directions, magnitude, clearance, found)
     run_blocks(len(points), _BLOCK, work, thread_count(None))
@@ -115,13 +107,8 @@ def _span(v):
 
 @kernel
 def stop_short(offset, points, directions, touching, near, surface):
-    """Cut each offset to half the way to the first face that twice of it would pass, touched faces left out.
-
-    Args:
-        offset: float64 (k,). points, directions: float64 (k, 3), directions unit or zero.
-        touching: float64 (k,), the least distance from a face at which a point does not touch it.
-        near: Contacts of the points. surface: Surface.
-    """
+    """Cut each offset to half the way to the first face that twice of it would pass, those nearer than `touching` left
+    out. Args: near: Contacts."""
     near, surface = borrow(near), borrow(surface)
     for i in range(len(near.point)):
         row, f = near.point[i], near.face[i]
@@ -132,7 +119,7 @@ def stop_short(offset, points, directions, touching, near, surface):
             ahead = dot(n, subtract(a, p)) / facing
             touched = max(touching[row], surface.rounding[f])
             passed = touched < ahead < 2.0 * offset[row]
-            if passed and distance_to_triangle(add(p, scale(ahead, direction)), a, b, c) <= touched:
+            if passed and closest_on_triangle(add(p, scale(ahead, direction)), a, b, c)[0] <= touched:
                 offset[row] = min(offset[row], 0.5 * ahead)
 
 
@@ -163,7 +150,7 @@ class WeldedPoints(NamedTuple):
         return self._replace(face_normals=-self.face_normals, directions=-self.directions)
 
     def surface(self, vertices: Float64s) -> Surface:
-        """The faces in render space. Args: vertices: (n, 3)."""
+        """The faces over `vertices` (n, 3) in render space."""
         return Surface.of(vertices, self.faces, self.face_normals)
 
     def ray_origins(self, tree: BVH16, surface: Surface) -> tuple[Float64s, Bools]:
@@ -192,9 +179,7 @@ def weld_points(
 ) -> WeldedPoints:
     """Weld the vertices of a mesh, and find directions in front of their faces.
 
-    Args:
-        vertices: (n, 3), render space.
-        faces: int64 (m, 3); degenerate ones are left out.
+    Args: vertices: (n, 3), render space. faces: int64 (m, 3); degenerate ones are left out.
         weighting: of the faces' normals in their mean, see `vertex_sums`.
         normals: (n, 3), unit or zero, on whose side of the surface the directions are; by default the vertices' means.
         agreement: least cosine between the normals of vertices that are welded.

@@ -61,10 +61,7 @@ class Surface(NamedTuple):
         return shortest[points]
 
     def magnitudes(self, face_points: Int64s, count: int) -> Float64s:
-        """The scale of the offset at each of `count` points (`ray_offset`): float64 (count,).
-
-        Args: face_points: int64 (m, 3), the point at each face corner.
-        """
+        """The scale of the offset at each of `count` points (`ray_offset`), those of `face_points` (m, 3)."""
         around, magnitude, threads = np.zeros(count), np.zeros(count), thread_count(None)
         run_ranges(count, _POINTS, bound(_spread_flat, self.flat, face_points, around), threads)
         run_ranges(count, _POINTS, bound(_magnitudes, self.extent, face_points, around, magnitude), threads)

@@ -154,10 +154,7 @@ def _parse_word(text, i):
 
 @kernel
 def read_rows(text, begin, end, numbers, counts):
-    """The numbers (`_parse_word`) of all lines that have words, one after the other; returns how many lines that are.
-
-    Args: numbers, counts: float64 and int64 (any,), filled with the numbers, and with how many each such line has.
-    """
+    """The `numbers` (`_parse_word`) of lines that have words, and their `counts`; returns how many lines these are."""
     found, rows, i = 0, 0, begin
     while i < end:
         before = found
@@ -214,10 +211,7 @@ def survey(text, begin, end, tally, rest):
 
 @kernel
 def read_numbers(text, begin, end, wanted, rows):
-    """The first numbers of those lines that are of the kind `wanted` and have the words that it needs.
-
-    Args: rows: float64 (lines, numbers).
-    """
+    """The first numbers, `rows` (lines, numbers), of lines of the kind `wanted` that have the words that it needs."""
     row, i = 0, begin
     while i < end:
         kind, i = _keyword(text, i)
