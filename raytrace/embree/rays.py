@@ -19,13 +19,8 @@ _BLOCK, _MOST = 1 << 12, 16  # rays, and blocks at once
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """Closest hits of k rays.
-
-    Attributes:
-        distance: float32 (k,), in units of the ray's direction; inf for a miss.
-        face: int64 (k,), row of the scene's faces, −1 for a miss.
-        barycentric: float32 (k, 3), weights of the face's three corners; 0 for a miss.
-    """
+    """Closest hits of k rays: `distance` in units of the ray's direction, `face` as row of the scene's, `barycentric`
+    weights (k, 3) of its corners; inf, −1 and 0 for a miss."""
 
     distance: Float32s
     face: Int64s
@@ -61,12 +56,9 @@ def intersect(
 ) -> Hits:
     """Closest hits of rays with 0 ≤ distance ≤ reach.
 
-    Args:
-        origins, directions: broadcast to (k, 3), rounded to float32; scene units; directions of any length but zero.
+    Args: origins, directions: broadcast to (k, 3), rounded to float32; scene units; directions of any length but zero.
         reach: broadcasts to (k,), in units of the direction's length.
-
-    Raises:
-        OptionError: wrong shapes, or values that Embree would take for a miss: NaN, infinity, zero directions.
+    Raises: OptionError: wrong shapes, or values that Embree would take for a miss: NaN, infinity, zero directions.
     """
     origins, directions = (np.ascontiguousarray(a, np.float32) for a in np.broadcast_arrays(origins, directions))
     if origins.ndim != 2 or origins.shape[1] != 3:

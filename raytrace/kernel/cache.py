@@ -106,10 +106,8 @@ def is_kept(path: str) -> bool:
 
 
 def read_code(name: str) -> bytes | None:
-    """Code that `write_code` kept by this name; None unless it is whole: a crash may leave half a file.
-
-    Folders before `cache_folder` count, which this user cannot write to: an administrator may have filled one.
-    """
+    """Code that `write_code` kept by this name; None unless it is whole: a crash may leave half a file. Folders before
+    `cache_folder` count, which this user cannot write to: an administrator may have filled one."""
     places, last = _places(), cache_folder()
     for folder in places[: places.index(last) + 1] if last else places:
         with suppress(OSError):

@@ -78,9 +78,7 @@ class Kernel(_Called):
     `if argument is not None` is left out where it is None. Read-only arrays share the code of writable ones, so a
     kernel must write to none but its results.
 
-    Raises:
-        TypeError: other arguments or results.
-        MemoryError: an array that it makes does not fit.
+    Raises: TypeError: other arguments or results. MemoryError: an array that it makes does not fit.
     """
 
     def __init__(self, function: Callable[..., Any], inlined: bool = False) -> None:
@@ -152,12 +150,8 @@ def external(name: str, count: int) -> Any:
 
 
 def intrinsic(signature: Callable[..., Any]) -> Callable[[Callable[..., Any]], Any]:
-    """Let kernels call a function that writes LLVM's code.
-
-    Args: signature: Numba's signature of a call from the types of its arguments, or None if they are wrong ones.
-
-    The function gets Numba's context, LLVM's builder, that signature, and LLVM's values of the arguments.
-    """
+    """Let kernels call a function that writes LLVM's code: from Numba's context, LLVM's builder, Numba's `signature` of
+    the types of the arguments (None for wrong types), and their values."""
     return lambda emit: _Called(lambda: compiler.intrinsic(signature, emit))
 
 

@@ -15,8 +15,7 @@ def compiling(expected: int = 42, always: bool = False) -> Iterator[None]:
 
     It goes to standard error, and to the logger "obscurance" at the level INFO. Within another one it does nothing.
 
-    Args:
-        expected: about how many kernels the work takes; a texture or a picture takes nearly as many as a bake.
+    Args: expected: about how many kernels the work takes; a texture or a picture takes nearly as many as a bake.
         always: whether other outputs than terminals get the line.
     """
     if notices:

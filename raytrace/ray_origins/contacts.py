@@ -45,9 +45,7 @@ def find_contacts(
 ) -> Contacts:
     """The faces within the larger of `reach` and their `rounding` of points, but not those that a point is a corner of.
 
-    Args:
-        tree: over the faces of `surface`. points: float64 (k, 3), render space.
-        reach: float64 (k,), negative for points that are left out.
+    Args: tree: over the faces of `surface`. points: (k, 3), render space. reach: (k,), negative to leave points out.
         face_points: int64 (m, 3), the number of the point that each face corner is. numbers: int64 (k,), of each point.
     """
     if not (reach >= 0.0).any() or not len(surface.faces):

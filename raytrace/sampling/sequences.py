@@ -92,11 +92,9 @@ def owen_sobol(sets: int, count: int, key: np.uint32) -> tuple[Float64s, Float64
 def jittered_lattice(
     sets: int, count: int, key: np.uint32, step: float = GOLDEN, part: slice = slice(None)
 ) -> tuple[Float64s, Float64s]:
-    """`sets` independent lattices of `count` points, ordered by u: two arrays (sets, count) in (0, 1).
+    """`sets` independent lattices of `count` points, or a `part`, ordered by u: two arrays (sets, count) in (0, 1).
 
     The v of a whole set are to be turned (mod 1) by a random amount, as directions are about their axis.
-
-    Args: part: which of the sets are wanted.
     """
     rank = np.arange(count)
     keys = _keys(sets, key)[:, part, None]

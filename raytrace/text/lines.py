@@ -174,8 +174,7 @@ def read_rows(text, begin, end, numbers, counts):
 def survey(text, begin, end, tally, rest):
     """Count the lines, and find runs of other statements than `NUMBERED` and faces; returns how many runs there are.
 
-    Args:
-        tally: zeros (4, 6), of each kind up to F: lines, those that have the words they need, the fewest and the most
+    Args: tally: zeros (4, 6), of each kind up to F: lines, those that have the words they need, the fewest and the most
             words of a line, words, slashes in the words of faces.
         rest: (any, 3), is filled with runs: where each begins and ends, and faces before it.
     """
@@ -232,10 +231,8 @@ def read_numbers(text, begin, end, wanted, rows):
 def read_faces(text, begin, end, before, sizes, indices):
     """The faces; returns whether all words are indices.
 
-    Args:
-        before: (4, 6), the sum of the tallies of all lines before these.
-        sizes: int64 (p,), of all faces. indices: int64 (1 or 3, c), of all corners' `NUMBERED`, from 1 on, or `NONE`;
-            relative ones are made absolute.
+    Args: before: (4, 6), the sum of the tallies of all lines before these. sizes: int64 (p,), of all faces.
+        indices: int64 (1 or 3, c), of all corners' `NUMBERED`, from 1 on, or `NONE`; relative ones are made absolute.
     """
     v, vt, vn, face = before[V, COUNT], before[VT, COUNT], before[VN, COUNT], before[F, COUNT]
     corner, valid, i = before[F, WORDS], True, begin
