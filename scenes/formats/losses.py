@@ -57,14 +57,15 @@ def of_glb(mesh_file: MeshFile, colors: str) -> list[str]:
 
         for piece, part in zip(mesh_file.gltf.drawn, mesh_file.parts if len(colors) == 1 else (), strict=False):
             stored_colors(mesh_file.gltf, piece.primitive.attributes, part.vertices.stop - part.vertices.start)
-        pieces = [piece for mesh in mesh_file.gltf.geometry.meshes for piece in mesh.primitives]
-        return ["its colours"] if replaced and any("COLOR_0" in piece.attributes for piece in pieces) else []
-    from .glb.plain import SOURCE_INDEX, attribute_name, fits_float, groups, part_origin
+        stored = (piece.attributes for mesh in mesh_file.gltf.geometry.meshes for piece in mesh.primitives)
+        return ["its colours"] if replaced and any("COLOR_0" in attributes for attributes in stored) else []
+    from .glb.pieces import pieces
+    from .glb.plain import SOURCE_INDEX, attribute_name, fits_float, part_origin
 
     part_origin(mesh_file.mesh.vertices)
     if detail is None:
         return list(mesh_file.unread)
-    divided = len(groups(mesh_file)) > len(mesh_file.parts)
+    divided = len(list(pieces(mesh_file))) > len(mesh_file.parts)
     left_out = (
         (replaced and detail.colors is not None, "its colours"),
         (divided, f"the order of vertices ({SOURCE_INDEX} has their places)"),

@@ -16,7 +16,7 @@ from meshes import hills
 from PIL import Image
 from project import ROOT
 
-from scenes.formats.gltf.container import decode
+from scenes.formats.gltf.asset import decode
 
 SAMPLES = ("--samples", 16)
 

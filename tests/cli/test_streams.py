@@ -11,7 +11,7 @@ from mesh_files import glb, obj, off, ply, stl
 from meshes import hills, two_boxes
 
 from raytrace.system import atomic
-from scenes.formats.gltf.container import decode
+from scenes.formats.gltf.asset import decode
 from scenes.formats.standard_input import standard_input
 
 VERTICES, FACES = two_boxes()

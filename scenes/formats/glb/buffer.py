@@ -10,7 +10,7 @@ import numpy.typing as npt
 from raytrace.types import Float64s, Int64s
 
 from ..gltf.accessors import COMPONENTS
-from ..gltf.container import encode_glb
+from ..gltf.asset import encode_glb
 from ..gltf.records import PROFILE
 
 if TYPE_CHECKING:

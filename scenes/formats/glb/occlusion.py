@@ -16,8 +16,7 @@ from raytrace.types import AnyFloats
 
 from .buffer import Packed
 
-OWN = "obscurance"
-"""Names of images of ours begin so: a later bake replaces their textures."""
+OWN = "obscurance"  # names of images of ours begin so: a later bake replaces their textures
 RAMP = f"{OWN} ramp"
 LINEAR, CLAMP_TO_EDGE = 9729, 33071
 _VARIANTS, TRANSFORM = "KHR_materials_variants", "KHR_texture_transform"
@@ -32,38 +31,29 @@ class OcclusionTextures:
         self._given: dict[int, tuple[int, int]] = {}  # texture and coordinates by the id of a primitive
 
     def add(self, png: bytes, name: str, **sampler: int) -> int:
-        """Index of a new texture.
+        """Index of a new texture, of a file by `raytrace.image.encode.linear_png`.
 
-        Args:
-            png: linear grey or RGB of 8 bits, without a chunk about colours (`raytrace.image.encode.linear_png`).
-            name: of its image; begins with `OWN`.
-            sampler: glTF's filters and wrap modes, linear without mip maps and clamped unless given.
+        Args: name: of its image; begins with `OWN`. sampler: filters and wrap modes in place of linear and clamped.
         """
         image = {"name": name, "mimeType": "image/png", "bufferView": self._packed.bytes_view(png)}
         modes = {"magFilter": LINEAR, "minFilter": LINEAR, "wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE} | sampler
         append = self._packed.append
         return append("textures", {"sampler": append("samplers", modes), "source": append("images", image)})
 
-    def takes(self, primitive: dict[str, Any]) -> bool:
-        """Whether some material of the primitive has no occlusion texture that is to be kept."""
-        return bool(self.materials(primitive))
-
     def materials(self, primitive: dict[str, Any]) -> list[int | None]:
         """The primitive's materials that have no occlusion texture that is to be kept; None for no material."""
-        return [slot.get("material") for slot in _slots(primitive) if self._open(slot.get("material"))]
+        return list(filter(self._open, _materials(primitive)))
 
     def give(self, primitive: dict[str, Any], texture: int, coordinates: int) -> None:
         """Note that a primitive of the document is to have this texture by its TEXCOORD set of this number."""
         self._given[id(primitive)] = texture, coordinates
 
     def apply(self) -> None:
-        """Put the textures into the primitives' materials; materials that other primitives share are copied first.
-
-        A primitive without material gets the specification's default one. Materials keep their places.
-        """
+        """Put the textures into the primitives' materials, the default one for none; materials that other primitives
+        share are copied first, and keep their places."""
         header = self._packed.header
         before = copy.deepcopy(header.get("materials", []))
-        others: set[int | None] = set()
+        others: set[int | None] = {None}  # there is no such entry
         uses: dict[tuple[int | None, int, int], list[dict[str, Any]]] = {}
         for primitive in (piece for mesh in header["meshes"] for piece in mesh["primitives"]):
             given = self._given.get(id(primitive))
@@ -73,20 +63,18 @@ class OcclusionTextures:
                     others.add(material)
                 elif self._open(material):
                     uses.setdefault((material, *given), []).append(slot)
-        others.add(None)  # there is no such entry
         for (material, texture, coordinates), slots in uses.items():
-            made = header["materials"][material] if material is not None else {}
             if material in others:
                 made = {} if material is None else copy.deepcopy(before[material])
                 number = self._packed.append("materials", made)
                 for slot in slots:
                     slot["material"] = number
             else:
+                made = header["materials"][material]
                 others.add(material)
             self._put(made, texture, coordinates)
 
     def _put(self, material: dict[str, Any], texture: int, coordinates: int) -> None:
-        """Give a material, in place, its texture by a TEXCOORD set."""
         material["occlusionTexture"] = texture_reference(texture, coordinates)
 
     def _open(self, material: int | None) -> bool:
@@ -109,10 +97,10 @@ def free_set(header: dict[str, Any], primitive: dict[str, Any]) -> int:
     """
     names = {*primitive["attributes"], *(name for target in primitive.get("targets", []) for name in target)}
     used: set[int] = set()
-    for material in (slot.get("material") for slot in _slots(primitive)):
+    for material in _materials(primitive):
         ramp = occlusion_reference(header, material) if is_ramp(header, material) else None
         references = _references(material_of(header, material))
-        used |= {number for each in references if each is not ramp for number in sets_of(each)}
+        used |= {number for each in references if each is not ramp for number in _sets_of(each)}
     ramps = ramp_sets(header, primitive)
     return next(n for n in count() if n not in used and (n in ramps or f"TEXCOORD_{n}" not in names))
 
@@ -125,8 +113,8 @@ def is_ramp(header: dict[str, Any], material: int | None) -> bool:
 
 def ramp_sets(header: dict[str, Any], primitive: dict[str, Any]) -> set[int]:
     """Numbers of the TEXCOORD sets by which a primitive's materials use a ramp of ours."""
-    references = [occlusion_reference(header, slot.get("material")) for slot in _slots(primitive)]
-    return {each.get("texCoord", 0) for each in references if each and image_name(header, each) == RAMP}
+    ramps = [material_of(header, each) for each in _materials(primitive) if is_ramp(header, each)]
+    return {each["occlusionTexture"].get("texCoord", 0) for each in ramps}
 
 
 def add_coordinates(packed: Packed, primitive: dict[str, Any], number: int, uv: AnyFloats) -> None:
@@ -142,10 +130,9 @@ def add_coordinates(packed: Packed, primitive: dict[str, Any], number: int, uv: 
     primitive["attributes"][f"TEXCOORD_{number}"] = packed.accessor(uv.astype("<f4"))
 
 
-def occlusion_reference(header: dict[str, Any], material: int | None) -> dict[str, Any] | None:
+def occlusion_reference(header: dict[str, Any], material: int | None) -> Any:
     """The reference (`index`, `texCoord`, `strength`) to a material's occlusion texture, or None."""
-    reference: dict[str, Any] | None = material_of(header, material).get("occlusionTexture")
-    return reference
+    return material_of(header, material).get("occlusionTexture")
 
 
 def material_of(header: dict[str, Any], material: int | None) -> dict[str, Any]:
@@ -161,14 +148,14 @@ def _source(header: dict[str, Any], reference: dict[str, Any]) -> int:
 
 
 def image_name(header: dict[str, Any], reference: dict[str, Any]) -> str:
-    """Name of the image that a texture reference of a material leads to; empty if it has none, or leads nowhere."""
+    """Name of the image that a texture reference leads to; empty if it has none, or leads nowhere."""
     source, images = _source(header, reference), header.get("images", [])
     return str(images[source].get("name", "")) if 0 <= source < len(images) else ""
 
 
 def texture_images(header: dict[str, Any], material: dict[str, Any], coordinates: int) -> set[int]:
     """Numbers of the images that a material uses by a TEXCOORD set, without images of earlier bakes."""
-    used = [each for each in _references(material) if coordinates in sets_of(each)]
+    used = [each for each in _references(material) if coordinates in _sets_of(each)]
     return {_source(header, each) for each in used if not image_name(header, each).startswith(OWN)} - {-1}
 
 
@@ -176,6 +163,10 @@ def _slots(primitive: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """The tables with a `material` of the primitive: itself, and the mappings of its variants."""
     yield primitive
     yield from primitive.get("extensions", {}).get(_VARIANTS, {}).get("mappings", [])
+
+
+def _materials(primitive: dict[str, Any]) -> list[int | None]:
+    return [slot.get("material") for slot in _slots(primitive)]
 
 
 def _references(stored: Any) -> Iterator[dict[str, Any]]:
@@ -187,7 +178,7 @@ def _references(stored: Any) -> Iterator[dict[str, Any]]:
             yield from _references(inner)
 
 
-def sets_of(reference: dict[str, Any]) -> set[int]:
+def _sets_of(reference: dict[str, Any]) -> set[int]:
     """The sets of texture coordinates that readers with and without KHR_texture_transform take."""
     own = reference.get("texCoord", 0)
     found = own, reference.get("extensions", {}).get(TRANSFORM, {}).get("texCoord", own)

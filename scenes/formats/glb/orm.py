@@ -51,24 +51,20 @@ class OrmTextures(OcclusionTextures):
 
     def _pack(self, number: int | None, w: Float32s) -> tuple[int, int]:
         """Textures for occlusion and for the rest, mostly one, in place of a metallic-roughness texture or of none."""
-        repeat = {"wrapS": WRAP, "wrapT": WRAP}
-        if number is None or self._asset is None:
-            white = np.full((*w.shape, 3), 255, np.uint8)
-            both = self.add(linear_png(with_occlusion(white, w)), _NAME, **repeat)
-            return both, both
-        stored = self._asset.materials.textures[number]
-        assert stored.source is not None  # as `check_orm` has found
-        image = texture_codes(Textures(self._asset).image(stored.source))
-        both = self.add(linear_png(with_occlusion(image, w)), _NAME, **repeat)
-        added = self._packed.header["textures"]
-        sampler = self._asset.sampler(stored)
-        if stored.sampler is None:
-            del added[both]["sampler"]
-        elif sampler.wrapS == sampler.wrapT == WRAP:
-            added[both]["sampler"] = stored.sampler
-        else:  # what is baked is taken modulo 1
-            added.append(added[both] | {"sampler": stored.sampler})
-            return both, len(added) - 1
+        stored, image = None, np.full((*w.shape, 3), 255, np.uint8)
+        if number is not None and self._asset:
+            stored = self._asset.materials.textures[number]
+            assert stored.source is not None  # as `check_orm` has found
+            image = texture_codes(Textures(self._asset).image(stored.source))
+        both = self.add(linear_png(with_occlusion(image, w)), _NAME, wrapS=WRAP, wrapT=WRAP)
+        if stored and self._asset:
+            added, sampler = self._packed.header["textures"], self._asset.sampler(stored)
+            if not sampler.wrapS == sampler.wrapT == WRAP:  # what is baked is taken modulo 1
+                return both, self._packed.append("textures", added[both] | {"sampler": stored.sampler})
+            if stored.sampler is None:
+                del added[both]["sampler"]
+            else:
+                added[both]["sampler"] = stored.sampler
         return both, both
 
 
@@ -91,10 +87,7 @@ def check_orm(asset: Gltf | None, coordinates: int | None, replace: bool) -> Non
 
     Args: coordinates: the number of the set that is baked for, by primitives that have it; None for a new one of all.
 
-    Raises:
-        MeshError: one goes by other coordinates, or is moved by KHR_texture_transform, or its image is none that
-            can be read.
-        SceneError, InputError: its image is missing, elsewhere or damaged.
+    Raises: InputError: one goes by other coordinates, or is moved, or its image cannot be read.
     """
     if asset is None:
         return
@@ -131,11 +124,8 @@ def _check(asset: Gltf, own: TextureReference, field: str, coordinates: int | No
 
 def _material(paint: Paint) -> dict[str, Any]:
     """glTF's material of a paint, without its picture."""
-    surface: dict[str, Any] = {
-        "baseColorFactor": [*paint.colour, paint.opacity],
-        "metallicFactor": paint.metallic,
-        "roughnessFactor": paint.roughness,
-    }
+    surface: dict[str, Any] = {"baseColorFactor": [*paint.colour, paint.opacity]}
+    surface |= {"metallicFactor": paint.metallic, "roughnessFactor": paint.roughness}
     made: dict[str, Any] = {"name": paint.name, "pbrMetallicRoughness": surface}
     if any(paint.emission):
         made["emissiveFactor"] = list(paint.emission)
@@ -162,10 +152,7 @@ def add_materials(packed: Packed, paints: Sequence[Paint]) -> None:
 
 
 def _base_colour(paint: Paint) -> bytes:
-    """A PNG or JPEG file of a material's colour texture, its alpha the opacity map; of two sizes the larger.
-
-    Raises: InputError: an image is missing or damaged.
-    """
+    """A PNG or JPEG file of a material's colour texture, its alpha the opacity map; of two sizes the larger."""
     alpha = None if paint.texture == paint.opacity_texture else opacity_map(paint)
     if paint.texture and alpha is None:
         return paint.texture.read_bytes()

@@ -2,17 +2,14 @@
 
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from raytrace.types import Int64s
 
-from ...geometry.instances import Submesh
-from ..gltf.asset import DrawnPrimitive, Gltf
 from ..load import MeshFile
 from .occlusion import material_of, texture_images
-from .plain import groups
 
 _NO_MATERIAL = "default"
 
@@ -20,7 +17,7 @@ _NO_MATERIAL = "default"
 class Named(NamedTuple):
     """A unique key of a material or object, and its name, which need not be unique."""
 
-    key: Hashable
+    key: Any
     name: str
 
 
@@ -28,39 +25,43 @@ class Named(NamedTuple):
 class Piece:
     """Faces of one material in one object."""
 
-    faces: Int64s  # (k,) rows of the mesh's faces
-    material: Named
+    part: int  # number of the mesh file's part
+    faces: Int64s  # (k,) rows of the mesh's faces, ascending
+    material: Named  # its key is the number in the document
     object: Named
     body: Hashable  # what the object shares with its copies
     image: Hashable  # an image that the material has by the piece's texture coordinates, or None
 
 
-def pieces(mesh_file: MeshFile, number: int = 0) -> Iterator[Piece]:
+def pieces(mesh_file: MeshFile, coordinates: int = 0) -> Iterator[Piece]:
     """The pieces of a file, in the order in which `write.document` lists primitives.
 
-    Args: number: of the set of texture coordinates by which materials have their images.
+    Of what is no glTF part by part, object by object, materials ascending.
+
+    Args: coordinates: number of the set by which materials have their images.
     """
-    asset, detail = mesh_file.gltf, mesh_file.detail
-    if asset:
-        for drawn, part in zip(asset.drawn, mesh_file.parts, strict=True):
-            yield _of_gltf(asset, drawn, part, number)
+    if asset := mesh_file.gltf:
+        for number, (drawn, part) in enumerate(zip(asset.drawn, mesh_file.parts, strict=True)):
+            index = drawn.primitive.material
+            material = material_of(asset.header, index)
+            name = material.get("name") or (_NO_MATERIAL if index is None else f"material {index}")
+            has_set = f"TEXCOORD_{coordinates}" in drawn.primitive.attributes
+            images = texture_images(asset.header, material, coordinates) if has_set else set[int]()
+            faces = np.arange(part.faces.start, part.faces.stop)
+            owner = Named(drawn.node, part.name.removesuffix(f"[{drawn.place}]"))
+            yield Piece(number, faces, Named(index, str(name)), owner, drawn.mesh, min(images, default=None))
         return
-    for group in groups(mesh_file):
-        material = detail.paints[group.paint - 1] if detail and group.paint else None
-        owner, named = (group.part, group.name), Named(group.paint, material.name if material else _NO_MATERIAL)
-        yield Piece(group.faces, named, Named(owner, group.name), owner, material.texture if material else None)
-
-
-def _of_gltf(asset: Gltf, drawn: DrawnPrimitive, part: Submesh, number: int) -> Piece:
-    header, index = asset.header, drawn.primitive.material
-    material = material_of(header, index)
-    name = material.get("name") or (_NO_MATERIAL if index is None else f"material {index}")
-    has_set = f"TEXCOORD_{number}" in drawn.primitive.attributes
-    images = texture_images(header, material, number) if has_set else set()
-    return Piece(
-        np.arange(part.faces.start, part.faces.stop),
-        Named(index, str(name)),
-        Named(drawn.node, part.name.removesuffix(f"[{drawn.place}]")),
-        drawn.mesh,
-        min(images, default=None),
-    )
+    detail, paint = mesh_file.detail, np.zeros(len(mesh_file.mesh.faces), np.int64)
+    of, paints = paint, detail.paints if detail else ()
+    if detail and detail.paint_of is not None:
+        paint = np.repeat(detail.paint_of + 1, detail.triangles.counts)
+    if detail and detail.object_of is not None:
+        of = np.repeat(detail.object_of + 1, detail.triangles.counts)
+    names = ("", *(detail.objects if detail else ()))
+    for number, part in enumerate(mesh_file.parts):
+        order = np.lexsort((paint[part.faces], of[part.faces])) + part.faces.start
+        kinds = np.stack([of[order], paint[order]], axis=1)
+        for faces in np.split(order, np.flatnonzero((kinds[1:] != kinds[:-1]).any(axis=1)) + 1):
+            own, key = names[of[faces[0]]] or part.name, int(paint[faces[0]])
+            name, image = (paints[key - 1].name, paints[key - 1].texture) if key else (_NO_MATERIAL, None)
+            yield Piece(number, faces, Named(key, name), Named((number, own), own), (number, own), image)

@@ -2,7 +2,7 @@
 
 import copy
 from collections import Counter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,19 +19,11 @@ from ..ply.detail import columns_of, fractions
 from ..ply.detail import stored_colors as ply_colors
 from .buffer import ELEMENT_ARRAY_BUFFER, Packed
 from .orm import add_materials
+from .pieces import pieces
 
 _LARGEST = 1e38  # of float32, and of a difference of two
 WHITE: dict[str, Any] = {"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 1}}
 SOURCE_INDEX = "_SOURCE_INDEX"
-
-
-class Group(NamedTuple):
-    """Triangles of one object and one material, which become one primitive."""
-
-    part: int  # number of the mesh file's part
-    name: str
-    paint: int  # number of the material in the document
-    faces: Int64s  # (t,) rows of the mesh's faces, ascending
 
 
 Drawn = tuple[dict[str, Any], Int64s]
@@ -39,7 +31,7 @@ Drawn = tuple[dict[str, Any], Int64s]
 
 
 def plain(mesh_file: MeshFile, colors: str) -> tuple[Packed, list[Drawn]]:
-    """The document, without w, and its primitives, in the order of `groups`.
+    """The document, without w, and its primitives, in the order of `pieces`.
 
     The only primitive of a part has the part's vertices in their order, then those whose corners differ once more.
     One of several has the vertices that it uses, with their rows in the mesh as `_SOURCE_INDEX`.
@@ -48,7 +40,7 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[Packed, list[Drawn]]:
 
     Args: colors: the channels that are to hold w: of all, the source's are left out.
     """
-    detail, mesh, found = mesh_file.detail, mesh_file.mesh, groups(mesh_file)
+    detail, mesh, found = mesh_file.detail, mesh_file.mesh, list(pieces(mesh_file))
     header: dict[str, Any] = {"asset": {"version": "2.0", "generator": "obscurance"}, "scene": 0}
     header |= {"scenes": [{"nodes": []}], "nodes": [], "meshes": [], "materials": [copy.deepcopy(WHITE)]}
     packed = Packed(header)
@@ -57,16 +49,17 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[Packed, list[Drawn]]:
     origins = [part_origin(mesh.vertices[part.vertices]) for part in mesh_file.parts]
     uv, normals = _of_corners(mesh_file)
     several = [each for each in (uv, normals) if each]
-    corners, alone, before = np.arange(mesh.faces.size).reshape(-1, 3), Counter(group.part for group in found), None
-    for group in found:
-        origin, own = origins[group.part], mesh_file.parts[group.part].vertices
-        if before != (group.part, group.name):
-            before = group.part, group.name
-            node = {"name": group.name, "mesh": packed.append("meshes", {"name": group.name, "primitives": []})}
+    corners, alone, before = np.arange(mesh.faces.size).reshape(-1, 3), Counter(piece.part for piece in found), None
+    for piece in found:
+        origin, own = origins[piece.part], mesh_file.parts[piece.part].vertices
+        if before != piece.object:
+            before = piece.object
+            named: dict[str, Any] = {"name": before.name}
+            node = named | {"mesh": packed.append("meshes", named | {"primitives": []})}
             moved = {} if origin is None else {"translation": origin.tolist()}
             header["scenes"][0]["nodes"].append(packed.append("nodes", node | moved))
-        keep = own.stop - own.start if alone[group.part] == 1 else 0
-        vertices, faces, first = split_corners(mesh.faces.ravel() - own.start, corners[group.faces], several, keep)
+        keep = own.stop - own.start if alone[piece.part] == 1 else 0
+        vertices, faces, first = split_corners(mesh.faces.ravel() - own.start, corners[piece.faces], several, keep)
         vertices += own.start
         places = (mesh.vertices[vertices] - (0 if origin is None else origin)).astype("<f4")
         bounds = {"min": places.min(axis=0).tolist(), "max": places.max(axis=0).tolist()}
@@ -77,32 +70,12 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[Packed, list[Drawn]]:
             attributes["TEXCOORD_0"] = packed.accessor(flipped(uv.rows[uv.of[first]]).astype("<f4"))
         _add_columns(packed, attributes, detail, vertices, colors)
         indices = packed.accessor(faces.astype("<u4").ravel(), ELEMENT_ARRAY_BUFFER)
-        primitive = {"attributes": attributes, "indices": indices, "material": group.paint}
+        primitive = {"attributes": attributes, "indices": indices, "material": piece.material.key}
         if len(found) > len(mesh_file.parts) and fits_float(vertices):
             attributes[SOURCE_INDEX] = packed.accessor(vertices.astype("<f4"))
         header["meshes"][-1]["primitives"].append(primitive)
         drawn.append((primitive, vertices))
     return packed, drawn
-
-
-def groups(mesh_file: MeshFile) -> list[Group]:
-    """The primitives of a document of what is no glTF: part by part, object by object, materials ascending."""
-    detail = mesh_file.detail
-    paint = of = np.zeros(len(mesh_file.mesh.faces), np.int64)
-    if detail and detail.paint_of is not None:
-        paint = np.repeat(detail.paint_of + 1, detail.triangles.counts)
-    if detail and detail.object_of is not None:
-        of = np.repeat(detail.object_of + 1, detail.triangles.counts)
-    names = ("", *(detail.objects if detail else ()))
-    made = []
-    for number, part in enumerate(mesh_file.parts):
-        order = np.lexsort((paint[part.faces], of[part.faces])) + part.faces.start
-        kinds = np.stack([of[order], paint[order]], axis=1)
-        starts = np.flatnonzero((kinds[1:] != kinds[:-1]).any(axis=1)) + 1
-        for faces in np.split(order, starts):
-            name = names[of[faces[0]]] or part.name
-            made.append(Group(number, name, int(paint[faces[0]]), faces))
-    return made
 
 
 def _of_corners(mesh_file: MeshFile) -> tuple[PerCorner | None, PerCorner | None]:

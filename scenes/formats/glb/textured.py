@@ -64,7 +64,7 @@ def textured_glb(
     rest, kept = [], 0
     for (primitive, vertices), piece in zip(drawn, pieces(mesh_file), strict=True):
         texture = next((k for k, page in enumerate(pages) if not np.isnan(page.uv[piece.faces]).any()), None)
-        if not textures.takes(primitive):
+        if not textures.materials(primitive):
             kept += 1
         elif texture is None:
             rest.append((primitive, vertices))

@@ -18,9 +18,8 @@ from raytrace.mesh.up import up_axis
 from raytrace.types import AnyFloats, Float64s
 
 from ...geometry.instances import Submesh
-from ..gltf.accessors import DRACO, MESHOPT, stored_colors
-from ..gltf.asset import Gltf, referenced
-from ..gltf.container import stand
+from ..gltf.accessors import stored_colors
+from ..gltf.asset import DRACO, MESHOPT, Gltf, referenced, stand
 from ..load import MeshFile
 from ..table import Channels
 from .buffer import Packed
@@ -155,7 +154,7 @@ def write_ramp(packed: Packed, drawn: Iterable[tuple[dict[str, Any], AnyFloats]]
         replace: also primitives that have an occlusion texture which is not ours.
     """
     textures = OcclusionTextures(packed, replace)
-    open_to_it = [(primitive, w) for primitive, w in drawn if textures.takes(primitive)]
+    open_to_it = [(primitive, w) for primitive, w in drawn if textures.materials(primitive)]
     if not open_to_it:
         return
     ramp = textures.add(ramp_png(), RAMP)
@@ -171,14 +170,14 @@ def ramp_warnings(asset: Gltf, replace: bool) -> list[str]:
     header = asset.header
     textures = OcclusionTextures(Packed(header), replace)
     pieces = {each[1:3]: each.stored for each in asset.drawn}.values()
-    kept = sum(not textures.takes(piece) for piece in pieces)
+    kept = sum(not textures.materials(piece) for piece in pieces)
     lines = []
     if kept:
         lines.append(
             f"keeps the occlusion textures of {kept:,} of {len(pieces):,} primitives, whose w viewers do not show; "
             "--replace-occlusion replaces them"
         )
-    highest = max((free_set(header, piece) for piece in pieces if textures.takes(piece)), default=0)
+    highest = max((free_set(header, piece) for piece in pieces if textures.materials(piece)), default=0)
     if highest >= SETS_OF_ALL_VIEWERS:
         lines.append(f"uses the set TEXCOORD_{highest}; not every viewer reads more than {SETS_OF_ALL_VIEWERS}")
     return lines

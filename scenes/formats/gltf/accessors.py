@@ -12,21 +12,12 @@ import numpy.typing as npt
 from raytrace.errors import MeshError
 from raytrace.types import Float64s
 
-from .asset import Gltf, entry
-from .records import TRIANGLE_STRIP, GltfGeometry, Primitive, Sparse
+from .asset import MESHOPT, Gltf, entry
+from .records import TRIANGLE_STRIP, Primitive, Sparse
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-DRACO = "KHR_draco_mesh_compression"
-MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 _ZEROS, _GROWTH = 1 << 22, 16  # values of a sparse accessor without a base, and more of them a byte of the file
-
-
-def compressions(geometry: GltfGeometry) -> str:
-    """The compressions that a file says it uses, for messages; empty if none."""
-    named = {*geometry.extensionsUsed, *geometry.extensionsRequired}
-    used = [name for name in (DRACO, *MESHOPT) if name in named]
-    return ", ".join(used) + ", which is not decoded" if used else ""
 
 
 def view_bytes(asset: Gltf, number: int) -> memoryview:
@@ -57,7 +48,7 @@ def values(asset: Gltf, number: int, *kinds: str) -> npt.NDArray[Any]:
     if accessor.bufferView is not None:
         base = _rows(asset, accessor.bufferView, accessor.byteOffset, (count, columns), item, field)
     elif sparse is None:
-        raise MeshError(asset.path, field, "uncompressed values", compressions(asset.geometry) or "no data")
+        raise MeshError(asset.path, field, "uncompressed values", asset.compressions or "no data")
     elif count * columns > _ZEROS + _GROWTH * sum(map(len, asset.buffers)):
         raise MeshError(asset.path, field, "a count that the file's bytes can hold", count)
     else:
@@ -86,7 +77,7 @@ def _rows(
     view = entry(asset.geometry.bufferViews, number, "bufferViews")
     # Compressed data, and no promise of plain ones beside them:
     if any(name in view.extensions for name in MESHOPT if name in asset.geometry.extensionsRequired):
-        raise MeshError(asset.path, field, "uncompressed values", compressions(asset.geometry))
+        raise MeshError(asset.path, field, "uncompressed values", asset.compressions)
     data, row = view_bytes(asset, number), shape[1] * item.itemsize
     stride = view.byteStride or row
     if stride < row or start + (shape[0] - 1) * stride + row > len(data):

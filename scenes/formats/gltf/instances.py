@@ -15,8 +15,7 @@ import numpy.typing as npt
 from ...geometry.instances import Instance, check_copies
 from ..table import MeshInput
 from .accessors import normalized, triangles, values
-from .asset import Gltf, entry
-from .container import decode
+from .asset import Gltf, decode, entry
 from .records import PROFILE, Primitive
 
 if TYPE_CHECKING:

@@ -48,9 +48,7 @@ class Textures:
     def of_base(self, primitive: Primitive) -> tuple[Float64s, Texture] | None:
         """Coordinates uv (n, 2), v upwards, and the base colour texture of a primitive that has both, or None.
 
-        Raises:
-            SceneError: the image is missing, or outside the file's folder.
-            MeshError, ValueError: malformed values, or indices of what is not there.
+        Raises: SceneError: the image is missing or elsewhere. ValueError: malformed values, or indices of nothing.
         """
         return self._used(primitive, self.asset.material(primitive).base[1], srgb=True)
 
@@ -80,7 +78,7 @@ class Textures:
         return _moved(uv, moved), self._made[key]
 
     def _wrap(self, texture: GltfTexture) -> tuple[Wrap, Wrap]:
-        """The modes of a texture's sampler, or repetition without one. Raises: MeshError: modes of no name."""
+        """Raises: MeshError: modes of no name."""
         sampler = self.asset.sampler(texture)
         for name in ("wrapS", "wrapT"):
             got = getattr(sampler, name)
@@ -105,10 +103,7 @@ class Textures:
 
 
 def _moved(uv: Float64s, moved: UvTransform) -> Float64s:
-    """Texture coordinates (n, 2), v upwards.
-
-    Args: moved: the extension's offset, rotation (radians, anticlockwise as seen) and scale, which is applied first.
-    """
+    """Texture coordinates (n, 2), v upwards, by the extension: scaled, turned anticlockwise as seen, then moved."""
     if vars(moved):
         c, s = cos(moved.rotation), sin(moved.rotation)
         uv = (uv * moved.scale) @ np.array([[c, -s], [s, c]]) + moved.offset
@@ -118,9 +113,7 @@ def _moved(uv: Float64s, moved: UvTransform) -> Float64s:
 def opacity_of(textures: Textures, primitive: Primitive, faces: Int64s) -> Opacity | None:
     """Alpha of the faces (m, 3) of a primitive: base colour factor, its texture and COLOR_0; None where all is opaque.
 
-    Raises:
-        SceneError: the texture is missing, or outside the file's folder.
-        MeshError, ValueError: malformed values, or a material that is not there.
+    Raises: as `Textures.of_base`.
     """
     material = textures.asset.material(primitive)
     if material.alphaMode == "OPAQUE":
@@ -137,11 +130,9 @@ def opacity_of(textures: Textures, primitive: Primitive, faces: Int64s) -> Opaci
 
 
 def vertex_colours(asset: Gltf, primitive: Primitive, w: npt.NDArray[Any] | None) -> Float64s | None:
-    """Linear RGB (n, 3) in [0, 1] of a primitive's vertices, or None; the grey that shows w is no colour.
+    """Linear RGB (n, 3) in [0, 1] of a primitive's vertices, or None; the grey that shows their w is no colour.
 
-    Args: w: obscurance at the vertices, if a bake has left it in the file.
-
-    Raises: MeshError, ValueError: they cannot be read, or are not finite.
+    Raises: ValueError: they cannot be read, or are not finite.
     """
     stored = column(asset, primitive, "COLOR_0", "VEC3", "VEC4")
     if stored is None:
@@ -163,10 +154,9 @@ def gltf_detail(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tuple[D
     unread += sorted(set[str]().union(*names) - set(_READ))
     columns = {}
     for name, kinds, missing in (("TEXCOORD_0", ("VEC2",), 0.0), ("COLOR_0", ("VEC3", "VEC4"), 1.0)):
-        lacking = [name not in own for own in names]
         try:
-            columns[name] = _column(asset, parts, name, kinds, missing, lacking)
-        except (MeshError, ValueError, KeyError, TypeError):
+            columns[name] = _column(asset, parts, name, kinds, missing, [name in own for own in names])
+        except (ValueError, KeyError, TypeError):
             unread.append(name)
     uv, colors = columns.get("TEXCOORD_0"), columns.get("COLOR_0")
     if colors is not None:
@@ -181,33 +171,26 @@ def texture_coordinates(asset: Gltf, parts: Sequence[Submesh], faces: Int64s, nu
     """The set TEXCOORD_`number` of all drawn primitives by corner (m, 3, 2), v upwards, NaN where one lacks it; None
     if all do.
 
-    Args: parts: the primitives. faces: (m, 3).
-
     Raises: MeshError: values that are not finite, or not one for each vertex.
     """
     name = f"TEXCOORD_{number}"
-    lacking = [name not in piece.primitive.attributes for piece in asset.drawn]
+    has = [name in piece.primitive.attributes for piece in asset.drawn]
     try:
-        uv = _column(asset, parts, name, ("VEC2",), np.nan, lacking)
+        uv = _column(asset, parts, name, ("VEC2",), np.nan, has)
     except (ValueError, KeyError, TypeError) as reason:
         raise MeshError(asset.path, name, "two numbers a vertex", reason) from None
     return None if uv is None else flipped(uv)[faces]
 
 
 def _column(
-    asset: Gltf,
-    parts: Sequence[Submesh],
-    name: str,
-    kinds: tuple[str, ...],
-    missing: float,
-    lacking: Sequence[bool],
+    asset: Gltf, parts: Sequence[Submesh], name: str, kinds: tuple[str, ...], missing: float, has: Sequence[bool]
 ) -> Float64s | None:
-    """An attribute of all vertices, `missing` of the primitives lacking it; None if all do. Raises: as `column`."""
-    if all(lacking):
+    """An attribute of all vertices, `missing` of primitives that have none; None if all do. Raises: as `column`."""
+    if not any(has):
         return None
     made = np.full((parts[-1].vertices.stop, int(kinds[-1][-1])), missing)
-    for piece, part, is_lacking in zip(asset.drawn, parts, lacking, strict=True):
-        if not is_lacking:
+    for piece, part, has_it in zip(asset.drawn, parts, has, strict=True):
+        if has_it:
             found = column(asset, piece.primitive, name, *kinds)
             assert found is not None
             made[part.vertices, : found.shape[1]] = found

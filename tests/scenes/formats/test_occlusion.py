@@ -24,7 +24,7 @@ def give_ramps(packed, pieces=None, replace=False):
     ramp = textures.add(ramp_png(), RAMP)
     pieces = packed.header["meshes"][0]["primitives"] if pieces is None else pieces
     for piece in pieces:
-        if textures.takes(piece):
+        if textures.materials(piece):
             number = free_set(packed.header, piece)
             add_coordinates(packed, piece, number, np.zeros((3, 2)))
             textures.give(piece, ramp, number)

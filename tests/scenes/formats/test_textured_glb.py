@@ -11,7 +11,7 @@ import ao
 from scenes.formats.glb.occlusion import image_name, occlusion_reference
 from scenes.formats.glb.textured import textured_glb
 from scenes.formats.gltf.accessors import normalized, values
-from scenes.formats.gltf.container import decode
+from scenes.formats.gltf.asset import decode
 from scenes.formats.load import load
 from scenes.formats.stored_w import read_w
 
