@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,19 +23,14 @@ _MOST_TILES = 100
 _ACROSS = 10  # tiles in a row of UDIM's numbers
 _TINY = 1e-6
 ENDINGS = (".png", ".exr", ".tif", ".tiff")
-UDIM = "<UDIM>"
-"""Placeholder of a tile's number in the name of an output."""
-MATERIAL, OBJECT = "<MATERIAL>", "<OBJECT>"
-"""Placeholders of their names."""
-PLACEHOLDERS = UDIM, MATERIAL, OBJECT
+PLACEHOLDERS = UDIM, MATERIAL, OBJECT = "<UDIM>", "<MATERIAL>", "<OBJECT>"
+"""In the name of an output, of a tile's number and of names."""
 
 
 def check_texture_target(option: str, path: Path, half: bool = False) -> None:
     """Find out before the bake whether an image can be written.
 
-    Raises:
-        OptionError: the ending is that of no image, or of one without floats if they are to be of 16 bits.
-        OutputError: the folder is missing or refuses new files, or `path` is something other than a file.
+    Raises: OptionError: the ending is that of no image, or of one without floats for 16 bits. OutputError.
     """
     if not is_texture(path):
         raise OptionError(option, "a name ending in " + " ".join(ENDINGS), os.fspath(path))
@@ -46,10 +42,7 @@ def check_texture_target(option: str, path: Path, half: bool = False) -> None:
 
 
 def udim_tiles(uv: Float64s, source: object) -> list[tuple[int, int]]:
-    """The UDIM tiles (column, row) that faces of texture coordinates `uv` (m, 3, 2) reach into, by their numbers.
-
-    Raises: OptionError: one has no number, or there are very many.
-    """
+    """The UDIM tiles (column, row) that coordinates (m, 3, 2) reach into. Raises: OptionError: of no number, or many."""
     low, high = uv.min(axis=1), uv.max(axis=1)
     first: Int64s = np.floor(low + _TINY).astype(np.int64)
     last: Int64s = np.maximum(np.ceil(high - _TINY).astype(np.int64), first + 1)
@@ -58,8 +51,8 @@ def udim_tiles(uv: Float64s, source: object) -> list[tuple[int, int]]:
     expected = f"texture coordinates of UDIM tiles: u from 0 to {_ACROSS}, v from 0 to {_MOST_TILES}"
     if least.min() < 0 or most[0] >= _ACROSS or most[1] >= _MOST_TILES:
         raise OptionError("output", expected, f"tiles {least.tolist()} to {most.tolist()}", source)
-    found = {(int(u), int(v)) for a, b in zip(first, last, strict=True)
-             for u in range(a[0], b[0]) for v in range(a[1], b[1])}  # fmt: skip
+    rectangles = zip(first.tolist(), last.tolist(), strict=True)
+    found = {tile for (u, v), (u_end, v_end) in rectangles for tile in product(range(u, u_end), range(v, v_end))}
     if len(found) > _MOST_TILES:
         raise OptionError("output", f"at most {_MOST_TILES} UDIM tiles", len(found), source)
     return sorted(found, key=lambda tile: tile[::-1])
@@ -78,10 +71,7 @@ def write_grey(
     bits: int = 16,
     profile: Profile | None = None,
 ) -> None:
-    """Write w or its error (h, w), linear: PNG of 8 or 16 bits, EXR and TIFF of floats; in EXR a profile as a layer.
-
-    Raises: OutputError.
-    """
+    """Write w or its error (h, w), linear: PNG of 8 or 16 bits, EXR and TIFF of floats; in EXR a profile as a layer."""
     layers, names = [values[:, :, None]], ["Y"]
     if profile and path.suffix.lower() == ".exr":
         layers.append(profile.values)

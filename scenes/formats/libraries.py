@@ -34,12 +34,7 @@ def library_endings() -> tuple[str, ...]:
 
 
 def read_by_library(given: MeshInput) -> list[Instance]:
-    """The placed objects of a file with one of `library_endings`.
-
-    Raises:
-        MeshError: an archive or copies beyond measure, or no format of meshio's.
-        Exception: what the libraries raise.
-    """
+    """The placed objects of a file with one of `library_endings`. Raises: Exception: what the libraries raise."""
     file, path = given.file, given.path
     kind = path.suffix.lower().removeprefix(".")
     if kind in ("3dxml", "zae"):

@@ -38,8 +38,8 @@ class MeshFile:
 
     Attributes:
         path: where it was read.
-        mesh: all objects, node hierarchies applied and repeated nodes repeated, in world space. The vertices of
-            each object are the file's, in its order: none merged, split, dropped or added.
+        mesh: all objects in world space, repeated nodes repeated. The vertices of each object are the file's, in its
+            order: none merged, split, dropped or added.
         parts: the objects, consecutive in `mesh`.
         gltf: the asset as stored, when the file is glTF or GLB.
         detail: what else the file holds that the target can hold too, if one was named.
@@ -75,14 +75,13 @@ class MeshFile:
 
     @property
     def uv(self) -> Float64s | None:
-        """Texture coordinates (m, 3, 2) by face and corner, v upwards, NaN of faces without; None if there are none.
-
-        Raises: MeshError: as `texture_coordinates`.
-        """
+        """The first `texture_coordinates`."""
         return self.texture_coordinates()
 
     def texture_coordinates(self, number: int = 0) -> Float64s | None:
-        """As `uv`; of a glTF, whose vertices may have several, the set of this number.
+        """By face and corner (m, 3, 2), v upwards, NaN of faces without; None if there are none.
+
+        Args: number: of the set, of which a glTF may have several.
 
         Raises: MeshError: a set of a glTF is malformed.
         """
@@ -156,11 +155,12 @@ def load(
 
 def joined_profile(instances: Sequence[Instance]) -> Profile | None:
     """The profile of all objects, None where one has none, or another's half-distances."""
-    if not all(instance.profile for instance in instances):
+    found = [instance.profile for instance in instances if instance.profile]
+    if len(found) < len(instances):
         return None
     from ao import Profile
 
-    return Profile.joined([instance.profile for instance in instances if instance.profile])
+    return Profile.joined(found)
 
 
 def read_objects(
@@ -172,8 +172,7 @@ def read_objects(
 
     Args: keep: also the `Instance.detail` of OBJ and PLY. content, alpha: as `load` takes them.
 
-    Raises:
-        MeshError: as `load`, but for indices and coordinates, which `raytrace.Mesh` checks.
+    Raises: MeshError: as `load`, but for indices and coordinates, which `raytrace.Mesh` checks.
     """
     row, name = format_of(path), "mesh" if path.stem == PIPED else path.stem
     with mesh_errors(path):
@@ -193,12 +192,11 @@ def read_objects(
             made = function(row.read)(MeshInput(file, path, name, keep, alpha, content is None))
         instances, asset = made if isinstance(made, tuple) else (made, None)
         # Every primitive of a glTF keeps its part: the GLB writer counts on it.
-        solid = [instance for instance in instances if asset or len(instance.faces)]
-        if not solid:
-            points = sum(len(instance.vertices) for instance in instances)
-            besides = "no vertices: perhaps it is no OBJ" if row.name == "OBJ" and not points else f"{points} points"
-            raise MeshError(path, "faces", "at least one triangle", f"none, and {besides}")
-    return solid, asset
+        if solid := [instance for instance in instances if asset or len(instance.faces)]:
+            return solid, asset
+        points = sum(len(instance.vertices) for instance in instances)
+        besides = "no vertices: perhaps it is no OBJ" if row.name == "OBJ" and not points else f"{points} points"
+        raise MeshError(path, "faces", "at least one triangle", f"none, and {besides}")
 
 
 @contextmanager
@@ -208,8 +206,7 @@ def mesh_errors(path: Path) -> Iterator[None]:
     level = logger.level
     logger.setLevel(logging.CRITICAL + 1)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with warnings.catch_warnings(action="ignore"):
             yield
     except InputError:
         raise

@@ -16,8 +16,6 @@ from .table import Channels, format_of, function
 def lost(target: Path, mesh_file: MeshFile, channels: Channels = Channels()) -> list[str]:
     """Losses of `write_bake.write`, and unexpected changes: lines for the user, mostly none.
 
-    Args: mesh_file: was loaded for `target`. channels: see `write_bake.channels`.
-
     Raises: OptionError: coordinates that the format does not hold. MeshError: colours to be kept are malformed.
     """
     row, colors = format_of(target), channels.colors

@@ -76,11 +76,9 @@ class NumberRows:
         return rows[(after <= 32) | (after == 35)]
 
     def take(self, at: Int64s, ends: Int64s, sizes: int | Int64s, fault: Exception) -> Float64s:
-        """So many numbers of each of some rows, from places `at` on, one after the other.
+        """So many numbers of each of some rows, which have `ends`, from places `at` on, one after the other.
 
-        Args: ends: of the rows. fault: raised if one has fewer.
-
-        Raises: ValueError: text that is not numbers.
+        Raises: fault: a row has fewer. ValueError: text that is not numbers.
         """
         counts = np.broadcast_to(sizes, at.shape)
         if ((counts < 0) | (counts > ends - at)).any():

@@ -24,18 +24,11 @@ _LISTED = 8  # names in a message
 
 
 class Chosen(NamedTuple):
-    """What is baked of a mesh file.
+    """What is baked of a mesh file."""
 
-    Attributes:
-        mesh: the file's, with as many vertices and faces; those of excluded objects have no area, those of objects
-            that do not occlude alpha 0.
-        receive: bool (m,), the faces of objects that get w.
-        group: int64 (m,), only faces of the same number occlude each other; None: all do.
-    """
-
-    mesh: Mesh
-    receive: Bools
-    group: Int64s | None = None
+    mesh: Mesh  # with as many faces; those of excluded objects have no area, those that do not occlude alpha 0
+    receive: Bools  # (m,), the faces of objects that get w
+    group: Int64s | None = None  # (m,), only faces of the same number occlude each other; None: all do
 
     @property
     def only(self) -> Bools | None:
@@ -51,10 +44,7 @@ class Chosen(NamedTuple):
         return uv if self.receive.all() else np.where(self.receive[:, None, None], uv, np.nan)
 
     def of_page(self, uv: Float64s) -> Mesh:
-        """The mesh as the faces on a page of `uv` (m, 3, 2) see it: faces of other groups have no area.
-
-        Raises: ConflictError: they are of several groups.
-        """
+        """The mesh as the faces on a page see it, others without area. Raises: ConflictError: of several groups."""
         from ao.texture.uv_layout import on_page
 
         shown = on_page(uv)
@@ -83,10 +73,9 @@ class Chosen(NamedTuple):
             if self.receive[rows].any():
                 vertices, corners = np.unique(mesh.faces[rows], return_inverse=True)
                 normals = None if mesh.normals is None else mesh.normals[vertices]
-                opacity = mesh.opacity and mesh.opacity.only(rows)
-                faces = corners.reshape(-1, 3)
-                own = mesh.vertices[vertices]
-                yield vertices, Mesh(own, faces, normals, source=mesh.source, up=mesh.up, opacity=opacity)
+                own, opacity = corners.reshape(-1, 3), mesh.opacity and mesh.opacity.only(rows)
+                made = Mesh(mesh.vertices[vertices], own, normals, source=mesh.source, up=mesh.up, opacity=opacity)
+                yield vertices, made
 
 
 def choose(
@@ -124,19 +113,17 @@ def choose(
         known = mesh.opacity or Opacity(np.full(len(mesh.faces), -1), ())
         of = np.where(_named(source, "cast", cast), known.of, len(known.surfaces))
         mesh = replace(mesh, opacity=replace(known, of=of, surfaces=(*known.surfaces, AlphaSurface(0.0))))
-    return Chosen(mesh, received, None if by == "all" else _groups(source, by))
+    if by == "all":
+        return Chosen(mesh, received)
+    group, numbers = np.zeros(len(mesh.faces), np.int64), dict[Hashable, int]()
+    for piece in _pieces(source):
+        group[piece.faces] = numbers.setdefault(getattr(piece.object, "name" if by == "name" else "key"), len(numbers))
+    return Chosen(mesh, received, group)
 
 
 def _without(mesh: Mesh, faces: Bools) -> Mesh:
     """The mesh with some faces, bool (m,), without an area."""
     return replace(mesh, faces=np.where(faces[:, None], mesh.faces[~faces][0, 0], mesh.faces))
-
-
-def _groups(source: MeshFile, by: str) -> Int64s:
-    group, numbers = np.zeros(len(source.mesh.faces), np.int64), dict[Hashable, int]()
-    for piece in _pieces(source):
-        group[piece.faces] = numbers.setdefault(getattr(piece.object, "name" if by == "name" else "key"), len(numbers))
-    return group
 
 
 def _pieces(source: MeshFile) -> Iterator[Piece]:
@@ -146,7 +133,7 @@ def _pieces(source: MeshFile) -> Iterator[Piece]:
 
 
 def match(low: MeshFile, high: Sequence[MeshFile]) -> tuple[Int64s, Int64s]:
-    """Groups of the vertices of a coarse file (n,) and of fine ones: by objects' names as far as "_low" and "_high".
+    """Groups of vertices (n,) of a coarse file and of fine ones, by objects' names as far as "_low" and "_high".
 
     Raises: OptionError: an object of `low` has no fine one.
     """

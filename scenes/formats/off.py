@@ -18,10 +18,7 @@ _HEADER = re.compile(rb"(?:\s|#[^\n\r]*+)*+((?:ST)?C?N?)OFF\b(?!\s+BINARY)")
 
 
 def read_off(given: MeshInput) -> list[Instance]:
-    """The vertices and triangles of an OFF file, with its normals if it is of the variant N. Colours are not read.
-
-    Raises: MeshError: it is no OFF file, or ends early. ValueError: anything else that is malformed.
-    """
+    """The triangles, with normals of the variant N; no colours. Raises: MeshError, ValueError: it is malformed."""
     source, data = given.source, given.file.read()
     match = _HEADER.match(data)
     if not match:

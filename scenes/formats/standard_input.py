@@ -18,10 +18,7 @@ _TRIANGLES, _TRIANGLE, _HEAD = slice(80, 84), 50, 84  # of a binary STL
 def standard_input(format_: str | None) -> tuple[Path, bytes]:
     """The content of standard input, and a name with the ending of `format_`, or of the format by its first bytes.
 
-    Raises:
-        OptionError: a terminal.
-        MeshError: nothing came, or the first bytes identify no format.
-        MemoryLimitError: it would not fit into memory.
+    Raises: InputError: a terminal, nothing, what would not fit into memory, or first bytes that identify no format.
     """
     if sys.stdin.isatty():
         raise OptionError("mesh", "a mesh piped to standard input", "a terminal")

@@ -27,9 +27,7 @@ _NAME = re.compile(rb"solid([^\r\n]*)", re.IGNORECASE)
 def read_stl(given: MeshInput) -> list[Instance]:
     """The triangles; the solids of a text file one by one. The stored face normals are not read.
 
-    A file is binary if it has the size that a binary header announces.
-
-    Raises: MeshError: the file ends early, or is no STL. ValueError: text that is not numbers.
+    A file is binary if it has the size that a binary header announces. Raises: MeshError, ValueError: it is no STL.
     """
     data = given.file.read()
     announced = int.from_bytes(data[80:_HEADER], "little")

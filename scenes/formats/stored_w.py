@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 import zipfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -50,13 +50,9 @@ def read_w(path: Path, *counts: int, scales: Scales | None = None) -> Float64s:
 
     Primitives of a glTF that a bake has left nothing in have what their occlusion texture is at the vertices.
 
-    Of an array only the header is read if it is of another scene.
-
     Args: scales: half-distances to look up in the file's profile, in place of its w.
 
-    Raises:
-        SceneError: the file cannot be read, has no w or profile, or has it for another number of vertices.
-        OptionError: a half-distance is outside the profile.
+    Raises: SceneError: the file cannot be read, or has none for so many vertices. OptionError: as `Scales.of`.
     """
     try:
         w = _of_mesh(path, counts, scales) if format_of(path).read else _of_array(path, counts)
@@ -114,14 +110,19 @@ def _of_mesh(path: Path, counts: tuple[int, ...], scales: Scales | None) -> Floa
 
 def _check_count(path: Path, w: Float64s, counts: tuple[int, ...]) -> None:
     if len(w) not in counts:
-        raise SceneError(path, "w", _expected(counts), f"{len(w):,}")
+        raise _other_count(path, "w", counts, f"{len(w):,}")
+
+
+def _other_count(path: Path, name: str, counts: tuple[int, ...], got: str) -> SceneError:
+    """Args: counts: of the vertices of mesh files, and of the scene."""
+    expected = f"{counts[0]:,} values, one a vertex of the scene"
+    if len(set(counts)) > 1:
+        expected += f"'s files, or {counts[1]:,}, one a vertex of the scene"
+    return SceneError(path, name, expected, got)
 
 
 def unrepeated(vertices: npt.NDArray[Any], counts: tuple[int, ...]) -> int:
-    """How many of the vertices (n, 3) of a .glb are the mesh file's: one of `counts` if the others repeat those, or n.
-
-    A .glb stores vertices at seams and creases again, after the file's.
-    """
+    """How many of the vertices (n, 3) of a .glb, which repeats some last, are the file's: one of `counts`, or n."""
     fewer = [count for count in counts if count < len(vertices)]
     alike = first_alike(np.ascontiguousarray(vertices)) if fewer else np.empty(0)
     return next((count for count in fewer if (alike[count:] < count).all()), len(vertices))
@@ -142,10 +143,7 @@ def _of_gltf(instances: Sequence[Instance], asset: Gltf) -> list[AnyFloats | Non
 
 
 def read_beside_w(path: Path, count: int) -> dict[str, Any]:
-    """`error`, `flags`, `bent_normals` of `count` vertices, as far as a `.npz` file holds them beside w.
-
-    Of other files nothing. Raises: SceneError: the file cannot be read, or has them for another number of vertices.
-    """
+    """`error`, `flags`, `bent_normals` of `count` vertices, as far as a `.npz` file holds them. Raises: SceneError."""
     if path.suffix.lower() != ".npz":
         return {}
     with _array_errors(path), zipfile.ZipFile(path) as archive:
@@ -154,18 +152,22 @@ def read_beside_w(path: Path, count: int) -> dict[str, Any]:
 
 
 def _of_array(path: Path, counts: tuple[int, ...], name: str = "w", columns: tuple[int, ...] = ()) -> npt.NDArray[Any]:
-    """The array of a `.npy` file, or the one of this name of a `.npz` file. Only its header is read if that is another.
+    """The array of a `.npy` file, or of this name in a `.npz` file; only its header is read if that is another.
 
     Args: columns: its shape but for the first number, which is one of `counts`.
     """
-    with _array_errors(path), _member(path, name) as file, warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with _array_errors(path), ExitStack() as stack, warnings.catch_warnings(action="ignore"):
+        if path.suffix.lower() == ".npz":
+            archive = stack.enter_context(zipfile.ZipFile(path))
+            file: IO[bytes] = stack.enter_context(archive.open(f"{name}.npy"))
+        else:
+            file = stack.enter_context(path.open("rb"))
         version = np.lib.format.read_magic(file)
         headers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
         shape, by_columns, kind = headers[version](file)
         if shape[1:] != columns or len(shape) != 1 + len(columns) or shape[0] not in counts:
             got = f"{shape[0]:,}" if len(shape) == 1 and not columns else f"shape {shape}"
-            raise SceneError(path, name, _expected(counts), got)
+            raise _other_count(path, name, counts, got)
         if kind.kind not in "fiu" or kind.itemsize > 16:
             raise SceneError(path, name, "numbers", kind)
         data = np.frombuffer(file.read(int(np.prod(shape)) * kind.itemsize), kind, int(np.prod(shape)))
@@ -181,20 +183,3 @@ def _array_errors(path: Path) -> Iterator[None]:
         raise
     except Exception as reason:
         raise SceneError(path, "content", "w as obscurance bake writes it", " ".join(str(reason).split())) from None
-
-
-def _expected(counts: tuple[int, ...]) -> str:
-    """In words. Args: counts: of the vertices of mesh files, and of the scene."""
-    either = f"{counts[0]:,} values, one a vertex of the scene"
-    return either if len(set(counts)) == 1 else f"{either}'s files, or {counts[1]:,}, one a vertex of the scene"
-
-
-@contextmanager
-def _member(path: Path, name: str) -> Iterator[IO[bytes]]:
-    """The bytes of an array's `.npy` file, which a `.npz` file holds as a member."""
-    if path.suffix.lower() != ".npz":
-        with path.open("rb") as file:
-            yield file
-        return
-    with zipfile.ZipFile(path) as archive, archive.open(f"{name}.npy") as member:
-        yield member

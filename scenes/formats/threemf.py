@@ -115,13 +115,9 @@ def _paint(attributes: Mapping[str, str]) -> Paint:
 
 
 def read_3mf(given: MeshInput) -> list[Instance]:
-    """The meshes where the build items place them, sharing arrays by object.
+    """The meshes where the build items place them, sharing arrays by object; with `given.keep` also their paints.
 
-    With `given.keep` base materials and colours of triangles are the instances' paints.
-
-    Raises:
-        MeshError: an archive that unpacks to very much, or very many copies.
-        Exception: any, zipfile's and lxml's among them, on malformed content.
+    Raises: MeshError: what unpacks to very much, or very many copies. Exception: of zipfile and lxml.
     """
     from lxml import etree
 

@@ -60,12 +60,9 @@ class Packed:
     def annotate(
         self, primitive: dict[str, Any], bake: Bake, rows: Int64s, colors: str, stored: npt.NDArray[Any] | None
     ) -> None:
-        """Give a primitive w of its vertices, and the profile in 16 bits, four columns an attribute.
+        """Give a primitive w of its vertices, `rows` of a bake, and the profile in 16 bits, four columns an attribute.
 
-        Args:
-            rows: of the bake, one for each vertex.
-            colors: channels of `COLOR_0`, of "rgba", that hold w, too.
-            stored: (n, 3 or 4), the colours whose other channels and type are kept; None: white, of 8 bits.
+        Args: colors: channels of `COLOR_0` that hold w, too. stored: (n, 3 or 4), of the others; None: white, 8 bits.
         """
         attributes, w, profile = primitive["attributes"], bake.w[rows], bake.profile
         for name in [name for name in attributes if name.startswith(PROFILE)]:

@@ -91,10 +91,7 @@ def texture_reference(texture: int, coordinates: int) -> dict[str, Any]:
 
 
 def free_set(header: dict[str, Any], primitive: dict[str, Any]) -> int:
-    """Number of the first TEXCOORD set that a primitive neither has nor its materials refer to.
-
-    A set that only a ramp of ours uses counts as free.
-    """
+    """Number of the first TEXCOORD set that a primitive has not, or for our ramp alone, nor its materials refer to."""
     names = {*primitive["attributes"], *(name for target in primitive.get("targets", []) for name in target)}
     used: set[int] = set()
     for material in _materials(primitive):
@@ -118,11 +115,9 @@ def ramp_sets(header: dict[str, Any], primitive: dict[str, Any]) -> set[int]:
 
 
 def add_coordinates(packed: Packed, primitive: dict[str, Any], number: int, uv: AnyFloats) -> None:
-    """Give a primitive the set TEXCOORD_`number`.
+    """Give a primitive the set TEXCOORD_`number`, uv (n, 2), v downwards; sets below it that it lacks become zeros.
 
-    Sets below it that it lacks become zeros: the specification wants them contiguous, and viewers read zeros there.
-
-    Args: uv: (n, 2) of its vertices, v downwards.
+    The specification wants them contiguous, and viewers read zeros there.
     """
     for lower in range(number):
         if f"TEXCOORD_{lower}" not in primitive["attributes"]:

@@ -47,10 +47,7 @@ def textured_glb(
         w: (n,) of the vertices, for primitives that are on no page: a ramp shows it.
         bake: of the vertices, for the attribute `_OBSCURANCE` of all primitives, and those of its profile.
 
-    Raises:
-        MeshError, SceneError, InputError: as `check_orm`, with `orm`.
-        MeshError: the source's materials or values are malformed.
-        OptionError: coordinates of vertices that are too large for float32.
+    Raises: InputError: as `check_orm`, with `orm`; malformed materials or values; coordinates too large for float32.
     """
     packed, drawn = document(mesh_file, bake)
     before = Gltf(mesh_file.path, packed.header, [bytes(packed.binary)])
@@ -86,21 +83,17 @@ def textured_glb(
 
 def _set_of(asset: Gltf, primitive: Primitive, faces: Int64s, uv: Float64s) -> int | None:
     """Number of the set of a primitive that holds the coordinates `uv` (t, 3, 2), or None."""
-    for name, accessor in primitive.attributes.items():
-        if name.startswith("TEXCOORD_"):
-            found = normalized(values(asset, accessor, "VEC2"))[faces] * (1, -1) + (0, 1)
-            if np.allclose(found, uv, _SAME, _SAME):
-                return int(name.removeprefix("TEXCOORD_"))
+    for name in (name for name in primitive.attributes if name.startswith("TEXCOORD_")):
+        found = normalized(values(asset, primitive.attributes[name], "VEC2"))[faces] * (1, -1) + (0, 1)
+        if np.allclose(found, uv, _SAME, _SAME):
+            return int(name.removeprefix("TEXCOORD_"))
     return None
 
 
 def split_vertices(
     packed: Packed, asset: Gltf, primitive: dict[str, Any], number: int, faces: Int64s, uv: Float64s
 ) -> None:
-    """Give a primitive the set TEXCOORD_`number`, with a vertex for each place that one of its vertices has there.
-
-    Args: asset: the document as it is. faces: (t, 3), rows of its vertices. uv: (t, 3, 2), v upwards.
-    """
+    """Give a primitive the set TEXCOORD_`number`, uv (t, 3, 2), with a vertex for each place that one has there."""
     rounded = uv.reshape(-1, 2).astype("<f4")
     keys = np.empty(len(rounded), [("vertex", "<i8"), ("u", "<f4"), ("v", "<f4")])
     keys["vertex"], keys["u"], keys["v"] = faces.ravel(), rounded[:, 0], rounded[:, 1]

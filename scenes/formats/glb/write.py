@@ -39,9 +39,7 @@ def glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     instance has its own w. Every other source becomes one node a part, in world space, with the normals, texture
     coordinates, colours and materials that it has (`plain.plain`).
 
-    Raises:
-        MeshError: materials of the source are malformed.
-        OptionError: coordinates of a source that is no glTF are too large for float32.
+    Raises: MeshError: malformed materials. OptionError: coordinates of what was no glTF are too large for float32.
     """
     packed, drawn = document(mesh_file, bake, channels)
     if channels.ramp:
@@ -107,12 +105,12 @@ def _one_buffer(asset: Gltf) -> Packed:
 def _keep_plain_data(header: dict[str, Any]) -> None:
     """Take compressed data out of a document wherever it has the plain data too."""
     for view in header.get("bufferViews", []):
-        for name in MESHOPT:
-            _remove(view, name)
+        _remove(view, *MESHOPT)
     left = False
+    known = header.get("accessors", [])
     for primitive in (piece for mesh in header.get("meshes", []) for piece in mesh["primitives"]):
-        numbers = [*primitive["attributes"].values(), *([primitive["indices"]] if "indices" in primitive else [])]
-        accessors = [header["accessors"][number] for number in numbers if number < len(header.get("accessors", []))]
+        numbers = *primitive["attributes"].values(), primitive.get("indices", len(known))
+        accessors = [known[number] for number in numbers if number < len(known)]
         if all("bufferView" in accessor for accessor in accessors):
             _remove(primitive, DRACO)
         left |= DRACO in primitive.get("extensions", {})
@@ -124,9 +122,10 @@ def _keep_plain_data(header: dict[str, Any]) -> None:
             header.pop(key, None)
 
 
-def _remove(entry: dict[str, Any], name: str) -> None:
+def _remove(entry: dict[str, Any], *names: str) -> None:
     extensions = entry.get("extensions", {})
-    extensions.pop(name, None)
+    for name in names:
+        extensions.pop(name, None)
     if not extensions:
         entry.pop("extensions", None)
 
@@ -138,30 +137,21 @@ def ramp_png() -> bytes:
 
 
 def ramp_coordinates(w: AnyFloats) -> Float64s:
-    """Texture coordinates (n, 2) at which the ramp is w (n,), in [0, 1].
-
-    255 w is the place between the centres of the first and the last texel, which lie at (i + ½)/256.
-    """
+    """Texture coordinates (n, 2) at which the ramp is w (n,): centres of texels lie at (i + ½)/256."""
     u = ((LEVELS - 1) * np.clip(np.asarray(w, np.float64), 0.0, 1.0) + 0.5) / LEVELS
     return np.stack([u, np.full_like(u, 0.5)], axis=-1)
 
 
 def write_ramp(packed: Packed, drawn: Iterable[tuple[dict[str, Any], AnyFloats]], replace: bool) -> None:
-    """Give primitives of a document the ramp as their occlusion texture.
-
-    Args:
-        drawn: the primitives, each with w (n,) of its vertices.
-        replace: also primitives that have an occlusion texture which is not ours.
-    """
+    """Give primitives, with w (n,) of their vertices, the ramp as their occlusion texture; `replace`: for any other."""
     textures = OcclusionTextures(packed, replace)
-    open_to_it = [(primitive, w) for primitive, w in drawn if textures.materials(primitive)]
-    if not open_to_it:
-        return
-    ramp = textures.add(ramp_png(), RAMP)
-    for primitive, w in open_to_it:
-        number = free_set(packed.header, primitive)
-        add_coordinates(packed, primitive, number, ramp_coordinates(w))
-        textures.give(primitive, ramp, number)
+    ramp = None
+    for primitive, w in drawn:
+        if textures.materials(primitive):
+            ramp = textures.add(ramp_png(), RAMP) if ramp is None else ramp
+            number = free_set(packed.header, primitive)
+            add_coordinates(packed, primitive, number, ramp_coordinates(w))
+            textures.give(primitive, ramp, number)
     textures.apply()
 
 
@@ -170,14 +160,12 @@ def ramp_warnings(asset: Gltf, replace: bool) -> list[str]:
     header = asset.header
     textures = OcclusionTextures(Packed(header), replace)
     pieces = {each[1:3]: each.stored for each in asset.drawn}.values()
-    kept = sum(not textures.materials(piece) for piece in pieces)
+    taking = [piece for piece in pieces if textures.materials(piece)]
     lines = []
-    if kept:
-        lines.append(
-            f"keeps the occlusion textures of {kept:,} of {len(pieces):,} primitives, whose w viewers do not show; "
-            "--replace-occlusion replaces them"
-        )
-    highest = max((free_set(header, piece) for piece in pieces if textures.materials(piece)), default=0)
+    if kept := len(pieces) - len(taking):
+        of = f"keeps the occlusion textures of {kept:,} of {len(pieces):,} primitives"
+        lines.append(f"{of}, whose w viewers do not show; --replace-occlusion replaces them")
+    highest = max((free_set(header, piece) for piece in taking), default=0)
     if highest >= SETS_OF_ALL_VIEWERS:
         lines.append(f"uses the set TEXCOORD_{highest}; not every viewer reads more than {SETS_OF_ALL_VIEWERS}")
     return lines

@@ -33,8 +33,6 @@ def view_bytes(asset: Gltf, number: int) -> memoryview:
 def values(asset: Gltf, number: int, *kinds: str) -> npt.NDArray[Any]:
     """The values of an accessor as stored, (count, columns) and read-only, without a copy unless they are sparse.
 
-    Args: kinds: the types that it may have.
-
     Raises: MeshError: it is compressed, empty or of another type. ValueError: it is not there, or not all of it.
     """
     accessor, field = entry(asset.geometry.accessors, number, "accessors"), f"accessors[{number}]"
@@ -110,10 +108,7 @@ def triangles(asset: Gltf, primitive: Primitive, count: int) -> npt.NDArray[Any]
 
 
 def column(asset: Gltf, primitive: Primitive, name: str, *kinds: str) -> Float64s | None:
-    """An attribute of a primitive's vertices, finite and one for each; None if it has none of the name.
-
-    Raises: MeshError, ValueError: as `values`, or values that are not finite or not one for each vertex.
-    """
+    """An attribute of a primitive's vertices, or None. Raises: ValueError: not finite, or not one for each."""
     number = primitive.attributes.get(name)
     if number is None:
         return None
@@ -127,10 +122,7 @@ def column(asset: Gltf, primitive: Primitive, name: str, *kinds: str) -> Float64
 
 
 def stored_colors(asset: Gltf, attributes: dict[str, int], count: int) -> npt.NDArray[Any] | None:
-    """`COLOR_0` of a primitive of `count` vertices as stored, (count, 3 or 4); None if it has none.
-
-    Raises: MeshError: it is malformed.
-    """
+    """`COLOR_0` of `count` vertices as stored, (count, 3 or 4), or None. Raises: MeshError: it is malformed."""
     if "COLOR_0" not in attributes:
         return None
     try:

@@ -167,10 +167,7 @@ def referenced(uri: str, folder: Path, read: Callable[[Path], bytes] = Path.read
 
 
 def decode(data: bytes, path: Path) -> Gltf:
-    """The asset in the bytes of a .gltf or .glb file.
-
-    Raises: MeshError: not glTF 2.0, incomplete, or a buffer is missing or elsewhere. Exception: other malformed JSON.
-    """
+    """The asset in a file's bytes. Raises: MeshError: not glTF 2.0, incomplete, or a buffer is missing or elsewhere."""
     binary = None
     if data[:4] == b"glTF":
         data, binary = _chunks(data, path)

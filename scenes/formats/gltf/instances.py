@@ -27,10 +27,7 @@ _COPIES = "EXT_mesh_gpu_instancing"
 def read_gltf(given: MeshInput) -> tuple[list[Instance], Gltf]:
     """The triangle primitives that a file draws, in the order of `Gltf.drawn`, sharing arrays by mesh, and its asset.
 
-    Raises:
-        MeshError: as `decode`, compressed values, which are not supported, or very many copies.
-        SceneError: an image with alpha is missing.
-        ValueError: nodes that are no tree, or indices of what is not there.
+    Raises: ValueError: as `decode`, compressed values, very many copies, nodes that are no tree, no image with alpha.
     """
     asset = decode(given.file.read(), given.path)
     shapes: dict[tuple[int, int], Instance] = {}

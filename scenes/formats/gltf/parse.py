@@ -24,10 +24,7 @@ class At(NamedTuple):
 
 
 class JsonObject:
-    """A JSON object: attributes by the specification's names, whose defaults stand on the class.
-
-    `vars` has what the file says. Other keys may hold anything.
-    """
+    """A JSON object: attributes by the specification's names, whose defaults stand on the class; `vars`: the file's."""
 
 
 class UnitNumber(float):

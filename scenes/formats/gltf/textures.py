@@ -46,10 +46,7 @@ class Textures:
         self._made: dict[tuple[int, tuple[Wrap, Wrap], bool], Texture] = {}
 
     def of_base(self, primitive: Primitive) -> tuple[Float64s, Texture] | None:
-        """Coordinates uv (n, 2), v upwards, and the base colour texture of a primitive that has both, or None.
-
-        Raises: SceneError: the image is missing or elsewhere. ValueError: malformed values, or indices of nothing.
-        """
+        """Coordinates uv (n, 2), v upwards, and the base colour texture of a primitive that has both, or None."""
         return self._used(primitive, self.asset.material(primitive).base[1], srgb=True)
 
     def of_occlusion(self, primitive: Primitive) -> tuple[Float64s, Texture, float] | None:
@@ -111,10 +108,7 @@ def _moved(uv: Float64s, moved: UvTransform) -> Float64s:
 
 
 def opacity_of(textures: Textures, primitive: Primitive, faces: Int64s) -> Opacity | None:
-    """Alpha of the faces (m, 3) of a primitive: base colour factor, its texture and COLOR_0; None where all is opaque.
-
-    Raises: as `Textures.of_base`.
-    """
+    """Alpha of the faces (m, 3): base colour factor, its texture and COLOR_0; None where all is opaque."""
     material = textures.asset.material(primitive)
     if material.alphaMode == "OPAQUE":
         return None
@@ -130,10 +124,7 @@ def opacity_of(textures: Textures, primitive: Primitive, faces: Int64s) -> Opaci
 
 
 def vertex_colours(asset: Gltf, primitive: Primitive, w: npt.NDArray[Any] | None) -> Float64s | None:
-    """Linear RGB (n, 3) in [0, 1] of a primitive's vertices, or None; the grey that shows their w is no colour.
-
-    Raises: ValueError: they cannot be read, or are not finite.
-    """
+    """Linear RGB (n, 3) in [0, 1] of a primitive's vertices, or None; the grey that shows their w is no colour."""
     stored = column(asset, primitive, "COLOR_0", "VEC3", "VEC4")
     if stored is None:
         return None
@@ -142,10 +133,7 @@ def vertex_colours(asset: Gltf, primitive: Primitive, w: npt.NDArray[Any] | None
 
 
 def gltf_detail(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tuple[Detail, tuple[str, ...]]:
-    """The first texture coordinates and colours of all vertices, and what else the file holds, in words.
-
-    Args: parts: the drawn primitives. faces: (m, 3), all of them, as they are placed.
-    """
+    """The first texture coordinates and colours of all vertices, and what else the file holds, in words."""
     unread = [words for key, words in _WORDS.items() if asset.header.get(key)]
     if len(parts) > 1:
         unread.insert(0, "nodes")

@@ -47,9 +47,7 @@ def obj_detail(
 ) -> tuple[Detail, tuple[str, ...]]:
     """All of an OBJ file that can be kept, and the rest in words.
 
-    Args:
-        folder: where the file is; its material libraries and their images are there or below.
-        triangles: of its faces. normals: of all corners. one_each: whether no vertex has several of them.
+    Args: normals: of all corners. one_each: whether no vertex has several of them.
     """
     uv, colors = file.of_corners("vt"), file.colors
     if colors is not None and not ((colors >= 0) & (colors <= 1)).all():
@@ -124,10 +122,7 @@ def _beside(folder: Path, name: str) -> Path | None:
 
 
 def obj_opacity(file: ObjText, folder: Path, triangles: Triangulation) -> tuple[Opacity | None, tuple[str, ...]]:
-    """Alpha of the faces, None where all are opaque; and warnings of images that are missing.
-
-    Args: folder: where the file is. triangles: of its polygons.
-    """
+    """Alpha of the faces, None where all are opaque; and warnings of images that are missing."""
     known, _, left = _read_paints(file, folder)
     missing = [words for words in left if "map_d" in words]
     without = {words: "" if words.startswith(OPTION) else ": alpha there is that of d alone" for words in missing}
@@ -150,10 +145,7 @@ def obj_opacity(file: ObjText, folder: Path, triangles: Triangulation) -> tuple[
 
 
 def read_mtl(path: Path, beside: Callable[[str], Path | None]) -> tuple[dict[str, Paint], list[str]]:
-    """The materials of a library by name, and what of it was left out, in words.
-
-    Args: beside: finds the file that a name means, or None.
-    """
+    """The materials of a library by name, and what of it was left out, in words; `beside` finds files."""
     given: dict[str, dict[str, Any]] = {}
     left = []
     own: dict[str, Any] | None = None

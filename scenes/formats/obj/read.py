@@ -25,11 +25,7 @@ from .text import ObjText
 def read_obj(given: MeshInput) -> list[Instance]:
     """All faces of the file, in its order, as triangles of one instance: no vertices are divided in OBJ.
 
-    Normals are taken where every face has them and each vertex has only one.
-
-    With `given.keep` its detail has texture coordinates, all normals, colours and materials.
-
-    Raises: MeshError, ValueError: as `ObjText`.
+    Normals are taken where every face has them and each vertex has only one. Raises: as `ObjText`.
     """
     folder = given.path.parent
     file = ObjText(given.file.read(), given.source)
@@ -51,8 +47,6 @@ def read_textured_obj(data: bytes, name: str, source: str, folder: Path) -> tupl
 
     Every combination of a vertex with a texture coordinate, and with a normal where every face has them, becomes a
     vertex of its own, so that seams and hard edges stay. Faces have the alpha of their materials.
-
-    Args: source: the file, for messages. folder: where it is.
 
     Raises: MeshError, ValueError: as `ObjText`, or a corner without texture coordinates.
     """

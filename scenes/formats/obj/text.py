@@ -59,13 +59,7 @@ class ObjText:
     """
 
     def __init__(self, data: bytes, source: str) -> None:
-        """Args: source: the file's name for messages.
-
-        Raises:
-            MeshError: a vertex with fewer than three coordinates, a face with fewer than three corners, an index
-                outside the file's lines.
-            ValueError: text that is not numbers.
-        """
+        """Raises: MeshError: too few coordinates or corners, an index of nothing. ValueError: text that is no number."""
         data = data.removeprefix(b"\xef\xbb\xbf")
         if b"\\" in data:
             for end in (b"\r\n", b"\r", b"\n"):
@@ -107,10 +101,7 @@ class ObjText:
                 self.runs += [Run(run[1], run[0], faces + more) for run in _RUN.finditer(text)]
 
     def _numbers(self, keyword: str) -> Float64s:
-        """All numbers of a keyword's lines (k, any) where they have equally many, enough; else the first of each line.
-
-        Raises: ValueError: text that is not numbers.
-        """
+        """All numbers of a keyword's lines (k, any) where they have equally many, enough; else the first of each."""
         kind = NUMBERED.index(keyword)
         least, needed = self._tallies[:, kind, LEAST].min(), int(NEEDED[kind])
         alike = needed <= least == self._tallies[:, kind, MOST].max()

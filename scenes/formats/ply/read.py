@@ -26,9 +26,7 @@ _NORMAL = ("nx", "ny", "nz")
 
 
 def read_ply(given: MeshInput) -> list[Instance]:
-    """The vertices and triangles of a PLY file, polygons cut into triangles, with its normals if it has `nx ny nz`.
-
-    With `given.keep` the instance's detail has all elements.
+    """The vertices and triangles, with normals if there are `nx ny nz`; with `given.keep` all elements as its detail.
 
     Raises: MeshError: the file ends early, or has no vertices. ValueError, KeyError: anything else that is not PLY.
     """
@@ -119,10 +117,7 @@ def _read_elements(data: bytes, header: PlyHeader, source: str) -> list[Element]
 
 
 def _read_rows(data: bytes, start: int, order: str, element: PlyElement) -> tuple[list[Property], int]:
-    """The columns of an element, and where its rows end: together where all are as long as the first, else row by row.
-
-    Raises: struct.error: the data ends before that.
-    """
+    """The columns of an element, and where its rows end: together where all are as long as the first."""
     first, _ = _walk(data, start, order, element, min(element.count, 1))
     lengths = {column.name: int(column.sizes.sum()) for column in first if column.sizes is not None}
     row = element.row(lengths, order)

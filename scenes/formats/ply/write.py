@@ -38,8 +38,6 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
 
     With `channels.colors` "rgb" the grey also replaces the source's own colours; with one letter w replaces only that
     channel. A comment says which axis but y is up.
-
-    Args: mesh_file: what was baked; its `detail` is what is kept.
     """
     detail, profile = mesh_file.detail, bake.profile
     elements = detail.elements if detail and detail.elements else _elements(mesh_file, detail)
