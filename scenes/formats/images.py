@@ -42,7 +42,7 @@ def check_texture_target(option: str, path: Path, half: bool = False) -> None:
 
 
 def udim_tiles(uv: Float64s, source: object) -> list[tuple[int, int]]:
-    """The UDIM tiles (column, row) that coordinates (m, 3, 2) reach into. Raises: OptionError: of no number, or many."""
+    """The UDIM tiles (column, row) that coordinates (m, 3, 2) reach into. Raises: OptionError: no number, or many."""
     low, high = uv.min(axis=1), uv.max(axis=1)
     first: Int64s = np.floor(low + _TINY).astype(np.int64)
     last: Int64s = np.maximum(np.ceil(high - _TINY).astype(np.int64), first + 1)

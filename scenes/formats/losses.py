@@ -8,7 +8,7 @@ from raytrace.errors import printable
 
 from .load import MeshFile
 from .obj.detail import PAINT_WORDS
-from .ply.detail import columns_of, own_colors
+from .ply.layout import columns_of, own_colors
 from .ply.write import has_own_colors
 from .table import Channels, format_of, function
 

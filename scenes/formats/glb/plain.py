@@ -15,8 +15,8 @@ from raytrace.types import Float64s, Int64s
 from ...geometry.detail import Detail, PerCorner, split_corners
 from ..gltf.accessors import flipped
 from ..load import MeshFile
-from ..ply.detail import columns_of, fractions
-from ..ply.detail import stored_colors as ply_colors
+from ..ply.layout import columns_of, fractions
+from ..ply.layout import stored_colors as ply_colors
 from .buffer import ELEMENT_ARRAY_BUFFER, Packed
 from .orm import add_materials
 from .pieces import pieces

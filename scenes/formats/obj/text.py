@@ -59,7 +59,7 @@ class ObjText:
     """
 
     def __init__(self, data: bytes, source: str) -> None:
-        """Raises: MeshError: too few coordinates or corners, an index of nothing. ValueError: text that is no number."""
+        """Raises: MeshError: too few coordinates or corners, an index of nothing. ValueError: text that is none."""
         data = data.removeprefix(b"\xef\xbb\xbf")
         if b"\\" in data:
             for end in (b"\r\n", b"\r", b"\n"):

@@ -19,8 +19,7 @@ from ...geometry.instances import Instance
 from ...geometry.polygons import triangulate
 from ..number_rows import NumberRows, whole
 from ..table import MeshInput
-from .detail import ply_detail
-from .layout import COUNT, INDICES, PlyElement, PlyHeader, read_header
+from .layout import COUNT, INDICES, PlyElement, PlyHeader, ply_detail, read_header
 
 _NORMAL = ("nx", "ny", "nz")
 

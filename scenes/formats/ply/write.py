@@ -16,8 +16,8 @@ from ...geometry.detail import Detail, Element, Property
 from ..load import MeshFile
 from ..stored_mesh import EXPECTED, StoredMesh, stored_rows
 from ..table import Channels
-from .detail import RGB, columns_of, grey_of, is_profile, own_colors, stored_colors, with_channel
-from .layout import COUNT, INDICES, PROFILE, PROFILE_COMMENT, UP_COMMENT, PlyElement, read_header, write_header
+from . import layout
+from .layout import COUNT, INDICES, RGB, UP_COMMENT, PlyElement, columns_of, grey_of, is_profile, stored_colors
 
 OWN = "comment obscurance: 1 = open"
 GREY = "; red green blue = obscurance as sRGB"
@@ -41,26 +41,26 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     """
     detail, profile = mesh_file.detail, bake.profile
     elements = detail.elements if detail and detail.elements else _elements(mesh_file, detail)
-    comments = list(detail.comments) if detail else []
     shown = channels.colors or ("" if has_own_colors(detail) else "rgb")
-    axis = up_axis(mesh_file.mesh, channels.up)
-    comments = [line for line in comments if not line.startswith(UP_COMMENT) or line == UP_COMMENT + axis]
+    axis, stored = up_axis(mesh_file.mesh, channels.up), detail.comments if detail else ()
+    comments = [line for line in stored if not line.startswith(UP_COMMENT) or line == UP_COMMENT + axis]
     if axis != "y" and UP_COMMENT + axis not in comments:
         comments.insert(0, UP_COMMENT + axis)
     comments.insert(0, OWN + _COMMENTS[shown])
     if profile:
-        comments.insert(1, PROFILE_COMMENT + " ".join(map(repr, [profile.radius, *profile.half_distances.tolist()])))
+        numbers = [profile.radius, *profile.half_distances.tolist()]
+        comments.insert(1, layout.PROFILE_COMMENT + " ".join(map(repr, numbers)))
     annotated = [_annotate(element, bake, shown) if element.name == "vertex" else element for element in elements]
     fitting = [replace(each, properties=tuple(column.fitting() for column in each.properties)) for each in annotated]
     layouts = [PlyElement(e.name, e.count, {c.name: (c.kind, c.counted) for c in e.properties}) for e in fitting]
-    return b"".join([write_header(layouts, comments), *map(_rows, fitting, layouts)])
+    return b"".join([layout.write_header(layouts, comments), *map(_rows, fitting, layouts)])
 
 
 def has_own_colors(detail: Detail | None) -> bool:
     """Whether the source has vertex colours that are not the grey of an earlier bake."""
     if detail is None or not detail.elements:
         return detail is not None and detail.colors is not None
-    return bool(own_colors(columns_of(detail.elements, "vertex")))
+    return bool(layout.own_colors(columns_of(detail.elements, "vertex")))
 
 
 def _annotate(element: Element, bake: Bake, shown: str) -> Element:
@@ -69,9 +69,9 @@ def _annotate(element: Element, bake: Bake, shown: str) -> Element:
     made = [Property("obscurance", "f", bake.w.astype("<f4"))]
     if bake.profile:
         columns = enumerate(bake.profile.values.T)
-        made += [Property(f"{PROFILE}{number:02}", "f", column.astype("<f4")) for number, column in columns]
+        made += [Property(f"{layout.PROFILE}{number:02}", "f", column.astype("<f4")) for number, column in columns]
     if len(shown) == 1:
-        made += with_channel(bake.w, shown, stored_colors(columns_of((element,), "vertex")))
+        made += layout.with_channel(bake.w, shown, stored_colors(columns_of((element,), "vertex")))
     elif shown:
         made += [Property(name, "B", grey_of(bake.w)) for name in RGB]
     return Element(element.name, element.count, (*kept, *made))
@@ -106,12 +106,12 @@ def _elements(mesh_file: MeshFile, detail: Detail | None) -> tuple[Element, ...]
     return Element("vertex", len(mesh.vertices), tuple(columns)), Element("face", len(sizes), (faces, *lists))
 
 
-def _rows(element: Element, layout: PlyElement) -> bytes:
+def _rows(element: Element, declared: PlyElement) -> bytes:
     """The rows of an element: as an array where their lists are equally long, or else column by column."""
     lists = {column.name: column.sizes for column in element.properties if column.sizes is not None}
     if all((sizes == sizes[:1]).all() for sizes in lists.values()):
         lengths = {name: int(sizes[0]) if len(sizes) else 0 for name, sizes in lists.items()}
-        rows = np.empty(element.count, layout.row(lengths))
+        rows = np.empty(element.count, declared.row(lengths))
         for column in element.properties:
             rows[column.name] = column.values.reshape(rows[column.name].shape)
             if column.counted:
@@ -137,7 +137,7 @@ def _rows(element: Element, layout: PlyElement) -> bytes:
 def open_ply(path: Path) -> StoredMesh:
     """Raises: MeshError, ValueError, KeyError: it cannot be read in runs of rows."""
     with path.open("rb") as file:
-        header = read_header(file.read(_LONGEST_HEADER))
+        header = layout.read_header(file.read(_LONGEST_HEADER))
     if header.text or [element.name for element in header.elements] != ["vertex", "face"]:
         raise MeshError(path, "content", EXPECTED, "a text file" if header.text else "other elements")
     vertex, face = header.elements
@@ -164,7 +164,7 @@ def write_stored_ply(file: BinaryIO, w: Float64s, mesh: StoredMesh) -> None:
     vertex = replace(mesh.vertex, properties=kept | made)
     counted = {mesh.corners: (mesh.face.properties[mesh.corners][0], "B")}
     face = replace(mesh.face, properties=mesh.face.properties | counted)
-    file.write(write_header([vertex, face], [OWN + (GREY if grey else ""), *mesh.comments]))
+    file.write(layout.write_header([vertex, face], [OWN + (GREY if grey else ""), *mesh.comments]))
     for run in runs(vertex.count):
         rows, stored = np.empty(run.stop - run.start, vertex.row({})), mesh.vertex_rows(run)
         for name in kept:
