@@ -110,7 +110,7 @@ def info(
 ) -> None:
     """Describe a mesh file and its defects."""
     from scenes.commands.info import describe, facts
-    from scenes.formats.standard_input import load_mesh
+    from scenes.formats.load import load_mesh
 
     source = load_mesh(mesh)
     if json:

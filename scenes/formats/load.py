@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import logging
 import os
+import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -14,14 +15,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from raytrace.errors import InputError, MeshError, printable
+from raytrace.errors import InputError, MeshError, OptionError, printable
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.system.checks import check_memory, check_regular
 from raytrace.types import Float64s
 
 from ..geometry.detail import Detail, triangle_detail
 from ..geometry.instances import Instance, Submesh, flatten
-from .table import MeshInput, endings, format_of, function
+from .table import FORMATS, MeshInput, endings, format_of, function, sniffed_format
 
 if TYPE_CHECKING:
     from ao import Profile
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
 
 _KEPT = 2.5  # bytes of memory a byte of file where details are kept, besides the table's
 PIPED = "<stdin>"  # in place of a file's name without its ending
+STANDARD, _SOURCE = Path("-"), "standard input"
+_CHUNK = 1 << 26
+_TRIANGLES, _TRIANGLE, _HEAD = slice(80, 84), 50, 84  # of a binary STL
 
 
 @dataclass(frozen=True)
@@ -221,3 +225,38 @@ def mesh_errors(path: Path) -> Iterator[None]:
         raise MeshError(path, "content", f"a complete and valid {kind} file", detail) from None
     finally:
         logger.setLevel(level)
+
+
+def standard_input(format_: str | None) -> tuple[Path, bytes]:
+    """The content of standard input, and a name with the ending of `format_`, or of the format by its first bytes.
+
+    Raises: InputError: a terminal, nothing, what would not fit into memory, or first bytes that identify no format.
+    """
+    if sys.stdin.isatty():
+        raise OptionError("mesh", "a mesh piped to standard input", "a terminal")
+    content = bytearray()
+    try:
+        while chunk := sys.stdin.buffer.read(_CHUNK):
+            content += chunk
+            check_memory(_SOURCE, 2 * len(content), f"to read {len(content):,} bytes and more")
+    except OSError as reason:  # it is closed
+        raise MeshError(_SOURCE, "content", "a mesh", reason.strerror) from None
+    if not content:
+        raise MeshError(_SOURCE, "content", "a mesh", "nothing")
+    return Path(f"{PIPED}.{format_ or _format_of(content)}"), bytes(content)
+
+
+def load_mesh(path: Path) -> MeshFile:
+    """A mesh file's content with its details, or standard input's for "-". Raises: as `load` and `standard_input`."""
+    piped, content = standard_input(None) if path == STANDARD else (path, None)
+    return load(piped, "described.glb", content)
+
+
+def _format_of(content: bytes | bytearray) -> str:
+    """Raises: MeshError: the first bytes identify no format."""
+    if known := sniffed_format(content[:4096]):
+        return known.removeprefix(".")
+    if len(content) == _HEAD + _TRIANGLE * int.from_bytes(content[_TRIANGLES], "little"):
+        return "stl"
+    names = ", ".join(FORMATS[ending].name for ending in endings("begins"))
+    raise MeshError(_SOURCE, "format", f"one of {names}, or --input-format", "another")

@@ -13,7 +13,7 @@ from raytrace.system.checks import check_outputs
 
 from ..formats.images import ENDINGS as IMAGES
 from ..formats.images import is_texture
-from ..formats.standard_input import STANDARD, standard_input
+from ..formats.load import STANDARD, standard_input
 from ..presets import preset_format, with_preset
 from .bake import MeshBake
 from .batch import Batch

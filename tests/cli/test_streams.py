@@ -12,7 +12,7 @@ from meshes import hills, two_boxes
 
 from raytrace.system import atomic
 from scenes.formats.gltf.asset import decode
-from scenes.formats.standard_input import standard_input
+from scenes.formats.load import standard_input
 
 VERTICES, FACES = two_boxes()
 
