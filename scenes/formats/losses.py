@@ -8,7 +8,7 @@ from raytrace.errors import printable
 
 from .load import MeshFile
 from .obj.detail import PAINT_WORDS
-from .ply.layout import columns_of, own_colors
+from .ply.layout import own_colors
 from .ply.write import has_own_colors
 from .table import Channels, format_of, function
 
@@ -79,7 +79,7 @@ def of_glb(mesh_file: MeshFile, colors: str) -> list[str]:
     for element in detail.elements:
         if element.name == "vertex":
             missing += [f"{c.name} of vertices" for c in element.properties if c.sizes is not None]
-            if own_colors(columns_of(detail.elements, "vertex")) and detail.colors is None:
+            if own_colors(detail.elements) and detail.colors is None:
                 missing.append("its colours")
         elif element.name == "face":
             has_wedges = detail.uv and detail.uv.of is not detail.corners  # coordinates of corners

@@ -51,8 +51,9 @@ class OrmTextures(OcclusionTextures):
 
     def _pack(self, number: int | None, w: Float32s) -> tuple[int, int]:
         """Textures for occlusion and for the rest, mostly one, in place of a metallic-roughness texture or of none."""
-        stored, image = None, np.full((*w.shape, 3), 255, np.uint8)
-        if number is not None and self._asset:
+        if number is None or self._asset is None:
+            stored, image = None, np.full((*w.shape, 3), 255, np.uint8)
+        else:
             stored = self._asset.materials.textures[number]
             assert stored.source is not None  # as `check_orm` has found
             image = texture_codes(Textures(self._asset).image(stored.source))

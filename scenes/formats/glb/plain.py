@@ -15,8 +15,7 @@ from raytrace.types import Float64s, Int64s
 from ...geometry.detail import Detail, PerCorner, split_corners
 from ..gltf.accessors import flipped
 from ..load import MeshFile
-from ..ply.layout import columns_of, fractions
-from ..ply.layout import stored_colors as ply_colors
+from ..ply.layout import fractions, stored_colors
 from .buffer import ELEMENT_ARRAY_BUFFER, Packed
 from .orm import add_materials
 from .pieces import pieces
@@ -117,7 +116,7 @@ def _add_columns(
         return
     own = detail.colors if len(colors) < 2 else None
     if own is None and len(colors) == 1:
-        own = fractions(ply_colors(columns_of(detail.elements, "vertex")))  # the grey of an earlier bake
+        own = fractions(stored_colors(detail.elements))  # the grey of an earlier bake
     if own is not None:
         linear = np.concatenate([decode_srgb(own[vertices, :3]), own[vertices, 3:]], axis=1)
         attributes["COLOR_0"] = packed.accessor(linear.astype("<f4"))

@@ -6,7 +6,7 @@ Whole numbers are indices and sizes, from 0; whether they point at something is 
 
 from functools import cache
 from types import UnionType
-from typing import Annotated, Any, Literal, NamedTuple, NoReturn, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, NoReturn, TypeVar, get_args, get_origin, get_type_hints
 
 from raytrace.errors import MeshError
 
@@ -17,14 +17,11 @@ _Path = tuple[Any, ...]  # () for the whole, or the path of what holds a value, 
 _LARGEST, _PRECISE = 1e100, 2**53
 
 
-class At(NamedTuple):
-    """In `Annotated`: where below its record a value stands, if not under its attribute's name."""
-
-    place: str
-
-
 class JsonObject:
-    """A JSON object: attributes by the specification's names, whose defaults stand on the class; `vars`: the file's."""
+    """A JSON object: attributes by the specification's names, whose defaults stand on the class; `vars`: the file's.
+
+    `Annotated` says where below its record a value stands, if not under its attribute's name.
+    """
 
 
 class UnitNumber(float):
@@ -112,8 +109,8 @@ def _fields(kind: Any) -> list[tuple[str, Any, list[str], bool]]:
     """Of a record's attributes the name, the type, the path below the record, and whether it must be there."""
     fields = []
     for name, hint in get_type_hints(kind, include_extras=True).items():
-        inner, at = get_args(hint) if get_origin(hint) is Annotated else (hint, At(name))
-        fields.append((name, inner, at.place.split("."), not hasattr(kind, name)))
+        inner, place = get_args(hint) if get_origin(hint) is Annotated else (hint, name)
+        fields.append((name, inner, place.split("."), not hasattr(kind, name)))
     return fields
 
 

@@ -8,7 +8,7 @@ KHR_materials_emissive_strength, KHR_materials_pbrSpecularGlossiness, KHR_materi
 from math import pi
 from typing import Annotated, Any, Literal
 
-from .parse import At, JsonObject, UnitNumber
+from .parse import JsonObject, UnitNumber
 
 Vector = tuple[float, float, float]
 Quadruple = tuple[float, float, float, float]
@@ -34,7 +34,7 @@ class Node(JsonObject):
     rotation: Quadruple | None = None
     scale: Vector = (1, 1, 1)
     camera: int | None = None
-    light: Annotated[int | None, At("extensions.KHR_lights_punctual.light")] = None
+    light: Annotated[int | None, "extensions.KHR_lights_punctual.light"] = None
     extensions: dict[str, Any] = {}
 
 
@@ -48,7 +48,7 @@ class Primitive(JsonObject):
     material: int | None = None
     mode: int = TRIANGLES
     targets: list[dict[str, int]] = []
-    variants: Annotated[list[Variant], At("extensions.KHR_materials_variants.mappings")] = []
+    variants: Annotated[list[Variant], "extensions.KHR_materials_variants.mappings"] = []
 
 
 class GltfMesh(JsonObject):
@@ -58,11 +58,11 @@ class GltfMesh(JsonObject):
 
 class Sparse(JsonObject):
     count: int
-    view: Annotated[int, At("values.bufferView")]
-    offset: Annotated[int, At("values.byteOffset")] = 0
-    index_view: Annotated[int, At("indices.bufferView")]
-    index_offset: Annotated[int, At("indices.byteOffset")] = 0
-    index_type: Annotated[int, At("indices.componentType")]
+    view: Annotated[int, "values.bufferView"]
+    offset: Annotated[int, "values.byteOffset"] = 0
+    index_view: Annotated[int, "indices.bufferView"]
+    index_offset: Annotated[int, "indices.byteOffset"] = 0
+    index_type: Annotated[int, "indices.componentType"]
 
 
 class Accessor(JsonObject):
@@ -85,8 +85,8 @@ class BufferView(JsonObject):
 
 
 class Buffer(JsonObject):
-    fallback: Annotated[bool, At("extensions.EXT_meshopt_compression.fallback")] = False
-    khr_fallback: Annotated[bool, At("extensions.KHR_meshopt_compression.fallback")] = False
+    fallback: Annotated[bool, "extensions.EXT_meshopt_compression.fallback"] = False
+    khr_fallback: Annotated[bool, "extensions.KHR_meshopt_compression.fallback"] = False
     uri: str | None = None
     byteLength: int
 
@@ -99,7 +99,7 @@ class Image(JsonObject):
 class GltfGeometry(JsonObject):
     """The part of a header that a mesh needs."""
 
-    version: Annotated[str, At("asset.version")]
+    version: Annotated[str, "asset.version"]
     extensionsUsed: list[str] = []
     extensionsRequired: list[str] = []
     scene: int = 0
@@ -132,7 +132,7 @@ class UvTransform(JsonObject):
 class TextureReference(JsonObject):
     index: int
     texCoord: int = 0
-    transform: Annotated[UvTransform, At("extensions.KHR_texture_transform")] = UvTransform()
+    transform: Annotated[UvTransform, "extensions.KHR_texture_transform"] = UvTransform()
 
 
 class OcclusionReference(TextureReference):
@@ -166,8 +166,8 @@ class GltfMaterial(JsonObject):
     pbrMetallicRoughness: MetallicRoughness = MetallicRoughness()
     emissiveFactor: Vector = (0, 0, 0)
     emissiveTexture: TextureReference | None = None
-    emissiveStrength: Annotated[float, At("extensions.KHR_materials_emissive_strength.emissiveStrength")] = 1
-    specular: Annotated[SpecularGlossiness | None, At("extensions.KHR_materials_pbrSpecularGlossiness")] = None
+    emissiveStrength: Annotated[float, "extensions.KHR_materials_emissive_strength.emissiveStrength"] = 1
+    specular: Annotated[SpecularGlossiness | None, "extensions.KHR_materials_pbrSpecularGlossiness"] = None
 
     @property
     def base(self) -> tuple[Quadruple, TextureReference | None]:
@@ -187,8 +187,8 @@ class GltfMaterials(JsonObject):
 
 class GltfCamera(JsonObject):
     type: Literal["perspective", "orthographic"]
-    yfov: Annotated[float, At("perspective.yfov")] = 0  # radians
-    ymag: Annotated[float, At("orthographic.ymag")] = 0
+    yfov: Annotated[float, "perspective.yfov"] = 0  # radians
+    ymag: Annotated[float, "orthographic.ymag"] = 0
 
 
 class GltfLight(JsonObject):
@@ -196,12 +196,12 @@ class GltfLight(JsonObject):
     color: Vector = (1, 1, 1)
     intensity: float = 1
     range: float | None = None
-    innerConeAngle: Annotated[float, At("spot.innerConeAngle")] = 0  # radians
-    outerConeAngle: Annotated[float, At("spot.outerConeAngle")] = pi / 4
+    innerConeAngle: Annotated[float, "spot.innerConeAngle"] = 0  # radians
+    outerConeAngle: Annotated[float, "spot.outerConeAngle"] = pi / 4
 
 
 class Stage(JsonObject):
     """Cameras and lights of a header."""
 
     cameras: list[GltfCamera] = []
-    lights: Annotated[list[GltfLight], At(LIGHTS)] = []
+    lights: Annotated[list[GltfLight], LIGHTS] = []

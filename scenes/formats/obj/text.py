@@ -22,7 +22,6 @@ from ...geometry.detail import PerCorner
 from ..number_rows import line_blocks, round_left
 
 _RUN = re.compile(r"^[ \t]*(\w+)(?!\S)[^\n]*(?:\n[ \t]*\1(?!\S)[^\n]*)*+", re.MULTILINE)
-_UNMATCHED = "string or file could not be read to its end due to unmatched data"  # as NumPy says
 
 
 class Run(NamedTuple):
@@ -77,7 +76,7 @@ class ObjText:
             field = f"face {int(np.argmax(self.sizes < 3)) + 1}"
             raise MeshError(source, field, "three corners or more", int(self.sizes.min()))
         if not valid or any(run.keyword in (*NUMBERED, "f") for run in self.runs):
-            raise ValueError(_UNMATCHED)
+            raise ValueError("string or file could not be read to its end due to unmatched data")  # as NumPy says
         absent: Int64s = np.broadcast_to(np.array(NONE), len(own))
         self.indices: dict[str, Int64s] = dict(zip(NUMBERED[1:], others or (absent, absent), strict=True))
         self.corners = self._from_zero(own, len(self.vertices), "v")

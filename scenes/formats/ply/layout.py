@@ -142,7 +142,7 @@ def ply_detail(
     """All of a PLY file. Args: corners, sizes: of its polygons."""
     vertex, face = columns_of(elements, "vertex"), columns_of(elements, "face")
     uv, used = _coordinates(vertex, face, corners, sizes)
-    colors = fractions(own_colors(vertex))
+    colors = fractions(own_colors(elements))
     known = {*_MESH, *RGB, "alpha", "obscurance", *used}
     numbers = {
         name: c.values for name, c in vertex.items() if c.sizes is None and name not in known and not is_profile(name)
@@ -158,15 +158,15 @@ def columns_of(elements: tuple[Element, ...], name: str) -> dict[str, Property]:
     return {column.name: column for element in elements if element.name == name for column in element.properties}
 
 
-def stored_colors(vertex: dict[str, Property]) -> dict[str, Property]:
-    """The properties red, green, blue and alpha, as far as there are any."""
+def stored_colors(elements: tuple[Element, ...]) -> dict[str, Property]:
+    """The vertices' properties red, green, blue and alpha, as far as there are any."""
+    vertex = columns_of(elements, "vertex")
     return {name: vertex[name] for name in (*RGB, "alpha") if name in vertex and vertex[name].sizes is None}
 
 
-def own_colors(vertex: dict[str, Property]) -> dict[str, Property]:
+def own_colors(elements: tuple[Element, ...]) -> dict[str, Property]:
     """As `stored_colors`, none if they are the grey that a bake gave them."""
-    own = stored_colors(vertex)
-    baked = vertex.get("obscurance")
+    own, baked = stored_colors(elements), columns_of(elements, "vertex").get("obscurance")
     if baked is not None and all(name in own and own[name].kind == "B" for name in RGB):
         linear = np.rint(np.clip(np.nan_to_num(baked.values), 0, 1) * 255.0)  # of older files
         for grey in (grey_of(baked.values), linear):

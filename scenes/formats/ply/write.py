@@ -17,7 +17,7 @@ from ..load import MeshFile
 from ..stored_mesh import EXPECTED, StoredMesh, stored_rows
 from ..table import Channels
 from . import layout
-from .layout import COUNT, INDICES, RGB, UP_COMMENT, PlyElement, columns_of, grey_of, is_profile, stored_colors
+from .layout import COUNT, INDICES, RGB, UP_COMMENT, PlyElement, grey_of, is_profile, own_colors, stored_colors
 
 OWN = "comment obscurance: 1 = open"
 GREY = "; red green blue = obscurance as sRGB"
@@ -60,7 +60,7 @@ def has_own_colors(detail: Detail | None) -> bool:
     """Whether the source has vertex colours that are not the grey of an earlier bake."""
     if detail is None or not detail.elements:
         return detail is not None and detail.colors is not None
-    return bool(layout.own_colors(columns_of(detail.elements, "vertex")))
+    return bool(own_colors(detail.elements))
 
 
 def _annotate(element: Element, bake: Bake, shown: str) -> Element:
@@ -71,7 +71,7 @@ def _annotate(element: Element, bake: Bake, shown: str) -> Element:
         columns = enumerate(bake.profile.values.T)
         made += [Property(f"{layout.PROFILE}{number:02}", "f", column.astype("<f4")) for number, column in columns]
     if len(shown) == 1:
-        made += layout.with_channel(bake.w, shown, stored_colors(columns_of((element,), "vertex")))
+        made += layout.with_channel(bake.w, shown, stored_colors((element,)))
     elif shown:
         made += [Property(name, "B", grey_of(bake.w)) for name in RGB]
     return Element(element.name, element.count, (*kept, *made))
