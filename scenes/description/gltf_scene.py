@@ -48,7 +48,7 @@ from raytrace.types import Float64s
 from ..field_errors import located
 from ..formats.gltf import records
 from ..formats.gltf.asset import DrawnPrimitive, Gltf, entry
-from ..formats.gltf.parse import JsonObject
+from ..formats.gltf.parse import JsonObject, parse
 from ..formats.gltf.textures import Textures, vertex_colours
 from ..formats.load import mesh_errors, read_objects
 from ..geometry.instances import Instance
@@ -152,9 +152,10 @@ def read_gltf(path: Path, settings: Settings, up: str | None = None, view: str |
     """
     objects, asset, notes = gltf_objects(path)
     with mesh_errors(path):
-        cameras = _placed(asset, "camera", "cameras", asset.stage.cameras, _camera)
+        stage = parse(records.Stage, asset.header, path)
+        cameras = _placed(asset, "camera", "cameras", stage.cameras, _camera)
         camera = None if view else next(cameras, None)
-        lights = tuple(_placed(asset, "light", records.LIGHTS, asset.stage.lights, _light))
+        lights = tuple(_placed(asset, "light", records.LIGHTS, stage.lights, _light))
         if camera and up is not None:
             raise OptionError("--up", "a file without a camera", f"{path}, which has one")
         camera = camera or framing(Scene(objects).flattened(), up, settings.width, settings.height, view)

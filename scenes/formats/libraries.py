@@ -82,10 +82,7 @@ def _collada(file: BinaryIO, path: Path) -> list[Instance]:
 
 
 def _trimesh(file: BinaryIO, kind: str, path: Path) -> list[Instance]:
-    """By trimesh's loader for `kind`, not by trimesh.load, which would merge vertices in some formats.
-
-    XAML becomes one mesh; of 3DXML the loader multiplies the matrices down to each object.
-    """
+    """By trimesh's loader for `kind`: trimesh.load would merge vertices. XAML is one mesh; 3DXML's are placed."""
     from trimesh.exchange.load import mesh_loaders
 
     loaded = mesh_loaders[kind](file_obj=file, file_type=kind, resolver=None)

@@ -172,11 +172,9 @@ def read_objects(
 ) -> tuple[list[Instance], Gltf | None]:
     """The placed objects of a mesh file as it stores them, at least one, and the asset when it is glTF or GLB.
 
-    Of a glTF they are its drawn primitives, in the order of `Gltf.drawn`.
+    Of a glTF they are its drawn primitives, in the order of `Gltf.drawn`. Raises: MeshError: as `load`.
 
     Args: keep: also the `Instance.detail` of OBJ and PLY. content, alpha: as `load` takes them.
-
-    Raises: MeshError: as `load`, but for indices and coordinates, which `raytrace.Mesh` checks.
     """
     row, name = format_of(path), "mesh" if path.stem == PIPED else path.stem
     with mesh_errors(path):

@@ -88,8 +88,6 @@ def choose(
 ) -> Chosen:
     """Choose objects by names or patterns of `fnmatch`, after a "!" those that do not match.
 
-    `mesh` and `only` of the result are arguments of `ao.bake`.
-
     Args:
         receive, cast: the objects that get w, and that occlude; none: all.
         exclude: objects that do neither. lenient: whether it may match nothing.

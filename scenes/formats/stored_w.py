@@ -58,7 +58,8 @@ def read_w(path: Path, *counts: int, scales: Scales | None = None) -> Float64s:
         w = _of_mesh(path, counts, scales) if format_of(path).read else _of_array(path, counts)
         if scales and not format_of(path).read:
             w = scales.of(checked_profile(path, find_profile(path)))
-            _check_count(path, w, counts)
+            if len(w) not in counts:
+                raise _other_count(path, "w", counts, f"{len(w):,}")
     except MeshError as fault:
         raise SceneError(fault.source, fault.field, fault.expected, fault.got) from None
     if not ((w >= 0) & (w <= 1)).all():
@@ -104,13 +105,9 @@ def _of_mesh(path: Path, counts: tuple[int, ...], scales: Scales | None) -> Floa
     w = np.concatenate([np.empty(0), *(w for _, w in stored)]).astype(np.float64)
     if len(stored) == 1 and asset:
         w = w[: unrepeated(stored[0][0].vertices, counts)]
-    _check_count(path, w, counts)
-    return w
-
-
-def _check_count(path: Path, w: Float64s, counts: tuple[int, ...]) -> None:
     if len(w) not in counts:
         raise _other_count(path, "w", counts, f"{len(w):,}")
+    return w
 
 
 def _other_count(path: Path, name: str, counts: tuple[int, ...], got: str) -> SceneError:

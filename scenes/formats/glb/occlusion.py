@@ -1,8 +1,7 @@
 """Occlusion textures put into a glTF document, and the texture coordinates that they use.
 
-A material's occlusion texture multiplies indirect light alone by its R channel, linear, 1 = open. It goes by one set of
-texture coordinates, so that a material of primitives with different sets becomes several.
-Format: Khronos glTF 2.0 specification, sections 3.7.2 (sets of texture coordinates) and 3.9.3 (occlusion).
+A material's occlusion texture multiplies indirect light alone by its R, linear, 1 = open, and goes by one set of
+texture coordinates: one of primitives with different sets becomes several (Khronos glTF 2.0, sections 3.7.2 and 3.9.3).
 """
 
 import copy

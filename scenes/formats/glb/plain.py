@@ -30,12 +30,10 @@ Drawn = tuple[dict[str, Any], Int64s]
 
 
 def plain(mesh_file: MeshFile, colors: str) -> tuple[Packed, list[Drawn]]:
-    """The document, without w, and its primitives, in the order of `pieces`.
+    """The document, without w, and its primitives, in the order of `pieces`; a mesh without normals gets some.
 
     The only primitive of a part has the part's vertices in their order, then those whose corners differ once more.
     One of several has the vertices that it uses, with their rows in the mesh as `_SOURCE_INDEX`.
-
-    A mesh without normals gets them by `raytrace.mesh.normals`.
 
     Args: colors: the channels that are to hold w: of all, the source's are left out.
     """

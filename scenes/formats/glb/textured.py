@@ -37,12 +37,11 @@ def textured_glb(
 ) -> tuple[bytes, int]:
     """A GLB file of a mesh file, with 8 bits of w a texel, and how many primitives keep another occlusion texture.
 
-    A glTF source is kept as stored, as by `scenes.formats.glb.write`; what was no glTF becomes one. Coordinates of a
-    page that a primitive has not become a set of its own: vertices whose corners differ there are stored several times.
+    A glTF source is kept as stored, as by `write.glb`; what was no glTF becomes one. Coordinates of a page that a
+    primitive has not become a set of its own: vertices whose corners differ there are stored several times.
 
     Args:
-        pages: textures of different faces.
-        replace: put them also in place of occlusion textures of the source.
+        pages: textures of different faces. replace: put them also in place of occlusion textures of the source.
         orm: put w into R of the materials' metallic-roughness images (`scenes.formats.glb.orm`).
         w: (n,) of the vertices, for primitives that are on no page: a ramp shows it.
         bake: of the vertices, for the attribute `_OBSCURANCE` of all primitives, and those of its profile.

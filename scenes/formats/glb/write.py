@@ -1,7 +1,6 @@
 """Obscurance in a binary glTF file: vertex attributes, and an occlusion texture, a grey ramp with coordinates into it.
 
-A texture that is linear in u, sampled linearly at a u that is interpolated linearly, gives the interpolated value: any
-viewer that shows occlusion textures shows vertex values, without an unwrapping of the mesh.
+Linear in u, sampled linearly at a u interpolated linearly, it shows vertex values in any viewer, without an unwrapping.
 """
 
 import copy
@@ -34,10 +33,8 @@ _ROWS = 4
 def glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     """A GLB file with the vertex attribute `_OBSCURANCE` (float32 SCALAR), and those of a profile.
 
-    A glTF source is kept as stored, with all its nodes, materials, textures, animations and extensions; only what
-    holds w is added, and meshes that several nodes share are given to each node separately, because each
-    instance has its own w. Every other source becomes one node a part, in world space, with the normals, texture
-    coordinates, colours and materials that it has (`plain.plain`).
+    A glTF source is kept as stored; only what holds w is added, and meshes that several nodes share are given to each
+    node separately, because each instance has its own w. Every other source becomes `plain.plain`.
 
     Raises: MeshError: malformed materials. OptionError: coordinates of what was no glTF are too large for float32.
     """

@@ -1,8 +1,7 @@
 """The arrays of a glTF file, and the triangles that its scene draws, with the transforms of their nodes.
 
-Compressed arrays are not decoded; plain data beside them are read and kept.
-Format: Khronos glTF 2.0 specification, sections 3.6 (buffers, views, accessors), 3.7 (meshes) and 3.11 (quantised
-values); extensions KHR_draco_mesh_compression, EXT_meshopt_compression and KHR_meshopt_compression.
+Of compressed arrays, which are not decoded, plain data beside them are read and kept (KHR_draco_mesh_compression,
+EXT_meshopt_compression, KHR_meshopt_compression). Format: Khronos glTF 2.0 specification, sections 3.6, 3.7 and 3.11.
 """
 
 from __future__ import annotations

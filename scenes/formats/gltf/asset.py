@@ -2,8 +2,7 @@
 
 An own reader, beside trimesh's and pygltflib, because an output keeps all of a file that it does not change, references
 stay in the file's folder, and memory is bounded: 256 times the bytes of a file + 64 MiB at most (docs/reliability.md).
-Format: Khronos glTF 2.0 specification, sections 3.5 (scenes and transforms), 3.6 (buffers) and 3.7 (meshes), chapter 4
-(GLB container).
+Format: Khronos glTF 2.0 specification, sections 3.5 (scenes), 3.6 (buffers) and 3.7 (meshes), chapter 4 (GLB).
 """
 
 import base64
@@ -25,7 +24,7 @@ from raytrace.types import Float64s
 from ...safe_paths import beside
 from . import records
 from .parse import parse
-from .records import GltfGeometry, GltfMaterial, GltfMaterials, GltfTexture, Node, Primitive, Sampler, Stage
+from .records import GltfGeometry, GltfMaterial, GltfMaterials, GltfTexture, Node, Primitive, Sampler
 
 _PLACED = {"matrix", "translation", "rotation", "scale"}
 _GLB_MAGIC, _JSON_CHUNK, _BIN_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942
@@ -63,10 +62,6 @@ class Gltf:
     @cached_property
     def materials(self) -> GltfMaterials:
         return parse(GltfMaterials, self.header, self.path)
-
-    @cached_property
-    def stage(self) -> Stage:
-        return parse(Stage, self.header, self.path)
 
     @property
     def files(self) -> tuple[Path, ...]:

@@ -1,8 +1,7 @@
 """Textures of a glTF file, by the coordinates of its primitives; alpha of their faces, colours of their vertices.
 
-Of samplers the wrap modes are read; filtering is the renderer's.
-Format: Khronos glTF 2.0 specification, sections 3.6.2, 3.7.2.1 (`COLOR_0`), 3.8, 3.9.2 to 3.9.4 and 5.26;
-KHR_texture_transform.
+Of samplers the wrap modes are read; filtering is the renderer's. Format: Khronos glTF 2.0 specification, sections
+3.6.2, 3.7.2.1 (`COLOR_0`), 3.8, 3.9.2 to 3.9.4 and 5.26; KHR_texture_transform.
 """
 
 from collections.abc import Sequence
@@ -27,7 +26,7 @@ from ...safe_paths import confined
 from ..glb.occlusion import ramp_sets
 from .accessors import column, flipped, view_bytes
 from .asset import Gltf, entry, referenced
-from .records import GltfTexture, Primitive, TextureReference, UvTransform
+from .records import GltfTexture, Primitive, TextureReference
 
 _ROUNDING = 0.51 / 255  # of the grey that a bake writes
 _MODES: dict[int, Wrap] = {10497: "repeat", 33648: "mirrored_repeat", 33071: "clamp_to_edge"}
@@ -72,7 +71,10 @@ class Textures:
             self._made[key] = replace(self.image(stored.source), wrap=key[1], srgb=srgb)
         uv = column(self.asset, primitive, f"TEXCOORD_{number}", "VEC2")
         assert uv is not None
-        return _moved(uv, moved), self._made[key]
+        if vars(moved):  # scaled, turned anticlockwise as seen, then moved
+            c, s = cos(moved.rotation), sin(moved.rotation)
+            uv = (uv * moved.scale) @ np.array([[c, -s], [s, c]]) + moved.offset
+        return flipped(uv), self._made[key]
 
     def _wrap(self, texture: GltfTexture) -> tuple[Wrap, Wrap]:
         """Raises: MeshError: modes of no name."""
@@ -97,14 +99,6 @@ class Textures:
                 raise SceneError(self._path, field, "an image in base64", shown(stored.uri))
             return Texture(label, data)
         return Texture(confined(unquote(stored.uri), self._path.parent, self._path, field))
-
-
-def _moved(uv: Float64s, moved: UvTransform) -> Float64s:
-    """Texture coordinates (n, 2), v upwards, by the extension: scaled, turned anticlockwise as seen, then moved."""
-    if vars(moved):
-        c, s = cos(moved.rotation), sin(moved.rotation)
-        uv = (uv * moved.scale) @ np.array([[c, -s], [s, c]]) + moved.offset
-    return flipped(uv)
 
 
 def opacity_of(textures: Textures, primitive: Primitive, faces: Int64s) -> Opacity | None:

@@ -1,8 +1,6 @@
-"""The statements of a Wavefront OBJ file: vertices, faces, and the indices at their corners.
+"""The statements of a Wavefront OBJ file (Advanced Visualizer manual, appendix B1): vertices, faces, corners' indices.
 
 Kernels read vertices and faces from blocks of the file's bytes, on all cores; the rest becomes text.
-
-Format: Wavefront Advanced Visualizer manual, appendix B1.
 """
 
 from __future__ import annotations
@@ -51,8 +49,7 @@ class ObjText:
 
     Attributes:
         runs: all statements but vertices, their `vt` and `vn`, and faces.
-        vertices: (n, 3). colors: (n, 3), what follows the coordinates where every line has six numbers, or None.
-        has_colors: whether some lines have six.
+        vertices: (n, 3). colors: (n, 3), where every line has six numbers, or None. has_colors: whether some have.
         sizes: (p,), corners of each face. corners: (c,), the vertex of each.
         indices: (c,) by keyword, of the corners' `vt` and `vn`, from 1 on, or `NONE`.
     """

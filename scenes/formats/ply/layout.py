@@ -1,7 +1,4 @@
-"""How a PLY file lays out its data: the header's elements, the rows of each, and what the columns' names mean.
-
-Format: Greg Turk, The PLY polygon file format, 1994.
-"""
+"""How a PLY file (Greg Turk, 1994) lays out its data: the header's elements, the rows of each, and columns by names."""
 
 from __future__ import annotations
 

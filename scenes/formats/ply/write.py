@@ -29,9 +29,7 @@ _LONGEST_HEADER = 1 << 16
 
 def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     """A PLY file with the float property `obscurance`, and grey `red green blue`, w as sRGB, where that replaces
-    nothing.
-
-    A profile becomes the float properties obscurance_00, …, and a comment with the radius and the half-distances.
+    nothing. A profile becomes obscurance_00, …, and a comment with the radius and the half-distances.
 
     A PLY source keeps all its elements, properties, polygons and comments, of others the polygons, normals, colours
     and texture coordinates are kept (`s t` of vertices, or `texcoord` of faces where a vertex has several).
