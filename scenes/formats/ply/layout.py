@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -150,7 +150,7 @@ def ply_detail(
     )
 
 
-def columns_of(elements: tuple[Element, ...], name: str) -> dict[str, Property]:
+def columns_of(elements: Sequence[Element], name: str) -> dict[str, Property]:
     """The properties of the elements of this name."""
     return {column.name: column for element in elements if element.name == name for column in element.properties}
 

@@ -18,7 +18,7 @@ from ...geometry.instances import Instance
 from ...geometry.polygons import triangulate
 from ..number_rows import NumberRows, whole
 from ..table import MeshInput
-from .layout import COUNT, INDICES, PlyElement, PlyHeader, ply_detail, read_header
+from .layout import COUNT, INDICES, PlyElement, PlyHeader, columns_of, ply_detail, read_header
 
 _NORMAL = ("nx", "ny", "nz")
 
@@ -31,22 +31,20 @@ def read_ply(given: MeshInput) -> list[Instance]:
     data, source = given.file.read(), given.source
     header = read_header(data)
     elements = _read_text(data, header, source) if header.text else _read_elements(data, header, source)
-    found = {element.name: element for element in elements}
-    if "vertex" not in found or not found["vertex"].count:
+    if not any(element.count for element in elements if element.name == "vertex"):
         raise MeshError(source, "elements", "one of vertices", "none")
-    vertex = {column.name: column.values for column in found["vertex"].properties if column.sizes is None}
+    vertex = {name: column.values for name, column in columns_of(elements, "vertex").items() if column.sizes is None}
     vertices = np.stack([vertex[axis] for axis in "xyz"], axis=1)
     normals = np.stack([vertex[axis] for axis in _NORMAL], axis=1) if set(_NORMAL) <= set(vertex) else None
-    faces = {column.name: column for column in (found["face"].properties if "face" in found else ())}
     corners, sizes = np.empty(0, np.int64), np.empty(0, np.int64)
-    for column in (faces[label] for label in INDICES[::-1] if label in faces):
+    for column in filter(None, map(columns_of(elements, "face").get, INDICES[::-1])):
         if column.sizes is not None:
             corners, sizes = whole(column.values), column.sizes
     triangles = triangulate(vertices, corners, sizes, source)
     made = Instance(given.name, vertices, triangles.take(corners), normals, notes=triangles.notes, up=header.up)
     if given.keep:
-        kept = tuple(map(_declared, elements, header.elements)) if header.text else tuple(elements)
-        made = replace(made, detail=ply_detail(kept, header.comments, corners, sizes, triangles))
+        kept = list(map(_declared, elements, header.elements)) if header.text else elements
+        made = replace(made, detail=ply_detail(tuple(kept), header.comments, corners, sizes, triangles))
     w, profile = vertex.get("obscurance"), header.profile(vertex)
     return [replace(made, w=w, profile=profile, polygons=triangles.polygons)]
 
@@ -64,13 +62,9 @@ def _read_text(data: bytes, header: PlyHeader, source: str) -> list[Element]:
             raise _ends_early(source, element)
         columns = []
         for name, (_, counted) in element.properties.items():
-            if counted:
-                sizes, values = rows.take_lists(at, ends, fault)
-                columns.append(Property(name, "d", values, "d", sizes))
-                at = at + 1 + sizes
-            else:
-                columns.append(Property(name, "d", rows.take(at, ends, 1, fault)))
-                at = at + 1
+            sizes, values = rows.take_lists(at, ends, fault) if counted else (None, rows.take(at, ends, 1, fault))
+            columns.append(Property(name, "d", values, "d" if counted else "", sizes))
+            at = at + 1 + (0 if sizes is None else sizes)
         if not np.array_equal(at, ends):
             raise fault
         made.append(Element(element.name, element.count, tuple(columns)))
