@@ -46,7 +46,7 @@ class FileFormat(NamedTuple):
     holds: tuple[str, ...] = ()  # of "w", "colors" of vertices, "uv" of polygons' corners, a "scene"
 
 
-_GLTF = "formats.gltf.accessors:read_gltf"
+_GLTF = "formats.gltf.instances:read_gltf"
 _ROWS = (
     FileFormat(".npy", "NumPy", write="write_bake:npy", holds=("w",)),
     FileFormat(".npz", "NumPy", write="write_bake:npz", holds=("w",)),

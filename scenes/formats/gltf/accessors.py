@@ -1,14 +1,10 @@
-"""The arrays of a glTF file, and the triangles that its scene draws, with the transforms of their nodes.
+"""The arrays of a glTF file.
 
 Of compressed arrays, which are not decoded, plain data beside them are read and kept (KHR_draco_mesh_compression,
-EXT_meshopt_compression, KHR_meshopt_compression). Format: Khronos glTF 2.0 specification, sections 3.6, 3.7 and 3.11.
+EXT_meshopt_compression, KHR_meshopt_compression). Format: Khronos glTF 2.0 specification, sections 3.6 and 3.11.
 """
 
-from __future__ import annotations
-
-from dataclasses import replace
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,17 +12,11 @@ import numpy.typing as npt
 from raytrace.errors import MeshError
 from raytrace.types import Float64s
 
-from ...geometry.instances import Instance, check_copies
-from ..table import MeshInput
-from .asset import MESHOPT, Gltf, decode, entry
-from .records import PROFILE, TRIANGLE_STRIP, Primitive, Sparse
-
-if TYPE_CHECKING:
-    from ao import Profile
+from .asset import MESHOPT, Gltf, entry
+from .records import TRIANGLE_STRIP, Primitive, Sparse
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-_COPIES = "EXT_mesh_gpu_instancing"
 _ZEROS, _GROWTH = 1 << 22, 16  # values of a sparse accessor without a base, and more of them a byte of the file
 
 
@@ -142,78 +132,3 @@ def stored_colors(asset: Gltf, attributes: dict[str, int], count: int) -> npt.ND
     if len(found) != count:
         raise MeshError(asset.path, "COLOR_0", f"{count} rows", len(found))
     return found
-
-
-def read_gltf(given: MeshInput) -> tuple[list[Instance], Gltf]:
-    """The triangle primitives that a file draws, in the order of `Gltf.drawn`, sharing arrays by mesh, and its asset.
-
-    Raises: ValueError: as `decode`, compressed values, very many copies, nodes that are no tree, no image with alpha.
-    """
-    asset = decode(given.file.read(), given.path)
-    shapes: dict[tuple[int, int], Instance] = {}
-    opacity_of = None
-    materials = asset.header.get("materials", [])
-    tables = [each for each in materials if isinstance(each, dict)] if isinstance(materials, list) else []
-    if given.alpha and any(each.get("alphaMode", "OPAQUE") != "OPAQUE" for each in tables):  # opaque ones are not read
-        from .textures import Textures
-        from .textures import opacity_of as of
-
-        opacity_of = partial(of, Textures(asset))
-    rows = 0
-    made = []
-    for piece in asset.drawn:
-        key = (piece.mesh, piece.place)
-        if key not in shapes:
-            shape = _shape(asset, piece.primitive)
-            shapes[key] = replace(shape, opacity=opacity_of(piece.primitive, shape.faces)) if opacity_of else shape
-        shape = shapes[key]
-        rows += len(shape.vertices) + len(shape.faces)
-        check_copies(rows, sum(map(len, asset.buffers)), asset.path)
-        node, mesh = asset.geometry.nodes[piece.node], asset.geometry.meshes[piece.mesh]
-        name = node.name or mesh.name or f"node {piece.node}"
-        name = f"{name}[{piece.place}]" if len(mesh.primitives) > 1 else name
-        drawn_once = f"{name} is drawn many times by {_COPIES}, which is not read: once here"
-        notes = (drawn_once,) if _COPIES in node.extensions else ()
-        made.append(replace(shape, name=name, matrix=asset.world[piece.node], notes=notes))
-    return made, asset
-
-
-def _shape(asset: Gltf, primitive: Primitive) -> Instance:
-    """A primitive where its own frame has it."""
-    attributes = primitive.attributes
-    if "POSITION" not in attributes:
-        raise ValueError("a primitive without POSITION")
-    vertices = values(asset, attributes["POSITION"], "VEC3")
-    if entry(asset.geometry.accessors, attributes["POSITION"], "accessors").normalized:
-        vertices = normalized(vertices)
-    normals = normalized(values(asset, attributes["NORMAL"], "VEC3")) if "NORMAL" in attributes else None
-    faces = triangles(asset, primitive, len(vertices))
-    w, profile = _stored_w(asset, attributes, len(vertices)), _stored_profile(asset, attributes, len(vertices))
-    return Instance("", vertices, faces, normals, w=w, profile=profile, up="y")
-
-
-def _stored_w(asset: Gltf, attributes: dict[str, int], count: int) -> npt.NDArray[Any] | None:
-    """w of an earlier bake, unless the attribute of that name is something else."""
-    if "_OBSCURANCE" not in attributes:
-        return None
-    try:
-        w = values(asset, attributes["_OBSCURANCE"], "SCALAR").ravel()
-    except ValueError:
-        return None
-    return w if len(w) == count and w.dtype.kind == "f" else None
-
-
-def _stored_profile(asset: Gltf, attributes: dict[str, int], count: int) -> Profile | None:
-    """The profile of an earlier bake, unless the attributes of these names are something else."""
-    if f"{PROFILE}0" not in attributes:
-        return None
-    from ao import Profile
-
-    try:
-        extras = entry(asset.geometry.accessors, attributes[f"{PROFILE}0"], "accessors").extras
-        lengths, radius = extras["half_distances"], extras["radius"]
-        numbers = [attributes[f"{PROFILE}{number}"] for number in range(-(-len(lengths) // 4))]
-        columns = np.hstack([normalized(values(asset, number, "VEC4")) for number in numbers])
-    except (KeyError, TypeError, ValueError):
-        return None
-    return Profile.stored(lengths, columns[:, : len(lengths)], radius) if len(columns) == count else None
