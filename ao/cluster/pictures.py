@@ -9,12 +9,12 @@ import numpy as np
 
 from raytrace.camera import Camera
 from raytrace.image.frame import Frame
-from raytrace.renderer.remote_tiles import TileRows, edges_around, paste, render_numbered, reopened
 from raytrace.renderer.render import Progress, prepare_picture
-from raytrace.renderer.render_job import RenderJob
+from raytrace.renderer.render_job import RenderJob, paste
 from raytrace.scene import Scene
 from raytrace.settings import Settings
-from raytrace.shade.film import TILE
+from raytrace.shade.film import EDGE, TILE
+from raytrace.shade.layout import COUNTERS
 from raytrace.system.threads import thread_count
 from raytrace.types import Bools, Float32s, Int64s
 
@@ -28,7 +28,7 @@ class Tiles:
 
     Attributes:
         numbers: int64 (k,). rays: of a tile, about. channels: of its pixels. adaptive: whether edges are wanted.
-        around: `edges_around` them, for those to be rendered again.
+        around: edges of the tiles `beside` each, for those to be rendered again.
     """
 
     numbers: Int64s
@@ -45,12 +45,15 @@ class Tiles:
         return replace(self, numbers=self.numbers[rows], around=None if self.around is None else self.around[rows])
 
     def tables(self) -> Tables:
-        return tuple(TileRows.empty(len(self), self.channels, self.adaptive))
+        edges = (4, TILE, EDGE) if self.adaptive else (0, 0, 0)
+        pixels = np.zeros((len(self), TILE, TILE, self.channels), np.float32)
+        return pixels, np.zeros((len(self), *edges), np.float32), np.zeros((len(self), COUNTERS), np.int64)
 
     def writer(self, scene: RenderJob, tables: Tables) -> Callable[[int, int], None]:
         def write(first: int, last: int) -> None:
             around = None if self.around is None else self.around[first:last]
-            render_numbered(scene, self.numbers[first:last], around, TileRows(*(table[first:last] for table in tables)))
+            pixels, edges, counts = (table[first:last] for table in tables)
+            scene.render_numbered(self.numbers[first:last], around, (pixels, edges, counts))
 
         return write
 
@@ -90,9 +93,9 @@ def render_on(
 
     render_tiles(Tiles(np.arange(picture.tiles), TILE * TILE * samples, channels, picture.adaptive))
     if picture.adaptive:  # some pixels need all samples for a neighbour in another tile
-        marks = reopened(picture, film)
+        marks = picture.reopened(film)
         numbers = np.flatnonzero(marks.any(axis=(1, 2)))
         if len(numbers):
             rays = samples * int(np.count_nonzero(marks)) / len(numbers)
-            render_tiles(Tiles(numbers, rays, channels, False, edges_around(picture, film, numbers)), marks)
+            render_tiles(Tiles(numbers, rays, channels, False, film.edges[picture.beside(numbers)]), marks)
     return picture.frame(film, {"build": built - start, "render": time.perf_counter() - built})

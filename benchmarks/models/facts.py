@@ -20,8 +20,7 @@ from raytrace import (
     Strauss,
     Ward,
 )
-from raytrace.brdf.oren_nayar import fitted_orders
-from raytrace.brdf.oren_nayar_reference import reference_orders
+from raytrace.brdf.oren_nayar import fitted_orders, reference_orders
 from raytrace.materials.base import BaseMaterial
 from raytrace.materials.reflect import NORMAL, albedo, asymmetry, directional_albedo, towards
 

@@ -35,33 +35,25 @@ from .vertex_origins import INSTANCED, smooth_normals, vertex_origins
 
 @dataclass(frozen=True, eq=False)
 class BuiltGeometry:
-    """Objects ready for kernels.
-
-    Attributes:
-        arrays: what kernels read. embree: keeps the Embree scene and its buffers alive.
-        centre, scale: a point p of the scene stands at (p − centre) · scale; float64 (3,), and a power of two.
-        textures: of the shapes, numbered as in `arrays`. normals: of vertices, see `raytrace.settings.Settings`.
-    """
+    """Objects ready for kernels; a point p of the scene stands at (p − centre) · scale."""
 
     arrays: Geometry
-    embree: EmbreeScene
+    embree: EmbreeScene  # keeps the Embree scene and its buffers alive
     centre: Float64s
-    scale: float
-    textures: tuple[Texture, ...]
+    scale: float  # a power of two
+    textures: tuple[Texture, ...]  # of the shapes, numbered as in `arrays`
     normals: Normals
 
     @cached_property
     def vertex_origins(self) -> Float32s:
-        """`raytrace.renderer.vertex_origins.vertex_origins`, computed on first use."""
         return vertex_origins(self.arrays)
 
     @cached_property
     def hit_filter(self) -> tuple[int, Int64s] | None:
         """`raytrace.materials.alpha_filter.filter_hits` for `new_packet`, None where all is opaque."""
-        arrays = self.arrays
-        if arrays.opacity is None:
-            return None
-        return cast(Kernel, filter_hits).callback(FILTER_PATH, arrays.opacity, arrays.first_face, arrays.rows)
+        of = self.arrays
+        callback = cast(Kernel, filter_hits).callback
+        return of.opacity and callback(FILTER_PATH, of.opacity, of.first_face, of.rows)
 
 
 _built: WeakValueDictionary[Any, BuiltGeometry] = WeakValueDictionary()

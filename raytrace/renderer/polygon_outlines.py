@@ -14,19 +14,13 @@ _TURNED = 1e-5  # of twice a polygon's area: a triangle turned over by more than
 
 
 class Polygons(NamedTuple):
-    """Polygons of a mesh whose triangles all face the way of the Newell normal.
+    """Polygons of a mesh whose triangles all face the way of the Newell normal."""
 
-    Attributes:
-        of: int32 (m,), the polygon of each face, −1 for none. centres, normals: float64 (p, 3), mean of the corners and
-        unit Newell normal of each. edges: int32 (e, 2), vertices of the outlines' edges, polygon after polygon.
-        counts: int32 (p,), edges of each.
-    """
-
-    of: Int32s
-    centres: Float64s
-    normals: Float64s
-    edges: Int32s
-    counts: Int32s
+    of: Int32s  # (m,), the polygon of each face, −1 for none
+    centres: Float64s  # (p, 3), mean of the corners
+    normals: Float64s  # (p, 3), unit Newell normals
+    edges: Int32s  # (e, 2), vertices of the outlines' edges, polygon after polygon
+    counts: Int32s  # (p,), edges of each
 
 
 def mesh_polygons(vertices: Float32s, faces: Int64s, given: Int64s | None) -> Polygons:

@@ -21,9 +21,9 @@ from ..shade.film import EDGE, FIRST, PACKETS, SUMS, TILE
 from ..shade.gouraud import GROUP, light_vertices
 from ..shade.interaction import GOURAUD
 from ..shade.layout import FILM, LIGHTING, Film, SceneArrays, Scratch, Style
-from ..shade.tile import render_tiles
+from ..shade.tile import mark_reopened, render_tiles
 from ..system.threads import run_blocks
-from ..types import Float64s, Int64s
+from ..types import Bools, Float32s, Float64s, Int64s
 from .render_scene import RenderScene
 
 _SHADINGS = get_args(Shading)
@@ -50,14 +50,7 @@ def whole_tiles(settings: Settings) -> tuple[int, int, int, int]:
 class RenderJob:
     """A picture to be rendered. Pickled, it goes to other processes, which make the same bits of it.
 
-    Args:
-        built: the scene. background: linear RGB. layers: whether all are wanted, or beauty alone.
-        lit: `lit_vertices` of `SceneArrays`, if they are lit already.
-
-    Attributes:
-        scene, view, style: what kernels read.
-        columns, rows: of tiles. tiles: how many. adaptive: whether pixels may be retired early.
-        counts: int64 (COUNTERS,), of rays.
+    Args: lit: `lit_vertices` of `SceneArrays`, if they are lit already.
     """
 
     def __init__(
@@ -87,9 +80,9 @@ class RenderJob:
         )
         self._left, self._top, self._wide, self._high = whole_tiles(settings)
         self._crop = settings.crop or (0, 0, settings.width, settings.height)
-        self.columns, self.rows = -(-self._wide // TILE), -(-self._high // TILE)
+        self.columns, self.rows = -(-self._wide // TILE), -(-self._high // TILE)  # of tiles
         self.tiles = self.columns * self.rows
-        self.adaptive = settings.samples > FIRST
+        self.adaptive = settings.samples > FIRST  # whether pixels may be retired early
         self.channels = FILM if layers else LAYERS["beauty"]
         self.counts = np.zeros(layout.COUNTERS, np.int64)
 
@@ -141,6 +134,41 @@ class RenderJob:
                 return scratch.counts.copy()
             self._textures.read(np.flatnonzero(scratch.missing).tolist())
 
+    def render_numbered(self, numbers: Int64s, around: Float32s | None, out: tuple[Float32s, Float32s, Int64s]) -> None:
+        """Render the tiles `numbers`, int64 (k,), to rows of arrays, for processes that render only some of a picture.
+
+        Args:
+            around: edges of the tiles `beside` each, (k, 5, 4, TILE, EDGE): only pixels that these reopen are rendered.
+            out: pixels (k, TILE, TILE, channels), 0 beyond the picture; edges (k, 4, TILE, EDGE), or (k, 0, 0, 0) where
+                no pixel is retired early; counts (k, COUNTERS) of rays.
+        """
+        pixels, edges, counts = out
+        again = around is not None
+        first = max(int(numbers.min()) // self.columns - again, 0)
+        film, scratch = self.film(first, min(int(numbers.max()) // self.columns + 1 + again, self.rows)), self.scratch()
+        for row, number in enumerate(numbers):
+            tile = int(number) - first * self.columns
+            if around is not None:
+                film.edges[self.beside(numbers[row : row + 1])[0] - first * self.columns] = around[row]
+            counts[row] = self.render(film, scratch, (tile, tile + 1), again)
+            part = _part(film, tile)
+            pixels[row, : len(part), : part.shape[1]] = part
+            if edges.size:
+                edges[row] = film.edges[tile]
+
+    def reopened(self, film: Film) -> Bools:
+        """The pixels of each tile that are to be rendered again, bool (tiles, TILE, TILE)."""
+        marks = np.zeros((self.tiles, TILE * TILE), np.bool_)
+        mark_reopened(film, self.scratch(), marks)
+        return marks.reshape(-1, TILE, TILE)
+
+    def beside(self, numbers: Int64s) -> Int64s:
+        """Numbers of tiles and of those left, right, above and below, (k, 5); the tile's own where there is none."""
+        left, right = numbers % self.columns > 0, (numbers + 1) % self.columns > 0
+        above, below = numbers >= self.columns, numbers + self.columns < self.tiles
+        steps = [0 * left, -1 * left, 1 * right, -self.columns * above, self.columns * below]
+        return numbers[:, None] + np.stack(steps, axis=1)
+
     def light_vertices(self, threads: int) -> None:
         """Light all vertices, if the shading is Gouraud's: fronts, and backs if they may reflect more than them."""
         if self.style.shading != GOURAUD:
@@ -175,3 +203,19 @@ class RenderJob:
         rays = {name: int(self.counts[column]) for name, column in _TRACED.items()}
         skipped = {name: int(self.counts[column]) for name, column in _SKIPPED.items()}
         return Frame(layers, rays, skipped, seconds, self.background)
+
+
+def paste(film: Film, numbers: Int64s, pixels: Float32s, marks: Bools | None = None) -> None:
+    """Put the pixels of tiles, (k, TILE, TILE, channels), on a film. Args: marks: bool (k, TILE, TILE), these alone."""
+    for row, number in enumerate(numbers):
+        part = _part(film, int(number))
+        high, wide = part.shape[:2]
+        mask = True if marks is None else marks[row, :high, :wide, None]
+        np.copyto(part, pixels[row, :high, :wide], where=mask)
+
+
+def _part(film: Film, tile: int) -> Float32s:
+    """The pixels of a tile of a film, as a view."""
+    columns = -(-film.pixels.shape[1] // TILE)
+    x, y = tile % columns * TILE, tile // columns * TILE
+    return film.pixels[y : y + TILE, x : x + TILE]

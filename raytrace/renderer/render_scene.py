@@ -23,19 +23,11 @@ from .geometry import BuiltGeometry, build_geometry, joined
 
 @dataclass(frozen=True, eq=False)
 class RenderScene:
-    """A scene ready for kernels. Pickled, it goes to other processes, which build the geometry again.
-
-    Attributes:
-        objects: what the geometry is built from.
-        geometry: shared by all scenes of the same shapes in the same places, whatever their w and lights.
-        w: float64 (n,), obscurance at the vertices of all objects in order. bent: float32 (n, 3), their bent normals,
-        or (0, 3) where no light asks for them.
-        lights: in render space.
-    """
+    """A scene ready for kernels. Pickled, it goes to other processes, which build the geometry again."""
 
     objects: tuple[Object, ...]
-    geometry: BuiltGeometry
-    w: Float64s
+    geometry: BuiltGeometry  # shared by all scenes of the same shapes in the same places, whatever their w and lights
+    w: Float64s  # as `SceneArrays` has these
     bent: Float32s
     lights: Lights
 

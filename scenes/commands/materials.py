@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from raytrace import PRESETS, OrenNayar, material_from_dict
-from raytrace.brdf.oren_nayar import fitted_orders
-from raytrace.brdf.oren_nayar_reference import reference_orders
+from raytrace.brdf.oren_nayar import fitted_orders, reference_orders
 from raytrace.errors import OptionError, nearest_name
 from raytrace.materials import reflect
 from raytrace.materials.base import BaseMaterial, Brushed
@@ -81,7 +80,7 @@ def albedo(material: BaseMaterial, incidence: float) -> Any:
 
 
 def fit_error(material: OrenNayar) -> tuple[float, float]:
-    """Root mean square and largest difference of fit and integral (`oren_nayar_reference`), in parts of ρ/π."""
+    """Root mean square and largest difference of fit and integral (`reference_orders`), in parts of ρ/π."""
     angles, turns = np.radians(_FIT_ANGLES), np.radians(_FIT_TURNS)
     pairs = [_fit(material, towards(l), towards(v, turn), _FIT_ORDER) for l in angles for v in angles for turn in turns]
     errors = np.subtract(*np.transpose(pairs))

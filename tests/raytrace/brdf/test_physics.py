@@ -16,8 +16,7 @@ from raytrace import (
     Strauss,
     Ward,
 )
-from raytrace.brdf.oren_nayar import fitted_orders
-from raytrace.brdf.oren_nayar_reference import reference_orders
+from raytrace.brdf.oren_nayar import fitted_orders, reference_orders
 from raytrace.errors import OptionError
 from raytrace.materials.reflect import NORMAL as N
 from raytrace.materials.reflect import asymmetry, directional_albedo, reflect, towards
