@@ -32,8 +32,7 @@ def schlick(reflectance, cosine):
 
 
 @inline
-def lobe(row, n, l, v, grain):
-    """f_s n·l/F for n·l > 0, and l·h; 0 for a viewer from below."""
+def terms(row, n, l, v, grain):
     h = halfway(l, v)
     along, across = perpendicular(n, grain)
     nl, nv, nh, lh = dot(n, l), dot(n, v), dot(n, h), min(1.0, dot(l, h))
@@ -43,15 +42,9 @@ def lobe(row, n, l, v, grain):
     exponent = (row[N_PARALLEL] * x + row[N_PERPENDICULAR] * y) / select(aside > 0.0, aside, 1.0)
     norm = sqrt((row[N_PARALLEL] + 1.0) * (row[N_PERPENDICULAR] + 1.0)) / (8.0 * pi)
     value = norm * max(0.0, min(1.0, nh)) ** exponent * (nl / max(nl, nv)) / lh  # eq. 4
-    return select((nv > 0.0) & (nh > 0.0) & (lh > 0.0), value, 0.0), lh
-
-
-@inline
-def terms(row, n, l, v, grain):
-    """Diffuse and specular RGB reflected per unit incident RGB for a packed row; in lanes, too."""
-    nl, nv = dot(n, l), max(0.0, dot(n, v))
-    body = 28.0 / (23.0 * pi) * nl * (1.0 - fifth(1.0 - 0.5 * nl)) * (1.0 - fifth(1.0 - 0.5 * nv))  # eq. 5
+    lobe = select((nv > 0.0) & (nh > 0.0) & (lh > 0.0), value, 0.0)
+    facing = fifth(1.0 - 0.5 * max(0.0, nv))
+    body = 28.0 / (23.0 * pi) * nl * (1.0 - fifth(1.0 - 0.5 * nl)) * (1.0 - facing)  # eq. 5
     rho, r_s = triple(row, MODEL), triple(row, R_S)
-    size, lh = lobe(row, n, l, v, grain)
     fresnel = schlick(r_s[0], lh), schlick(r_s[1], lh), schlick(r_s[2], lh)
-    return scale(body, multiply(subtract((1.0, 1.0, 1.0), r_s), rho)), scale(size, fresnel)
+    return scale(body, multiply(subtract((1.0, 1.0, 1.0), r_s), rho)), scale(lobe, fresnel)

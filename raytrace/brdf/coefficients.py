@@ -1,4 +1,4 @@
-"""Coefficients of the models, computed once when a material is packed; apart from kernels, which import Numba."""
+"""Coefficients of the models, computed once when a material is packed."""
 
 from math import acos, asin, pi
 
@@ -30,15 +30,8 @@ def power_series(exponent: float) -> tuple[float, list[float]]:
     return domain, [float(c) for c in integrand.integ(lbnd=0).coef[:0:-2]]
 
 
-def kirchhoff_sum(g: float, t: Float64s) -> Float64s:
-    """Σ_{j≥1} gʲ e⁻ᵍ/(j! j) e^(−g t/j) for g > 0 and t (k,) ≥ 0, the terms that count where t g/(1 + g) ≤ 16."""
-    j = np.arange(1, int(g + 8 * g**0.5) + 40)[:, None]
-    weights = j * np.log(g) - g - np.cumsum(np.log(j), axis=0) - np.log(j)
-    return np.asarray(np.exp(weights - g * t / j).sum(axis=0))
-
-
 def kirchhoff_table() -> Float64s:
-    """Σ (1 + g)/(1 − e⁻ᵍ), Σ as `kirchhoff_sum`, where τ = t g/(1 + g): e^(−τ) at g = 0 and for g → ∞.
+    """(1 + g)/(1 − e⁻ᵍ) Σ_{j≥1} gʲ e⁻ᵍ/(j! j) e^(−g t/j), where τ = t g/(1 + g): e^(−τ) at g = 0 and for g → ∞.
 
     Rows (65) are even in g/(1 + g) from 0 to 1, columns (57) in √τ from 0 to `KIRCHHOFF_END`.
     """
@@ -46,7 +39,9 @@ def kirchhoff_table() -> Float64s:
     table = np.tile(np.exp(-tau), (65, 1))
     for row, y in enumerate(np.linspace(0, 1, len(table))[1:-1], 1):
         g = y / (1 - y)
-        table[row] = kirchhoff_sum(g, tau / y) * (1 + g) / -np.expm1(-g)
+        j = np.arange(1, int(g + 8 * g**0.5) + 40)[:, None]  # the terms that count where τ ≤ 16
+        weights = j * np.log(g) - g - np.cumsum(np.log(j), axis=0) - np.log(j)
+        table[row] = np.exp(weights - g * (tau / y) / j).sum(axis=0) * (1 + g) / -np.expm1(-g)
     return table
 
 

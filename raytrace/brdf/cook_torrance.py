@@ -47,7 +47,6 @@ def combine(row, nl, nv, h, nh, vh, distribution):
 
 @inline
 def terms(row, n, l, v):
-    """Diffuse and specular RGB reflected per unit incident RGB for a packed row, isotropic."""
     h = halfway(l, v)
     nh = dot(n, h)
     sine = length(cross(n, h))  # sinθ_a, exact where 1 − (n·h)² cancels
@@ -60,7 +59,6 @@ def terms(row, n, l, v):
 
 @inline
 def terms_elliptical(row, n, l, v, grain):
-    """Diffuse and specular RGB reflected per unit incident RGB for a packed row, facets of two slopes about a grain."""
     h = halfway(l, v)
     nh = dot(n, h)
     distribution = 0.0

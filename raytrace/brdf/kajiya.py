@@ -73,13 +73,6 @@ def scattered_channels(row, together, t):
 
 
 @inline
-def emerging(x):
-    """1 − e⁻ˣ for x ≥ 0, in single precision, too."""
-    series = x * (1.0 - x * (0.5 - x * (SIXTH - x / 24.0)))
-    return select(x < NEARLY_NONE, series, 1.0 - exp(-x))
-
-
-@inline
 def incidence(row, n, l, v, grain):
     """n·l, n·v, v·h, t, and G/(4 π m_∥ m_⊥ (n·h)⁴ n·v); t is infinite where nothing is reflected."""
     h = halfway(l, v)
@@ -100,13 +93,14 @@ def channel(row, c, at, part):
     if row[CONSERVING] == 1.0:
         together = 2.0 * min(nl, nv)
     least = row[WAVE + c] * together
-    value = fresnel(row[ETA + c], vh) * shape * part * emerging(least * least)
+    x = least * least
+    series = x * (1.0 - x * (0.5 - x * (SIXTH - x / 24.0)))  # of 1 − e⁻ˣ, in single precision, too
+    value = fresnel(row[ETA + c], vh) * shape * part * select(x < NEARLY_NONE, series, 1.0 - exp(-x))
     return select(part > 0.0, value, 0.0)
 
 
 @inline
 def terms(row, n, l, v, grain):
-    """Diffuse and specular RGB reflected per unit incident RGB for a packed row; the mirror part is not in it."""
     dark = (0.0, 0.0, 0.0)
     at = incidence(row, n, l, v, grain)
     if not at[3] < FARTHEST:

@@ -13,6 +13,5 @@ from .layout import MODEL
 
 @inline
 def terms(row, n, l):
-    """Diffuse and specular RGB reflected per unit incident RGB for a packed row; in lanes, too."""
     none = add(scale(0.0, n), (0.0, 0.0, 0.0))
     return scale(dot(n, l), divide(triple(row, MODEL), pi)), none  # (12.18)

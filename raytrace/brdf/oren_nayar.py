@@ -47,7 +47,6 @@ def fitted_orders(sigma, n, l, v):
 
 @inline
 def terms(row, n, l, v):
-    """Diffuse and specular RGB reflected per unit incident RGB for a packed row."""
     first, second = fitted_orders(row[MODEL + 3], n, l, v)
     red, green, blue = row[MODEL], row[MODEL + 1], row[MODEL + 2]
     diffuse = (

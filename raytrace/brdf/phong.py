@@ -21,11 +21,9 @@ def combine(row, cosine, cosine_of_highlight):
 
 @inline
 def terms_phong(row, n, l, v):
-    """Diffuse and specular RGB reflected per unit incident RGB for a packed row, r·v form; in lanes, too."""
     return combine(row, dot(n, l), dot(mirror(n, l), v))  # (12.22)
 
 
 @inline
 def terms_blinn(row, n, l, v):
-    """Diffuse and specular RGB reflected per unit incident RGB for a packed row, n·h form; in lanes, too."""
     return combine(row, dot(n, l), dot(n, halfway(l, v)))  # (12.25)

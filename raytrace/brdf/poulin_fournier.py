@@ -74,8 +74,9 @@ def cap_highlight(row, h_across, h_up, v_across, v_up, lo, hi):
 
 
 @inline
-def period_averages(row, n, l, v, grain):
-    """(diffuse, specular) averages over the visible part of a period, each in [0, 1]."""
+def terms(row, n, l, v, grain):
+    if dot(n, v) <= 0.0:
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     _, tangent = perpendicular(n, grain)
     h = halfway(l, v)
     l_up, l_across, v_up, v_across, h_up = dot(n, l), dot(tangent, l), dot(n, v), dot(tangent, v), dot(n, h)
@@ -83,7 +84,7 @@ def period_averages(row, n, l, v, grain):
     v_length = sqrt(v_across * v_across + v_up * v_up)
     light, lit_lo, lit_hi, lit_x0, lit_x1 = visible_part(row, l_across, l_up, l_length)
     view, seen_lo, seen_hi, seen_x0, seen_x1 = visible_part(row, v_across, v_up, v_length)
-    diffuse, specular = 0.0, 0.0
+    diffuse, specular = 0.0, 0.0  # averages over the visible part of a period, each in [0, 1]
 
     lo, hi = max(lit_lo, seen_lo), min(lit_hi, seen_hi)
     if hi > lo:
@@ -100,13 +101,4 @@ def period_averages(row, n, l, v, grain):
     if floor > 0.0:
         diffuse += floor * l_up
         specular += floor * max(0.0, min(1.0, h_up)) ** row[EXPONENT]
-    return min(1.0, diffuse), min(1.0, specular)
-
-
-@inline
-def terms(row, n, l, v, grain):
-    """Diffuse and specular RGB reflected per unit incident RGB for a packed row; zero for a viewer from below."""
-    if dot(n, v) <= 0.0:
-        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    diffuse, specular = period_averages(row, n, l, v, grain)
-    return scale(diffuse, triple(row, MODEL)), scale(specular, triple(row, K_S))
+    return scale(min(1.0, diffuse), triple(row, MODEL)), scale(min(1.0, specular), triple(row, K_S))

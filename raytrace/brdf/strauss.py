@@ -38,7 +38,6 @@ def normalised_angle(cosine):
 
 @inline
 def terms(row, n, l, v):
-    """Diffuse and specular RGB reflected per unit incident RGB for a packed row."""
     smoothness, metalness, transparency = row[MODEL + 3], row[MODEL + 4], row[MODEL + 5]
     nl = dot(n, l)
     r_d = (1.0 - smoothness * smoothness * smoothness) * (1.0 - transparency)

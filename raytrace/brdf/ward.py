@@ -23,8 +23,7 @@ DARKEST = 80.0  # e⁻⁸⁰ = 2e-35, what lanes of float32 can hold
 
 
 @inline
-def lobe(row, n, l, v, grain):
-    """f_s n·l for n·l > 0; 0 for a viewer from below."""
+def terms(row, n, l, v, grain):
     h = halfway(l, v)
     along, across = perpendicular(n, grain)
     nl, nv, nh, lh = dot(n, l), dot(n, v), dot(n, h), dot(l, h)
@@ -37,10 +36,5 @@ def lobe(row, n, l, v, grain):
         value = value * sqrt(nl / nv)  # Ward 1992
     else:
         value = value / nv  # Dür 2006
-    return select((nv > 0.0) & (nh > 0.0) & (lh > 0.0) & (exponent < DARKEST), value, 0.0)
-
-
-@inline
-def terms(row, n, l, v, grain):
-    """Diffuse and specular RGB reflected per unit incident RGB for a packed row; in lanes, too."""
-    return scale(dot(n, l) / pi, triple(row, MODEL)), scale(lobe(row, n, l, v, grain), triple(row, K_S))
+    lobe = select((nv > 0.0) & (nh > 0.0) & (lh > 0.0) & (exponent < DARKEST), value, 0.0)
+    return scale(nl / pi, triple(row, MODEL)), scale(lobe, triple(row, K_S))

@@ -41,7 +41,8 @@ def pack_environment(lights: Sequence[BaseLight]) -> tuple[Float64s, Float64s, F
         raise OptionError("lights", "one environment image at most", f"{len(images)}", "scene")
     frame = images[0].frame()
     image = read_environment(images[0].image) * np.array(images[0].intensity)
-    return skies, irradiance_harmonics(image, frame), blurred_maps(image), frame
+    maps = [image, *(_blurred(image, MAP_SLOPE * 2**level) for level in range(MAPS - 1))]
+    return skies, irradiance_harmonics(image, frame), np.ascontiguousarray(maps, np.float32), frame
 
 
 def read_environment(path: Path) -> Float64s:
@@ -74,27 +75,22 @@ def resampled(image: Float64s, size: int, axis: int) -> Float64s:
     return np.moveaxis(np.diff(at, axis=0) * size / len(rows), 0, axis)
 
 
-def directions(frame: Float64s) -> tuple[Float64s, Float64s]:
-    """Unit directions (MAP_HEIGHT, MAP_WIDTH, 3) of a map's texels in a `frame`, and solid angles (MAP_HEIGHT, 1)."""
-    edges = np.cos(np.linspace(0, np.pi, MAP_HEIGHT + 1))
-    theta = (np.arange(MAP_HEIGHT)[:, None] + 0.5) * np.pi / MAP_HEIGHT
-    phi = ((np.arange(MAP_WIDTH) + 0.5) / MAP_WIDTH - 0.5) * 2 * np.pi
-    local = np.stack(np.broadcast_arrays(np.sin(theta) * np.sin(phi), np.sin(theta) * np.cos(phi), np.cos(theta)), -1)
-    return np.asarray(local @ frame), (-np.diff(edges) * 2 * np.pi / MAP_WIDTH)[:, None]
-
-
 def irradiance_harmonics(image: Float64s, frame: Float64s) -> Float64s:
     """Coefficients (9, 3) of (1/π) ∫ L ⟨n·d⟩ dω for 1, y, z, x, xy, yz, 3z² − 1, xz, x² − y² of n."""
-    d, solid = directions(frame)
-    x, y, z = np.moveaxis(d, -1, 0)
+    theta, bands = _latitudes()
+    sine, phi = np.sin(theta)[:, None], ((np.arange(MAP_WIDTH) + 0.5) / MAP_WIDTH - 0.5) * 2 * np.pi
+    local = np.broadcast_arrays(sine * np.sin(phi), sine * np.cos(phi), np.cos(theta)[:, None])
+    x, y, z = np.moveaxis(np.stack(local, -1) @ frame, -1, 0)
     basis = np.stack([np.ones_like(x), y, z, x, x * y, y * z, 3 * z * z - 1, x * z, x * x - y * y])
-    return np.einsum("khw,hwc->kc", basis * solid, image) * (_COSINE / _NORMS)[:, None]
+    return (
+        np.einsum("khw,hwc->kc", basis * (bands * 2 * np.pi / MAP_WIDTH)[:, None], image) * (_COSINE / _NORMS)[:, None]
+    )
 
 
-def blurred_maps(image: Float64s) -> Float32s:
-    """The image as mirrored by facets of slope 0, `MAP_SLOPE`, and twice as much each: float32 (MAPS, …, 3)."""
-    maps = [image, *(_blurred(image, MAP_SLOPE * 2**level) for level in range(MAPS - 1))]
-    return np.ascontiguousarray(maps, np.float32)
+def _latitudes() -> tuple[Float64s, Float64s]:
+    """Of the rows of a map: angles from its upper edge, and differences of their cosines from edge to edge."""
+    theta = (np.arange(MAP_HEIGHT) + 0.5) * np.pi / MAP_HEIGHT
+    return theta, -np.diff(np.cos(np.linspace(0, np.pi, MAP_HEIGHT + 1)))
 
 
 def _blurred(image: Float64s, slope: float) -> Float64s:
@@ -102,16 +98,15 @@ def _blurred(image: Float64s, slope: float) -> Float64s:
 
     The kernel depends on two latitudes and a difference of longitudes, along which it is a product of spectra.
     """
-    theta = (np.arange(MAP_HEIGHT) + 0.5) * np.pi / MAP_HEIGHT
+    theta, bands = _latitudes()
     turn = np.arange(MAP_WIDTH) * 2 * np.pi / MAP_WIDTH
-    edges = np.cos(np.linspace(0, np.pi, MAP_HEIGHT + 1))
-    source = np.fft.rfft(image * -np.diff(edges)[:, None, None], axis=1)
+    source = np.fft.rfft(image * bands[:, None, None], axis=1)
     out = np.empty_like(image)
     for row, latitude in enumerate(theta):
         cosine = np.cos(latitude) * np.cos(theta)[:, None] + np.sin(latitude) * np.sin(theta)[:, None] * np.cos(turn)
         half = np.maximum(1e-9, (1 + cosine) / 2)  # cos² of the angle of the halfway vector
         weight = np.exp(-(1 / half - 1) / slope**2) / half**2 * np.maximum(0, cosine)
-        weight /= np.sum(weight * -np.diff(edges)[:, None])
+        weight /= np.sum(weight * bands[:, None])
         spectrum = np.fft.rfft(weight, axis=1)
         out[row] = np.fft.irfft(np.einsum("hk,hkc->kc", spectrum, source), MAP_WIDTH, axis=0)
     return np.maximum(0.0, out)

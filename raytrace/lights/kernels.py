@@ -20,12 +20,6 @@ def radial(row, distance):
 
 
 @inline
-def angular(row, cosine):
-    """cos^{a_l} φ within the cone, 0 outside, φ the angle to the spot's axis."""
-    return select(cosine < row[layout.COS_HALF_ANGLE], 0.0, max(0.0, min(1.0, cosine)) ** row[layout.EXPONENT])
-
-
-@inline
 def towards(kind, row, point):
     """(l, distance): unit direction to the light and how far it is, for the shadow ray.
 
@@ -50,7 +44,9 @@ def incident(kind, row, point):
         return l, distance, add(scale(0.0, point), intensity)
     factor = radial(row, distance)
     if kind == layout.SPOT:
-        factor *= angular(row, -dot(l, triple(row, layout.DIRECTION)))
+        cosine = -dot(l, triple(row, layout.DIRECTION))
+        power = max(0.0, min(1.0, cosine)) ** row[layout.EXPONENT]  # cos^{a_l} φ within the cone
+        factor *= select(cosine < row[layout.COS_HALF_ANGLE], 0.0, power)
     return l, distance, scale(factor, intensity)
 
 

@@ -28,11 +28,8 @@ from .render_scene import RenderScene
 
 _SHADINGS = get_args(Shading)
 _FORMS = ("off", "ambient", "ambient and diffuse")
-_TRACED = {"primary": layout.PRIMARY, "shadow": layout.SHADOW_RAYS}
-_SKIPPED = {
-    "behind": layout.BEHIND, "unreached": layout.UNREACHED, "black": layout.BLACK, "culled": layout.CULLED,
-    "unobstructed": layout.UNOBSTRUCTED, "background": layout.BACKGROUND, "primary_agreed": layout.RETIRED,
-}  # fmt: skip
+_TRACED = ("primary", "shadow")  # counts of rays, in the order of the counters; and of those that were not needed
+_SKIPPED = ("behind", "unreached", "black", "culled", "unobstructed", "background", "primary_agreed")
 
 
 def whole_tiles(settings: Settings) -> tuple[int, int, int, int]:
@@ -104,7 +101,7 @@ class RenderJob:
 
     def scratch(self) -> Scratch:
         lights, hit_filter = max(len(self.scene.lights.kinds), 1), self.geometry.hit_filter
-        pixels = np.arange(TILE * TILE, dtype=np.int32)  # row · TILE + column; blocks of 4×4 make a packet
+        pixels = np.arange(TILE * TILE, dtype=np.int32)  # blocks of 4×4 make a packet
         return Scratch(
             *new_packet(WIDE, True, hit_filter),
             points=aligned((PACKETS, layout.WIDTH, WIDE), np.float32),
@@ -195,13 +192,10 @@ class RenderJob:
     def frame(self, film: Film, seconds: dict[str, float]) -> Frame:
         x, y, width, height = self._crop
         crop = film.pixels[y - self._top : y - self._top + height, x - self._left : x - self._left + width]
-        layers, first = {}, 0
-        for name, channels in LAYERS.items():
-            if first < crop.shape[2]:
-                layers[name] = crop[..., first : first + channels]
-            first += channels
-        rays = {name: int(self.counts[column]) for name, column in _TRACED.items()}
-        skipped = {name: int(self.counts[column]) for name, column in _SKIPPED.items()}
+        parts = np.split(crop, np.cumsum([*LAYERS.values()])[:-1], axis=2)
+        layers = {name: part for name, part in zip(LAYERS, parts, strict=True) if part.shape[2]}
+        counts = self.counts.tolist()
+        rays, skipped = dict(zip(_TRACED, counts[:2], strict=True)), dict(zip(_SKIPPED, counts[2:], strict=True))
         return Frame(layers, rays, skipped, seconds, self.background)
 
 

@@ -10,8 +10,9 @@ from ..kernel.vector import add
 from . import layout
 from .layout import load3
 
-_BITS = 4
-TILE = 1 << _BITS  # pixels a side
+BITS = 4
+TILE = 1 << BITS  # pixels a side; a pixel's number is row · TILE + column
+LAST = TILE - 1
 FIRST = 4  # samples before a pixel may be retired
 PACKETS = TILE * TILE * FIRST // WIDE  # lit together
 # Columns of a pixel's float64 sums: the film's, and then
@@ -85,28 +86,18 @@ def mean(sums, pixels, layers, packet):
 
 
 @inline
-def column_of(pixels):
-    return pixels & (TILE - 1)
-
-
-@inline
-def row_of(pixels):
-    return pixels >> _BITS
-
-
-@inline
 def write_pixels(packet, pixels, mask, film, left, top):
     """Write a packet's lanes where the mask is set to the film's `pixels` of the tile at (left, top)."""
     _, width, channels = film.pixels.shape
     colour = beauty(packet)
     begin = (top * width + left) * channels
-    places = (row_of(pixels) * width + column_of(pixels)) * channels
+    places = ((pixels >> BITS) * width + (pixels & LAST)) * channels
     scatter4(film.pixels, begin, places, mask, (colour[0], colour[1], colour[2], load_row(packet, layout.ALPHA)))
     if channels > layout.AMBIENT:
         store_row(packet, layout.DEPTH, load_row(packet, layout.DEPTH) / film.scale)
         for lane in range(WIDE):
             if pick(mask, lane):
-                x, y = left + column_of(pick(pixels, lane)), top + row_of(pick(pixels, lane))
+                x, y = left + (pick(pixels, lane) & LAST), top + (pick(pixels, lane) >> BITS)
                 for column in range(layout.AMBIENT, layout.FILM):
                     film.pixels[y, x, column] = packet[column, lane]
 
@@ -127,7 +118,7 @@ def converged(sums, p, size):
     own = sums[p, LOW:]
     if sample_range(own, own) > AGREE:
         return False
-    x, y = column_of(p), row_of(p)
+    x, y = p & LAST, p >> BITS
     return not (
         (x > 0 and sample_range(own, sums[p - 1, LOW:]) > ROUGHLY)
         or (x + 1 < size[0] and sample_range(own, sums[p + 1, LOW:]) > ROUGHLY)
@@ -139,7 +130,7 @@ def converged(sums, p, size):
 @inline
 def store_edge(sums, p, size, retired, edges):
     """Store a pixel on the tile's left, right, upper or lower edge in its `edges`, float32 (4, TILE, EDGE)."""
-    x, y = column_of(p), row_of(p)
+    x, y = p & LAST, p >> BITS
     sides = (0, x == 0, y), (1, x == size[0] - 1, y), (2, y == 0, x), (3, y == size[1] - 1, x)
     for side, at_edge, place in sides:
         if at_edge:
@@ -151,7 +142,7 @@ def store_edge(sums, p, size, retired, edges):
 @inline
 def reopened(edges, tile, columns, p):
     """Whether a pixel was retired, but a neighbour in another tile is unlike it. Args: columns: tiles in a row."""
-    x, y = column_of(p), row_of(p)
+    x, y = p & LAST, p >> BITS
     return (
         (x == 0 and tile % columns > 0 and unlike(edges[tile, 0, y], edges[tile - 1, 1, y]))
         or (x == TILE - 1 and tile % columns + 1 < columns and unlike(edges[tile, 1, y], edges[tile + 1, 0, y]))

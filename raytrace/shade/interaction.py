@@ -5,7 +5,7 @@ All of it sixteen points at a time, in lanes; a whole call is about one object.
 
 from typing import Any, NamedTuple
 
-from ..brdf.layout import BRUSHED, GRAIN, TO_LIGHT, TWO_SIDED
+from ..brdf.layout import BRUSHED, TO_LIGHT, TWO_SIDED
 from ..kernel.jit import inline
 from ..kernel.simd import double, first, gather, gather3, pick, select, single
 from ..kernel.vector import add, choose, cross, dot, scale, subtract, triple, unit
@@ -150,14 +150,6 @@ def tangents(geometry, i, j, k, edge1, edge2):
 
 
 @inline
-def needs_tangent(geometry, item):
-    """Whether an object's material is brushed along the surface's tangent."""
-    row = geometry.rows[item]
-    own = row[GRAIN] != 0.0 or row[GRAIN + 1] != 0.0 or row[GRAIN + 2] != 0.0
-    return not own and geometry.kinds[item] in BRUSHED
-
-
-@inline
 def lights_seen(geometry, item, side):
     """The column FRONT of points that are seen from their own side (`side` > 0) or from behind."""
     turns_to = geometry.rows[item, TWO_SIDED]
@@ -215,7 +207,7 @@ def write_hits(packet, scene, item, mask, hits, view, style):
     store3(packet, layout.VIEW, mask, backward)
     store3(packet, layout.ALBEDO_MAP, mask, (1.0, 1.0, 1.0))
     store1(packet, layout.FRONT, mask, lights_seen(geometry, item, side))
-    if needs_tangent(geometry, item):
+    if geometry.kinds[item] in BRUSHED:
         along_u, _ = tangents(geometry, i, j, k, edge1, edge2)
         store3(packet, layout.TANGENT, mask, along_u)
     if style.weighted:

@@ -40,7 +40,7 @@ LIGHTING = 14  # columns that lighting writes, see `lighting_column`
 THROUGH, BEGIN, NEXT, COVER = np.array([26, 27, 28, 29])
 
 OFF, _AMBIENT_ONLY, BOOK = range(3)  # forms of obscurance
-PRIMARY, SHADOW_RAYS, BACKGROUND, BEHIND, UNREACHED, BLACK, CULLED, UNOBSTRUCTED, RETIRED = range(9)  # counts of rays
+PRIMARY, SHADOW_RAYS, BEHIND, UNREACHED, BLACK, CULLED, UNOBSTRUCTED, BACKGROUND, RETIRED = range(9)  # counts of rays
 COUNTERS = 9
 
 

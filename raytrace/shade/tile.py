@@ -15,7 +15,7 @@ from ..kernel.vector import multiply, scale, triple
 from ..materials.alpha_filter import MET_ALPHA, STEP
 from . import layout
 from .camera_rays import aim
-from .film import FIRST, TILE, accumulate, clear, column_of, converged, mean, reopened, row_of, store_edge, write_pixels
+from .film import BITS, FIRST, LAST, TILE, accumulate, clear, converged, mean, reopened, store_edge, write_pixels
 from .gouraud import interpolate_lit
 from .interaction import GOURAUD, PacketHits, next_object, write_hits
 from .layout import BACKGROUND, BEGIN, COVER, NEXT, PRIMARY, RETIRED, load3, store1, store3
@@ -126,7 +126,7 @@ def trace_samples(scene, view, style, scratch, corner, work, samples):
             there = (numbers >= 0) & (turn < each) & (place < pending)
             pixels = gather(scratch.todo, select(there, place, 0))
             sample = (numbers & (WIDE - 1)) - turn * batch + done
-            x, y = column_of(pixels) + corner[0], row_of(pixels) + corner[1]
+            x, y = (pixels & LAST) + corner[0], (pixels >> BITS) + corner[1]
             start = aim(scratch.rays, view, x, y, select(there, sample, 0), scene.geometry.farthest)
             if opacity is not None:  # rays start behind the layers that they have seen
                 for lane in range(WIDE):
