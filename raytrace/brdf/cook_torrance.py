@@ -8,12 +8,12 @@ Row: ρ (RGB), k_s, η (RGB), shifted (1: the specular colour is used), specular
 Source: Cook & Torrance 1982; (12.34–12.52).
 """
 
-from math import pi
+from math import atan2, exp, pi
 
 from ..kernel.jit import inline
 from ..kernel.vector import cross, dot, halfway, length, perpendicular, scale, triple
 from .layout import MODEL
-from .microfacet import beckmann, fresnel, gaussian, geometric_attenuation
+from .microfacet import beckmann, fresnel, geometric_attenuation
 
 K_S, ETA, SHIFTED, COLOUR, NORMALISATION, M = MODEL + 3, MODEL + 4, MODEL + 7, MODEL + 8, MODEL + 11, MODEL + 12
 
@@ -52,8 +52,11 @@ def terms(row, n, l, v):
     sine = length(cross(n, h))  # sinθ_a, exact where 1 − (n·h)² cancels
     distribution = 0.0
     if nh > 0.0:
-        c = row[M + 1]
-        distribution = gaussian(sine, nh, row[M], c) if c > 0.0 else beckmann(sine, 0.0, nh, row[M], row[M])
+        if row[M + 1] > 0.0:
+            angle = atan2(sine, nh) / row[M]
+            distribution = row[M + 1] * exp(-angle * angle)  # c exp(−(θ_a/m)²)
+        else:
+            distribution = beckmann(sine, 0.0, nh, row[M], row[M])
     return combine(row, dot(n, l), dot(n, v), h, nh, dot(v, h), distribution)
 
 

@@ -22,11 +22,9 @@ IN_LANES = (rows.LAMBERT, rows.PHONG, rows.BLINN_PHONG, rows.WARD, rows.ASHIKHMI
 @inline
 def facing(row, n, l, v):
     """The normal of the side that reflects: n, or −n where a two-sided material turns it to the light or the viewer."""
-    if row[rows.TWO_SIDED] == rows.TO_LIGHT and dot(n, l) < 0.0:
-        return scale(-1.0, n)
-    if row[rows.TWO_SIDED] == rows.TO_VIEWER and dot(n, v) < 0.0:
-        return scale(-1.0, n)
-    return n
+    side = row[rows.TWO_SIDED]
+    turned = (side == rows.TO_LIGHT and dot(n, l) < 0.0) or (side == rows.TO_VIEWER and dot(n, v) < 0.0)
+    return scale(-1.0 if turned else 1.0, n)
 
 
 @inline

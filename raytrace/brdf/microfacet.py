@@ -3,7 +3,7 @@
 Source: Torrance & Sparrow 1967; Beckmann & Spizzichino 1963; Cook & Torrance 1982; (12.34–12.52).
 """
 
-from math import atan2, exp, sqrt
+from math import exp, sqrt
 
 from ..kernel.jit import inline
 from ..kernel.simd import select
@@ -35,10 +35,3 @@ def beckmann(along, across, nh, m_along, m_across):
     if exponent > 700.0:
         return 0.0  # exp(−700) = 1e-304, while cos⁴θ may underflow
     return exp(-exponent) / (m_along * m_across * nh * nh * nh * nh)
-
-
-@inline
-def gaussian(sine, nh, m, c):
-    """D = c exp(−(θ_a/m)²), θ_a the angle between normal and halfway vector."""
-    angle = atan2(sine, nh) / m
-    return c * exp(-angle * angle)

@@ -1,7 +1,4 @@
-"""Objects placed in render space and built into Embree: what of a scene depends on shapes and transforms alone.
-
-Render space is recentred and scaled by a power of two to about unit size, so float32 serves at any place and scale.
-"""
+"""Objects placed in render space and built into Embree: what of a scene depends on shapes and transforms alone."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -12,7 +9,8 @@ from weakref import WeakValueDictionary
 import numpy as np
 import numpy.typing as npt
 
-from ..brdf.layout import ALPHA
+from ..brdf.layout import ALPHA, TWO_SIDED
+from ..bvh.bvh16 import BVH16
 from ..embree.packets import FILTER_PATH
 from ..embree.scene import EmbreeInstance, EmbreeScene, Triangles, TriangleScene
 from ..image.texture import Texture
@@ -21,16 +19,19 @@ from ..kernel.jit import Kernel
 from ..materials.alpha_filter import filter_hits
 from ..materials.materials import pack_materials
 from ..mesh.mesh import Mesh
-from ..mesh.normals import normalize
+from ..mesh.normals import face_normals, normalize, vertex_sums
 from ..mesh.opacity import Opacity, PackedOpacity
 from ..mesh.placement import Placement, RenderSpace, sample, to_single
+from ..mesh.weld import CREASE, sum_groups, weld
+from ..ray_origins.origins import weld_points
 from ..scene import Object, Shape
 from ..settings import Normals
 from ..shade.layout import Geometry
 from ..shade.shaft_culling import SLACK, cluster, merged, pack_boxes
 from ..types import AnyFloats, Float32s, Float64s, Int64s
 from .polygon_outlines import Polygons, mesh_polygons
-from .vertex_origins import INSTANCED, smooth_normals, vertex_origins
+
+_INSTANCED = 4.0  # the ray's own way into an instance's frame is rounded too, as if coordinates were that large
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +47,20 @@ class BuiltGeometry:
 
     @cached_property
     def vertex_origins(self) -> Float32s:
-        return vertex_origins(self.arrays)
+        """Origins of shadow rays from the vertices of all objects in order: float32 (n, 3), in render space.
+
+        They are in front of all faces of the scene that meet at a vertex (`raytrace.ray_origins`). Where a surface has
+        two sides there are n more, for vertices seen from behind.
+        """
+        vertices, faces, normals = _in_render_space(self.arrays)
+        points = weld_points(vertices, faces, normals=normals)
+        away = 0.0 if self.arrays.placed.all() else _INSTANCED  # all that is reckoned with grows with coordinates
+        surface = points.surface(vertices + away)
+        tree = BVH16.of(surface.vertices.astype(np.float32), surface.faces)
+        sides = [points.ray_origins(tree, surface)[0][points.group]]
+        if self.arrays.rows[:, TWO_SIDED].any():
+            sides.append(points.reversed().ray_origins(tree, surface.reversed())[0][points.group])
+        return _joined([side - away for side in sides], np.float32)
 
     @cached_property
     def hit_filter(self) -> tuple[int, Int64s] | None:
@@ -62,11 +76,7 @@ _built: WeakValueDictionary[Any, BuiltGeometry] = WeakValueDictionary()
 def build_geometry(objects: tuple[Object, ...], normals: Normals) -> BuiltGeometry:
     """The geometry of `objects` with such vertex normals; the same as before while that is in use somewhere.
 
-    A shape that one object uses is placed once and for all; one that several use becomes instances.
-
-    Raises:
-        EmbreeError: Embree failed, out of memory for instance.
-        InputError: an image of alpha cannot be read.
+    Raises: EmbreeError: Embree failed, out of memory for instance. InputError: an image of alpha cannot be read.
     """
     key = normals, *((item.shape, item.transform.tobytes()) for item in objects)
     geometry = _built.get(key)
@@ -88,17 +98,12 @@ class _PlacedShape(NamedTuple):
 def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
     space, reach = _render_space(objects)
     centre, scale = space.centre, space.scale
-    place = np.diag([scale, scale, scale, 1.0])
-    place[:3, 3] = -scale * centre
-
+    place = _scaling(centre, scale)
     uses: dict[int, list[Object]] = {}
     for item in objects:
         uses.setdefault(id(item.shape), []).append(item)
     placed_shapes = [
-        _place_once(item.shape, place @ item.transform, weighting)
-        if not others
-        else _place_instanced(item.shape, weighting)
-        for item, *others in uses.values()
+        _placed(item.shape, None if others else place @ item.transform, weighting) for item, *others in uses.values()
     ]
     shapes = [placed.shape for placed in placed_shapes]
     row_of = {key: row for row, key in enumerate(uses)}
@@ -138,7 +143,7 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
         mirrored=np.sign(np.linalg.det(transforms[:, :3, :3])),
         placed=~instanced,
         authored=np.array([weighting == "file" and item.shape.mesh.normals is not None for item in objects]),
-        magnitude=np.where(instanced, INSTANCED, 0.0),
+        magnitude=np.where(instanced, _INSTANCED, 0.0),
         texture=np.array([number[item.shape.texture] for item in objects]),
         occlusion=np.array([number[each.texture] if each else -1 for each in occlusions]),
         grain=np.array([number[item.shape.grain] for item in objects]),
@@ -242,17 +247,52 @@ def _joined(parts: list[npt.NDArray[Any]], dtype: type[np.generic]) -> npt.NDArr
     return rows
 
 
-def _place_instanced(shape: Shape, weighting: Normals) -> _PlacedShape:
-    mesh = shape.mesh
+def _placed(shape: Shape, matrix: Float64s | None, weighting: Normals) -> _PlacedShape:
+    """A shape in render space, where its `matrix` puts it; or if it has none, in a frame of its own for instances."""
+    mesh, normals = shape.mesh, _smooth_normals(shape.mesh, weighting)
+    if matrix is not None:
+        vertices = to_single(product(mesh.vertices, matrix[:3, :3].T) + matrix[:3, 3])
+        normals = normalize(product(normals, np.linalg.inv(matrix[:3, :3])))
+        return _PlacedShape(shape, vertices, normals.astype(np.float32), None, matrix)
     placement = Placement.of(mesh)
-    matrix = np.diag([placement.scale, placement.scale, placement.scale, 1.0])
-    matrix[:3, 3] = -placement.scale * placement.centre
-    normals = smooth_normals(mesh, weighting).astype(np.float32)
-    return _PlacedShape(shape, placement.vertices, normals, TriangleScene(placement.vertices, mesh.faces), matrix)
+    scene = TriangleScene(placement.vertices, mesh.faces)
+    matrix = _scaling(placement.centre, placement.scale)
+    return _PlacedShape(shape, placement.vertices, normals.astype(np.float32), scene, matrix)
 
 
-def _place_once(shape: Shape, matrix: Float64s, weighting: Normals) -> _PlacedShape:
-    mesh, linear = shape.mesh, matrix[:3, :3]
-    vertices = to_single(product(mesh.vertices, linear.T) + matrix[:3, 3])
-    normals = normalize(product(smooth_normals(mesh, weighting), np.linalg.inv(linear))).astype(np.float32)
-    return _PlacedShape(shape, vertices, normals, None, matrix)
+def _scaling(centre: Float64s, scale: float) -> Float64s:
+    """The matrix (4, 4) from p to (p − centre) · scale."""
+    matrix = np.diag([scale, scale, scale, 1.0])
+    matrix[:3, 3] = -scale * centre
+    return matrix
+
+
+def _smooth_normals(mesh: Mesh, normals: Normals) -> Float64s:
+    """Unit normals (n, 3) of vertices in the mesh's own frame; zero where there is none."""
+    if normals == "file" and mesh.normals is not None:
+        return normalize(mesh.normals)
+    vertices = Placement.of(mesh).vertices
+    placed = vertices.astype(np.float64)
+    weighting = "angle" if normals == "file" else normals
+    own = vertex_sums(placed, mesh.faces, *face_normals(placed, mesh.faces), weighting)
+    group = weld(vertices, mesh.faces, normalize(own), CREASE)
+    return normalize(sum_groups(group, own))[group]
+
+
+def _in_render_space(geometry: Geometry) -> tuple[Float64s, Int64s, Float64s]:
+    """All objects as one mesh in render space, faces wound outwards: vertices, faces, unit vertex normals."""
+    vertices, faces, normals = [], [], []
+    begins = np.unique(geometry.first_face)
+    ends = np.append(begins, len(geometry.faces))[np.searchsorted(begins, geometry.first_face) + 1]
+    for item, size in enumerate(np.diff(geometry.first_w)):
+        start = geometry.first_vertex[item]
+        own = geometry.vertices[start : start + size].astype(np.float64)
+        normal = geometry.normals[start : start + size].astype(np.float64)
+        if not geometry.placed[item]:
+            own = product(own, geometry.to_render[item, :, :3].T) + geometry.to_render[item, :, 3]
+            normal = product(normal, geometry.normal_to_render[item].T)
+        corners = geometry.faces[geometry.first_face[item] : ends[item]] - start + geometry.first_w[item]
+        vertices.append(own)
+        faces.append(corners[:, ::-1] if geometry.mirrored[item] < 0 else corners)
+        normals.append(normal)
+    return np.concatenate(vertices), np.concatenate(faces).astype(np.int64), normalize(np.concatenate(normals))

@@ -69,24 +69,6 @@ def _offsets(samples: int, seed: int) -> Float64s:
 
 
 @inline
-def viewing_ray(view, x, y, lens_x, lens_y):
-    """Origin and unit direction, lanes, through the film points (x, y) in pixels from the upper left."""
-    right, up, forward = triple(view.right, 0), triple(view.up, 0), triple(view.forward, 0)
-    a = (2.0 * x - view.width) * (view.half / view.height)
-    b = (view.height - 2.0 * y) * (view.half / view.height)
-    across = add(scale(a, right), scale(b, up))
-    if view.orthographic:
-        shift, direction = across, add(scale(0.0, across), forward)
-    else:
-        shift, direction = scale(0.0, across), unit(add(forward, across))
-        if view.lens > 0.0:
-            sharp = scale(view.focus / dot(direction, forward), direction)
-            shift = add(scale(view.lens * lens_x, right), scale(view.lens * lens_y, up))
-            direction = unit(add(sharp, scale(-1.0, shift)))
-    return add(triple(view.eye, 0), shift), direction
-
-
-@inline
 def pixel_width(view, depth):
     """Width of a pixel at a distance from the viewer."""
     width = 2.0 * view.half / view.height
@@ -111,7 +93,19 @@ def aim(rays, view, x, y, samples, farthest):
             film_y = replace(film_y, lane, pick(film_y, lane) + offsets[k, 1, sample])
             lens_x = replace(lens_x, lane, offsets[k, 2, sample])
             lens_y = replace(lens_y, lane, offsets[k, 3, sample])
-    origin, direction = viewing_ray(view, film_x, film_y, lens_x, lens_y)
+    right, up, forward = triple(view.right, 0), triple(view.up, 0), triple(view.forward, 0)
+    a = (2.0 * film_x - view.width) * (view.half / view.height)
+    b = (view.height - 2.0 * film_y) * (view.half / view.height)
+    across = add(scale(a, right), scale(b, up))
+    if view.orthographic:
+        shift, direction = across, add(scale(0.0, across), forward)
+    else:
+        shift, direction = scale(0.0, across), unit(add(forward, across))
+        if view.lens > 0.0:
+            sharp = scale(view.focus / dot(direction, forward), direction)
+            shift = add(scale(view.lens * lens_x, right), scale(view.lens * lens_y, up))
+            direction = unit(add(sharp, scale(-1.0, shift)))
+    origin = add(triple(view.eye, 0), shift)
     # the scene lies within a quarter of `farthest` of the origin of render space
     start = max(0.0, -0.25 * farthest - dot(origin, direction))
     near = add(origin, scale(start, direction))

@@ -50,7 +50,7 @@ def light_vertices(scene, view, style, scratch, origins, groups):
 def write_vertices(packet, scene, origins, item, mask, rows, view, side):
     """Write the packet of vertices that Gouraud shading lights.
 
-    Args: origins: of `raytrace.renderer.vertex_origins`, or none where no shadow is looked for; rows: of `scene.w`;
+    Args: origins: of `BuiltGeometry.vertex_origins`, or none where no shadow is looked for; rows: of `scene.w`;
         side: 1.0 for the side that the vertices' normals point to, −1.0 for the opposite side.
     """
     geometry, w, bent = scene.geometry, scene.w, scene.bent

@@ -205,7 +205,6 @@ def write_hits(packet, scene, item, mask, hits, view, style):
         store3(packet, layout.BACK, mask, lift(geometry, item, behind, scale(-1.0, geometric), size))
     store3(packet, layout.NORMAL, mask, normal)
     store3(packet, layout.VIEW, mask, backward)
-    store3(packet, layout.ALBEDO_MAP, mask, (1.0, 1.0, 1.0))
     store1(packet, layout.FRONT, mask, lights_seen(geometry, item, side))
     if geometry.kinds[item] in BRUSHED:
         along_u, _ = tangents(geometry, i, j, k, edge1, edge2)

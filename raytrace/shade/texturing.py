@@ -18,16 +18,15 @@ NOWHERE = 1e-4  # squared length of a direction: 8 bits have no exact zero
 
 @inline
 def map_albedo(packet, scene, item, mask, hits, view, missing):
-    """Write ALBEDO_MAP. Args: item, mask: the object and the lanes that have hit it; missing: as `is_loaded`."""
-    texture = scene.geometry.texture[item]
+    """Write ALBEDO_MAP: the texture, times colours of vertices, linear between them.
+
+    Args: item, mask: the object and the lanes that have hit it; missing: as `is_loaded`.
+    """
+    geometry, texture = scene.geometry, scene.geometry.texture[item]
+    store3(packet, ALBEDO_MAP, mask, (1.0, 1.0, 1.0))
     if is_loaded(scene.textures, texture, missing):
-        colour = sample_hits(scene, texture, scene.geometry.uv, item, mask, hits, view)
+        colour = sample_hits(scene, texture, geometry.uv, item, mask, hits, view)
         store3(packet, ALBEDO_MAP, mask, rounded(colour))
-
-
-@inline
-def map_vertex_colours(packet, geometry, item, mask, hits):
-    """Multiply ALBEDO_MAP by colours of vertices, linear between them. Args: as `map_albedo`."""
     if len(geometry.colours) > 0:
         i, j, k = corner_rows(geometry, item, mask, hits.faces)
         a, b, c = gather3(geometry.colours, i), gather3(geometry.colours, j), gather3(geometry.colours, k)

@@ -22,7 +22,7 @@ from .layout import BACKGROUND, BEGIN, COVER, NEXT, PRIMARY, RETIRED, load3, sto
 from .lighting import light_packets
 from .polygon_shading import write_polygons
 from .see_through import begin_layers, closest_hits, composite
-from .texturing import map_albedo, map_grain, map_occlusion, map_vertex_colours
+from .texturing import map_albedo, map_grain, map_occlusion
 
 
 @kernel
@@ -170,7 +170,6 @@ def trace_packet(scene, view, style, scratch, e, start, there):
         if len(geometry.polygons) > 0:
             write_polygons(packet, geometry, item, mask, hits, view, style, face_normal)
         map_albedo(packet, scene, item, mask, hits, view, scratch.missing)
-        map_vertex_colours(packet, geometry, item, mask, hits)
         map_grain(packet, scene, item, mask, hits, view, scratch.missing)
         if style.weighted:
             map_occlusion(packet, scene, item, mask, hits, view, scratch.missing)
