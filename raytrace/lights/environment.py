@@ -28,9 +28,7 @@ _COSINE = np.array([1, 2 / 3, 2 / 3, 2 / 3, 1 / 4, 1 / 4, 1 / 4, 1 / 4, 1 / 4]) 
 def pack_environment(lights: Sequence[BaseLight]) -> tuple[Float64s, Float64s, Float32s, Float64s]:
     """The sky gradients and the image among `lights`: the last four of `raytrace.shade.layout.Lights`.
 
-    Raises:
-        InputError: the image cannot be read.
-        OptionError: there are two images.
+    Raises: InputError: the image cannot be read. OptionError: there are two images.
     """
     skies = np.array([light.row() for light in lights if isinstance(light, SkyLight)]).reshape(-1, SKY_WIDTH)
     images = [light for light in lights if isinstance(light, EnvironmentLight)]

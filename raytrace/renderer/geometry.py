@@ -157,10 +157,7 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
 
 
 def _build_embree(shapes: list[_PlacedShape], rank: Int64s, matrices: Float64s) -> tuple[EmbreeScene, Float64s]:
-    """The Embree scene of objects, `matrices` (o, 4, 4) to render space, and boxes (n, 2, 3) around what they hold.
-
-    Args: rank: (o,) row of each object's shape.
-    """
+    """The Embree scene of objects, `rank` (o,) their rows in `shapes`, and boxes (n, 2, 3) around what they hold."""
     geometries: list[Triangles | EmbreeInstance] = []
     corners = np.array([_corners(placed.vertices) for placed in shapes])[rank]
     corners = corners @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]

@@ -45,10 +45,7 @@ def whole_tiles(settings: Settings) -> tuple[int, int, int, int]:
 
 
 class RenderJob:
-    """A picture to be rendered. Pickled, it goes to other processes, which make the same bits of it.
-
-    Args: lit: `lit_vertices` of `SceneArrays`, if they are lit already.
-    """
+    """A picture to be rendered. Pickled, it goes to other processes, which make the same bits of it."""
 
     def __init__(
         self,
@@ -57,7 +54,7 @@ class RenderJob:
         camera: Camera,
         settings: Settings,
         layers: bool,
-        lit: Float64s | None = None,
+        lit: Float64s | None = None,  # `lit_vertices` of `SceneArrays`, if they are lit already
     ) -> None:
         self._given = built, background, camera, settings, layers
         self.geometry, self.background = built.geometry, background
@@ -121,8 +118,6 @@ class RenderJob:
         """Render the tiles [first, end) of a film; returns counts of rays, int64 (COUNTERS,).
 
         Args: again: only the pixels that their neighbours in other tiles reopen, by the film's `edges`.
-
-        Raises: InputError: a texture that a ray has met cannot be read.
         """
         while True:
             scratch.counts[:] = scratch.missing[:] = 0

@@ -43,9 +43,7 @@ _scenes: WeakKeyDictionary[Scene, RenderScene] = WeakKeyDictionary()
 def build(scene: Scene, normals: Normals = "file") -> RenderScene:
     """`scene` with such vertex normals, made when it is first asked for and kept as long as the scene.
 
-    Raises:
-        EmbreeError: Embree failed, out of memory for instance.
-        InputError: the image of an environment light cannot be read.
+    Raises: as `build_geometry`; InputError: the image of an environment light cannot be read.
     """
     built = _scenes.get(scene)
     if built is None or built.geometry.normals != normals:
@@ -89,17 +87,16 @@ def make_far_lights_directional(kinds: Int64s, rows: Float64s) -> None:
 def _place_lights(lights: tuple[BaseLight, ...], centre: Float64s, scale: float) -> Lights:
     """Positions and attenuation in render space; black lights are left out, ambient ones added up."""
     kinds, rows = pack_lights([light for light in lights if isinstance(light, LightSource)])
-    rows[:, light_rows.POSITION : light_rows.POSITION + 3] = scale * (
-        rows[:, light_rows.POSITION : light_rows.POSITION + 3] - centre
-    )
-    radial = rows[:, light_rows.RADIAL : light_rows.RADIAL + 3]
+    columns = light_rows.POSITION, light_rows.RADIAL, light_rows.INTENSITY
+    position, radial, intensity = (rows[:, column : column + 3] for column in columns)
+    position[:] = scale * (position - centre)
     with np.errstate(over="ignore"):  # of scenes too small for squares of their scale
         radial /= scale ** np.arange(3)
     largest = np.where(radial.any(axis=1), radial.max(axis=1), 1.0)[:, None]  # kept out of what float32 can hold
     radial /= largest
-    rows[:, light_rows.INTENSITY : light_rows.INTENSITY + 3] /= largest
+    intensity /= largest
     rows[:, light_rows.INVERSE_RANGE] /= scale
     make_far_lights_directional(kinds, rows)
-    intensity, everywhere = rows[:, light_rows.INTENSITY : light_rows.INTENSITY + 3], kinds == light_rows.AMBIENT
+    everywhere = kinds == light_rows.AMBIENT
     kept = intensity.any(axis=1) & ~everywhere
     return Lights(kinds[kept], rows[kept], intensity[everywhere].sum(axis=0), *pack_environment(lights))

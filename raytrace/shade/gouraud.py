@@ -48,11 +48,8 @@ def light_vertices(scene, view, style, scratch, origins, groups):
 
 @inline
 def write_vertices(packet, scene, origins, item, mask, rows, view, side):
-    """Write the packet of vertices that Gouraud shading lights.
-
-    Args: origins: of `BuiltGeometry.vertex_origins`, or none where no shadow is looked for; rows: of `scene.w`;
-        side: 1.0 for the side that the vertices' normals point to, −1.0 for the opposite side.
-    """
+    """Write a packet of vertices, `rows` of `scene.w`, seen from where their normals point, or if `side` is −1.0 from
+    behind. Args: origins: of `BuiltGeometry.vertex_origins`, or none where no shadow is looked for."""
     geometry, w, bent = scene.geometry, scene.w, scene.bent
     vertices = rows + (geometry.first_vertex[item] - geometry.first_w[item])
     point = corner(geometry, item, vertices)

@@ -167,10 +167,8 @@ def towards_viewer(view, point):
 
 @inline
 def write_hits(packet, scene, item, mask, hits, view, style):
-    """Write what lighting needs of hits on one object; returns their faces' unit normals on the viewer's side.
-
-    Args: item: row of the object; mask: the lanes that have hit it; view: that the rays are of.
-    """
+    """Write what lighting needs of hits on one object, in the lanes `mask`; returns their faces' unit normals on the
+    viewer's side."""
     geometry, u, v, backward = scene.geometry, hits.u, hits.v, hits.backward
     shift = geometry.first_w[item] - geometry.first_vertex[item]
     i, j, k = corner_rows(geometry, item, mask, hits.faces)

@@ -24,11 +24,8 @@ SHORT = 1.0 - 1e-5  # of the way to a light: what touches the light itself is no
 
 @inline
 def closest_hits(geometry, rays, valid, there):
-    """The closest hits of `rays` where the mask `there` is set, past holes.
-
-    Returns: rows of the objects hit, −1 for none, and of their shapes' faces, int32 lanes; barycentrics u, v and
-    distance, float32 lanes.
-    """
+    """The closest hits of `rays` where the mask `there` is set, past holes: rows of the objects, −1 for none, and of
+    their shapes' faces, int32 lanes; barycentrics u, v and distance, float32 lanes."""
     if geometry.opacity is not None:
         store_row(rays, alpha_filter.THROUGH, -1.0)
     store_row(valid, 0, there)
@@ -41,10 +38,8 @@ def closest_hits(geometry, rays, valid, there):
 
 @inline
 def transmittance(geometry, scratch, wanted, origin, l, distance):
-    """δ of shadow rays to a light: the product of 1 − alpha over all surfaces that they hit.
-
-    Returns: the mask of the `wanted` rays that light passes along, and δ there, float32 lanes.
-    """
+    """Which of the `wanted` shadow rays light passes along, and δ there, float32 lanes: 1 − alpha of all that they hit,
+    multiplied."""
     rays, part = scratch.rays, select(wanted, 1.0, 1.0)
     for axis in range(3):
         store_row(rays, ORG_X + axis, origin[axis])
@@ -79,11 +74,7 @@ def begin_layers(scratch, packets):
 
 @inline
 def composite(scratch, packets, layers):
-    """Composite hits, or the background, behind earlier hits of their rays; returns the packets of rays that go on.
-
-    Args: layers: whether all layers of a picture are wanted. Layers that are no light show the first surface behind
-        which less than half of the light passes.
-    """
+    """Composite hits, or the background, behind earlier hits of their rays; returns the packets of rays that go on."""
     going = 0
     for e in range(packets):
         for lane in range(WIDE):
@@ -98,7 +89,10 @@ def composite(scratch, packets, layers):
 
 @inline
 def composite_ray(scratch, e, lane, kept, ray, layers):
-    """Composite the hit of a lane of packet e behind what its ray has `kept`; returns whether the ray goes on."""
+    """Composite the hit of a lane of packet e behind what its ray has `kept`; returns whether the ray goes on.
+
+    Layers that are no light show the first surface behind which less than half of the light passes.
+    """
     packet, noted, met = scratch.points[e], scratch.layers[e], scratch.items[e, lane] >= 0
     through = kept[THROUGH, ray]
     part = through * noted[COVER, lane] if met else through
@@ -117,8 +111,7 @@ def composite_ray(scratch, e, lane, kept, ray, layers):
 def mark_seen(geometry, view, columns, rows, rays, valid, seen, whole):
     """Set `seen`, bool (w,), for the vertices of all faces that a sample of some pixels meets.
 
-    Args: columns, rows: of the pixels, (first, end). packet, valid: of `raytrace.embree.packets.new_packet`, sixteen.
-        whole: also for all vertices of the faces' polygons.
+    Args: columns, rows: of the pixels, (first, end). whole: also for all vertices of the faces' polygons.
     """
     left, right = columns
     for y in range(rows[0], rows[1]):

@@ -143,10 +143,8 @@ def trace_samples(scene, view, style, scratch, corner, work, samples):
 
 @inline
 def trace_packet(scene, view, style, scratch, e, start, there):
-    """Trace the viewing rays `scratch.rays` where the mask `there` is set; the hits become packet e.
-
-    Args: start: distance from the viewer at which the rays begin. Returns the rows of the objects hit, −1 for none.
-    """
+    """Trace the viewing rays `scratch.rays`, `start` from the viewer, where the mask `there` is set; the hits become
+    packet e. Returns the rows of the objects hit, −1 for none."""
     geometry, rays, packet = scene.geometry, scratch.rays, scratch.points[e]
     items, faces, u, v, distance = closest_hits(geometry, rays, scratch.valid, there)
     if geometry.opacity is not None:  # where the rays would go on, and the alpha of what they hit
