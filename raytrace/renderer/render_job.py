@@ -62,16 +62,9 @@ class RenderJob:
         lit = np.zeros((0, LIGHTING)) if lit is None else lit
         self.scene = SceneArrays(self.geometry.arrays, built.w, built.bent, built.lights, self._textures.packed, lit)
         self.view = place_camera(camera, settings, self.geometry.centre, self.geometry.scale)
-        self.style = Style(
-            settings.samples,
-            _SHADINGS.index(settings.shading),
-            _FORMS.index(settings.obscurance),
-            settings.shadows,
-            settings.terminator,
-            layers,
-            layers or settings.obscurance != "off",
-            background,
-        )
+        shading, form = _SHADINGS.index(settings.shading), _FORMS.index(settings.obscurance)
+        switches = settings.shadows, settings.terminator, layers, layers or form != layout.OFF
+        self.style = Style(settings.samples, shading, form, *switches, background)
         self._left, self._top, self._wide, self._high = whole_tiles(settings)
         self._crop = settings.crop or (0, 0, settings.width, settings.height)
         self.columns, self.rows = -(-self._wide // TILE), -(-self._high // TILE)  # of tiles
@@ -88,13 +81,9 @@ class RenderJob:
         end = self.rows if end is None else end
         high = min(end * TILE, self._high) - first * TILE
         tiles = self.columns * (end - first) if self.adaptive else 0
-        return Film(
-            pixels=np.empty((high, self._wide, self.channels), np.float32),
-            left=self._left,
-            top=self._top + first * TILE,
-            edges=np.empty((tiles, 4, TILE, EDGE), np.float32),
-            scale=self.geometry.scale,
-        )
+        pixels = np.empty((high, self._wide, self.channels), np.float32)
+        edges = np.empty((tiles, 4, TILE, EDGE), np.float32)
+        return Film(pixels, self._left, self._top + first * TILE, edges, self.geometry.scale)
 
     def scratch(self) -> Scratch:
         lights, hit_filter = max(len(self.scene.lights.kinds), 1), self.geometry.hit_filter

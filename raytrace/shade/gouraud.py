@@ -12,10 +12,9 @@ from ..kernel.simd import WIDE, gather, gather3, lane_numbers, load_row, select,
 from ..kernel.vector import add, dot, multiply, scale
 from . import layout
 from .film import PACKETS
-from .interaction import between, corner, corner_rows, lights_seen, towards_viewer, vertex_normal
+from .interaction import between, corner, corner_rows, lights_seen, polygon_light, towards_viewer, vertex_normal
 from .layout import BOOK, OFF, lighting_column, load3, store1, store3
 from .lighting import light_packets
-from .polygon_shading import polygon_light
 
 GROUP = PACKETS * WIDE  # vertices lit together
 

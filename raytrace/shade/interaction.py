@@ -1,22 +1,24 @@
 """Surface interactions: from hits to points that can be lit, with interpolated normals and safe ray origins.
 
-All of it sixteen points at a time, in lanes; a whole call is about one object.
+All of it sixteen points at a time, in lanes; a whole call is about one object. Polygons of more than three corners are
+lit once under constant shading, else interpolated over as wholes.
 """
 
 from typing import Any, NamedTuple
 
 from ..brdf.layout import BRUSHED, TO_LIGHT, TWO_SIDED
 from ..kernel.jit import inline
-from ..kernel.simd import double, first, gather, gather3, pick, select, single
-from ..kernel.vector import add, choose, cross, dot, scale, subtract, triple, unit
+from ..kernel.simd import double, first, gather, gather3, load_row, pick, select, single, some
+from ..kernel.vector import add, choose, cross, dot, length, scale, subtract, triple, unit
 from ..mesh.interpolation import centroid, interpolate, phong_normal, quadratic_normal
 from ..mesh.placement import ULP
 from ..ray_origins.origins import OFFSET_ULPS
 from . import layout
-from .layout import store1, store3
+from .layout import lighting_column, load3, store1, store3
 
 CONSTANT, FLAT, GOURAUD, PHONG, QUADRATIC = range(5)
 SMOOTH = 0.8660254037844387  # cos 30°: a computed normal that leans away farther marks a hard edge
+NEAR = 1e-9  # distance that counts as none, and sine of an angle that counts as 0 or π
 GROWN = 2.0**30  # times the product of two edges is neither lost nor infinite in float32
 
 
@@ -215,3 +217,81 @@ def write_hits(packet, scene, item, mask, hits, view, style):
         b0, b1, b2 = gather3(scene.bent, i + shift), gather3(scene.bent, j + shift), gather3(scene.bent, k + shift)
         store3(packet, layout.BENT, mask, interpolate(b0, b1, b2, u, v))
     return geometric
+
+
+@inline
+def polygons_hit(geometry, item, mask, faces):
+    """The lanes of `mask` whose faces are parts of polygons; of these the row in `geometry.vertices`, the first edge,
+    and the one after the last."""
+    centres = len(geometry.vertices) - len(geometry.first_edge) + 1
+    rows = gather(geometry.polygons, select(mask, faces, 0) + geometry.first_face[item])
+    there = mask & (rows >= centres)
+    rows = select(there, rows, centres)
+    return there, rows, gather(geometry.first_edge, rows - centres), gather(geometry.first_edge, rows - centres + 1)
+
+
+@inline
+def write_polygons(packet, geometry, item, mask, hits, view, style, face_normal):
+    """Write what shading takes of whole polygons, after `write_hits`, whose result is `face_normal`."""
+    mask, rows, edge, end = polygons_hit(geometry, item, mask, hits.faces)
+    newell = vertex_normal(geometry, item, rows)
+    side = select(dot(newell, face_normal) >= 0.0, 1.0, -1.0)
+    if style.shading in (CONSTANT, FLAT):
+        centre = corner(geometry, item, rows)
+        store3(packet, layout.POINT, mask, centre)
+        store3(packet, layout.VIEW, mask, towards_viewer(view, centre))
+        store3(packet, layout.NORMAL, mask, scale(side, newell))
+    elif style.shading != QUADRATIC:
+        point, left = load3(packet, layout.POINT), mask
+        total, normal = 0.0 * point[0], scale(0.0, point)
+        while some(left):  # Phong 1975: normals at the corners interpolated, renormalised
+            i, j, a, b = edge_weights(geometry, item, edge, point, newell)
+            n, m = corner_normal(geometry, item, i, newell), corner_normal(geometry, item, j, newell)
+            normal = choose(left, add(normal, add(scale(a, n), scale(b, m))), normal)
+            total = select(left, total + a + b, total)
+            left = left & (edge + 1 < end)
+            edge = select(left, edge + 1, edge)
+        store3(packet, layout.NORMAL, mask, scale(side, unit(scale(1.0 / total, normal))))
+
+
+@inline
+def edge_weights(geometry, item, edge, point, newell):
+    """The two vertices of an edge of a polygon, and what it adds to the weight of either at a point.
+
+    Values at corners are weighted by mean value coordinates: λ_i = w_i/Σ w, w_i = (tan(α_{i−1}/2) + tan(α_i/2))/r_i,
+    where edge i is seen from the point in the angle α_i, and corner i stands r_i away. They are smooth within, linear
+    along edges, barycentric on a triangle, and the same however the polygon is turned or cut into triangles. A polygon
+    that is not flat is seen along its Newell normal.
+    Source: Hormann & Floater 2006, "Mean Value Coordinates for Arbitrary Planar Polygons".
+    """
+    i, j = gather(geometry.edges, 2 * edge), gather(geometry.edges, 2 * edge + 1)
+    a, b = subtract(corner(geometry, item, i), point), subtract(corner(geometry, item, j), point)
+    a, b = subtract(a, scale(dot(a, newell), newell)), subtract(b, scale(dot(b, newell), newell))
+    near, far = max(length(a), NEAR), max(length(b), NEAR)
+    size, along, across = near * far, dot(a, b), dot(cross(a, b), newell)
+    across = select(abs(across) < NEAR * size, NEAR * size, across)
+    tangent = select(along > 0.0, across / (size + along), (size - along) / across)
+    return i, j, tangent / near, tangent / far
+
+
+@inline
+def polygon_light(packet, scene, item, mask, hits, first_row):
+    """Gouraud 1971: the light of polygons' vertices, from `first_row` of `scene.lit_vertices` on, interpolated."""
+    geometry, lit = scene.geometry, scene.lit_vertices
+    width = lit.shape[1]
+    there, rows, edge, end = polygons_hit(geometry, item, mask, hits.faces)
+    point, newell = load3(packet, layout.POINT), vertex_normal(geometry, item, rows)
+    for column in range(width):
+        store1(packet, lighting_column(column), there, 0.0)
+    total, left = 0.0 * point[0], there
+    while some(left):
+        i, j, a, b = edge_weights(geometry, item, edge, point, newell)
+        for column in range(width):
+            at = first_row * width + column
+            more = a * single(gather(lit, i * width + at)) + b * single(gather(lit, j * width + at))
+            store1(packet, lighting_column(column), left, load_row(packet, lighting_column(column)) + more)
+        total = select(left, total + a + b, total)
+        left = left & (edge + 1 < end)
+        edge = select(left, edge + 1, edge)
+    for column in range(width):
+        store1(packet, lighting_column(column), there, load_row(packet, lighting_column(column)) / total)

@@ -17,10 +17,9 @@ from . import layout
 from .camera_rays import aim
 from .film import BITS, FIRST, LAST, TILE, accumulate, clear, converged, mean, reopened, store_edge, write_pixels
 from .gouraud import interpolate_lit
-from .interaction import GOURAUD, PacketHits, next_object, write_hits
+from .interaction import GOURAUD, PacketHits, next_object, write_hits, write_polygons
 from .layout import BACKGROUND, BEGIN, COVER, NEXT, PRIMARY, RETIRED, load3, store1, store3
 from .lighting import light_packets
-from .polygon_shading import write_polygons
 from .see_through import begin_layers, closest_hits, composite
 from .texturing import map_albedo, map_grain, map_occlusion
 
