@@ -29,10 +29,7 @@ def facing(row, n, l, v):
 
 @inline
 def terms(kind, row, n, l, v, tangent):
-    """Diffuse and specular RGB reflected per unit incident RGB by the side that n points away from.
-
-    The grain or the tangent is projected into the tangent plane; without both some direction in it is taken.
-    """
+    """Diffuse and specular RGB reflected per unit incident RGB by the side that n points away from."""
     if dot(n, l) <= 0.0:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     if kind in IN_LANES:

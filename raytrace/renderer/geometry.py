@@ -65,8 +65,7 @@ class BuiltGeometry:
     @cached_property
     def hit_filter(self) -> tuple[int, Int64s] | None:
         """`raytrace.materials.alpha_filter.filter_hits` for `new_packet`, None where all is opaque."""
-        of = self.arrays
-        callback = cast(Kernel, filter_hits).callback
+        of, callback = self.arrays, cast(Kernel, filter_hits).callback
         return of.opacity and callback(FILTER_PATH, of.opacity, of.first_face, of.rows)
 
 

@@ -79,7 +79,7 @@ def prepare_picture(
     if settings.shading == "gouraud" and any(item.shape.grain for item in scene.objects):
         raise OptionError("shading", "another one where a texture has the grain", "gouraud", "render")
     check_memory("scene", rendering_bytes(scene, settings, layers, threads), describe_work(scene, settings))
-    return RenderJob(build(scene, settings.normals), scene.background, camera, settings, layers)
+    return RenderJob(build(scene, settings.normals), camera, settings, layers)
 
 
 def _render_tiles(picture: RenderJob, film: Film, threads: int, progress: Progress | None) -> None:

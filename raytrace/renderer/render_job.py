@@ -48,23 +48,17 @@ class RenderJob:
     """A picture to be rendered. Pickled, it goes to other processes, which make the same bits of it."""
 
     def __init__(
-        self,
-        built: RenderScene,
-        background: tuple[float, float, float],
-        camera: Camera,
-        settings: Settings,
-        layers: bool,
-        lit: Float64s | None = None,  # `lit_vertices` of `SceneArrays`, if they are lit already
+        self, built: RenderScene, camera: Camera, settings: Settings, layers: bool, lit: Float64s | None = None
     ) -> None:
-        self._given = built, background, camera, settings, layers
-        self.geometry, self.background = built.geometry, background
+        self._given = built, camera, settings, layers
+        self.geometry = built.geometry
         self._textures = LazyTextures(self.geometry.textures)
-        lit = np.zeros((0, LIGHTING)) if lit is None else lit
+        lit = np.zeros((0, LIGHTING)) if lit is None else lit  # vertices, if they are lit already
         self.scene = SceneArrays(self.geometry.arrays, built.w, built.bent, built.lights, self._textures.packed, lit)
         self.view = place_camera(camera, settings, self.geometry.centre, self.geometry.scale)
         shading, form = _SHADINGS.index(settings.shading), _FORMS.index(settings.obscurance)
         switches = settings.shadows, settings.terminator, layers, layers or form != layout.OFF
-        self.style = Style(settings.samples, shading, form, *switches, background)
+        self.style = Style(settings.samples, shading, form, *switches, built.background)
         self._left, self._top, self._wide, self._high = whole_tiles(settings)
         self._crop = settings.crop or (0, 0, settings.width, settings.height)
         self.columns, self.rows = -(-self._wide // TILE), -(-self._high // TILE)  # of tiles
@@ -180,7 +174,7 @@ class RenderJob:
         layers = {name: part for name, part in zip(LAYERS, parts, strict=True) if part.shape[2]}
         counts = self.counts.tolist()
         rays, skipped = dict(zip(_TRACED, counts[:2], strict=True)), dict(zip(_SKIPPED, counts[2:], strict=True))
-        return Frame(layers, rays, skipped, seconds, self.background)
+        return Frame(layers, rays, skipped, seconds, self.style.background)
 
 
 def paste(film: Film, numbers: Int64s, pixels: Float32s, marks: Bools | None = None) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import hypot
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -17,7 +18,7 @@ from ..lights.sources import BaseLight, LightSource, pack_lights
 from ..scene import Object, Scene
 from ..settings import Normals
 from ..shade.layout import Lights
-from ..types import Float32s, Float64s, Int64s
+from ..types import Float32s, Float64s
 from .geometry import BuiltGeometry, build_geometry, joined
 
 
@@ -30,10 +31,11 @@ class RenderScene:
     w: Float64s  # as `SceneArrays` has these
     bent: Float32s
     lights: Lights
+    background: tuple[float, float, float]
 
     def __reduce__(self) -> tuple[Callable[..., RenderScene], tuple[object, ...]]:
         bare = tuple(replace(item, w=None, bent_normals=None) for item in self.objects)
-        return _rebuilt, (bare, self.geometry.normals, self.w, self.bent, self.lights)
+        return _rebuilt, (bare, self.geometry.normals, self.w, self.bent, self.lights, self.background)
 
 
 FAR = 2.0**24  # times the size of the scene: across it direction and attenuation change by less than a rounding
@@ -49,19 +51,21 @@ def build(scene: Scene, normals: Normals = "file") -> RenderScene:
     if built is None or built.geometry.normals != normals:
         geometry = build_geometry(scene.objects, normals)
         w = [np.ones(len(item.shape.mesh.vertices)) if item.w is None else item.w for item in scene.objects]
-        lights = _place_lights(scene.lights, geometry.centre, geometry.scale)
+        lights = place_lights(scene.lights, geometry.centre, geometry.scale)
         looked_up = len(lights.skies) + len(lights.harmonics) > 0
         given = [item.bent_normals if looked_up else None for item in scene.objects]
         bent = joined((item.shape.mesh for item in scene.objects), given, 3)
-        built = _scenes[scene] = RenderScene(scene.objects, geometry, np.concatenate(w), bent, lights)
+        built = _scenes[scene] = RenderScene(scene.objects, geometry, np.concatenate(w), bent, lights, scene.background)
     return built
 
 
-def _rebuilt(objects: tuple[Object, ...], normals: Normals, w: Float64s, bent: Float32s, lights: Lights) -> RenderScene:
+def _rebuilt(
+    objects: tuple[Object, ...], normals: Normals, w: Float64s, bent: Float32s, lights: Lights, background: Any
+) -> RenderScene:
     """A pickled scene, its arrays padded so that kernels may read behind their ends."""
     rows, maps = aligned(bent.shape, np.float32), aligned(lights.maps.shape, np.float32)
     rows[:], maps[:] = bent, lights.maps
-    return RenderScene(objects, build_geometry(objects, normals), w, rows, lights._replace(maps=maps))
+    return RenderScene(objects, build_geometry(objects, normals), w, rows, lights._replace(maps=maps), background)
 
 
 def release(scene: Scene) -> None:
@@ -69,23 +73,12 @@ def release(scene: Scene) -> None:
     _scenes.pop(scene, None)
 
 
-def make_far_lights_directional(kinds: Int64s, rows: Float64s) -> None:
-    """Turn point and spot lights in render space beyond `FAR` of the origin into directional ones, in place.
+def place_lights(lights: tuple[BaseLight, ...], centre: Float64s, scale: float) -> Lights:
+    """Positions and attenuation in render space; black lights are left out, ambient ones added up.
 
-    Their intensity becomes what arrives at the origin: in float32 their squared distance may overflow.
+    Point and spot lights beyond `FAR` of the origin become directional ones: in float32 their squared distance may
+    overflow. Their intensity becomes what arrives at the origin.
     """
-    for j, row in enumerate(rows):
-        kind, place = int(kinds[j]), row[light_rows.POSITION : light_rows.POSITION + 3]
-        if kind in (light_rows.POINT, light_rows.SPOT) and hypot(*place) > FAR:
-            l, _, arriving = incident(kind, row, (0.0, 0.0, 0.0))
-            row[: light_rows.DIFFUSE] = 0.0
-            row[light_rows.INTENSITY : light_rows.INTENSITY + 3] = arriving
-            row[light_rows.DIRECTION : light_rows.DIRECTION + 3] = np.negative(l)
-            kinds[j] = light_rows.DIRECTIONAL
-
-
-def _place_lights(lights: tuple[BaseLight, ...], centre: Float64s, scale: float) -> Lights:
-    """Positions and attenuation in render space; black lights are left out, ambient ones added up."""
     kinds, rows = pack_lights([light for light in lights if isinstance(light, LightSource)])
     columns = light_rows.POSITION, light_rows.RADIAL, light_rows.INTENSITY
     position, radial, intensity = (rows[:, column : column + 3] for column in columns)
@@ -96,7 +89,12 @@ def _place_lights(lights: tuple[BaseLight, ...], centre: Float64s, scale: float)
     radial /= largest
     intensity /= largest
     rows[:, light_rows.INVERSE_RANGE] /= scale
-    make_far_lights_directional(kinds, rows)
+    for j, row in enumerate(rows):
+        if kinds[j] in (light_rows.POINT, light_rows.SPOT) and hypot(*position[j]) > FAR:
+            l, _, arriving = incident(int(kinds[j]), row, (0.0, 0.0, 0.0))
+            row[: light_rows.DIFFUSE] = 0.0
+            intensity[j], row[light_rows.DIRECTION : light_rows.DIRECTION + 3] = arriving, np.negative(l)
+            kinds[j] = light_rows.DIRECTIONAL
     everywhere = kinds == light_rows.AMBIENT
     kept = intensity.any(axis=1) & ~everywhere
     return Lights(kinds[kept], rows[kept], intensity[everywhere].sum(axis=0), *pack_environment(lights))

@@ -77,11 +77,8 @@ def pixel_width(view, depth):
 
 @inline
 def aim(rays, view, x, y, samples, farthest):
-    """Make `rays` the viewing rays of sixteen pixels; returns how far from the viewer they start, float32.
-
-    Args: x, y: int32 lanes, of the whole picture. samples: int32 lanes, numbers of the samples.
-        farthest: of `Geometry`.
-    """
+    """Make `rays` the viewing rays of sixteen pixels (x, y) of the whole picture, and of the samples of these numbers,
+    int32 lanes; returns how far from the viewer they start, float32."""
     film_x, film_y = double(x) + 0.5, double(y) + 0.5
     lens_x, lens_y = 0.0 * film_x, 0.0 * film_x
     offsets = view.offsets

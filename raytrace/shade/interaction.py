@@ -120,7 +120,6 @@ def lift(geometry, item, point, normal, size):
 def smooth_origin(p, corners, normals, u, v):
     """The point on the surface that the normals describe, above `p` where the face cuts a convex one short.
 
-    Args: corners, normals: of the face, three triples each; u, v: barycentrics of `p`.
     Source: Hanika 2021, "Hacking the Shadow Terminator".
     """
     n0, n1, n2 = normals

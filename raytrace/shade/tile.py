@@ -108,8 +108,7 @@ def remove_converged(scratch, size, pending, remaining, edges):
 def trace_samples(scene, view, style, scratch, corner, work, samples):
     """Trace and light samples of the pixels on the list `todo`, surface by surface from front to back.
 
-    Args: corner: of the tile in the picture. work: number of pixels, and of packets for them. samples: the first, and
-        how many of each pixel.
+    Args: work: number of pixels, and of packets for them. samples: the first, and how many of each pixel.
     """
     (pending, packets), (done, batch) = work, samples
     opacity, each, traced = scene.geometry.opacity, WIDE // batch, packets

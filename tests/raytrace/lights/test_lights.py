@@ -22,7 +22,7 @@ from raytrace.lights.sources import (
     light_from_dict,
     pack_lights,
 )
-from raytrace.renderer.render_scene import make_far_lights_directional
+from raytrace.renderer.render_scene import place_lights
 
 ORIGIN = (0.0, 0.0, 0.0)
 
@@ -208,13 +208,10 @@ def test_lights_at_the_edge_of_infinity_are_directional():
         SpotLight(position=(0, 0, 1e9), direction=(0, 0, 1), half_angle=17.2),
         PointLight(position=(0, 1e6, 0)),
     ]
-    kinds, rows = pack_lights(lights)
-    near = rows[3].copy()
-    make_far_lights_directional(kinds, rows)
-    assert kinds.tolist() == [light_rows.DIRECTIONAL] * 3 + [light_rows.POINT]
+    kinds, rows, *_ = place_lights(tuple(lights), np.zeros(3), 1.0)
+    assert kinds.tolist() == [light_rows.DIRECTIONAL] * 2 + [light_rows.POINT]  # the one that shines away is black
     found = [incident(int(kind), row, (0.1, 0.2, 0.3)) for kind, row in zip(kinds, rows, strict=True)]
     np.testing.assert_allclose(found[0][0], (0.6, 0, 0.8), atol=1e-12)
     np.testing.assert_allclose(found[0][2], (1, 0, 0.04), rtol=1e-12)
     np.testing.assert_allclose(found[1][2], (0.9999,) * 3, rtol=1e-12)
-    assert found[2][2] == (0, 0, 0)
-    np.testing.assert_array_equal(rows[3], near)
+    np.testing.assert_array_equal(rows[2], lights[3].pack()[1])
