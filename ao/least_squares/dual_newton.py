@@ -36,9 +36,8 @@ def least_change(differences: csr_array, values: Float64s, stay: Float64s, pull:
     if order is None:
         return None
     differences = differences[order]
-    columns, weights = (
-        each.reshape(differences.shape[0], -1) for each in (differences.indices.view(np.uint32), differences.data)
-    )
+    columns = differences.indices.view(np.uint32).reshape(len(order), -1)
+    weights = differences.data.reshape(columns.shape)
     across = differences.T.tocsr()
     matrix = columns, weights, across.indptr.view(np.uint32), across.indices.view(np.uint32), across.data
     starts, indices = np.zeros(len(columns) + 1, np.uint32), np.empty(_FILL * len(columns), np.uint32)

@@ -103,8 +103,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     neighbours = cache(lambda: texel_neighbours(shown, texels, prepared.placement.diagonal, prepared.threads))
 
     def by_falloff() -> Estimate:
-        none = CornerSamples.none()
-        return estimate(tracer, texels.first_points, none, lambda _: neighbours(), prepared.target)
+        return estimate(tracer, texels.first_points, CornerSamples.none(), lambda _: neighbours(), prepared.target)
 
     estimated, *others = tracer.each_column(by_falloff)
     neighbours.cache_clear()

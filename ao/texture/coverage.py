@@ -144,10 +144,7 @@ def _cover_band(
 def _spread_over_part(
     scene: TriangleScene, corner: Int64s, rows: Int64s, triangle: Int64s, barycentric: Float32s, threads: int
 ) -> None:
-    """Spread points of texels at `corner` (k, 2), covered in part, over that part unless it is too small, in place.
-
-    Args: rows: (k,), of the texels in `triangle` and `barycentric`.
-    """
+    """Spread points of texels at `corner` (k, 2), of these `rows`, over the part covered, unless it is too small."""
     cells = np.arange(_FINE**2)
     bits = [(cells >> shift) & 1 for shift in range(6)]
     column, row = (sum(bit << place for place, bit in enumerate(bits[first::2])) for first in (0, 1))  # Morton order

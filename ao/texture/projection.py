@@ -52,8 +52,7 @@ def project(
 
     Args:
         places, normals: (k · slots, 3), the points on the coarse mesh and its unit normals there, in render space.
-        cage: how far the fine surface may be, in mesh units; or the points (k · slots, 3) of a cage, in mesh units too,
-            that belong to `places`, and say how far and which way.
+        cage: how far the fine surface may be, in mesh units, or points (k · slots, 3), which say which way, too.
         groups: of the points (k · slots,) and of the fine mesh's vertices, the first of which says that of a face.
 
     Raises: MeshError: no point meets anything. OptionError: no face has a point's group.

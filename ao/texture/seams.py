@@ -56,11 +56,9 @@ class Seams:
 
     @classmethod
     def find(cls, uv: Float64s, points: Int64s, size: tuple[int, int], wraps: bool) -> Seams:
-        """The seams of faces.
+        """The seams of faces of `uv` (m, 3, 2), in texels, which share edges where they share welded `points` (m, 3).
 
-        Args:
-            uv: (m, 3, 2), in texels. points: int64 (m, 3), the welded point at each corner, −1 for none: faces share an
-                edge where they share its points, so that hard edges, on which w has two values, are none.
+        So hard edges, on which w has two values, are none.
         """
         face, corner = np.divmod(shared_edges(points, int(points.max()) + 1), 3)
         turned = points[face, (corner + 1) % 3] > points[face, (corner + 2) % 3]
@@ -88,10 +86,7 @@ class Seams:
         return float(np.abs(left - right).max(initial=0.0))
 
     def close(self, page: Float64s, covered: Bools, threads: int) -> Float64s:
-        """The flat `page`, changed at charts' borders so that both sides agree; values stay in [0, 1].
-
-        Args: covered: bool (h · w,), texels that are baked; padding gives way more easily.
-        """
+        """The flat `page`, in [0, 1], changed at charts' borders so that both sides agree, most where not `covered`."""
         each, looked_up = self.sides.texels.reshape(-1, 8), np.zeros(len(page), np.bool_)
         if not len(each):
             return page

@@ -73,9 +73,7 @@ def _common(triangle, left, top, polygon, scratch):
                 for c in range(2):
                     scratch[kept, c] = polygon[k, c] + part * (polygon[ahead, c] - polygon[k, c])
                 kept += 1
-        count = kept
-        for k in range(count):
-            polygon[k, 0], polygon[k, 1] = scratch[k, 0], scratch[k, 1]
+        count, polygon, scratch = kept, scratch, polygon
     double = x = y = 0.0
     for k in range(1, count - 1):
         ax, ay = polygon[k, 0] - polygon[0, 0], polygon[k, 1] - polygon[0, 1]

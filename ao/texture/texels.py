@@ -86,10 +86,7 @@ def find_texels(coverage: Coverage, page: Coverage, prepared: Prepared, interior
 def _placed(
     coverage: Coverage, page: Coverage, order: Int64s, alone: Bools, faces: Faces, receivers: Receivers, threads: int
 ) -> Texels:
-    """Texels in `order`, whose points have origins from which no ray hits the faces that they lie on.
-
-    Args: alone: (k,), texels whose only point is that at the centre; not yet in order.
-    """
+    """Texels in `order`, `alone` (k,) those of one point; no ray from a point's origin hits the face under it."""
     counts = np.where(alone, 1, np.where(coverage.deep, DEEP, coverage.face.shape[1]))
     starts = np.concatenate([[0], np.cumsum(counts[order])])
     count = int(starts[-1])

@@ -110,19 +110,17 @@ def corner_uv(uv: Any, mesh: Mesh) -> Float64s:
 
 
 def texels_across(uv: Float64s, areas: Float64s, texel_size: float) -> int:
-    """The side of a square page on which a texel covers about `texel_size`, rounded up to a power of two.
-
-    Args: uv: (m, 3, 2). areas: (m,), of the faces, in squared mesh units.
+    """The side, a power of two, of a square page on which a texel covers `texel_size` or less of `areas` (m,).
 
     Raises: OptionError: `texel_size` is not positive, or so small that the page would be too large.
     """
     if not (np.isfinite(texel_size) and texel_size > 0):
         raise OptionError("texel_size", "a length above 0", texel_size)
     mapped = float(np.abs(doubled_areas(uv)).sum() / 2)
-    side = np.sqrt(float(areas.sum()) / mapped) / texel_size if mapped > 0 else 1.0
-    power = int(np.ceil(np.log2(max(side, 1.0)) - 1e-9))
+    across = np.sqrt(float(areas.sum()) / mapped) if mapped > 0 else 0.0
+    power = int(np.ceil(np.log2(max(across / texel_size, 1.0)) - 1e-9))
     if power > np.log2(MAX_SIDE):
-        least = np.sqrt(float(areas.sum()) / mapped) / MAX_SIDE
+        least = across / MAX_SIDE
         raise OptionError("texel_size", f"at least {least:.3g}, for a page of {MAX_SIDE} texels", f"{texel_size:g}")
     return 1 << power
 

@@ -51,18 +51,15 @@ class Page:
 class Layouts:
     """The layouts of a mesh file: sets of faces, of a material or of its part in one object, which may overlap.
 
-    Attributes:
-        of: int64 (m,), the layout of each face. all: the file's pieces. pieces: one of each layout.
-        images: an image of each layout, or a key that is the layout's own.
-        instance: int64 (m,), the number of the mesh's instance that each face belongs to, among those on the pages; 0
-            of new coordinates, which no two instances have in common.
+    Attributes: of: (m,), the layout of each face. instance: (m,), the mesh's instance that each belongs to, of those on
+        the pages; 0 of new coordinates, which no two instances have in common.
     """
 
     def __init__(self, source: MeshFile, found: Coordinates) -> None:
         self.of, self.instance = np.zeros((2, len(source.mesh.faces)), np.int64)
         self.all = list(pieces(source, found.number or 0))
-        self.pieces: list[Piece] = []
-        self.images: list[Hashable] = []
+        self.pieces: list[Piece] = []  # one of each layout
+        self.images: list[Hashable] = []  # one of each layout, or a key that is the layout's own
         self.path = source.path
         keys: dict[Hashable, int] = {}
         owners: dict[Hashable, dict[Hashable, int]] = {}
