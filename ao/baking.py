@@ -13,12 +13,11 @@ from raytrace.mesh.opacity import opacity_bytes
 from raytrace.system.checks import NEGLIGIBLE, check_memory
 
 from .declared import taking
-from .estimate.closed_parts import holes
 from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids
-from .estimate.tolerance import Estimate, shortfall
+from .estimate.tolerance import Estimate, shortfalls
 from .interpolation_error import measure_interpolation
-from .memory import column_bytes, point_bytes, surface_bytes, vertex_bytes
+from .memory import TRACED, column_bytes, surface_bytes, vertex_bytes
 from .options import DEFAULT_SAMPLES, Options, VertexOptions
 from .points.occluders import occluding
 from .points.receivers import Flag
@@ -76,18 +75,19 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
             between = between._replace(weights=between.weights[:, ::-1])
         baked = replace(baked, interpolation=between)
     baked.seconds.update(build=build, bake=time.perf_counter() - start - build)
-    short = shortfall(options, max(baked.rmses), values.samples, "vertex"), holes(solid) if options.thickness else None
-    return replace(baked, shortfalls=tuple(filter(None, short)))
+    return replace(baked, shortfalls=shortfalls(options, max(baked.rmses), values.samples, "vertex", solid))
 
 
 def _sample_vertices(prepared: Prepared) -> PointValues:
     """w by Monte Carlo integration at every point that is wanted; vertices inside solids are flagged in place."""
     options, receivers = prepared.options, prepared.wanted
     points, point, total = receivers.points, receivers.of_vertex, len(prepared.receivers.points)
-    needed = point_bytes(len(points)) + column_bytes(len(points), options.columns)
+    needed = TRACED * len(points) + column_bytes(len(points), options.columns)
     if needed > NEGLIGIBLE:
         check_memory(prepared.mesh.source, needed, f"to trace rays at {len(points):,} points")
     tracer = prepared.tracer(total)
+    if options.tolerance is None and options.rays >= tracer.packets_below:
+        tracer.packets_below = 0  # Embree's hierarchy is not worth building for corner samples alone
     inside = inside_solids(
         points, receivers.first_vertex, prepared.placement, receivers, options.interior, tracer.threads, total
     )
@@ -97,7 +97,7 @@ def _sample_vertices(prepared: Prepared) -> PointValues:
     edges = edges_of(points, point[receivers.faces], tracer)
 
     def estimated() -> tuple[Estimate, int]:
-        return estimate_outside(tracer, points, receivers.corners, edges, filled, prepared.target)
+        return estimate_outside(tracer, points, receivers.corners, edges, filled, prepared.options)
 
     return PointValues.of(tracer.each_column(estimated), tracer.rays, receivers.displaced)
 

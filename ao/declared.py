@@ -24,39 +24,30 @@ SAME: Any = object()  # as the field has it
 
 @dataclass(frozen=True, eq=False)
 class Option:
-    """A row of the command's table, or what annotates a field.
+    """A row of the command's table, or what annotates a field."""
 
-    Attributes:
-        name: in Python and in reports. kind: its type, or its choices. default: `...` of an argument that is needed.
-        help: in one line. on: sorts of bakes that take it, of vertices, texture, tiles, part, merge and batch; none:
-            it is for Python alone.
-        role: a file that is read, what is written, what is computed, or how that is run.
-        needs: other options, with the value that they must have, or `...` for any but the default.
-        excludes: other options. metavar, short: in the help. section: of the help. was: its earlier name.
-        words: for completion. repeated: whether `--options` takes it over, if it is no file that is written.
-        bounds: of a number. more: what there is to say of it in Python beside `help`.
-    """
-
-    name: str = ""
-    kind: Any = SAME
-    default: Any = SAME
-    help: str = ""
-    on: str = ALL
-    role: Role = "result"
-    needs: Mapping[str, Any] = field(default_factory=dict)
-    excludes: tuple[str, ...] = ()
+    name: str = ""  # in Python and in reports
+    kind: Any = SAME  # its type, or its choices
+    default: Any = SAME  # `...` of an argument that is needed
+    help: str = ""  # in one line
+    on: str = ALL  # sorts of bakes that take it, of vertices, texture, tiles, part, merge and batch; none: Python alone
+    role: Role = "result"  # a file that is read, what is written, what is computed, or how that is run
+    needs: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # other options, and their value, `...` for any but the default
+    excludes: tuple[str, ...] = ()  # other options
     metavar: str | None = None
     short: str | None = None
-    section: str = ""
-    was: str | None = None
-    words: tuple[str, ...] = ()
-    repeated: bool = True
-    bounds: tuple[float, float] | None = None
-    more: str = ""
+    section: str = ""  # of the help
+    was: str | None = None  # its earlier name
+    words: tuple[str, ...] = ()  # for completion
+    repeated: bool = True  # whether `--options` takes it over, if it is no file that is written
+    bounds: tuple[float, float] | None = None  # of a number
+    more: str = ""  # what there is to say of it in Python beside `help`
 
     @property
     def flags(self) -> list[str]:
-        """Its names in the command, the one that turns it off last."""
+        """Its names in the command."""
         flag = f"--{self.name.replace('_', '-')}"
         switch = self.kind in (bool, bool | None)
         off = f"/--no-{flag[2:]}" if switch and self.default is not False else ""
@@ -91,22 +82,21 @@ def _declaration(each: Field[Any]) -> tuple[Any, Option]:
 
 def check_values(record: Any) -> None:
     """Make the numbers, choices and switches of a record plain. Raises: OptionError: one is out of range."""
-    declared = [(each.name, *_declaration(each)) for each in fields(record)]
-    checks = _checks(tuple(each for each in declared if _checked(*each[1:]) is not Any))
+    checks = _checks(record.__class__)
     for name, value in vars(checks(**{each.name: getattr(record, each.name) for each in fields(checks)})).items():
         object.__setattr__(record, name, value)
 
 
 @cache
-def _checks(declared: tuple[tuple[str, Any, Option], ...]) -> Any:
-    """A class that takes values by their names, and checks them by their types."""
+def _checks(record: Any) -> Any:
+    """A class that takes values of a record by their names, and checks them by their types."""
     from raytrace.system.parameters import Parameters
 
-    kinds = {name: _checked(kind, row) for name, kind, row in declared}
+    kinds = {each.name: _checked(*_declaration(each)) for each in fields(record)}
+    kinds = {name: kind for name, kind in kinds.items() if kind is not Any}
     return new_class("Values", (Parameters,), {"source": "options"}, lambda names: names.update(__annotations__=kinds))
 
 
-@cache
 def _checked(kind: Any, row: Option) -> Any:
     """The type of a field as pydantic checks it; Any of meshes, falloffs and arrays, which are checked where used."""
     from pydantic import Field

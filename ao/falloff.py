@@ -18,7 +18,7 @@ from raytrace.errors import ConflictError, OptionError, nearest_name, numbers
 from raytrace.system.parameters import Parameters
 from raytrace.types import Float64s
 
-from .mu import Form, Mu
+from .mu import Mu
 
 Length = float | str
 DEFAULT_HALF_DISTANCE = "50%"
@@ -57,9 +57,15 @@ def _length(value: Length, field: ValidationInfo) -> Length:
 
 
 def _finite_length(value: Length, field: ValidationInfo) -> Length:
-    name = str(field.field_name)
-    if math.isinf(resolve_length(name, value, 1.0)):
-        raise OptionError(name, 'a finite length, such as 0.5 or "25%"', repr(value))
+    _resolve_finite(str(field.field_name), value)
+    return value
+
+
+def _resolve_finite(field: str, length: Length, like: str = ', such as 0.5 or "25%"') -> float:
+    """`length` in mesh units, or in percent."""
+    value = resolve_length(field, length, 100.0)
+    if math.isinf(value):
+        raise OptionError(field, f"a finite length{like}", repr(length))
     return value
 
 
@@ -113,8 +119,8 @@ class Exponential(Parameters, kw_only=False, source="options"):
     def __post_init__(self) -> None:
         if self.tau is not None and self.half_distance is not None:
             raise ConflictError("tau", "excludes", "half_distance")
-        if self.half_distance is not None and math.isinf(resolve_length("half_distance", self.half_distance, 1.0)):
-            raise OptionError("half_distance", "a finite length", repr(self.half_distance))
+        if self.half_distance is not None:
+            _resolve_finite("half_distance", self.half_distance, "")
 
     def resolve(self, radius: float) -> Mu:
         """μ for a mesh of bounding-sphere radius `radius`."""
@@ -137,7 +143,8 @@ class Linear(Parameters, kw_only=False, source="options"):
 
     def resolve(self, radius: float) -> Mu:
         """μ for a mesh of bounding-sphere radius `radius`."""
-        return _ramp("linear", self.max_distance, radius, np.linspace(0, 1, 2))
+        limit = resolve_length("max_distance", self.max_distance, radius or 1.0)
+        return Mu("linear", limit, knots=((0.0, 0.0), (limit, 1.0)))
 
 
 class Smooth(Parameters, kw_only=False, source="options"):
@@ -152,13 +159,8 @@ class Smooth(Parameters, kw_only=False, source="options"):
 
     def resolve(self, radius: float) -> Mu:
         """μ for a mesh of bounding-sphere radius `radius`."""
-        return _ramp("smooth", self.max_distance, radius, np.linspace(0, 1, _STEPS + 1))
-
-
-def _ramp(form: Form, max_distance: Length, radius: float, t: Float64s) -> Mu:
-    """μ by its values at ascending t = x/D from 0 to 1."""
-    limit = resolve_length("max_distance", max_distance, radius or 1.0)
-    return Mu(form, limit, knots=_knots(limit * t, t if form == "linear" else t * t * (3 - 2 * t)))
+        t, limit = np.linspace(0, 1, _STEPS + 1), resolve_length("max_distance", self.max_distance, radius or 1.0)
+        return Mu("smooth", limit, knots=_knots(limit * t, t * t * (3 - 2 * t)))
 
 
 class Tabulated(Parameters, kw_only=False, source="options"):
@@ -207,9 +209,7 @@ class Tabulated(Parameters, kw_only=False, source="options"):
         Raises:
             OptionError: `max_distance` is no such length, or `function` no such function.
         """
-        limit = resolve_length("max_distance", max_distance, 100.0)  # a percentage as its number
-        if math.isinf(limit):
-            raise OptionError("max_distance", 'a finite length, such as 0.5 or "25%"', repr(max_distance))
+        limit = _resolve_finite("max_distance", max_distance)
         distances = (limit * np.linspace(0, 1, _STEPS + 1) ** 2).tolist()
         values = numbers([function(x) for x in distances], "options", "function", "a number at every distance")
         rising = np.clip(np.maximum.accumulate(values), 0, 1)

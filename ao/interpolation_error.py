@@ -9,24 +9,22 @@ from raytrace.sampling.sequences import mix_array
 from raytrace.types import Float32s, Float64s, Int64s
 
 from .estimate.inside import inside_solids
-from .estimate.probes import derive
+from .estimate.ray_budget import derive
 from .execute.tracer import Tracer
 from .points.points import Points
 from .prepared import Prepared
 from .rays.below_face import leave_out_below, with_alpha
 from .rays.gather import W
-from .result import Interpolation
+from .result import NOWHERE, Interpolation
 from .texture.surface_points import Faces
 
 _POINTS, _RAYS = 1024, 16  # the rays of each of two estimates
 
 
 def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> Interpolation:
-    """Compare interpolated w with w at 1,024 points spread evenly over the faces that have it, with 32 rays each.
+    """Compare interpolated `w` (n,) with w at 1,024 points spread evenly over the faces that have it, by 32 rays each.
 
-    Points inside solids are left out.
-
-    Args: w, error: (n,), of all vertices, and their standard errors.
+    Points inside solids are left out. Args: error: (n,), standard errors of `w`.
     """
     placement, receivers, threads = prepared.placement, prepared.receivers, prepared.threads
     vertices, faces = placement.vertices.astype(np.float64), receivers.faces
@@ -34,7 +32,7 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     if prepared.asked is not None:
         areas = np.where(prepared.asked[faces].all(axis=1), areas, 0.0)
     if not areas.any() or not len(receivers.points):
-        return _at_no_point()
+        return NOWHERE
     own, weights = _spread(areas, derive(prepared.key, 7))
     corners = faces[own]
     point = receivers.of_vertex[corners]
@@ -44,11 +42,16 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     interior = prepared.options.interior if prepared.options.method == "vertex" else "auto"
     seen = ~inside_solids(points, faces[own, 0], placement, receivers, interior, threads)
     if not seen.any():
-        return _at_no_point()
+        return NOWHERE
     points, sides = points[seen], with_alpha(sides, receivers.opacity, own, weights)[seen]
     mu = prepared.mu.in_render_space(placement.scale)
     tracer = Tracer(prepared.scene, 0, mu, min(mu.limit, placement.diagonal), threads, _POINTS)
-    estimates = np.stack([_w_at(tracer, points, sides, derive(prepared.key, salt)) for salt in (8, 9)], axis=-1)
+    estimates = np.empty((len(points), 2))
+    for column in range(2):
+        key = derive(prepared.key, 8 + column)
+        rows = tracer.gather(points, _RAYS, key)
+        leave_out_below(points.arrays, sides, tracer.scene.table(_RAYS, _POINTS, key), rows)
+        estimates[:, column] = rows[:, W]
     part, corners = weights[seen].astype(np.float64), corners[seen]
     values = np.einsum("ki,ki->k", part, w[corners])
     variance = np.einsum("ki,ki->k", part**2, error[corners] ** 2)
@@ -56,11 +59,6 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     if len(faces) < len(prepared.mesh.faces):  # degenerate ones are not among them
         own = np.flatnonzero(face_normals(placement.vertices.astype(np.float64), prepared.mesh.faces)[1] > 0)[own]
     return Interpolation.of(own, part, estimates, values, variance)
-
-
-def _at_no_point() -> Interpolation:
-    nothing = np.zeros(0)
-    return Interpolation.of(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 2)), nothing, nothing)
 
 
 def _spread(areas: Float64s, key: np.uint32) -> tuple[Int64s, Float32s]:
@@ -84,9 +82,3 @@ def _on_faces(corners: Float64s, normals: Float64s, axes: Float32s, weights: Flo
     origins = places + ray_offset(sides, magnitude, np.ones(count))[:, None] * sides
     points = Points(origins.astype(np.float32), hemispheres.astype(np.float32), rows.astype(np.uint32))
     return points, sides.astype(np.float32)
-
-
-def _w_at(tracer: Tracer, points: Points, sides: Float32s, key: np.uint32) -> Float64s:
-    rows = tracer.gather(points, _RAYS, key)
-    leave_out_below(points.arrays, sides, tracer.scene.table(_RAYS, _POINTS, key), rows)
-    return rows[:, W]

@@ -7,7 +7,7 @@ spheres, loose triangles, an STL's unshared vertices. Threads and rays add next 
 _BASE = 32 << 20  # kernels, Embree, threads
 _TABLE, _DIRECTION = 1 << 18, 100  # directions in a table, and bytes for each while it is made
 _VERTEX, _POINT, _FACE = 84, 340, 132
-_TRACED = 240  # of `_POINT`, what is taken once points are known
+TRACED = 240  # of `_POINT`, what is taken once the vertices are welded
 _CORNER, _COLUMN = 450, 80
 _SURFACE, _SURFACE_VERTEX, _SURFACE_FACE = 64 << 20, 72, 750  # the first is what waits for the journal, and SciPy
 _LAYOUT, _TEXTURED_FACE, _TEXEL = 730, 390, 560  # a face on the page while seams are sought; while texels are traced
@@ -21,11 +21,6 @@ def vertex_bytes(vertices: int, faces: int, samples: int, points: int | None = N
     directions = samples * min(max(_TABLE // samples, 8), 256)
     points = min(vertices, faces // 2) if points is None else points
     return _BASE + _DIRECTION * directions + _VERTEX * vertices + _POINT * points + _FACE * faces
-
-
-def point_bytes(points: int) -> int:
-    """Bytes that the vertex method takes at its peak beside what it holds when the vertices are welded."""
-    return _TRACED * points
 
 
 def column_bytes(points: int, columns: int) -> int:

@@ -19,24 +19,17 @@ _NO_KNOTS = np.empty(0)
 
 
 class KernelColumns(NamedTuple):
-    """k falloffs, of which kernels make an estimate each from the same rays; in render space.
-
-    Attributes:
-        taus, limits, scales: float64 (k,), `tau`, `limit` and `scale` of each, see `KernelMu`.
-        squares: bool (k,), whether e^(−τd) is the square of the next column's, so that no exponential is needed.
-        starts: int64 (k + 1,), where the knots of each begin. distances, values: of all, as `KernelMu` has them.
-    """
+    """k falloffs, of which kernels make an estimate each from the same rays; see `KernelMu`."""
 
     taus: Float64s
     limits: Float64s
     scales: Float64s
-    squares: Bools
-    starts: Int64s
+    squares: Bools  # whether e^(−τd) is the square of the next column's, so that no exponential is needed
+    starts: Int64s  # (k + 1,), where the knots of each begin
     distances: Float64s
     values: Float64s
 
     def each(self) -> list[KernelMu]:
-        """The falloffs one by one."""
         rows = zip(self.taus.tolist(), self.limits.tolist(), self.scales.tolist(), pairwise(self.starts), strict=True)
         return [
             KernelMu(tau, limit, scale, self.distances[slice(*own)], self.values[slice(*own)])
@@ -45,23 +38,14 @@ class KernelColumns(NamedTuple):
 
 
 class KernelMu(NamedTuple):
-    """A falloff as kernels take it, in render space.
+    """A falloff as kernels take it, in render space."""
 
-    Attributes:
-        tau: rate τ of the exponential form per unit of length, 0 for other forms.
-        limit: max_distance D, from which on μ is 1, or inf.
-        scale: 1/(1 − e^(−τD)), 1 for other forms.
-        distances, values: float64 (k,), μ at ascending distances, linear between them; (0,) for the binary and the
-            exponential form.
-        columns: several falloffs instead of this one, of which only the limit, the largest of theirs, counts; or None.
-    """
-
-    tau: float
-    limit: float
-    scale: float
-    distances: Float64s = _NO_KNOTS
-    values: Float64s = _NO_KNOTS
-    columns: KernelColumns | None = None
+    tau: float  # rate τ of the exponential form per unit of length, 0 for other forms
+    limit: float  # max_distance D, from which on μ is 1, or inf
+    scale: float  # 1/(1 − e^(−τD)), 1 for other forms
+    distances: Float64s = _NO_KNOTS  # (k,), ascending, none for the binary and the exponential form
+    values: Float64s = _NO_KNOTS  # μ there, linear between them
+    columns: KernelColumns | None = None  # several falloffs instead of this one, whose limit is the largest of theirs
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -119,19 +103,12 @@ def add_losses(columns, distance, share, losses):
 
 @dataclass(frozen=True)
 class Mu:
-    """A falloff whose lengths are known: what a bake computes with.
-
-    Attributes:
-        form: its name.
-        max_distance: from which on μ is 1; mesh units, or inf.
-        tau: rate of the exponential form per mesh unit, None for other forms.
-        knots: distance and μ of other forms, linear between them; none for binary and exponential.
-    """
+    """A falloff whose lengths are known, in mesh units: what a bake computes with."""
 
     form: Form
-    max_distance: float
-    tau: float | None = None
-    knots: tuple[tuple[float, float], ...] = ()
+    max_distance: float  # from which on μ is 1, or inf
+    tau: float | None = None  # rate of the exponential form, None for other forms
+    knots: tuple[tuple[float, float], ...] = ()  # distance and μ, linear between them; none for binary and exponential
 
     @property
     def binary(self) -> bool:

@@ -19,7 +19,6 @@ from raytrace.system.threads import thread_count
 from raytrace.types import Bools, Int64s
 
 from .declared import Option
-from .estimate.estimate import Target
 from .execute.checkpoint import NOTHING_KEPT, Checkpoint
 from .execute.tracer import Progress, Tracer
 from .memory import vertex_bytes
@@ -102,25 +101,17 @@ def prepare(mesh: Mesh | Any, normals: Normals = "angle") -> PreparedMesh:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A placed mesh, its receivers and the options of its bake.
+    """A placed mesh, its receivers and the options of its bake."""
 
-    Attributes:
-        mesh: what is baked, with occluders behind it. options: checked. placement: of the mesh in render space.
-        mus: the falloffs, in mesh units; the first is that of w.
-        receivers: of all vertices, also of occluders. asked: bool, the vertices in `options.only` and none of
-            occluders; None: all. wanted: the receivers of these; the same object if all are.
-        progress: called with (rays traced, rays in all), or None. checkpoint: begun.
-    """
-
-    mesh: Mesh
+    mesh: Mesh  # with occluders behind it
     options: Options
-    mus: tuple[Mu, ...]
+    mus: tuple[Mu, ...]  # in mesh units; the first is that of w
     placement: Placement
-    receivers: Receivers
-    asked: Bools | None
-    wanted: Receivers
+    receivers: Receivers  # of all vertices, also of occluders
+    asked: Bools | None  # the vertices in `options.only` and none of occluders; None: all
+    wanted: Receivers  # those of these; the same object if all are
     progress: Progress | None
-    checkpoint: Checkpoint
+    checkpoint: Checkpoint  # begun
 
     @classmethod
     def of(
@@ -131,7 +122,7 @@ class Prepared:
         checkpoint: Checkpoint | None,
         occluders: Sequence[Mesh] = (),
     ) -> Self:
-        """Place the mesh, find its receivers, build Embree's scene and begin the checkpoint.
+        """Place the mesh, find its receivers and begin the checkpoint.
 
         Raises: OptionError: `options.only` is not one truth value a vertex; as `find_receivers`, `Checkpoint.begin`.
         """
@@ -177,11 +168,6 @@ class Prepared:
         normals, reach = points.normals[tried(len(points))], t_max / placement.diagonal
         below = packets_below(options.traversal, layered, normals, reach, len(points), mu)
         return Tracer(self.scene, below, mu, t_max, self.threads, total_points, self.progress, self.checkpoint)
-
-    @property
-    def target(self) -> Target:
-        options = self.options
-        return Target(options.rays, options.tolerance, options.denoise, self.key)
 
     @property
     def key(self) -> np.uint32:

@@ -39,17 +39,23 @@ def report(
 ) -> dict[str, Any]:
     """The report of a bake as JSON-ready values.
 
-    Args:
-        options: every effective option of the command, `seed` among them.
-        seconds: `load` and `write`; the bake adds `build` and `bake`.
-        warnings: what limits the result, see `raytrace.mesh.precision`.
+    Args: options: every effective one of the command, `seed` among them. seconds: `load` and `write`; the bake adds
+        `build` and `bake`. warnings: what limits the result, see `raytrace.mesh.precision`.
     """
     if isinstance(bake, BakedTexture):
         height, width = bake.w.shape
         shown: Any = bake.covered
-        size = {"width": width, "height": height, "texture": asdict(bake.facts)}
+        size, of_vertices = {"width": width, "height": height, "texture": asdict(bake.facts)}, {}
     else:
-        shown, size = ..., {"vertices": len(bake.w)}
+        shown, size, between = ..., {"vertices": len(bake.w)}, bake.interpolation
+        rows = {str(flag.name).lower(): np.flatnonzero(bake.flags & flag)[:LISTED].tolist() for flag in Flag}
+        of_vertices = {
+            "flagged": bake.flagged,
+            "flagged_vertices": {name: found for name, found in rows.items() if found},
+            "flagged_vertices_at_most": LISTED,
+            "interpolation": between and {"rmse": between.rmse, "at_least": between.at_least},
+        }
+    lengths = [] if bake.profile is None else bake.profile.half_distances.tolist()
     return {
         "schema_version": SCHEMA_VERSION,
         **size,
@@ -58,7 +64,7 @@ def report(
         "seconds": seconds | bake.seconds,
         "rmse_estimate": bake.rmse,
         "error_calibration": calibration_facts(bake.calibration),
-        **(_of_vertices(bake) if isinstance(bake, Bake) else {}),
+        **of_vertices,
         "warnings": list(warnings),
         "w": _summary(bake.w[shown], 1.0),
         "error": _summary(bake.error[shown]),
@@ -68,7 +74,7 @@ def report(
             "max_distance": "inf" if bake.mu.max_distance == float("inf") else bake.mu.max_distance,
             **({"knots": bake.mu.knots} if bake.mu.form == "table" else {}),
         },
-        **_of_profile(bake),
+        **({"profile": {"half_distances": lengths, "rmse": bake.rmses[-len(lengths) :]}} if lengths else {}),
         "seed": options["seed"],
         "options": options,
         "versions": versions(),
@@ -80,26 +86,6 @@ def calibration_facts(calibration: Calibration | None) -> dict[str, Any] | None:
     if calibration is None:
         return None
     return calibration.whole()._asdict() | {"groups": [group._asdict() for group in calibration.groups()]}
-
-
-def _of_vertices(bake: Bake) -> dict[str, Any]:
-    """The number of vertices with each flag, and the first of them; the error between the vertices."""
-    between = bake.interpolation
-    rows = {str(flag.name).lower(): np.flatnonzero(bake.flags & flag)[:LISTED].tolist() for flag in Flag}
-    return {
-        "flagged": bake.flagged,
-        "flagged_vertices": {name: found for name, found in rows.items() if found},
-        "flagged_vertices_at_most": LISTED,
-        "interpolation": between and {"rmse": between.rmse, "at_least": between.at_least},
-    }
-
-
-def _of_profile(bake: Bake | BakedTexture) -> dict[str, Any]:
-    """The half-distances of the profile's columns, in mesh units, and the estimated RMS errors of w there."""
-    if bake.profile is None:
-        return {}
-    lengths = bake.profile.half_distances.tolist()
-    return {"profile": {"half_distances": lengths, "rmse": bake.rmses[-len(lengths) :]}}
 
 
 def _summary(values: AnyFloats, highest: float | None = None) -> dict[str, Any]:

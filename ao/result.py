@@ -31,19 +31,13 @@ _REASONS = "duplicate", "no_normal", "not_wanted", "below_face", "predicted", "h
 
 
 class Interpolation(NamedTuple):
-    """The error of w interpolated between vertices, at k points spread evenly over the faces.
+    """The error of w interpolated between vertices, at k points spread evenly over the faces."""
 
-    Attributes:
-        rmse: over the surface, without the noise of either. at_least: the same less two standard errors.
-        faces: int64 (k,), the mesh's faces that the points are on. weights: float64 (k, 3), barycentric.
-        estimates: float64 (k, 2), two independent ones of w at each point.
-    """
-
-    rmse: float
-    at_least: float
-    faces: Int64s
-    weights: Float64s
-    estimates: Float64s
+    rmse: float  # over the surface, without the noise of either
+    at_least: float  # the same less two standard errors
+    faces: Int64s  # (k,), the mesh's, that the points are on
+    weights: Float64s  # (k, 3), barycentric
+    estimates: Float64s  # (k, 2), two independent ones of w at each point
 
     @property
     def visible(self) -> bool:
@@ -59,19 +53,19 @@ class Interpolation(NamedTuple):
         For estimates a, b the mean of (v − a)(v − b) is the squared error of v, whatever their noise.
         """
         squared = (values - estimates[:, 0]) * (values - estimates[:, 1]) - variance
-        mean = float(squared.mean()) if len(squared) else 0.0
-        least = mean - 2 * float(squared.std()) / len(squared) ** 0.5 if len(squared) else 0.0
+        mean = float(squared.mean())
+        least = mean - 2 * float(squared.std()) / len(squared) ** 0.5
         return cls(max(mean, 0.0) ** 0.5, max(least, 0.0) ** 0.5, faces, weights, estimates)
+
+
+NOWHERE = Interpolation(0.0, 0.0, np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 2)))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Columns:
-    """What a bake by several falloffs, or with a profile, has beside w; see `Bake`.
+    """What a bake by several falloffs, or with a profile, has beside w; see `Bake`."""
 
-    Attributes: others: w and its standard error by every falloff but the first, (…, k − 1); None of one falloff.
-    """
-
-    others: tuple[AnyFloats, AnyFloats] | None = None
+    others: tuple[AnyFloats, AnyFloats] | None = None  # w and its error (…, k − 1) by every falloff but the first
     rmses: tuple[float, ...] = ()
     profile: Profile | None = None
     profile_errors: Float32s | None = None
@@ -165,22 +159,16 @@ class Bake(Columns):
 
 @dataclass(frozen=True, eq=False)
 class PointValues:
-    """Values at the k points of `Prepared.wanted`.
-
-    Attributes:
-        w: float64 (k,), in [0, 1]. error: float64 (k,), its standard error. bent: float64 (k, 3), mean of μ·direction.
-        samples: rays asked for at a point. rays: rays traced. rays_skipped, calibration: see `Bake`.
-        others: w and its standard error (k, j) by j falloffs more, if there are any.
-    """
+    """Values at the k points of `Prepared.wanted`; see `Bake`."""
 
     w: Float64s
     error: Float64s
-    bent: Float64s
-    samples: int
+    bent: Float64s  # (k, 3), mean of μ·direction
+    samples: int  # asked for at a point
     rays: int
     rays_skipped: dict[str, int]
     calibration: Calibration | None = None
-    others: tuple[Float64s, ...] = ()
+    others: tuple[Float64s, ...] = ()  # w and its standard error (k, j) by j falloffs more, if there are any
 
     @classmethod
     def of(cls, columns: Sequence[tuple[Estimate, int]], rays: int, displaced: Float64s | float = 0.0) -> PointValues:

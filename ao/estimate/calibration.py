@@ -14,30 +14,21 @@ _USUAL, _DOUBT = 1.0, 0.3  # factor by which expected squared errors are off, an
 
 
 class CalibrationGroup(NamedTuple):
-    """Points of about the same estimated error.
-
-    Attributes:
-        estimated, measured: root mean squares. low, high: of `measured`, one standard error below and above.
-    """
+    """Points of about the same estimated error; root mean squares."""
 
     points: int
     estimated: float
     measured: float
-    low: float
+    low: float  # `measured` less one standard error
     high: float
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Squared errors of w at j points that were baked a second time.
+    """Squared errors (j,) of w at points that were baked a second time."""
 
-    Attributes:
-        estimated: float64 (j,), as the bake estimates them; their level is set by the measured ones.
-        measured: float64 (j,), unbiased, so that some are negative.
-    """
-
-    estimated: Float64s
-    measured: Float64s
+    estimated: Float64s  # their level is set by the measured ones
+    measured: Float64s  # unbiased, so that some are negative
 
     def whole(self) -> CalibrationGroup:
         return _group(self.estimated, self.measured)
@@ -79,9 +70,7 @@ def shrunk_to_mean(squared: Float64s, typical: float = _TYPICAL) -> Float64s:
 def distribute_variance(spread: Float64s, level: float, typical: float | None = None) -> Float64s:
     """Variances (k,) of mean `level`, distributed as the `spread` (k,) between each point's batches.
 
-    It is shrunk towards its mean by one degree of freedom, so that lucky agreement never reads as certainty.
-
-    Args: typical: mean of the spread, of more points than these.
+    It is shrunk to its mean, `typical`, by one degree of freedom: lucky agreement never reads as certainty.
     """
     if typical is None:
         typical = float(np.mean(spread)) if len(spread) else 0.0

@@ -1,45 +1,31 @@
-"""Vertices inside a solid: found by the backs of faces that they see, and given the values of the nearest outside."""
+"""Vertices inside a solid: near parts that are closed, and found by the backs of faces that they see."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass, replace
-from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from raytrace.embree.packets import DIR_X, GEOM_ID, INVALID, LANES, NG_X, PRIM_ID, intersect8
 from raytrace.kernel.arrays import borrow
-from raytrace.kernel.jit import kernel
+from raytrace.kernel.counting_sort import counting_sort
+from raytrace.kernel.jit import bound, inline, kernel
+from raytrace.kernel.vector import cross, dot, load_triangle
+from raytrace.mesh.components import connected_components
+from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import Placement
+from raytrace.mesh.weld import coincident
 from raytrace.system.threads import run_blocks
-from raytrace.types import AnyInts, Bools, Float32s, Float64s, Int32s, Int64s
+from raytrace.types import AnyInts, Bools, Float32s, Int64s
 
 from ..options import Interior
 from ..points.points import Points
 from ..points.receivers import Receivers
 from ..rays.directions import DirectionTable, choose, turned_frame
 from ..rays.ray_packet import RayPacket, aim, start_from
-from .closed_parts import closed_parts, inside_boxes
-from .one_ring import Neighbours
-from .upsampling import coarsened, nearest_baked, upsample
 
 RAYS = 16
 _KEY = np.uint32(0x51DE)
-_BLOCK, _MOST = 1 << 7, 16  # points, and blocks at once
+_BLOCK, _NEAR, _MOST = 1 << 7, 1 << 9, 16  # points, and blocks at once
 _sought: WeakKeyDictionary[Receivers, tuple[Int64s, Bools]] = WeakKeyDictionary()
-
-
-class Solids(NamedTuple):
-    """Faces whose backs hide points.
-
-    Attributes:
-        of_face: int64 (m,), the part of each face of the scene, −1 if its back hides nothing.
-        of_point: int64 (k,), the part of each point, which does not hide it.
-    """
-
-    of_face: Int64s
-    of_point: Int64s
 
 
 def inside_solids(
@@ -51,36 +37,39 @@ def inside_solids(
     threads: int,
     total_points: int | None = None,
 ) -> Bools:
-    """The points (k,) that are inside a solid as the option `interior` defines it.
+    """The points (k,) that are inside a solid as the option `interior` defines it: where over half of their rays end
+    on the back of a face. Every bake of a mesh agrees, whatever its seed and whichever vertices it is asked for.
 
-    Args:
-        vertex: (k,), a vertex of the part that each point belongs to.
-        total_points: of the whole mesh; None: k.
+    Args: vertex: (k,), a vertex of the part that each point belongs to. total_points: of the whole mesh; None: k.
     """
-    inside = np.zeros(len(points), np.bool_)
-    total = len(points) if total_points is None else total_points
-    if interior == "ignore" or not len(points):
+    count, faces, opacity = len(points), receivers.faces, receivers.opacity
+    inside, rows, own = np.zeros(count, np.bool_), np.arange(count), np.full(count, -1)
+    if interior == "ignore" or not count:
         return inside
-    if interior != "auto":
-        solids, rows = _any_back(receivers, len(points)), np.arange(len(points))
-        return _hidden_points(points, rows, solids, placement, receivers, total, threads)
-    part, closed = _closed_parts(placement.vertices, receivers)
-    if not closed.any():
+    if interior == "auto":
+        part, closed = _closed_parts(placement.vertices, receivers)
+        if not closed.any():
+            return inside
+        own = part[vertex]
+        rows = _inside_boxes(points.origins, own, placement.vertices, part, closed, threads)
+        hiding = np.where(closed[part], part, -1)[faces[:, 0]]
+    else:
+        hiding = np.zeros(len(faces), np.int64)
+        if opacity:
+            hiding[opacity.of >= 0] = -1
+    if not len(rows):
         return inside
-    own = part[vertex]
-    rows = inside_boxes(points.origins, own, placement.vertices, part, closed, threads)
-    if len(rows):
-        solids = Solids(np.where(closed[part], part, -1)[receivers.faces[:, 0]], own)
-        inside[rows] = _hidden_points(points, rows, solids, placement, receivers, total, threads)
+    scene, found = receivers.embree(), np.empty(len(rows), np.bool_)
+    table = DirectionTable.make(RAYS, count if total_points is None else total_points, _KEY)
+
+    def work(first: int, last: int) -> None:
+        some = rows[first:last]
+        solids = hiding, own[some], placement.diagonal
+        _find_hidden(RayPacket.of(scene), points[some].arrays, table, solids, found[first:last])
+
+    run_blocks(len(rows), _BLOCK, work, threads, most=_MOST)
+    inside[rows] = found
     return inside
-
-
-def _any_back(receivers: Receivers, count: int) -> Solids:
-    """Solids that the backs of all opaque faces bound, for `count` points."""
-    of_face = np.zeros(len(receivers.faces), np.int64)
-    if receivers.opacity:
-        of_face[receivers.opacity.of >= 0] = -1
-    return Solids(of_face, np.full(count, -1))
 
 
 def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Bools]:
@@ -100,37 +89,15 @@ def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Boo
     return _sought[receivers]
 
 
-def _hidden_points(
-    points: Points,
-    rows: Int64s,
-    solids: Solids,
-    placement: Placement,
-    receivers: Receivers,
-    total_points: int,
-    threads: int,
-) -> Bools:
-    """Whether each point in `rows` (k,) is hidden: more than half of its `RAYS` rays end on the back of a face.
-
-    Every bake of a mesh agrees, whatever its seed and whichever vertices it is asked for.
-    """
-    scene, reach = receivers.embree(), placement.diagonal
-    table = DirectionTable.make(RAYS, total_points, _KEY)
-    hidden = np.empty(len(rows), np.bool_)
-
-    def work(first: int, last: int) -> None:
-        some = rows[first:last]
-        subset = Solids(solids.of_face, solids.of_point[some])
-        _find_hidden(RayPacket.of(scene), points[some].arrays, table, subset, reach, hidden[first:last])
-
-    run_blocks(len(rows), _BLOCK, work, threads, most=_MOST)
-    return hidden
-
-
 @kernel
-def _find_hidden(packet, points, table, solids, reach, hidden):
-    """Whether over half of each point's rays end on the back of a face, bool (n,); no more are traced than decide."""
-    packet, points, table = borrow(packet), borrow(points), borrow(table)
-    solids, hidden = borrow(solids), borrow(hidden)
+def _find_hidden(packet, points, table, solids, hidden):
+    """Whether over half of each point's rays end on the back of a face, bool (k,); no more are traced than decide.
+
+    Args: solids: the part (m,) that each face bounds, −1 for none; the part (k,) of each point, which does not hide it;
+        the rays' length.
+    """
+    packet, points, table, hidden = borrow(packet), borrow(points), borrow(table), borrow(hidden)
+    of_face, of_point, reach = borrow(solids)
     rays, directions = packet.rays, table.directions
     samples = directions.shape[2]
     ids = rays.view(np.uint32)
@@ -148,8 +115,8 @@ def _find_hidden(packet, points, table, solids, reach, hidden):
             for lane in range(LANES):
                 if ids[GEOM_ID, lane] == INVALID:
                     continue
-                part = solids.of_face[ids[PRIM_ID, lane]]
-                if part >= 0 and part != solids.of_point[i]:
+                part = of_face[ids[PRIM_ID, lane]]
+                if part >= 0 and part != of_point[i]:
                     along = np.float32(0.0)
                     for axis in range(3):
                         along += rays[DIR_X + axis, lane] * rays[NG_X + axis, lane]
@@ -157,55 +124,120 @@ def _find_hidden(packet, points, table, solids, reach, hidden):
         hidden[i] = 2 * count > samples
 
 
-@dataclass(frozen=True, eq=False)
-class Extrapolation:
-    """Extrapolates the values of points that are not traced from the traced points nearest along the surface.
+def closed_parts(vertices: Float32s, faces: Int64s) -> tuple[Int64s, Bools]:
+    """The connected part (n,) of each vertex, and whether each part is a closed solid whose faces look outwards.
 
-    Attributes:
-        traced: bool (k,). points: all points. graph, cell: `ao.estimate.upsampling.coarsened` of the traced points.
+    Vertices at the same place are one. At every edge of a closed part as many faces run one way as the other. Where
+    there is only one part, it counts as open.
     """
+    part = connected_components(faces, len(vertices))
+    if _are_one(part, faces):  # the usual case, found soonest
+        return part, np.zeros(int(part.max(initial=-1)) + 1, np.bool_)
+    place = coincident(vertices, faces)
+    corners = place[faces]
+    part = connected_components(corners, int(place.max()) + 1)
+    closed = np.zeros(int(part.max()) + 1, np.bool_)
+    if not _are_one(part, corners):
+        volume = np.zeros(len(closed))
+        _add_volumes(vertices, faces, part[place], volume)
+        closed = volume > 0
+        edges, starts = counting_sort(np.minimum(corners, corners[:, [1, 2, 0]]), len(part))
+        _strike_open(corners, edges, starts, part, closed)
+    return part[place], closed
 
-    traced: Bools
-    points: Points
-    graph: Neighbours
-    cell: Int32s
 
-    @classmethod
-    def of(cls, points: Points, neighbours: Neighbours, inside: Bools) -> Extrapolation:
-        """Points `inside` (k,) are not traced, unless no path of edges leads out."""
-        nearest = nearest_baked(neighbours, ~inside)
-        alone = nearest < 0
-        nearest[alone] = np.flatnonzero(alone)
-        graph, _, cell = coarsened(neighbours, nearest, points.normals)
-        return cls(~inside | alone, points, graph, cell)
+def holes(mesh: Mesh) -> list[str]:
+    """What it means, in words, if there are edges at which more faces run one way than the other; vertices at the same
+    place are one."""
+    corners = coincident(Placement.of(mesh).vertices, mesh.faces)[mesh.faces]
+    a, b = corners.ravel(), corners[:, [1, 2, 0]].ravel()
+    edge = np.unique(np.minimum(a, b) * len(mesh.vertices) + np.maximum(a, b), return_inverse=True)[1]
+    open_edges = np.count_nonzero(np.bincount(edge, np.sign(b - a)))
+    text = "edges are open: where rays leave through holes, the mesh counts as thick"
+    return [f"{mesh.source}: {open_edges:,} {text}"] if open_edges else []
 
-    @property
-    def sources(self) -> Bools:
-        """The traced points (b,) that values are extrapolated from: the nearest ones, and their neighbours."""
-        nearest = np.zeros(len(self.graph.starts) - 1, np.bool_)
-        nearest[self.cell[~self.traced]] = True
-        sources = nearest.copy()
-        sources[self.graph.indices[np.repeat(nearest, np.diff(self.graph.starts))]] = True
-        return sources
 
-    def extrapolate(self, known: Float64s) -> Float64s:
-        """Rows (k, c) of all points, by planes that are extrapolated one edge at most: farther on, noise would grow.
+def _inside_boxes(
+    points: Float32s, own: Int64s, vertices: Float32s, part: Int64s, closed: Bools, threads: int
+) -> Int64s:
+    """Rows, ascending, of the `points` (k, 3) within the bounding box of a closed part that is not their `own` (k,).
 
-        Args: known: (b, c), the rows of the traced points, the last column their variance.
-        """
-        traced, filled = np.flatnonzero(self.traced), np.flatnonzero(~self.traced)
-        positions, valence = self.points.origins.astype(np.float64), np.diff(self.graph.starts)
-        cell, needed = self.cell[filled], np.zeros(len(traced), np.bool_)
-        needed[cell] = True
-        here, ends = np.repeat(np.flatnonzero(needed), valence[needed]), self.graph.indices[np.repeat(needed, valence)]
-        lengths = np.linalg.norm(positions[traced[ends]] - positions[traced[here]], axis=1)
-        edge = np.bincount(here, lengths, len(traced)) / np.maximum(valence, 1)
-        nearest = positions[traced[cell]]
-        away = positions[filled] - nearest
-        distance = np.maximum(np.linalg.norm(away, axis=1), 1e-30)
-        away *= np.minimum(1.0, edge[cell] / distance)[:, None]
-        moved = replace(self.points, origins=self.points.origins.copy())
-        moved.origins[filled] = nearest + away
-        rows, known = np.empty((len(positions), known.shape[1])), np.ascontiguousarray(known)
-        rows[traced], rows[filled] = known, upsample(moved, filled, self.graph, traced, self.cell, known, variances=1)
-        return rows
+    Args: points: along a curve, for speed. vertices: (n, 3). part, closed: of `closed_parts`.
+    """
+    low, high = np.full((len(closed), 3), np.inf, np.float32), np.full((len(closed), 3), -np.inf, np.float32)
+    _bound(vertices, part, low, high)
+    numbers, found = np.flatnonzero(closed), np.zeros(len(points), np.bool_)
+    work = bound(_mark_within, points, own, (numbers, low[numbers], high[numbers]), found)
+    run_blocks(len(points), _NEAR, work, threads, most=_MOST)
+    return np.flatnonzero(found)
+
+
+def _are_one(part: Int64s, faces: Int64s) -> bool:
+    of_face = part[faces[:, 0]] if part.any() else part
+    return bool((of_face == of_face[:1]).all())
+
+
+@kernel
+def _add_volumes(vertices, faces, part, volume):
+    """Six times the volume that the faces of each part bound."""
+    for f in range(len(faces)):
+        a, b, c = load_triangle(vertices, faces, f)
+        volume[part[faces[f, 0]]] += dot(a, cross(b, c))
+
+
+@kernel
+def _strike_open(corners, edges, starts, part, closed):
+    """Unset `closed` of parts that have an edge along which more faces run one way than the other.
+
+    Of the `edges`, 3 f + k begins at corners[f, k]; edges[starts[i] : starts[i + 1]] have the lower end i.
+    """
+    balance = np.zeros(len(part), np.int64)
+    for i in range(len(part)):
+        for edge in edges[starts[i] : starts[i + 1]]:
+            a, b = corners[edge // 3, edge % 3], corners[edge // 3, (edge % 3 + 1) % 3]
+            balance[max(a, b)] += np.sign(b - a)
+        for edge in edges[starts[i] : starts[i + 1]]:
+            other = max(corners[edge // 3, edge % 3], corners[edge // 3, (edge % 3 + 1) % 3])
+            if balance[other] != 0:
+                closed[part[i]] = False
+                balance[other] = 0
+
+
+@kernel
+def _bound(vertices, part, low, high):
+    """Grow the bounding box of each part to hold its vertices."""
+    for i in range(len(vertices)):
+        for axis in range(3):
+            low[part[i], axis] = min(low[part[i], axis], vertices[i, axis])
+            high[part[i], axis] = max(high[part[i], axis], vertices[i, axis])
+
+
+@kernel
+def _mark_within(points, own, parts, found, first, last):
+    """Set `found` of points in a box of `parts`, by numbers, low and high corners, other than their `own`."""
+    numbers, low, high = parts
+    near, around = np.empty(len(numbers), np.int64), np.empty((2, 3), np.float32)
+    for begin in range(first, last, _NEAR):
+        end, count = min(begin + _NEAR, last), 0
+        around[0], around[1] = np.inf, -np.inf
+        for i in range(begin, end):
+            for axis in range(3):
+                around[0, axis] = min(around[0, axis], points[i, axis])
+                around[1, axis] = max(around[1, axis], points[i, axis])
+        for k in range(len(numbers)):
+            if _meet(around[0], around[1], low[k], high[k]):
+                near[count] = k
+                count += 1
+        for i in range(begin, end):
+            for k in near[:count]:
+                if numbers[k] != own[i] and _meet(points[i], points[i], low[k], high[k]):
+                    found[i] = True
+                    break
+
+
+@inline
+def _meet(low, high, other_low, other_high):
+    """Whether two boxes have a point in common."""
+    x = low[0] <= other_high[0] and high[0] >= other_low[0]
+    y = low[1] <= other_high[1] and high[1] >= other_low[1]
+    return x and y and low[2] <= other_high[2] and high[2] >= other_low[2]

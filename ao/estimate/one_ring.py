@@ -1,10 +1,8 @@
 """The one-ring of every point, the points joined to it by an edge, and means over it that stop at creases."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import Any, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -14,9 +12,8 @@ from raytrace.kernel.jit import bound, kernel
 from raytrace.kernel.simd import load_row, multiply_add, store_row
 from raytrace.kernel.vector import add, load, scale, store, subtract
 from raytrace.system.threads import run_blocks, run_ranges
-from raytrace.types import AnyInts, Float32s, Float64s, Int32s, Int64s
+from raytrace.types import AnyInts, Float32s, Int32s, Int64s
 
-T = TypeVar("T")
 Real = TypeVar("Real", np.float32, np.float64)
 Block = Callable[[int, int], None]
 _NOTHING = 1e-6  # of weight
@@ -28,27 +25,19 @@ _PART = 1 << 11  # points for each thread: to wake one for fewer takes longer th
 
 @dataclass(frozen=True, eq=False)
 class Neighbours:
-    """The one-ring of every point.
-
-    Attributes:
-        starts: int64 (k + 1,).
-        indices: int32 (starts[k],): the neighbours of point i are indices[starts[i]:starts[i + 1]].
-        weights: float32, as `indices`: 1 for a neighbour of the same normal, half of it along an edge with one face.
-        threads: number that compute means.
-    """
+    """The one-ring of every point: the neighbours of point i are indices[starts[i]:starts[i + 1]]."""
 
     starts: Int64s
     indices: Int32s
-    weights: Float32s
+    weights: Float32s  # 1 for a neighbour of the same normal, half of it along an edge with one face
     threads: int
-    _made: list[Any] = field(default_factory=list)
 
     @classmethod
-    def of(cls, faces: AnyInts, normals: Float32s, threads: int) -> Neighbours:
+    def of(cls, faces: AnyInts, normals: Float32s, threads: int) -> Self:
         """Args: faces: (m, 3), rows of points, −1 for a corner without a point. normals: float32 (k, 3), unit."""
         count = len(normals)
         listed, ends = np.zeros(count + 1, np.int64), np.zeros(count, np.int64)
-        run_ranges(count, _PART, bound(_count_ends, faces, listed), threads)
+        run_ranges(count, _PART, bound(_list_ends, faces, listed[1:], None), threads)
         np.cumsum(listed, out=listed)
         ends[:] = listed[:-1]
         listed_ends, weights = np.empty(listed[-1], np.int32), np.empty(listed[-1], np.float32)
@@ -58,64 +47,44 @@ class Neighbours:
         rings.each(bound(_merge_edges, listed, listed_ends, weights, starts))
         np.cumsum(starts, out=starts)
         indices, merged = np.empty(starts[-1], np.int32), np.empty(starts[-1], np.float32)
-        pack = bound(_pack, listed, listed_ends, weights, starts, indices, merged)
-        weigh = bound(_weigh_by_normals, starts, indices, normals, merged)
-
-        def pack_and_weigh(first: int, last: int) -> None:
-            pack(first, last)
-            weigh(first, last)
-
-        rings.each(pack_and_weigh)
+        rings.each(
+            bound(_pack, listed, listed_ends, weights, starts, indices, merged),
+            bound(_weigh_by_normals, starts, indices, normals, merged),
+        )
         return cls(starts, indices, merged, threads)
 
     @classmethod
-    def weighted(
-        cls, starts: Int64s, indices: Int32s, weights: Float32s, normals: Float32s, threads: int
-    ) -> Neighbours:
+    def weighted(cls, starts: Int64s, indices: Int32s, weights: Float32s, normals: Float32s, threads: int) -> Self:
         """One-rings whose `weights` are lowered where the points' `normals`, float32 (k, 3), disagree."""
         rings = cls(starts, indices, weights, threads)
         rings.each(bound(_weigh_by_normals, starts, indices, normals, weights))
         return rings
 
-    def of_points(self, rows: Int64s) -> Int32s:
-        """The neighbours of the points `rows` (j,), one after another."""
-        return np.concatenate([self.indices[self.starts[i] : self.starts[i + 1]] for i in rows])
-
-    def each(self, work: Block) -> None:
-        """Call `work(first, last)` for blocks of points, on threads."""
+    def each(self, *works: Block) -> None:
+        """Call each of `works` with a first and a last point for blocks of points, on threads."""
         count = len(self.starts) - 1
+
+        def work(first: int, last: int) -> None:
+            for each in works:
+                each(first, last)
+
         run_blocks(count, _BLOCK, work, min(self.threads, count // _PART or 1), most=_MOST)
 
     @property
     def ring(self) -> tuple[Int64s, Int32s, Float32s]:
-        """`starts`, `indices` and `weights`, for kernels."""
         return self.starts, self.indices, self.weights
 
-    def once(self, make: Callable[[], T]) -> T:
-        """What `make` has returned when this was first called."""
-        if not self._made:
-            self._made.append(make())
-        found: T = self._made[0]
-        return found
-
-    def predict(self, values: npt.NDArray[Real]) -> npt.NDArray[Real]:
-        """The weighted mean of the neighbours' `values` (k,) or (k, 3), the point's own left out; NaN without any."""
-        return self.means((values, 0.0))[0]
-
     def smooth(self, values: npt.NDArray[Real], rounds: int) -> npt.NDArray[Real]:
-        """`values` averaged with the neighbours', `rounds` times: about `rounds` edges far.
-
-        Args: values: (k,), float64 (k, 3), or float32 (k, 16) as `aligned` makes it.
-        """
+        """`values`, as `means` takes them, averaged with the neighbours', `rounds` times: about so many edges far."""
         for _ in range(rounds):
             values = self.means((values, 1.0))[0]
         return values
 
     def means(self, *wanted: tuple[npt.NDArray[Any], float], then: Callable[..., Block] | None = None) -> Any:
-        """Weighted means over the neighbours of several values, all in one pass over the points.
+        """Weighted means over the neighbours of several values, NaN without any, all in one pass over the points.
 
-        Args: wanted: values as `smooth` takes them, and the weight of a point's own. then: makes of the means what is
-            called after them with a first and a last point, of which the means are there.
+        Args: wanted: values (k,), float64 (k, 3), or float32 (k, 16) as `aligned` makes it, and the weight of a point's
+            own. then: makes of the means what is called after them on blocks, whose means are there.
         """
         found, works = [], []
         for values, own in wanted:
@@ -124,53 +93,28 @@ class Neighbours:
             works.append(bound(kernel, *self.ring, np.ascontiguousarray(values), own, found[-1]))
         if then:
             works.append(then(*found))
-
-        def work(first: int, last: int) -> None:
-            for each in works:
-                each(first, last)
-
-        self.each(work)
+        self.each(*works)
         return found
-
-    def self_weight(self) -> Float64s:
-        """Weight (k,) of a point's own value in its mean with its neighbours."""
-        out = np.empty(len(self.starts) - 1)
-        self.each(bound(_self_weights, self.starts, self.weights, out))
-        return out
-
-    def smoothed_self_weight(self) -> Float64s:
-        """About the weight (k,) of a point's own value after four rounds of `smooth`, for valences from 1 to 8."""
-        weight = self.self_weight()
-        return weight * (1 + weight) / 2
-
-
-@kernel
-def _count_ends(faces, listed, first, last):
-    """Add to listed[i + 1] how many ends edges of faces have at point i."""
-    for f in range(len(faces)):
-        for k in range(3):
-            if first <= faces[f, k] < last:
-                listed[faces[f, k] + 1] += 2
 
 
 @kernel
 def _list_ends(faces, places, ends, first, last):
+    """Write ends of edges at each point from its place on, unless they are only counted, and move that past them."""
     for f in range(len(faces)):
         for k in range(3):
             i = faces[f, k]
             if first <= i < last:
-                for step in (1, 2):
-                    j = faces[f, (k + step) % 3]
-                    ends[places[i]] = -1 if i == j else j
-                    places[i] += 1
+                if ends is not None:
+                    for step in range(2):
+                        j = faces[f, (k + 1 + step) % 3]
+                        ends[places[i] + step] = -1 if i == j else j
+                places[i] += 2
 
 
 @kernel
 def _merge_edges(listed, ends, weights, counts, first, last):
     """List every neighbour once, weighted by half the number of faces at the edge to it; their number: counts[i + 1].
-
-    Those that are there are looked through; those of points with very many are found by a hash table.
-    """
+    Those that are there are looked through; those of points with very many are found by a hash table."""
     most = 0
     for i in range(first, last):
         most = max(most, listed[i + 1] - listed[i])
@@ -255,12 +199,3 @@ def _mean_lanes(starts, indices, weights, values, own, out, first, last):
             difference = multiply_add(weights[k], load_row(values, indices[k]) - centre, difference)
         share = np.float32(1.0) / weight if weight > _NOTHING else np.float32(np.nan)
         store_row(out, i, multiply_add(share, difference, centre))
-
-
-@kernel
-def _self_weights(starts, weights, out, first, last):
-    for i in range(first, last):
-        weight = 1.0
-        for k in range(starts[i], starts[i + 1]):
-            weight += weights[k]
-        out[i] = 1.0 / weight

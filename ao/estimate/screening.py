@@ -15,13 +15,13 @@ from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, W
 from .calibration import distribute_variance, shrunk_to_mean
 from .one_ring import Neighbours
-from .probes import Probes
-from .ray_budget import RATE
+from .ray_budget import RATE, Probes
+from .shrinkage import shape_of
 from .upsampling import coarsened, nearest_baked
 
 _RAYS = 0.16  # times 1/tolerance: a prediction that is 20 tolerances off differs by 4 to 6 standard deviations
 _OUTLIER, _JUMP = 2.25, 3.25  # standard deviations
-_REACH = 4  # edges over which residuals are averaged; see `Neighbours.smoothed_self_weight`
+_REACH = 4  # edges over which residuals are averaged
 _GROUP = 8  # points, about, whose squares are summed, and averaged with the sums of neighbouring groups
 _MOST = 0.36  # variance of n rays · n^RATE, where w is about one half and all of it is edges
 _TYPICAL = 0.4  # of the mean of expected squared errors in each: few rays cannot show that an error is 0
@@ -34,12 +34,7 @@ def screening_samples(tolerance: float, max_samples: int) -> int:
 
 
 class Screening:
-    """Estimates by a few rays at every predicted point.
-
-    Attributes:
-        samples: rays a point. screened: bool (k,), points with such rays. estimate: float64 (k,), w by them;
-        variance: (k,), its mean square error.
-    """
+    """Estimates of w by a few rays, `samples`, at the `screened` points (k,), and their mean square errors (k,)."""
 
     def __init__(
         self, tracer: Tracer, points: Points, neighbours: Neighbours, which: Bools, tolerance: float, probes: Probes,
@@ -51,7 +46,8 @@ class Screening:
         self.screened = which
         self.estimate[which] = rows[:, W]
         self._neighbours = neighbours
-        self._self_weights = neighbours.smoothed_self_weight()
+        weight = shape_of(neighbours, points).self_weight
+        self._self_weights = weight * (1 + weight) / 2  # about, of four rounds of `smooth`, for valences from 1 to 8
         every = np.arange(len(points))
         nearest = nearest_baked(neighbours, every % _GROUP == 0)
         self._groups, _, self._group = coarsened(neighbours, np.where(nearest < 0, every, nearest), points.normals)
@@ -75,7 +71,7 @@ class Screening:
     def correct(self, predicted: Float64s, error: Float64s, free: Bools) -> Float64s:
         """Correct the `predicted` w (k,) of points that are not baked, `free` (k,), by what residuals share.
 
-        Their expected squared `error` (k,) is raised in place where residuals show more than it.
+        Their expected squared `error` (k,) is raised where residuals show more than it.
         """
         residual = np.where(free, self.estimate - predicted, 0.0).astype(np.float32)
         shared = self._neighbours.smooth(residual, _REACH)

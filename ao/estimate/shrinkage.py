@@ -12,6 +12,7 @@ by least squares, to the whole mesh and then around each point.
 """
 
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from raytrace.types import Float64s
 from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, BENT, W
 from .calibration import distribute_variance, shrunk_to_mean
-from .one_ring import Block, Neighbours
+from .one_ring import Neighbours
 
 _REACH = 4  # edges over which squared residuals are averaged
 _FIT_REACH = 4  # and what corrections are fitted to; three for the spread between batches and what is closed around
@@ -33,55 +34,40 @@ _RIDGE, _RIDGE_POINTS = 3e-3, 10.0
 
 
 class _Shape(NamedTuple):
-    """What denoising takes from where k points lie, float64 (k,).
+    """What denoising takes from where k points lie, (k,)."""
 
-    Attributes:
-        self_weight: of a point's own value in its mean with its neighbours.
-        leverage: of its own value in the mean of its own and its neighbours' predictions.
-        rise: mean sine by which the neighbours stand above the tangent plane, less that of the neighbours, NaN without.
-    """
+    self_weight: Float64s  # of a point's own value in its mean with its neighbours
+    leverage: Float64s  # of its own value in the mean of its own and its neighbours' predictions
+    rise: Float64s  # mean sine by which the neighbours stand above the tangent plane, less theirs; NaN without any
 
-    self_weight: Float64s
-    leverage: Float64s
-    rise: Float64s
+
+_shapes: WeakKeyDictionary[Neighbours, _Shape] = WeakKeyDictionary()
 
 
 class _Fields(NamedTuple):
-    """What denoising reckons at k points, float64 (k,), but (k, 3) for `closed` and `unlike`.
+    """What denoising reckons at k points, (k,), but (k, 3) for `closed` and `unlike`."""
 
-    Attributes:
-        w, variance: estimates, and their variances; at last denoised, and the mean square errors expected of them.
-        spread: between the batches of a point.
-        closed: mean of (1 − μ)·direction. leaning: how far the normal leans to what is closed around the point.
-        unlike: how a point differs from its neighbours: in what is around these, in its leaning and in its rise.
-        prediction: of w by the neighbours, NaN without any. filled: their mean w, the point's own without any.
-        residual: of w from its prediction, 0 without any. excess: its square less the variance.
-        weight: of residuals in fits. part: that each estimate has in its own prediction.
-    """
-
-    w: Float64s
-    variance: Float64s
-    spread: Float64s
-    closed: Float64s
-    leaning: Float64s
-    unlike: Float64s
-    prediction: Float64s
-    filled: Float64s
-    residual: Float64s
-    excess: Float64s
-    weight: Float64s
-    part: Float64s
+    w: Float64s  # estimates, at last denoised
+    variance: Float64s  # of them, at last the mean square errors expected
+    spread: Float64s  # between the batches of a point
+    closed: Float64s  # mean of (1 − μ)·direction
+    leaning: Float64s  # how far the normal leans to what is closed around the point
+    unlike: Float64s  # from its neighbours: in what is around these, in its leaning and in its rise
+    prediction: Float64s  # of w by the neighbours, NaN without any
+    filled: Float64s  # their mean w, the point's own without any
+    residual: Float64s  # of w from its prediction, 0 without any
+    excess: Float64s  # its square less the variance
+    weight: Float64s  # of residuals in fits
+    part: Float64s  # that each estimate has in its own prediction
 
 
 def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float) -> tuple[Float64s, Float64s]:
     """w (k,) shrunk towards its predictions, and the mean square error expected of each, (k,).
 
-    Where all rays around a point agree, nothing is shrunk.
-
-    Args: rows: (k, COLUMNS), see `gather_hemispheres`. level: mean square error of their w.
+    Where all rays around a point agree, nothing is shrunk. Args: level: mean square error of w in `rows` (k, COLUMNS).
     """
     count, normals, means = len(points), points.normals, neighbours.means
-    shape = neighbours.once(lambda: _shape_of(neighbours, points))
+    shape = shape_of(neighbours, points)
     at = _Fields(*(np.empty((count, 3) if name in ("closed", "unlike") else count) for name in _Fields._fields))
 
     neighbours.each(bound(_begin, rows, normals, at))
@@ -89,24 +75,17 @@ def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float
         (at.w, 0.0), (at.closed, 0.0), (at.spread, 1.0),
         then=lambda mean, closed, _: bound(_compare, shape, mean, closed, at),
     )  # fmt: skip
-    _, closed, spread = means(
-        (at.filled, 1.0), (closed, 1.0), (spread, 1.0), then=lambda wide, *_: bound(_compare_rings, shape, wide, at)
-    )
+    wide, closed, spread = means((at.filled, 1.0), (closed, 1.0), (spread, 1.0))
     closed, spread = means((closed, 1.0), (spread, 1.0))
     typical = float(np.mean(spread)) if count else 0.0
 
-    def lean(closed: Float64s) -> Block:
-        turn = bound(_lean, closed, normals, at)
+    def distribute(first: int, last: int) -> None:
+        at.variance[first:last] = distribute_variance(spread[first:last], level, typical)
 
-        def work(first: int, last: int) -> None:
-            at.variance[first:last] = distribute_variance(spread[first:last], level, typical)
-            turn(first, last)
-
-        return work
-
-    means((closed, 1.0), then=lean)
-    _, excess = means((at.leaning, 0.0), (at.excess, 1.0), then=lambda mean, _: bound(_compare_leaning, mean, at))
-    means((neighbours.smooth(excess, 1), 0.0), then=lambda rough: bound(_weigh, rough, at))
+    neighbours.each(distribute)
+    means((closed, 1.0), then=lambda closed: bound(_lean, shape, wide, closed, normals, at))
+    leaning, excess = means((at.leaning, 0.0), (at.excess, 1.0))
+    means((neighbours.smooth(excess, 1), 0.0), then=lambda rough: bound(_weigh, leaning, rough, at))
     coefficients, size = _ridge_regression(at.unlike, at.residual, at.weight)
     moments = aligned((count, WIDE), np.float32)
     neighbours.each(bound(_normal_equations, coefficients, size, at, moments))
@@ -117,11 +96,14 @@ def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float
     return at.w, shrunk_to_mean(at.variance)
 
 
-def _shape_of(neighbours: Neighbours, points: Points) -> _Shape:
-    ring, shape = neighbours.ring, _Shape(*(np.empty(len(points)) for _ in _Shape._fields))
-    neighbours.each(bound(_measure, ring, points.origins, points.normals, shape))
-    (rise,) = neighbours.means((shape.rise, 0.0), then=lambda mean: bound(_compare_shapes, ring, shape, mean))
-    return shape._replace(rise=rise)
+def shape_of(neighbours: Neighbours, points: Points) -> _Shape:
+    """Where points lie among their neighbours, measured once for the same ones."""
+    if neighbours not in _shapes:
+        ring, shape = neighbours.ring, _Shape(*(np.empty(len(points)) for _ in _Shape._fields))
+        neighbours.each(bound(_measure, ring, points.origins, points.normals, shape))
+        (rise,) = neighbours.means((shape.rise, 0.0), then=lambda mean: bound(_compare_shapes, ring, shape, mean))
+        _shapes[neighbours] = shape._replace(rise=rise)
+    return _shapes[neighbours]
 
 
 @kernel
@@ -181,40 +163,28 @@ def _compare(shape, mean, closed, at, first, last):
 
 
 @kernel
-def _compare_rings(shape, wide, at, first, last):
-    """Compare the mean of the neighbours with that of their neighbours, from which the point's own w is taken out."""
+def _lean(shape, wide, closed, normals, at, first, last):
+    """Compare the mean of the neighbours with that of their neighbours, `wide`, from which the point's own w is taken
+    out; fill in `leaning`."""
     shape, at = borrow(shape), borrow(at)
     for i in range(first, last):
         leverage = shape.leverage[i]
         beside = (wide[i] - leverage * at.w[i]) / (1.0 - leverage) - at.filled[i]
         at.unlike[i, 0] = 0.0 if np.isnan(at.prediction[i]) else beside
-
-
-@kernel
-def _lean(closed, normals, at, first, last):
-    for i in range(first, last):
         c, n = load(closed, i), load(normals, i)
         at.leaning[i] = c[0] * n[0] + c[2] * n[2] + c[1] * n[1]
         at.excess[i] = at.residual[i] ** 2 - at.variance[i]
 
 
 @kernel
-def _compare_leaning(mean, at, first, last):
+def _weigh(leaning, rough, at, first, last):
     for i in range(first, last):
-        at.unlike[i, 1] = 0.0 if np.isnan(at.prediction[i]) else at.leaning[i] - mean[i]
-
-
-@kernel
-def _weigh(rough, at, first, last):
-    for i in range(first, last):
+        at.unlike[i, 1] = 0.0 if np.isnan(at.prediction[i]) else at.leaning[i] - leaning[i]
         at.weight[i] = 1.0 / max(at.variance[i] + (0.0 if np.isnan(rough[i]) else max(rough[i], 0.0)), 1e-12)
 
 
 def _ridge_regression(columns: Float64s, target: Float64s, weight: Float64s) -> tuple[Float64s, Float64s]:
-    """Coefficients (3,) of weighted ridge regression, near 0 where few points or like columns leave them open.
-
-    Also the root mean squares (3,) of the weighted columns, 1 instead of 0.
-    """
+    """Coefficients (3,), near 0 where few points or like columns leave them open; root mean squares (3,) of columns."""
     matrix, right = np.zeros((3, 3)), np.zeros(3)
     _sum_moments(columns, target, weight, matrix, right)
     size = np.sqrt(np.diag(matrix))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from raytrace.mesh.mesh import Mesh
 from raytrace.types import Bools, Float64s, Int64s
 
 from ..execute.tracer import Tracer
@@ -17,9 +18,9 @@ from ..options import Options
 from ..points.points import Points
 from ..rays.gather import BENT, COLUMNS, VALUES, W
 from .calibration import Calibration, calibration_factor
+from .inside import holes
 from .one_ring import Neighbours
-from .probes import Probes, derive
-from .ray_budget import ADDED, COARSEST, MET, Baked, Cells, cheapest, halve_strides, variance_factor, work
+from .ray_budget import ADDED, COARSEST, MET, Probes, cheapest, derive, halve_strides, variance_factor, work
 from .screening import Screening, screening_samples
 from .shrinkage import denoise
 from .upsampling import coarsened, nearest_baked, upsample
@@ -37,35 +38,27 @@ class ToleranceWarning(UserWarning):
     """A bake's estimated error exceeds the tolerance asked for."""
 
 
-def shortfall(options: Options, rmse: float, samples: int, each: str) -> str | None:
-    """How an estimated error exceeds the tolerance, in words, which are also a warning; None if it does not.
-
-    Args: samples: rays that each point, of the sort `each`, got.
-    """
-    if options.tolerance is None or rmse <= options.tolerance:
-        return None
-    reason = f": {samples:,} rays a {each} were allowed" if samples >= options.rays else ""
-    text = f"tolerance {options.tolerance:g} is not met, the estimated RMSE is {rmse:.3g}{reason}"
-    warnings.warn(text, ToleranceWarning, stacklevel=5)  # whoever called the Python face, which two decorators wrap
-    return text
+def shortfalls(options: Options, rmse: float, samples: int, each: str, solid: Mesh) -> tuple[str, ...]:
+    """How a bake with `samples` rays at `each` point falls short of what was asked for, in words, a tolerance in a
+    warning, too; and what rays in a solid with holes mean for its thickness."""
+    found = []
+    if options.tolerance is not None and rmse > options.tolerance:
+        reason = f": {samples:,} rays a {each} were allowed" if samples >= options.rays else ""
+        found = [f"tolerance {options.tolerance:g} is not met, the estimated RMSE is {rmse:.3g}{reason}"]
+        warnings.warn(found[0], ToleranceWarning, stacklevel=5)  # whoever called the face, which two decorators wrap
+    return (*found, *holes(solid)) if options.thickness else tuple(found)
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Values of points, and their errors.
+    """Values of points, and their errors."""
 
-    Attributes:
-        rows: float64 (k, 4), w and the mean of μ·direction (x, y, z). variance: (k,), mean square error of w expected.
-        samples: rays of a baked point. predicted: number of points that were not baked; screened: rays of each.
-        calibration: of the variances, at some of the points.
-    """
-
-    rows: Float64s
-    variance: Float64s
-    samples: int
-    predicted: int
-    screened: int = 0
-    calibration: Calibration | None = None
+    rows: Float64s  # (k, 4), w and the mean of μ·direction (x, y, z)
+    variance: Float64s  # (k,), mean square error of w expected
+    samples: int  # rays of a baked point
+    predicted: int  # number of points that were not baked
+    screened: int = 0  # rays of each of them
+    calibration: Calibration | None = None  # of the variances, at some of the points
 
     def skipped(self, hidden: int) -> dict[str, int]:
         """Rays not traced, by reason. Args: hidden: number of points inside solids."""
@@ -76,10 +69,7 @@ def estimate_to(
     tracer: Tracer, points: Points, neighbours: Neighbours, tolerance: float, max_samples: int, key: np.uint32
 ) -> Estimate:
     """Estimates whose root mean square error over all points is `tolerance`, if `max_samples` rays a point allow it."""
-    aim = _AIM * tolerance
-    probes = Probes(tracer, points, neighbours, aim, max_samples, key)
-    tracer.expected = tracer.rays + probes.samples * len(points)  # the most, if no point can be predicted
-    field = _Field(tracer, points, neighbours, probes, aim, key)
+    field = _Field(tracer, points, neighbours, tolerance, max_samples, key)
     field.bake_coarsely()
     field.refine(max_samples)
     return field.estimate()
@@ -90,19 +80,20 @@ class _Field:
 
     Attributes:
         baked: bool (k,). nearest, graph, baked_rows, cell: `nearest_baked` and `coarsened` of the baked points.
-        rows: (k, COLUMNS), by rays.
-        values: (b, 4), the baked points' reconstructed w and means of μ·direction.
-        w: (k,), of all points; error: (k,), its expected square error; mse: mean of `error`.
-        outliers: bool (k,), points not baked whose w is to be traced, see `Screening.outliers`.
+        rows: (k, COLUMNS), by rays. values: (b, 4), the baked points' reconstructed w and means of μ·direction.
+        w: (k,), of all points. error: (k,), its expected square error; mse: their mean. outliers: see `Screening`.
         samples: rays of a baked point; noise: mean square error of its w by rays alone.
         stride: int64 (k,), the distance along the curve between baked points around each point, outliers left out.
     """
 
     def __init__(
-        self, tracer: Tracer, points: Points, neighbours: Neighbours, probes: Probes, aim: float, key: np.uint32
+        self, tracer: Tracer, points: Points, neighbours: Neighbours, tolerance: float, max_samples: int, key: np.uint32
     ) -> None:
-        self.tracer, self.points, self.neighbours, self.probes, self.key = tracer, points, neighbours, probes, key
-        self.aim, self.goal, self.tolerance = aim, aim**2, aim / _AIM
+        self.tracer, self.points, self.neighbours, self.key = tracer, points, neighbours, key
+        self.aim = _AIM * tolerance
+        self.goal, self.tolerance = self.aim**2, self.aim / _AIM
+        self.probes = probes = Probes(tracer, points, neighbours, self.aim, max_samples, key)
+        tracer.expected = tracer.rays + probes.samples * len(points)  # the most, if no point can be predicted
         self.samples, self.noise = probes.samples, probes.variance
         self.screening: Screening | None = None
         stride = 1 if probes.all_baked else COARSEST
@@ -151,13 +142,15 @@ class _Field:
             few = np.count_nonzero(chosen) <= _LEFT * len(self.points)
             if self.mse > MET * self.goal and few:
                 halvings, added = self._halvings(self.goal)
-                error = float(np.mean(self.error[self.baked]))
-                baked = Baked(int(np.count_nonzero(self.baked)), self.samples, self.noise, error)
-                effort, more, cells = cheapest(self._cells(), baked, max_samples, self.goal)
+                errors, baked = (self.noise, float(np.mean(self.error[self.baked]))), len(self.baked_rows)
+                effort, more, cells = cheapest(*self._cells(), baked, self.samples, errors, max_samples, self.goal)
                 if more and not 0 < added * work(self.samples) <= effort:
-                    doubtful = ~self.baked & cells[self.cell]
-                    self._deepen(more)
-                    chosen |= doubtful
+                    chosen |= ~self.baked & cells[self.cell]
+                    kept, key = variance_factor(self.samples, more), derive(self.key, 5 + self.samples)
+                    rows = self.tracer.gather(self.points[self.baked], more, key)
+                    self.rows[self.baked] += (1 - kept) * (rows - self.rows[self.baked])
+                    self.noise *= kept
+                    self.samples += more
                 elif added > 0:
                     chosen |= self._halve(halvings)
                 else:
@@ -174,7 +167,7 @@ class _Field:
         raw = self.rows[self.baked_rows]
         denoised, error = denoise(self.graph, self.points[self.baked_rows], raw, self.noise)
         self.values = np.column_stack([denoised, raw[:, BENT:]])
-        residual = np.nan_to_num(raw[:, W] - self.graph.predict(raw[:, W])) ** 2
+        residual = np.nan_to_num(raw[:, W] - self.graph.means((raw[:, W], 0.0))[0]) ** 2
         jump = np.inf if self.screening else (_JUMP * self.aim) ** 2
         between = np.maximum(self.graph.smooth(np.minimum(residual, jump), 2), error)
         self.error = np.where(self.baked, error[self.cell], between[self.cell])
@@ -213,22 +206,18 @@ class _Field:
         self.stride = np.maximum(self.stride >> halvings[self.cell], 1)
         return ~self.baked & (np.arange(len(self.points)) % self.stride == 0)
 
-    def _cells(self) -> Cells:
-        return Cells.of(self.cell, self.error, self.baked)
+    def _cells(self) -> tuple[Float64s, Float64s]:
+        """Mean squared error (b,) of the points of each cell that are predicted, and their number (b,)."""
+        count: Float64s = np.bincount(self.cell).astype(np.float64) - 1
+        total = np.bincount(self.cell, np.where(self.baked, 0.0, self.error)).astype(np.float64, copy=False)
+        return total / np.maximum(count, 1.0), count
 
     def _halvings(self, goal: float) -> tuple[Int64s, float]:
         """`halve_strides` for a mean square error of `goal`."""
-        cells, spent = self._cells(), float(np.sum(self.error[self.baked]))
-        stride = np.bincount(self.cell, np.where(self.baked, 0, self.stride)) / np.maximum(cells.points, 1)
+        (error, count), spent = self._cells(), float(np.sum(self.error[self.baked]))
+        stride = np.bincount(self.cell, np.where(self.baked, 0, self.stride)) / np.maximum(count, 1)
         added_error = min(spent / len(self.baked_rows), ADDED * self.goal)
-        return halve_strides(cells, np.maximum(stride, 1), added_error, goal * len(self.points) - spent)
-
-    def _deepen(self, more: int) -> None:
-        rows = self.tracer.gather(self.points[self.baked], more, derive(self.key, 5 + self.samples))
-        kept = variance_factor(self.samples, more)
-        self.rows[self.baked] += (1 - kept) * (rows - self.rows[self.baked])
-        self.noise *= kept
-        self.samples += more
+        return halve_strides(error, count, np.maximum(stride, 1), added_error, goal * len(self.points) - spent)
 
     def estimate(self) -> Estimate:
         """The estimate of all points; the few outliers that are left are traced, and not denoised."""

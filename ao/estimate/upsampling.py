@@ -5,7 +5,7 @@ neighbours. A point between baked points is predicted by the plane through the v
 neighbours (weighted least squares over the tangent plane): linear functions over a plane are predicted exactly.
 """
 
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,9 +25,9 @@ _MOST = 32  # baked points that a prediction looks at
 def nearest_baked(neighbours: Neighbours, baked: Bools) -> Int64s:
     """The nearest of the `baked` points (k,) to each point, by number of edges; −1 where no path leads to one."""
     nearest = np.where(baked, np.arange(len(baked)), -1)
-    queue = np.empty(len(baked), np.int64)
-    queue[: np.count_nonzero(baked)] = np.flatnonzero(baked)
-    _flood(neighbours.starts, neighbours.indices, nearest, queue, int(np.count_nonzero(baked)))
+    queue, first = np.empty(len(baked), np.int64), np.flatnonzero(baked)
+    queue[: len(first)] = first
+    _flood(neighbours.starts, neighbours.indices, nearest, queue, len(first))
     return nearest
 
 
@@ -58,20 +58,11 @@ def coarsened(neighbours: Neighbours, nearest: Int64s, normals: Float32s) -> tup
         return neighbours, baked, cell
     starts = np.zeros(len(baked) + 1, np.int64)
     members, _ = counting_sort(cell, len(baked))
-    indices = np.empty(_crossings(neighbours.starts, neighbours.indices, cell), np.int32)
+    indices = np.empty(len(neighbours.indices), np.int32)  # more than there are
     _adjacent(neighbours.starts, neighbours.indices, cell, members, starts, indices)
     indices = indices[: starts[-1]].copy()
     alike = np.ones(len(indices), np.float32)
     return Neighbours.weighted(starts, indices, alike, normals[baked], neighbours.threads), baked, cell
-
-
-@kernel
-def _crossings(starts, indices, cell):
-    count = 0
-    for i in range(len(cell)):
-        for k in range(starts[i], starts[i + 1]):
-            count += indices[k] >= 0 and cell[indices[k]] != cell[i]
-    return count
 
 
 @kernel
@@ -96,12 +87,10 @@ def upsample(
 ) -> Float64s:
     """Values (j, c) at the points `wanted` (j,) from the baked points' values (b, c), which stay as they are.
 
-    Args:
-        graph, baked, cell: as `coarsened` gives them.
-        variances: number of columns, the last ones, that are variances of independent values.
+    Args: graph, baked, cell: as `coarsened` gives them. variances: how many of the last columns are variances.
     """
     cells, out = cell[wanted], np.empty((len(wanted), values.shape[1]))
-    arrays = _BakedPoints(baked, graph.starts, graph.indices)
+    arrays = baked, graph.starts, graph.indices
 
     def work(first: int, last: int) -> None:
         scratch = np.empty((_MOST, 4))
@@ -112,46 +101,63 @@ def upsample(
     return out
 
 
-class _BakedPoints(NamedTuple):
-    """Attributes: rows: int64 (b,), of the baked points. starts, indices: their `Neighbours`."""
+def extrapolate(
+    points: Points, wanted: Int64s, graph: Neighbours, baked: Int64s, cell: Int32s, values: Float64s
+) -> Float64s:
+    """`upsample` to the points `wanted`, with the others' own values (k, c): past the outermost baked points.
 
-    rows: Int64s
-    starts: Int64s
-    indices: Int32s
+    Planes are extrapolated one edge at most: farther on, noise would grow. Args: values: the last column is a variance.
+    """
+    positions, valence = points.origins.astype(np.float64), np.diff(graph.starts)
+    own, needed = cell[wanted], np.zeros(len(baked), np.bool_)
+    needed[own] = True
+    here, ends = np.repeat(np.flatnonzero(needed), valence[needed]), graph.indices[np.repeat(needed, valence)]
+    lengths = np.linalg.norm(positions[baked[ends]] - positions[baked[here]], axis=1)
+    edge = np.bincount(here, lengths, len(baked)) / np.maximum(valence, 1)
+    nearest = positions[baked[own]]
+    away = positions[wanted] - nearest
+    distance = np.maximum(np.linalg.norm(away, axis=1), 1e-30)
+    away *= np.minimum(1.0, edge[own] / distance)[:, None]
+    moved = replace(points, origins=points.origins.copy())
+    moved.origins[wanted] = nearest + away
+    rows, values = np.empty((len(positions), values.shape[1])), np.ascontiguousarray(values)
+    rows[baked], rows[wanted] = values, upsample(moved, wanted, graph, baked, cell, values, variances=1)
+    return rows
 
 
 @kernel
 def _upsample(points, graph, wanted, cell, values, plain, scratch, out):
-    """Write values at the points `wanted` (j,) of cells `cell` (j,); the columns from `plain` on are variances."""
+    """Write values at the points `wanted` (j,) of cells `cell` (j,); the columns from `plain` on are variances.
+
+    Args: graph: the baked points' rows, `starts` and `indices`.
+    """
     points, graph = borrow(points), borrow(graph)
+    baked, starts, indices = graph
     wanted, cell, values, scratch, out = borrow(wanted), borrow(cell), borrow(values), borrow(scratch), borrow(out)
     for row in range(len(wanted)):
         o = cell[row]
-        if graph.rows[o] == wanted[row]:
+        if baked[o] == wanted[row]:
             for column in range(values.shape[1]):
                 out[row, column] = values[o, column]
             continue
         count, spread = _relative_positions(points, graph, wanted[row], o, scratch)
-        _weigh_in_tangent_plane(points.normals[wanted[row]], spread, scratch[:count])
-        own = _weigh_plane_fit(scratch[:count])
+        own = _weigh_plane_fit(points.normals[wanted[row]], spread, scratch[:count])
         for column in range(values.shape[1]):
             total = 0.0
             for k in range(1, count):
-                value, q = values[graph.indices[graph.starts[o] + k - 1], column], scratch[k, 3]
+                value, q = values[indices[starts[o] + k - 1], column], scratch[k, 3]
                 total += q * (value - values[o, column]) if column < plain else q * q * value
             out[row, column] = total + values[o, column] * (1.0 if column < plain else own * own)
 
 
 @inline
 def _relative_positions(points, graph, i, o, samples):
-    """Positions relative to point i, and weights by normals, of baked point o and its neighbours: rows of `samples`.
-
-    Returns: their number, and the mean of their squared distances.
-    """
-    origins, normals, starts = points.origins, points.normals, graph.starts
+    """Set rows of `samples` to positions relative to point i, and weights by normals, of baked point o and its
+    neighbours; their number, and the mean of their squared distances."""
+    origins, normals, (baked, starts, indices) = points.origins, points.normals, graph
     count, spread = 0, 0.0
     for k in range(starts[o] - 1, min(starts[o + 1], starts[o] + _MOST - 1)):
-        c = graph.rows[o if k < starts[o] else graph.indices[k]]
+        c = baked[o if k < starts[o] else indices[k]]
         cosine, squared = 0.0, 0.0
         for axis in range(3):
             d = np.float64(origins[c, axis]) - origins[i, axis]
@@ -165,28 +171,19 @@ def _relative_positions(points, graph, i, o, samples):
 
 
 @inline
-def _weigh_in_tangent_plane(n, spread, samples):
-    """Turn positions x, y, z into coordinates u, v in the plane across n, and lower weights with distance."""
+def _weigh_plane_fit(n, spread, samples):
+    """Turn positions and weights by normals into weights of samples in the value at 0 of the plane fitted to them over
+    coordinates u, v across n; the first one's weight."""
     tx, ty, tz = (0.0, n[2], -n[1]) if abs(n[0]) < 0.6 else (-n[2], 0.0, n[0])
     length = np.sqrt(tx * tx + ty * ty + tz * tz)
     tx, ty, tz = tx / length, ty / length, tz / length
     bx, by, bz = n[1] * tz - n[2] * ty, n[2] * tx - n[0] * tz, n[0] * ty - n[1] * tx
-    for k in range(len(samples)):
-        x, y, z = samples[k, 0], samples[k, 1], samples[k, 2]
-        samples[k, 0] = (x * tx + y * ty + z * tz) / np.sqrt(spread)
-        samples[k, 1] = (x * bx + y * by + z * bz) / np.sqrt(spread)
-        samples[k, 3] /= (0.1 + (x * x + y * y + z * z) / spread) ** 2
-
-
-@inline
-def _weigh_plane_fit(samples):
-    """Turn weights w of samples at (u, v) into their weights in the fitted plane's value at (0, 0).
-
-    Returns: the first sample's weight.
-    """
     s0 = su = sv = suu = suv = svv = 0.0
     for k in range(len(samples)):
-        u, v, w = samples[k, 0], samples[k, 1], samples[k, 3]
+        x, y, z = samples[k, 0], samples[k, 1], samples[k, 2]
+        u, v = (x * tx + y * ty + z * tz) / np.sqrt(spread), (x * bx + y * by + z * bz) / np.sqrt(spread)
+        w = samples[k, 3] / (0.1 + (x * x + y * y + z * z) / spread) ** 2
+        samples[k, 0], samples[k, 1], samples[k, 3] = u, v, w
         s0 += w
         su += w * u
         sv += w * v

@@ -20,7 +20,7 @@ from raytrace.types import Bools, Float64s
 from ..points.receivers import Receivers
 from ..rays.ray_scene import RayScene
 from .journal import IDENTITY, Block, Journal, record
-from .work import Advance, FillSpans, NamedWork, Tables, Work, fill_spans, machine
+from .work import Advance, FillSpans, Tables, Work, fill_spans, machine
 
 _MOST_WAITING = 1 << 25  # bytes that are written at once, due or not
 
@@ -71,7 +71,11 @@ class Checkpoint:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
         if kind is None:
-            self._remove()
+            if self._journal is None and self._left_over:
+                with suppress(OSError):
+                    self._journal = Journal(self.path, create=False)
+            if self._journal:
+                self._journal.remove()
             return
         if self._journal or time.monotonic() >= self._due:
             self._write()
@@ -106,16 +110,17 @@ class Checkpoint:
         if found and found.identity == self._identity:
             self.notify(f"{self.path}: left by an interrupted run; --resume would continue it; starting over")
 
-    def fill(self, work: NamedWork, scene: RayScene, tables: Tables, threads: int, advance: Advance) -> None:
-        """Make all rows of `work`, or take those that are kept.
+    def fill(self, name: bytes, work: Work, scene: RayScene, threads: int, advance: Advance) -> Tables:
+        """All rows of `work`: those that are kept, and the others made.
 
-        Args: tables: of `work.tables`, contiguous, written. advance: called with numbers of finished rows.
+        Args: name: 16 bytes that no other work in the same bake has. advance: called with numbers of rows.
         """
-        name = work.name
+        tables = work.tables()
         wanted = self.choose(work, ~self.restored(name, tables))
 
         def finished(first: int, last: int) -> None:
-            self.put(name, first, last, tables)
+            if not self._given_up:
+                self.put((name, first, last), b"".join(table[first:last].tobytes() for table in tables))
             advance(last - first)
 
         if done := len(work) - int(np.count_nonzero(wanted)):
@@ -124,6 +129,7 @@ class Checkpoint:
             edges = np.flatnonzero(np.diff(wanted, prepend=False, append=False)).tolist()
             spans = list(zip(edges[::2], edges[1::2], strict=True))
             self.fill_spans(work, scene, spans, tables, threads, finished)
+        return tables
 
     def choose(self, work: Work, missing: Bools) -> Bools:
         """Which of the `missing` rows, bool (k,), are to be made here: all."""
@@ -138,11 +144,6 @@ class Checkpoint:
                     restore(block, self._journal.content(block), tables, taken)
         return taken
 
-    def put(self, name: bytes, first: int, last: int, tables: Tables) -> None:
-        """Keep the rows from a first to a last one of the work of this name; written when it is time to, or much."""
-        if not self._given_up:
-            self._put((name, first, last), b"".join(table[first:last].tobytes() for table in tables))
-
     def all_traced(self) -> None:
         """No more rows will be asked for."""
 
@@ -153,10 +154,11 @@ class Checkpoint:
             return np.frombuffer(self._journal.content(block))
         values = compute()
         if not self._given_up:
-            self._put(block, values.tobytes())
+            self.put(block, values.tobytes())
         return values
 
-    def _put(self, block: Block, content: bytes) -> None:
+    def put(self, block: Block, content: bytes) -> None:
+        """Keep a block; written when it is time to, or much."""
         self._pending.append(record(block, content))
         if time.monotonic() >= self._due or sum(map(len, self._pending)) >= _MOST_WAITING:
             self._write()
@@ -179,13 +181,6 @@ class Checkpoint:
         self._given_up = True
         self._pending.clear()
         self.notify(f"{reason}; going on without checkpoints")
-
-    def _remove(self) -> None:
-        if self._journal is None and self._left_over:
-            with suppress(OSError):
-                self._journal = Journal(self.path, create=False)
-        if self._journal:
-            self._journal.remove()
 
 
 NOTHING_KEPT = Checkpoint(None)

@@ -34,13 +34,10 @@ def record(block: Block, content: bytes) -> bytes:
 class Journal:
     """An open journal, locked against other processes until it is closed or the process ends, however it ends.
 
-    Attributes:
-        path: the file. identity: what it belongs to, 32 bytes, or None if it has no header yet.
-        blocks: of each (call of 16 bytes, first row, last row), where its content begins in the file, and its bytes.
+    Attributes: identity: what it belongs to, 32 bytes, or None if it has no header yet. blocks: of each (call of 16
+        bytes, first row, last row), where its content begins in the file, and its bytes.
 
-    Raises:
-        OutputError: another process holds it, or it is a file of something else.
-        OSError: the file cannot be opened or read.
+    Raises: OutputError: another process holds it, or it is of something else. OSError: it cannot be opened or read.
     """
 
     def __init__(self, path: Path, create: bool) -> None:
@@ -57,7 +54,9 @@ class Journal:
         """Learn what is in the file, up to the first incomplete record."""
         head = self._file.read(len(MAGIC) + IDENTITY)
         self.identity = head[len(MAGIC) :] if head.startswith(MAGIC) and len(head) == len(MAGIC) + IDENTITY else None
-        if self.identity is None and not self._is_torn(head):
+        begun = head.startswith(MAGIC) or MAGIC.startswith(head.rstrip(b"\0"))
+        rest = iter(lambda: self._file.read(1 << 20), b"")
+        if self.identity is None and not (begun and not any(chunk.strip(b"\0") for chunk in rest)):  # torn by a crash
             raise OutputError(f"{self.path}: content: expected the journal of a bake or no such file, got another file")
         self._end = self._file.tell() if self.identity else 0
         while self.identity and len(start := self._file.read(_RECORD.size)) == _RECORD.size:
@@ -69,11 +68,6 @@ class Journal:
                 break
             self.blocks[call, first, last] = self._end + _RECORD.size, size
             self._end = self._file.tell()
-
-    def _is_torn(self, head: bytes) -> bool:
-        """Whether a file without a whole header may be a journal's: nothing but the begin of one, and zeros."""
-        begun = head.startswith(MAGIC) or MAGIC.startswith(head.rstrip(b"\0"))
-        return begun and not any(chunk.strip(b"\0") for chunk in iter(lambda: self._file.read(1 << 20), b""))
 
     def start(self, identity: bytes) -> None:
         """Empty the file and make it the journal of `identity`."""

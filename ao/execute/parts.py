@@ -49,18 +49,12 @@ def digest_of(placement: Placement, receivers: Receivers) -> str:
 class ShardCheckpoint(Checkpoint):
     """A checkpoint that traces one of several parts of a bake and keeps its journal, for `Merge`.
 
-    The bake raises `PartTraced` when its rays are traced. What an earlier run of the same part has traced is kept.
+    The bake raises `PartTraced` when its `rays` are traced, those by an earlier run of the same part among them.
 
-    Args:
-        folder: where the journal is kept. number, of: which part, from 1, of how many.
-        description: what is baked, as JSON-ready values, for who merges the parts.
-        notify: called with a line for the user.
+    Args: number, of: which part, from 1, of how many. description: what is baked, JSON-ready, for who merges the parts.
 
-    Attributes: rays: how many this part has traced, by an earlier run too.
-
-    Raises, in the bake:
-        InputError: the folder has this part of another bake.
-        OutputError: the journal cannot be written, another process is at work on it, or it is some other file.
+    Raises, in the bake: InputError: the folder has this part of another bake. OutputError: the journal cannot be
+        written, another process is at work on it, or it is some other file.
     """
 
     partial = True
@@ -104,17 +98,12 @@ class ShardCheckpoint(Checkpoint):
 
 
 class PartFile(NamedTuple):
-    """A part as it lies on the disk.
-
-    Attributes:
-        path: of its journal. identity: of the bake. description: what `ShardCheckpoint` was given, and what it added.
-        blocks: where rows lie in the file.
-    """
+    """A part as it lies on the disk."""
 
     path: Path
-    identity: bytes
-    description: dict[str, Any]
-    blocks: dict[Block, tuple[int, int]]
+    identity: bytes  # of the bake
+    description: dict[str, Any]  # what `ShardCheckpoint` was given, and what it added
+    blocks: dict[Block, tuple[int, int]]  # where rows lie in the file
 
     @property
     def facts(self) -> dict[str, str]:
@@ -170,12 +159,7 @@ def _read(path: Path) -> PartFile:
 
 
 class Merge(Checkpoint):
-    """The checkpoint of a bake whose rows were all traced in parts.
-
-    Args: parts: from `read_parts`.
-
-    Raises, in the bake: InputError: the parts are of another bake.
-    """
+    """The checkpoint of a bake whose rows were all traced in parts. Raises: InputError: they are of another bake."""
 
     def __init__(self, parts: list[PartFile]) -> None:
         super().__init__(None)

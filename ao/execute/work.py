@@ -25,16 +25,15 @@ _MOST_RAYS = 1 << 17  # of blocks made at once: what Ctrl-C waits for
 
 
 class Work(Protocol):
-    """Rows to be made by tracing rays in a scene of its sort. Each is the same whichever others are made with it.
-
-    Attributes: rays: of a row, about. block_rays: of the rows that a thread makes at once, at least.
-    """
+    """Rows to be made by tracing rays in a scene of its sort. Each is the same whichever others are made with it."""
 
     @property
-    def rays(self) -> float: ...
+    def rays(self) -> float:
+        """Of a row, about."""
 
     @property
-    def block_rays(self) -> int: ...
+    def block_rays(self) -> int:
+        """Of the rows that a thread makes at once, at least."""
 
     def __len__(self) -> int: ...
 
@@ -46,13 +45,6 @@ class Work(Protocol):
 
     def writer(self, scene: Any, tables: Tables) -> Callable[[int, int], None]:
         """A function that writes the rows from a first one to a last one, to be called from any thread."""
-
-
-class NamedWork(Work, Protocol):
-    """Work whose rows can be kept. Attributes: name: 16 bytes that no other work in the same bake has."""
-
-    @property
-    def name(self) -> bytes: ...
 
 
 def fill(work: Work, scene: Any, threads: int) -> Tables:

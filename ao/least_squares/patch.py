@@ -154,7 +154,6 @@ def gather_moments(prepared: Prepared, patch: Patch, total: int) -> tuple[Float6
     faces, mu = (patch.corners, patch.normals, patch.axes), prepared.mu.in_render_space(placement.scale)
     spread = Samples.spread(patch.areas * patch.cover, count, shift)
     work = Moments(faces, spread, patch.face_points, rays, count, key, mu, placement.diagonal)
-    moments, counts = tables = work.tables()
     done = 0
 
     def advance(finished: int) -> None:
@@ -163,7 +162,7 @@ def gather_moments(prepared: Prepared, patch: Patch, total: int) -> tuple[Float6
         if progress:
             progress(count * rays * done // len(work), count * rays)
 
-    prepared.checkpoint.fill(work, prepared.scene, tables, prepared.threads, advance)
+    moments, counts = prepared.checkpoint.fill(work.name, work, prepared.scene, prepared.threads, advance)
     seen = np.zeros(patch.unknowns, np.bool_)
     seen[patch.face_points[counts[:, SEEN] > 0]] = True
     moments[~seen[patch.face_points].any(axis=1)] /= HIDDEN

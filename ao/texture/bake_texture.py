@@ -1,7 +1,7 @@
 """`ao.bake_texture`: a mesh with texture coordinates in, w of every texel out."""
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, partial
 from typing import Annotated, Any
 
@@ -14,9 +14,8 @@ from raytrace.mesh.opacity import opacity_bytes
 from raytrace.system.checks import check_memory
 
 from ..declared import Option, taking
-from ..estimate.closed_parts import holes
 from ..estimate.estimate import estimate
-from ..estimate.tolerance import Estimate, shortfall
+from ..estimate.tolerance import Estimate, shortfalls
 from ..memory import column_bytes, texture_bytes
 from ..options import TextureOptions
 from ..points.corners import CornerSamples
@@ -103,7 +102,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     neighbours = cache(lambda: texel_neighbours(shown, texels, prepared.placement.diagonal, prepared.threads))
 
     def by_falloff() -> Estimate:
-        return estimate(tracer, texels.first_points, CornerSamples.none(), lambda _: neighbours(), prepared.target)
+        return estimate(tracer, texels.first_points, CornerSamples.none(), lambda _: neighbours(), prepared.options)
 
     estimated, *others = tracer.each_column(by_falloff)
     neighbours.cache_clear()
@@ -118,7 +117,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     mirrored = layout.mirrored
     if options.thickness and high is None:
         mirrored = int(np.count_nonzero(on_page(corners))) - layout.flat - mirrored
-    baked = BakedTexture(
+    return BakedTexture(
         w=w,
         error=error,
         bent_normals=bent_normals,
@@ -135,6 +134,5 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
         mu=prepared.mu,
         calibration=estimated.calibration,
         **of_columns(prepared, [np.stack(each, axis=-1) for each in zip(*more, strict=True)]),
+        shortfalls=shortfalls(options, max(rmses), estimated.samples, "texel", solid),
     )  # fmt: skip
-    short = shortfall(options, max(rmses), estimated.samples, "texel"), holes(solid) if options.thickness else None
-    return replace(baked, shortfalls=tuple(filter(None, short)))

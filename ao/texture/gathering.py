@@ -27,7 +27,7 @@ class TexelTracer(Tracer):
 
     texels: Texels = field(kw_only=True)
 
-    def _trace(self, points: Points, samples: int, key: np.uint32) -> Float64s:
+    def _trace(self, points: Points, samples: int, key: np.uint32, leap: int = 1) -> Float64s:
         """Rows (k, …, COLUMNS) of texels, by `samples` rays each or a few more."""
         texels = points.numbers.astype(np.int64)
         counts, out = self.texels.counts[texels], np.empty((len(points), *self.mu.shape, COLUMNS))
@@ -53,7 +53,7 @@ class TexelTracer(Tracer):
 
         run_blocks(len(rows), _BLOCK, pick, self.threads, most=_SHARE)
         table = self.scene.table(rays, self.total_points, key, slots)
-        values = self._gather(subset, rays, key, slots)
+        values = super()._trace(subset, rays, key, slots)
 
         def average(first: int, last: int) -> None:
             each = (starts[rows[first:last], None] + np.arange(slots)).ravel()

@@ -172,7 +172,7 @@ def sample_fine_mesh(prepared: Prepared, high: Mesh, coarse: Mesh, inputs: Input
     order = row_of[:-1]
 
     def estimated() -> tuple[Estimate, int]:
-        found, untraced = estimate_outside(tracer, first, CornerSamples.none(), edges, filled, prepared.target)
+        found, untraced = estimate_outside(tracer, first, CornerSamples.none(), edges, filled, prepared.options)
         return replace(found, rows=found.rows[order], variance=found.variance[order]), untraced
 
     values = PointValues.of(tracer.each_column(estimated), tracer.rays)

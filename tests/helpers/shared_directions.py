@@ -8,8 +8,8 @@ from functools import cache
 
 import pytest
 
-from ao.interpolation_error import _at_no_point
 from ao.rays.directions import DirectionTable
+from ao.result import NOWHERE
 
 
 @contextmanager
@@ -17,5 +17,5 @@ def only_w() -> Iterator[None]:
     """Bakes of one seed share their directions; what interpolation errs by, a third of the time, is not measured."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(DirectionTable, "make", cache(DirectionTable.make))
-        patch.setattr("ao.baking.measure_interpolation", lambda *_: _at_no_point())
+        patch.setattr("ao.baking.measure_interpolation", lambda *_: NOWHERE)
         yield

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import ao
-from ao.estimate.closed_parts import closed_parts
+from ao.estimate.inside import closed_parts
 from raytrace import Mesh
 from raytrace.mesh.placement import Placement, contact_radius
 from raytrace.mesh.weld import CREASE, coincident, weld
