@@ -66,8 +66,7 @@ class Ward(Brushed, TwoTerm):
     form: Literal["bounded", "ward", "duer"] = "bounded"
 
     def _ambient(self) -> RGB:
-        red, green, blue = (min(1.0, d + s) for d, s in zip(self.k_d, self.k_s, strict=True))
-        return red, green, blue
+        return tuple(min(1.0, d + s) for d, s in zip(self.k_d, self.k_s, strict=True))
 
     def lobe_slope(self) -> float:
         return max(self.m_parallel, self.m_perpendicular)
@@ -93,8 +92,7 @@ class AshikhminShirley(Brushed, Diffuse):
     exponent_perpendicular: Exponent
 
     def _ambient(self) -> RGB:
-        red, green, blue = (s + (1 - s) * d for d, s in zip(self.albedo, self.reflectance, strict=True))
-        return red, green, blue
+        return tuple(s + (1 - s) * d for d, s in zip(self.albedo, self.reflectance, strict=True))
 
     def lobe_slope(self) -> float:
         return sqrt(2 / (min(self.exponent_parallel, self.exponent_perpendicular) + 2))  # Walter et al. 2007
@@ -146,8 +144,7 @@ class Kajiya(Brushed):
         return sqrt(4 * self.height**2 + wave**2) / min(self.correlation_parallel, self.correlation_perpendicular)
 
     def _ambient(self) -> RGB:
-        red, green, blue = (((eta - 1) / (eta + 1)) ** 2 for eta in self.eta)
-        return red, green, blue
+        return tuple(((eta - 1) / (eta + 1)) ** 2 for eta in self.eta)
 
     def _gloss(self) -> Gloss:
         """One lobe for the mirror part and what is scattered: of the mean of their squared slopes, for green light."""

@@ -14,7 +14,8 @@ from ..errors import OptionError
 from ..system.parameters import Direction, Exponent, Fraction, Indices, Parameters, Radiance, Reflectance, Sides
 from ..types import Float64s
 
-RGB = tuple[float, float, float]
+RGB = tuple[float, ...]  # of three
+BLACK: RGB = (0.0, 0.0, 0.0)
 
 
 class Gloss(NamedTuple):
@@ -25,21 +26,11 @@ class Gloss(NamedTuple):
     slope: float
 
 
-BLACK = (0.0, 0.0, 0.0)
-MATT = Gloss(BLACK, BLACK, 1.0)
-
-
 class PackedMaterial(NamedTuple):
     """A material as kernels take it: integer kind, and a float64 row of `rows.WIDTH`."""
 
     kind: int
     row: Float64s
-
-
-def normalized(vector: RGB) -> Float64s:
-    """The unit vector (3,) along `vector`; zero stays zero. Squares neither overflow nor vanish."""
-    scaled = np.array(vector) / (np.abs(vector).max() or 1.0)
-    return np.asarray(scaled / (np.linalg.norm(scaled) or 1.0))
 
 
 class BaseMaterial(Parameters):
@@ -58,19 +49,14 @@ class BaseMaterial(Parameters):
 
     def pack(self) -> PackedMaterial:
         """The kind and parameter row that `raytrace.brdf.dispatch.evaluate` takes."""
-        row = np.zeros(rows.WIDTH)
-        row[rows.EMISSION : rows.EMISSION + 3] = self.emission
-        given = getattr(self, "k_a", None)
-        row[rows.AMBIENT : rows.AMBIENT + 3] = self._ambient() if given is None else given
-        row[rows.ALPHA] = 1.0 - getattr(self, "transparency", 0.0)
-        row[rows.TWO_SIDED] = rows.TO_VIEWER if self.two_sided == "viewer" else rows.TO_LIGHT * self.two_sided
-        row[rows.GRAIN : rows.GRAIN + 3] = normalized(getattr(self, "grain", None) or BLACK)
-        gloss = self._gloss()
-        row[rows.GLOSS : rows.GLOSS + 3], row[rows.GRAZING : rows.GRAZING + 3] = gloss.normal, gloss.grazing
-        row[rows.SLOPE] = gloss.slope
-        parameters = self._parameters()
-        row[rows.MODEL : rows.MODEL + len(parameters)] = parameters
-        return PackedMaterial(self.kind, row)
+        ambient, gloss = getattr(self, "k_a", None), self._gloss()
+        side = rows.TO_VIEWER if self.two_sided == "viewer" else rows.TO_LIGHT * self.two_sided
+        grain = np.array(getattr(self, "grain", None) or BLACK)
+        grain /= np.abs(grain).max() or 1.0  # squares neither overflow nor vanish
+        head = [*self.emission, *(self._ambient() if ambient is None else ambient)]
+        head += [1.0 - getattr(self, "transparency", 0.0), side, *(grain / (np.linalg.norm(grain) or 1.0))]
+        row = [*head, *gloss.normal, *gloss.grazing, gloss.slope, *self._parameters()]  # in the order of `rows`
+        return PackedMaterial(self.kind, np.array(row + [0.0] * (rows.WIDTH - len(row))))
 
     @abstractmethod
     def _ambient(self) -> RGB:
@@ -82,7 +68,7 @@ class BaseMaterial(Parameters):
 
     def _gloss(self) -> Gloss:
         """The part of `k_a` that comes from the mirror direction, as much as the model's highlight reflects."""
-        return MATT
+        return Gloss(BLACK, BLACK, 1.0)
 
     @abstractmethod
     def _parameters(self) -> list[float]:
@@ -125,8 +111,8 @@ class Microfacet(Diffuse):
     def _mirrored(self, slope: float) -> Gloss:
         colour = self.colour or (1.0, 1.0, 1.0)
         normal = np.square((np.array(self.eta) - 1) / (np.array(self.eta) + 1))
-        red, green, blue = (self.k_s * np.multiply(colour, normal if self.colour is None else normal.mean())).tolist()
-        return Gloss((red, green, blue), (self.k_s,) * 3, slope)
+        mirrored = self.k_s * np.multiply(colour, normal if self.colour is None else normal.mean())
+        return Gloss(tuple(mirrored), (self.k_s,) * 3, slope)
 
     def _common(self) -> list[float]:
         colour = self.colour or (0.0, 0.0, 0.0)

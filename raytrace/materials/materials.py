@@ -66,9 +66,8 @@ class CookTorrance(Microfacet):
         return self._mirrored(self.m)
 
     def _parameters(self) -> list[float]:
-        if self.distribution == "beckmann":
-            return [*self._common(), self.m, 0.0]
-        return [*self._common(), self.m, gaussian_constant(self.m) if self.gaussian_c is None else self.gaussian_c]
+        gaussian = gaussian_constant(self.m) if self.gaussian_c is None else self.gaussian_c
+        return [*self._common(), self.m, 0.0 if self.distribution == "beckmann" else gaussian]
 
     @model_validator(mode="after")
     def _c_is_used(self) -> CookTorrance:
@@ -93,8 +92,8 @@ class Phong(_PhongFamily):
     kind: ClassVar[int] = rows.PHONG
 
     def _gloss(self) -> Gloss:
-        red, green, blue = (k_s * min(1.0, 2 / (self.exponent + 1)) for k_s in self.k_s)  # ∫ S dω/π
-        return Gloss((red, green, blue), (red, green, blue), sqrt(2 / (4 * self.exponent + 2)))
+        mirrored = tuple(k_s * min(1.0, 2 / (self.exponent + 1)) for k_s in self.k_s)  # ∫ S dω/π
+        return Gloss(mirrored, mirrored, sqrt(2 / (4 * self.exponent + 2)))
 
 
 class BlinnPhong(_PhongFamily):
@@ -104,8 +103,8 @@ class BlinnPhong(_PhongFamily):
     kind: ClassVar[int] = rows.BLINN_PHONG
 
     def _gloss(self) -> Gloss:
-        red, green, blue = (k_s * min(1.0, 8 / (self.exponent + 2)) for k_s in self.k_s)  # ∫ S dω/π, nearly
-        return Gloss((red, green, blue), (red, green, blue), sqrt(2 / (self.exponent + 2)))
+        mirrored = tuple(k_s * min(1.0, 8 / (self.exponent + 2)) for k_s in self.k_s)  # ∫ S dω/π, nearly
+        return Gloss(mirrored, mirrored, sqrt(2 / (self.exponent + 2)))
 
 
 class Strauss(BaseMaterial):
@@ -122,15 +121,13 @@ class Strauss(BaseMaterial):
     transparency: Fraction = 0.0
 
     def _ambient(self) -> RGB:
-        r_d = (1 - self.smoothness**3) * (1 - self.transparency)
-        red, green, blue = self.colour
-        return (r_d * red, r_d * green, r_d * blue)
+        return tuple((1 - self.smoothness**3) * (1 - self.transparency) * channel for channel in self.colour)
 
     def _gloss(self) -> Gloss:
         exponent = 3 / (1 - self.smoothness)
         part = (1 - self.transparency) * self.smoothness**3 * 2 / (exponent + 1)  # r_n, and ∫ ⟨r·v⟩^h dω/π
-        red, green, blue = (part * (1 + self.metalness * (channel - 1)) for channel in self.colour)  # c_s
-        return Gloss((red, green, blue), (part,) * 3, sqrt(2 / (4 * exponent + 2)))
+        normal = tuple(part * (1 + self.metalness * (channel - 1)) for channel in self.colour)  # c_s
+        return Gloss(normal, (part,) * 3, sqrt(2 / (4 * exponent + 2)))
 
     def _parameters(self) -> list[float]:
         return [*self.colour, self.smoothness, self.metalness, self.transparency]
