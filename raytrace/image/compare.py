@@ -54,12 +54,9 @@ def compare(
 
     Alpha and layers other than the beauty are not compared.
 
-    Args:
-        difference: a PNG, TIFF or JPEG to write the FLIP map to, from black, equal, by magenta to yellow.
+    Args: difference: a PNG, TIFF or JPEG to write the FLIP map to, from black, equal, by magenta to yellow.
 
-    Raises:
-        InputError: a file cannot be read, holds values that are not finite, or the sizes differ.
-        MemoryLimitError: they do not fit into memory; FLIP of pictures that differ takes most.
+    Raises: InputError: a file cannot be read, holds values that are not finite, or the sizes differ. MemoryLimitError.
         OptionError, OutputError: `difference` cannot be written, or is `a` or `b`.
     """
     import OpenImageIO as oiio
@@ -67,10 +64,10 @@ def compare(
     if difference is not None:
         check_image_target(difference, layers=("beauty",))
         check_outputs({"--difference": difference}, (a, b))
-    width, height = _size(a)
-    if _size(b) != (width, height):
-        sizes = ["{}×{} pixels".format(*_size(path)) for path in (a, b)]
-        raise InputError(os.fspath(b), "size", f"{sizes[0]} as in {os.fspath(a)}", sizes[1])
+    (width, height), other = _size(a), _size(b)
+    if other != (width, height):
+        expected = f"{width}×{height} pixels as in {os.fspath(a)}"
+        raise InputError(os.fspath(b), "size", expected, "{}×{} pixels".format(*other))
     work = f"to compare {width:,}×{height:,} pixels"
     check_memory(os.fspath(a), _READ * width * height, work)
     first, second = _buffer(_colour(a)), _buffer(_colour(b))

@@ -56,11 +56,8 @@ def write_layers(
     spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
 
     def rows(first: int, end: int) -> Float32s:
-        parts = []
-        for name, layer in layers.items():
-            clipped = half and name not in _ALWAYS_FLOAT
-            parts.append(layer[first:end].clip(-_LARGEST_HALF, _LARGEST_HALF) if clipped else layer[first:end])
-        return np.concatenate(parts, axis=2)
+        largest = {name: _LARGEST_HALF if half and name not in _ALWAYS_FLOAT else np.inf for name in layers}
+        return np.concatenate([layers[name][first:end].clip(-most, most) for name, most in largest.items()], axis=2)
 
     _write(path, spec, metadata, rows)
 
@@ -125,12 +122,17 @@ def write_data(
     _write(path, spec, metadata, lambda first, end: values[first:end])
 
 
+def written(name: str, write: Callable[..., None], *given: Any) -> bytes:
+    """The file of this name that `write` makes of what is `given`."""
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / name
+        write(target, *given)
+        return target.read_bytes()
+
+
 def linear_png(values: npt.NDArray[np.uint8 | np.uint16]) -> bytes:
     """A PNG file of codes as they are, (height, width, channels), that says nothing of a colour space."""
-    with tempfile.TemporaryDirectory() as folder:
-        target = Path(folder) / "data.png"
-        write_data(target, values, {}, False, (), 8 * values.itemsize)
-        return target.read_bytes()
+    return written("data.png", write_data, values, {}, False, (), 8 * values.itemsize)
 
 
 def _write(

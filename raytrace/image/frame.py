@@ -1,11 +1,9 @@
 """A rendered picture: its layers, counts of rays and seconds."""
 
 from dataclasses import dataclass
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from ..types import Float32s
-from .encode import write_picture
+from .encode import write_picture, written
 
 LAYERS = {
     "beauty": 4, "ambient": 3, "diffuse": 3, "specular": 3, "emission": 3,
@@ -46,7 +44,4 @@ class Frame:
 
     def _repr_png_(self) -> bytes:
         """The beauty as a PNG: what notebooks show."""
-        with TemporaryDirectory() as folder:
-            picture = Path(folder) / "frame.png"
-            write_picture(picture, self.layers["beauty"], {}, opaque=any(self.background))
-            return picture.read_bytes()
+        return written("frame.png", write_picture, self.layers["beauty"], {}, any(self.background))

@@ -4,7 +4,7 @@ import json
 import os
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -59,42 +59,37 @@ def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Float32s], dict[
 def open_image(path: str | os.PathLike[str], content: Path | None = None, max_side: int = MAX_SIZE) -> Any:
     """An `OpenImageIO.ImageInput`, alpha left as it is in the file.
 
-    Args:
-        path: the file, and its name in messages.
-        content: the file to open in its place.
-        max_side: most pixels in width and height.
+    Args: path: the file, and its name in messages. content: the file to open in its place. max_side: most pixels.
 
     Raises:
         InputError: `path` is missing, a folder, not an image, too large, or claims more pixels than its bytes can hold.
     """
     import OpenImageIO as oiio
 
-    file = Path(path) if content is None else content
+    name, file = os.fspath(path), Path(path) if content is None else content
     try:
-        check_regular(file, "an image file", source=os.fspath(path))
+        check_regular(file, "an image file", source=name)
         file.open("rb").close()
     except OSError as reason:
-        raise InputError(os.fspath(path), "file", "a readable file", reason.strerror or reason) from None
+        raise InputError(name, "file", "a readable file", reason.strerror or reason) from None
     if not is_utf8(str(file)):
-        raise InputError(os.fspath(path), "file", "a path in UTF-8", "other bytes")
+        raise InputError(name, "file", "a path in UTF-8", "other bytes")
     wanted = oiio.ImageSpec()
     wanted.attribute("oiio:UnassociatedAlpha", 1)
     with _silenced():
         image = oiio.ImageInput.open(str(file), wanted)
     if image is None:
-        raise InputError(os.fspath(path), "content", "an image", _reason(oiio, file))
-    spec = image.spec()
+        raise InputError(name, "content", "an image", _reason(oiio, file))
+    spec, stored = image.spec(), file.stat().st_size
+    size = f"{spec.width}×{spec.height}"
     if max(spec.width, spec.height) > max_side:
-        size = f"{spec.width}×{spec.height}"
-        raise InputError(os.fspath(path), "size", f"at most {max_side}×{max_side} pixels", size)
+        raise InputError(name, "size", f"at most {max_side}×{max_side} pixels", size)
     if min(spec.width, spec.height, spec.nchannels) < 1:
-        raise InputError(os.fspath(path), "size", "one pixel or more", f"{spec.width}×{spec.height}")
-    claimed = max(spec.image_bytes(True), spec.tile_bytes(True))
-    if claimed > GROWTH * file.stat().st_size + SPARE:
-        expected = f"pixels that {file.stat().st_size:,} bytes can hold"
-        raise InputError(os.fspath(path), "size", expected, f"{spec.width}×{spec.height} of {spec.nchannels} channels")
+        raise InputError(name, "size", "one pixel or more", size)
+    if max(spec.image_bytes(True), spec.tile_bytes(True)) > GROWTH * stored + SPARE:
+        raise InputError(name, "size", f"pixels that {stored:,} bytes can hold", f"{size} of {spec.nchannels} channels")
     if spec.deep or spec.depth > 1:
-        raise InputError(os.fspath(path), "content", "a flat image", "a deep or volume image")
+        raise InputError(name, "content", "a flat image", "a deep or volume image")
     return image
 
 
@@ -174,18 +169,15 @@ def _metadata(spec: Any) -> dict[str, str]:
     metadata = {name.removeprefix(NAMESPACE): str(text) for name, text in found.items() if name.startswith(NAMESPACE)}
     if metadata:
         return metadata
-    try:
-        described = json.loads(found.get("ImageDescription", ""))
-    except (TypeError, ValueError, RecursionError):
-        return {}
-    return {name: str(text) for name, text in described.items()} if isinstance(described, dict) else {}
+    with suppress(TypeError, ValueError, RecursionError, AttributeError):  # not JSON, or no object
+        metadata = {name: str(text) for name, text in json.loads(found.get("ImageDescription", "")).items()}
+    return metadata
 
 
 def _reason(reader: Any, file: Path) -> str:
     """The message of OpenImageIO, or of an image, without the file's name, which stands before it already."""
-    try:
-        reason: str = reader.geterror()
-    except UnicodeDecodeError:  # it quotes the damaged bytes
-        reason = ""
+    reason = ""
+    with suppress(UnicodeDecodeError):  # it quotes the damaged bytes
+        reason = reader.geterror()
     lines = [line.replace(f' ("{file}")', "").replace(str(file), file.name) for line in reason.splitlines()]
     return " ".join(dict.fromkeys(line.strip() for line in lines if line.strip())) or "damaged or cut off"

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import tempfile
 import threading
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -66,49 +67,33 @@ def wrap_modes(given: Any) -> tuple[Wrap, Wrap]:
 
 
 class PackedTextures(NamedTuple):
-    """Textures as kernels read them (`raytrace.image.texture_lookup`): pyramids of images halved down to one texel.
+    """Textures as kernels read them (`raytrace.image.texture_lookup`): pyramids of images halved down to one texel."""
 
-    Takes 16 bytes for each texel of the files that were read: three floats, and a third more for the coarser levels.
-
-    Attributes:
-        texels: float32 (n, 3), linear RGB; levels one after the other, rows from the top.
-        levels: int64 (m, 3): first texel, width, height of each level; finest first.
-        first: int64 (t,): each texture's finest level.
-        depth: int64 (t,): each texture's number of levels, 0 before it is read.
-        wrap: int64 (t, 2): its modes along u and v, places in `WRAPS`.
-    """
-
-    texels: Float32s
-    levels: Int64s
-    first: Int64s
-    depth: Int64s
-    wrap: Int64s
+    texels: Float32s  # (n, 3), linear RGB; levels one after the other, rows from the top
+    levels: Int64s  # (m, 3): first texel, width, height of each level; finest first
+    first: Int64s  # (t,): each texture's finest level
+    depth: Int64s  # (t,): each texture's number of levels, 0 before it is read
+    wrap: Int64s  # (t, 2): its modes along u and v, places in `WRAPS`
 
 
 class LazyTextures:
     """Textures with a place for each, by their files' headers; read when they are asked for, each image once.
 
-    Alpha is ignored; grey becomes RGB. Files may have 8 or 16 bits, floats, a palette, one to four channels. A place
-    takes no memory before its texture is read.
-
-    Args: textures: their places are their numbers. Attributes: packed: what kernels read, also while others are read.
+    Alpha is ignored; grey becomes RGB. A place takes no memory before its texture is read. `packed`: what kernels read,
+    also while others are read.
     """
 
     def __init__(self, textures: Sequence[Texture]) -> None:
         self._images = [replace(texture, wrap=("repeat", "repeat")) for texture in textures]
         self._locks = {image: threading.Lock() for image in self._images}
-        first: dict[Texture, int] = {}
-        levels: list[tuple[int, int, int]] = []
-        end = 0
         self._sizes = {image: _levels(image) for image in self._locks}
-        for image, sizes in self._sizes.items():
-            first[image] = len(levels)
-            for width, height in sizes:
-                levels.append((end, width, height))
-                end += width * height
+        levels = np.array([size for sizes in self._sizes.values() for size in sizes], np.int64).reshape(-1, 2)
+        end = np.cumsum(levels.prod(axis=1))
+        counts = np.cumsum([0] + [len(sizes) for sizes in self._sizes.values()])
+        first = dict(zip(self._sizes, counts.tolist(), strict=False))
         self.packed = PackedTextures(
-            texels=np.empty((end, 3), np.float32),
-            levels=np.array(levels, np.int64).reshape(-1, 3),
+            texels=np.empty((int(end[-1]) if len(end) else 0, 3), np.float32),
+            levels=np.column_stack([end - levels.prod(axis=1), levels]),
             first=np.array([first[image] for image in self._images], np.int64),
             depth=np.zeros(len(textures), np.int64),
             wrap=np.array([[WRAPS.index(mode) for mode in t.wrap] for t in textures], np.int64).reshape(-1, 2),
@@ -117,21 +102,15 @@ class LazyTextures:
     def read(self, numbers: Iterable[int]) -> None:
         """Read the textures `numbers` that are not read yet; images that another thread reads come last.
 
-        Raises:
-            InputError: a file is missing, damaged, not an image, or more than 16384 texels wide or high.
+        Raises: InputError: a file is missing, damaged, not an image, or more than 16384 texels wide or high.
         """
-        busy = []
-        for image in dict.fromkeys(self._images[number] for number in numbers):
-            if self._locks[image].acquire(blocking=False):
+        images = dict.fromkeys(self._images[number] for number in numbers)
+        for waits, image in product((False, True), images):
+            if self._locks[image].acquire(blocking=waits):
                 try:
                     self._read(image)
                 finally:
                     self._locks[image].release()
-            else:
-                busy.append(image)
-        for image in busy:
-            with self._locks[image]:
-                self._read(image)
 
     def _read(self, image: Texture) -> None:
         numbers = [number for number, each in enumerate(self._images) if each == image]
@@ -147,10 +126,7 @@ class LazyTextures:
 
 
 def pack_textures(textures: Sequence[Texture]) -> PackedTextures:
-    """Read textures, each image once, however it is wrapped.
-
-    Raises: InputError: as `LazyTextures.read`. MemoryLimitError: they do not fit into memory.
-    """
+    """Read textures, each image once, however it is wrapped. Raises: InputError; MemoryLimitError."""
     if textures:
         texels = sum(texel_counts(textures))
         check_memory(textures[0].path, texture_bytes(textures, 1), f"to read {texels:,} texels")
@@ -186,11 +162,9 @@ def texel_counts(textures: Iterable[Texture]) -> list[int]:
 
 
 def texture_codes(texture: Texture, besides: int = 0) -> UInt8s | UInt16s | Float32s:
-    """The numbers of an image as stored, (h, w, 1 to 4), rows from the top, alpha straight.
+    """The numbers of an image as stored, (h, w, 1 to 4), rows from the top, alpha straight. Raises: InputError.
 
     Args: besides: bytes of a pixel that whoever asks takes besides.
-
-    Raises: InputError: as `pack_textures`.
     """
     with _opened(texture) as image:
         spec = image.spec()
@@ -206,8 +180,6 @@ def texture_alpha(texture: Texture, grey: bool = False) -> Float32s:
     """Opacity (h, w) in [0, 1] that an image has in its alpha channel, rows from the top; 1 without such a channel.
 
     Args: grey: an image without such a channel, or with the same number all over it, has it as luminance instead.
-
-    Raises: InputError: as `texture_codes`.
     """
     codes = texture_codes(texture, _ALPHA)
     most = 1.0 if codes.dtype == np.float32 else 2.0 ** (8 * codes.itemsize) - 1
@@ -237,15 +209,14 @@ def texture_mean(texture: Texture) -> Float64s:
 
 @contextmanager
 def _opened(texture: Texture) -> Iterator[Any]:
-    with tempfile.TemporaryDirectory() if texture.data is not None else nullcontext("") as folder:
-        content = Path(folder) / f"texture{texture.path.suffix}" if texture.data is not None else None
-        if content and texture.data is not None:
+    with ExitStack() as stack:
+        content = None
+        if texture.data is not None:
+            content = Path(stack.enter_context(TemporaryDirectory())) / f"texture{texture.path.suffix}"
             content.write_bytes(texture.data)
         image = open_image(texture.path, content, MAX_SIDE)
-        try:
-            yield image
-        finally:
-            image.close()
+        stack.callback(image.close)
+        yield image
 
 
 def _build_pyramid(pyramid: list[Float32s], image: Any, texture: Texture) -> None:

@@ -14,13 +14,9 @@ REPEAT, MIRRORED_REPEAT, CLAMP_TO_EDGE = range(3)  # places in `raytrace.image.t
 
 @inline
 def sample_texture(textures, number, u, v, footprint):
-    """Linear RGB of a texture at (u, v).
+    """Linear RGB of a texture at (u, v), from the lower left corner of the image; white of one that is not read.
 
-    Args:
-        textures: `raytrace.image.texture.PackedTextures`.
-        number: row of the texture; one that was left out is white.
-        u, v: (0, 0) is the lower left corner of the image, (1, 1) the upper right.
-        footprint: width in uv of what a pixel sees; 0 looks at the finest level alone.
+    Args: textures: `PackedTextures`. footprint: width in uv of what a pixel sees; 0 looks at the finest level alone.
     """
     texels, levels = textures.texels, textures.levels
     first, depth, wrap = textures.first[number], textures.depth[number], textures.wrap[number]

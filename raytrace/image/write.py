@@ -22,14 +22,9 @@ DATA = ("depth", "normal", "object_id")
 def check_image_target(
     path: str | os.PathLike[str], half: bool = False, layers: Sequence[str] | None = None
 ) -> tuple[str, ...] | None:
-    """Find out before the work whether `write_frame` will be able to start; returns the layers it needs.
+    """Find out before the work whether `write_frame` will be able to start.
 
-    Returns:
-        The names of the layers that the file will hold, None for all there are.
-
-    Raises:
-        OptionError: an ending, or a layer, that cannot be written.
-        OutputError: the folder is missing or refuses new files, or `path` is something other than a file.
+    Returns the names of the layers that the file will hold, None for all there are. Raises: OptionError, OutputError.
     """
     format_name = file_format(path)
     if half and format_name != "openexr":
@@ -71,9 +66,7 @@ def write_frame(
         half: 16-bit floats in EXR (magnitudes above 65504 are clipped); depth and object_id stay 32-bit.
         layers: which to write; all of the frame's in EXR, the beauty in other formats.
 
-    Raises:
-        OptionError: an ending or a layer that cannot be written, or that the frame lacks.
-        OutputError: the file cannot be written; an existing one is untouched.
+    Raises: OptionError: an ending or a layer that cannot be written, or that the frame lacks. OutputError.
     """
     chosen = check_image_target(path, half, layers)
     for name in chosen or ():
@@ -88,14 +81,9 @@ def write_frame(
 
 
 def write_image(path: str | os.PathLike[str], pixels: npt.ArrayLike) -> None:
-    """Write linear `pixels`, row 0 at the top, as an sRGB PNG, TIFF or JPEG.
+    """Write linear `pixels`, row 0 at the top, as an sRGB PNG, TIFF or JPEG. Raises: OptionError, OutputError.
 
-    Args:
-        pixels: (h, w) or (h, w, 1) grey, (h, w, 3) RGB, (h, w, 4) premultiplied RGBA.
-
-    Raises:
-        OptionError: another ending.
-        OutputError: the file cannot be written; an existing one is untouched.
+    Args: pixels: (h, w) or (h, w, 1) grey, (h, w, 3) RGB, (h, w, 4) premultiplied RGBA.
     """
     check_image_target(path, layers=("beauty",))
     whole = np.asarray(pixels, np.float32)

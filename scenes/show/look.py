@@ -4,11 +4,8 @@ Clay is Lambert's, lit by ambient light and by one directional light that stands
 w weights both, as in (12.75). So what a page draws can be rendered, and a test compares the two.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from math import pi
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 import numpy as np
@@ -69,11 +66,3 @@ def clay_scene(mesh: Mesh, w: AnyFloats, camera: Camera, scheme: Scheme = "dark"
 def clay_settings(width: int, height: int, samples: int = 16) -> Settings:
     """Settings of a picture like a page's clay × w."""
     return Settings(width=width, height=height, samples=samples, obscurance="ambient and diffuse", shadows=False)
-
-
-def written(name: str, write: Callable[..., object], *arguments: object) -> bytes:
-    """What a function writes to a file of this name."""
-    with TemporaryDirectory() as folder:
-        file = Path(folder) / name
-        write(file, *arguments)
-        return file.read_bytes()

@@ -8,14 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import InputError, printable
-from raytrace.image.encode import write_picture
+from raytrace.image.encode import write_picture, written
 from raytrace.image.srgb import decode_srgb, encode_srgb
 from raytrace.image.texture import Texture, Wrap, texture_codes
 from raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
 
 from ...formats.load import MeshFile, mesh_errors
 from ...geometry.detail import PerCorner
-from ..look import written
 
 _PLACES = (1 << 20) - 1  # steps of texture coordinates
 _LARGEST, _MANY = 1024, 8  # texels a side of so many images

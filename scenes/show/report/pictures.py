@@ -11,13 +11,13 @@ import ao
 from ao.texture.uv_layout import on_page
 from raytrace import AmbientLight, Camera, Frame, Lambert, Mesh, Object, Occlusion, Scene, Settings, Shape, Texture
 from raytrace import render as render_scene
-from raytrace.image.encode import write_data
+from raytrace.image.encode import write_data, written
 from raytrace.image.srgb import decode_srgb
 from raytrace.image.write import write_image
 from raytrace.types import AnyFloats, Float32s, Float64s
 
 from ...description.defaults import framing
-from ..look import BACKGROUND, FIELD_OF_VIEW, HEAT, clay_scene, clay_settings, written
+from ..look import BACKGROUND, FIELD_OF_VIEW, HEAT, clay_scene, clay_settings
 
 _WIDTH, _HEIGHT = 480, 400
 _SAMPLES = 8
