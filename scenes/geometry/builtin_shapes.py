@@ -15,7 +15,7 @@ from raytrace.errors import OptionError
 from raytrace.mesh.mesh import Mesh
 from raytrace.system.checks import NEGLIGIBLE, check_memory
 from raytrace.system.parameters import Length, Lengths, Parameters, Whole
-from raytrace.types import Bools, Float64s, Int64s
+from raytrace.types import Bools, Int64s
 
 from . import primitives
 from .primitives import TexturedMesh, box, merge, tube
@@ -64,11 +64,7 @@ def _solid(level: int) -> Bools:
 
 def _squares(solid: Bools, side: int, cuts: int) -> Int64s:
     """Lattice corners (k, 4, 3), counter-clockwise from outside, of the open faces of `solid` along ±its first axis."""
-    beyond = np.zeros_like(solid)
-    if side > 0:
-        beyond[:-1] = solid[1:]
-    else:
-        beyond[1:] = solid[:-1]
+    beyond = np.pad(solid, ((1, 1), (0, 0), (0, 0)))[1 + side :][: len(solid)]
     cells = np.argwhere(solid & ~beyond)
     first = (cells + np.array([int(side > 0), 0, 0])) * cuts
     parts = np.stack([np.zeros(cuts * cuts, np.int64), *np.indices((cuts, cuts)).reshape(2, -1)], axis=-1)
@@ -81,35 +77,26 @@ def temple(fineness: float = 0.07) -> Mesh:
 
     Args: fineness: largest edge of a mesh cell; the temple is about 8 × 5 × 4 units, z up.
     """
-    half = np.array([(COLUMNS[0] - 1) / 2 * SPACING + 0.55, (COLUMNS[1] - 1) / 2 * SPACING + 0.55])
-    parts = [box((0, 0, -0.05), (*(2 * half + 3.0), 0.1), fineness * 2)]
-    steps = [(0.075 + 0.15 * step, 2 * half + 0.5 * (3 - step)) for step in range(3)]
-    parts += [box((0, 0, height), (*size, 0.15), fineness) for height, size in steps]
+    half = (np.array(COLUMNS) - 1) / 2 * SPACING + 0.55
     floor = 0.45
-    parts += [_column(position, floor, fineness) for position in _ring()]
     top = floor + COLUMN_HEIGHT
-    parts.append(box((0, 0, top + 0.2), (*(2 * half), 0.4), fineness))
-    parts.append(box((0, 0, top + 0.475), (*(2 * half + 0.4), 0.15), fineness))
-    parts.append(box((0, 0, top + 0.7), (*(2 * half - 0.6), 0.3), fineness))
-    parts.append(box((0, 0, floor + 0.45), (1.5, 0.9, 0.9), fineness))
-    return merge(parts, source="temple").mesh
-
-
-def _ring() -> Float64s:
+    steps = [(0.075 + 0.15 * step, 2 * half + 0.5 * (3 - step), 0.15) for step in range(3)]
+    roof = [(top + 0.2, 2 * half, 0.4), (top + 0.475, 2 * half + 0.4, 0.15), (top + 0.7, 2 * half - 0.6, 0.3)]
+    blocks = [*steps, *roof, (floor + 0.45, np.array([1.5, 0.9]), 0.9)]
+    boxes = [box((0, 0, middle), (*size, height), fineness) for middle, size, height in blocks]
     x, y = (SPACING * (np.arange(count) - (count - 1) / 2) for count in COLUMNS)
-    grid = np.array([(a, b) for a in x for b in y])
-    outer = (np.abs(grid[:, 0]) > x[-1] - 1e-9) | (np.abs(grid[:, 1]) > y[-1] - 1e-9)
-    return grid[outer]
+    ring = [(a, b) for a in x for b in y if abs(a) > x[-1] - 1e-9 or abs(b) > y[-1] - 1e-9]
+    columns = [part for position in ring for part in _column(*position, floor, fineness)]
+    ground = box((0, 0, -0.05), (*(2 * half + 3.0), 0.1), fineness * 2)
+    return merge([ground, *boxes[:3], *columns, *boxes[3:]], source="temple").mesh
 
 
-def _column(position: Float64s, floor: float, fineness: float) -> TexturedMesh:
-    x, y = position
-    cap = 0.14
-    side = 2.6 * COLUMN_RADIUS
+def _column(x: float, y: float, floor: float, fineness: float) -> list[TexturedMesh]:
+    """A shaft, its base and its capital."""
+    cap, side = 0.14, 2.6 * COLUMN_RADIUS
     shaft = tube((x, y, floor + cap), COLUMN_RADIUS, COLUMN_HEIGHT - 2 * cap, fineness)
-    base = box((x, y, floor + cap / 2), (side, side, cap), fineness)
-    capital = box((x, y, floor + COLUMN_HEIGHT - cap / 2), (side, side, cap), fineness)
-    return merge([shaft, base, capital], source="column")
+    heights = floor + cap / 2, floor + COLUMN_HEIGHT - cap / 2
+    return [shaft, *(box((x, y, height), (side, side, cap), fineness) for height in heights)]
 
 
 class Solid(Parameters):

@@ -60,14 +60,10 @@ class Submesh:
 def check_copies(
     rows: int, stored: int, source: object, error: type[InputError] = MeshError, field: str = "objects"
 ) -> None:
-    """Refuse a small file that fills the memory by repeating what it holds.
+    """Refuse a small file that fills the memory by repeating its `field`. Raises: `error`, MemoryLimitError.
 
-    Args:
-        rows: vertices and triangles, counted wherever they are placed. Each takes a byte or more where it is stored.
+    Args: rows: vertices and triangles, counted wherever they are placed. Each takes a byte or more where it is stored.
         stored: bytes that hold them.
-        field: what the file's part that repeats is called.
-
-    Raises: error: more rows than bytes, and than `MAX_COPIED`. MemoryLimitError: they would not fit into memory.
     """
     limit = max(stored, MAX_COPIED)
     if rows > limit:
@@ -85,18 +81,16 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Sub
     """
     parts: list[Submesh] = []
     vertex = face = 0
-    up = instances[0].up if instances else None
     for placed in instances:
         first = vertex, face
         vertex, face = vertex + len(placed.vertices), face + len(placed.faces)
         parts.append(Submesh(placed.name, slice(first[0], vertex), slice(first[1], face)))
+    more: dict[str, Any] = {"source": source, "up": instances[0].up if instances else None}
     if len(instances) == 1 and instances[0].matrix is None:
         only = instances[0]
-        opacity, polygons = only.opacity, only.polygons
-        mesh = Mesh(only.vertices, only.faces, only.normals, source=source, up=up, opacity=opacity, polygons=polygons)
-        return mesh, tuple(parts)
-    vertices = np.empty((vertex, 3))
-    faces = np.empty((face, 3), dtype=np.int64)
+        more |= {"opacity": only.opacity, "polygons": only.polygons}
+        return Mesh(only.vertices, only.faces, only.normals, **more), tuple(parts)
+    vertices, faces = np.empty((vertex, 3)), np.empty((face, 3), np.int64)
     has_normals = any(placed.normals is not None for placed in instances)
     normals = np.full((vertex, 3), np.nan) if has_normals else None
     for placed, part in zip(instances, parts, strict=True):
@@ -112,12 +106,11 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Sub
             cofactor = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
             normals[part.vertices] = placed.normals @ cofactor.T * (-1 if _is_mirrored(placed) else 1)
     turned = [each.opacity.reversed() if each.opacity and _is_mirrored(each) else each.opacity for each in instances]
-    opacity = Opacity.joined(turned, [len(placed.faces) for placed in instances])
-    polygons = None
+    more["opacity"] = Opacity.joined(turned, [len(placed.faces) for placed in instances])
     if any(placed.polygons is not None for placed in instances):
         own = [np.arange(len(placed.faces)) if placed.polygons is None else placed.polygons for placed in instances]
-        polygons = np.concatenate([part.faces.start + each for part, each in zip(parts, own, strict=True)])
-    return Mesh(vertices, faces, normals, source=source, up=up, opacity=opacity, polygons=polygons), tuple(parts)
+        more["polygons"] = np.concatenate([part.faces.start + each for part, each in zip(parts, own, strict=True)])
+    return Mesh(vertices, faces, normals, **more), tuple(parts)
 
 
 def _is_mirrored(placed: Instance) -> bool:

@@ -86,15 +86,24 @@ def triangulate(
     crossing, work = 0, 0.0
     if _usable(vertices, corners):
         for polygons in _blocks(_doubtful(vertices, corners, starts, lengths), lengths):
-            block = _Block(vertices, corners, starts, lengths, polygons)
-            diagonal.append(block.diagonal)
-            crossing += block.crossing
-            work += float((lengths[block.concave].astype(np.float64) ** 2).sum())
+            own = lengths[polygons]
+            ends = np.cumsum(own)
+            rows = np.repeat(starts[polygons] - (ends - own), own) + np.arange(ends[-1])
+            points = vertices[corners[rows]].astype(np.float64)
+            seen = _view(points, own)
+            four = np.flatnonzero(~seen.fills & (own == 4))
+            others = points[(ends - own)[four][:, None] + [1, 2, 3, 0]].reshape(-1, 3)
+            fills = _view(others, own[four]).fills if len(four) else np.empty(0, np.bool_)
+            diagonal.append(polygons[four[fills]])
+            concave = np.flatnonzero(~seen.fills & (own > 4))
+            crossing += int((~fills).sum())
+            work += float((own[concave].astype(np.float64) ** 2).sum())
             if work > MAX_EAR_WORK + _EAR_WORK_PER_CORNER * len(corners):
                 limit = f"concave polygons of at most {int(MAX_EAR_WORK**0.5):,} corners, of fewer if there are many"
-                raise MeshError(source, "faces", limit, f"one of {int(lengths[block.concave].max()):,}")
-            for polygon in block.concave.tolist():
-                clipped[polygon], fits = block.clip(polygon)
+                raise MeshError(source, "faces", limit, f"one of {int(own[concave].max()):,}")
+            for row in concave.tolist():
+                offsets = seen.offsets[ends[row] - own[row] : ends[row]]
+                clipped[int(polygons[row])], fits = _clip(offsets, seen.normals[row], float(seen.areas[row]))
                 crossing += not fits
     counts[list(clipped)] = [len(local) for local in clipped.values()]
     begins = np.cumsum(counts) - counts
@@ -110,51 +119,21 @@ def triangulate(
     return Triangulation(counts, crossing, places)
 
 
-class _Block:
-    """Some polygons of four corners and more, and which of them a fan does not fill.
+def _clip(offsets: Float64s, normal: Float64s, area: float) -> tuple[Int64s, bool]:
+    """Triangles (t, 3) of a concave polygon by clipping ears, and whether they fill it. Args: as of `_Views`."""
+    import mapbox_earcut
 
-    Attributes:
-        diagonal: numbers of quadrilaterals that their other diagonal cuts.
-        crossing: how many of four corners neither diagonal cuts.
-        concave: numbers of concave polygons of more corners.
-    """
-
-    def __init__(
-        self, vertices: npt.NDArray[Any], corners: AnyInts, starts: Int64s, sizes: Int64s, polygons: Int64s
-    ) -> None:
-        sizes, starts = sizes[polygons], starts[polygons]
-        begins = np.cumsum(sizes) - sizes
-        points = vertices[corners[np.repeat(starts - begins, sizes) + np.arange(sizes.sum())]].astype(np.float64)
-        self._view = _view(points, sizes)
-        self._polygons, self._begins, self._sizes = polygons, begins, sizes
-        concave = ~self._view.fills
-        four = np.flatnonzero(concave & (sizes == 4))
-        rolled = points[begins[four][:, None] + [1, 2, 3, 0]].reshape(-1, 3)
-        fills = _view(rolled, sizes[four]).fills if len(four) else np.empty(0, np.bool_)
-        self.diagonal = polygons[four[fills]]
-        self.crossing = int((~fills).sum())
-        self.concave: Int64s = polygons[concave & (sizes > 4)]
-
-    def clip(self, polygon: int) -> tuple[Int64s, bool]:
-        """Triangles (t, 3) of one of the concave polygons, numbered from its first corner, and whether they fill it."""
-        import mapbox_earcut
-
-        number = int(np.searchsorted(self._polygons, polygon))
-        begin = self._begins[number]
-        normal = self._view.normals[number]
-        along = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-        along /= max(float(np.linalg.norm(along)), 1e-300)
-        plane = np.stack([along, np.cross(normal, along)], axis=1)
-        flat = np.ascontiguousarray(self._view.offsets[begin : begin + self._sizes[number]] @ plane)
-        ears = mapbox_earcut.triangulate_float64(flat, np.array([len(flat)], np.uint32))
-        local = ears.reshape(-1, 3).astype(np.int64)
-        if not len(local):
-            fan = np.arange(1, len(flat) - 1)
-            return np.stack([0 * fan, fan, fan + 1], axis=1), False
-        a, b, c = (flat[local[:, corner]] for corner in range(3))
-        covered = float(np.abs(np.linalg.det(np.stack([b - a, c - a], axis=1))).sum())
-        area = float(self._view.areas[number])
-        return local, abs(covered - area) <= _OVERLAP * covered
+    along = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    along /= max(float(np.linalg.norm(along)), 1e-300)
+    flat = np.ascontiguousarray(offsets @ np.stack([along, np.cross(normal, along)], axis=1))
+    ears = mapbox_earcut.triangulate_float64(flat, np.array([len(flat)], np.uint32))
+    local = ears.reshape(-1, 3).astype(np.int64)
+    if not len(local):
+        fan = np.arange(1, len(flat) - 1)
+        return np.stack([0 * fan, fan, fan + 1], axis=1), False
+    a, b, c = (flat[local[:, corner]] for corner in range(3))
+    covered = float(np.abs(np.linalg.det(np.stack([b - a, c - a], axis=1))).sum())
+    return local, abs(covered - area) <= _OVERLAP * covered
 
 
 def _view(points: Float64s, sizes: Int64s) -> _Views:

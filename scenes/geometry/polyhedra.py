@@ -20,19 +20,13 @@ def raw_mesh(mesh: Mesh) -> RawMesh:
 
 def join(parts: Iterable[RawMesh]) -> RawMesh:
     """Several (vertices (n, 3), faces (m, 3)) as one, vertices in the order of the parts."""
-    vertices, faces, count = [], [], 0
-    for points, triangles in parts:
-        vertices.append(points)
-        faces.append(triangles + count)
-        count += len(points)
-    return np.concatenate(vertices), np.concatenate(faces)
+    vertices, faces = zip(*parts, strict=True)
+    starts = np.cumsum([0] + [len(points) for points in vertices[:-1]]).tolist()
+    return np.concatenate(vertices), np.concatenate([own + start for own, start in zip(faces, starts, strict=True)])
 
 
 def patches(points: npt.ArrayLike, size: float = 0.1) -> RawMesh:
-    """A triangle of the given size about each of `points` (k, 3), facing +z; point i becomes vertex 3i.
-
-    The triangles extend to +x of their points and may overlap, for they lie in one plane.
-    """
+    """A triangle at +x of each of `points` (k, 3), which becomes vertex 3i, facing +z; they may overlap."""
     points = np.asarray(points, dtype=np.float64)
     reach = size * np.array([[0.0, 0.0, 0.0], [0.8, -0.6, 0.0], [0.6, 0.8, 0.0]])
     return (points[:, None] + reach).reshape(-1, 3), np.arange(3 * len(points)).reshape(-1, 3)

@@ -57,16 +57,10 @@ def plane(corner: npt.ArrayLike, along: npt.ArrayLike, across: npt.ArrayLike, fi
 def box(centre: npt.ArrayLike, size: npt.ArrayLike, fineness: float) -> TexturedMesh:
     sides, extent = [], np.asarray(size, np.float64)
     for axis in range(3):
-        u, v = (axis + 1) % 3, (axis + 2) % 3
-        for sign in (1.0, -1.0):
-            low = np.asarray(centre, np.float64) - extent / 2
-            along, across = np.zeros(3), np.zeros(3)
-            along[u], across[v] = extent[u], extent[v]
-            if sign > 0:
-                low[axis] += extent[axis]
-            else:
-                along, across = across, along
-            sides.append(plane(low, along, across, fineness))
+        along, across = np.diag(extent)[[axis - 2, axis - 1]]
+        low = np.asarray(centre, np.float64) - extent / 2
+        high = low + np.diag(extent)[axis]
+        sides += [plane(high, along, across, fineness), plane(low, across, along, fineness)]
     return merge(sides, source="box")
 
 
