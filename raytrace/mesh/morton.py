@@ -5,7 +5,7 @@ Morton 1966, A computer oriented geodetic data base and a new technique in file 
 
 import numpy as np
 
-from ..kernel.jit import inline, kernel
+from ..kernel.jit import bound, inline, kernel
 from ..system.threads import run_blocks, thread_count
 from ..types import AnyFloats, AnyInts, Float64s, Int64s, UInt32s
 from .placement import NEAR
@@ -19,7 +19,7 @@ def morton_order(points: AnyFloats) -> Int64s:
     """Rows of `points` (n, 3), finite, by 2^10 cells a side of their bounding cube; stable."""
     if not len(points):
         return np.zeros(0, np.int64)
-    low, high = (np.array([bound(column) for column in points.T], np.float64) for bound in (np.min, np.max))
+    low, high = (np.array([end(column) for column in points.T], np.float64) for end in (np.min, np.max))
     return radix_order(morton_codes(points, low, high), 3 * _COARSE)
 
 
@@ -65,32 +65,26 @@ def radix_order(keys: AnyInts, bits: int) -> Int64s:
     order, sorted_ = np.arange(count), np.empty(count, np.int64)
     places = np.empty((-(-count // _BLOCK), 1 << _DIGIT), np.int64)
     for shift in range(0, bits, _DIGIT):
-
-        def tally(first: int, last: int, order: Int64s = order, shift: int = shift) -> None:
-            _count_digits(keys, order[first:last], shift, places[first // _BLOCK])
-
-        run_blocks(count, _BLOCK, tally, threads)
+        run_blocks(count, _BLOCK, bound(_count_digits, keys, order, shift, places), threads)
         before = np.cumsum(places.T).reshape(places.T.shape) - places.T
         places[:] = before.T
-
-        def place(first: int, last: int, order: Int64s = order, sorted_: Int64s = sorted_, shift: int = shift) -> None:
-            _place_by_digit(keys, order[first:last], shift, places[first // _BLOCK], sorted_)
-
-        run_blocks(count, _BLOCK, place, threads)
+        run_blocks(count, _BLOCK, bound(_place_by_digit, keys, order, shift, places, sorted_), threads)
         order, sorted_ = sorted_, order
     return order
 
 
 @kernel
-def _count_digits(keys, order, shift, counts):
+def _count_digits(keys, order, shift, places, first, last):
+    counts = places[first // _BLOCK]
     counts[:] = 0
-    for k in range(len(order)):
+    for k in range(first, last):
         counts[np.int64(keys[order[k]] >> shift) & (len(counts) - 1)] += 1
 
 
 @kernel
-def _place_by_digit(keys, order, shift, places, out):
-    for k in range(len(order)):
-        digit = np.int64(keys[order[k]] >> shift) & (len(places) - 1)
-        out[places[digit]] = order[k]
-        places[digit] += 1
+def _place_by_digit(keys, order, shift, places, out, first, last):
+    place = places[first // _BLOCK]
+    for k in range(first, last):
+        digit = np.int64(keys[order[k]] >> shift) & (len(place) - 1)
+        out[place[digit]] = order[k]
+        place[digit] += 1

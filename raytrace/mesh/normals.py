@@ -48,11 +48,9 @@ def face_normals(vertices: Float64s, faces: AnyInts) -> tuple[Float64s, Float64s
     """
     normals, areas = np.zeros((len(faces), 3)), np.zeros(len(faces))
     vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
-
-    def work(first: int, last: int) -> None:
-        _face_normals(vertices, faces[first:last], normals[first:last], areas[first:last])
-
-    run_blocks(len(faces), _BLOCK, work, thread_count(None), most=_MOST)
+    run_blocks(
+        len(faces), _BLOCK, bound(_face_normals, vertices, faces, normals, areas), thread_count(None), most=_MOST
+    )
     return normals, areas
 
 
@@ -98,8 +96,8 @@ def normalized(v):
 
 
 @kernel
-def _face_normals(vertices, faces, normals, areas):
-    for f in range(len(faces)):
+def _face_normals(vertices, faces, normals, areas, first, last):
+    for f in range(first, last):
         i, j, k = load_triangle(vertices, faces, f)
         a, b, c = subtract(j, i), subtract(k, j), subtract(i, k)
         normal = cross(a, b)
