@@ -59,10 +59,7 @@ def vertex_sums(
 ) -> Float64s:
     """Weighted sums (n, 3) of the unit face normals at each vertex, zero where they cancel to rounding.
 
-    Args:
-        vertices: (n, 3), any unit. faces: (m, 3), indices into them.
-        normals, areas: (m, 3), (m,), as `face_normals` returns them.
-        weighting: equal (12.31), area (12.32), or interior angle (12.33, which does not change when a face is cut up).
+    Args: weighting: equal (12.31), area (12.32), or interior angle (12.33: as it is when a face is cut up).
     """
     sums = np.zeros((len(vertices), 3))
     vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
@@ -162,10 +159,8 @@ def creased_normals(mesh: Mesh) -> tuple[Float64s, Int64s]:
 def _join_smooth(places, normals, edges, starts, fan):
     """Connect corners at one end of a smooth edge, which two faces share that run along it in opposite ways.
 
-    Args:
-        places: (3 m,), a number for each corner's place. normals: (m, 3), of faces.
+    Args: places: (3 m,), a number for each corner's place. fan: (3 m,), a forest of corners.
         edges: edges[starts[i] : starts[i + 1]] have the lower end i; edge e begins at places[e].
-        fan: (3 m,), a forest of corners.
     """
     count, pair = np.zeros(len(starts), np.int64), np.zeros((len(starts), 2), np.int64)
     for i in range(len(starts) - 1):

@@ -53,25 +53,16 @@ class AlphaSurface:
 
 
 class PackedOpacity(NamedTuple):
-    """`Opacity` as kernels read it.
+    """`Opacity` as kernels read it."""
 
-    Attributes:
-        of: int64 (m,), the surface of each face, −1 where it is opaque. uv: float64 (m, 3, 2), or (0, 3, 2) without.
-        corners: float64 (m, 3), factors, or (0, 3) without.
-        factor, cutoff: float64 (s,) of the surfaces; cutoffs below 0 are none.
-        texels: float32 (t, 1), the images' alpha, rows from the top. images: int64 (s, 5): first texel, width and
-            height, 0 without an image, and the wrap modes along u and v.
-        one_sided: int64, whether rays pass the backs of all faces, 0 or 1.
-    """
-
-    of: Int64s
-    uv: Float64s = np.zeros((0, 3, 2))
-    corners: Float64s = np.zeros((0, 3))
-    factor: Float64s = np.zeros(0)
-    cutoff: Float64s = np.zeros(0)
-    texels: Float32s = np.zeros((0, 1), np.float32)
-    images: Int64s = np.zeros((0, 5), np.int64)
-    one_sided: np.int64 = np.int64(0)
+    of: Int64s  # (m,), the surface of each face, −1 where it is opaque
+    uv: Float64s = np.zeros((0, 3, 2))  # (m, 3, 2), or no rows
+    corners: Float64s = np.zeros((0, 3))  # (m, 3), factors, or no rows
+    factor: Float64s = np.zeros(0)  # (s,) of the surfaces
+    cutoff: Float64s = np.zeros(0)  # (s,), below 0 where there is none
+    texels: Float32s = np.zeros((0, 1), np.float32)  # (t, 1), the images' alpha, rows from the top
+    images: Int64s = np.zeros((0, 5), np.int64)  # (s, 5): first texel, width, height (0: no image), modes along u and v
+    one_sided: np.int64 = np.int64(0)  # whether rays pass the backs of all faces, 0 or 1
 
     def only(self, kept: Bools) -> PackedOpacity | None:
         """That of the faces `kept`, bool (m,), numbered anew; None if they are opaque."""
@@ -165,10 +156,7 @@ class Opacity:
         )
 
     def packed(self) -> PackedOpacity | None:
-        """What kernels read; each image is read once. None if all faces are opaque wherever one looks.
-
-        Raises: InputError: an image is missing, damaged or none.
-        """
+        """What kernels read, each image once; None if all faces are opaque wherever one looks. Raises: InputError."""
         from ..image.texture import WRAPS, texture_alpha
 
         of, texels, end = self.of.copy(), [np.zeros((0, 1), np.float32)], 0

@@ -6,12 +6,7 @@ from ..kernel.jit import inline, kernel
 
 @inline
 def alpha(opacity, face, u, v):
-    """Opacity in [0, 1] of a place on a face, 0 or 1 where the surface has a cutoff.
-
-    Args:
-        opacity: `raytrace.mesh.opacity.PackedOpacity`.
-        u, v: barycentric weights of the face's second and third corner, as Embree has them.
-    """
+    """Opacity in [0, 1] of a place on a face, 0 or 1 where the surface has a cutoff. Args: u, v: as Embree has them."""
     surface = opacity.of[face]
     if surface < 0:
         return 1.0

@@ -22,10 +22,9 @@ _FINE = 16.0  # contact radii; vertices all whose edges are shorter are welded o
 
 
 def weld(positions: Float32s, faces: Int64s, normals: Float64s, agreement: float) -> Int64s:
-    """Group (n,) of each vertex: vertices at the same place whose normals agree share a group, numbered from 0.
+    """Group (n,) of each vertex: those `coincident` whose normals agree share a group, numbered from 0.
 
-    Args: positions (n, 3), faces (m, 3): as `coincident` takes them. normals (n, 3), unit or zero (agrees with none);
-        agreement: the least cosine.
+    Args: normals: (n, 3), unit or zero (agrees with none). agreement: the least cosine.
     """
     place, group = coincident(positions, faces), np.arange(len(positions))
     count = int(place.max(initial=-1)) + 1
@@ -36,12 +35,10 @@ def weld(positions: Float32s, faces: Int64s, normals: Float64s, agreement: float
 
 
 def coincident(positions: Float32s, faces: Int64s) -> Int64s:
-    """The place (n,) of each of the `positions` (n, 3), numbered from 0 in the order of their first rows.
+    """The place (n,) of each of the `positions` (n, 3) in render space, numbered from 0 in the order of first rows.
 
     Positions share a place if they are equal or within their `contact_radius`, or are linked by others that are; but
     for vertices all whose edges are hardly longer than that, which must be equal.
-
-    Args: positions: render space. faces: int64 (m, 3).
     """
     first = first_alike(positions + np.float32(0.0))  # −0 becomes 0
     rows = np.flatnonzero(first == np.arange(len(first)))
@@ -69,11 +66,9 @@ def first_alike(values: npt.NDArray[Any]) -> Int64s:
 
 @kernel
 def _find_first(words, key, table, first):
-    """Fill in the `first` row (n,) that is equal to each one.
+    """Fill in the `first` row (n,) of `words` (n, any) that is equal to each one.
 
-    Args:
-        words: (n, any). key: uint64, any.
-        table: of zeros, a power of two and more than n; filled with rows, from 1 on, by hash.
+    Args: table: of zeros, a power of two and more than n; filled with rows, from 1 on, by hash.
     """
     last = len(table) - 1
     for i in range(len(words)):
@@ -103,10 +98,7 @@ def cosine(normals, a, b):
 
 @kernel
 def _join_agreeing(order, starts, normals, agreement, group):
-    """Connect vertices at one place, up to 64 apart there, in the forest `group` (n,) if their normals agree.
-
-    Args: order: vertices order[starts[k] : starts[k + 1]] are at place k.
-    """
+    """Connect vertices order[starts[k] : starts[k + 1]], at one place, up to 64 apart, if their normals agree."""
     for k in range(len(starts) - 1):
         for i in range(starts[k], starts[k + 1]):
             for j in range(i + 1, min(i + 1 + _NEIGHBOURS, starts[k + 1])):

@@ -26,13 +26,9 @@ _LOCK = "lock"  # in a temporary folder
 def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     """Open a binary file whose content takes the name `path` only when the block ends without an exception.
 
-    The bytes go to a temporary file in the same folder, are flushed to the disk and renamed over `path`. When
-    anything fails, an interrupt included, the temporary is removed and an existing `path` keeps its content.
-    A symbolic link is followed: the file it names is replaced. The file mode is the umask's. What `standard_output`
-    names goes to standard output when it is whole.
-
-    Raises:
-        OutputError: the file cannot be created, written or renamed. Other exceptions of the block pass through.
+    The bytes go to a temporary file in the same folder, are flushed to the disk and renamed over `path`, or over what a
+    link of that name leads to. When anything fails, an interrupt included, the temporary is removed and an existing
+    `path` keeps its content; what is no OutputError passes through. The file mode is the umask's.
     """
     if is_standard_output(path):
         content = io.BytesIO()
@@ -47,11 +43,7 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
 
 @contextmanager
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """`atomic_write` for libraries that open files themselves: the name of an empty file for them to overwrite.
-
-    Raises:
-        OutputError: the file cannot be created, flushed or renamed. Other exceptions of the block pass through.
-    """
+    """`atomic_write` for libraries that open files themselves: the name of an empty file for them to overwrite."""
     if is_standard_output(path):
         with tempfile.TemporaryDirectory() as folder:
             made = Path(folder) / f"output{Path(path).suffix}"
@@ -92,11 +84,7 @@ def _beside(path: str | os.PathLike[str], replaces: bool = True) -> Iterator[tup
 
 @contextmanager
 def scratch_folder(target: str | os.PathLike[str]) -> Iterator[Path]:
-    """A folder beside `target` until the block ends; what a killed process left there, the next one removes.
-
-    Raises:
-        OutputError: it cannot be made.
-    """
+    """A folder beside `target` until the block ends; what a killed process left there, the next one removes."""
     for again in (False, True):  # the first may be taken for one of the dead's before it is locked
         folder = _temporary_name(Path(target).absolute())
         try:
@@ -131,27 +119,18 @@ def _to_standard_output(content: bytes | memoryview) -> None:
 
 
 def write_bytes(path: str | os.PathLike[str], content: bytes | memoryview) -> None:
-    """Write a file, whole or not at all. Raises: OutputError: it cannot be written."""
+    """Write a file, whole or not at all. Raises: OutputError."""
     with atomic_write(path) as file:
         file.write(content)
 
 
 def write_json(path: str | os.PathLike[str], content: Any) -> None:
-    """Write JSON, UTF-8, indented by two, whole or not at all.
-
-    Raises:
-        OutputError: it cannot be written.
-        ValueError: a number is NaN or infinite, which JSON has no name for.
-    """
+    """Write JSON, UTF-8, indented by two, whole or not at all. Raises: OutputError; ValueError: NaN or infinity."""
     write_bytes(path, (json.dumps(content, indent=2, allow_nan=False) + "\n").encode())
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
-    """Check before the work that `atomic_write(path)` will be able to start.
-
-    Raises:
-        OutputError: the folder is missing or refuses new files, or `path` is something other than a file.
-    """
+    """Check before the work that `atomic_write(path)` will be able to start. Raises: OutputError."""
     if is_standard_output(path):
         if sys.stdout.isatty():
             raise OutputError("standard output: cannot write: it is a terminal; pipe it, or name a file")

@@ -23,10 +23,7 @@ _MOST = 1 << 28  # bytes of a report or scene; anything larger is none
 
 
 def available(root: Path = Path("/")) -> int | None:
-    """Bytes that this process can still fill: the least of what the system, control groups and its own limits leave.
-
-    None if nothing can be read. Args: root: where `proc` and `sys` are.
-    """
+    """Bytes that the system, control groups and its own limits leave this process; None if nothing can be read."""
     limits = [*_system(root / "proc"), *_control_groups(root), *_own_limits(root / "proc")]
     return max(min(limits), 0) if limits else None
 
@@ -152,18 +149,12 @@ _KINDS: dict[tuple[str, ...], tuple[str, tuple[bytes, ...] | Callable[[bytes], o
 
 
 def check_outputs(outputs: Mapping[str, Name | None], inputs: Iterable[Name] = ()) -> None:
-    """Check before the work that all files of a command can be written without a loss.
+    """Check that all files of a command can be written without a loss. Raises: OptionError, OutputError.
 
     Names that lead to one file, by links of either sort or by another spelling, count as one. An existing file is
-    replaced if it is empty or of the kind that its name's ending says.
+    replaced if it is empty or of the kind that its name's ending says, unless it is one of the `inputs`.
 
-    Args:
-        outputs: the files to write by what the user calls them, `--output` for instance; None: not asked for.
-        inputs: every file that is read, whether it exists or not.
-
-    Raises:
-        OptionError: an output is an input, another output, or an existing file of another kind.
-        OutputError: a folder is missing or refuses new files, or an output is something other than a file.
+    Args: outputs: the files to write by what the user calls them, `--output` for instance; None: not asked for.
     """
     read = {_identity(path): path for path in inputs}
     written: dict[object, str] = {}

@@ -154,8 +154,7 @@ def _option_error(error: ValidationError, kind: _Refusing, values: dict[str, Any
 class Parameters(metaclass=_Refusing):
     """Base of materials, lights, shapes, cameras and options: frozen, no unknown fields, errors as `OptionError`.
 
-    A subclass is a frozen dataclass. Its class arguments: `kw_only`, False if values may be given by their place too;
-    `source`, what messages call it, by default its name.
+    Arguments of a subclass: `kw_only`, False if values may be given by their place too; `source`: its name in messages.
     """
 
     def __init_subclass__(cls, kw_only: bool = True, source: str | None = None) -> None:
@@ -172,10 +171,7 @@ class Parameters(metaclass=_Refusing):
 
 
 def made_of(data: Any, kinds: Iterable[type[P]], tag: str, source: str) -> P:
-    """One of `kinds` from plain values: the one whose field `tag` has by default what the values have.
-
-    Raises: OptionError: no table, no such kind, or a wrong value in it.
-    """
+    """One of `kinds` from plain values: that whose field `tag` has by default what these have. Raises: OptionError."""
     if not isinstance(data, Mapping):
         raise OptionError(source, "a table of names and values", repr(data), "value")
     if tag not in data:

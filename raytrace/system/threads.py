@@ -21,11 +21,7 @@ _WAKES = 2  # threads that each thread wakes, so that all of many are soon awake
 
 
 def thread_count(threads: int | None) -> int:
-    """`threads`, or the number of cores this process may use for None.
-
-    Raises:
-        OptionError: not a whole number from 1 to 4096.
-    """
+    """`threads`, or the number of cores this process may use for None. Raises: OptionError."""
     if threads is None:
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     if isinstance(threads, bool) or not isinstance(threads, int) or not 1 <= threads <= MAX_THREADS:
@@ -59,14 +55,11 @@ def run_blocks(
     progress: Callable[[int], None] | None = None,
     most: int = 1,
 ) -> None:
-    """Call `work(start, stop)` over [0, count) in blocks, on this thread and others: `threads`, if so many are granted
-    and there are cores for all but one.
+    """Call `work(start, stop)` over [0, count) in blocks, up to `most` at once, on this thread and others.
 
     `work` must release the GIL to gain anything and write only its own rows. `progress` is called, on this thread,
     with the number of items of each finished block. An exception or Ctrl-C drops the blocks that have not begun.
     A call within `work` stays on its thread: all threads are at work already.
-
-    Args: most: blocks that `work` may be given at once.
     """
     threads = min(granted(threads), -(-count // block))
     parts = shares(count, block, max(threads, 1), most)
@@ -108,11 +101,11 @@ class _Call:
         self.finished: SimpleQueue[int | BaseException] = SimpleQueue()  # sizes of finished blocks, and failures
         self.over = False  # no more blocks are to begin
         self.helping = 0  # threads at work beside the one that called
-        self._parts, self._work, self._taking = parts, work, threading.Lock()
+        self._parts, self._work, self.taking = parts, work, threading.Lock()
 
     def work_one(self) -> bool:
         """Do the next block, if there is one."""
-        with self._taking:
+        with self.taking:
             part = None if self.over else next(self._parts, None)
         if part is None:
             return False
@@ -124,10 +117,6 @@ class _Call:
         self.finished.put(part[1] - part[0])
         return True
 
-    def count_helper(self) -> None:
-        with self._taking:
-            self.helping += 1
-
     def help(self) -> None:
         """Do blocks as long as there are some, and be one helper less."""
         failure: BaseException | None = None
@@ -136,7 +125,7 @@ class _Call:
                 pass
         except BaseException as reason:
             failure = reason
-        with self._taking:
+        with self.taking:
             self.helping -= 1
         if failure or self.over:
             self.finished.put(failure or 0)
@@ -186,7 +175,8 @@ class _Team:
             with self._lock:
                 call = self._asked.popleft() if self._asked else None
                 if call:
-                    call.count_helper()
+                    with call.taking:
+                        call.helping += 1
                 else:
                     self._idle.append(waiting)
             if call:

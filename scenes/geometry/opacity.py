@@ -14,10 +14,7 @@ from .detail import Paint
 
 
 def is_opacity_map(path: Path, colour: Path | None) -> bool:
-    """Whether an image, read wholly, can be an opacity map beside that of the `colour`, if there is one.
-
-    One that is both needs an alpha channel.
-    """
+    """Whether an image, read wholly, can be an opacity map; one that is the `colour`, too, needs an alpha channel."""
     try:
         channels = [texture_codes(Texture(each)).shape[2] for each in {path, colour} if each]
     except MemoryLimitError:
@@ -31,8 +28,6 @@ def opacity_map(paint: Paint) -> Float32s | None:
     """Opacity (h, w) in [0, 1], rows from the top, of a material's `opacity_texture`; None if it has none.
 
     The alpha channel if the image is also that of the colour, or if it is not constant; else luminance as stored.
-
-    Raises: InputError: the file is missing, damaged, not an image, or too large.
     """
     if paint.opacity_texture is None:
         return None

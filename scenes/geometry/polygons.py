@@ -64,15 +64,9 @@ def triangulate(
 
     Where an index or a coordinate is invalid, all become fans: `raytrace.Mesh` raises the error.
 
-    Args:
-        vertices: (n, 3).
-        corners: (sum of sizes,) vertex indices, polygon after polygon.
-        sizes: (p,) corners of each polygon. One of fewer than three gives no triangle.
-        source: the file's name for messages.
+    Args: corners: vertex indices, polygon after polygon. sizes: (p,); fewer than 3 corners are no triangle.
 
-    Raises:
-        MeshError: concave polygons of so many corners that to cut them could take minutes.
-        ValueError: `corners` has another length than the sum of `sizes`.
+    Raises: MeshError: concave polygons of so many corners that to cut them could take minutes.
     """
     lengths = sizes.astype(np.int64)
     if lengths.sum() != len(corners):
