@@ -10,8 +10,7 @@ import numpy as np
 from raytrace.kernel.arrays import borrow
 from raytrace.kernel.jit import kernel
 from raytrace.kernel.vector import dot
-from raytrace.mesh.opacity import PackedOpacity
-from raytrace.mesh.opacity_lookup import alphas
+from raytrace.mesh.opacity import PackedOpacity, alphas
 from raytrace.types import AnyFloats, Float32s, Int64s
 
 from .directions import choose, turned_frame

@@ -15,8 +15,7 @@ import numpy as np
 from raytrace.kernel.jit import inline
 from raytrace.kernel.simd import WIDE, bits, load_row
 from raytrace.kernel.vector import column, cross, dot, subtract
-from raytrace.mesh.opacity import PackedOpacity
-from raytrace.mesh.opacity_lookup import alpha
+from raytrace.mesh.opacity import PackedOpacity, alpha
 from raytrace.types import Float32s, Int64s
 
 from ..mu import KernelMu, add_losses, faded, fades

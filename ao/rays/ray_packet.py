@@ -14,8 +14,7 @@ from raytrace.embree import packets
 from raytrace.embree.packets import LANES, TFAR
 from raytrace.embree.scene import EmbreeScene
 from raytrace.kernel.jit import inline
-from raytrace.mesh.opacity import PackedOpacity
-from raytrace.mesh.opacity_lookup import alpha
+from raytrace.mesh.opacity import PackedOpacity, alpha
 from raytrace.types import Float32s, Int32s
 
 from ..mu import faded, fades

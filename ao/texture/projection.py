@@ -16,7 +16,7 @@ from raytrace.bvh.closest import closest_points
 from raytrace.embree.rays import intersect
 from raytrace.errors import MeshError, OptionError
 from raytrace.mesh.mesh import Mesh, mesh_of
-from raytrace.mesh.opacity_lookup import alphas
+from raytrace.mesh.opacity import alphas
 from raytrace.mesh.placement import NEAR, Placement
 from raytrace.types import Float32s, Float64s, Int64s
 

@@ -142,11 +142,7 @@ def _levels(image: Texture) -> list[tuple[int, int]]:
             width, height = file.spec().width, file.spec().height
     except InputError:
         return []
-    sizes = [(width, height)]
-    while max(width, height) > 1:
-        width, height = max(width // 2, 1), max(height // 2, 1)
-        sizes.append((width, height))
-    return sizes
+    return [(max(width >> level, 1), max(height >> level, 1)) for level in range(max(width, height).bit_length())]
 
 
 def texture_bytes(textures: Iterable[Texture], threads: int) -> int:

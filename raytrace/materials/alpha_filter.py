@@ -10,7 +10,7 @@ from ..brdf.layout import ALPHA
 from ..embree.packets import END, GEOM_ID, ID, INST_ID, NG_X, PRIM_ID, ROOM, TFAR, U, V, filtered
 from ..kernel.arrays import borrow
 from ..kernel.jit import inline, kernel
-from ..mesh.opacity_lookup import alpha
+from ..mesh.opacity import alpha
 
 STEP = np.float32(2.0**-17)  # in render space: 32 times what Embree's distances can be off
 LEAST = 2.0**-16  # of the light: where less is left, nothing is

@@ -87,6 +87,7 @@ class AshikhminShirley(Brushed, Diffuse):
 
     model: Literal["ashikhmin_shirley"] = "ashikhmin_shirley"
     kind: ClassVar[int] = rows.ASHIKHMIN_SHIRLEY
+    columns = ("albedo", "reflectance", "exponent_parallel", "exponent_perpendicular")
     reflectance: Reflectance = (0.04, 0.04, 0.04)
     exponent_parallel: Exponent
     exponent_perpendicular: Exponent
@@ -100,9 +101,6 @@ class AshikhminShirley(Brushed, Diffuse):
     def _gloss(self) -> Gloss:
         between = sqrt(self.exponent_parallel * self.exponent_perpendicular)
         return Gloss(self.reflectance, (1.0, 1.0, 1.0), sqrt(2 / (between + 2)))
-
-    def _parameters(self) -> list[float]:
-        return [*self.albedo, *self.reflectance, self.exponent_parallel, self.exponent_perpendicular]
 
 
 class Kajiya(Brushed):

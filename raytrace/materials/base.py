@@ -42,6 +42,7 @@ class BaseMaterial(Parameters):
     """
 
     kind: ClassVar[int]
+    columns: ClassVar[tuple[str, ...]]  # the fields of `_parameters`, where these are no more
     physical: ClassVar[bool] = False
     """Whether `reflect` is BRDF·(n·l), in 1/sr, rather than an empirical model's own k_d⟨n·l⟩ + k_s S."""
     emission: Radiance = (0.0, 0.0, 0.0)
@@ -70,9 +71,9 @@ class BaseMaterial(Parameters):
         """The part of `k_a` that comes from the mirror direction, as much as the model's highlight reflects."""
         return Gloss(BLACK, BLACK, 1.0)
 
-    @abstractmethod
     def _parameters(self) -> list[float]:
         """The columns from `rows.MODEL` on, in the order the model's file states."""
+        return [*np.hstack([getattr(self, name) for name in self.columns])]
 
 
 class Brushed(BaseMaterial):

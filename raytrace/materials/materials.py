@@ -31,9 +31,7 @@ class Lambert(Diffuse):
 
     model: Literal["lambert"] = "lambert"
     kind: ClassVar[int] = rows.LAMBERT
-
-    def _parameters(self) -> list[float]:
-        return [*self.albedo]
+    columns = ("albedo",)
 
 
 class OrenNayar(Diffuse):
@@ -41,10 +39,8 @@ class OrenNayar(Diffuse):
 
     model: Literal["oren_nayar"] = "oren_nayar"
     kind: ClassVar[int] = rows.OREN_NAYAR
+    columns = ("albedo", "sigma")
     sigma: Angle
-
-    def _parameters(self) -> list[float]:
-        return [*self.albedo, self.sigma]
 
 
 class CookTorrance(Microfacet):
@@ -115,6 +111,7 @@ class Strauss(BaseMaterial):
 
     model: Literal["strauss"] = "strauss"
     kind: ClassVar[int] = rows.STRAUSS
+    columns = ("colour", "smoothness", "metalness", "transparency")
     colour: Reflectance
     smoothness: Smoothness
     metalness: Fraction = 0.0
@@ -128,9 +125,6 @@ class Strauss(BaseMaterial):
         part = (1 - self.transparency) * self.smoothness**3 * 2 / (exponent + 1)  # r_n, and ∫ ⟨r·v⟩^h dω/π
         normal = tuple(part * (1 + self.metalness * (channel - 1)) for channel in self.colour)  # c_s
         return Gloss(normal, (part,) * 3, sqrt(2 / (4 * exponent + 2)))
-
-    def _parameters(self) -> list[float]:
-        return [*self.colour, self.smoothness, self.metalness, self.transparency]
 
 
 Material = (

@@ -12,10 +12,8 @@ from typing import Any
 from ..brdf.coefficients import eta_from_reflectance
 from ..errors import OptionError, nearest_name
 
-RGB = tuple[float, float, float]
 
-
-def _metal(f0: RGB, **slopes: Any) -> dict[str, Any]:
+def _metal(f0: tuple[float, float, float], **slopes: Any) -> dict[str, Any]:
     eta = [eta_from_reflectance(min(channel, 0.999)) for channel in f0]
     return {"albedo": 0.0, "k_s": 1.0, "eta": eta, "k_a": list(f0), **slopes}
 

@@ -70,10 +70,9 @@ def _vectors(name: str, values: npt.ArrayLike) -> npt.NDArray[Any]:
         raise OptionError(name, "real numbers", array.dtype, "reflect")
     if array.ndim == 0 or array.shape[-1] != 3:
         raise OptionError(name, "an array of shape (…, 3)", f"shape {array.shape}", "reflect")
-    finite = np.isfinite(array).all(axis=-1)
-    if not finite.all():
-        first = array[~finite][0]
-        raise OptionError(name, "finite numbers", f"{first} ({np.count_nonzero(~finite)} such)", "reflect")
+    bad = array[~np.isfinite(array).all(axis=-1)]
+    if len(bad):
+        raise OptionError(name, "finite numbers", f"{bad[0]} ({len(bad)} such)", "reflect")
     return array
 
 

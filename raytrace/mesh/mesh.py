@@ -147,17 +147,10 @@ class Mesh:
 
 
 def mesh_of(given: Mesh | Any, source: str) -> Mesh:
-    """A mesh, made of anything else that has one; vertices keep their order and number.
+    """A mesh, made of anything else that has one; vertices keep their order and number. Raises: MeshError.
 
-    Args:
-        given: a `Mesh`; a pair of arrays, vertices (n, 3) and faces (m, 3); or an object with `vertices` and `faces`,
-            as trimesh has them, with `points` and the padded `faces` of `pyvista.PolyData`, with `points` and the
-            `cells` of meshio, triangles or quads, or a triangle mesh of Open3D, legacy or tensor. Polygons are cut into
-            triangles.
-        source: what to call it in messages.
-
-    Raises:
-        MeshError: it has no triangles, or they are no mesh.
+    Args: given: a `Mesh`; a pair of arrays, vertices (n, 3) and faces (m, 3); or a mesh of trimesh, of PyVista, of
+        meshio, triangles or quads, or of Open3D, legacy or tensor. Polygons are cut into triangles.
     """
     if isinstance(given, Mesh):
         return given
@@ -173,7 +166,11 @@ def mesh_of(given: Mesh | Any, source: str) -> Mesh:
     if hasattr(given, "vertices") and hasattr(given, "triangles"):
         return Mesh(given.vertices, given.triangles, source=source)
     if hasattr(given, "vertex") and hasattr(given, "triangle"):
-        return Mesh(*_tensors(given, source), source=source)
+        try:  # Open3D's tensors, on whatever device
+            arrays = given.vertex["positions"].cpu().numpy(), given.triangle["indices"].cpu().numpy()
+        except KeyError:
+            raise MeshError(source, "mesh", "vertex.positions and triangle.indices", "an empty mesh") from None
+        return Mesh(*arrays, source=source)
     methods = "extract_surface", "combine", "to_mesh"
     nearest = next((f"its {name}()" for name in methods if hasattr(given, name)), None)
     if isinstance(given, str | os.PathLike):
@@ -182,16 +179,8 @@ def mesh_of(given: Mesh | Any, source: str) -> Mesh:
     raise MeshError(source, "mesh", expected, " ".join(repr(given).split()), nearest=nearest)
 
 
-def _tensors(given: Any, source: str) -> tuple[Any, Any]:
-    """Vertices and faces of Open3D's tensor mesh, from whatever device. Raises: MeshError: it has none."""
-    try:
-        return given.vertex["positions"].cpu().numpy(), given.triangle["indices"].cpu().numpy()
-    except KeyError:
-        raise MeshError(source, "mesh", "vertex.positions and triangle.indices", "an empty mesh") from None
-
-
 def _triangles(given: Any, source: str) -> Int64s:
-    """The triangles of meshio's cells, quads cut along the diagonal that lies inside of them. Raises: MeshError."""
+    """The triangles of meshio's cells, quads cut along the diagonal that lies inside of them."""
     parts = [block for block in given.cells if block.type not in ("vertex", "line")]
     other = next((block.type for block in parts if block.type not in ("triangle", "quad")), None)
     if other or not parts:

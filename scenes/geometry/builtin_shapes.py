@@ -30,12 +30,9 @@ _CELLS = 32  # along the longest side, where no fineness is given
 
 
 def menger(level: int, size: float, cuts: int) -> Mesh:
-    """The surface of the sponge about the origin, hard edges, exact normals.
+    """The surface of the sponge of edge `size` about the origin, hard edges, exact normals.
 
-    Args:
-        level: times that every cube loses its middle seventh, 0 (a cube) to 4.
-        size: edge of the whole.
-        cuts: parts that the edge of a smallest cube is cut into.
+    Args: level: as of `Sponge`. cuts: parts that the edge of a smallest cube is cut into.
     """
     solid = _solid(level)
     count = solid.shape[0] * cuts
@@ -73,10 +70,7 @@ def _squares(solid: Bools, side: int, cuts: int) -> Int64s:
 
 
 def temple(fineness: float = 0.07) -> Mesh:
-    """Three steps, a ring of columns with bases and capitals, and a roof slab with a pediment block.
-
-    Args: fineness: largest edge of a mesh cell; the temple is about 8 × 5 × 4 units, z up.
-    """
+    """Three steps, a ring of columns with bases and capitals, and a roof slab with a pediment block."""
     half = (np.array(COLUMNS) - 1) / 2 * SPACING + 0.55
     floor = 0.45
     top = floor + COLUMN_HEIGHT

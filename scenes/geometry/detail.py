@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from raytrace import Mesh
+from raytrace import InputError, MemoryLimitError, Mesh
 from raytrace.mesh.normals import creased_normals
 from raytrace.mesh.weld import first_alike
-from raytrace.types import Float64s, Int64s
+from raytrace.types import Float32s, Float64s, Int64s
 
 from .polygons import Triangulation
 
@@ -42,7 +42,32 @@ class Paint:
     roughness: float = 1.0
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     texture: Path | None = None  # an existing PNG or JPEG, multiplied into `colour`; coordinates as the file has them
-    opacity_texture: Path | None = None  # an existing image, multiplied into `opacity` (`opacity.opacity_map`)
+    opacity_texture: Path | None = None  # an existing image, multiplied into `opacity`, see `opacity_map`
+
+    def opacity_map(self) -> Float32s | None:
+        """Opacity (h, w) in [0, 1], rows from the top, of the `opacity_texture`; None without one.
+
+        The alpha channel if the image is also that of the colour, or if it is not constant, for exporters name the
+        picture of the colour; else luminance as stored, as Wavefront MTL 5.0 has it for scalar textures.
+        """
+        from raytrace.image.texture import Texture, texture_alpha
+
+        if self.opacity_texture is None:
+            return None
+        return texture_alpha(Texture(self.opacity_texture), grey=self.opacity_texture != self.texture)
+
+
+def is_opacity_map(path: Path, colour: Path | None) -> bool:
+    """Whether an image, read wholly, can be an opacity map; one that is the `colour`, too, needs an alpha channel."""
+    from raytrace.image.texture import Texture, texture_codes
+
+    try:
+        channels = [texture_codes(Texture(each)).shape[2] for each in {path, colour} if each]
+    except MemoryLimitError:
+        raise
+    except InputError:
+        return False
+    return path != colour or channels[0] in (2, 4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,11 +152,10 @@ def unique_rows(columns: Sequence[Int64s]) -> tuple[Int64s, Int64s]:
 def split_corners(
     corners: Int64s, places: Int64s, several: list[PerCorner], keep: int
 ) -> tuple[Int64s, Int64s, Int64s]:
-    """One vertex for every combination of a vertex with what its corners have.
+    """One vertex for every combination of a vertex with what its corners have; of `keep` vertices all come first.
 
-    Args: places: (m, 3) of triangles in `corners`. keep: how many vertices come first, used or not.
-
-    Returns: vertices (k,), faces (m, 3), and the place of a corner like each of the new vertices (k,).
+    Args: places: (m, 3) of triangles in `corners`. Returns: vertices (k,), faces (m, 3), and the place of a corner like
+        each of the new vertices (k,).
     """
     flat = places.ravel()
     first, inverse = unique_rows([corners[flat], *(values.of[flat] for values in several)])
@@ -148,8 +172,7 @@ def split_corners(
 def split_creases(mesh: Mesh, more: Sequence[PerCorner] = ()) -> tuple[Int64s, Int64s, Float64s, Int64s]:
     """A mesh with a vertex for each normal that `raytrace.mesh.normals` gives, and for `more` that corners have.
 
-    Returns vertices (k,), the mesh's n first and repeated ones after them, faces (m, 3), normals (k, 3), and a corner
-    like each of the vertices (k,).
+    Returns: vertices (k,), the mesh's first, faces (m, 3), normals (k, 3), and a corner like each vertex (k,).
     """
     rows, of = creased_normals(mesh)
     own, places = PerCorner(rows, of.ravel()), np.arange(of.size).reshape(-1, 3)

@@ -15,7 +15,6 @@ from raytrace.image.texture import Texture, texture_codes
 from raytrace.types import Float32s, UInt8s, UInt16s
 
 from ...geometry.detail import Paint
-from ...geometry.opacity import opacity_map
 from ..gltf.asset import Gltf, entry
 from ..gltf.records import WRAP, TextureReference, UvTransform
 from ..gltf.textures import Textures
@@ -154,7 +153,7 @@ def add_materials(packed: Packed, paints: Sequence[Paint]) -> None:
 
 def _base_colour(paint: Paint) -> bytes:
     """A PNG or JPEG file of a material's colour texture, its alpha the opacity map; of two sizes the larger."""
-    alpha = None if paint.texture == paint.opacity_texture else opacity_map(paint)
+    alpha = None if paint.texture == paint.opacity_texture else paint.opacity_map()
     if paint.texture and alpha is None:
         return paint.texture.read_bytes()
     assert alpha is not None

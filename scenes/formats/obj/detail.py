@@ -19,7 +19,7 @@ import numpy as np
 from raytrace.errors import printable
 from raytrace.mesh.opacity import AlphaSurface, Opacity
 
-from ...geometry.detail import Detail, Paint, PerCorner
+from ...geometry.detail import Detail, Paint, PerCorner, is_opacity_map
 from ...geometry.polygons import Triangulation
 from ...safe_paths import beside
 from .text import ObjText, joined_lines
@@ -224,7 +224,5 @@ def _paint(name: str, given: dict[str, Any]) -> Paint:
     opacity = 1.0 if _is_opaque(given) else fraction("d", 1 - fraction("Tr", 0.0))
     mapped = given.get("map_d")
     if mapped:
-        from ...geometry.opacity import is_opacity_map
-
         paint = replace(paint, opacity_texture=mapped if is_opacity_map(mapped, paint.texture) else None)
     return replace(paint, opacity=opacity, metallic=fraction("Pm", 0.0), roughness=roughness)

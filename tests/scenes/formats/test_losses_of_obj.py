@@ -9,7 +9,6 @@ from kept_contents import bake, columns
 
 from scenes.formats.load import load
 from scenes.formats.obj.detail import read_mtl
-from scenes.geometry.opacity import opacity_map
 
 OBJ = """mtllib paint.mtl
 v 0 0 0 1 0 0
@@ -138,7 +137,7 @@ def test_an_opacity_map_is_the_alpha_of_the_base_colour_texture(tmp_path, given)
     own = "leaf.png" if given == "both" else "paint.png"  # of 2 × 2, enlarged
     (tmp_path / "paint.mtl").write_text(f"newmtl red\nmap_d leaf.png\nmap_Kd {own}\n")
     (paint,) = load(tmp_path / "m.obj", "x.glb").detail.paints
-    np.testing.assert_allclose(opacity_map(paint), alpha / 255, atol=1e-6)
+    np.testing.assert_allclose(paint.opacity_map(), alpha / 255, atol=1e-6)
     assert "texture" not in bake(tmp_path, "m.obj", "out.glb")
     header, binary = check_glb((tmp_path / "out.glb").read_bytes())
     assert header["materials"][1]["alphaMode"] == "BLEND"
