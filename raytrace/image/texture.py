@@ -100,10 +100,7 @@ class LazyTextures:
         )
 
     def read(self, numbers: Iterable[int]) -> None:
-        """Read the textures `numbers` that are not read yet; images that another thread reads come last.
-
-        Raises: InputError: a file is missing, damaged, not an image, or more than 16384 texels wide or high.
-        """
+        """Read the textures `numbers` that are not read yet; images that another thread reads come last."""
         images = dict.fromkeys(self._images[number] for number in numbers)
         for waits, image in product((False, True), images):
             if self._locks[image].acquire(blocking=waits):
@@ -158,10 +155,7 @@ def texel_counts(textures: Iterable[Texture]) -> list[int]:
 
 
 def texture_codes(texture: Texture, besides: int = 0) -> UInt8s | UInt16s | Float32s:
-    """The numbers of an image as stored, (h, w, 1 to 4), rows from the top, alpha straight. Raises: InputError.
-
-    Args: besides: bytes of a pixel that whoever asks takes besides.
-    """
+    """The numbers of an image as stored, (h, w, 1 to 4), rows from the top, alpha straight. Raises: InputError."""
     with _opened(texture) as image:
         spec = image.spec()
         kind = np.dtype(stored_type(spec))

@@ -14,10 +14,7 @@ _BLOCK, _MOST = 1 << 11, 32  # links, and blocks at once
 
 
 def connected_components(links: AnyInts, count: int) -> Int64s:
-    """The component (count,) of each of `count` members, int64, numbered from 0 in the order of their first members.
-
-    Args: links: (m, any), the members that each row connects.
-    """
+    """The component (count,), from 0 in the order of first members, of `count` that the rows of `links` connect."""
     parent = np.arange(count)
     run_blocks(len(links), _BLOCK, bound(join, links, parent), thread_count(None), most=_MOST)
     number(parent)

@@ -32,17 +32,11 @@ def contact_radius(points: Float64s) -> Float64s:
 
 @dataclass(frozen=True, eq=False)
 class RenderSpace:
-    """The placement of a mesh of known bounds.
+    """The placement of a mesh of known bounds."""
 
-    Attributes:
-        centre: float64 (3,), mesh units.
-        scale: what a length in mesh units is multiplied by; a power of two, so nothing is rounded by it.
-        diagonal: no two points of the placed mesh are farther apart; a ray need not be longer.
-    """
-
-    centre: Float64s
-    scale: float
-    diagonal: float
+    centre: Float64s  # (3,), mesh units
+    scale: float  # what a length in mesh units is multiplied by; a power of two, so nothing is rounded by it
+    diagonal: float  # no two points of the placed mesh are farther apart; a ray need not be longer
 
     @classmethod
     def around(cls, low: Float64s, high: Float64s, subset: Float64s) -> RenderSpace:
@@ -87,12 +81,9 @@ def near_box(low: Float64s, high: Float64s, subset: Float64s) -> tuple[Float64s,
 
 @dataclass(frozen=True, eq=False)
 class Placement(RenderSpace):
-    """A mesh in render space: recentred in float64, scaled by a power of two to about unit size, then rounded once.
+    """A mesh in render space: recentred in float64, scaled by a power of two to about unit size, then rounded once."""
 
-    `vertices`: float32 (n, 3), within [−1, 1], but for a few far away.
-    """
-
-    vertices: Float32s
+    vertices: Float32s  # (n, 3), within [−1, 1], but for a few far away
 
     @classmethod
     def of(cls, mesh: Mesh) -> Placement:

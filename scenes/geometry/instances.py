@@ -75,9 +75,7 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Sub
     """One mesh of all instances, in their order, in world space.
 
     A mirroring matrix (negative determinant) reverses the winding of its faces, so that an outside stays an outside.
-    Normals go by the inverse transpose; where only some instances have normals, the rest is NaN.
-
-    Raises: MeshError: the arrays are not a mesh (`raytrace.Mesh`).
+    Normals go by the inverse transpose; where only some instances have normals, the rest is NaN. Raises: MeshError.
     """
     parts: list[Submesh] = []
     vertex = face = 0
