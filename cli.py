@@ -201,9 +201,18 @@ def compare(
     difference: Annotated[Path | None, typer.Option(help="Write the FLIP difference map: .png .tif .jpg")] = None,
 ) -> None:
     """Compare two images: mean, RMS and maximum error, PSNR, FLIP."""
-    from scenes.commands.compare import compare_files
+    from raytrace.image.compare import compare as compared
+    from raytrace.image.write import check_image_target
 
-    raise typer.Exit(0 if compare_files(a, b, threshold, metric, difference) else 1)
+    if threshold is not None and not threshold >= 0:
+        raise OptionError("threshold", "a number in [0, inf)", threshold)
+    if difference:
+        with choices.named("difference"):
+            check_image_target(difference, layers=("beauty",))
+    found = compared(a, b, difference)
+    names = ("mean_error", "rms_error", "max_error", "psnr", "flip")
+    print(columns([(name, f"{getattr(found, name):.6g}") for name in names]))
+    raise typer.Exit(0 if threshold is None or found.within(threshold, metric) else 1)
 
 
 @app.command()

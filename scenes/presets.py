@@ -24,10 +24,7 @@ _READS = {
 
 
 def with_preset(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Options of a bake to one output, and what their preset sets of those that are not given.
-
-    Raises: ConflictError: the program does not read such a file.
-    """
+    """Options of a bake to one output, and what their preset sets of those that are not given."""
     preset, ending = options["preset"], options["output"].suffix.lower()
     if preset is None:
         return {**options}

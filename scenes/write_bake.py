@@ -150,10 +150,8 @@ def channels(
     return Channels(replaced, ramp, replace_occlusion, up)
 
 
-ENDINGS = endings("write")
-"""Of the names of files that `write` makes."""
-TILED = ".npy", ".ply"
-"""Of those that `write_tiled` makes."""
+ENDINGS = endings("write")  # of the names of files that `write` makes
+TILED = ".npy", ".ply"  # of those that `write_tiled` makes
 
 
 def _writer(path: str | os.PathLike[str]) -> Callable[..., bytes | memoryview]:

@@ -18,7 +18,7 @@ import scenes
 from benchmarks import ROOT
 from benchmarks.pictures.browser import missing, shown
 from raytrace.image.write import write_image
-from scenes.description.defaults import framing
+from scenes.description.description import framing
 from scenes.jobs.run import bake_command
 
 TARGET = ROOT / "docs" / "textures" / "instances.png"

@@ -19,7 +19,7 @@ from benchmarks.pictures.browser import missing, shown
 from raytrace import AmbientLight, DirectionalLight, Scene, Settings, render
 from raytrace.image.write import write_image
 from raytrace.types import Float32s
-from scenes.description.defaults import framing
+from scenes.description.description import framing
 from scenes.description.gltf_scene import gltf_objects
 from scenes.formats.load import MeshFile
 from scenes.geometry.builtin_shapes import Temple

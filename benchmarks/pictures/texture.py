@@ -16,7 +16,7 @@ from raytrace import AmbientLight, Scene, Settings, render
 from raytrace.image.write import write_image
 from raytrace.types import Float32s
 from scenes import unwrap
-from scenes.description.defaults import framing
+from scenes.description.description import framing
 from scenes.description.gltf_scene import gltf_objects
 from scenes.formats.glb.textured import textured_glb
 from scenes.formats.load import MeshFile

@@ -60,6 +60,10 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
     open_edges, nonmanifold = known["open_edges"], known["edges_of_three_faces_or_more"]
     corners = ("(" + ", ".join(f"{c:.6g}" for c in corner) + ")" for corner in known["bounds"])
     profile, stored = source.profile, known["stored_profile"]
+    occlusion, found = "no textures in the file", known["occlusion_textures"]
+    if found and found["textured"]:
+        occlusion = f"textures of {found['textured']:,} of {found['primitives']:,} primitives"
+        occlusion += f", {found['ramps']:,} of them ramps of a bake" if found["ramps"] else ""
     text = profile and f"w at {len(profile.half_distances)} half-distances, {profile.range}, as {stored['stored']}"
     rows = [
         ("file", printable(known["file"])),
@@ -74,7 +78,7 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
         ("normals", "in the file" if known["normals"] else "none in the file"),
         ("stored w", _stored_in_words(known["stored_w"])),
         *([("profile", text)] if text else []),
-        ("occlusion", _occlusion_in_words(known["occlusion_textures"])),
+        ("occlusion", occlusion),
         ("alpha", mesh.opacity.summary.removeprefix("alpha: ") if mesh.opacity else "none: all faces are opaque"),
         ("points to bake", f"{known['points_to_bake']:,}, coincident vertices once"),
     ]
@@ -90,13 +94,6 @@ def _occlusion(source: MeshFile) -> dict[str, int] | None:
     header, materials = source.gltf.header, [piece.primitive.material for piece in source.gltf.drawn]
     textured = sum(occlusion_reference(header, material) is not None for material in materials)
     return {"primitives": len(materials), "textured": textured, "ramps": sum(is_ramp(header, m) for m in materials)}
-
-
-def _occlusion_in_words(found: dict[str, int] | None) -> str:
-    if found is None or not found["textured"]:
-        return "no textures in the file"
-    text = f"textures of {found['textured']:,} of {found['primitives']:,} primitives"
-    return text + (f", {found['ramps']:,} of them ramps of a bake" if found["ramps"] else "")
 
 
 def _stored(w: Float64s | None) -> dict[str, Any] | None:

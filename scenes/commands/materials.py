@@ -68,8 +68,12 @@ def check(name: str, material: BaseMaterial) -> str:
     verdict = "reciprocal" if apart < _RECIPROCAL else "not reciprocal"
     lines.append(f"  |f(l, v) − f(v, l)| / larger: at most {apart:.1e}, {verdict}")
     if isinstance(material, OrenNayar) and material.sigma > 0:
+        for title, turn in (("back to the light", 0.0), ("away from it", np.pi)):
+            rows = [_fit(material, towards(angle), towards(angle, turn)) for angle in np.radians(ANGLES)]
+            lines.append(f"  f in parts of ρ/π, seen {title} at the same angle")
+            for curve, column in zip(("fit", "integral"), np.array(rows).T, strict=True):
+                lines.append(f"    {curve:<13}" + "".join(f"{value:7.3f}" for value in column))
         rms, largest = fit_error(material)
-        lines += _fit_lines(material)
         lines.append(f"    fit minus integral, directions to 75°: {rms:.3f} RMS, {largest:.3f} largest")
     return "\n".join(lines)
 
@@ -92,17 +96,6 @@ def _fit(material: OrenNayar, l: Float64s, v: Float64s, *order: int) -> list[flo
     fit = fitted_orders(material.sigma, tuple(NORMAL), tuple(l), tuple(v))
     exact = reference_orders(material.sigma, l, v, *order)
     return [(first + np.mean(material.albedo) * second) / l[2] for first, second in (fit, exact)]
-
-
-def _fit_lines(material: OrenNayar) -> list[str]:
-    """The model's f in the plane of incidence, and the integral that it fits."""
-    lines = []
-    for title, turn in (("back to the light", 0.0), ("away from it", np.pi)):
-        rows = [_fit(material, towards(angle), towards(angle, turn)) for angle in np.radians(ANGLES)]
-        lines.append(f"  f in parts of ρ/π, seen {title} at the same angle")
-        for name, column in zip(("fit", "integral"), np.array(rows).T, strict=True):
-            lines.append(f"    {name:<13}" + "".join(f"{value:7.3f}" for value in column))
-    return lines
 
 
 def _preset(name: str) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -27,12 +27,13 @@ from raytrace.types import Float64s
 from ..description.description import SceneDescription
 from ..falloffs import Scales
 from ..formats.stored_w import read_w
-from ..jobs.options import Alpha
+from ..jobs.options import Record
 from ..jobs.remote import cluster_checkpoint
 
 if TYPE_CHECKING:
     from ao.cluster.session import ClusterSession
 
+_SETTINGS = ("samples", "shading", "normals", "obscurance", "shadows", "seed")
 PREVIEW = 4  # a preview's sides are that much shorter
 PREVIEW_BAKE = 32  # and it bakes with that many rays a vertex
 
@@ -52,40 +53,28 @@ class RenderedPicture:
         return f"{printable(str(target))}: {size}, {rays}; obscurance {settings.obscurance}{baked}"
 
 
-def adjusted(
-    description: SceneDescription,
-    changes: Mapping[str, Any],
-    preview: bool,
-    baked: Path | None = None,
-    own_occlusion: bool = True,
-    alpha: Alpha = "auto",
-    scales: Scales | None = None,
-) -> SceneDescription:
-    """The description with the `Settings` changed that are not None; a preview: a quarter as wide and high, few rays.
-
-    Args:
-        baked: a file with w, in place of the description's own or of a bake. scales: of its profile.
-        own_occlusion: use the occlusion textures that the file has, in place of a bake.
-    """
-    settings = replace(description.settings, **{name: value for name, value in changes.items() if value is not None})
+def adjusted(description: SceneDescription, given: Record, scales: Scales | None) -> SceneDescription:
+    """The description as the options have it; a preview: a quarter as wide and high, few rays. Raises: OptionError."""
+    changes = {name: getattr(given, name) for name in ("crop", *_SETTINGS) if getattr(given, name) is not None}
+    settings = replace(description.settings, **changes)
     w_from, bake, files = description.w_from, description.bake, description.files
-    if settings.obscurance == "off" and baked is not None:
+    if settings.obscurance == "off" and given.baked is not None:
         raise ConflictError("baked", "does not go with", ("obscurance", "off"))
     if settings.obscurance == "off":
         w_from = "off"
-    elif baked is not None:
-        w_from, files = baked, (*files, baked)
+    elif given.baked is not None:
+        w_from, files = given.baked, (*files, given.baked)
     elif w_from == "off":
         w_from = "bake"
-    if preview:
+    if given.preview:
         settings = _quarter(settings)
         bake = replace(bake, samples=min(bake.rays, PREVIEW_BAKE))
-    scene = description.scene if own_occlusion else description.scene.without_occlusion()
-    if alpha == "ignore":
+    scene = description.scene if given.own_occlusion else description.scene.without_occlusion()
+    if given.alpha == "ignore":
         scene = scene.without_alpha()
     if scales and not isinstance(w_from, Path):
         raise ConflictError("half_distance", "needs", "baked")
-    scales = scales or (None if baked else description.scales)
+    scales = scales or (None if given.baked else description.scales)
     return replace(description, scene=scene, settings=settings, w_from=w_from, bake=bake, files=files, scales=scales)
 
 
@@ -146,31 +135,23 @@ def _stored(description: SceneDescription, path: Path) -> Float64s:
 
 
 def make_picture(
-    source: Path,
-    description: SceneDescription,
-    output: Path,
-    half: bool = False,
-    threads: int | None = None,
-    baking: Progress | None = None,
-    rendering: Progress | None = None,
-    session: ClusterSession | None = None,
-) -> RenderedPicture:
-    """Make the picture of a described scene and write it.
-
-    Args: source: the scene file, for the picture's metadata. half: 16-bit floats in EXR. baking, rendering: progress.
-    """
+    given: Record, description: SceneDescription, output: Path, progress: Sequence[Progress | None],
+    session: ClusterSession | None,
+) -> RenderedPicture:  # fmt: skip
+    """Make the picture of a described scene and write it. Args: progress: of baking, and of rendering."""
+    source, threads, half = given.scene, given.threads, given.half
     layers = check_image_target(output, half)
     needed = rendering_bytes(description.scene, description.settings, layers is None, threads)
     check_memory(source, needed, describe_work(description.scene, description.settings))
     start = time.perf_counter()
-    scene, baked = with_obscurance(description, threads, baking, session)
+    scene, baked = with_obscurance(description, threads, progress[0], session)
     prepared = time.perf_counter()
     renderer = render
     if session:
         from ao.cluster.pictures import render_on
 
         renderer = partial(render_on, session)
-    frame = renderer(scene, description.camera, description.settings, layers is None, threads, rendering)
+    frame = renderer(scene, description.camera, description.settings, layers is None, threads, progress[1])
     rendered = time.perf_counter()
     names = ("samples", "seed", "shading", "normals", "obscurance")
     settings = {name: str(getattr(description.settings, name)) for name in names}  # nothing that changes between runs

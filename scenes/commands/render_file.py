@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from ..jobs.remote import Workers
     from ..show.report.pictures import Picture
 
-_SETTINGS = ("samples", "shading", "normals", "obscurance", "shadows", "seed")
 RENDER = (
     Option("scene", Path, ..., "A .toml scene, a .glb or .gltf, or any mesh.", metavar="SCENE"),
     replace(ROWS["output"], help="Output image, format by ending: .exr .png .tif .jpg"),
@@ -56,9 +55,9 @@ def run_render(options: dict[str, Any]) -> None:
     check_together(options, RENDER)
     given, workers = Record(options), None
     if given.cluster:
-        from ..jobs.remote import workers_of
+        from ..jobs.remote import Workers
 
-        workers = workers_of(options)
+        workers = Workers(options)
     if given.output is not None:
         _render(given, given.output, workers)
         return
@@ -74,8 +73,7 @@ def _render(given: Record, output: Path, workers: Workers | None) -> None:
     if given.show and not sys.stdout.isatty():
         raise OptionError("show", "a terminal as standard output", "a file or a pipe")
     size = None if given.width is None else (given.width, given.height)
-    settings = {name: getattr(given, name) for name in _SETTINGS}
-    settings["crop"] = None if given.crop is None else _crop(given.crop)
+    crop = None if given.crop is None else _crop(given.crop)
     from raytrace.image.write import check_image_target
     from raytrace.system.checks import check_ending, check_outputs
     from raytrace.system.threads import thread_count
@@ -97,14 +95,15 @@ def _render(given: Record, output: Path, workers: Workers | None) -> None:
     scales = None if given.half_distance is None else make_scales(given.half_distance, given.power)
     with compiling():
         read = read_scene(given.scene, size, given.up, given.view)
-        description = adjusted(read, settings, given.preview, given.baked, given.own_occlusion, given.alpha, scales)
+        used = given.replaced(crop=crop, threads=threads)
+        description = adjusted(read, used, scales)
         check_outputs(outputs, description.files)
         inputs = hashed([given.scene, *description.files]) if given.report else []
         warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
         with workers.session(output) if workers else nullcontext() as session:
             status = session.status if session else str
-            with progress(given.quiet, "rays", "tiles", form=given.progress, status=status) as (rays, tiles):
-                picture = make_picture(given.scene, description, output, given.half, threads, rays, tiles, session)
+            with progress(given.quiet, "rays", "tiles", form=given.progress, status=status) as bars:
+                picture = make_picture(used, description, output, bars, session)
     if given.show:
         show_picture(picture.frame.layers["beauty"])
     if given.report:

@@ -35,7 +35,12 @@ def _mistake_in_words(mistake: Any, app: Any, command: Any, arguments: Sequence[
     elif getattr(mistake, "param", None) is not None and cause is not None:
         fault = cause.errors()[0]
         place, got = f"{place} {_shown(mistake.param)}", fault["input"]
-        expected, near = _expectation(fault)
+        kinds = {"int": "a whole number", "float": "a number", "bool": "true or false"}
+        names = re.findall("'([^']*)'", str(fault["msg"]).partition(" is not one of ")[2])
+        expected = next((text for kind, text in kinds.items() if fault["type"].startswith(kind)), "")
+        if not expected and names:
+            expected, near = "one of " + ", ".join(names), nearest_name(got, names)
+        expected = expected or str(fault["msg"])
     elif getattr(mistake, "param", None) is not None:
         expected, got = _shown(mistake.param), "nothing"
     elif command is None:
@@ -106,14 +111,3 @@ def _given(parameter: Any) -> str:
     """As `_shown`, but a switch that is on by default by the name that turns it off."""
     off = parameter.default is True and parameter.secondary_opts
     return str(parameter.secondary_opts[0]) if off else _shown(parameter)
-
-
-def _expectation(fault: dict[str, Any]) -> tuple[str, str | None]:
-    for kind, expected in (("int", "a whole number"), ("float", "a number"), ("bool", "true or false")):
-        if fault["type"].startswith(kind):
-            return expected, None
-    message = str(fault["msg"])
-    names = re.findall("'([^']*)'", message.partition(" is not one of ")[2])
-    if names:
-        return "one of " + ", ".join(names), nearest_name(fault["input"], names)
-    return message, None

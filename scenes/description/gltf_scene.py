@@ -52,8 +52,7 @@ from ..formats.gltf.parse import JsonObject, parse
 from ..formats.gltf.textures import Textures, vertex_colours
 from ..formats.load import mesh_errors, read_objects
 from ..geometry.instances import Instance
-from .defaults import BACKGROUND, NEUTRAL, WHITE, framing, three_lights
-from .description import SceneDescription
+from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, three_lights
 
 _FLOAT32_RIGHT_ANGLE = 1.5707964
 DIELECTRIC_F0 = 0.04

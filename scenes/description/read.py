@@ -10,8 +10,7 @@ from ..formats.load import load, mesh_errors
 from ..formats.table import format_of
 from ..geometry.detail import split_creases
 from ..geometry.primitives import Origin
-from .defaults import BACKGROUND, NEUTRAL, WHITE, framing, three_lights
-from .description import SceneDescription
+from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, three_lights
 from .gltf_scene import read_gltf
 from .textured import vertex_colors
 from .toml_scene import read_toml

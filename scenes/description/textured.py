@@ -44,20 +44,16 @@ def read_textured(path: Path) -> tuple[TexturedMesh, list[str]]:
 
 def vertex_colors(path: Path) -> tuple[Float64s | None, list[str]]:
     """Linear RGB (n, 3) of the vertices in the file's order, None if they have none, and warnings."""
-    if not _may_have_colors(path):
+    with path.open("rb") as file:
+        coloured = False
+        if path.suffix.lower() == ".ply":
+            coloured = b" red\n" in file.read(_BEGIN).partition(b"end_header")[0].replace(b"\r", b"")
+        elif path.suffix.lower() == ".obj":  # whose first vertex then has six numbers
+            first = next((line for line in file if line.startswith((b"v ", b"v\t"))), b"")
+            coloured = len(first.partition(b"#")[0].split()) >= 7
+    if not coloured:
         return None, []
     (instance, *_), _ = read_objects(path, keep=True)
     notes = [printable(f"{path}: left out: {words}") for words in instance.unread if words.startswith("colours")]
     colors = instance.detail.colors if instance.detail else None
     return None if colors is None else decode_srgb(colors[:, :3].clip(0, 1)).astype(float), notes
-
-
-def _may_have_colors(path: Path) -> bool:
-    """Whether the first vertex of an OBJ has six numbers, or a PLY's header a property `red`."""
-    with path.open("rb") as file:
-        if path.suffix.lower() == ".ply":
-            return b" red\n" in file.read(_BEGIN).partition(b"end_header")[0].replace(b"\r", b"")
-        if path.suffix.lower() == ".obj":
-            first = next((line for line in file if line.startswith((b"v ", b"v\t"))), b"")
-            return len(first.partition(b"#")[0].split()) >= 7
-    return False

@@ -17,7 +17,7 @@ from ..geometry.builtin_shapes import SOLIDS
 from ..geometry.instances import check_copies, flatten
 from ..geometry.primitives import Origin, TexturedMesh
 from ..safe_paths import confined
-from .defaults import NEUTRAL, WHITE
+from .description import NEUTRAL, WHITE
 from .gltf_scene import gltf_objects
 from .schema import ObjectTable, Transform
 from .textured import read_textured, vertex_colors

@@ -20,8 +20,7 @@ from ..falloffs import Scales, make_falloff, make_scales, table_of
 from ..field_errors import check_keys, located, shown
 from ..formats.stored_w import ENDINGS
 from ..safe_paths import confined
-from .defaults import three_lights
-from .description import SceneDescription, Source
+from .description import SceneDescription, Source, three_lights
 from .schema import CameraTable, Document, ObscuranceTable, parse_document
 from .toml_objects import ObjectReader, named_materials
 

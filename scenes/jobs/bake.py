@@ -8,34 +8,31 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from warnings import catch_warnings, simplefilter
 
+import ao
 from raytrace.errors import ClusterError, ConflictError, ObscuranceError, OptionError, printable
 from raytrace.system.atomic import is_standard_output
 from raytrace.system.checks import check_ending, check_outputs
 from raytrace.system.threads import thread_count
 
+from ..falloffs import make_falloff, table_of
+from ..formats.load import MeshFile, load
+from ..show.report.verdict import Pictures, hashed, write_report
 from .console import compiling, note
 from .inputs import Sources
 from .options import BAKER, REPORTS, ROWS, Record, command_line, plain
 
 if TYPE_CHECKING:
-    import ao
     from ao.execute.checkpoint import Checkpoint
     from ao.options import Options
-
-    from ..formats.load import MeshFile
-    from ..show.report.verdict import Pictures
 
 
 @contextmanager
 def silence_tolerance_warnings() -> Iterator[None]:
     """Silence Python's warnings about tolerances that are not met: commands print their own."""
-    import ao
-
     with catch_warnings():
         simplefilter("ignore", ao.ToleranceWarning)
         yield
@@ -74,8 +71,6 @@ class MeshBake(Record, ABC):
         """The falloff, if the options go together and the outputs can be written. Raises: OptionError, OutputError."""
         from ao.falloff import resolve_length
 
-        from ..falloffs import make_falloff
-
         falloff = make_falloff(self.falloff, self.tau, self.half_distance, self.max_distance)
         self.checked()
         if isinstance(self.cage, str) and resolve_length("cage", self.cage, 1.0) == float("inf"):
@@ -103,14 +98,9 @@ class MeshBake(Record, ABC):
 
     def hashed(self, files: Iterable[Path]) -> list[dict[str, Any]]:
         """Files that were read, as a report has them; nothing if there is none to write."""
-        from ..falloffs import table_of
-        from ..show.report.verdict import hashed
-
         return hashed([*files, *table_of(self.falloff)], {self.mesh: self.content}) if self.report else []
 
     def write_report(self, report: Mapping[str, Any], inputs: list[dict[str, Any]], pictures: Pictures) -> None:
-        from ..show.report.verdict import write_report
-
         options = self.described()
         line = command_line("bake", ROWS.values(), options)
         write_report(self.report, "bake", line, report, inputs, options, pictures)
@@ -125,8 +115,6 @@ class MeshBake(Record, ABC):
 
     def inputs(self) -> list[Path]:
         """The files that are read, as far as the options name them."""
-        from ..falloffs import table_of
-
         cage = [self.cage] if isinstance(self.cage, Path) else []
         return [self.mesh, *(self.high or ()), *cage, *(self.occluder or ()), *table_of(self.falloff)]
 
@@ -140,8 +128,6 @@ class MeshBake(Record, ABC):
 
     def read(self) -> MeshFile:
         """The mesh file, with what the output can hold of it. Raises: InputError."""
-        from ..formats.load import load
-
         kept = Path("texture.glb") if self.sort == "texture" else self.output
         names = bool(self.receive or self.cast or self.exclude or self.match_names) or self.occluded_by != "all"
         return load(self.mesh, kept, self.content, self.alpha == "auto", self.up, names)
@@ -155,20 +141,28 @@ class MeshBake(Record, ABC):
 
     def sources_of(self, source: MeshFile) -> Sources:
         """What is baked for `source`. Raises: InputError: of a file; OptionError: as `ao.ground` and `choose`."""
-        import ao
         from ao.points.occluders import joined
 
-        from ..formats.load import load
         from ..formats.objects import choose, match
 
-        names, read = self.match_names, partial(load, alpha=self.alpha == "auto", names=self.match_names)
-        high, walls = ([read(path) for path in each or ()] for each in (self.high, self.occluder))
+        names, given = self.match_names, (self.high, self.occluder)
+        high, walls = ([load(path, alpha=self.alpha == "auto", names=names) for path in each or ()] for each in given)
         fine = joined([each.mesh for each in high], all_normals=True) if high else None
         cage = load(self.cage) if isinstance(self.cage, Path) else None
         by_name = self.receive or (), self.cast or (), self.exclude or ()
         chosen = choose(source, *by_name, self.occluded_by, self.output_dir is not None)
         ground = [ao.ground(chosen.mesh, self.ground_height())] if self.ground else []
-        return Sources(source, chosen, high, fine, match(source, high) if names else None, cage, walls, ground)
+        occluders = [*(each.mesh for each in walls), *ground]
+        arguments = {"high": fine, "groups": match(source, high) if names else None, "occluders": occluders}
+        arguments |= {"cage": cage.mesh} if cage else {}
+        read = [source, *walls, *high, *([cage] if cage else [])]
+        notes = [note for each in read for note in each.notes]
+        for each in walls:
+            size = each.mesh.radius / (source.mesh.radius or 1.0)
+            if not 1e-3 < size < 1e3:
+                notes.append(f"{each.mesh.source}: its radius is {size:.2g} of the mesh's: is its unit another?")
+        files = [path for each in read for path in each.files]
+        return Sources(source, chosen, fine, occluders, arguments, files, notes)
 
     def ground_height(self) -> float | None:
         """The height of the ground; None just below the mesh. Raises: OptionError: it is no number."""

@@ -16,7 +16,6 @@ from ..formats.table import endings
 
 if TYPE_CHECKING:
     from raytrace.mesh.mesh import Mesh
-    from raytrace.types import Int64s
 
     from ..formats.load import MeshFile
     from ..formats.objects import Chosen
@@ -29,21 +28,16 @@ class Sources(NamedTuple):
 
     source: MeshFile
     chosen: Chosen  # of the source
-    high: list[MeshFile]  # of finer meshes
-    fine: Mesh | None  # all of them
-    groups: tuple[Int64s, Int64s] | None  # of `ao.bake`, as `cage`
-    cage: MeshFile | None
-    walls: list[MeshFile]  # that only occlude
-    ground: list[Mesh]  # a plane, or none
+    fine: Mesh | None  # the finer meshes as one
+    occluders: list[Mesh]  # besides
+    arguments: dict[str, Any]  # those of `ao.bake` and `ao.bake_texture` beside the mesh
+    files: list[Path]
+    notes: list[str]
 
     @property
     def solid(self) -> Mesh:
         """Whose w is baked."""
         return self.fine or self.chosen.mesh
-
-    @property
-    def read(self) -> list[MeshFile]:
-        return [self.source, *self.walls, *self.high, *([self.cage] if self.cage else [])]
 
     @property
     def counts(self) -> tuple[int, int]:
@@ -52,33 +46,9 @@ class Sources(NamedTuple):
         return sum(len(each.vertices) for each in meshes), sum(len(each.faces) for each in meshes)
 
     @property
-    def files(self) -> list[Path]:
-        return [path for each in self.read for path in each.files]
-
-    @property
     def meshes(self) -> list[Mesh]:
         """All that occlude, that whose w is baked last."""
         return [*self.occluders, self.chosen.mesh, *([self.fine] if self.fine else [])]
-
-    @property
-    def notes(self) -> list[str]:
-        """About what was read; also occluders so much larger or smaller that their unit may be another."""
-        notes = [note for each in self.read for note in each.notes]
-        for each in self.walls:
-            size = each.mesh.radius / (self.source.mesh.radius or 1.0)
-            if not 1e-3 < size < 1e3:
-                notes.append(f"{each.mesh.source}: its radius is {size:.2g} of the mesh's: is its unit another?")
-        return notes
-
-    @property
-    def arguments(self) -> dict[str, Any]:
-        """Those of `ao.bake` and `ao.bake_texture` beside the mesh."""
-        given = {"high": self.fine, "groups": self.groups, "occluders": self.occluders}
-        return given | ({"cage": self.cage.mesh} if self.cage else {})
-
-    @property
-    def occluders(self) -> list[Mesh]:
-        return [*(each.mesh for each in self.walls), *self.ground]
 
 
 def expand(given: Iterable[Path]) -> list[Path]:

@@ -1,8 +1,4 @@
-"""`--cluster`: rays traced, or small meshes of a batch baked whole, by the workers of a Dask cluster.
-
-Workers read the meshes of a batch and write its outputs, so they must see the files under the names that these have
-here.
-"""
+"""`--cluster`: rays traced, or small meshes of a batch read, baked and written, by the workers of a Dask cluster."""
 
 from __future__ import annotations
 
@@ -34,34 +30,25 @@ _BYTES = 50  # of a file, a vertex
 _FILES = "mesh", "output", "high", "occluder", "cage"
 
 
-@dataclass(frozen=True)
 class Workers:
-    """Workers at `address`, which see the folder `shared`, or that of the output. Raises: OptionError."""
+    """The workers that `--cluster` asks for; they see the folder `--shared`, or that of the output."""
 
-    address: str
-    shared: Path | None
-    threads: int | None
-
-    def __post_init__(self) -> None:
+    def __init__(self, options: Mapping[str, Any]) -> None:
+        self._address, self._shared, self._threads = (options[name] for name in ("cluster", "shared", "threads"))
         if find_spec("distributed") is None or find_spec("cryptography") is None:
             expected = "Dask and cryptography: pip install dask distributed cryptography"
             raise OptionError("cluster", expected, "not both")
         from ao.cluster.dask_cluster import local_workers
 
-        local_workers(self.address)
-        if self.shared is not None and not self.shared.is_dir():
-            raise OptionError("shared", "a folder", self.shared)
+        local_workers(self._address)
+        if self._shared is not None and not self._shared.is_dir():
+            raise OptionError("shared", "a folder", self._shared)
 
     def session(self, output: Path) -> ClusterSession:
         from ao.cluster.session import ClusterSession
 
-        shared = output.parent if self.shared is None else self.shared
-        return ClusterSession(self.address, shared, output.name, note, self.threads)
-
-
-def workers_of(options: Mapping[str, Any]) -> Workers | None:
-    """The workers that `--cluster` and `--shared` ask for."""
-    return Workers(options["cluster"], options["shared"], options["threads"]) if options["cluster"] else None
+        shared = output.parent if self._shared is None else self._shared
+        return ClusterSession(self._address, shared, output.name, note, self._threads)
 
 
 def bake_by_workers(bake: MeshBake, workers: Workers) -> int:

@@ -4,28 +4,31 @@ import os.path
 import re
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, get_args
 
 from raytrace.errors import ConflictError, OptionError
 from raytrace.system.atomic import scratch_folder, standard_output
-from raytrace.system.checks import check_outputs
+from raytrace.system.checks import check_outputs, make_folder
 
+from ..falloffs import make_falloff, table_of
 from ..formats.images import ENDINGS as IMAGES
 from ..formats.images import is_texture
 from ..formats.load import STANDARD, standard_input
 from ..presets import preset_format, with_preset
+from ..write_bake import ENDINGS, TILED, write_tiled
 from .bake import MeshBake
 from .batch import Batch
-from .console import compiling, progress
+from .console import compiling, note, progress
 from .dry_run import dry_run
 from .inputs import expand, is_pattern, outputs_in
 from .manifest import is_batch_of_parts, merge_batch
-from .options import BAKE, BAKER, SORTS, Format, cage_of, check_sort, check_together, defaults
-from .parts import merge, part_numbers, trace_part
-from .remote import bake_by_workers, workers_of
+from .options import BAKE, BAKER, SORTS, Format, absolute, cage_of, check_sort, check_together, defaults, plain
+from .remote import Workers, bake_by_workers
 from .vertices import BakeCommand
 
+_OF_TEXTURE = "size", "texel_size"
 _MEANT = {".obj": ".ply", ".stl": ".ply", ".gltf": ".glb", ".jpg": ".png", ".jpeg": ".png"}  # which can hold w
 
 
@@ -49,7 +52,7 @@ def run_merge(folder: Path, options: dict[str, Any]) -> int:
     if not is_batch_of_parts(folder):
         if options["output"] is None:
             raise OptionError("output", "a file, for the parts of a bake", "nothing")
-        merge(folder, options, bake_command)
+        _merge_bake(folder, options)
         return 0
     for name, value in options.items():
         if value and name not in ("quiet", "threads"):
@@ -64,8 +67,6 @@ def run_merge(folder: Path, options: dict[str, Any]) -> int:
 
 def bake_command(options: Mapping[str, Any]) -> MeshBake:
     """A bake to vertices, or to a texture, as its output asks for. Raises: OptionError."""
-    from ..write_bake import ENDINGS
-
     options = {**defaults(), **options}
     output = options["output"]
     ending = output.suffix.lower()
@@ -112,8 +113,9 @@ def _run_single(options: dict[str, Any]) -> int:
     if large == "tiles":
         return _bake_tiles(options)
     if large == "part":
-        return trace_part(options, bake_command)
-    if workers := workers_of(options):
+        return _trace_part(options)
+    if large == "cluster":
+        workers = Workers(options)
         return bake_by_workers(bake_command(options), workers)
     if given[0] == STANDARD:
         bake_command({**options, "mesh": Path("<stdin>.ply")}).check()  # before anything is read from a pipe
@@ -128,9 +130,7 @@ def _bake_tiles(options: dict[str, Any]) -> int:
     """Bake with `--tiles` AxBxC, write, and print a summary. Returns: the exit status, 0."""
     from ao.tiles.bake_tiled import bake_tiled
 
-    from ..falloffs import make_falloff, table_of
     from ..formats.stored_mesh import open_mesh
-    from ..write_bake import TILED, write_tiled
 
     match = re.fullmatch(r"(\d{1,3})x(\d{1,3})x(\d{1,3})", options["tiles"])
     x, y, z = map(int, match.groups()) if match else (0, 0, 0)
@@ -159,6 +159,59 @@ def _bake_tiles(options: dict[str, Any]) -> int:
     return 0
 
 
+def _trace_part(options: dict[str, Any]) -> int:
+    """Trace the part `--part` K/N, of a texture if its size is given, and print a summary. Returns: the status."""
+    from ao.execute.parts import PartTraced, ShardCheckpoint
+
+    number, of = part_numbers(options["part"])
+    folder, texture = options["output"], any(options[name] for name in _OF_TEXTURE)
+    stand_in = {"output": folder / ("texture.glb" if texture else "w.npy"), "occlusion": "texture" if texture else None}
+    rows = [row for row in BAKE if row.rays and "part" in row.on.split()]
+    files = {row.name: plain(absolute(options[row.name])) for row in rows if row.role == "input" and options[row.name]}
+    described = {row.name: plain(options[row.name]) for row in rows if row.role == "result"}
+    described["profile"] = bool(options["profile"])  # of an .html, too
+    described["cage"] = plain(absolute(cage_of(options["cage"])))
+    for table in table_of(options["falloff"]):
+        described["falloff"] = f"table:{table.absolute()}"
+    bake = bake_command(options | stand_in)
+    start = time.perf_counter()
+    make_folder(folder)
+    part = ShardCheckpoint(folder, number, of, {**files, "options": described}, note)
+    with suppress(PartTraced):
+        bake.replaced(open_checkpoint=lambda _: part).run()
+    if not bake.quiet:
+        print(f"{part.path}: {part.rays:,} rays traced in {time.perf_counter() - start:.2f} s")
+    return 0
+
+
+def part_numbers(text: str) -> tuple[int, int]:
+    """K and N of `--part` K/N. Raises: OptionError: it is not two such numbers."""
+    match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
+    number, of = map(int, match.groups()) if match else (0, 0)
+    if not 1 <= number <= of:
+        raise OptionError("part", "K/N, the K-th of N parts, at most 999999, such as 3/16", repr(text))
+    return number, of
+
+
+def _merge_bake(folder: Path, options: dict[str, Any]) -> None:
+    """Make of the parts in `folder` what the bake would have made; files are None where they were."""
+    from ao.execute.parts import Merge, read_parts
+
+    parts = read_parts(folder)
+    description, output = parts[0].description, options["output"]
+    texture = any(description["options"][name] for name in _OF_TEXTURE)
+    if texture and output.suffix.lower() == ".glb":
+        options["occlusion"] = "texture"
+    elif texture != is_texture(output):
+        sort = ("a file of vertices, as the parts are", "an image or a .glb: the parts are of a texture")[texture]
+        raise OptionError("output", sort, output)
+    for name in ("mesh", "high", "occluder"):
+        stored = description.get(name)
+        known = [Path(each) for each in stored] if isinstance(stored, list) else stored and Path(stored)
+        options[name] = options[name] or known
+    bake_command({**description["options"], **options}).replaced(open_checkpoint=lambda _: Merge(parts)).run()
+
+
 def _batch(options: dict[str, Any]) -> Batch:
     """Raises: OptionError: inputs that are none, or that would have one output."""
     given, folder = options["mesh"], options["output_dir"]
@@ -169,7 +222,8 @@ def _batch(options: dict[str, Any]) -> Batch:
     inputs = expand(given)
     pairs = zip(inputs, outputs_in(folder, inputs, preset_format(options) or "ply"), strict=True)
     bakes = [bake_command({**options, "mesh": path, "output": output}) for path, output in pairs]
-    return Batch(bakes, folder, workers_of(options), part_numbers(options["part"]) if options["part"] else None)
+    workers = Workers(options) if options["cluster"] else None
+    return Batch(bakes, folder, workers, part_numbers(options["part"]) if options["part"] else None)
 
 
 def _check_output(given: list[Path], output: Path | None, folder: bool) -> None:

@@ -7,18 +7,20 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+import ao
 from ao.options import VertexOptions
 from raytrace.errors import ConflictError
 from raytrace.system.checks import check_outputs
 
+from ..write_bake import channels, check_target, write
 from .bake import MeshBake, WorkSize, Written
 from .console import alpha_summary, bake_summary, progress, warn
 from .inputs import Sources
 from .options import named
 
 if TYPE_CHECKING:
-    import ao
-
     from ..formats.load import MeshFile
     from ..show.report.pictures import Picture
 
@@ -28,9 +30,6 @@ class BakeCommand(MeshBake):
     record = VertexOptions
 
     def work(self, source: MeshFile, falloff: ao.Falloff) -> WorkSize:
-        import numpy as np
-
-        import ao
         from ao.memory import column_bytes, surface_bytes, vertex_bytes
         from ao.points.receivers import find_receivers
         from raytrace.mesh.placement import Placement
@@ -60,10 +59,7 @@ class BakeCommand(MeshBake):
         return WorkSize(len(points), "vertices", needed, trial)
 
     def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
-        import ao
-
         from ..formats.losses import lost
-        from ..write_bake import channels
 
         start = time.perf_counter()
         source = self.read()
@@ -106,9 +102,6 @@ class BakeCommand(MeshBake):
 
     def _bake_parts(self, sources: Sources, falloff: ao.Falloff) -> ao.Bake:
         """Bake groups of objects one by one; vertices of several groups have w of the last."""
-        import numpy as np
-
-        import ao
         from ao.estimate.calibration import Calibration
 
         chosen, parts = sources.chosen, list[ao.Bake]()
@@ -133,8 +126,6 @@ class BakeCommand(MeshBake):
         )  # fmt: skip
 
     def check_own(self) -> None:
-        from ..write_bake import channels, check_target
-
         if self.high is not None and self.method == "surface":
             raise ConflictError("high", "does not go with", ("method", "surface"))
         if self.profile and not self.part and self.output.suffix.lower() == ".npy":
@@ -152,8 +143,6 @@ class BakeCommand(MeshBake):
         return {"--output": self.output, "--report": self.report, "--debug-image": self.debug_image}
 
     def described(self) -> dict[str, Any]:
-        from ..write_bake import channels
-
         ramp = channels(self.output, **self._channels()).ramp
         return super().described() | {"occlusion": "ramp" if ramp else "none"}
 
@@ -163,8 +152,6 @@ class BakeCommand(MeshBake):
 
     def _write(self, baked: ao.Bake, sources: Sources, falloff: ao.Falloff) -> tuple[str, list[str]]:
         """Write the output: what to add to the summary, and warnings. Args: falloff: of textures."""
-        from ..write_bake import write
-
         write(self.output, baked, sources.source, **self._channels())
         if not baked.coarse or baked.interpolation is None:
             return "", []

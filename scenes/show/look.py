@@ -18,14 +18,11 @@ from ..geometry.detail import split_creases
 Scheme = Literal["dark", "light"]
 FIELD_OF_VIEW = 35.0
 CLAY = (0.66, 0.58, 0.49)
-AMBIENT, KEY = 0.4, 0.85
-"""Light that a white surface reflects: ambient, and of the key light overhead."""
-TOWARDS_KEY = (-0.45, 0.6, 0.66)
-"""From the surface to the right of the picture, upwards and to the viewer."""
+AMBIENT, KEY = 0.4, 0.85  # light that a white surface reflects: ambient, and of the key light overhead
+TOWARDS_KEY = (-0.45, 0.6, 0.66)  # from the surface to the right of the picture, upwards and to the viewer
 BACKGROUND: dict[Scheme, tuple[float, float, float]] = {"dark": (0.009, 0.010, 0.013), "light": (0.60, 0.61, 0.62)}
 """Linear RGB."""
-HEAT = ("#1b1838", "#52308f", "#b23a7c", "#f1794c", "#fdeaa8")
-"""sRGB at equal steps from no error to the most; lightness grows all the way."""
+HEAT = ("#1b1838", "#52308f", "#b23a7c", "#f1794c", "#fdeaa8")  # sRGB from no error to the most, ever lighter
 FLAGS = {
     "unreferenced": "#3d7bff",
     "degenerate": "#ffd000",
@@ -36,8 +33,6 @@ FLAGS = {
     "contact": "#8a5cff",
 }
 """Of the dot on a vertex; in the order of the bits of `ao.Flag`."""
-
-
 LOOK: dict[str, Any] = {
     "fieldOfView": FIELD_OF_VIEW,
     "clay": CLAY,

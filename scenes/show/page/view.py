@@ -31,10 +31,7 @@ _MOVED = 1e-4  # of the radius, by which formats may round coordinates
 def view_results(
     result: Path, other: Path | None, output: Path | None, mesh: Path | None, up: str | None, show: bool = False
 ) -> str:
-    """Write the page of one bake, or of two with a slider between, and return a line about it.
-
-    Args: output: by default beside `result` and with its name. mesh: what `.npy` and `.npz` belong to.
-    """
+    """Write the page of one bake, or of two with a slider between, and return a line. Args: mesh: of `.npy`, `.npz`."""
     results = [result] if other is None else [result, other]
     for field, path in zip(("result", "other"), results, strict=False):
         if path.suffix.lower() not in ENDINGS:

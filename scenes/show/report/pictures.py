@@ -16,7 +16,7 @@ from raytrace.image.srgb import decode_srgb
 from raytrace.image.write import write_image
 from raytrace.types import AnyFloats, Float32s, Float64s
 
-from ...description.defaults import framing
+from ...description.description import framing
 from ..look import BACKGROUND, FIELD_OF_VIEW, HEAT, clay_scene, clay_settings
 
 _WIDTH, _HEIGHT = 480, 400
@@ -35,11 +35,9 @@ def pictures_of_vertices(mesh: Mesh, w: AnyFloats, error: AnyFloats) -> list[Pic
     """A bake at the vertices: clay × w, w, and the error. Args: w, error: (n,)."""
     camera, top = _camera(mesh), float(np.max(error, initial=0.0))
     clay = render_scene(clay_scene(mesh, w, camera), camera, clay_settings(_WIDTH, _HEIGHT, _SAMPLES), layers=False)
-    return [
-        Picture("clay × w", _png(clay.layers["beauty"][..., :3])),
-        Picture("w", _png(_over(*_values(Object(Shape(mesh, _WHITE), w=np.asarray(w, np.float64)), camera)))),
-        Picture("error", _png(_hot(Object(Shape(mesh, _WHITE), w=np.asarray(error / (top or 1.0))), camera)), top),
-    ]
+    shown = (np.asarray(values, np.float64) for values in (w, error / (top or 1.0)))
+    objects = [Object(Shape(mesh, _WHITE), w=values) for values in shown]
+    return [Picture("clay × w", _png(clay.layers["beauty"][..., :3])), *_w_and_error(objects, camera, top)]
 
 
 def pictures_of_page(mesh: Mesh | None, page: ao.BakedTexture) -> list[Picture]:
@@ -53,9 +51,8 @@ def pictures_of_page(mesh: Mesh | None, page: ao.BakedTexture) -> list[Picture]:
     if mesh is None:
         return shown
     camera = _camera(mesh)
-    w, error = (Object(_textured(mesh, page.uv, values)) for values in (page.w, share))
-    on_mesh = [Picture("w", _png(_over(*_values(w, camera)))), Picture("error", _png(_hot(error, camera)), top)]
-    return on_mesh + shown
+    objects = [Object(_textured(mesh, page.uv, values)) for values in (page.w, share)]
+    return _w_and_error(objects, camera, top) + shown
 
 
 def pictures_of_frame(frame: Frame) -> list[Picture]:
@@ -89,15 +86,13 @@ def _values(item: Object, camera: Camera) -> tuple[Float32s, Float32s]:
     return beauty[..., :1], beauty[..., 3:]
 
 
-def _over(colour: Float32s, coverage: Float32s) -> Float32s:
-    """Premultiplied colours over the background."""
-    return colour + (1 - coverage) * np.array(BACKGROUND["dark"], np.float32)
-
-
-def _hot(item: Object, camera: Camera) -> Float32s:
-    values, coverage = _values(item, camera)
-    share = np.divide(values, coverage, out=np.zeros_like(values), where=coverage > 0)[..., 0]
-    return _over(decode_srgb(heat(share)) * coverage, coverage)
+def _w_and_error(objects: list[Object], camera: Camera, top: float) -> list[Picture]:
+    """Pictures of an object with w, and of one with the error in parts of the most, before the background."""
+    (w, coverage), (error, covered) = (_values(item, camera) for item in objects)
+    share = np.divide(error, covered, out=np.zeros_like(error), where=covered > 0)[..., 0]
+    behind = np.array(BACKGROUND["dark"], np.float32)
+    hot = decode_srgb(heat(share)) * covered + (1 - covered) * behind
+    return [Picture("w", _png(w + (1 - coverage) * behind)), Picture("error", _png(hot), top)]
 
 
 def _textured(mesh: Mesh, uv: Float64s, values: AnyFloats) -> Shape:

@@ -16,7 +16,7 @@ from raytrace.errors import InputError, MeshError, SceneError
 from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
 from raytrace.materials.materials import CookTorrance, Lambert
 from raytrace.materials.reflect import reflect
-from scenes.description.defaults import NEUTRAL
+from scenes.description.description import NEUTRAL
 from scenes.description.read import read_scene
 
 

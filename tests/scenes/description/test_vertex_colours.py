@@ -10,7 +10,7 @@ import scenes
 from raytrace import AmbientLight, Camera, Lambert, OptionError, Scene, Settings, Shape, render
 from raytrace.errors import SceneError
 from raytrace.image.srgb import decode_srgb
-from scenes.description.defaults import NEUTRAL
+from scenes.description.description import NEUTRAL
 from scenes.description.read import read_scene
 
 FACES = np.array([[0, 1, 2], [0, 2, 3]])
