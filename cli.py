@@ -35,9 +35,6 @@ app = typer.Typer(
 )
 
 Threads = Annotated[int | None, parameter(ROWS["threads"])]
-Form = Annotated[str, parameter(ROWS["falloff"])]
-MaxDistance = Annotated[str, parameter(ROWS["max_distance"])]
-Quiet = Annotated[bool, parameter(ROWS["quiet"])]
 
 
 @app.command(cls=TableCommand, epilog=EXAMPLES)
@@ -220,8 +217,8 @@ def bench(
     mesh: Annotated[
         Path | None, typer.Argument(metavar="MESH", help="A mesh file; without one, the built-in temple.")
     ] = None,
-    falloff: Form = "exponential",
-    max_distance: MaxDistance = "inf",
+    falloff: Annotated[str, parameter(ROWS["falloff"])] = "exponential",
+    max_distance: Annotated[str, parameter(ROWS["max_distance"])] = "inf",
     seed: Annotated[int, typer.Option(help="Random seed of the first round; later rounds count up.")] = 0,
     threads: Threads = None,
     report: Annotated[Path | None, typer.Option(help="Also write every round as JSON.")] = None,
@@ -237,7 +234,7 @@ def bench(
 @app.command()
 def demo(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the mesh and the image.")] = Path("demo"),
-    quiet: Quiet = False,
+    quiet: Annotated[bool, parameter(ROWS["quiet"])] = False,
 ) -> None:
     """Bake the built-in temple and render it."""
     from scenes.commands.demo import make_demo

@@ -33,7 +33,10 @@ def dry_run(bakes: Sequence[MeshBake], falloff: "ao.Falloff", besides: Sequence[
     if works:
         with compiling():
             rows = _rows(list(works.values()), bakes[0], held)
-        print(columns([*rows, *_written(list(works), besides)]))
+        paths = [path for bake in works for path in bake.outputs().values() if path is not None] + [*besides]
+        lines = [printable(str(path)) + (" in place of the one there" if path.exists() else "") for path in paths[:8]]
+        lines += [f"and {len(paths) - 8:,} more"] if len(paths) > 8 else []
+        print(columns([*rows, *(("would write", line) for line in lines)]))
     return 0 if len(works) == len(bakes) else 1
 
 
@@ -79,10 +82,3 @@ def _trial(work: WorkSize, rays: int) -> tuple[float, float]:
     seconds(min(many, 64))  # loads the kernels
     (fixed, few), (longer, count) = seconds(1), seconds(many)
     return fixed, max(longer - fixed, 0.0) / max(count - few, 1)
-
-
-def _written(bakes: Sequence[MeshBake], besides: Sequence[Path]) -> list[tuple[str, str]]:
-    paths = [path for bake in bakes for path in bake.outputs().values() if path is not None] + [*besides]
-    lines = [printable(str(path)) + (" in place of the one there" if path.exists() else "") for path in paths[:8]]
-    lines += [f"and {len(paths) - 8:,} more"] if len(paths) > 8 else []
-    return [("would write", line) for line in lines]

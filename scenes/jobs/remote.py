@@ -6,7 +6,6 @@ import errno
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
@@ -49,16 +48,6 @@ class Workers:
 
         shared = output.parent if self._shared is None else self._shared
         return ClusterSession(self._address, shared, output.name, note, self._threads)
-
-
-def bake_by_workers(bake: MeshBake, workers: Workers) -> int:
-    """Bake, write, and print summaries, with rays traced by `workers`. Returns: the exit status, 0."""
-    bake.check()  # before any are asked for
-    with workers.session(bake.output) as session:
-        bake.replaced(open_checkpoint=partial(cluster_checkpoint, session, bake.resume)).run()
-    if not bake.quiet:
-        print(session.summary())
-    return 0
 
 
 def cluster_checkpoint(session: ClusterSession, resume: bool, target: Path | None) -> Checkpoint:

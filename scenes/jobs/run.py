@@ -5,6 +5,7 @@ import re
 import time
 from collections.abc import Mapping
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -25,7 +26,7 @@ from .dry_run import dry_run
 from .inputs import expand, is_pattern, outputs_in
 from .manifest import is_batch_of_parts, merge_batch
 from .options import BAKE, BAKER, SORTS, Format, absolute, cage_of, check_sort, check_together, defaults, plain
-from .remote import Workers, bake_by_workers
+from .remote import Workers, cluster_checkpoint
 from .vertices import BakeCommand
 
 _OF_TEXTURE = "size", "texel_size"
@@ -115,8 +116,13 @@ def _run_single(options: dict[str, Any]) -> int:
     if large == "part":
         return _trace_part(options)
     if large == "cluster":
-        workers = Workers(options)
-        return bake_by_workers(bake_command(options), workers)
+        workers, bake = Workers(options), bake_command(options)
+        bake.check()  # before any workers are asked for
+        with workers.session(bake.output) as session:
+            bake.replaced(open_checkpoint=partial(cluster_checkpoint, session, bake.resume)).run()
+        if not bake.quiet:
+            print(session.summary())
+        return 0
     if given[0] == STANDARD:
         bake_command({**options, "mesh": Path("<stdin>.ply")}).check()  # before anything is read from a pipe
         options["mesh"], content = standard_input(options["input_format"])

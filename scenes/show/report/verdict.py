@@ -75,7 +75,13 @@ def remedy(warning: str) -> str:
 def _findings(report: Facts) -> Iterator[Finding]:
     if "w" in report:
         yield from _error(report)
-        yield from _occlusion(report)
+        w = report["w"]
+        if w["least"] >= _OPEN:
+            advice = "Convex meshes are so; else compare --max-distance and --half-distance with the mesh."
+            yield Finding("bad", "Nothing occludes anything: w is 1 everywhere.", advice)
+        elif w["quantiles"]["0.5"] <= _CLOSED and not report["options"].get("thickness"):
+            text = f"Half of w is below {_CLOSED}: the mesh may be inside out."
+            yield Finding("bad", text, "obscurance info MESH tells of its faces; turn them over where it is made.")
         if "flagged" in report:
             words = flags_in_words(report["flagged"], report["vertices"], report.get("rays_skipped", {}))
             yield from (Finding("note", f"{text}.", _OF_FLAGS[name][1]) for name, text in words.items())
@@ -103,16 +109,6 @@ def _error(report: Facts) -> Iterator[Finding]:
         if group["low"] > _MISSED * group["estimated"]:
             text = f"Where errors of {group['estimated']:.2g} were expected, {group['measured']:.2g} were measured."
             yield Finding("note", text, "Trust the RMSE of the whole more than the errors of single places.")
-
-
-def _occlusion(report: Facts) -> Iterator[Finding]:
-    w = report["w"]
-    if w["least"] >= _OPEN:
-        advice = "Convex meshes are so; else compare --max-distance and --half-distance with the mesh."
-        yield Finding("bad", "Nothing occludes anything: w is 1 everywhere.", advice)
-    elif w["quantiles"]["0.5"] <= _CLOSED and not report["options"].get("thickness"):
-        text = f"Half of w is below {_CLOSED}: the mesh may be inside out."
-        yield Finding("bad", text, "obscurance info MESH tells of its faces; turn them over where it is made.")
 
 
 def flags_in_words(flagged: dict[str, int], vertices: int, rays_skipped: dict[str, int]) -> dict[str, str]:
