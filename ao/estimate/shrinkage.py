@@ -25,7 +25,7 @@ from raytrace.types import Float64s
 from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, BENT, W
 from .calibration import distribute_variance, shrunk_to_mean
-from .one_ring import Neighbours
+from .one_ring import Block, Neighbours
 
 _REACH = 4  # edges over which squared residuals are averaged
 _FIT_REACH = 4  # and what corrections are fitted to; three for the spread between batches and what is closed around
@@ -79,11 +79,16 @@ def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float
     closed, spread = means((closed, 1.0), (spread, 1.0))
     typical = float(np.mean(spread)) if count else 0.0
 
-    def distribute(first: int, last: int) -> None:
-        at.variance[first:last] = distribute_variance(spread[first:last], level, typical)
+    def lean(closed: Float64s) -> Block:
+        turn = bound(_lean, shape, wide, closed, normals, at)
 
-    neighbours.each(distribute)
-    means((closed, 1.0), then=lambda closed: bound(_lean, shape, wide, closed, normals, at))
+        def work(first: int, last: int) -> None:
+            at.variance[first:last] = distribute_variance(spread[first:last], level, typical)
+            turn(first, last)
+
+        return work
+
+    means((closed, 1.0), then=lean)
     leaning, excess = means((at.leaning, 0.0), (at.excess, 1.0))
     means((neighbours.smooth(excess, 1), 0.0), then=lambda rough: bound(_weigh, leaning, rough, at))
     coefficients, size = _ridge_regression(at.unlike, at.residual, at.weight)

@@ -54,14 +54,25 @@ class Texels:
         """One point of each texel, for what asks where it is; numbered by the rows of the texels."""
         return replace(self.points[self.starts[:-1]], numbers=np.arange(len(self), dtype=np.uint32))
 
-    def without(self, hidden: Bools) -> Texels:
+    def without(self, hidden: Bools, threads: int) -> Texels:
         """The texels with a point that is not `hidden` (p,), numbered anew; such points take the places of others."""
         kept = np.logical_or.reduceat(~hidden, self.starts[:-1])
-        source = in_turn_of(~hidden, self.starts[:-1], np.where(kept, self.counts, 0))
-        starts = np.concatenate([[0], np.cumsum(self.counts[kept])])
-        points = replace(self.points[source], numbers=np.arange(len(source), dtype=np.uint32))
-        own = self.face[source], points, self.sides[source], self.shown[kept], self.shown_at[kept]
-        return Texels(self.texels[kept], starts, *own)
+        counts = np.where(kept, self.counts, 0)
+        starts = np.concatenate([[0], np.cumsum(counts)])
+        of = self.face, self.points.origins, self.points.normals, self.sides
+        to = [np.empty((starts[-1], *each.shape[1:]), each.dtype) for each in of]
+
+        def keep(first: int, last: int) -> None:
+            begin, end = self.starts[first], self.starts[last]
+            source = begin + in_turn_of(~hidden[begin:end], self.starts[first:last] - begin, counts[first:last])
+            for each, kept_values in zip(of, to, strict=True):
+                kept_values[starts[first] : starts[last]] = each[source]
+
+        run_blocks(len(self), _BLOCK, keep, threads, most=_SHARE)
+        face, origins, normals, sides = to
+        points = Points(origins, normals, np.arange(starts[-1], dtype=np.uint32))
+        starts = np.append(starts[:-1][kept], starts[-1])
+        return Texels(self.texels[kept], starts, face, points, sides, self.shown[kept], self.shown_at[kept])
 
 
 def find_texels(coverage: Coverage, page: Coverage, prepared: Prepared, interior: Interior) -> tuple[Texels, int]:
@@ -79,7 +90,7 @@ def find_texels(coverage: Coverage, page: Coverage, prepared: Prepared, interior
     inside = inside_solids(texels.points, receivers.faces[texels.face, 0], placement, receivers, interior, threads)
     if not inside.any() or inside.all():  # all: a room whose walls face outwards, for instance
         return texels, 0
-    kept = texels.without(inside)
+    kept = texels.without(inside, threads)
     return kept, len(texels) - len(kept)
 
 
@@ -94,7 +105,16 @@ def _placed(
     points = coverage.face, coverage.barycentric, coverage.centre_face, coverage.centre
     face = np.empty(count, np.int32)
     layered = np.cumsum(coverage.deep) - 1, coverage.deep_face, coverage.deep_barycentric
-    work = bound(_lay_out, order, starts, alone, points, layered, face, weights)
+    lay_out = bound(_lay_out, (order, starts, alone), points, layered, face, weights)
+    shown, shown_at = np.empty(len(order), np.int32), np.empty((len(order), 3), np.float32)
+
+    def work(first: int, last: int) -> None:
+        lay_out(first, last)
+        rows = order[first:last]
+        lone = alone[rows]
+        shown[first:last] = np.where(lone, page.centre_face[rows], page.face[rows, 0])
+        shown_at[first:last] = np.where(lone[:, None], page.centre[rows], page.barycentric[rows, 0])
+
     run_blocks(len(order), _BLOCK, work, threads, most=_SHARE)
     tree, surface = receivers.tree, faces.surface
     face_points = np.repeat(np.arange(len(surface.faces))[:, None], 3, axis=1)  # each face is by itself
@@ -112,20 +132,18 @@ def _placed(
     else:  # one block after another, whose stages all threads share
         run_blocks(count, _MOST_PLACED, place, 1)
     placed = Points(origins, normals, np.arange(count, dtype=np.uint32))
-    shown = np.where(alone, page.centre_face, page.face[:, 0])[order]
-    shown_at = np.where(alone[:, None], page.centre, page.barycentric[:, 0])[order]
     return Texels(coverage.texels[order], starts, face, placed, sides, shown, shown_at)
 
 
 @kernel
-def _lay_out(order, starts, alone, points, layered, face, weights, first, last):
+def _lay_out(texels, points, layered, face, weights, first, last):
     """Write the face and barycentrics of each texel's points in order, from a `Coverage`, up to the texel's count."""
-    (each, each_at, centre, centre_at), (number, deep, deep_at) = points, layered
+    (order, starts, alone), (each, each_at, centre, centre_at), (number, deep, deep_at) = texels, points, layered
     for i in range(first, last):
         row, begin, count = order[i], starts[i], starts[i + 1] - starts[i]
         for k in range(count):
             if alone[row]:
-                face[begin], place = centre[row], centre_at[row]
+                face[begin + k], place = centre[row], centre_at[row]
             elif count == DEEP:
                 face[begin + k], place = deep[number[row], k], deep_at[number[row], k]
             else:

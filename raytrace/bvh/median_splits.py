@@ -5,9 +5,7 @@ their centroids, as in a k-d tree (Bentley 1975, Multidimensional Binary Search 
 All nodes but the last of a level are full, so that a tree needs no links.
 """
 
-from collections.abc import Callable
-from itertools import pairwise
-from typing import Any
+from threading import Event
 
 import numpy as np
 
@@ -27,16 +25,23 @@ def median_order(vertices: Float32s, faces: Int64s) -> Int64s:
     threads = thread_count(None)
     run_blocks(len(faces), _LEAST, bound(_find_centroids, vertices, faces, centroids), threads)
 
-    def each(work: Callable[..., Any], parts: list[tuple[int, int]]) -> None:
-        run_blocks(len(parts), 1, lambda part, _: work(centroids, order, *parts[part]), threads)
+    parts, most = [(0, len(faces), -1)], max(_LEAST, len(faces) // _PARTS)
+    for number, (begin, end, _) in enumerate(parts):
+        if end - begin > most:
+            half = _middle(begin, end)
+            parts += [(begin, half, number), (half, end, number)]
+    ordered = [Event() for _ in parts]
 
-    waiting, small, most = [(0, len(faces))], [], max(_LEAST, len(faces) // _PARTS)
-    while waiting:
-        small += [(begin, end) for begin, end in waiting if end - begin <= most]
-        large = [(begin, end) for begin, end in waiting if end - begin > most]
-        each(_halve, large)
-        waiting = [half for begin, end in large for half in pairwise((begin, _middle(begin, end), end))]
-    each(_split, small)
+    def divide(number: int, _: int) -> None:
+        begin, end, whole = parts[number]
+        try:
+            if whole >= 0:  # a block that has begun before this one
+                ordered[whole].wait()
+            (_halve if end - begin > most else _split)(centroids, order, begin, end)
+        finally:
+            ordered[number].set()
+
+    run_blocks(len(parts), 1, divide, threads)
     return order
 
 

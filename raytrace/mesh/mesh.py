@@ -4,7 +4,7 @@ Other libraries' meshes are recognised by their attributes, so that no such libr
 """
 
 import os
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -116,7 +116,8 @@ class Mesh:
     def reversed(self) -> "Mesh":
         """The same surface with its inner side outwards: corners of faces in reverse order, normals negated."""
         normals, opacity = None if self.normals is None else -self.normals, self.opacity and self.opacity.reversed()
-        return replace(self, faces=self.faces[:, ::-1], normals=normals, opacity=opacity)
+        more = {"source": self.source, "up": self.up, "opacity": opacity, "polygons": self.polygons}
+        return Mesh(self.vertices, self.faces[:, ::-1], normals, **more)  # type: ignore[arg-type]
 
     @cached_property
     def used(self) -> Float64s:
