@@ -41,8 +41,7 @@ def _setting(
     name: str,
     seed: int,
     part: RawMesh,
-    points: Int64s,
-    normals: npt.ArrayLike,
+    receivers: tuple[Int64s, npt.ArrayLike],
     bounds: Sequence[ClosedForm],
     falloffs: tuple[Falloff, ...],
     *,
@@ -50,12 +49,12 @@ def _setting(
     certain: bool = False,
     **options: Any,
 ) -> Setting:
-    """A part with normals at `points` and none elsewhere: the stand-in's other vertices need no bake.
+    """A part with normals at its receivers and none elsewhere: the stand-in's other vertices need no bake.
 
-    Args: bounds: exact w, and that of the smaller shape which `part` contains (`Setting.bracket`).
+    Args: receivers: their rows, and normals. bounds: exact w, and that of the smaller shape which `part` contains (`Setting.bracket`).
     """
-    own = np.full((len(part[0]), 3), np.nan)
-    own[points] = normals
+    points, own = receivers[0], np.full((len(part[0]), 3), np.nan)
+    own[points] = receivers[1]
     known = missing, LENGTH / 2, bounds[1], certain, options
     return Setting(name, posed(part, seed, own, source=name), points, bounds[0], falloffs, "file", *known)
 
@@ -65,7 +64,7 @@ def _above_plane(
 ) -> Setting:
     """`_setting` of receivers in the plane z = 0 under `part`, whose own vertices are not baked."""
     rows, joint = 3 * np.arange(len(points)), join([patches(points), part])
-    return _setting(name, seed, joint, rows, (0.0, 0.0, 1.0), *about, **options)
+    return _setting(name, seed, joint, (rows, (0.0, 0.0, 1.0)), *about, **options)
 
 
 def _dome(sphere: RawMesh) -> Setting:
@@ -128,7 +127,7 @@ def _inside_sphere(sphere: RawMesh, thickness: bool = False) -> Setting:
     inner, points = radius * inscribed_radius(sphere), np.arange(0, len(sphere[0]), len(sphere[0]) // 16)
     part, normals = (radius * sphere[0], sphere[1][:, ::outwards]), outwards * sphere[0][points]
     least = _seen_from_within(lambda a, depth: exp(-depth) * 2 * sin(a) * cos(a), radius, inner)
-    about = points, normals, (closed_form(analytic.inside_sphere, (radius,)), least), (*BOTH, Exponential(tau=5.0))
+    about = (points, normals), (closed_form(analytic.inside_sphere, (radius,)), least), (*BOTH, Exponential(tau=5.0))
     return _setting("thickness of a ball" if thickness else "inside a sphere", 34, part, *about, thickness=thickness)
 
 
@@ -147,7 +146,7 @@ def _inside_cylinder() -> Setting:
     vertices, faces = prism(SIDES, LENGTH / radius, 3)
     part, normals = (radius * vertices, faces[:, ::-1]), -vertices[points]
     least = _seen_from_within(lambda a, depth: 4 / pi * cos(a) * bickley(3, depth), radius, inner)
-    about = points, normals, (closed_form(analytic.inside_cylinder, (radius,)), least), (*BOTH, Exponential(tau=5.0))
+    about = (points, normals), (closed_form(analytic.inside_cylinder, (radius,)), least), (*BOTH, Exponential(tau=5.0))
     return _setting("inside a cylinder", 35, part, *about, missing=_missing(2 * radius))
 
 
