@@ -51,7 +51,7 @@ def _setting(
 ) -> Setting:
     """A part with normals at its receivers and none elsewhere: the stand-in's other vertices need no bake.
 
-    Args: receivers: their rows, and normals. bounds: exact w, and that of the smaller shape which `part` contains (`Setting.bracket`).
+    Args: receivers: rows and normals. bounds: exact w, and that of the smaller shape in `part` (`Setting.bracket`).
     """
     points, own = receivers[0], np.full((len(part[0]), 3), np.nan)
     own[points] = receivers[1]
