@@ -125,9 +125,10 @@ def _cover_band(
     sliver, where = find_slivers(slivers, texels[missed], width, threads)
     triangle[missed], barycentric[missed] = sliver[:, None], where[:, None]
     some = np.flatnonzero(hit.any(axis=1) & ~hit.all(axis=1))
-    slots = in_turn_of(hit[some].ravel(), np.arange(0, SLOTS * len(some), SLOTS), np.full(len(some), SLOTS))
-    for table in (triangle, barycentric):
-        table[some] = table[some].reshape(-1, *table.shape[2:])[slots].reshape(-1, *table.shape[1:])
+    hits_first = np.argsort(~hit[some], axis=1, kind="stable")
+    source = np.take_along_axis(hits_first, np.arange(SLOTS) % hit[some].sum(axis=1)[:, None], axis=1)
+    for table in (triangle, barycentric):  # what the points have that met a face, in turn
+        table[some] = table[some[:, None], source]
     parts = np.flatnonzero(~(hit.all(axis=1) | (triangle[:, 0] < 0) | overlapping))
     for first in range(0, len(parts), _FINE_TEXELS):
         block = parts[first : first + _FINE_TEXELS]
@@ -157,14 +158,3 @@ def _spread_over_part(
     some = np.flatnonzero(count)
     triangle[rows[some]] = face[some[:, None], chosen[some]]
     barycentric[rows[some]] = weights[some[:, None], chosen[some]]
-
-
-def in_turn_of(good: Bools, starts: Int64s, counts: Int64s) -> Int64s:
-    """For each entry of the runs of `good` from `starts`, which have some that are good, the place of one, in turn.
-
-    Args: counts: (r,), of entries wanted for each run.
-    """
-    found = np.add.reduceat(good, starts, dtype=np.int64) if len(starts) else counts
-    before = np.cumsum(found) - found
-    turn = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    return np.flatnonzero(good)[np.repeat(before, counts) + turn % np.repeat(found, counts)]

@@ -19,7 +19,7 @@ from ..points.points import Points
 from ..points.receivers import Receivers
 from ..prepared import Prepared
 from ..rays.below_face import with_alpha
-from .coverage import Coverage, in_turn_of
+from .coverage import Coverage
 from .page_rays import DEEP
 from .surface_points import Faces, centres_suffice
 
@@ -56,23 +56,20 @@ class Texels:
 
     def without(self, hidden: Bools, threads: int) -> Texels:
         """The texels with a point that is not `hidden` (p,), numbered anew; such points take the places of others."""
-        kept = np.logical_or.reduceat(~hidden, self.starts[:-1])
-        counts = np.where(kept, self.counts, 0)
-        starts = np.concatenate([[0], np.cumsum(counts)])
-        of = self.face, self.points.origins, self.points.normals, self.sides
-        to = [np.empty((starts[-1], *each.shape[1:]), each.dtype) for each in of]
+        rows = np.flatnonzero(np.add.reduceat(~hidden, self.starts[:-1], dtype=np.int64))
+        starts = np.concatenate([[0], np.cumsum(self.counts[rows])])
+        count = int(starts[-1])
+        face, origins, normals, sides = _empty(count)
+        of, to = (self.face, self.points.origins, self.points.normals, self.sides), (face, origins, normals, sides)
+        run_blocks(len(rows), _BLOCK, bound(_keep, rows, self.starts, hidden, of, starts, to), threads, most=_SHARE)
+        points = Points(origins, normals, np.arange(count, dtype=np.uint32))
+        return Texels(self.texels[rows], starts, face, points, sides, self.shown[rows], self.shown_at[rows])
 
-        def keep(first: int, last: int) -> None:
-            begin, end = self.starts[first], self.starts[last]
-            source = begin + in_turn_of(~hidden[begin:end], self.starts[first:last] - begin, counts[first:last])
-            for each, kept_values in zip(of, to, strict=True):
-                kept_values[starts[first] : starts[last]] = each[source]
 
-        run_blocks(len(self), _BLOCK, keep, threads, most=_SHARE)
-        face, origins, normals, sides = to
-        points = Points(origins, normals, np.arange(starts[-1], dtype=np.uint32))
-        starts = np.append(starts[:-1][kept], starts[-1])
-        return Texels(self.texels[kept], starts, face, points, sides, self.shown[kept], self.shown_at[kept])
+def _empty(count: int) -> tuple[Int32s, Float32s, Float32s, Float32s]:
+    """Room for faces, origins, axes and sides of so many points."""
+    origins, normals, sides = (np.empty((count, columns), np.float32) for columns in (3, 3, 4))
+    return np.empty(count, np.int32), origins, normals, sides
 
 
 def find_texels(coverage: Coverage, page: Coverage, prepared: Prepared, interior: Interior) -> tuple[Texels, int]:
@@ -101,20 +98,13 @@ def _placed(
     counts = np.where(alone, 1, np.where(coverage.deep, DEEP, coverage.face.shape[1]))
     starts = np.concatenate([[0], np.cumsum(counts[order])])
     count = int(starts[-1])
-    origins, normals, sides, weights = (np.empty((count, columns), np.float32) for columns in (3, 3, 4, 3))
+    face, origins, normals, sides = _empty(count)
+    weights, shown_at = (np.empty((rows, 3), np.float32) for rows in (count, len(order)))
+    shown = np.empty(len(order), np.int32)
     points = coverage.face, coverage.barycentric, coverage.centre_face, coverage.centre
-    face = np.empty(count, np.int32)
+    on_page = page.face, page.barycentric, page.centre_face, page.centre
     layered = np.cumsum(coverage.deep) - 1, coverage.deep_face, coverage.deep_barycentric
-    lay_out = bound(_lay_out, (order, starts, alone), points, layered, face, weights)
-    shown, shown_at = np.empty(len(order), np.int32), np.empty((len(order), 3), np.float32)
-
-    def work(first: int, last: int) -> None:
-        lay_out(first, last)
-        rows = order[first:last]
-        lone = alone[rows]
-        shown[first:last] = np.where(lone, page.centre_face[rows], page.face[rows, 0])
-        shown_at[first:last] = np.where(lone[:, None], page.centre[rows], page.barycentric[rows, 0])
-
+    work = bound(_lay_out, (order, starts, alone), points, layered, on_page, (face, weights, shown, shown_at))
     run_blocks(len(order), _BLOCK, work, threads, most=_SHARE)
     tree, surface = receivers.tree, faces.surface
     face_points = np.repeat(np.arange(len(surface.faces))[:, None], 3, axis=1)  # each face is by itself
@@ -136,11 +126,23 @@ def _placed(
 
 
 @kernel
-def _lay_out(texels, points, layered, face, weights, first, last):
-    """Write the face and barycentrics of each texel's points in order, from a `Coverage`, up to the texel's count."""
-    (order, starts, alone), (each, each_at, centre, centre_at), (number, deep, deep_at) = texels, points, layered
+def _lay_out(texels, points, layered, on_page, out, first, last):
+    """Write the face and barycentrics of each texel's points in order, from a `Coverage`, up to the texel's count.
+
+    Args: texels: their order, starts, and which are alone. on_page: as `points`, for where each texel is shown.
+    """
+    (order, starts, alone), (each, each_at, centre, centre_at) = texels, points
+    (number, deep, deep_at), (face, weights, shown, shown_at) = layered, out
+    page_each, page_at, page_centre, page_centre_at = on_page
     for i in range(first, last):
-        row, begin, count = order[i], starts[i], starts[i + 1] - starts[i]
+        row, begin = order[i], starts[i]
+        count = starts[i + 1] - begin
+        if alone[row]:
+            shown[i], place = page_centre[row], page_centre_at[row]
+        else:
+            shown[i], place = page_each[row, 0], page_at[row, 0]
+        for corner in range(3):
+            shown_at[i, corner] = place[corner]
         for k in range(count):
             if alone[row]:
                 face[begin + k], place = centre[row], centre_at[row]
@@ -150,3 +152,24 @@ def _lay_out(texels, points, layered, face, weights, first, last):
                 face[begin + k], place = each[row, k], each_at[row, k]
             for corner in range(3):
                 weights[begin + k, corner] = place[corner]
+
+
+@kernel
+def _keep(rows, starts, hidden, of, new_starts, to, first, last):
+    """Write the points of the texels `rows` that are not `hidden`, over and over, until each texel has all its points.
+
+    Args: of, to: faces, origins, axes and sides of the points, from `starts` and to `new_starts`.
+    """
+    (face, origins, normals, sides), (new_face, new_origins, new_normals, new_sides) = of, to
+    for i in range(first, last):
+        begin, end = starts[rows[i]], starts[rows[i] + 1]
+        source = begin
+        for k in range(new_starts[i], new_starts[i + 1]):
+            while hidden[source]:
+                source = source + 1 if source + 1 < end else begin
+            new_face[k] = face[source]
+            for axis in range(3):
+                new_origins[k, axis], new_normals[k, axis] = origins[source, axis], normals[source, axis]
+            for column in range(4):
+                new_sides[k, column] = sides[source, column]
+            source = source + 1 if source + 1 < end else begin
