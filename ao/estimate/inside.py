@@ -9,10 +9,9 @@ from raytrace.kernel.arrays import borrow
 from raytrace.kernel.counting_sort import counting_sort
 from raytrace.kernel.jit import bound, inline, kernel
 from raytrace.kernel.vector import cross, dot, load_triangle
-from raytrace.mesh.components import connected_components
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import Placement
-from raytrace.mesh.weld import coincident
+from raytrace.mesh.weld import coincident, connected_components
 from raytrace.system.threads import run_blocks
 from raytrace.types import AnyInts, Bools, Float32s, Int64s
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from raytrace.kernel.jit import bound, kernel
-from raytrace.mesh.components import connected_components
+from raytrace.mesh.weld import connected_components
 from raytrace.system.threads import run_blocks
 from raytrace.types import Float64s, Int64s
 

@@ -16,10 +16,9 @@ from ..kernel.jit import bound, inline, kernel
 from ..kernel.vector import cross, divide, dot, length, load, load_triangle, store, subtract
 from ..system.threads import run_blocks, run_ranges, thread_count
 from ..types import AnyInts, Bools, Float64s, Int64s
-from .components import connect, number
 from .mesh import Mesh
 from .placement import Placement
-from .weld import CREASE, cosine, sum_groups, weld
+from .weld import CREASE, connect, cosine, number, sum_groups, weld
 
 _BLOCK, _MOST = 1 << 11, 32  # faces or vectors, and blocks at once
 _VERTICES = 1 << 11  # of a thread that looks at all faces

@@ -16,8 +16,7 @@ from ..mesh.placement import NEAR, ULP
 from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Float64s, Int64s
 from .clearance import MANY, outermost_normal
-from .contacts import Contacts
-from .surface import Surface
+from .surface import Contacts, Surface
 
 _SAME_PLANE = 0.9999
 _RISE = 1e-3

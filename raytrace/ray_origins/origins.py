@@ -20,9 +20,8 @@ from ..mesh.weld import CREASE, sum_groups, weld
 from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Float64s, Int64s
 from .clearance import SHARP, outermost_normals
-from .contacts import Contacts, find_contacts
 from .direction import turn_directions
-from .surface import Surface
+from .surface import Contacts, Surface, find_contacts
 
 OFFSET_ULPS = 16.0  # 4 were enough in 20,000 trials
 _BLURRED = 5.0  # offsets within which rounding has a say in what a point sees of a face, and where faces are looked for

@@ -11,9 +11,9 @@ from ao.falloff import resolve_length
 from ao.texture.shown import corner_places
 from ao.texture.uv_layout import MAX_SIDE, corner_uv, doubled_areas, on_page, page_size, texels_across
 from raytrace.errors import MeshError, OptionError
-from raytrace.mesh.components import connected_components
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.normals import face_normals
+from raytrace.mesh.weld import connected_components
 from raytrace.types import Bools, Float64s, Int64s
 
 from ...formats.load import MeshFile

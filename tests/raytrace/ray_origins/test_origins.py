@@ -10,8 +10,7 @@ import ao
 from raytrace import Mesh
 from raytrace.bvh.bvh16 import BVH16
 from raytrace.ray_origins.clearance import outermost_normals
-from raytrace.ray_origins.contacts import find_contacts
-from raytrace.ray_origins.surface import Surface
+from raytrace.ray_origins.surface import Surface, find_contacts
 from scenes.geometry.polyhedra import generic_rotation, icosphere, join
 
 
