@@ -180,7 +180,7 @@ class _TileTracer:
         self.reach = min(mu.limit, diagonal)
         normals = numbering.axes[numbering.order[tried(count)]]
         below = packets_below(options.traversal, False, normals, self.reach / diagonal, count, mu)
-        below = below if options.rays < below else 0  # at corner samples, too, as `ao.estimate` has it
+        below = below if options.rays < below else 0  # at corner samples, too, as `ao.baking` has it
         how = below, mu, self.reach, thread_count(options.threads), count, progress, NOTHING_KEPT
         rays = options.rays * (count - len(numbering.split))
         self.how = *how, rays + rays_per_corner_sample(options.rays, False) * numbering.corner_count
