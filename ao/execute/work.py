@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.embree import library as embree
-from raytrace.kernel.cache import numba_settings, source_hash
+from raytrace.kernel.cache import numba_settings
+from raytrace.kernel.identity import results_identity
 from raytrace.system.threads import granted, run_blocks, shares
 
 Tables = tuple[npt.NDArray[Any], ...]
@@ -78,7 +79,7 @@ def machine() -> dict[str, str]:
     """
     features = llvmlite.binding.get_host_cpu_features().flatten()
     return {
-        "code": source_hash(),
+        "code": results_identity(),
         "Embree": embree.version(),
         "NumPy": np.__version__,
         "llvmlite": llvmlite.__version__,

@@ -1,9 +1,8 @@
-"""Machine code of kernels on disk: a file for each kernel and types of arguments, in a folder that every edit renames.
+"""Machine code of kernels on disk: a file for each kernel and types of arguments.
 
-A kernel holds code of helpers from other files, so the folder is named by a hash of all sources that can hold or feed
-one, and of everything else that machine code depends on. It is in the user's cache folder, which also serves read-only
-installations; ``NUMBA_CACHE_DIR`` overrides the parent. Code is only read from what nobody but this user and root can
-write.
+Its name holds the kernel's identity, and that of the folder a hash of the compiler and of the processor, so that an
+edit is compiled where it matters. The folder is in the user's cache folder, which also serves read-only installations;
+``NUMBA_CACHE_DIR`` overrides the parent. Code is only read from what nobody but this user and root can write.
 """
 
 import getpass
@@ -12,37 +11,21 @@ import os
 import re
 import shutil
 import stat
-import sys
 import tempfile
 import zlib
 from contextlib import suppress
 from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 
 import llvmlite.binding
-import numpy as np
 import platformdirs
 
-PACKAGES = ("raytrace", "ao")
+from .identity import compiler_identity
+
 _NEEDED = 16 << 20  # bytes; all kernels take less than 5 MB
 _CHECKSUM = 4  # bytes before the code
 _FOLDER, _FILE = 0o755, 0o644  # modes
 _SETTING = re.compile("NUMBA_(?!CACHE_DIR$|NUM_THREADS$)")  # that code may depend on
-ROOT = Path(__file__).resolve().parents[2]
-
-
-@cache
-def source_hash() -> str:
-    """Hash of every source file that can hold or feed a kernel, and of Numba's, NumPy's and Python's: 16 hex digits."""
-    numba = find_spec("numba")  # not imported, which takes longer than most bakes
-    version = Path(numba.origin).with_name("_version.py").read_bytes() if numba and numba.origin else b""
-    digest = hashlib.sha256(version + f"{np.__version__} {sys.version}".encode())
-    for package in PACKAGES:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            digest.update(path.relative_to(ROOT).as_posix().encode())
-            digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
 
 
 def numba_settings() -> str:
@@ -62,10 +45,10 @@ def _user() -> str:
 
 @cache
 def _places() -> tuple[Path, ...]:
-    """Folders for exactly these sources and this processor, whether they exist or not, the best one first."""
+    """Folders for exactly this compiler and this processor, whether they exist or not, the best one first."""
     features = llvmlite.binding.get_host_cpu_features().flatten()
     machine = hashlib.sha256(f"{llvmlite.binding.get_host_cpu_name()} {features} {numba_settings()}".encode())
-    chosen, name = os.environ.get("NUMBA_CACHE_DIR"), f"{source_hash()}-{machine.hexdigest()[:8]}"
+    chosen, name = os.environ.get("NUMBA_CACHE_DIR"), f"{compiler_identity()}-{machine.hexdigest()[:8]}"
     parents = [Path(chosen)] if chosen else []
     with suppress(OSError, LookupError, RuntimeError):  # a user without a home
         users = platformdirs.user_cache_path("obscurance", appauthor=False)
@@ -98,11 +81,6 @@ def cache_folder() -> Path | None:
                 with tempfile.TemporaryFile(dir=folder.parent):
                     return folder
     return None
-
-
-def is_kept(path: str) -> bool:
-    """Whether the code of kernels in this source file is kept: an edit of other files would not be noticed."""
-    return any(Path(path).is_relative_to(ROOT / package) for package in PACKAGES)
 
 
 def read_code(name: str) -> bytes | None:

@@ -9,16 +9,18 @@ import ctypes
 import struct
 import threading
 from collections.abc import Callable
-from functools import cache, cached_property
+from functools import cache
 from hashlib import sha256
 from importlib import import_module
+from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
 
 import llvmlite.binding as llvm
 import numpy as np
 
 from ..types import Int64s
-from .cache import is_kept, read_code, write_code
+from .cache import read_code, write_code
+from .identity import Called, kernel_identity
 from .notice import compiling, notices
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -36,14 +38,11 @@ compiled: list[str] = []
 """Kernels that this process has compiled."""
 
 
-class _Deferred:
+class _Deferred(ModuleType):
     """A module that is needed only while kernels are compiled, imported when one of its names is first used."""
 
-    def __init__(self, name: str) -> None:
-        self._name = name
-
     def __getattr__(self, name: str) -> Any:
-        return getattr(import_module(self._name), name)
+        return getattr(import_module(self.__name__), name)
 
 
 ir, types, cgutils = _Deferred("llvmlite.ir"), _Deferred("numba.core.types"), _Deferred("numba.core.cgutils")
@@ -60,18 +59,7 @@ class _Loaded(NamedTuple):
     call: Any
 
 
-class _Called:
-    """What kernels call; its Numba type is made when one of them is compiled."""
-
-    def __init__(self, make_type: Callable[[], Any]) -> None:
-        self._make_type = make_type
-
-    @cached_property
-    def _numba_type_(self) -> Any:
-        return self._make_type()
-
-
-class Kernel(_Called):
+class Kernel(Called):
     """A function that Numba compiles: machine code when called from Python, a part of the kernels that call it.
 
     Arguments are arrays, numbers, None, and tuples of such; results are numbers or a tuple of numbers. Code under
@@ -146,27 +134,26 @@ def inline(function: F) -> F:
 
 def external(name: str, count: int) -> Any:
     """The C function of this name, which kernels call with `count` addresses."""
-    return _Called(lambda: compiler.external(name, count))
+    return Called(lambda: compiler.external(name, count))
 
 
 def intrinsic(signature: Callable[..., Any]) -> Callable[[Callable[..., Any]], Any]:
     """Let kernels call a function that writes LLVM's code: from Numba's context, LLVM's builder, Numba's `signature` of
     the types of the arguments (None for wrong types), and their values."""
-    return lambda emit: _Called(lambda: compiler.intrinsic(signature, emit))
+    return lambda emit: Called(lambda: compiler.intrinsic(signature, emit))
 
 
 def _code(name: str, function: Callable[..., Any], compile_: Callable[[], bytes]) -> bytes:
     """A function's code by this name, from the disk or compiled and kept there."""
     loaded.append(name)
-    kept = is_kept(function.__code__.co_filename)
-    code = read_code(name) if kept else None
+    kept = f"{name}.{kernel_identity(function)}"
+    code = read_code(kept)
     if code is None:
         with compiling(1):  # unless what calls has said so, with a better number
             notices[0](name)
             compiled.append(name)
             code = compile_()
-        if kept:
-            write_code(name, code)
+        write_code(kept, code)
     return code
 
 
@@ -214,7 +201,7 @@ def _types(key: tuple[Any, ...]) -> tuple[str, str]:
             text.append(f"{kind!r} {dimensions} {flags & ~_FORTRAN if flags & _C else flags}")
             formats += "P"
         elif issubclass(kind, tuple):
-            text.append(f"{kind} {next(kinds)}")
+            text.append(f"{kind} {next(kinds)} {getattr(kind, '_fields', '')}")
         elif kind is type(None):
             text.append("None")
         else:

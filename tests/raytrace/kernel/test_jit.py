@@ -6,10 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from project import ROOT
 
 from raytrace.kernel import cache
+from raytrace.kernel.identity import kernel_identity
 
 HELPER = """
 from .kernel.jit import inline
@@ -17,6 +19,10 @@ from .kernel.jit import inline
 @inline
 def constant():
     return {value}
+
+@inline
+def unused():
+    return 3
 """
 KERNEL = """
 from .helper import constant
@@ -85,6 +91,57 @@ def test_an_edit_in_another_file_reaches_the_kernel(project, filled):
     assert run(project, ANSWER, NUMBA_CACHE_DIR=cache) == "1 0 False"
     (project / "raytrace" / "helper.py").write_text(HELPER.format(value=2))
     assert run(project, ANSWER, NUMBA_CACHE_DIR=cache) == "2 1 True"
+
+
+@pytest.mark.parametrize(
+    ("file", "before", "after", "runs"),
+    [
+        ("loop.py", "def answer():", 'def answer() -> int:\n    """A docstring."""', "1 0 False"),
+        ("loop.py", "@kernel", "# a comment\n\n@kernel", "1 0 False"),
+        ("helper.py", "return 3", "return 4", "1 0 False"),
+        ("kernel/lanes.py", '"""Numba\'s side', '"""The side', "1 0 False"),
+        ("loop.py", "constant()", "constant() + 1", "2 1 True"),
+        (
+            "helper.py",
+            "@inline\ndef constant():\n    return 1",
+            "ONE = 1\n@inline\ndef constant():\n    return ONE",
+            "1 1 True",
+        ),
+        ("kernel/lanes.py", "INDEX = ir.IntType(32)", "INDEX = ir.IntType(64)", "1 1 True"),
+    ],
+)
+def test_an_edit_compiles_what_it_touches(project, filled, file, before, after, runs):
+    path = project / "raytrace" / file
+    text = path.read_text()
+    assert before in text
+    path.write_text(text.replace(before, after))
+    assert run(project, ANSWER, NUMBA_CACHE_DIR=str(filled)) == runs
+
+
+def test_constants_that_a_kernel_refers_to_are_part_of_its_identity():
+    """Each namespace has the same function beside other values."""
+    source = "def f(x):\n    return helper(x) + C[0] + np.sqrt(x)\ndef helper(x):\n    return x * D"
+    found = []
+    for one, other in (((1.0,), 2), ((1.0,), 3), ((1,), 2), ((1.0, 2.0), 2), (np.ones(1), 2), (np.ones(1, np.int8), 2)):
+        names = {"C": one, "D": other, "np": np}
+        exec(source, names)
+        found.append(kernel_identity(names["f"]))
+    assert len(set(found)) == len(found)
+    exec("\n\n" + source.replace("(x):", "(x: float) -> float:\n    'A docstring.'"), names)
+    assert kernel_identity(names["f"]) == found[-1]
+
+
+def test_an_edit_of_what_reads_and_writes_files_leaves_the_identity_of_results(project):
+    """Docstrings and readers are edited, then a constant that decides bits."""
+    code = "from raytrace.kernel.identity import results_identity; print(results_identity())"
+    (project / "raytrace" / "text").mkdir()
+    (project / "raytrace" / "text" / "lines.py").write_text("SEPARATOR = 1\n")
+    before = run(project, code)
+    (project / "raytrace" / "text" / "lines.py").write_text("SEPARATOR = 2\n")
+    (project / "raytrace" / "loop.py").write_text('"""Docstring."""\n' + KERNEL)
+    assert run(project, code) == before
+    (project / "ao" / "estimate.py").write_text("RAYS = 2\n")
+    assert run(project, code) != before
 
 
 WHERE = "from raytrace.kernel.cache import cache_folder; print(cache_folder().parent)"
@@ -165,21 +222,28 @@ def test_another_setting_of_numba_or_another_processor_has_kernels_of_its_own(pr
 STRANGER = 65534
 
 
+def kernel_file(project, folder, printed):
+    """The file of the project's only kernel, compiled into an empty cache."""
+    assert run(project, ANSWER, NUMBA_CACHE_DIR=str(folder)) == printed
+    (path,) = (path for path in folder.rglob("*") if path.is_file())
+    return path
+
+
 @pytest.mark.skipif(os.name != "posix", reason="owners and modes")
 def test_a_kernel_that_another_user_has_planted_is_not_run(project):
     """In the temporary folder, by the name that a user without a home looks for: it would answer 666."""
     (project / "raytrace" / "helper.py").write_text(HELPER.format(value=666))
-    assert run(project, ANSWER, NUMBA_CACHE_DIR=str(project / "attack")) == "666 1 True"
-    (kernel,) = (path for path in (project / "attack").rglob("*") if path.is_file())
+    planted = kernel_file(project, project / "attack", "666 1 True").read_bytes()[cache._CHECKSUM :]
     (project / "raytrace" / "helper.py").write_text(HELPER.format(value=1))
+    name = kernel_file(project, project / "honest", "1 1 True").name
     homeless = {"HOME": "/dev/null", "XDG_CACHE_HOME": "", "NUMBA_CACHE_DIR": "", "TMPDIR": str(project)}
     folder = Path(run(project, "from raytrace.kernel.cache import cache_folder; print(cache_folder())", **homeless))
     folder.mkdir(parents=True, exist_ok=True)
-    shutil.copyfile(kernel, folder / kernel.name)
-    for path in (folder / kernel.name, folder, folder.parent):
+    (folder / name).write_bytes(cache._checksum(name, planted) + planted)
+    for path in (folder / name, folder, folder.parent):
         os.chmod(path, 0o755)
     assert run(project, ANSWER, **homeless) == "666 0 False"  # were it the user's own, it would be run
-    for path in (folder / kernel.name, folder, folder.parent):
+    for path in (folder / name, folder, folder.parent):
         os.chown(path, STRANGER, STRANGER) if os.geteuid() == 0 else os.chmod(path, 0o777)
     assert run(project, ANSWER, **homeless) == "1 1 True"
 
