@@ -10,18 +10,18 @@ notices: list[Callable[[str], None]] = []
 
 
 @contextmanager
-def compiling(expected: int = 42, always: bool = False) -> Iterator[None]:
+def compiling(expected: int = 42, always: bool = False, quiet: bool = False) -> Iterator[None]:
     """Say that kernels are being compiled, if they are, and on a terminal or in a notebook how far that is.
 
     It goes to standard error, and to the logger "obscurance" at the level INFO. Within another one it does nothing.
 
     Args: expected: about how many kernels the work takes; a texture or a picture takes nearly as many as a bake.
-        always: whether other outputs than terminals get the line.
+        always: whether other outputs than terminals get the line. quiet: whether the logger alone hears of it.
     """
     if notices:
         yield
         return
-    interactive = sys.stderr is not None and (sys.stderr.isatty() or hasattr(sys, "ps1"))
+    interactive = not quiet and sys.stderr is not None and (sys.stderr.isatty() or hasattr(sys, "ps1"))
     begun = 0
 
     def notice(name: str) -> None:
@@ -31,7 +31,7 @@ def compiling(expected: int = 42, always: bool = False) -> Iterator[None]:
         begun += 1
         first = _is_first_run()
         logging.getLogger("obscurance").info("compiling kernel %d: %s", begun, name)
-        if begun == 1 and (interactive or always):
+        if begun == 1 and not quiet and (interactive or always):
             _announce(first)
         if interactive:
             text = f"{begun} of about {max(expected, begun)}" if first else name.split(".")[-2]

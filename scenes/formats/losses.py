@@ -43,6 +43,8 @@ def of_ply(mesh_file: MeshFile, colors: str) -> list[str]:
         missing += [words for words in mesh_file.unread if not words.startswith(PAINT_WORDS)]
     if detail and detail.normals:
         missing.append("normals of vertices that have several")
+    if detail and detail.uv and not np.isfinite(detail.uv.rows).all():
+        missing.append("texture coordinates, which some corners lack")
     if detail and detail.paints:
         missing.append("materials")
     return missing

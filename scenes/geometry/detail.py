@@ -109,7 +109,7 @@ class Detail:
     corners: Int64s  # (c,) vertex indices, polygon after polygon
     sizes: Int64s  # (p,) corners of each polygon
     triangles: Triangulation  # how the mesh's faces were cut from the polygons
-    uv: PerCorner | None = None  # texture coordinates, v upwards, or None
+    uv: PerCorner | None = None  # texture coordinates, v upwards, NaN at corners without, or None
     normals: PerCorner | None = None  # where some vertex has several, or None: then `Mesh.normals` are all there are
     colors: Float64s | None = None  # (n, 3) or (n, 4), red green blue and alpha in [0, 1], sRGB-encoded, or None
     numbers: dict[str, Float64s] = field(default_factory=dict)  # further (n,) values of the vertices by name
@@ -120,16 +120,14 @@ class Detail:
     elements: tuple[Element, ...] = ()  # with the comments everything, if it was a PLY file
     comments: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()  # read beside the mesh file, or to be read when it is written
-    some_uv: Float64s | None = None  # (c, 2) texture coordinates of the corners where only some have any, else NaN
 
     def corner_uv(self) -> Float64s | None:
         """Texture coordinates (m, 3, 2) of the triangles, v upwards, NaN where a corner of one has none; None if there
         are none."""
-        places = self.triangles.take(np.arange(len(self.corners)))
-        if self.some_uv is not None:
-            found = self.some_uv[places]
-            return np.where(np.isnan(found).any(axis=(1, 2), keepdims=True), np.nan, found)
-        return None if self.uv is None else self.uv.rows[self.uv.of[places]]
+        if self.uv is None:
+            return None
+        found = self.uv.rows[self.triangles.take(self.uv.of)]
+        return np.where(np.isnan(found).any(axis=(1, 2), keepdims=True), np.nan, found)
 
 
 def triangle_detail(faces: Int64s, paints: tuple[Paint, ...] = (), of: Int64s | None = None) -> Detail:

@@ -115,9 +115,9 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff
     return warnings
 
 
-def compiling(expected: int = 42) -> AbstractContextManager[None]:
-    """Say, wherever standard error goes, that kernels are being compiled. Args: expected: about how many."""
-    return notice.compiling(expected, always=True)
+def compiling(expected: int = 42, quiet: bool = False) -> AbstractContextManager[None]:
+    """Say, wherever standard error goes, that about so many kernels are being compiled, unless all is to be `quiet`."""
+    return notice.compiling(expected, always=True, quiet=quiet)
 
 
 _EVERY = 0.1  # seconds between lines of progress

@@ -153,7 +153,7 @@ class BakeCommand(MeshBake):
     def _write(self, baked: ao.Bake, sources: Sources, falloff: ao.Falloff) -> tuple[str, list[str]]:
         """Write the output: what to add to the summary, and warnings. Args: falloff: of textures."""
         write(self.output, baked, sources.source, **self._channels())
-        if not baked.coarse or baked.interpolation is None:
+        if self.quiet or not baked.coarse or baked.interpolation is None:
             return "", []
         fit = "" if self.method == "surface" else "--method surface, "
         instead = f"--occlusion texture for a .glb, -o NAME.png, {fit}or smaller faces"

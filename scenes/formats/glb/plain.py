@@ -63,8 +63,9 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[Packed, list[Drawn]]:
         attributes = {"POSITION": packed.accessor(places, **bounds)}
         smooth = None if mesh.normals is None else mesh.normals[vertices]
         _add_normals(packed, attributes, normals.rows[normals.of[first]] if normals else smooth)
-        if uv:
-            attributes["TEXCOORD_0"] = packed.accessor(flipped(uv.rows[uv.of[first]]).astype("<f4"))
+        found_uv = None if uv is None else uv.rows[uv.of[first]]
+        if found_uv is not None and np.isfinite(found_uv).any():
+            attributes["TEXCOORD_0"] = packed.accessor(flipped(np.nan_to_num(found_uv)).astype("<f4"))
         _add_columns(packed, attributes, detail, vertices, colors)
         indices = packed.accessor(faces.astype("<u4").ravel(), ELEMENT_ARRAY_BUFFER)
         primitive = {"attributes": attributes, "indices": indices, "material": piece.material.key}

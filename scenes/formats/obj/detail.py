@@ -28,8 +28,8 @@ _NAMES, _NAME = 3, 60  # of libraries or materials that a message lists, and let
 MAX_OBJECTS = 4096  # each takes a kilobyte or two of a .glb
 _LIBRARY = re.compile(r"^[ \t]*mtllib(?!\S)([^#\n]*)", re.MULTILINE)
 _OTHER = "l", "p", "curv", "curv2", "surf"
-OPAQUE, OPTION = "Tr 1", "option"  # how words on them begin
-PAINT_WORDS = ("texture of", "material library", OPAQUE, OPTION)  # how what is missing of materials begins
+OPAQUE, OPTION, LIBRARY = "Tr 1", "option", "material library"  # how words on them begin
+PAINT_WORDS = ("texture of", LIBRARY, OPAQUE, OPTION)  # how what is missing of materials begins
 _COUNTS = {"Kd": 3, "Ke": 3, "Ks": 3, "d": 1, "Tr": 1, "Ns": 1, "Pm": 1, "Pr": 1}  # numbers of a statement
 _MAPS = "map_Kd", "map_d"
 _UNREAD = "map_", "bump", "disp", "decal", "refl", "norm"
@@ -49,19 +49,17 @@ def obj_detail(
 
     Args: normals: of all corners. one_each: whether no vertex has several of them.
     """
-    uv, colors = file.of_corners("vt"), file.colors
+    uv, colors = file.uv(), file.colors
     if colors is not None and not ((colors >= 0) & (colors <= 1)).all():
         colors = None
     by_object, by_group, painted = (file.named(keyword) for keyword in ("o", "g", "usemtl"))
     objects = by_group if by_object.kinds < 2 <= by_group.kinds or not by_object.names else by_object
-    has_some_uv = uv is None and bool(file.some("vt").any())
-    finite = uv is None or bool(np.isfinite(uv.rows).all())
+    finite = uv is None or bool(np.isfinite(uv.rows[uv.of[file.some("vt")]]).all())
     left_out = (
         (by_object.kinds > 1 and by_group.kinds > 1, "names of groups"),
         (objects.kinds > MAX_OBJECTS, f"its division into {objects.kinds:,} objects"),
         (len(set(file.lines("s").split())) > 1, "smoothing groups"),
         (any(run.keyword in _OTHER for run in file.runs), "lines, points, curves and surfaces"),
-        (has_some_uv, "texture coordinates, which some corners lack"),
         (normals is None and file.some("vn").any(), "normals, which some corners lack"),
         (not finite, "texture coordinates, some of which are not finite"),
         (colors is None and file.has_colors, "colours, which some vertices lack or have outside of [0, 1]"),
@@ -70,8 +68,6 @@ def obj_detail(
     paints = tuple(known.get(name, Paint(name)) for name in painted.names)
     detail = Detail(file.corners, file.sizes, triangles, uv if finite else None, None if one_each else normals, colors)
     detail = replace(detail, paints=paints, paint_of=painted.of if paints else None, files=tuple(files))
-    if has_some_uv:
-        detail = replace(detail, some_uv=file.some_uv())
     if objects.names and objects.kinds <= MAX_OBJECTS:
         detail = replace(detail, objects=objects.names, object_of=objects.of)
     return detail, (*(words for is_left_out, words in left_out if is_left_out), *missing)
@@ -85,7 +81,7 @@ def _read_paints(file: ObjText, folder: Path) -> tuple[dict[str, Paint], list[Pa
     find = partial(_beside, folder)
     libraries = list(_libraries(file.lines("mtllib").split("\n"), find))
     if gone := dict.fromkeys(name for name, library in libraries if library is None):
-        left.append(f"material library {_first([printable(name, _NAME) for name in gone])}")
+        left.append(f"{LIBRARY} {_first([printable(name, _NAME) for name in gone])}")
     for library in (library for _, library in libraries if library):
         more, missing = read_mtl(library, find)
         known = more | known
@@ -124,9 +120,11 @@ def _beside(folder: Path, name: str) -> Path | None:
 def obj_opacity(file: ObjText, folder: Path, triangles: Triangulation) -> tuple[Opacity | None, tuple[str, ...]]:
     """Alpha of the faces, None where all are opaque; and warnings of images that are missing."""
     known, _, left = _read_paints(file, folder)
-    missing = [words for words in left if "map_d" in words]
-    without = {words: "" if words.startswith(OPTION) else ": alpha there is that of d alone" for words in missing}
-    notes = tuple(f"{words} is not read{instead}" for words, instead in without.items())
+    told = {OPAQUE: "", LIBRARY: " is not there: what it paints is opaque", OPTION: " is not read"}
+    told["texture of map_d"] = " is not read: alpha there is that of d alone"
+    notes = tuple(
+        words + end for words in dict.fromkeys(left) for begin, end in told.items() if words.startswith(begin)
+    )
     paints = {name: paint for name, paint in known.items() if paint.opacity < 1 or paint.opacity_texture}
     if not paints:
         return None, notes
@@ -137,11 +135,19 @@ def obj_opacity(file: ObjText, folder: Path, triangles: Triangulation) -> tuple[
         return None, notes
     from raytrace.image.texture import Texture
 
-    uv, surfaces = file.of_corners("vt"), []
+    uv = file.uv()
+    coordinates = None if uv is None else uv.rows[triangles.take(uv.of)]
+    surfaces = []
     for paint in paints.values():
         image = None if uv is None else paint.opacity_texture
         surfaces.append(AlphaSurface(paint.opacity, Texture(image) if image else None, grey=image != paint.texture))
-    return Opacity(of, tuple(surfaces), None if uv is None else uv.rows[triangles.take(uv.of)]), notes
+    if coordinates is not None:
+        lacking = np.isnan(coordinates).any(axis=(1, 2)) & (of >= 0)
+        plain = [len(paints) + number if paint.opacity < 1 else -1 for number, paint in enumerate(paints.values())]
+        of[lacking] = np.array(plain)[of[lacking]]
+        surfaces += [AlphaSurface(paint.opacity) for paint in paints.values()]
+        coordinates = np.nan_to_num(coordinates)
+    return Opacity(of, tuple(surfaces), coordinates), notes
 
 
 def read_mtl(path: Path, beside: Callable[[str], Path | None]) -> tuple[dict[str, Paint], list[str]]:

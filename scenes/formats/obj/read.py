@@ -28,16 +28,18 @@ def read_obj(given: MeshInput) -> list[Instance]:
     """
     folder = given.path.parent
     file = ObjText(given.file.read(), given.source)
-    normals = file.of_corners("vn")
+    normals = file.normals()
     vertex_normals = normals and normals.at_vertices(file.corners, len(file.vertices), np.nan)
     triangles = triangulate(file.vertices, file.corners, file.sizes, given.source)
-    made = Instance(given.name, file.vertices, triangles.take(file.corners), vertex_normals, notes=triangles.notes)
+    notes = file.notes + triangles.notes
+    made = Instance(given.name, file.vertices, triangles.take(file.corners), vertex_normals, notes=notes)
     if given.keep:
         detail, unread = obj_detail(file, folder, triangles, normals, vertex_normals is not None)
         made = replace(made, detail=detail, unread=unread)
     if given.alpha:
-        opacity, notes = obj_opacity(file, folder, triangles)
-        made = replace(made, opacity=opacity, notes=made.notes + (() if given.keep else notes))
+        opacity, of_alpha = obj_opacity(file, folder, triangles)
+        unread = tuple(words for words in made.unread if not any(note.startswith(words) for note in of_alpha))
+        made = replace(made, opacity=opacity, unread=unread, notes=notes + of_alpha)
     return [replace(made, polygons=triangles.polygons)]
 
 
@@ -50,8 +52,8 @@ def read_textured_obj(data: bytes, name: str, source: str, folder: Path) -> tupl
     Raises: MeshError, ValueError: as `ObjText`, or a corner without texture coordinates.
     """
     file = ObjText(data, source)
-    normals, uv = file.of_corners("vn"), file.of_corners("vt")
-    if uv is None:
+    normals, uv = file.normals(), file.uv()
+    if uv is None or not file.some("vt").all():
         raise MeshError(source, "vt", "texture coordinates on every corner of a face", "none on some")
     columns = [file.corners, uv.of, *([normals.of] if normals else [])]
     first, corners = unique_rows(columns)
@@ -60,6 +62,7 @@ def read_textured_obj(data: bytes, name: str, source: str, folder: Path) -> tupl
     own = normals.rows[kinds[:, 2]] if normals else None
     faces = triangles.take(corners)
     opacity, notes = obj_opacity(file, folder, triangles)
-    vertices, notes = file.vertices[kinds[:, 0]], triangles.notes + notes
+    notes = file.notes + triangles.notes + notes
+    vertices = file.vertices[kinds[:, 0]]
     made = Instance(name, vertices, faces, own, notes=notes, opacity=opacity, polygons=triangles.polygons)
     return made, uv.rows[kinds[:, 1]], Origin(kinds[:, 0], len(file.vertices))

@@ -52,6 +52,7 @@ class ObjText:
         vertices: (n, 3). colors: (n, 3), where every line has six numbers, or None. has_colors: whether some have.
         sizes: (p,), corners of each face. corners: (c,), the vertex of each.
         indices: (c,) by keyword, of the corners' `vt` and `vn`, from 1 on, or `NONE`.
+        notes: warnings about what of the file is ignored.
     """
 
     def __init__(self, data: bytes, source: str) -> None:
@@ -76,6 +77,11 @@ class ObjText:
             raise ValueError("string or file could not be read to its end due to unmatched data")  # as NumPy says
         absent: Int64s = np.broadcast_to(np.array(NONE), len(own))
         self.indices: dict[str, Int64s] = dict(zip(NUMBERED[1:], others or (absent, absent), strict=True))
+        self.notes: tuple[str, ...] = ()
+        for keyword, indices in self.indices.items():
+            if self.some(keyword).any() and not self._before[-1, NUMBERED.index(keyword), COUNT]:
+                self.indices[keyword] = np.full_like(indices, NONE)
+                self.notes += (f"indices of {keyword} are ignored: the file has no line {keyword}",)
         self.corners = self._from_zero(own, len(self.vertices), "v")
 
     def _survey(self) -> None:
@@ -132,23 +138,24 @@ class ObjText:
         text = "\n".join(run.text for run in runs or self.runs if run.keyword == keyword)
         return re.sub(rf"^[ \t]*{keyword}", "", re.sub(r"#[^\n]*", "", text), flags=re.MULTILINE)
 
-    def of_corners(self, keyword: str) -> PerCorner | None:
-        """`vn` of all corners, or `vt`, v upwards; None if some corner has none. Raises: as the constructor."""
-        if not self.some(keyword).all():
-            return None
-        rows = self._rows(keyword)
-        return PerCorner(rows, self._from_zero(self.indices[keyword], len(rows), keyword)) if len(rows) else None
+    def normals(self) -> PerCorner | None:
+        """`vn` of all corners; None if some corner has none. Raises: as the constructor."""
+        some = self.some("vn")
+        return self._per_corner("vn") if len(some) and some.all() else None
+
+    def uv(self) -> PerCorner | None:
+        """`vt` of the corners, v upwards, NaN where a corner has none; None if none has. Raises: as the constructor."""
+        return self._per_corner("vt") if self.some("vt").any() else None
 
     def some(self, keyword: str) -> Bools:
         """The corners (c,) that have an index of `vt` or `vn`."""
         return np.asarray(self.indices[keyword] != NONE)
 
-    def some_uv(self) -> Float64s:
-        """Texture coordinates (c, 2) of the corners, NaN where they have none. Raises: as the constructor."""
-        rows, some = self._rows("vt"), self.some("vt")
-        uv = np.full((len(some), 2), np.nan)
-        uv[some] = rows[self._from_zero(self.indices["vt"][some], len(rows), "vt")]
-        return uv
+    def _per_corner(self, keyword: str) -> PerCorner:
+        rows, some = self._rows(keyword), self.some(keyword)
+        of = np.full(len(some), len(rows))
+        of[some] = self._from_zero(self.indices[keyword][some], len(rows), keyword)
+        return PerCorner(rows if some.all() else np.pad(rows, ((0, 1), (0, 0)), constant_values=np.nan), of)
 
     def named(self, keyword: str) -> FaceNames:
         """The faces by the statements before them, such as `usemtl`."""

@@ -92,11 +92,12 @@ def read_header(data: bytes) -> PlyHeader:
     end = _END.search(data)
     if data[:3] != b"ply" or not end:
         raise ValueError("no header of a PLY file")
-    lines = [line.split() for line in data[: end.start()].decode("latin-1").splitlines()]
+    text = data[: end.start()].decode("latin-1").splitlines()
+    lines = [line.split() for line in text]
     formats = [line[1] for line in lines if line[:1] == ["format"] and len(line) > 1]
     if len(formats) != 1 or formats[0] not in _ORDERS:
         raise ValueError("no format of a PLY file")
-    comments = tuple(" ".join(line) for line in lines if line[:1] in (["comment"], ["obj_info"]))
+    comments = tuple(line.strip() for line in text if line.split()[:1] in (["comment"], ["obj_info"]))
     return PlyHeader(formats[0] == "ascii", _ORDERS[formats[0]], _elements(lines), comments, end.end())
 
 

@@ -89,7 +89,7 @@ def _elements(mesh_file: MeshFile, detail: Detail | None) -> tuple[Element, ...]
     lists = []
     if detail:
         sizes, corners = detail.sizes, detail.corners
-        if detail.uv:
+        if detail.uv and np.isfinite(detail.uv.rows).all():
             uv = detail.uv.at_vertices(corners, len(mesh.vertices))
             if uv is None:
                 uv = detail.uv.rows[detail.uv.of]

@@ -1,13 +1,17 @@
 """Alpha of glTF and OBJ materials in mesh files, from the file to w."""
 
+import re
+
 import numpy as np
 import pytest
 from command import obscurance
-from leaf_cards import FLOOR, card_glb, card_obj, form_factors, leaf_codes
+from gltf_files import check_glb, values
+from leaf_cards import FLOOR, HEIGHT, SQUARE, UP, card_glb, card_obj, form_factors, leaf_codes
 
 import ao
+from ao.analytic.form_factor import polygon_form_factor
 from raytrace import InputError
-from scenes import load
+from scenes import load, write
 
 MASK = {"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
 MOVED = {"texCoord": 0, "extensions": {"KHR_texture_transform": {"offset": [0.25, 0], "scale": [0.5, 1]}}}
@@ -55,6 +59,31 @@ def test_w_under_a_card_from_a_file(tmp_path, name):
     path = make(tmp_path)
     assert np.allclose(w_of_floor(path), 1 - alpha * form_factors(right=right), atol=0.01)
     assert np.allclose(w_of_floor(path, alpha=False), 1 - form_factors(), atol=0.01)
+
+
+@pytest.mark.parametrize(("material", "alpha"), [("map_d leaf.png", 1.0), ("d 0.5\nmap_d leaf.png", 0.5)])
+def test_faces_without_texture_coordinates_leave_the_alpha_of_others(tmp_path, material, alpha):
+    """The floor has none, nor has one half of the card: there, d alone holds."""
+    path = card_obj(tmp_path, material, np.zeros((4, 4), np.uint8))
+    text = path.read_text().replace("f 26/1 27/2 28/3 29/4", "f 26/1 27/2 28/3\nf 26 28 29")
+    path.write_text(re.sub(r"^(f \d+)/1 (\d+)/1 (\d+)/1$", r"\1 \2 \3", text, flags=re.MULTILINE))
+    half = [polygon_form_factor(np.column_stack([SQUARE[[0, 2, 3]], np.full(3, HEIGHT)]), at, UP) for at in FLOOR]
+    assert np.allclose(w_of_floor(path), 1 - alpha * np.array(half), atol=0.01)
+    source = load(path, tmp_path / "card.glb")
+    write(tmp_path / "card.glb", ao.bake(source.mesh, samples=1), source, occlusion="none")
+    header, binary = check_glb((tmp_path / "card.glb").read_bytes())
+    drawn = {header["materials"][each["material"]]["name"]: each for each in header["meshes"][0]["primitives"]}
+    assert "TEXCOORD_0" not in drawn["floor"]["attributes"]
+    found = values(header, binary, drawn["leaf"]["attributes"]["TEXCOORD_0"])
+    assert {tuple(row) for row in found.tolist()} == {(0, 0), (0, 1), (1, 0), (1, 1)}
+
+
+def test_texture_indices_of_a_file_without_texture_coordinates_are_ignored_with_a_note(tmp_path):
+    (tmp_path / "cube.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1/1/1 2/2/1 3/3/1\n")
+    for command, output in (("bake", "w.npy"), ("bake", "w.glb"), ("render", "o.png")):
+        done = obscurance(command, tmp_path / "cube.obj", "-o", tmp_path / output, "--samples", 4)
+        assert done.returncode == 0
+        assert "indices of vt are ignored: the file has no line vt" in done.stderr
 
 
 def test_an_opaque_file_has_no_alpha(tmp_path):

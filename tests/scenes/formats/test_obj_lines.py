@@ -37,11 +37,15 @@ def from_zero(indices, count, keyword):
 
 
 def per_corner(words, needed, indices, keyword):
-    if NONE in indices:
+    """Texture coordinates may be missing at some corners, which have those of a row of NaN, normals at all or none."""
+    some = [index for index in indices if index != NONE]
+    if not words or not some or (keyword == "vn" and len(some) < len(indices)):
         return None
     rows = numbers(words, needed)[:, :needed]
-    of = from_zero(indices, len(rows), keyword)
-    return (rows, of) if len(rows) else None
+    found = iter(from_zero(some, len(rows), keyword))
+    of = np.array([len(rows) if index == NONE else next(found) for index in indices])
+    lacking = np.full((int(len(some) < len(indices)), needed), np.nan)
+    return np.concatenate([rows, lacking]), of
 
 
 def plain(data):
@@ -90,7 +94,7 @@ def present(data):
     file = ObjText(data, "m")
     painted = file.named("usemtl")
     materials = [None if of < 0 else painted.names[of] for of in painted.of]
-    return file.vertices, file.colors, file.sizes, file.corners, file.of_corners("vn"), file.of_corners("vt"), materials
+    return file.vertices, file.colors, file.sizes, file.corners, file.normals(), file.uv(), materials
 
 
 def outcome(read, data):
