@@ -6,6 +6,7 @@ seen along their Newell normal: four corners are cut by the other diagonal, more
 outline stays open.
 """
 
+from bisect import bisect
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -121,13 +122,29 @@ def _clip(offsets: Float64s, normal: Float64s, area: float) -> tuple[Int64s, boo
     along /= max(float(np.linalg.norm(along)), 1e-300)
     flat = np.ascontiguousarray(offsets @ np.stack([along, np.cross(normal, along)], axis=1))
     ears = mapbox_earcut.triangulate_float64(flat, np.array([len(flat)], np.uint32))
-    local = ears.reshape(-1, 3).astype(np.int64)
+    local = _with_all_corners(ears.reshape(-1, 3).tolist(), len(flat))
     if not len(local):
         fan = np.arange(1, len(flat) - 1)
         return np.stack([0 * fan, fan, fan + 1], axis=1), False
     a, b, c = (flat[local[:, corner]] for corner in range(3))
     covered = float(np.abs(np.linalg.det(np.stack([b - a, c - a], axis=1))).sum())
     return local, abs(covered - area) <= _OVERLAP * covered
+
+
+def _with_all_corners(triangles: list[list[int]], count: int) -> Int64s:
+    """Triangles (t, 3) with the corners that clipping has left out, for they are in line with their neighbours where
+    the polygon is seen from: each divides the triangle at the edge that it lies on. None if there is no such edge."""
+    used = sorted({corner for triangle in triangles for corner in triangle})
+    for corner in sorted(set(range(count)).difference(used)):
+        place = bisect(used, corner)
+        ends = {used[place - 1], used[place % len(used)]} if used else set()
+        divided = next((triangle for triangle in triangles if ends.issubset(triangle)), None)
+        if divided is None or len(ends) < 2:
+            return np.empty((0, 3), np.int64)
+        triangles.remove(divided)
+        triangles += [[corner if each == end else each for each in divided] for end in ends]
+        used.insert(place, corner)
+    return np.array(triangles, np.int64).reshape(-1, 3)
 
 
 def _view(points: Float64s, sizes: Int64s) -> _Views:

@@ -124,3 +124,13 @@ def test_bent_polygons_are_cut_as_their_newell_plane_shows_them(first):
     parts = areas(bent, faces, normal / np.linalg.norm(normal))
     assert (parts > 0).all()
     assert parts.sum() == pytest.approx(np.linalg.norm(normal) / 2)
+
+
+def test_no_corner_of_any_polygon_is_lost():
+    rng = np.random.default_rng(5)
+    for _ in range(300):
+        count = int(rng.integers(4, 12))
+        points = rng.normal(size=(count, 3)) * 10 ** rng.uniform(-1, 3, (count, 1))
+        assert set(triangulate(points, np.arange(count), np.array([count])).take(np.arange(count)).ravel()) == set(
+            range(count)
+        )
