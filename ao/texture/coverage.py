@@ -4,8 +4,9 @@ Every texel that a face reaches into is covered, however little of it, and all p
 extrapolated over the edge of a chart, which is what dark seams come from.
 """
 
+from collections import Counter
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import Self
 
 import numpy as np
@@ -17,7 +18,7 @@ from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
 from ..options import Overlap
 from ..rays.ray_packet import RayPacket
-from .page_rays import DEEP, SLOTS, find_hits, look_down
+from .page_rays import SLOTS, find_hits, find_layers, layer_counts, look_down
 from .slivers import PageTree, find_slivers
 from .uv_layout import UVLayout
 
@@ -41,20 +42,20 @@ class Coverage:
     centre_face: Int32s  # (k,), at the centre, where faces that do not overlap cover the texel as a whole; else −1
     centre: Float32s  # (k, 3)
     overlapping: Bools  # (k,), whether several faces lie over one another
-    deep: Bools  # (k,), whether these are more than two at some point, and share the texel
-    deep_face: Int32s  # (j, DEEP), of points on all faces of the j deep texels
-    deep_barycentric: Float32s  # (j, DEEP, 3)
+    layers: Int64s  # (k,), points on faces over one another, which share the texel; 0 elsewhere
+    layer_face: Int32s  # (j,), of all these points, texel by texel
+    layer_barycentric: Float32s  # (j, 3)
 
     @classmethod
-    def of_points(cls, texels: Int64s, face: Int32s, barycentric: Float32s, overlapping: Bools) -> Self:
-        """Coverage without centres and deep texels."""
+    def of_points(cls, texels: Int64s, face: Int32s, barycentric: Float32s) -> Self:
+        """Coverage without centres and layers."""
         centres = np.full(len(texels), -1, np.int32), np.zeros((len(texels), 3), np.float32)
-        none = np.zeros((0, DEEP), np.int32), np.zeros((0, DEEP, 3), np.float32)
-        return cls(texels, face, barycentric, *centres, overlapping, np.zeros(len(texels), np.bool_), *none)
+        none = np.zeros(len(texels), np.bool_), np.zeros(len(texels), np.int64)
+        return cls(texels, face, barycentric, *centres, *none, np.zeros(0, np.int32), np.zeros((0, 3), np.float32))
 
 
 def cover(layout: UVLayout, overlap: Overlap, threads: int) -> Coverage:
-    """The texels that faces cover; where these overlap, points lie on all in turn ("mean"), or on the first.
+    """The texels that faces cover; where these overlap, points lie on all of them ("mean"), or on the first.
 
     Raises: EmbreeError: Embree failed, out of memory for instance.
     """
@@ -85,34 +86,34 @@ def shared_texels(
     Args: groups: (m,), from 0, of the faces, which do not overlap where they share an edge. Others: as `UVLayout.of`.
     """
     coverage = cover(UVLayout.of(uv, size, wraps, source), "mean", thread_count(threads))
-    of_points, count = groups[coverage.face], int(groups.max()) + 1
-    covering = np.unique(of_points + count * np.arange(len(of_points))[:, None]) % count
-    several = of_points[coverage.overlapping]
-    pairs = [np.sort(several[:, pair], axis=1) @ [count, 1] for pair in combinations(range(SLOTS), 2)]
-    texel = count**2 * np.arange(len(several))
-    keys, counts = np.unique(np.unique(np.stack(pairs) + texel) % count**2, return_counts=True)
-    found = {divmod(key, count): number for key, number in zip(keys.tolist(), counts.tolist(), strict=True)}
-    shared = {pair: number for pair, number in found.items() if pair[0] != pair[1]}
-    return shared, np.bincount(covering, minlength=count)
+    count, rows = int(groups.max()) + 1, np.arange(len(coverage.texels))
+    on_layers = np.unique(groups[coverage.layer_face] + count * np.repeat(rows, coverage.layers))
+    covering = np.union1d(groups[coverage.face] + count * rows[:, None], on_layers) % count
+    several, alike = np.divmod(on_layers, count)
+    shared = Counter[tuple[int, int]]()
+    for first, last in pairwise([*np.flatnonzero(np.diff(several, prepend=-1)).tolist(), len(several)]):
+        shared.update(combinations(alike[first:last].tolist(), 2))
+    return dict(shared), np.bincount(covering, minlength=count)
 
 
 def _cover_band(
-    layout: UVLayout, scene: TriangleScene, slivers: PageTree, texels: Int64s, in_turn: bool, step: float, threads: int
+    layout: UVLayout, scene: TriangleScene, slivers: PageTree, texels: Int64s, layered: bool, step: float, threads: int
 ) -> Coverage:
-    """`cover` of some texels. Args: in_turn, step: as `find_hits` has them."""
+    """`cover` of some texels. Args: layered: whether all faces share a texel. step: as `find_hits` has it."""
     shape, width = (len(texels), SLOTS), layout.width
     corner = np.stack([texels % width, texels // width], axis=1)
     triangle, barycentric = np.full(shape, -1), np.zeros((*shape, 3), np.float32)
-    overlapping, deep = np.zeros((2, len(texels)), np.bool_)
-    deep_triangle, deep_place = np.empty((len(texels), DEEP), np.int64), np.empty((len(texels), DEEP, 3), np.float32)
+    overlapping = np.zeros(len(texels), np.bool_)
 
     def work(first: int, last: int) -> None:
         block = slice(first, last)
         found = triangle[block], barycentric[block], overlapping[block]
-        layered = deep[block], deep_triangle[block], deep_place[block]
-        find_hits(RayPacket.of(scene), texels[block], width, step, in_turn, found, layered)
+        find_hits(RayPacket.of(scene), texels[block], width, step, *found)
 
     run_blocks(len(texels), _BLOCK, work, threads, most=_SHARE)
+    layers = np.zeros(len(texels), np.int64)
+    shared = np.flatnonzero(overlapping) if layered else np.zeros(0, np.int64)
+    layers[shared], layer_triangle, layer_place = _points_on_layers(scene, texels[shared], width, step, threads)
     hit = triangle >= 0
     whole = np.flatnonzero(hit.all(axis=1) & ~overlapping)
     centre_face, centre = np.full(len(texels), -1), np.zeros((len(texels), 3), np.float32)
@@ -137,9 +138,31 @@ def _cover_band(
     number = np.append(layout.face, -1).astype(np.int32)
     face, centre_face = number[triangle[covered]], number[centre_face[covered]]
     return Coverage(
-        texels[covered], face, barycentric[covered], centre_face, centre[covered], overlapping[covered], deep[covered],
-        number[deep_triangle[deep]], deep_place[deep],
+        texels[covered], face, barycentric[covered], centre_face, centre[covered], overlapping[covered],
+        layers[covered], number[layer_triangle], layer_place,
     )  # fmt: skip
+
+
+def _points_on_layers(
+    scene: TriangleScene, texels: Int64s, width: int, step: float, threads: int
+) -> tuple[Int64s, Int64s, Float32s]:
+    """Of texels (k,) in which faces overlap: how many points they have (k,), and their triangles and barycentrics."""
+    depths, counts = np.zeros((len(texels), SLOTS), np.int64), np.zeros(len(texels), np.int64)
+
+    def count(first: int, last: int) -> None:
+        find_layers(RayPacket.of(scene), texels[first:last], width, step, depths[first:last], None)
+        layer_counts(texels[first:last], depths[first:last], counts[first:last])
+
+    run_blocks(len(texels), _BLOCK, count, threads, most=_SHARE)
+    starts = np.concatenate([[0], np.cumsum(counts)])
+    triangle, place = np.empty(starts[-1], np.int64), np.empty((starts[-1], 3), np.float32)
+
+    def find(first: int, last: int) -> None:
+        points = starts[first : last + 1], triangle, place
+        find_layers(RayPacket.of(scene), texels[first:last], width, step, depths[first:last], points)
+
+    run_blocks(len(texels), _BLOCK, find, threads, most=_SHARE)
+    return counts, triangle, place
 
 
 def _spread_over_part(

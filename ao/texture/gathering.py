@@ -30,10 +30,12 @@ class TexelTracer(Tracer):
     def _trace(self, points: Points, samples: int, key: np.uint32, leap: int = 1) -> Float64s:
         """Rows (k, …, COLUMNS) of texels, by `samples` rays each or a few more."""
         texels = points.numbers.astype(np.int64)
-        counts, out = self.texels.counts[texels], np.empty((len(points), *self.mu.shape, COLUMNS))
-        for count in np.flatnonzero(np.bincount(counts)).tolist():
-            rows = np.flatnonzero(counts == count)
-            slots = 1 << int(np.clip(samples // _ENOUGH, 1, count)).bit_length() - 1
+        counts, layered = self.texels.counts[texels], self.texels.layered[texels]
+        out = np.empty((len(points), *self.mu.shape, COLUMNS))
+        fewer = np.clip(samples // _ENOUGH, 1, counts)
+        slots_of = np.where(layered, counts, 2 ** np.floor(np.log2(fewer)).astype(np.int64))
+        for slots in np.flatnonzero(np.bincount(slots_of)).tolist():
+            rows = np.flatnonzero(slots_of == slots)
             for first in range(0, len(rows), _GATHERED // slots):
                 block = rows[first : first + _GATHERED // slots]
                 self._write_means(out, block, texels[block], slots, -(-samples // slots), key)

@@ -8,17 +8,18 @@ from raytrace.embree.rays import Hits, intersect
 from raytrace.embree.scene import TriangleScene
 from raytrace.kernel.arrays import borrow
 from raytrace.kernel.jit import inline, kernel
+from raytrace.kernel.vector import store
 from raytrace.types import Float64s
 
 SLOTS = 4  # points of a texel
 _GRID = np.array([[0.375, 0.125], [0.125, 0.625], [0.875, 0.375], [0.625, 0.875]])
 """A rotated grid: means of a linear function over a texel are exact, also over a diagonal: the first and the last
-point, or the other two. Two faces over one another take turns so that each has a diagonal; of other texels the
-first two points are one."""
-DEEP = 16  # points of a texel in which more than two faces lie over one another
-_TURNS = np.array([0, 2, 3, 1])  # of slots, so that the first two take different ones of two faces
+point, or the other two. Two faces over one another have a diagonal each; of other texels the first two points are one.
+"""
+_DIAGONAL = np.array([0, 1, 1, 0])
+_FEW = 4  # layers that have a point at each place of the grid; more have one each
+_MOST = 64  # layers that all have a point; of more, as many have, evenly spaced
 _ABOVE = 1.0
-_LAYERS = 16
 _INSIDE = 1e-4  # least barycentric coordinate of what counts as inside: neighbours share their edges
 
 
@@ -30,94 +31,142 @@ def look_down(scene: TriangleScene, places: Float64s, threads: int) -> Hits:
 
 
 @kernel
-def find_hits(packet, texels, width, step, in_turn, found, layered):
-    """Find the triangle at each point of some texels by rays down: of several in turn if `in_turn`, or the first.
+def find_hits(packet, texels, width, step, triangle, barycentric, overlapping):
+    """Find the first triangle at each point of some texels by rays down, and whether another lies below it.
 
-    Args, written where there are any: found: triangles (k, SLOTS), barycentrics, and whether there are several at any
-        point, (k,). layered: whether more than two, (k,), and points on all of them, (k, DEEP) and barycentrics.
+    Args, written where there are any: triangle, barycentric: of the points (k, SLOTS). overlapping: of texels (k,).
     """
     packet = borrow(packet)
     rays, valid = packet.rays, packet.valid
-    triangle, barycentric, overlapping = found
-    deep, deep_triangle, deep_place = layered
+    ids = rays.view(np.uint32)
     count = SLOTS * len(texels)
-    layers, several = np.zeros(packets.LANES, np.int64), np.zeros(packets.LANES, np.bool_)
-    face, weights = np.zeros((packets.LANES, _LAYERS), np.int64), np.zeros((packets.LANES, _LAYERS, 3), np.float32)
-    height, stack = np.zeros(packets.LANES), (layers, face, weights, several)
     for first in range(0, count, packets.LANES):
         for lane in range(packets.LANES):
-            i, k = divmod(min(first + lane, count - 1), SLOTS)
             valid[lane] = -1 if first + lane < count else 0
-            height[lane], layers[lane], several[lane] = _ABOVE, 0, False
-            rays[packets.ORG_X, lane] = texels[i] % width + _GRID[k, 0]
-            rays[packets.ORG_Y, lane] = texels[i] // width + _GRID[k, 1]
-            rays[packets.DIR_X, lane], rays[packets.DIR_Y, lane], rays[packets.DIR_Z, lane] = 0.0, 0.0, -1.0
-        depth, going = 0, True
-        while going and depth < _LAYERS:
-            for lane in range(packets.LANES):
-                rays[packets.ORG_Z, lane], rays[packets.TFAR, lane] = height[lane], np.inf
-            intersect8(packet.scene, rays, valid)
-            going = False
-            for lane in range(packets.LANES):
-                if valid[lane] != 0 and _note_layer(rays, lane, depth, first, triangle, barycentric, stack):
-                    height[lane] -= rays[packets.TFAR, lane] + step / 2.0
-                    if depth > 0 and not (several[lane] and in_turn):
-                        valid[lane] = 0
-                    going = going or valid[lane] != 0
-                else:
-                    valid[lane] = 0
-            depth += 1
+            _aim(rays, lane, texels, min(first + lane, count - 1), width)
+        intersect8(packet.scene, rays, valid)
         for lane in range(min(packets.LANES, count - first)):
-            if several[lane]:
-                i, k = divmod(first + lane, SLOTS)
-                overlapping[i] = True
-                deep[i] |= in_turn and layers[lane] > 2
-                if in_turn:
-                    chosen = (_TURNS[k] * layers[lane] // SLOTS + texels[i]) % layers[lane]
-                    triangle[i, k] = face[lane, chosen]
-                    _put(barycentric, i, k, weights[lane, chosen])
+            i, k = divmod(first + lane, SLOTS)
+            if ids[packets.GEOM_ID, lane] == packets.INVALID:
+                valid[lane] = 0
+                continue
+            place = _barycentric(rays, lane)
+            triangle[i, k] = ids[packets.PRIM_ID, lane]
+            _put(barycentric, i, k, place)
+            if not _is_inside(place):
+                valid[lane] = 0
+            _go_below(rays, lane, step)
+        intersect8(packet.scene, rays, valid)
+        for lane in range(min(packets.LANES, count - first)):
+            i, k = divmod(first + lane, SLOTS)
+            if valid[lane] != 0 and ids[packets.GEOM_ID, lane] != packets.INVALID:
+                other = np.int64(ids[packets.PRIM_ID, lane]) != triangle[i, k]
+                overlapping[i] |= other and _is_inside(_barycentric(rays, lane))
         for begin in range(0, min(packets.LANES, count - first), SLOTS):
             i = (first + begin) // SLOTS
-            if not (overlapping[i] and in_turn):
-                _bring_forward(triangle[i], barycentric[i])
-            if deep[i]:
-                _spread(stack, begin, deep_triangle, deep_place, i)
+            _bring_forward(triangle[i], barycentric[i])
 
 
-@inline
-def _note_layer(rays, lane, depth, first, triangle, barycentric, stack):
-    """Note what a ray has met in its `depth`-th step on the stack of its layers; whether it met anything."""
-    layers, face, weights, several = stack
+@kernel
+def find_layers(packet, texels, width, step, depths, points):
+    """Count the triangles over one another at each point of some texels by rays down, or find points on them.
+
+    Args: depths: int64 (k, SLOTS), written without `points`. points: None, or starts (k + 1,) by `layer_counts`, and,
+        to be written from these on, triangles (j,) and barycentrics (j, 3).
+    """
+    packet = borrow(packet)
+    rays, valid = packet.rays, packet.valid
     ids = rays.view(np.uint32)
-    if ids[packets.GEOM_ID, lane] == packets.INVALID:
-        return False
-    met, u, v = np.int64(ids[packets.PRIM_ID, lane]), rays[packets.U, lane], rays[packets.V, lane]
-    place = np.float32(1.0) - u - v, u, v
-    if depth == 0:
-        i, k = divmod(first + lane, SLOTS)
-        triangle[i, k] = met
-        _put(barycentric, i, k, place)
-    if min(place[0], place[1], place[2]) > _INSIDE:
-        if depth == 1:
-            several[lane] = layers[lane] == 1 and face[lane, 0] != met
-        face[lane, layers[lane]] = met
-        _put(weights, lane, layers[lane], place)
-        layers[lane] += 1
-    return True
+    layers = np.zeros(packets.LANES, np.int64)
+    for i in range(len(texels)):
+        for lane in range(packets.LANES):
+            valid[lane], layers[lane] = -1 if lane < SLOTS else 0, 0
+            _aim(rays, lane, texels, SLOTS * i + lane % SLOTS, width)
+        entry, deepest, listed = 0, _deepest(depths, i), _listed(depths, i, texels[i])
+        going = True
+        while going:
+            intersect8(packet.scene, rays, valid)
+            going = False
+            for k in range(SLOTS):
+                if valid[k] == 0 or ids[packets.GEOM_ID, k] == packets.INVALID:
+                    valid[k] = 0
+                    continue
+                going = True
+                place = _barycentric(rays, k)
+                met = ids[packets.PRIM_ID, k]
+                _go_below(rays, k, step)
+                if not _is_inside(place):
+                    continue
+                if points is not None:
+                    starts, triangle, barycentric = points
+                    if _is_listed(layers[k], k, texels[i], deepest):
+                        to = entry * (starts[i + 1] - starts[i]) // listed
+                        if to < (entry + 1) * (starts[i + 1] - starts[i]) // listed:
+                            triangle[starts[i] + to] = met
+                            store(barycentric, starts[i] + to, place)
+                        entry += 1
+                layers[k] += 1
+        if points is None:
+            for k in range(SLOTS):
+                depths[i, k] = layers[k]
+
+
+@kernel
+def layer_counts(texels, depths, counts):
+    """Write how many points texels have on layers, int64 (k,). Args: depths: of `find_layers`."""
+    for i in range(len(texels)):
+        counts[i] = min(_listed(depths, i, texels[i]), _MOST)
 
 
 @inline
-def _spread(stack, begin, triangle, barycentric, i):
-    """Spread `DEEP` points over all layers at the points of the texel `i`, whose lanes start at `begin`."""
-    layers, face, weights, _ = stack
-    total = layers[begin : begin + SLOTS].sum()
-    for point in range(DEEP):
-        lane, layer = begin, point * total // DEEP
-        while layer >= layers[lane]:
-            layer -= layers[lane]
-            lane += 1
-        triangle[i, point] = face[lane, layer]
-        _put(barycentric, i, point, weights[lane, layer])
+def _is_listed(layer, k, texel, deepest):
+    """Whether a layer has a point at the place k of a texel, so that all have equally many."""
+    if deepest <= 2:
+        return (layer + texel) % 2 == _DIAGONAL[k]
+    return deepest <= _FEW or (layer + texel) % SLOTS == k
+
+
+@inline
+def _deepest(depths, i):
+    return max(depths[i, 0], depths[i, 1], depths[i, 2], depths[i, 3])
+
+
+@inline
+def _listed(depths, i, texel):
+    """How many points a texel has on its layers, whose numbers are row `i` of `depths`."""
+    total, deepest = 0, _deepest(depths, i)
+    for k in range(SLOTS):
+        for layer in range(depths[i, k]):
+            total += 1 if _is_listed(layer, k, texel, deepest) else 0
+    return total
+
+
+@inline
+def _aim(rays, lane, texels, number, width):
+    """Let a ray look down on the point `number` of those of all texels."""
+    i, k = divmod(number, SLOTS)
+    rays[packets.ORG_X, lane] = texels[i] % width + _GRID[k, 0]
+    rays[packets.ORG_Y, lane] = texels[i] // width + _GRID[k, 1]
+    rays[packets.ORG_Z, lane], rays[packets.TFAR, lane] = _ABOVE, np.inf
+    rays[packets.DIR_X, lane], rays[packets.DIR_Y, lane], rays[packets.DIR_Z, lane] = 0.0, 0.0, -1.0
+
+
+@inline
+def _go_below(rays, lane, step):
+    """Let a ray that has met a triangle begin anew below it."""
+    rays[packets.ORG_Z, lane] -= rays[packets.TFAR, lane] + step / 2.0
+    rays[packets.TFAR, lane] = np.inf
+
+
+@inline
+def _barycentric(rays, lane):
+    u, v = rays[packets.U, lane], rays[packets.V, lane]
+    return np.float32(1.0) - u - v, u, v
+
+
+@inline
+def _is_inside(place):
+    return min(place[0], place[1], place[2]) > _INSIDE
 
 
 @inline

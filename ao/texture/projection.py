@@ -87,9 +87,13 @@ def project(
     if len(missed) == len(face):
         expected = "some of it within the cage about the coarse mesh"
         raise MeshError(prepared.mesh.source, "surface", expected, "none")
-    shape = coverage.face.shape
-    each = face.reshape(shape).astype(np.int32), weights.reshape(*shape, 3)
-    return Coverage.of_points(coverage.texels, *each, coverage.overlapping), missed
+    shape, count = coverage.face.shape, coverage.face.size
+    found = face.astype(np.int32)
+    projected = Coverage.of_points(coverage.texels, found[:count].reshape(shape), weights[:count].reshape(*shape, 3))
+    return replace(
+        projected, overlapping=coverage.overlapping, layers=coverage.layers,
+        layer_face=found[count:], layer_barycentric=weights[count:],
+    ), missed  # fmt: skip
 
 
 def cage_of(cage: Length | Mesh | Any, mesh: Mesh) -> float | Mesh:
@@ -148,7 +152,7 @@ def sample_fine_mesh(prepared: Prepared, high: Mesh, coarse: Mesh, inputs: Input
     options, placement, fine, threads = prepared.options, prepared.placement, prepared.receivers, prepared.threads
     shown = find_receivers(coarse, Placement.of(coarse), options.normals)
     count = len(shown.points)
-    nowhere = np.zeros((count, 1), np.int32), np.zeros((count, 1, 3), np.float32), np.zeros(count, np.bool_)
+    nowhere = np.zeros((count, 1), np.int32), np.zeros((count, 1, 3), np.float32)
     coverage = Coverage.of_points(np.arange(count), *nowhere)
     positions = (coarse.vertices[shown.first_vertex] - placement.centre) * placement.scale
     axes = shown.points.normals.astype(np.float64)

@@ -59,7 +59,8 @@ class Shown:
         self, page: Coverage, prepared: Prepared, cage: float | Mesh, groups: Groups | None = None
     ) -> tuple[Coverage, Int64s]:
         """`projection.project` of the points of `page`. Args: cage: of `cage_of`. groups: of both meshes' vertices."""
-        own, weights = page.face.ravel().astype(np.int64), page.barycentric.reshape(-1, 3)
+        own = np.append(page.face, page.layer_face).astype(np.int64)
+        weights = np.concatenate([page.barycentric.reshape(-1, 3), page.layer_barycentric])
         places, _, axes = self.faces.points_at(own, weights, prepared.threads)
         corners = self.receivers.faces[own]
         starts = cage if isinstance(cage, float) else np.einsum("kc,kci->ki", weights, cage.vertices[corners])

@@ -20,7 +20,6 @@ from ..points.receivers import Receivers
 from ..prepared import Prepared
 from ..rays.below_face import with_alpha
 from .coverage import Coverage
-from .page_rays import DEEP
 from .surface_points import Faces, centres_suffice
 
 _PLACED, _MOST_PLACED = 1 << 14, 1 << 18  # points whose origins are found together
@@ -41,6 +40,7 @@ class Texels:
     sides: Float32s  # (p, 4), normals of the faces on the hemispheres' side, and alpha
     shown: Int32s  # (k,), the face on the page at each texel's first point
     shown_at: Float32s  # (k, 3), where on it, barycentric
+    layered: Bools  # (k,), whether the points are on faces over one another, and all of them count alike
 
     def __len__(self) -> int:
         return len(self.texels)
@@ -63,7 +63,8 @@ class Texels:
         of, to = (self.face, self.points.origins, self.points.normals, self.sides), (face, origins, normals, sides)
         run_blocks(len(rows), _BLOCK, bound(_keep, rows, self.starts, hidden, of, starts, to), threads, most=_SHARE)
         points = Points(origins, normals, np.arange(count, dtype=np.uint32))
-        return Texels(self.texels[rows], starts, face, points, sides, self.shown[rows], self.shown_at[rows])
+        on_page = self.shown[rows], self.shown_at[rows], self.layered[rows]
+        return Texels(self.texels[rows], starts, face, points, sides, *on_page)
 
 
 def _empty(count: int) -> tuple[Int32s, Float32s, Float32s, Float32s]:
@@ -95,7 +96,7 @@ def _placed(
     coverage: Coverage, page: Coverage, order: Int64s, alone: Bools, faces: Faces, receivers: Receivers, threads: int
 ) -> Texels:
     """Texels in `order`, `alone` (k,) those of one point; no ray from a point's origin hits the face under it."""
-    counts = np.where(alone, 1, np.where(coverage.deep, DEEP, coverage.face.shape[1]))
+    counts = np.where(alone, 1, np.where(coverage.layers, coverage.layers, coverage.face.shape[1]))
     starts = np.concatenate([[0], np.cumsum(counts[order])])
     count = int(starts[-1])
     face, origins, normals, sides = _empty(count)
@@ -103,7 +104,8 @@ def _placed(
     shown = np.empty(len(order), np.int32)
     points = coverage.face, coverage.barycentric, coverage.centre_face, coverage.centre
     on_page = page.face, page.barycentric, page.centre_face, page.centre
-    layered = np.cumsum(coverage.deep) - 1, coverage.deep_face, coverage.deep_barycentric
+    begins = np.cumsum(coverage.layers) - coverage.layers
+    layered = coverage.layers, begins, coverage.layer_face, coverage.layer_barycentric
     work = bound(_lay_out, (order, starts, alone), points, layered, on_page, (face, weights, shown, shown_at))
     run_blocks(len(order), _BLOCK, work, threads, most=_SHARE)
     tree, surface = receivers.tree, faces.surface
@@ -122,7 +124,7 @@ def _placed(
     else:  # one block after another, whose stages all threads share
         run_blocks(count, _MOST_PLACED, place, 1)
     placed = Points(origins, normals, np.arange(count, dtype=np.uint32))
-    return Texels(coverage.texels[order], starts, face, placed, sides, shown, shown_at)
+    return Texels(coverage.texels[order], starts, face, placed, sides, shown, shown_at, coverage.layers[order] > 0)
 
 
 @kernel
@@ -132,7 +134,7 @@ def _lay_out(texels, points, layered, on_page, out, first, last):
     Args: texels: their order, starts, and which are alone. on_page: as `points`, for where each texel is shown.
     """
     (order, starts, alone), (each, each_at, centre, centre_at) = texels, points
-    (number, deep, deep_at), (face, weights, shown, shown_at) = layered, out
+    (layers, begins, layer, layer_at), (face, weights, shown, shown_at) = layered, out
     page_each, page_at, page_centre, page_centre_at = on_page
     for i in range(first, last):
         row, begin = order[i], starts[i]
@@ -146,8 +148,8 @@ def _lay_out(texels, points, layered, on_page, out, first, last):
         for k in range(count):
             if alone[row]:
                 face[begin + k], place = centre[row], centre_at[row]
-            elif count == DEEP:
-                face[begin + k], place = deep[number[row], k], deep_at[number[row], k]
+            elif layers[row] > 0:
+                face[begin + k], place = layer[begins[row] + k], layer_at[begins[row] + k]
             else:
                 face[begin + k], place = each[row, k], each_at[row, k]
             for corner in range(3):

@@ -29,7 +29,7 @@ def make_demo(folder: Path, quiet: bool = False) -> None:
     make_folder(folder)
     mesh_target, image_target = folder / "temple.ply", folder / "temple.png"
     check_outputs({"temple.ply": mesh_target, "temple.png": image_target})
-    with progress(quiet, "rays") as (advance,), compiling(84, quiet):
+    with progress(quiet, "rays") as (advance,), compiling(84):
         mesh = temple()
         baked = ao.bake(mesh, progress=advance)
         shape = rt.Shape(mesh, _STONE)

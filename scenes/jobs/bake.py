@@ -61,7 +61,7 @@ class MeshBake(Record, ABC):
     def run(self) -> int:
         """Bake, write, and print a summary. Returns: the exit status, 0. Raises: as `check`, `ao.bake` and writers."""
         falloff = self.check()
-        with compiling(quiet=self.quiet), silence_tolerance_warnings():
+        with compiling(), silence_tolerance_warnings():
             for summary, _ in self.bake(falloff):
                 if not self.quiet:
                     print(summary, file=sys.stderr if is_standard_output(self.output) else sys.stdout)

@@ -46,7 +46,7 @@ class Batch:
         with self.workers.session(self.folder / MANIFEST) if self.workers else nullcontext() as session:
             falloff, manifest = self.check(), self._manifest()
             try:
-                with compiling(quiet=self.bakes[0].quiet), silence_tolerance_warnings():
+                with compiling(), silence_tolerance_warnings():
                     self._bake_all(manifest, falloff, session)
             except KeyboardInterrupt:
                 note(f"interrupted: {self._summary(manifest)}; the same command with --resume bakes the others")

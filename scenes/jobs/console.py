@@ -97,6 +97,22 @@ def unprinted_warnings() -> Iterator[None]:
         _silent.on = False
 
 
+_quiet: list[bool] = []
+
+
+@contextmanager
+def quietly(quiet: bool) -> Iterator[None]:
+    """Print neither warnings about results nor that kernels are being compiled while this lasts, if `quiet`."""
+    _quiet[:] = [quiet] if quiet else []
+    try:
+        yield
+    finally:
+        _quiet.clear()
+
+
+COARSE = "between the vertices w errs by"  # how a warning about a result begins, in its second part
+
+
 def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff | None = None) -> list[str]:
     """Print, once each, warnings about the precision of meshes, and `others`, losses of an output as notes; return all.
 
@@ -109,15 +125,16 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff
     if falloff and len({(mu.max_distance, mu.tau) for mu in map(falloff.resolve, (1.0, 2.0))}) > 1:
         warnings += outlier_warnings(list(each)[-1])
     warnings += list(dict.fromkeys(others))
-    for warning in () if getattr(_silent, "on", False) else warnings:
+    printed = [] if getattr(_silent, "on", False) else warnings
+    for warning in (each for each in printed if not (_quiet and COARSE in each)):
         kind = "note" if ": not kept from " in warning else "warning"
         print(f"{kind}: {printable(warning, LINE)}", file=sys.stderr)
     return warnings
 
 
-def compiling(expected: int = 42, quiet: bool = False) -> AbstractContextManager[None]:
-    """Say, wherever standard error goes, that about so many kernels are being compiled, unless all is to be `quiet`."""
-    return notice.compiling(expected, always=True, quiet=quiet)
+def compiling(expected: int = 42) -> AbstractContextManager[None]:
+    """Say, wherever standard error goes, that about so many kernels are being compiled, but not `quietly`."""
+    return notice.compiling(expected, always=True, quiet=bool(_quiet))
 
 
 _EVERY = 0.1  # seconds between lines of progress

@@ -21,7 +21,7 @@ from ..presets import preset_format, with_preset
 from ..write_bake import ENDINGS, TILED, write_tiled
 from .bake import MeshBake
 from .batch import Batch
-from .console import compiling, note, progress
+from .console import compiling, note, progress, quietly
 from .dry_run import dry_run
 from .inputs import expand, is_pattern, outputs_in
 from .manifest import is_batch_of_parts, merge_batch
@@ -41,10 +41,11 @@ def run_bake(options: dict[str, Any]) -> int:
     check_together(options, BAKE)
     if options["input_format"] and STANDARD not in options["mesh"]:
         raise ConflictError("input_format", "needs", "- as INPUT")
-    if not options["output_dir"]:
-        return _run_single(options)
-    batch = _batch(options)
-    return dry_run(batch.bakes, batch.check(keep=False), [batch.manifest]) if options["dry_run"] else batch.run()
+    with quietly(options["quiet"]):
+        if not options["output_dir"]:
+            return _run_single(options)
+        batch = _batch(options)
+        return dry_run(batch.bakes, batch.check(keep=False), [batch.manifest]) if options["dry_run"] else batch.run()
 
 
 def run_merge(folder: Path, options: dict[str, Any]) -> int:

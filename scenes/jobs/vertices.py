@@ -16,7 +16,7 @@ from raytrace.system.checks import check_outputs
 
 from ..write_bake import channels, check_target, write
 from .bake import MeshBake, WorkSize, Written
-from .console import alpha_summary, bake_summary, progress, warn
+from .console import COARSE, alpha_summary, bake_summary, progress, warn
 from .inputs import Sources
 from .options import named
 
@@ -153,11 +153,11 @@ class BakeCommand(MeshBake):
     def _write(self, baked: ao.Bake, sources: Sources, falloff: ao.Falloff) -> tuple[str, list[str]]:
         """Write the output: what to add to the summary, and warnings. Args: falloff: of textures."""
         write(self.output, baked, sources.source, **self._channels())
-        if self.quiet or not baked.coarse or baked.interpolation is None:
+        if not baked.coarse or baked.interpolation is None:
             return "", []
         fit = "" if self.method == "surface" else "--method surface, "
         instead = f"--occlusion texture for a .glb, -o NAME.png, {fit}or smaller faces"
-        text = f"between the vertices w errs by {baked.interpolation.rmse:.2f}, the faces are too large for it"
+        text = f"{COARSE} {baked.interpolation.rmse:.2f}, the faces are too large for it"
         return "", [f"{self.output}: {text}: {instead}"]
 
 

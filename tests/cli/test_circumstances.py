@@ -22,7 +22,7 @@ def bake(tmp_path_factory):
     mesh.write_bytes(ply(*hills(60)))
 
     def run(*options, code=SMALL_BLOCKS + "import cli; cli.main()", **settings):
-        command = [sys.executable, "-c", code, "bake", mesh, "-o", target, "--samples", "64", "--quiet", *options]
+        command = [sys.executable, "-c", code, "bake", mesh, "-o", target, "--samples", "64", *options]
         result = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT, timeout=600, **settings)
         assert result.returncode == 0, result.stderr
         content = target.read_bytes()
@@ -94,7 +94,7 @@ def test_folders_without_permission_are_no_obstacle(tmp_path):
     bind = ["setpriv", f"--bounding-set={given_up}", f"--inh-caps={given_up}"] if os.getuid() == 0 else []
     places = dict.fromkeys(("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "TMPDIR"), str(closed))
     code = f"import tempfile; tempfile.tempdir = {str(closed)!r}; import cli; cli.main()"
-    command = [*bind, sys.executable, "-c", code, "bake", mesh, "-o", target, "--samples", "64", "--quiet"]
+    command = [*bind, sys.executable, "-c", code, "bake", mesh, "-o", target, "--samples", "64"]
     result = subprocess.run(
         command, capture_output=True, text=True, check=False, cwd=ROOT, timeout=600, env=os.environ | places
     )

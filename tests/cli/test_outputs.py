@@ -8,6 +8,7 @@ import pytest
 from command import obscurance, refused
 from gltf_files import QUAD, Builder
 from mesh_files import ply
+from meshes import hills
 from PIL import Image
 
 from raytrace.errors import OptionError, OutputError
@@ -132,3 +133,20 @@ def test_endings_are_read_in_either_case(tmp_path):
     check_ending("--report", tmp_path / "R.JSON", ".json")
     with pytest.raises(OptionError, match=r"--report: expected a name ending in \.json"):
         check_ending("--report", tmp_path / "r.txt", ".json")
+
+
+def test_quiet_leaves_out_warnings_about_w_that_the_report_keeps(tmp_path):
+    (tmp_path / "hills.ply").write_bytes(ply(*hills(6)))
+    arguments = (
+        "bake",
+        tmp_path / "hills.ply",
+        "-o",
+        tmp_path / "w.ply",
+        "--report",
+        tmp_path / "r.json",
+        "--samples",
+        16,
+    )
+    assert "between the vertices w errs by" in obscurance(*arguments).stderr
+    assert obscurance(*arguments, "-q").stderr == ""
+    assert "between the vertices w errs by" in json.loads((tmp_path / "r.json").read_text())["warnings"][0]

@@ -54,7 +54,7 @@ def test_points_are_found_where_an_independent_projection_finds_them(grouped):
         expected[rows] = first_hits(cage[rows], -outwards[rows] / reach[rows, None], 2 * reach[rows], alone)
     groups = (own, of_vertex) if grouped else None
     prepared = Prepared.of(FINE, VertexOptions(), None, None)
-    nowhere = np.zeros((400, 1), np.int32), np.zeros((400, 1, 3), np.float32), np.zeros(400, np.bool_)
+    nowhere = np.zeros((400, 1), np.int32), np.zeros((400, 1, 3), np.float32)
     placed = (places - prepared.placement.centre) * prepared.placement.scale
     up = np.tile([0.0, 0, 1], (400, 1))
     coverage, missed = project(Coverage.of_points(np.arange(400), *nowhere), placed, up, prepared, cage, groups)
