@@ -11,7 +11,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     "unity": {"format": "png", "occlusion": "texture", "bits": "8", "bent_space": "tangent"},
     "godot": {"format": "glb", "occlusion": "texture", "bits": "8", "bent_space": "tangent"},
     "blender": {"format": "glb", "colors": "rgb", "bits": "16", "bent_space": "tangent"},
-    "three": {"format": "glb", "occlusion": "auto", "bits": "8", "bent_space": "tangent"},
+    "three": {"format": "glb", "occlusion": "ramp", "bits": "8", "bent_space": "tangent"},
 }
 """Values of options by program; `with_preset` says where each applies."""
 _READS = {

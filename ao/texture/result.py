@@ -12,7 +12,7 @@ from raytrace.image.fill import fill_holes
 from raytrace.kernel.jit import bound, kernel
 from raytrace.mesh.normals import normalize
 from raytrace.system.threads import run_blocks
-from raytrace.types import Bools, Float32s, Float64s, Int64s
+from raytrace.types import Bools, Float32s, Float64s
 
 from ..estimate.calibration import Calibration
 from ..mu import Mu
@@ -79,21 +79,6 @@ class BakedTexture(Columns):
         height, width = self.w.shape
         range_ = f"w from {self.w.min():.3f} to {self.w.max():.3f}"
         return f"<BakedTexture {width}×{height}: {range_}, RMSE {self.rmse:.2g}, {self.rays:,} rays>"
-
-    def at(self, faces: Int64s, weights: Float64s) -> Float64s:
-        """w (k,) that bilinear lookups see on `faces` (k,) of the mesh, NaN on faces that are not on the page.
-
-        Args: weights: (k, 3), barycentric.
-        """
-        from .seams import Lookups
-
-        height, width = self.w.shape
-        places = np.einsum("ki,kij->kj", weights, self.uv[faces])
-        shown = ~np.isnan(places).any(axis=1)
-        values = np.full(len(faces), np.nan)
-        lookups = Lookups.at(places[shown] * (width, -height) + (0, height), (width, height), True)
-        values[shown] = lookups.values(self.w.ravel().astype(np.float64))
-        return values
 
     def _repr_png_(self) -> bytes:
         """w as a PNG of greys without a colour space: what notebooks show."""

@@ -76,9 +76,9 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
         Option("colors", Literal["rgb", "r", "g", "b", "a"] | None, None, "Write w as vertex colours, COLOR_0 of .glb, "
                "replacing a .ply's own; or into one channel, where the others stay as they are in the input.",
                "vertices batch merge", "output", metavar="[r|g|b|a]"),
-        Option("occlusion", Literal["none", "ramp", "texture", "auto"] | None, None, "Occlusion texture of .glb "
-               "materials, for viewers: ramp (w of the vertices), texture (of texels), auto (default without --colors: "
-               "a texture where it errs less between the vertices, else a ramp) or none.", _WRITTEN, "output"),
+        Option("occlusion", Literal["none", "ramp", "texture"] | None, None, "Occlusion texture of .glb materials, for "
+               "viewers: ramp (w of the vertices, default without --colors), texture (of texels) or none.", _WRITTEN,
+               "output"),
         Option("replace_occlusion", bool, False, "Also where a material has an occlusion texture of its own.",
                _WRITTEN, "output"),
         Option("orm", bool, False, "Texture: w into R of the metallic-roughness images of a .glb, one image for both.",

@@ -123,6 +123,8 @@ def saved_options(path: Path) -> dict[str, Any]:
         near = nearest_name(name, names)
         raise InputError(path, f"options.{name}", "options of this version", "one that it has not", near)
     options = without_preset(options)
+    if options.get("occlusion") == "auto":  # of earlier versions, which tried textures
+        options["occlusion"] = "ramp"
     if options.get("occlusion") == _usual_occlusion(report):
         del options["occlusion"]
     options |= {name: [options[name]] for name in ("mesh", "high") if isinstance(options.get(name), str)}
@@ -134,4 +136,4 @@ def _usual_occlusion(report: Mapping[str, Any]) -> str:
     """The occlusion texture that the earlier output had unless it was asked for another."""
     entries = report.get("inputs") or [{}]
     output = report["options"].get("output") or entries[0].get("output", "")
-    return "auto" if str(output).lower().endswith(".glb") and not report["options"].get("colors") else "none"
+    return "ramp" if str(output).lower().endswith(".glb") and not report["options"].get("colors") else "none"

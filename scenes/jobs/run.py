@@ -80,18 +80,14 @@ def bake_command(options: Mapping[str, Any]) -> MeshBake:
         # where it takes the rays of the bake alone, and has w as baked between its columns
         asked = {"falloff": "exponential", "max_distance": "inf", "method": "vertex", "tolerance": None}
         options["profile"] = ending == ".html" and (asked | {"occluded_by": "all"}).items() <= options.items()
-    shown, colors, glb, image = options["occlusion"], options["colors"], ending == ".glb", is_texture(output)
-    if shown in ("auto", "texture") and not (glb or (image and shown == "texture")):
+    shown, glb, image = options["occlusion"], ending == ".glb", is_texture(output)
+    if shown == "texture" and not (glb or image):
         raise ConflictError(("occlusion", shown), "needs", "a .glb output")
-    if shown == "auto" and colors:
-        raise ConflictError("colors", "does not go with", ("occlusion", "auto"))
     kind: type[MeshBake] = BakeCommand
     if glb and shown is None and options["thickness"]:
         shown = options["occlusion"] = "none"
     if image or shown == "texture":
         from .textures.bake import TextureCommand as kind
-    elif glb and (shown == "auto" or (shown is None and not colors)):
-        from .textures.auto import AutoCommand as kind
     check_sort(options, kind.sort)
     return kind(options)
 

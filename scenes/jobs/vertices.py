@@ -147,8 +147,7 @@ class BakeCommand(MeshBake):
         return super().described() | {"occlusion": "ramp" if ramp else "none"}
 
     def _channels(self) -> dict[str, Any]:
-        occlusion = None if self.occlusion == "auto" else self.occlusion
-        return {"colors": self.colors, "occlusion": occlusion, "replace_occlusion": self.replace_occlusion}
+        return {"colors": self.colors, "occlusion": self.occlusion, "replace_occlusion": self.replace_occlusion}
 
     def _write(self, baked: ao.Bake, sources: Sources, falloff: ao.Falloff) -> tuple[str, list[str]]:
         """Write the output: what to add to the summary, and warnings. Args: falloff: of textures."""

@@ -181,7 +181,7 @@ BAD_OPTIONS = [
 @pytest.mark.parametrize(
     ("target", "options", "expected"),
     [
-        ("w.glb", (), "auto"),
+        ("w.glb", (), "ramp"),
         ("w.glb", ("--occlusion", "ramp"), "ramp"),
         ("w.glb", ("--colors",), "none"),
         ("w.glb", ("--occlusion", "none"), "none"),

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ao import Bake
 from ao.texture.result import BakedTexture
 from raytrace.errors import MeshError
 from raytrace.image.encode import linear_png
@@ -33,7 +32,6 @@ def textured_glb(
     replace: bool = False,
     orm: bool = False,
     w: AnyFloats | None = None,
-    bake: Bake | None = None,
 ) -> tuple[bytes, int]:
     """A GLB file of a mesh file, with 8 bits of w a texel, and how many primitives keep another occlusion texture.
 
@@ -44,11 +42,10 @@ def textured_glb(
         pages: textures of different faces. replace: put them also in place of occlusion textures of the source.
         orm: put w into R of the materials' metallic-roughness images (`scenes.formats.glb.orm`).
         w: (n,) of the vertices, for primitives that are on no page: a ramp shows it.
-        bake: of the vertices, for the attribute `_OBSCURANCE` of all primitives, and those of its profile.
 
     Raises: InputError: as `check_orm`, with `orm`; malformed materials or values; coordinates too large for float32.
     """
-    packed, drawn = document(mesh_file, bake)
+    packed, drawn = document(mesh_file, None)
     before = Gltf(mesh_file.path, packed.header, [bytes(packed.binary)])
     textures = OcclusionTextures(packed, replace)
     if orm:

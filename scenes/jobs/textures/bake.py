@@ -30,7 +30,7 @@ from ..bake import MeshBake, WorkSize, Written
 from ..console import alpha_summary, progress, texture_summary, warn
 from ..inputs import Sources
 from .coordinates import Coordinates, coordinates, parse_texels
-from .pages import Page, lacking, layout_remarks, pages_of
+from .pages import Page, check_area, lacking, layout_remarks, pages_of
 
 if TYPE_CHECKING:
     from ...show.report.pictures import Picture
@@ -168,6 +168,7 @@ class TextureCommand(MeshBake):
         mixed = self.overlap is not None
         pages = pages_of(source, found, self.output, mixed, self.threads, self.instances)
         for each in pages:
+            check_area(source, each)
             sources.chosen.of_page(each.uv)
         return found, pages
 

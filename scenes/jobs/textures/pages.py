@@ -16,8 +16,8 @@ import numpy as np
 
 import ao
 from ao.texture.coverage import shared_texels
-from ao.texture.uv_layout import on_page
-from raytrace.errors import OptionError
+from ao.texture.uv_layout import doubled_areas, on_page
+from raytrace.errors import MeshError, OptionError
 from raytrace.types import Bools, Float64s
 
 from ...formats.glb.pieces import Piece, pieces
@@ -128,8 +128,8 @@ def pages_of(
         return apart
     if instances == "first":
         first = [replace(page, uv=_only(page.uv, layouts.instance == 0), shown=page.uv) for page in pages]
-        return [page for page in first if on_page(page.uv).any()]
-    return pages
+        pages = [page for page in first if on_page(page.uv).any()]
+    return pages or [Page(found.uv)]
 
 
 def _pages(
@@ -203,6 +203,14 @@ def layout_remarks(baked: ao.BakedTexture, wraps: bool, tiles: bool) -> list[str
     if facts.flat:
         lines.append(f"{facts.flat:,} faces have no area in texture space, and no texels")
     return lines
+
+
+def check_area(source: MeshFile, page: Page) -> None:
+    """Raises: MeshError: no face of the page has an area on it, so that nothing would be written of it."""
+    if not doubled_areas(page.uv[on_page(page.uv)]).any():
+        name = page.name or page.words.get(OBJECT, "")
+        of_page = f" of {name}" if name else ""
+        raise MeshError(source.path, f"texture coordinates{of_page}", "faces with an area on the page", "none")
 
 
 def lacking(source: MeshFile, uv: Float64s, wanted: Bools, glb: Path | None) -> list[str]:

@@ -41,7 +41,7 @@ def test_a_preset_sets_options_of_the_table_to_values_that_they_may_have(preset)
         ("unity", "m.exr", {"occlusion": None, "bits": None}),
         ("blender", "m.glb", {"colors": "rgb", "occlusion": None}),
         ("blender", "m.ply", {"colors": "rgb"}),
-        ("three", "m.glb", {"colors": None, "occlusion": "auto"}),
+        ("three", "m.glb", {"colors": None, "occlusion": "ramp"}),
         ("three", "m.ply", {"colors": None, "occlusion": None}),
     ],
 )
