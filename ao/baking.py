@@ -75,7 +75,8 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
             between = between._replace(weights=between.weights[:, ::-1])
         baked = replace(baked, interpolation=between)
     baked.seconds.update(build=build, bake=time.perf_counter() - start - build)
-    return replace(baked, shortfalls=shortfalls(options, max(baked.rmses), values.samples, "vertex", solid))
+    vertices = prepared.placement.vertices
+    return replace(baked, shortfalls=shortfalls(options, max(baked.rmses), values.samples, "vertex", solid, vertices))
 
 
 def _sample_vertices(prepared: Prepared) -> PointValues:

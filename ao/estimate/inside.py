@@ -6,11 +6,10 @@ import numpy as np
 
 from raytrace.embree.packets import DIR_X, GEOM_ID, INVALID, LANES, NG_X, PRIM_ID, intersect8
 from raytrace.kernel.arrays import borrow
-from raytrace.kernel.counting_sort import counting_sort
 from raytrace.kernel.jit import bound, inline, kernel
-from raytrace.kernel.vector import cross, dot, load_triangle
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import Placement
+from raytrace.mesh.solids import closed_parts
 from raytrace.mesh.weld import coincident, connected_components
 from raytrace.system.threads import run_blocks
 from raytrace.types import AnyInts, Bools, Float32s, Int64s
@@ -72,15 +71,15 @@ def inside_solids(
 
 
 def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Bools]:
-    """`closed_parts`, sought once for the same receivers; parts that have faces with alpha are open."""
+    """`_solids`, sought once for the same receivers; parts that have faces with alpha are open."""
     if receivers not in _sought:
         point, rest = receivers.of_vertex, np.flatnonzero(receivers.of_vertex < 0)  # welded vertices count once
         number = point.copy()
         number[rest] = np.arange(len(receivers.points), len(receivers.points) + len(rest))
         if len(receivers.points) + len(rest) == len(number):  # no two vertices are one point
-            part, closed = closed_parts(vertices, receivers.faces)
+            part, closed = _solids(vertices, receivers.faces)
         else:
-            part, closed = closed_parts(vertices[np.append(receivers.first_vertex, rest)], number[receivers.faces])
+            part, closed = _solids(vertices[np.append(receivers.first_vertex, rest)], number[receivers.faces])
             part = part[number]
         if receivers.opacity:
             closed[part[receivers.faces[receivers.opacity.of >= 0]]] = False
@@ -123,26 +122,14 @@ def _find_hidden(packet, points, table, solids, hidden):
         hidden[i] = 2 * count > samples
 
 
-def closed_parts(vertices: Float32s, faces: Int64s) -> tuple[Int64s, Bools]:
-    """The connected part (n,) of each vertex, and whether each part is a closed solid whose faces look outwards.
-
-    Vertices at the same place are one. At every edge of a closed part as many faces run one way as the other. Where
-    there is only one part, it counts as open.
-    """
+def _solids(vertices: Float32s, faces: Int64s) -> tuple[Int64s, Bools]:
+    """The part (n,) of each vertex, and whether each is closed and looks outwards; one part alone counts as open."""
     part = connected_components(faces, len(vertices))
-    if _are_one(part, faces):  # the usual case, found soonest
+    of_face = part[faces[:, 0]] if part.any() else part
+    if (of_face == of_face[:1]).all():  # the usual case, found soonest
         return part, np.zeros(int(part.max(initial=-1)) + 1, np.bool_)
-    place = coincident(vertices, faces)
-    corners = place[faces]
-    part = connected_components(corners, int(place.max()) + 1)
-    closed = np.zeros(int(part.max()) + 1, np.bool_)
-    if not _are_one(part, corners):
-        volume = np.zeros(len(closed))
-        _add_volumes(vertices, faces, part[place], volume)
-        closed = volume > 0
-        edges, starts = counting_sort(np.minimum(corners, corners[:, [1, 2, 0]]), len(part))
-        _strike_open(corners, edges, starts, part, closed)
-    return part[place], closed
+    part, volume = closed_parts(vertices, faces, alone=False)
+    return part, volume > 0
 
 
 def holes(mesh: Mesh) -> list[str]:
@@ -161,7 +148,7 @@ def _inside_boxes(
 ) -> Int64s:
     """Rows, ascending, of the `points` (k, 3) within the bounding box of a closed part that is not their `own` (k,).
 
-    Args: points: along a curve, for speed. vertices: (n, 3). part, closed: of `closed_parts`.
+    Args: points: along a curve, for speed. vertices: (n, 3). part, closed: of `_solids`.
     """
     low, high = np.full((len(closed), 3), np.inf, np.float32), np.full((len(closed), 3), -np.inf, np.float32)
     _bound(vertices, part, low, high)
@@ -169,37 +156,6 @@ def _inside_boxes(
     work = bound(_mark_within, points, own, (numbers, low[numbers], high[numbers]), found)
     run_blocks(len(points), _NEAR, work, threads, most=_MOST)
     return np.flatnonzero(found)
-
-
-def _are_one(part: Int64s, faces: Int64s) -> bool:
-    of_face = part[faces[:, 0]] if part.any() else part
-    return bool((of_face == of_face[:1]).all())
-
-
-@kernel
-def _add_volumes(vertices, faces, part, volume):
-    """Six times the volume that the faces of each part bound."""
-    for f in range(len(faces)):
-        a, b, c = load_triangle(vertices, faces, f)
-        volume[part[faces[f, 0]]] += dot(a, cross(b, c))
-
-
-@kernel
-def _strike_open(corners, edges, starts, part, closed):
-    """Unset `closed` of parts that have an edge along which more faces run one way than the other.
-
-    Of the `edges`, 3 f + k begins at corners[f, k]; edges[starts[i] : starts[i + 1]] have the lower end i.
-    """
-    balance = np.zeros(len(part), np.int64)
-    for i in range(len(part)):
-        for edge in edges[starts[i] : starts[i + 1]]:
-            a, b = corners[edge // 3, edge % 3], corners[edge // 3, (edge % 3 + 1) % 3]
-            balance[max(a, b)] += np.sign(b - a)
-        for edge in edges[starts[i] : starts[i + 1]]:
-            other = max(corners[edge // 3, edge % 3], corners[edge // 3, (edge % 3 + 1) % 3])
-            if balance[other] != 0:
-                closed[part[i]] = False
-                balance[other] = 0
 
 
 @kernel

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from raytrace.mesh.mesh import Mesh
-from raytrace.types import Bools, Float64s, Int64s
+from raytrace.mesh.solids import inward_warnings
+from raytrace.types import Bools, Float32s, Float64s, Int64s
 
 from ..execute.tracer import Tracer
 from ..options import Options
@@ -38,15 +39,22 @@ class ToleranceWarning(UserWarning):
     """A bake's estimated error exceeds the tolerance asked for."""
 
 
-def shortfalls(options: Options, rmse: float, samples: int, each: str, solid: Mesh) -> tuple[str, ...]:
+def shortfalls(
+    options: Options, rmse: float, samples: int, each: str, solid: Mesh, vertices: Float32s
+) -> tuple[str, ...]:
     """How a bake with `samples` rays at `each` point falls short of what was asked for, in words, a tolerance in a
-    warning, too; and what rays in a solid with holes mean for its thickness."""
+    warning, too; closed parts of the `solid` that look inwards; and what rays in one with holes mean for its thickness.
+
+    Args: vertices: of the solid and what else occludes, in render space.
+    """
     found = []
     if options.tolerance is not None and rmse > options.tolerance:
         reason = f": {samples:,} rays a {each} were allowed" if samples >= options.rays else ""
         found = [f"tolerance {options.tolerance:g} is not met, the estimated RMSE is {rmse:.3g}{reason}"]
         warnings.warn(found[0], ToleranceWarning, stacklevel=5)  # whoever called the face, which two decorators wrap
-    return (*found, *holes(solid)) if options.thickness else tuple(found)
+    if options.thickness:
+        return (*found, *holes(solid))
+    return (*found, *inward_warnings(solid, vertices[: len(solid.vertices)]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -134,5 +134,5 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
         mu=prepared.mu,
         calibration=estimated.calibration,
         **of_columns(prepared, [np.stack(each, axis=-1) for each in zip(*more, strict=True)]),
-        shortfalls=shortfalls(options, max(rmses), estimated.samples, "texel", solid),
+        shortfalls=shortfalls(options, max(rmses), estimated.samples, "texel", solid, prepared.placement.vertices),
     )  # fmt: skip

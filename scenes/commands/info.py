@@ -9,6 +9,7 @@ from raytrace.errors import printable
 from raytrace.mesh.normals import face_normals
 from raytrace.mesh.placement import Placement
 from raytrace.mesh.precision import outlier_warnings, precision_warnings
+from raytrace.mesh.solids import inward_warnings
 from raytrace.types import Float64s
 
 from ..formats.glb.occlusion import is_ramp, occlusion_reference
@@ -28,7 +29,7 @@ def facts(source: MeshFile) -> dict[str, Any]:
     flagged = {(flag.name or "").lower(): int(np.count_nonzero(receivers.flags & flag)) for flag in Flag}
     profile, stored = source.profile, "16-bit integers" if source.gltf else "32-bit floats"
     warnings = [note.removeprefix(f"{source.path}: ") for note in source.notes]
-    lines = [*outlier_warnings(mesh), *precision_warnings(mesh)]
+    lines = [*outlier_warnings(mesh), *precision_warnings(mesh), *inward_warnings(mesh, placement.vertices)]
     return {
         "file": str(source.path),
         "objects": list(source.objects),

@@ -20,7 +20,7 @@ from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.system.checks import check_memory, check_regular
 from raytrace.types import Float64s
 
-from ..geometry.detail import Detail, triangle_detail
+from ..geometry.detail import Detail, reversed_detail, triangle_detail
 from ..geometry.instances import Instance, Submesh, flatten
 from .table import FORMATS, MeshInput, endings, format_of, function, sniffed_format
 
@@ -114,6 +114,7 @@ def load(
     alpha: bool = True,
     up: str | None = None,
     names: bool = False,
+    flip: bool = False,
 ) -> MeshFile:
     """Read a mesh file in the format of its ending.
 
@@ -128,6 +129,7 @@ def load(
         alpha: whether faces have the alpha of their glTF or OBJ materials; otherwise they are opaque.
         up: `mesh.up` in place of what the file says.
         names: read those of an OBJ's objects whatever the target, with all that is kept beside them.
+        flip: turn all faces over, and normals with them; what is written has them turned.
 
     Raises:
         MeshError: the file is missing, unreadable, empty, incomplete, of another format than its ending says,
@@ -154,6 +156,10 @@ def load(
     notes = tuple(printable(f"{path}: {note}") for instance in instances for note in instance.notes)
     stored = [np.asarray(instance.w, np.float64) for instance in instances if instance.w is not None]
     w = np.concatenate(stored) if len(stored) == len(instances) else None
+    if flip:
+        if asset and aim.ending == ".glb":
+            raise OptionError("flip", "another mesh file than a glTF for a .glb, which keeps its faces", path)
+        mesh, detail = mesh.reversed(), detail and reversed_detail(detail)
     return MeshFile(path, mesh, parts, asset, detail, notes, unread, w, joined_profile(instances))
 
 

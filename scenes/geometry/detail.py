@@ -130,6 +130,35 @@ class Detail:
         return np.where(np.isnan(found).any(axis=(1, 2), keepdims=True), np.nan, found)
 
 
+def reversed_detail(detail: Detail) -> Detail:
+    """The same polygons with their corners in reverse order, as `Mesh.reversed` has the triangles; normals negated."""
+    ends = np.cumsum(detail.sizes)
+    order = np.repeat(2 * ends - detail.sizes - 1, detail.sizes) - np.arange(len(detail.corners))
+    triangles, places = detail.triangles, detail.triangles.places
+    if places is not None:
+        triangles = triangles._replace(places=order[places[:, ::-1]])
+    uv = detail.uv and detail.uv._replace(of=detail.uv.of[order])
+    normals = detail.normals and PerCorner(-detail.normals.rows, detail.normals.of[order])
+    elements = tuple(_reversed_element(element, detail.sizes, order) for element in detail.elements)
+    corners = detail.corners[order]
+    return replace(detail, corners=corners, triangles=triangles, uv=uv, normals=normals, elements=elements)
+
+
+def _reversed_element(element: Element, sizes: Int64s, order: Int64s) -> Element:
+    """An element of a PLY: lists of faces with a value or a pair for each corner in `order`, normals negated."""
+    made = []
+    for column in element.properties:
+        values = column.values
+        if element.name == "vertex" and column.name in ("nx", "ny", "nz"):
+            values = -values
+        elif element.name == "face" and column.sizes is not None and len(values) in (len(order), 2 * len(order)):
+            wide = len(values) // max(len(order), 1)
+            if np.array_equal(column.sizes, wide * sizes):
+                values = values.reshape(-1, wide)[order].ravel()
+        made.append(replace(column, values=values))
+    return replace(element, properties=tuple(made))
+
+
 def triangle_detail(faces: Int64s, paints: tuple[Paint, ...] = (), of: Int64s | None = None) -> Detail:
     """The detail of triangles (m, 3) with materials (m,), -1: none."""
     sizes = np.full(len(faces), 3)

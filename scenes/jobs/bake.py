@@ -130,7 +130,7 @@ class MeshBake(Record, ABC):
         """The mesh file, with what the output can hold of it. Raises: InputError."""
         kept = Path("texture.glb") if self.sort == "texture" else self.output
         names = bool(self.receive or self.cast or self.exclude or self.match_names) or self.occluded_by != "all"
-        return load(self.mesh, kept, self.content, self.alpha == "auto", self.up, names)
+        return load(self.mesh, kept, self.content, self.alpha == "auto", self.up, names, self.flip)
 
     def check_up(self, picture: Path | None, *outputs: Path | None) -> None:
         """Raises: OptionError: `up`, and neither a picture nor an output that stands."""

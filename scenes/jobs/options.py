@@ -66,6 +66,8 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
         Option("occluded_by", OccludedBy, "all", "By all, the own object alone, or objects of its name: as if each "
                "were in a file of its own, with occluders and ground.", "vertices texture batch",
                excludes=("high", "cluster", "profile", "resume")),
+        Option("flip", bool, False, "Turn all faces of the input over, for meshes that look inwards; outputs have them "
+               "turned.", EACH),
         "normals", "interior", "back_faces",
         Option("alpha", Alpha, "auto",
                "auto: what glTF and OBJ materials cut out or blend lets light through; ignore: opaque."),

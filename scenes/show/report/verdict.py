@@ -35,6 +35,7 @@ _REMEDIES = (
     (r"reach out of the unit square", "Nothing to do if the material's images repeat, too."),
     (r"have no texture coordinates", "--uv fill makes some for these faces."),
     (r"between the vertices w errs", "Each of these shows what the vertices alone cannot."),
+    (r"look inwards, and w is", "--flip, or turn these parts over where the mesh was made; rooms are meant so."),
     (r"rays leave through holes", "Close them; or --max-distance, beyond which all is thick anyway."),
     (r"not within the cage", "Make --cage larger, or move the meshes onto each other."),
     (r"have no area in texture space", "Unwrap them, or use --uv unwrap."),

@@ -151,7 +151,7 @@ CHANGED = {
     "quiet": False, "threads": 1, "replace_occlusion": True, "error_map": "e.png", "half": True, "debug_image": "d.png",
     "bits": "8", "bent_space": "tangent", "resume": True, "progress": "json", "output_dir": "out", "format": "ply",
     "input_format": "ply", "part": "1/1", "cluster": "local", "ground": "-9", "shared": ".", "options": "r.json",
-    "dry_run": True, "back_faces": "ignore", "spread": 90.0, "thickness": True,
+    "dry_run": True, "back_faces": "ignore", "spread": 90.0, "thickness": True, "flip": True,
     "receive": ["stone"], "cast": ["stone"], "exclude": ["glass"],
 }  # fmt: skip
 """Of each option another value than that of the bakes below."""

@@ -1,0 +1,117 @@
+"""Closed parts of meshes: solids, cavities, and solids whose faces look inwards by mistake."""
+
+import numpy as np
+
+from ..kernel.counting_sort import counting_sort
+from ..kernel.jit import kernel
+from ..kernel.vector import cross, dot, length, load_triangle, subtract
+from ..types import Bools, Float32s, Float64s, Int64s
+from .mesh import Mesh
+from .placement import Placement
+from .weld import coincident, connected_components
+
+_MOST_WORK = 1 << 27  # solid angles of faces; where it would take more, what a box encloses counts as enclosed
+
+
+def closed_parts(vertices: Float32s, faces: Int64s, alone: bool = True) -> tuple[Int64s, Float64s]:
+    """The connected part (n,) of each vertex, and six times the signed volume (p,) of each part, 0 of open ones.
+
+    Vertices at the same place are one. At every edge of a closed part as many faces run one way as the other. The
+    volume is negative where faces look inwards.
+
+    Args: alone: whether a part that is the only one matters; if not, it counts as open.
+    """
+    place = coincident(vertices, faces)
+    corners = place[faces]
+    part = connected_components(corners, int(place.max()) + 1)
+    volume = np.zeros(int(part.max()) + 1)
+    of_face = part[corners[:, 0]]
+    if not alone and (of_face == of_face[:1]).all():
+        return part[place], volume
+    _add_volumes(vertices, faces, part[place], volume)
+    closed = np.ones(len(volume), np.bool_)
+    edges, starts = counting_sort(np.minimum(corners, corners[:, [1, 2, 0]]), len(part))
+    _strike_open(corners, edges, starts, part, closed)
+    return part[place], np.where(closed, volume, 0.0)
+
+
+def inward_looking(vertices: Float32s, faces: Int64s) -> tuple[int, int]:
+    """How many closed parts look inwards that are no cavities, and how many closed parts there are.
+
+    A cavity is enclosed by a part that looks outwards. Parts are sought only if the faces of some component enclose a
+    negative volume, so that this costs next to nothing where none looks inwards.
+    """
+    component = connected_components(faces, len(vertices))
+    volume = np.zeros(int(component.max(initial=-1)) + 1)
+    _add_volumes(vertices, faces, component, volume)
+    if not (volume < 0).any():
+        return 0, 0
+    part, volume = closed_parts(vertices, faces)
+    inward = np.flatnonzero(volume < 0)
+    enclosed = [_is_enclosed(each, vertices, faces, part, volume) for each in inward.tolist()]
+    return enclosed.count(False), int(np.count_nonzero(volume))
+
+
+def inward_warnings(mesh: Mesh, vertices: Float32s | None = None) -> list[str]:
+    """A line if closed parts of a mesh look inwards; or none. Args: vertices: of the mesh in render space."""
+    inward, closed = inward_looking(Placement.of(mesh).vertices if vertices is None else vertices, mesh.faces)
+    if not inward:
+        return []
+    which = "its faces look" if closed == 1 else f"{inward:,} of {closed:,} closed parts look"
+    return [f"{mesh.source}: {which} inwards, and w is that of the inside: --flip turns all faces over"]
+
+
+def _is_enclosed(number: int, vertices: Float32s, faces: Int64s, part: Int64s, volume: Float64s) -> bool:
+    """Whether a part lies within one that looks outwards."""
+    count = len(volume)
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    used = np.unique(faces)
+    np.minimum.at(low, part[used], vertices[used])
+    np.maximum.at(high, part[used], vertices[used])
+    around: Bools = (volume > 0) & (low <= low[number]).all(axis=1) & (high >= high[number]).all(axis=1)
+    of_face = part[faces[:, 0]]
+    within = faces[around[of_face]]
+    if len(within) * np.count_nonzero(volume < 0) > _MOST_WORK:
+        return True
+    own = vertices[faces[np.argmax(of_face == number), 0]]
+    return bool(_winding(vertices, within, own.astype(np.float64)) > 0.5)
+
+
+@kernel
+def _winding(vertices, faces, point):
+    """How often faces wind about a point: the sum of their solid angles over 4π (van Oosterom and Strackee 1983)."""
+    total = 0.0
+    at = (point[0], point[1], point[2])
+    for f in range(len(faces)):
+        a, b, c = load_triangle(vertices, faces, f)
+        a, b, c = subtract(a, at), subtract(b, at), subtract(c, at)
+        la, lb, lc = length(a), length(b), length(c)
+        along = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb
+        total += 2.0 * np.arctan2(dot(a, cross(b, c)), along)
+    return total / (4.0 * np.pi)
+
+
+@kernel
+def _add_volumes(vertices, faces, part, volume):
+    """Six times the volume that the faces of each part bound."""
+    for f in range(len(faces)):
+        a, b, c = load_triangle(vertices, faces, f)
+        volume[part[faces[f, 0]]] += dot(a, cross(b, c))
+
+
+@kernel
+def _strike_open(corners, edges, starts, part, closed):
+    """Unset `closed` of parts that have an edge along which more faces run one way than the other.
+
+    Of the `edges`, 3 f + k begins at corners[f, k]; edges[starts[i] : starts[i + 1]] have the lower end i.
+    """
+    balance = np.zeros(len(part), np.int64)
+    for i in range(len(part)):
+        for edge in edges[starts[i] : starts[i + 1]]:
+            a, b = corners[edge // 3, edge % 3], corners[edge // 3, (edge % 3 + 1) % 3]
+            balance[max(a, b)] += np.sign(b - a)
+        for edge in edges[starts[i] : starts[i + 1]]:
+            other = max(corners[edge // 3, edge % 3], corners[edge // 3, (edge % 3 + 1) % 3])
+            if balance[other] != 0:
+                closed[part[i]] = False
+                balance[other] = 0

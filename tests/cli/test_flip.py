@@ -1,0 +1,76 @@
+"""`bake --flip`: faces of the input are turned over, in what is baked and in what is written."""
+
+import json
+
+import numpy as np
+import pytest
+from command import obscurance, refused
+from gltf_files import QUAD, TRIANGLE, Builder
+from mesh_files import ply
+
+import scenes
+from scenes.formats.load import load
+
+HOUSE = """v -1 0 -1
+v 1 0 -1
+v 1 0 1
+v -1 0 1
+v -1 1 -1
+v 1 1 -1
+v 1 1 1
+v -1 1 1
+v 0 2 0
+vt 0 0
+vt 1 0
+vt 1 1
+vt 0 1
+vn 0 0 -1
+f 1/1 2/2 3/3 4/4
+f 1/1 5/2 6/3 2/4
+f 2/1 6/2 7/3 3/4
+f 3/1 7/2 8/3 4/4
+f 4/1 8/2 5/3 1/4
+f 5/1 9/2 6/3
+f 6/1 9/2 7/3
+f 7/1 9/2 8/3
+f 8/1 9/2 5/3
+"""
+
+
+@pytest.mark.parametrize("ending", ["ply", "glb"])
+def test_what_is_written_is_turned_over_with_its_corners(tmp_path, monkeypatch, ending):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "house.obj").write_text(HOUSE)
+    straight, turned = f"straight.{ending}", f"turned.{ending}"
+    for options, output in (((), straight), (("--flip",), turned)):
+        assert obscurance("bake", "house.obj", "-o", output, "--samples", 64, *options).returncode == 0
+    before, after = load(tmp_path / straight), load(tmp_path / turned)
+    assert len(before.mesh.vertices) == len(after.mesh.vertices)
+    corners = after.mesh.vertices[after.mesh.faces]
+    volume = np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+    other = before.mesh.vertices[before.mesh.faces]
+    assert volume == pytest.approx(-np.einsum("fi,fi->", other[:, 0], np.cross(other[:, 1], other[:, 2])))
+    placed = {tuple(np.round([*p, *q], 6)) for p, q in zip(other.reshape(-1, 3), before.uv.reshape(-1, 2), strict=True)}
+    found = {tuple(np.round([*p, *q], 6)) for p, q in zip(corners.reshape(-1, 3), after.uv.reshape(-1, 2), strict=True)}
+    assert placed == found
+    assert not np.allclose(before.w, after.w, atol=0.2)
+
+
+def test_a_ply_keeps_its_properties_and_has_its_normals_negated(tmp_path):
+    mesh = scenes.Box().geometry().mesh
+    (tmp_path / "box.ply").write_bytes(ply(mesh.vertices, mesh.faces[:, ::-1]))
+    report = tmp_path / "r.json"
+    arguments = "bake", tmp_path / "box.ply", "-o", tmp_path / "w.ply", "--samples", 4, "--report", report
+    assert "look inwards, and w is that of the inside: --flip" in obscurance(*arguments).stderr
+    assert any("look inwards" in line for line in json.loads(report.read_text())["warnings"])
+    assert obscurance(*arguments, "--flip").stderr == ""
+    assert np.array_equal(load(tmp_path / "w.ply").mesh.faces, mesh.faces)
+    assert "look inwards" in obscurance("info", tmp_path / "box.ply").stdout
+
+
+def test_a_gltf_keeps_its_faces_in_a_glb(tmp_path):
+    builder = Builder()
+    builder.mesh(builder.primitive(QUAD, TRIANGLE))
+    (tmp_path / "m.glb").write_bytes(builder.glb([{"mesh": 0}]))
+    refused(obscurance("bake", tmp_path / "m.glb", "-o", tmp_path / "w.glb", "--flip"), "bake --flip: expected another")
+    assert obscurance("bake", tmp_path / "m.glb", "-o", tmp_path / "w.ply", "--flip", "--samples", 1).returncode == 0

@@ -1,0 +1,49 @@
+"""Closed parts that look inwards are found by their signed volumes, but for cavities."""
+
+import numpy as np
+import pytest
+from meshes import hills
+
+import ao
+import scenes
+from raytrace import Mesh
+from raytrace.mesh.solids import inward_looking, inward_warnings
+from scenes.geometry.polyhedra import join
+
+
+def ball(radius=1.0, at=(0.0, 0.0, 0.0), inverted=False, split=False):
+    mesh = scenes.Sphere(radius=radius, fineness=0.3).geometry().mesh
+    vertices, faces = mesh.vertices + at, mesh.faces[:, ::-1] if inverted else mesh.faces
+    return (vertices[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)) if split else (vertices, faces)
+
+
+CASES = {
+    "a ball": ([ball()], 0),
+    "an inverted ball": ([ball(inverted=True)], 1),
+    "an inverted ball of separate triangles": ([ball(inverted=True, split=True)], 1),
+    "a hollow ball": ([ball(), ball(0.5, inverted=True)], 0),
+    "a hollow ball turned over": ([ball(inverted=True), ball(0.5)], 1),
+    "a ball in a hollow ball": ([ball(), ball(0.7, inverted=True), ball(0.3)], 0),
+    "an inverted ball beside another": ([ball(), ball(0.5, (3, 0, 0), inverted=True)], 1),
+    "an inverted ball beside a ball, in its box": (
+        [ball(), ball(0.1, (0.9, 0.9, 0.9), inverted=True)],
+        1,
+    ),
+    "an open surface turned over": ([(hills(5)[0], hills(5)[1][:, ::-1])], 0),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_parts_that_look_inwards_are_counted(name):
+    parts, expected = CASES[name]
+    vertices, faces = join(parts)
+    assert inward_looking(np.asarray(vertices, np.float32), np.asarray(faces, np.int64))[0] == expected
+    assert len(inward_warnings(Mesh(vertices, faces))) == bool(expected)
+
+
+def test_bakes_say_so_and_thickness_does_not():
+    mesh = Mesh(*ball(inverted=True))
+    (line,) = ao.bake(mesh, samples=4).shortfalls
+    assert line.endswith("its faces look inwards, and w is that of the inside: --flip turns all faces over")
+    assert ao.bake(mesh.reversed(), samples=4).shortfalls == ()
+    assert ao.bake(mesh.reversed(), samples=4, thickness=True).shortfalls == ()
