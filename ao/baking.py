@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from raytrace.errors import ConflictError
+from raytrace.kernel.jit import compiling_seconds
 from raytrace.kernel.notice import compiling
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import opacity_bytes
@@ -55,7 +56,7 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
         solid = solid.reversed()
     _check_memory(len(mesh.vertices), [mesh, *others] if high is None else [solid, mesh], options)
 
-    start = time.perf_counter()
+    start, compiled = time.perf_counter(), sum(compiling_seconds)
     prepared = Prepared.of(solid, options, options.progress, options.checkpoint if high is None else None, others)
     if high is None and options.method == "vertex":
         values = _sample_vertices(prepared)
@@ -74,7 +75,8 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
         if options.thickness:
             between = between._replace(weights=between.weights[:, ::-1])
         baked = replace(baked, interpolation=between)
-    baked.seconds.update(build=build, bake=time.perf_counter() - start - build)
+    compiled = sum(compiling_seconds) - compiled
+    baked.seconds.update(build=build, bake=time.perf_counter() - start - build - compiled, compile=compiled)
     vertices = prepared.placement.vertices
     return replace(baked, shortfalls=shortfalls(options, max(baked.rmses), values.samples, "vertex", solid, vertices))
 

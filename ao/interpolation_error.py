@@ -1,5 +1,7 @@
 """The error of interpolation between vertices, measured by rays at points on the faces."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from raytrace.mesh.normals import face_normals
@@ -18,11 +20,13 @@ from .rays.gather import W
 from .result import NOWHERE, Interpolation
 from .texture.surface_points import Faces
 
-_POINTS, _RAYS = 1024, 16  # the rays of each of two estimates
+_FEWEST, _MOST = 256, 1024  # points
+_SHARE = 20  # vertices for each point between, so that these take few of a bake's rays
+_RAYS = 16  # of each of two estimates
 
 
 def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> Interpolation:
-    """Compare interpolated `w` (n,) with w at 1,024 points spread evenly over the faces that have it, by 32 rays each.
+    """Compare interpolated `w` (n,) with w at points spread evenly over the faces that have it, by 32 rays each.
 
     Points inside solids are left out. Args: error: (n,), standard errors of `w`.
     """
@@ -33,7 +37,8 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
         areas = np.where(prepared.asked[faces].all(axis=1), areas, 0.0)
     if not areas.any() or not len(receivers.points):
         return NOWHERE
-    own, weights = _spread(areas, derive(prepared.key, 7))
+    count = min(max(len(receivers.points) // _SHARE, _FEWEST), _MOST)
+    own, weights = _spread(areas, count, derive(prepared.key, 7))
     corners = faces[own]
     point = receivers.of_vertex[corners]
     axes = np.where(point[..., None] < 0, np.float32(0), receivers.points.normals[point])
@@ -45,13 +50,13 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
         return NOWHERE
     points, sides = points[seen], with_alpha(sides, receivers.opacity, own, weights)[seen]
     mu = prepared.mu.in_render_space(placement.scale)
-    tracer = Tracer(prepared.scene, 0, mu, min(mu.limit, placement.diagonal), threads, _POINTS)
-    estimates = np.empty((len(points), 2))
-    for column in range(2):
-        key = derive(prepared.key, 8 + column)
-        rows = tracer.gather(points, _RAYS, key)
-        leave_out_below(points.arrays, sides, tracer.scene.table(_RAYS, _POINTS, key), rows)
-        estimates[:, column] = rows[:, W]
+    tracer = Tracer(prepared.scene, 0, mu, min(mu.limit, placement.diagonal), threads, 2 * count)
+    twice = points[np.tile(np.arange(len(points)), 2)]
+    twice = replace(twice, numbers=np.arange(len(twice), dtype=np.uint32))
+    key = derive(prepared.key, 8)
+    rows = tracer.gather(twice, _RAYS, key)
+    leave_out_below(twice.arrays, np.tile(sides, (2, 1)), tracer.scene.table(_RAYS, 2 * count, key), rows)
+    estimates = rows[:, W].reshape(2, -1).T
     part, corners = weights[seen].astype(np.float64), corners[seen]
     values = np.einsum("ki,ki->k", part, w[corners])
     variance = np.einsum("ki,ki->k", part**2, error[corners] ** 2)
@@ -61,11 +66,11 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     return Interpolation.of(own, part, estimates, values, variance)
 
 
-def _spread(areas: Float64s, key: np.uint32) -> tuple[Int64s, Float32s]:
+def _spread(areas: Float64s, count: int, key: np.uint32) -> tuple[Int64s, Float32s]:
     """Points one from each of equal shares of the faces' area: which face (k,), and barycentric coordinates (k, 3)."""
-    total, steps = np.cumsum(areas), np.arange(_POINTS)
-    share, u, v = np.ldexp(mix_array(mix_array(np.arange(3 * _POINTS)) ^ key), -32).reshape(3, -1)
-    own = np.searchsorted(total, (steps + share) / _POINTS * total[-1], "right").clip(0, len(areas) - 1)
+    total, steps = np.cumsum(areas), np.arange(count)
+    share, u, v = np.ldexp(mix_array(mix_array(np.arange(3 * count)) ^ key), -32).reshape(3, -1)
+    own = np.searchsorted(total, (steps + share) / count * total[-1], "right").clip(0, len(areas) - 1)
     root = np.sqrt(u)
     return own, np.stack([1 - root, root * (1 - v), root * v], axis=-1).astype(np.float32)
 

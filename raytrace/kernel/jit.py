@@ -8,6 +8,7 @@ most bakes.
 import ctypes
 import struct
 import threading
+import time
 from collections.abc import Callable
 from functools import cache
 from hashlib import sha256
@@ -36,6 +37,8 @@ loaded: list[str] = []
 """Names of the kernels that this process has loaded, in this order."""
 compiled: list[str] = []
 """Kernels that this process has compiled."""
+compiling_seconds: list[float] = []
+"""How long each of these took."""
 
 
 class _Deferred(ModuleType):
@@ -152,7 +155,9 @@ def _code(name: str, function: Callable[..., Any], compile_: Callable[[], bytes]
         with compiling(1):  # unless what calls has said so, with a better number
             notices[0](name)
             compiled.append(name)
+            start = time.perf_counter()
             code = compile_()
+            compiling_seconds.append(time.perf_counter() - start)
         write_code(kept, code)
     return code
 

@@ -39,12 +39,11 @@ def silence_tolerance_warnings() -> Iterator[None]:
 
 
 class WorkSize(NamedTuple):
-    """Points of a bake at most, their unit, bytes at its peak, and a bake of about so many points, which it returns."""
+    """Points of a bake at most, their unit, and bytes at its peak."""
 
     points: int
     unit: str
     bytes: int
-    trial: Callable[[int], int]
 
 
 Written = tuple[str, list[str]]  # of an output: its summary, and warnings about it, which have been printed

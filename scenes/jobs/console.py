@@ -137,6 +137,7 @@ def compiling(expected: int = 42) -> AbstractContextManager[None]:
     return notice.compiling(expected, always=True, quiet=bool(_quiet))
 
 
+_LONG = 0.5  # seconds of compiling that a summary tells
 _EVERY = 0.1  # seconds between lines of progress
 Advance = Callable[[int, int], None]
 
@@ -213,16 +214,22 @@ def bake_summary(baked: ao.Bake, target: Path) -> str:
     """The line after a bake: file, vertices, rays, time, estimated error; and one for each flag that vertices have."""
     from ..show.report.verdict import flags_in_words
 
-    took = f"in {baked.seconds['bake']:.2f} s, estimated RMSE {baked.rmse:.4f}"
+    took = f"{_took(baked)}, estimated RMSE {baked.rmse:.4f}"
     text = f"{printable(str(target))}: {len(baked.w):,} vertices, {baked.rays:,} rays traced {took}"
     flags = flags_in_words(baked.flagged, len(baked.w), baked.rays_skipped)
     return "\n".join([text, *(words for name, words in flags.items() if name != "contact")])  # usual where parts meet
 
 
+def _took(baked: ao.Bake | ao.BakedTexture) -> str:
+    compiling = baked.seconds.get("compile", 0.0)
+    besides = f" and {compiling:.0f} s of compiling kernels" if compiling >= _LONG else ""
+    return f"in {baked.seconds['bake']:.2f} s{besides}"
+
+
 def texture_summary(baked: ao.BakedTexture, target: str) -> str:
     """The line after a bake of a texture, and a second one about its layout and seams."""
     (height, width), facts = baked.w.shape, baked.facts
-    rays = f"{baked.rays:,} rays traced in {baked.seconds['bake']:.2f} s, estimated RMSE {baked.rmse:.4f}"
+    rays = f"{baked.rays:,} rays traced {_took(baked)}, estimated RMSE {baked.rmse:.4f}"
     text = f"{printable(target)}: {width}×{height}, {facts.covered:,} texels covered, {rays}"
     if not facts.seam_edges:
         return text

@@ -31,32 +31,17 @@ class BakeCommand(MeshBake):
 
     def work(self, source: MeshFile, falloff: ao.Falloff) -> WorkSize:
         from ao.memory import column_bytes, surface_bytes, vertex_bytes
-        from ao.points.receivers import find_receivers
-        from raytrace.mesh.placement import Placement
+        from raytrace.mesh.normals import face_normals
 
         sources = self.sources_of(source)
-        mesh, chosen = sources.solid, sources.chosen.mesh  # of `mesh` surface points are traced
-        wanted = sources.chosen.only
-        receivers = find_receivers(chosen, Placement.of(chosen), self.normals)
-        points = (receivers if wanted is None else receivers.only(wanted)).points
-        checked = self.checked()
+        chosen, checked = sources.chosen, self.checked()
+        used = np.zeros(len(chosen.mesh.vertices), np.bool_)
+        used[chosen.mesh.faces[face_normals(chosen.mesh.vertices, chosen.mesh.faces)[1] > 0]] = True
+        points = int(np.count_nonzero(used if chosen.only is None else used & chosen.only))
         needed = surface_bytes(*sources.counts)
         if self.method == "vertex":
-            needed = vertex_bytes(*sources.counts, checked.rays, len(points))
-            needed += column_bytes(len(points), checked.columns)
-        options = self.arguments() | {"samples": checked.rays_in_all(len(points)) // max(len(points), 1)}
-
-        def trial(count: int) -> int:
-            only = np.zeros(len(mesh.vertices), bool)
-            rows = np.arange(len(only)) if wanted is None else np.flatnonzero(wanted)
-            places = np.linspace(0, len(rows) - 1, min(count, len(rows))).astype(np.int64)
-            if self.method == "surface":  # whose work is that of faces, which neighbours share
-                places = np.arange(len(places)) + (len(rows) - len(places)) // 2
-            only[rows[places]] = True
-            ao.bake(mesh, falloff, only=only, occluders=sources.occluders, **options)
-            return len(places)
-
-        return WorkSize(len(points), "vertices", needed, trial)
+            needed = vertex_bytes(*sources.counts, checked.rays, points) + column_bytes(points, checked.columns)
+        return WorkSize(points, "vertices", needed)
 
     def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
         from ..formats.losses import lost

@@ -33,11 +33,12 @@ def floor_error():
     return np.sqrt(np.mean(squared) * 16 / (16 + 1.6**2))
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_the_error_is_that_of_the_closed_form(seed):
-    found = ao.bake(PART, "binary", 4096, seed).interpolation
-    assert found.rmse == pytest.approx(floor_error(), rel=0.08)
-    assert 0.8 * found.rmse < found.at_least < found.rmse
+def test_the_error_is_that_of_the_closed_form():
+    """The mean square of 256 points each of twelve bakes; the bound is below the error in nearly all of them."""
+    found = [ao.bake(PART, "binary", 1024, seed).interpolation for seed in range(12)]
+    assert np.sqrt(np.mean([each.rmse**2 for each in found])) == pytest.approx(floor_error(), rel=0.08)
+    assert all(0.6 * each.rmse < each.at_least < each.rmse for each in found)
+    assert sum(each.at_least < floor_error() for each in found) >= 11
 
 
 @pytest.mark.parametrize("mesh", [polygon(FLOOR), icosphere(1)])

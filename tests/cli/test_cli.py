@@ -71,7 +71,7 @@ def test_the_report_holds_the_contract(tmp_path, cube):
     flags = {"flagged", "flagged_vertices", "flagged_vertices_at_most"}
     asked = {"schema_version", "kind", "verdict", "warnings", "command", "inputs", "options", "seed", "versions"}
     assert set(found) == facts | flags | asked
-    assert set(found["seconds"]) == {"load", "build", "bake", "write"}
+    assert set(found["seconds"]) == {"load", "build", "compile", "bake", "write"}
     assert found["rays"] == 16 * (8 + 8)
     assert found["seed"] == 3
     assert found["options"]["falloff"] == "exponential"

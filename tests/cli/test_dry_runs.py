@@ -34,10 +34,10 @@ def test_a_bake_is_described_and_nothing_is_written(folder):
     before = {path: path.read_bytes() for path in folder.iterdir()}
     rows = plan("hills.obj", "-o", "w.npy", "--samples", 64, "--report", "r.json")
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
-    assert rows["would bake"] == "400 vertices"
-    assert rows["rays"] == "about 25,600, 64 each"
+    assert rows["would bake"] == "at most 400 vertices"
+    assert rows["rays"] == "at most 25,600, 64 each"
     assert re.match(r"about [\d.]+ [MG]iB in all, \d+ MiB of it beside the mesh", rows["memory"])
-    assert re.match(r"about [\d.e-]+ s on \d+ threads", rows["time"])
+    assert re.match(r"about [\d.e-]+ s, with 4 million rays a second on each of \d+ threads", rows["time"])
     assert rows["would write"] == "w.npy in place of the one there; r.json"
 
 
@@ -51,11 +51,13 @@ def test_a_texture_has_texels_and_a_tolerance_no_time(folder):
 
 def test_a_batch_is_described_as_a_whole(folder):
     rows = plan("hills.obj", "more.obj", "--output-dir", "out/deep", "--samples", 16)
-    assert rows["would bake"] == "2 meshes, 403 vertices"
+    assert rows["would bake"] == "2 meshes, at most 403 vertices"
     assert rows["would write"] == "out/deep/hills.ply; out/deep/more.ply; out/deep/manifest.json"
     assert sorted(path.name for path in folder.iterdir()) == ["hills.obj", "more.obj"]
     (folder / "noise.obj").write_text("noise")
-    assert plan("*.obj", "--output-dir", "out", "--samples", 16, status=1)["would bake"] == "2 meshes, 403 vertices"
+    rows = plan("*.obj", "--output-dir", "out", "--samples", 16, status=1)
+    assert rows["would bake"] == "2 meshes, at most 403 vertices"
+    assert (list(rows)[-1], rows["would fail"]) == ("would fail", "1 of 3 meshes")
 
 
 def test_mistakes_are_reported_as_by_a_bake(folder):
@@ -66,6 +68,6 @@ def test_mistakes_are_reported_as_by_a_bake(folder):
 def test_of_a_mesh_without_a_usable_face_there_is_nothing_to_bake(folder):
     (folder / "flat.obj").write_text("v 0 0 0\nv 0 0 0\nv 1 0 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 1/3\n")
     rows = plan("flat.obj", "-o", "w.npy")
-    assert rows["would bake"] == "0 vertices"
+    assert rows["would bake"] == "at most 0 vertices"
     assert rows["time"] == "none: there is nothing to bake"
     refused(obscurance("bake", "flat.obj", "-o", "ao.png", "--size", 16), "expected faces with an area on the page")

@@ -55,13 +55,7 @@ class TextureCommand(MeshBake):
         width, height = found.size
         needed = texture_bytes(width * height, *sources.counts, options.rays)
         needed += column_bytes(width * height, options.columns)
-
-        def trial(count: int) -> int:
-            side = max(int(count**0.5), 1)
-            ao.bake_texture(sources.chosen.mesh, pages[0].uv, side, falloff, **sources.arguments, **self.arguments())
-            return side * side
-
-        return WorkSize(len(pages) * width * height, "texels", needed, trial)
+        return WorkSize(len(pages) * width * height, "texels", needed)
 
     def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
         start = time.perf_counter()

@@ -36,7 +36,7 @@ PARTS = (
     ("scenes/formats/glb/write.py", "keeps the occlusion textures of"),
     ("scenes/formats/glb/write.py", "uses the set TEXCOORD_"),
     ("scenes/geometry/polygons.py", "crosses itself"),
-    ("scenes/jobs/vertices.py", "between the vertices w errs by"),
+    ("scenes/jobs/console.py", "between the vertices w errs by"),
     ("scenes/jobs/textures/pages.py", "faces overlap in"),
     ("scenes/jobs/textures/pages.py", "reach out of the unit square"),
     ("scenes/jobs/textures/pages.py", "would keep tiles apart"),
