@@ -17,7 +17,7 @@ from ..kernel.simd import WIDE
 from ..settings import Settings, Shading
 from ..shade import layout
 from ..shade.camera_rays import place_camera
-from ..shade.film import EDGE, FIRST, PACKETS, SUMS, TILE
+from ..shade.film import BLURRED, EDGE, FIRST, PACKETS, SUMS, TILE
 from ..shade.gouraud import GROUP, light_vertices
 from ..shade.interaction import GOURAUD
 from ..shade.layout import FILM, LIGHTING, Film, SceneArrays, Scratch, Style
@@ -63,7 +63,8 @@ class RenderJob:
         self._crop = settings.crop or (0, 0, settings.width, settings.height)
         self.columns, self.rows = -(-self._wide // TILE), -(-self._high // TILE)  # of tiles
         self.tiles = self.columns * self.rows
-        self.adaptive = settings.samples > FIRST  # whether pixels may be retired early
+        first = FIRST if self.view.lens == 0 else BLURRED
+        self.adaptive = settings.samples > first  # whether pixels may be retired early
         self.channels = FILM if layers else LAYERS["beauty"]
         self.counts = np.zeros(layout.COUNTERS, np.int64)
 

@@ -89,6 +89,17 @@ def owen_sobol(sets: int, count: int, key: np.uint32) -> tuple[Float64s, Float64
     return u, v
 
 
+def shuffled_owen_sobol(sets: int, count: int, key: np.uint32) -> tuple[Float64s, Float64s]:
+    """As `owen_sobol`, in an order that has nothing to do with that of sets of another key (Burley 2020, "Practical
+    Hash-based Owen Scrambling"): pairs of points of the two then fill four dimensions, and aligned runs of 2^k points
+    stay as even as before."""
+    levels = max(count - 1, 1).bit_length()
+    u, v = owen_sobol(sets, 1 << levels, key)
+    index = np.arange(count, dtype=np.uint32) << np.uint32(32 - levels)
+    order = owen_scramble(index, _keys(sets, mix_array([key])[0])[0], levels) >> np.uint32(32 - levels)
+    return np.take_along_axis(u, order, axis=1), np.take_along_axis(v, order, axis=1)
+
+
 def jittered_lattice(
     sets: int, count: int, key: np.uint32, step: float = GOLDEN, part: slice = slice(None)
 ) -> tuple[Float64s, Float64s]:

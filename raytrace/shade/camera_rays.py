@@ -9,7 +9,7 @@ from ..embree.packets import DIR_X, ORG_X, TFAR, TNEAR
 from ..kernel.jit import inline
 from ..kernel.simd import WIDE, double, pick, replace, single, store_row
 from ..kernel.vector import add, dot, scale, triple, unit
-from ..sampling.sequences import mix, mix_array, owen_sobol, seed_key
+from ..sampling.sequences import mix, mix_array, owen_sobol, seed_key, shuffled_owen_sobol
 from ..settings import Settings
 from ..types import Float64s
 
@@ -63,7 +63,7 @@ def _offsets(samples: int, seed: int) -> Float64s:
     x, y = (np.where(u < 0.5, np.sqrt(2 * u) - 1, 1 - np.sqrt(2 - 2 * u)) for u in owen_sobol(_SETS, samples, key))
     if samples == 1:
         x, y = np.zeros_like(x), np.zeros_like(y)
-    u, v = owen_sobol(_SETS, samples, mix_array([key ^ np.uint32(0x5BD1E995)])[0])
+    u, v = shuffled_owen_sobol(_SETS, samples, mix_array([key ^ np.uint32(0x5BD1E995)])[0])
     radius, angle = np.sqrt(u), 2 * np.pi * v
     return np.stack([x, y, radius * np.cos(angle), radius * np.sin(angle)], axis=1)
 

@@ -14,6 +14,7 @@ BITS = 4
 TILE = 1 << BITS  # pixels a side; a pixel's number is row · TILE + column
 LAST = TILE - 1
 FIRST = 4  # samples before a pixel may be retired
+BLURRED = 32  # the same through a lens, by which few of a pixel's samples see something far beside it
 PACKETS = TILE * TILE * FIRST // WIDE  # lit together
 # Columns of a pixel's float64 sums: the film's, and then
 SHADED, SAMPLES, LOW, HIGH = layout.FILM, layout.FILM + 1, layout.FILM + 2, layout.FILM + 5

@@ -15,7 +15,20 @@ from ..kernel.vector import multiply, scale, triple
 from ..materials.alpha_filter import MET_ALPHA, STEP
 from . import layout
 from .camera_rays import aim
-from .film import BITS, FIRST, LAST, TILE, accumulate, clear, converged, mean, reopened, store_edge, write_pixels
+from .film import (
+    BITS,
+    BLURRED,
+    FIRST,
+    LAST,
+    TILE,
+    accumulate,
+    clear,
+    converged,
+    mean,
+    reopened,
+    store_edge,
+    write_pixels,
+)
 from .gouraud import interpolate_lit
 from .interaction import GOURAUD, PacketHits, next_object, write_hits, write_polygons
 from .layout import BACKGROUND, BEGIN, COVER, NEXT, PRIMARY, RETIRED, load3, store1, store3
@@ -37,12 +50,13 @@ def render_tiles(scene, view, style, film, scratch, span, again):
     todo, points = scratch.todo, scratch.points if scene.geometry.opacity is None else scratch.layers
     high, wide, _ = film.pixels.shape
     columns = -(-wide // TILE)
+    first = FIRST if view.lens == 0.0 else BLURRED
     for tile in range(span[0], span[1]):
         left, top = tile % columns * TILE, tile // columns * TILE
         size = min(TILE, wide - left), min(TILE, high - top)
         pending = list_pixels(scratch, size, film.edges, tile, columns, again)
         if again:
-            scratch.counts[RETIRED] -= pending * (style.samples - FIRST)
+            scratch.counts[RETIRED] -= pending * (style.samples - first)
         for done in range(0, style.samples, FIRST):
             if pending == 0:
                 break
@@ -57,8 +71,8 @@ def render_tiles(scene, view, style, film, scratch, span, again):
                 for e in range(packets):
                     k = e * each
                     accumulate(points[e], scratch.sums, todo[k : min(k + each, pending)], batch, style.layers)
-                if done == 0 and style.samples > FIRST and not again:
-                    pending = remove_converged(scratch, size, pending, style.samples - FIRST, film.edges[tile])
+                if done + FIRST == first < style.samples and not again:
+                    pending = remove_converged(scratch, size, pending, style.samples - first, film.edges[tile])
         taken = pending if again else list_pixels(scratch, size, film.edges, tile, columns, False)
         for k in range(0, taken, WIDE):
             packet = points[k // WIDE]  # with one sample a pixel, its lanes are the pixels

@@ -53,3 +53,21 @@ def test_pixels_on_a_tile_s_edge_that_agree_with_all_around_stay_retired():
     frame = render(Scene((glow,)), camera, Settings(width=40, height=40, samples=64))
     assert frame.rays["primary"] == 4 * 40 * 40
     assert frame.rays_skipped["primary_agreed"] == 60 * 40 * 40
+
+
+def out_of_focus(samples, seed):
+    """A glowing square far in front of what is sharp: its rim is 30 pixels wide."""
+    square = Mesh([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    glow = Object(Shape(square, Lambert(albedo=0, emission=1)))
+    camera = Camera((0, 0, 5), (0, 0, 0), (0, 1, 0), field_of_view=45, aperture=2.0, focus=10.0)
+    settings = Settings(width=SIDE, height=SIDE, samples=samples, seed=seed)
+    return render(Scene((glow,)), camera, settings).layers["beauty"][..., 0].astype(float)
+
+
+def test_what_is_out_of_focus_does_not_depend_on_the_seed():
+    """Places on the lens are independent of places in the pixel. The reference has no pixel that is retired early."""
+    reference = np.mean([out_of_focus(4, seed) for seed in range(100)], axis=0)
+    for seed in (1, 2):
+        error = out_of_focus(256, seed) - reference
+        assert np.abs(error).max() < 0.08
+        assert np.sqrt(np.mean(error**2)) < 0.015

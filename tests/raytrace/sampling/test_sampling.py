@@ -5,7 +5,14 @@ import pytest
 from scipy import stats
 from scipy.stats import qmc
 
-from raytrace.sampling.sequences import cosine_hemisphere, jittered_lattice, owen_sobol, seed_key, sobol
+from raytrace.sampling.sequences import (
+    cosine_hemisphere,
+    jittered_lattice,
+    owen_sobol,
+    seed_key,
+    shuffled_owen_sobol,
+    sobol,
+)
 from raytrace.sampling.sequences import mix_array as mix
 
 
@@ -23,6 +30,30 @@ def test_every_scrambled_set_is_a_net(log_count):
     for split in range(log_count + 1):
         cell = np.floor(u * 2**split) * 2 ** (log_count - split) + np.floor(v * 2 ** (log_count - split))
         np.testing.assert_array_equal(np.sort(cell, axis=1), np.broadcast_to(np.arange(count), cell.shape))
+
+
+@pytest.mark.parametrize("count", [4, 16, 64, 256])
+def test_shuffled_sets_have_the_same_points_and_even_runs(count):
+    """Aligned runs of 2^k points hold a point in each 2^-k of either coordinate."""
+    u, v = shuffled_owen_sobol(50, count, seed_key(3))
+    for expected, found in zip(owen_sobol(50, count, seed_key(3)), (u, v), strict=True):
+        assert np.array_equal(np.sort(expected, axis=1), np.sort(found, axis=1))
+        for run in (4, 16, count):
+            runs = np.sort(np.floor(found.reshape(50, -1, min(run, count)) * min(run, count)), axis=2)
+            assert (runs == np.arange(min(run, count))).all()
+
+
+def test_pairs_with_a_shuffled_set_fill_four_dimensions():
+    """Numbers of 256 points in the sixteen squares of a coordinate of one set and one of the other. Unshuffled sets of
+    two keys fill four of these squares alone."""
+    one, other = owen_sobol(200, 256, seed_key(1)), shuffled_owen_sobol(200, 256, seed_key(2))
+    for a in one:
+        for b in other:
+            square = 4 * np.floor(4 * a).astype(int) + np.floor(4 * b).astype(int)
+            counts = np.stack([np.bincount(each, minlength=16) for each in square])
+            assert stats.chisquare(counts.sum(axis=0)).pvalue > 1e-4
+            assert counts.min() > 0
+            assert counts.max() < 48
 
 
 def test_each_point_of_a_set_is_uniform_over_scrambles():
