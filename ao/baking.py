@@ -57,7 +57,8 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     _check_memory(len(mesh.vertices), [mesh, *others] if high is None else [solid, mesh], options)
 
     start, compiled = time.perf_counter(), sum(compiling_seconds)
-    prepared = Prepared.of(solid, options, options.progress, options.checkpoint if high is None else None, others)
+    checkpoint = options.checkpoint if high is None else None
+    prepared = Prepared.of(solid, options, options.progress, checkpoint, others, mesh.radius)
     if high is None and options.method == "vertex":
         values = _sample_vertices(prepared)
     elif high is None:

@@ -121,8 +121,9 @@ class Prepared:
         progress: Progress | None,
         checkpoint: Checkpoint | None,
         occluders: Sequence[Mesh] = (),
+        radius: float | None = None,
     ) -> Self:
-        """Place the mesh, find its receivers and begin the checkpoint.
+        """Place the mesh, find its receivers and begin the checkpoint. Per cent are of `radius`, or else of its own.
 
         Raises: OptionError: `options.only` is not one truth value a vertex; as `find_receivers`, `Checkpoint.begin`.
         """
@@ -132,7 +133,7 @@ class Prepared:
         checkpoint = checkpoint or NOTHING_KEPT
         if checkpoint.partial and options.tolerance is not None:
             raise ConflictError("part", "excludes", "tolerance")
-        mus = options.mus(mesh.radius)
+        mus = options.mus(mesh.radius if radius is None else radius)
         mesh = joined([mesh, *occluders])
         if isinstance(mesh, PreparedMesh):
             placement, receivers = mesh.placement, mesh.receivers_for(options)

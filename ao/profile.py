@@ -30,7 +30,7 @@ class Profile:
     Attributes:
         half_distances: float64 (k,), finite, ascending, above 0; mesh units.
         values: float32 (…, k), in [0, 1]: (n, k) of vertices, (h, w, k) of texels.
-        radius: of the bounding sphere of what was baked, 100 % of relative lengths; mesh units.
+        radius: of the smallest ball that holds the input, 100 % of relative lengths; mesh units.
 
     Raises:
         OptionError: values of another shape or out of range.

@@ -82,7 +82,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     check_memory(mesh.source, needed, f"to bake {width * height:,} texels of {faces:,} faces")
 
     start, compiled = time.perf_counter(), sum(compiling_seconds)
-    prepared = Prepared.of(solid, options, options.progress, None, walls)
+    prepared = Prepared.of(solid, options, options.progress, None, walls, mesh.radius)
     on_pages = corners
     if walls:
         mesh, nowhere = prepared.mesh, np.full((faces - len(corners), 3, 2), np.nan)

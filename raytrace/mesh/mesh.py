@@ -14,6 +14,7 @@ import numpy.typing as npt
 from ..errors import MeshError
 from ..types import Float64s, Int64s
 from .opacity import Opacity
+from .smallest_ball import smallest_ball
 from .up import UP
 
 LARGEST = 5e153  # squares of coordinates and their differences don't overflow
@@ -140,11 +141,8 @@ class Mesh:
 
     @cached_property
     def radius(self) -> float:
-        """Radius of the bounding sphere about `centre`: what a relative distance ("25%") is a part of."""
-        offsets = [column - middle for column, middle in zip(self.used.T, self.centre, strict=True)]
-        largest = max(np.abs(offset).max() for offset in offsets)  # no underflow in the squares
-        squares = sum((offset / (largest or 1.0)) ** 2 for offset in offsets)
-        return float(largest * np.sqrt(np.max(squares)))
+        """Radius of the smallest ball that holds the faces: what a relative distance ("25%") is a part of."""
+        return smallest_ball(self.used)[1]
 
 
 def mesh_of(given: Mesh | Any, source: str) -> Mesh:

@@ -74,7 +74,7 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
         ("edges", f"{known['edges']:,}: {open_edges:,} open, {nonmanifold:,} between three faces or more"),
         ("bounds", " – ".join(corners)),
         ("up", known["up"] or "not said: y"),
-        ("radius", f"{known['radius']:.6g}, of the bounding sphere: 100 % for relative distances"),
+        ("radius", f"{known['radius']:.6g}, of the smallest ball that holds it: 100 % for relative distances"),
         ("area", "too large" if known["area"] is None else f"{known['area']:.6g}"),
         ("normals", "in the file" if known["normals"] else "none in the file"),
         ("stored w", _stored_in_words(known["stored_w"])),

@@ -51,7 +51,8 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
                words=("exponential", "binary", "linear", "smooth", "table:")),
         Option("tau", float | None, None, "Rate of the exponential falloff, per mesh unit."),
         Option("half_distance", str | None, None,
-               'Distance at which a hit occludes half: mesh units, or "50%" of the radius (the default).'),
+               'Distance at which a hit occludes half: mesh units, or "50%" (the default) of the radius '
+               'that info prints of the input, as of all percentages.'),
         Option("max_distance", str, "inf", 'Ignore hits farther away: mesh units, "25%" of the radius, or inf.'),
         Option("occluder", list[Path] | None, None, "A mesh file that occludes and gets no w; several, one option for "
                "each.", EACH, "input", excludes=("high", "tiles"), metavar="MESH"),

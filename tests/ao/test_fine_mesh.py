@@ -143,3 +143,15 @@ def test_what_does_not_go_with_it():
             ao.bake(floor(), high=floor_and_wall(0.0), **options)
     with pytest.raises(OptionError, match="cage"):
         ao.bake(floor(), high=floor_and_wall(0.0), cage="much")
+
+
+def test_percentages_are_of_the_coarse_mesh():
+    vertices, faces = sheet(9)
+    fine = Mesh(np.append(vertices, vertices + [5, 0, 0], axis=0), np.append(faces, faces + len(vertices), axis=0))
+    coarse = Mesh(*sheet(3))
+    baked = ao.bake(coarse, ao.Exponential(half_distance="50%"), high=fine, samples=64, profile=True)
+    assert np.log(2) / baked.mu.tau == pytest.approx(0.5 * 0.5**0.5)
+    assert baked.profile.radius == pytest.approx(0.5**0.5)
+    uv = np.tile(np.array([[[0, 0], [1, 0], [1, 1]]]), (len(coarse.faces), 1, 1))
+    textured = ao.bake_texture(coarse, uv, 8, ao.Binary(max_distance="80%"), high=fine, samples=64)
+    assert textured.mu.max_distance == pytest.approx(0.8 * 0.5**0.5)

@@ -1,0 +1,60 @@
+"""The smallest ball that holds points: neither turning them nor a finer mesh of the same surface changes it."""
+
+import itertools
+
+import numpy as np
+
+from ..types import Float64s
+
+_ROUNDING = 1e-12  # of squared lengths, relative to the largest extent's
+_SAMPLE = 4096
+_CHOICES = np.array([chosen for chosen in itertools.product((0.0, 1.0), repeat=4) if sum(chosen) < 4])
+
+
+def smallest_ball(points: Float64s) -> tuple[Float64s, float]:
+    """Centre (3,) and radius of the smallest ball about `points` (n, 3), n > 0: that of a sample of them first, then
+    that of what carries it and all that is outside of it, until nothing is (Clarkson 1995)."""
+    size = float(max(np.ptp(column) for column in points.T)) or 1.0
+    places = (points - points[0]) / size
+    some, centre, square, carriers = places[:: -(-len(places) // _SAMPLE)], places[0], -1.0, places[:1]
+    while True:
+        before = square
+        centre, square, carriers = _pivot(some, carriers)
+        squares = _squares(places - centre)
+        outside = squares > square + _ROUNDING
+        if not outside.any() or square <= before:
+            return points[0] + size * centre, size * float(np.sqrt(squares.max()))
+        some = places[outside]
+
+
+def _pivot(points: Float64s, carriers: Float64s) -> tuple[Float64s, float, Float64s]:
+    """Centre, squared radius and carriers (k, 3), up to four points on its surface, of the smallest ball about `points`
+    and the `carriers` of a smaller one: the farthest point joins them until none is outside, or the ball no longer
+    grows (Gärtner 1999, "Fast and Robust Smallest Enclosing Balls")."""
+    centre, square, before = carriers[0], 0.0, -1.0
+    while square > before:
+        squares = _squares(points - centre)
+        if squares.max() <= square + _ROUNDING:
+            break
+        before = square
+        centre, square, carriers = _through(points[squares.argmax()], carriers)
+    return centre, square, carriers
+
+
+def _through(outside: Float64s, carriers: Float64s) -> tuple[Float64s, float, Float64s]:
+    """Centre, squared radius and carriers of the smallest ball about a point `outside` of that of the `carriers`, and
+    them: of the balls through the point and some of them, the smallest that holds all."""
+    around = carriers - outside
+    some = _CHOICES[:, : len(around), None] * around
+    halves = _squares(some)[..., None] / 2
+    offsets = (np.linalg.pinv(some, rcond=1e-9) @ halves)[..., 0]  # in the span of those chosen
+    squares = _squares(offsets)
+    away = _squares(around - offsets[:, None]).max(axis=1)
+    best = np.where(away <= squares + _ROUNDING, squares, np.inf).argmin()
+    kept = carriers[_CHOICES[best, : len(around)] > 0]
+    return outside + offsets[best], float(squares[best]), np.append(kept, outside[None], axis=0)
+
+
+def _squares(offsets: Float64s) -> Float64s:
+    """Squared lengths (…) of vectors (…, 3)."""
+    return np.einsum("...i,...i->...", offsets, offsets)
