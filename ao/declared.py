@@ -17,7 +17,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 T = TypeVar("T")
 Role = Literal["input", "output", "result", "run"]
-EACH, ALL = "vertices texture part batch", "vertices texture part batch tiles"
+EACH = "vertices texture part batch"
 IMAGE = "texture part batch"
 SAME: Any = object()  # as the field has it
 
@@ -30,7 +30,7 @@ class Option:
     kind: Any = SAME  # its type, or its choices
     default: Any = SAME  # `...` of an argument that is needed
     help: str = ""  # in one line
-    on: str = ALL  # sorts of bakes that take it, of vertices, texture, tiles, part, merge and batch; none: Python alone
+    on: str = EACH  # sorts of bakes that take it, of vertices, texture, part, merge and batch; none: Python alone
     role: Role = "result"  # a file that is read, what is written, what is computed, or how that is run
     needs: Mapping[str, Any] = field(
         default_factory=dict

@@ -8,7 +8,7 @@ import math
 from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from .declared import ALL, EACH, IMAGE, Option, check_values, rows
+from .declared import EACH, IMAGE, Option, check_values, rows
 
 if TYPE_CHECKING:  # the help of the command imports nothing heavy
     from raytrace.mesh.mesh import Mesh
@@ -53,7 +53,7 @@ class Options:
         "more.")] = None
     seed: Annotated[int, Option(bounds=(0, 2**64 - 1), help="Random seed.", more=
         "0 to 2⁶⁴ − 1. The same seed gives the same bits for any number of threads.")] = 0
-    threads: Annotated[int | None, Option(bounds=(1, 4096), role="run", on=f"{ALL} merge", help=
+    threads: Annotated[int | None, Option(bounds=(1, 4096), role="run", on=f"{EACH} merge", help=
         "Number of threads, by default all cores; results are the same.")] = None
     normals: Annotated[Normals, Option(help=
         "Vertex normals: face normals weighted by angle, by area or equally, or the file's own.", more=
@@ -73,26 +73,26 @@ class Options:
         'that are not; texels are filled as if they were not covered. "ignore": both sides of faces are surface. '
         '"mark": faces bound solids, and vertices that mostly see backs, being inside one, are flagged; not of texels. '
         '"fill": besides, they are filled, and texels are. Not by the surface method.')] = "auto"
-    thickness: Annotated[bool, Option(on=EACH, help=
+    thickness: Annotated[bool, Option(help=
         "How thick the solid is below each point instead: the same rays inwards, 0 thin, 1 thick.", more=
         "By the same falloff; where rays leave through holes of the mesh it is thick, which `shortfalls` says. Not "
         "with `interior` mark or fill.")] = False
     spread: Annotated[float, Option(bounds=(1, 180), help=
         "Full angle in degrees of the cone of rays about the normal, in which 180, the hemisphere, is all.", more=
         "1 to 180. Rays stay distributed like cosθ, and w is their mean: 1 where nothing is in the cone.")] = 180.0
-    back_faces: Annotated[BackFaces, Option(on=EACH, help=
+    back_faces: Annotated[BackFaces, Option(help=
         "ignore: rays pass through faces that they meet from behind, as through single-sided walls.", more=
         "A face's front is where its corners run anticlockwise. `interior` sees backs all the same. Not by the surface "
         "method.")] = "occlude"
     traversal: Annotated[Traversal, Option(help="Who traces rays; embree is slower, and checks auto.", more=
         '"auto": the rays of a point walk a hierarchy of our own together, but go through Embree in packets where half '
         "of them meet something and they are few. Not by the surface method.")] = "auto"
-    profile: Annotated[bool, Option(kind=bool | None, default=None, on=EACH, help=
+    profile: Annotated[bool, Option(kind=bool | None, default=None, help=
         "Also store w at half-distances an octave apart, from .5% to 256% of the radius, so that the half-distance can "
         "be chosen later: .npz .ply .glb .html, textures .exr; by default in .html, if that costs little.", more=
         "In Python the result's `profile`, by the same rays; without `max_distance`, and not by the surface method.")
         ] = False
-    cage: Annotated["Length | Mesh | Any", Option(kind=str | None, default=None, on=EACH, needs={"high": ...}, help=
+    cage: Annotated["Length | Mesh | Any", Option(kind=str | None, default=None, needs={"high": ...}, help=
         'With --high: how far it may be from the input, mesh units or "2%" of the radius (the default); or a mesh '
         "file, the input with its vertices moved outwards.", metavar="LENGTH|MESH", more=
         "A mesh has as many vertices and faces as `mesh`, in its order: rays start at the point of the cage that "

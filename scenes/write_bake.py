@@ -11,16 +11,14 @@ from typing import TYPE_CHECKING, Literal, cast, get_args
 import numpy as np
 
 from raytrace.errors import ConflictError, OptionError
-from raytrace.system.atomic import atomic_write, check_writable, write_bytes
+from raytrace.system.atomic import check_writable, write_bytes
 
 from .formats.load import PIPED, MeshFile
 from .formats.table import Channels, endings, format_of, function
 
 if TYPE_CHECKING:
     from ao import Bake, BakedTexture
-    from raytrace.types import Float64s
 
-    from .formats.stored_mesh import StoredMesh
     from .show.page.encode import Values
 
 Occlusion = Literal["none", "ramp"]
@@ -109,21 +107,6 @@ def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file:
         raise OptionError("output", "a .glb, or an image of one texture", os.fspath(path))
 
 
-def write_tiled(path: Path, w: Float64s, mesh: StoredMesh) -> None:
-    """Write w (n,) of a mesh on the disk in runs of rows, as `write` does; colours of a PLY stay what they are."""
-    from ao.tiles.source import runs
-
-    with atomic_write(path) as file:
-        if path.suffix.lower() == ".npy":
-            np.lib.format.write_array_header_1_0(file, {"descr": "<f4", "fortran_order": False, "shape": (len(w),)})
-            for run in runs(len(w)):
-                file.write(w[run].astype("<f4").tobytes())
-        else:
-            from .formats.ply.write import write_stored_ply
-
-            write_stored_ply(file, w, mesh)
-
-
 def channels(
     path: str | os.PathLike[str],
     colors: bool | Colors | None,
@@ -151,7 +134,6 @@ def channels(
 
 
 ENDINGS = endings("write")  # of the names of files that `write` makes
-TILED = ".npy", ".ply"  # of those that `write_tiled` makes
 
 
 def _writer(path: str | os.PathLike[str]) -> Callable[..., bytes | memoryview]:

@@ -13,16 +13,20 @@ import os
 import re
 import resource
 import subprocess
+import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from ao.report import versions
-from benchmarks import RESULTS
+from benchmarks import RESULTS, ROOT
 from benchmarks.memory.picture_4k import peak_of
-from benchmarks.memory.tiles import OBSCURANCE, write_sphere
+from benchmarks.meshes import bumpy_sphere
 from raytrace.system.atomic import write_json
 
+OBSCURANCE = [sys.executable, str(ROOT / "cli.py")]
 WAYS = {
     "--samples 16": ["--samples", "16"],
     "--tolerance .05": ["--tolerance", "0.05"],
@@ -30,6 +34,18 @@ WAYS = {
 }
 LARGE = 16 << 30
 UNITS = {"MiB": 1 << 20, "GiB": 1 << 30}
+
+
+def write_sphere(path: Path, faces: int) -> None:
+    mesh = bumpy_sphere(faces // 2)
+    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(mesh.vertices)}\n"
+    header += "".join(f"property float {axis}\n" for axis in "xyz")
+    header += f"element face {len(mesh.faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    rows = np.empty(len(mesh.faces), [("n", "u1"), ("v", "<i4", 3)])
+    rows["n"], rows["v"] = 3, mesh.faces
+    with path.open("wb") as file:
+        file.write(header.encode() + mesh.vertices.astype("<f4").tobytes())
+        rows.tofile(file)
 
 
 def bytes_of(amount: str, unit: str) -> int:

@@ -4,7 +4,6 @@ import io
 import json
 import os
 import secrets
-import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -19,7 +18,6 @@ if sys.platform != "win32":
     import fcntl
 
 _BEGIN, _END = ".obscurance-", ".part"  # of temporary names
-_LOCK = "lock"  # in a temporary folder
 
 
 @contextmanager
@@ -80,26 +78,6 @@ def _beside(path: str | os.PathLike[str], replaces: bool = True) -> Iterator[tup
         raise
     except OSError as reason:
         raise _cannot_write(path, reason) from None
-
-
-@contextmanager
-def scratch_folder(target: str | os.PathLike[str]) -> Iterator[Path]:
-    """A folder beside `target` until the block ends; what a killed process left there, the next one removes."""
-    for again in (False, True):  # the first may be taken for one of the dead's before it is locked
-        folder = _temporary_name(Path(target).absolute())
-        try:
-            _remove_left_over(folder.parent)
-            folder.mkdir()
-            lock = _create(folder / _LOCK)
-            break
-        except OSError as reason:
-            if again:
-                raise _cannot_write(target, reason) from None
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-        os.close(lock)
 
 
 def standard_output(ending: str) -> Path:
@@ -170,7 +148,7 @@ def _create(path: Path) -> int:
 
 @cache
 def _remove_left_over(folder: Path) -> None:
-    """Delete temporary files and folders of processes that were killed; once in this process."""
+    """Delete temporary files of processes that were killed; once in this process."""
     if sys.platform == "win32":
         return
     with suppress(OSError), os.scandir(folder) as entries:
@@ -178,14 +156,11 @@ def _remove_left_over(folder: Path) -> None:
             if not (entry.name.startswith(_BEGIN) and entry.name.endswith(_END)):
                 continue
             with suppress(OSError):  # it is locked, or another user's
-                is_folder = entry.is_dir(follow_symlinks=False)
-                locked = os.path.join(entry.path, _LOCK) if is_folder else entry.path
-                create = os.O_CREAT if is_folder else 0  # a process may be killed as it makes or removes the folder
-                handle = os.open(locked, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | create, 0o666)
+                handle = os.open(entry.path, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
                 try:
                     fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
                     if os.fstat(handle).st_nlink:
-                        shutil.rmtree(entry.path, ignore_errors=True) if is_folder else os.unlink(entry.path)
+                        os.unlink(entry.path)
                 finally:
                     os.close(handle)
 

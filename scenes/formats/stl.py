@@ -5,18 +5,13 @@ a file, where what trimesh reads takes 22 times (docs/reliability.md).
 """
 
 import re
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.errors import MeshError
 
 from ..geometry.instances import Instance
 from .number_rows import NumberRows
-from .ply.layout import INDICES, UP_COMMENT, PlyElement
-from .stored_mesh import EXPECTED, StoredMesh, stored_rows
 from .table import MeshInput
 
 _HEADER, _TRIANGLE = 84, np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -61,25 +56,3 @@ def _solids(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
     if not solids:
         raise damaged
     return solids
-
-
-def open_stl(path: Path) -> StoredMesh:
-    """A binary file that stays on the disk. Raises: MeshError: it is none."""
-    with path.open("rb") as file:
-        announced = int.from_bytes(file.read(_HEADER)[80:], "little")
-    if path.stat().st_size != _HEADER + announced * _TRIANGLE.itemsize or not announced:
-        raise MeshError(path, "content", EXPECTED, "a text file, an incomplete or an empty one")
-    vertex = PlyElement("vertex", 3 * announced, {axis: ("f", "") for axis in "xyz"})
-    face = PlyElement("face", announced, {INDICES[0]: ("i", "B")})
-    triangles = stored_rows(path, _TRIANGLE, _HEADER)
-
-    def vertices(run: slice) -> npt.NDArray[Any]:
-        some = triangles(slice(run.start // 3, -(-run.stop // 3)))["vertices"].reshape(-1, 3)
-        return some[run.start % 3 :][: run.stop - run.start].copy().view(vertex.row({})).ravel()
-
-    def faces(run: slice) -> npt.NDArray[Any]:
-        rows = np.full(run.stop - run.start, 3, face.row({INDICES[0]: 3}))
-        rows[INDICES[0]] = np.arange(3 * run.start, 3 * run.stop).reshape(-1, 3)
-        return rows
-
-    return StoredMesh(str(path), vertex, face, vertices, faces, INDICES[0], (UP_COMMENT + "z",))

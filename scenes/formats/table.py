@@ -40,7 +40,6 @@ class FileFormat(NamedTuple):
     read: str = ""  # a `MeshInput` to a list of `Instance`s, of glTF with its asset
     peak: float = 0.0  # bytes of memory a byte of file while it is read; what archives and glTF hold is counted later
     begins: bytes = b""  # a pattern of the first bytes, which identifies a pipe's format
-    open_rows: str = ""  # a path to a `StoredMesh`, for tiles
     write: str = ""  # a bake, a `MeshFile` and `Channels` to bytes
     lost: str = ""  # a `MeshFile` and `Channels.colors` to words for what an output lacks
     holds: tuple[str, ...] = ()  # of "w", "colors" of vertices, "uv" of polygons' corners, a "scene"
@@ -52,11 +51,11 @@ _ROWS = (
     FileFormat(".npz", "NumPy", write="write_bake:npz", holds=("w",)),
     FileFormat(".obj", "OBJ", "formats.obj.read:read_obj", 9.0,
                rb"(\s*(#[^\n]*)?\n)*\s*(v|vn|vt|o|g|mtllib|usemtl|s)\s", holds=("uv",)),
-    FileFormat(".ply", "PLY", "formats.ply.read:read_ply", 7.5, rb"ply\r?\n", "formats.ply.write:open_ply",
-               "formats.ply.write:ply", "formats.losses:of_ply", ("w", "colors", "uv")),
-    FileFormat(".stl", "STL", "formats.stl:read_stl", 6.0, rb"\s*solid\b.*\n\s*facet\b", "formats.stl:open_stl"),
+    FileFormat(".ply", "PLY", "formats.ply.read:read_ply", 7.5, rb"ply\r?\n", "formats.ply.write:ply",
+               "formats.losses:of_ply", ("w", "colors", "uv")),
+    FileFormat(".stl", "STL", "formats.stl:read_stl", 6.0, rb"\s*solid\b.*\n\s*facet\b"),
     FileFormat(".off", "OFF", "formats.off:read_off", 7.5, rb"\s*(ST)?(C?N?4?n?)OFF\b"),
-    FileFormat(".glb", "GLB", _GLTF, 2.0, rb"glTF", "", "formats.glb.write:glb", "formats.losses:of_glb",
+    FileFormat(".glb", "GLB", _GLTF, 2.0, rb"glTF", "formats.glb.write:glb", "formats.losses:of_glb",
                ("w", "colors", "scene")),
     FileFormat(".gltf", "glTF", _GLTF, 2.0, rb"\s*\{", holds=("w", "scene")),
     FileFormat(".3mf", "3MF", "formats.threemf:read_3mf", 1.0, rb"PK\x03\x04"),

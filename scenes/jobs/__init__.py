@@ -1,1 +1,1 @@
-"""`obscurance bake` and `merge`: options, one input or many, in parts, by a cluster, in tiles."""
+"""`obscurance bake` and `merge`: options, one input or many, in parts, by a cluster."""

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
 
-from ao.declared import ALL, EACH, IMAGE, Option, rows
+from ao.declared import EACH, IMAGE, Option, rows
 from ao.options import TextureOptions, VertexOptions
 from raytrace.errors import ConflictError, OptionError, Relation
 
@@ -29,7 +29,7 @@ InputFormat = Literal["ply", "obj", "stl", "off", "glb", "gltf", "3mf"]
 ProgressForm = Literal["bar", "json"]
 
 _WRITTEN = "vertices texture batch merge"
-SORTS = {"tiles": "tiles", "batch": "output_dir", "part": "part"}  # of bakes, and the options that ask for them
+SORTS = {"batch": "output_dir", "part": "part"}  # of bakes, and the options that ask for them
 
 _SECTIONS: dict[str, tuple[Option | str, ...]] = {
     "": (
@@ -37,11 +37,11 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
                "('meshes/*.obj'); or - for standard input.", role="input", metavar="INPUT"),
         Option("output", Path | None, None, "Output file, format by ending: .npy .npz .ply .glb of the vertices; .html "
                "to look at them; .png .exr .tif a texture, with <UDIM>, <MATERIAL>, <OBJECT> in the name one for each.",
-               ALL + " merge", "output", short="-o"),
+               EACH + " merge", "output", short="-o"),
         Option("output_dir", Path | None, None, "For several inputs: folder of their outputs, and of manifest.json.",
                EACH, "run", excludes=("output",), metavar="FOLDER"),
         "samples", "tolerance",
-        Option("quiet", bool, False, "No progress bar and no summary.", ALL + " merge", "run", short="-q"),
+        Option("quiet", bool, False, "No progress bar and no summary.", EACH + " merge", "run", short="-q"),
     ),
     "What occludes": (
         "thickness",
@@ -55,20 +55,20 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
                'that info prints of the input, as of all percentages.'),
         Option("max_distance", str, "inf", 'Ignore hits farther away: mesh units, "25%" of the radius, or inf.'),
         Option("occluder", list[Path] | None, None, "A mesh file that occludes and gets no w; several, one option for "
-               "each.", EACH, "input", excludes=("high", "tiles"), metavar="MESH"),
+               "each.", EACH, "input", excludes=("high",), metavar="MESH"),
         Option("ground", str | None, None, "A ground plane without end: auto, just below the lowest vertex along the "
-               "up axis, or its height.", EACH, excludes=("high", "tiles"), metavar="auto|HEIGHT"),
+               "up axis, or its height.", EACH, excludes=("high",), metavar="auto|HEIGHT"),
         Option("receive", list[str] | None, None, "Only objects of this name get w, a pattern ('body*') or all others "
-               "('!glass*'); several, one option for each.", EACH, excludes=("high", "tiles"), metavar="PATTERN"),
+               "('!glass*'); several, one option for each.", EACH, excludes=("high",), metavar="PATTERN"),
         Option("cast", list[str] | None, None, "Only objects of this name occlude, likewise.", EACH,
-               excludes=("high", "tiles"), metavar="PATTERN"),
+               excludes=("high",), metavar="PATTERN"),
         Option("exclude", list[str] | None, None, "Objects of this name neither get w nor occlude, likewise.", EACH,
-               excludes=("high", "tiles"), metavar="PATTERN"),
+               excludes=("high",), metavar="PATTERN"),
         Option("occluded_by", OccludedBy, "all", "By all, the own object alone, or objects of its name: as if each "
                "were in a file of its own, with occluders and ground.", "vertices texture batch",
                excludes=("high", "cluster", "profile", "resume")),
         Option("flip", bool, False, "Turn all faces of the input over, for meshes that look inwards; outputs have them "
-               "turned.", EACH),
+               "turned."),
         "normals", "interior", "back_faces",
         Option("alpha", Alpha, "auto",
                "auto: what glTF and OBJ materials cut out or blend lets light through; ignore: opaque."),
@@ -123,9 +123,6 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
                metavar="local[:N]|tls://HOST:PORT"),
         Option("shared", Path | None, None, "With --cluster: a folder that all workers see; that of the output.",
                "vertices texture batch", "run", {"cluster": ...}, metavar="FOLDER"),
-        Option("tiles", str | None, None, "For a mesh larger than memory, a binary PLY or STL: so many tiles along x, "
-               "y and z, one at a time; with --max-distance, --no-denoise and --interior ignore.", "tiles", "run",
-               {"denoise": False, "interior": "ignore"}, metavar="AxBxC"),
     ),
     "Reports, repeats, other programs": (
         Option("format", Format | None, None,
@@ -142,9 +139,9 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
         Option("dry_run", bool, False, "Write nothing; tell rays, memory, time and what would be written.",
                "vertices texture batch", "run"),
         Option("progress", ProgressForm, "bar",
-               "A bar on a terminal, or lines of JSON on standard error for other programs.", ALL, "run"),
+               "A bar on a terminal, or lines of JSON on standard error for other programs.", EACH, "run"),
         Option("options", Path | None, None, "Options of an earlier bake, from its --report or manifest.json; those "
-               "given here override them.", ALL, "run", metavar="REPORT"),
+               "given here override them.", EACH, "run", metavar="REPORT"),
     ),
 }  # fmt: skip
 BAKER = {row.name: row for record in (VertexOptions, TextureOptions) for row in rows(record).values() if row.on}

@@ -11,13 +11,15 @@ import typer
 from typer.core import TyperCommand
 
 from ao.declared import Option
-from raytrace.errors import InputError, nearest_name
+from raytrace.errors import InputError, OptionError, nearest_name
 
 from ..presets import without_preset
 from .options import BAKE, ROWS
 
 _MOST = 1 << 28  # bytes; anything larger is no report
 _OLD = {f"--{no}{row.was}": f"--{no}{row.name}" for row in BAKE if row.was for no in ("", "no-")}
+_GONE = {"--tiles": "--part K/N, each on a machine of its own, and obscurance merge"}
+"""Options that are no more, and what to do instead."""
 EXAMPLES = """\b
 Examples, with the mesh that obscurance demo writes:
   obscurance bake demo/temple.ply -o temple.glb
@@ -74,6 +76,9 @@ class TableCommand(TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         bare = [each == "--colors" and not after.isalpha() for each, after in pairwise([*args, ""])]
         pairs = [(f"{each}=rgb" if is_bare else each).partition("=") for each, is_bare in zip(args, bare, strict=True)]
+        for name, _, _ in pairs:
+            if name in _GONE:
+                raise OptionError(name.removeprefix("--"), _GONE[name], f"{name}, which is no more")
         return super().parse_args(ctx, [_OLD.get(name, name) + sign + value for name, sign, value in pairs])
 
     def format_options(self, ctx: Any, formatter: Any) -> None:

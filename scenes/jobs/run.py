@@ -10,22 +10,22 @@ from pathlib import Path
 from typing import Any, get_args
 
 from raytrace.errors import ConflictError, OptionError
-from raytrace.system.atomic import scratch_folder, standard_output
-from raytrace.system.checks import check_outputs, make_folder
+from raytrace.system.atomic import standard_output
+from raytrace.system.checks import make_folder
 
-from ..falloffs import make_falloff, table_of
+from ..falloffs import table_of
 from ..formats.images import ENDINGS as IMAGES
 from ..formats.images import is_texture
 from ..formats.load import STANDARD, standard_input
 from ..presets import preset_format, with_preset
-from ..write_bake import ENDINGS, TILED, write_tiled
+from ..write_bake import ENDINGS
 from .bake import MeshBake
 from .batch import Batch
-from .console import compiling, note, progress, quietly
+from .console import note, quietly
 from .dry_run import dry_run
 from .inputs import expand, is_pattern, outputs_in
 from .manifest import is_batch_of_parts, merge_batch
-from .options import BAKE, BAKER, SORTS, Format, absolute, cage_of, check_sort, check_together, defaults, plain
+from .options import BAKE, SORTS, Format, absolute, cage_of, check_sort, check_together, defaults, plain
 from .remote import Workers, cluster_checkpoint
 from .vertices import BakeCommand
 
@@ -95,7 +95,7 @@ def bake_command(options: Mapping[str, Any]) -> MeshBake:
 def _run_single(options: dict[str, Any]) -> int:
     """Run the bake of one input."""
     given, output, format_ = options["mesh"], options["output"], options["format"]
-    large = next((name for name in ("tiles", "part", "cluster") if options[name]), None)
+    large = next((name for name in ("part", "cluster") if options[name]), None)
     if STANDARD in given and len(given) > 1:
         raise ConflictError("mesh", "does not go with", "others where one is -, standard input")
     _check_output(given, output, folder=large == "part")
@@ -108,8 +108,6 @@ def _run_single(options: dict[str, Any]) -> int:
     elif format_ is not None:
         raise ConflictError("format", "needs", "--output-dir or -o -")
     options = {**options, "mesh": given[0], "output": output}
-    if large == "tiles":
-        return _bake_tiles(options)
     if large == "part":
         return _trace_part(options)
     if large == "cluster":
@@ -127,39 +125,6 @@ def _run_single(options: dict[str, Any]) -> int:
     else:
         bake = bake_command(options)
     return dry_run([bake], bake.check()) if options["dry_run"] else bake.run()
-
-
-def _bake_tiles(options: dict[str, Any]) -> int:
-    """Bake with `--tiles` AxBxC, write, and print a summary. Returns: the exit status, 0."""
-    from ao.tiles.bake_tiled import bake_tiled
-
-    from ..formats.stored_mesh import open_mesh
-
-    match = re.fullmatch(r"(\d{1,3})x(\d{1,3})x(\d{1,3})", options["tiles"])
-    x, y, z = map(int, match.groups()) if match else (0, 0, 0)
-    if 0 in (x, y, z):
-        raise OptionError("tiles", "how many along x, y and z, such as 2x2x2", repr(options["tiles"]))
-    endless = options["max_distance"].strip().lower() in ("inf", "+inf", "infinity")
-    if endless and not options["falloff"].startswith("table:"):
-        raise ConflictError("tiles", "needs", "max_distance")
-    if options["normals"] == "file":
-        raise ConflictError("tiles", "does not go with", ("normals", "file"))
-    start, output = time.perf_counter(), options["output"]
-    falloff = make_falloff(*(options[name] for name in ("falloff", "tau", "half_distance", "max_distance")))
-    if output.suffix.lower() not in TILED:
-        raise OptionError("output", "a name ending in " + " or ".join(TILED) + " with --tiles", output)
-    check_outputs({"--output": output}, [options["mesh"], *table_of(options["falloff"])])
-    mesh = open_mesh(options["mesh"])
-    given = {row.name: options[row.name] for row in BAKER.values() if "tiles" in row.on}
-    with scratch_folder(output) as scratch:
-        with progress(options["quiet"], "rays", form=options["progress"]) as (advance,), compiling():
-            baked = bake_tiled(mesh, scratch, (x, y, z), falloff, progress=advance, **given)
-        write_tiled(output, baked.w, mesh)
-    if not options["quiet"]:
-        took = f"{baked.rays:,} rays traced in {time.perf_counter() - start:.2f} s"
-        more = f"{baked.tiles:,} tiles, {baked.halo:.0%} more faces than without"
-        print(f"{output}: {mesh.vertex_count:,} vertices, {took}\n{more}")
-    return 0
 
 
 def _trace_part(options: dict[str, Any]) -> int:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import ao
-from ao.tiles.bake_tiled import bake_tiled
 from raytrace import Camera, DirectionalLight, Lambert, Mesh, Object, Scene, Settings, Shape, render
 from raytrace.mesh.precision import outlier_warnings
 from tests.helpers.meshes import soup_over_floor
@@ -43,30 +42,6 @@ def test_unused_vertices_change_no_bit(method):
     assert np.array_equal(one.w, other.w[:COUNT])
     assert np.array_equal(one.error, other.error[:COUNT])
     assert (other.flags[COUNT:] == ao.Flag.UNREFERENCED).all()
-
-
-def test_unused_vertices_change_no_tile(tmp_path):
-    class Source:
-        name = "mesh"
-
-        def __init__(self, mesh):
-            self.mesh, self.vertex_count, self.face_count = mesh, len(mesh.vertices), len(mesh.faces)
-
-        def vertices(self, first, last):
-            return self.mesh.vertices[first:last]
-
-        def faces(self, first, last):
-            return self.mesh.faces[first:last]
-
-    found = []
-    for number, mesh in enumerate((Mesh(VERTICES, FACES), with_unused_vertices(), with_far_triangle(1e6))):
-        folder = tmp_path / str(number)
-        folder.mkdir()
-        found.append(bake_tiled(Source(mesh), folder, (2, 2, 1), ao.Binary(max_distance="20%"), 64))
-        whole = ao.bake(mesh, ao.Binary(max_distance="20%"), 64, reconstruct=False, hidden="ignore")
-        assert np.array_equal(found[-1].w, whole.w)
-    assert np.array_equal(found[0].w, found[1].w[:COUNT])
-    assert found[0].mu == found[1].mu
 
 
 def test_unused_vertices_change_no_texel():

@@ -147,7 +147,8 @@ def test_what_does_not_go_with_it():
 
 def test_percentages_are_of_the_coarse_mesh():
     vertices, faces = sheet(9)
-    fine = Mesh(np.append(vertices, vertices + [5, 0, 0], axis=0), np.append(faces, faces + len(vertices), axis=0))
+    aside = vertices + np.array([5, 0, 0])
+    fine = Mesh(np.append(vertices, aside, axis=0), np.append(faces, faces + len(vertices), axis=0))
     coarse = Mesh(*sheet(3))
     baked = ao.bake(coarse, ao.Exponential(half_distance="50%"), high=fine, samples=64, profile=True)
     assert np.log(2) / baked.mu.tau == pytest.approx(0.5 * 0.5**0.5)

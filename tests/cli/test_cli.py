@@ -253,7 +253,7 @@ def test_usage_mistakes_take_one_line():
     [
         (signal.SIGINT, ()),
         (signal.SIGTERM, ()),
-        (signal.SIGTERM, ("--tiles", "1x1x1", "--max-distance", "50%", "--no-reconstruct", "--hidden", "ignore")),
+        (signal.SIGTERM, ("--no-reconstruct", "--hidden", "ignore")),
     ],
 )
 def test_an_interrupt_leaves_nothing_behind(tmp_path, by, options):

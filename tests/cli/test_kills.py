@@ -10,7 +10,7 @@ from command import started
 from project import HELPERS, environment
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
-KINDS = ("npy", "ply", "glb", "texture", "textured", "batch", "textures", "picture", "tiles", "parts", "page", "report")
+KINDS = ("npy", "ply", "glb", "texture", "textured", "batch", "textures", "picture", "parts", "page", "report")
 
 
 def killed(folder, kills, kind):

@@ -204,7 +204,6 @@ def test_a_batch_excludes_where_there_is_something_to_exclude(folder):
          "textures in a .glb"),
         (["m.glb", "--occluded-by", "object"], "--occluded-by needs <OBJECT> in the name of an image"),
         (["--cast", "hat", "--high", "m.obj"], "--cast and --high exclude each other"),
-        (["--receive", "hat", "--tiles", "2x1x1"], "--receive and --tiles exclude each other"),
     ],
 )  # fmt: skip
 def test_mistakes_are_one_line(folder, options, message):

@@ -61,12 +61,11 @@ def companions():
 
 
 SMALL = ("--width", "16", "--height", "12", "--samples", "2", "--threads", "2")
-TILES = ("--tiles", "2x1x1", "--no-denoise", "--interior", "ignore", "--max-distance", "25%")
 BAKES = (
     ("-o", "made.ply"), ("-o", "made.glb"), ("-o", "made.npz"), ("-o", "made.npy"), ("-o", "made.html"), ("--dry-run",),
     ("-o", "made.ply", "--method", "surface"), ("-o", "made.ply", "--tolerance", ".05"),
     ("-o", "made.png", "--uv", "unwrap", "--size", "32"), ("-o", "made.exr", "--size", "32"),
-    ("-o", "made.glb", "--occlusion", "texture", "--size", "32"), ("-o", "made.ply", *TILES),
+    ("-o", "made.glb", "--occlusion", "texture", "--size", "32"),
     ("-o", "made.npz", "--falloff", "binary", "--normals", "file"),
 )  # fmt: skip
 RENDERS = ((), (), ("--obscurance", "off"), ("--shading", "gouraud"), ("--alpha", "ignore"), ("--no-own-occlusion",))

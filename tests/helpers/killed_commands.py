@@ -43,7 +43,6 @@ BATCH = (
     "out",
     "--resume",
 )
-TILES = (*BAKE, "--tiles", "2x2x1", "--max-distance", "25%", "--no-denoise", "--interior", "ignore", "-o")
 KINDS = {
     "npy": [(*RESUMED, "out/w.npy")],
     "ply": [(*RESUMED, "out/w.ply")],
@@ -53,7 +52,6 @@ KINDS = {
     "batch": [BATCH],
     "textures": [(*BATCH, "--format", "png", "--size", "64")],
     "picture": [("render", "scene.toml", "-o", "out/p.exr", "--quiet")],
-    "tiles": [(*TILES, "out/w.ply")],
     "parts": [(*BAKE, "--part", f"{n}/2", "-o", "out/parts") for n in (1, 2)]
     + [("merge", "out/parts", "-o", "out/w.ply")],
     "page": [(*BAKE, "-o", "out/w.html")],
@@ -135,7 +133,7 @@ def main(kills, seed, kind, folder):
             seen["killed"] += os.WIFSIGNALED(status)
             seen["finished"] += not os.WIFSIGNALED(status)
             for name, content in outputs().items():
-                on_the_way = any(part in name for part in (".part", "/parts/", "/.obscurance-", ".tiles"))
+                on_the_way = any(part in name for part in (".part", "/parts/", "/.obscurance-"))
                 seen["left"] += on_the_way
                 if name.endswith(".json") or on_the_way:
                     continue

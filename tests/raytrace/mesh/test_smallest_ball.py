@@ -59,7 +59,7 @@ def test_known_balls(name):
 def test_neither_turning_nor_refinement_changes_a_mesh_s_radius():
     shape = trimesh.creation.cone(radius=1, height=2)
     finer = shape.subdivide().subdivide()
-    turned = Mesh(shape.vertices @ generic_rotation(3).T, shape.faces)
+    turned = Mesh(generic_rotation(3).apply(shape.vertices), shape.faces)
     radius = Mesh(shape.vertices, shape.faces).radius
     assert radius == pytest.approx(1.25, rel=1e-10)  # of the triangle of its outline
     assert turned.radius == pytest.approx(radius, rel=1e-10)

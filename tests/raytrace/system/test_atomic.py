@@ -10,8 +10,7 @@ import pytest
 from project import ROOT
 
 from raytrace.errors import OutputError
-from raytrace.system import atomic
-from raytrace.system.atomic import atomic_write, check_writable, scratch_folder, write_json
+from raytrace.system.atomic import atomic_write, check_writable, write_json
 
 
 def names(folder):
@@ -179,29 +178,3 @@ def test_what_a_killed_process_left_is_removed_but_not_what_another_is_writing(t
         assert names(tmp_path) == [left, "w.npy"]
         alive.communicate()
     assert names(tmp_path) == ["other.npy", "w.npy"]
-
-
-@pytest.mark.skipif(os.name == "nt", reason="POSIX locks")
-def test_a_folder_whose_process_was_killed_as_it_made_or_removed_it_is_removed(tmp_path):
-    left = tmp_path / ".obscurance-0123456789ab.part"
-    (left / "tile").mkdir(parents=True)
-    (left / "tile" / "w").write_bytes(b"half")
-    with scratch_folder(tmp_path / "w.npy") as mine:
-        assert names(tmp_path) == [mine.name]
-    assert names(tmp_path) == []
-
-
-@pytest.mark.skipif(os.name == "nt", reason="POSIX locks")
-def test_a_folder_taken_before_it_is_locked_is_made_again(tmp_path, monkeypatch):
-    made, taken = atomic._create, []
-
-    def create(path):
-        if not taken:
-            taken.append(path.parent)
-            atomic._remove_left_over.__wrapped__(tmp_path)
-        return made(path)
-
-    monkeypatch.setattr(atomic, "_create", create)
-    with scratch_folder(tmp_path / "w.npy") as mine:
-        assert mine not in taken
-        assert names(tmp_path) == [mine.name]

@@ -12,7 +12,7 @@ from scenes.write_bake import TILED
 
 @pytest.mark.parametrize("row", FORMATS.values(), ids=FORMATS)
 def test_functions_of_a_row_are_there(row):
-    for name in filter(None, (row.read, row.open_rows, row.write, row.lost)):
+    for name in filter(None, (row.read, row.write, row.lost)):
         assert callable(function(name))
     assert bool(row.read) == bool(row.peak)
     assert not row.lost or row.write

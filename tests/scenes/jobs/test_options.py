@@ -182,7 +182,7 @@ TOGETHER = {
     "profile": ({"output": "w.npz"}, {"output": "w.npz", "profile": True}),
 }
 """Of options that need others, the options of two bakes."""
-APART = {"tiles", "occluded_by"}
+APART = {"occluded_by"}
 """Options of bakes that keep no journal."""
 
 
@@ -242,11 +242,10 @@ def test_the_three_forms_of_conflicts():
     for options, said in [
         ({"cage": "2%"}, "cage needs high"),
         ({"size": "64", "texel_size": "1%"}, "texel_size and size exclude each other"),
-        ({"tiles": "1x1x1"}, "tiles needs denoise=False"),
     ]:
         with pytest.raises(ConflictError, match=f"options: {said}$"):
             check_together(plain | options, BAKE)
-    for sort, said in {"tiles": "and tiles exclude each other", "texture": "does not go with a texture"}.items():
+    for sort, said in {"part": "and part exclude each other", "texture": "does not go with a texture"}.items():
         with pytest.raises(ConflictError, match=f"options: colors {said}$"):
             check_sort(plain | {"colors": True}, sort)
     with pytest.raises(ConflictError, match=r"^options: denoise=False does not go with tolerance$") as fault:
@@ -258,7 +257,7 @@ def test_relations_name_options_of_the_table():
     for row in (*BAKE, *MERGE):
         for name in (*row.needs, *row.excludes):
             assert name in ROWS, f"{row.name} needs or excludes {name}"
-        assert set(row.on.split()) <= {"vertices", "texture", "tiles", "part", "merge", "batch"}
+        assert set(row.on.split()) <= {"vertices", "texture", "part", "merge", "batch"}
 
 
 def test_earlier_names_of_options_are_understood_in_python():

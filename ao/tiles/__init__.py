@@ -1,1 +1,0 @@
-"""Bakes of meshes larger than memory: tile by tile, each with what is within reach of it."""
