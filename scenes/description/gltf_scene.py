@@ -163,7 +163,7 @@ def read_gltf(path: Path, settings: Settings, up: str | None = None, view: str |
 
 
 def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...]]:
-    """The drawn primitives of a file, sharing shapes by mesh, the asset, and notes on what is left out.
+    """The drawn primitives of a file, sharing shapes by mesh and pose, the asset, and notes.
 
     Raises: MeshError: the file cannot be read, or draws no triangles. SceneError: a texture cannot be used.
     """
@@ -172,20 +172,20 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...]]
         raise MeshError(path, "file", "glTF or GLB", path.suffix)
     with mesh_errors(path):
         _ = asset.materials  # to find what is malformed
-        textures = Textures(asset)
-        materials = Materials(textures)
-        shapes: dict[tuple[int, int], Shape] = {}
+        materials = Materials(textures := Textures(asset))
+        shapes: dict[Any, Shape] = {}
         objects = []
         for piece, placed in zip(asset.drawn, instances, strict=True):
             if placed.is_flattened:  # a scale of zero hides, in glTF
                 continue
-            key = (piece.mesh, piece.place)
-            if key not in shapes:
-                shapes[key] = _shape(piece, placed, materials, textures)
-            objects.append(Object(shapes[key], np.eye(4) if placed.matrix is None else placed.matrix, placed.name))
+            if piece.shape not in shapes:
+                shapes[piece.shape] = _shape(piece, placed, materials, textures)
+            matrix = np.eye(4) if placed.matrix is None else placed.matrix
+            objects.append(Object(shapes[piece.shape], matrix, placed.name))
     if not objects:
         raise MeshError(path, "nodes", "at least one triangle to see", "none")
-    return tuple(objects), asset, materials.notes()
+    notes = tuple(printable(f"{path}: {note}") for placed in instances for note in placed.notes)
+    return tuple(objects), asset, notes + materials.notes()
 
 
 def _shape(piece: DrawnPrimitive, placed: Instance, materials: Materials, textures: Textures) -> Shape:

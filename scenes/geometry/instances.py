@@ -99,16 +99,19 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Sub
         checked = Mesh(vertices[part.vertices], placed.faces, source=f"{source}: {placed.name}")
         faces[part.faces] = (checked.faces[:, ::-1] if _is_mirrored(placed) else checked.faces) + part.vertices.start
         if normals is not None and placed.normals is not None:
-            x, y, z = linear
-            # The cofactor matrix is det·inverse transpose, and exists for a flattening matrix too.
-            cofactor = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
-            normals[part.vertices] = placed.normals @ cofactor.T * (-1 if _is_mirrored(placed) else 1)
+            normals[part.vertices] = placed.normals @ cofactors(linear).T * (-1 if _is_mirrored(placed) else 1)
     turned = [each.opacity.reversed() if each.opacity and _is_mirrored(each) else each.opacity for each in instances]
     more["opacity"] = Opacity.joined(turned, [len(placed.faces) for placed in instances])
     if any(placed.polygons is not None for placed in instances):
         own = [np.arange(len(placed.faces)) if placed.polygons is None else placed.polygons for placed in instances]
         more["polygons"] = np.concatenate([part.faces.start + each for part, each in zip(parts, own, strict=True)])
     return Mesh(vertices, faces, normals, **more), tuple(parts)
+
+
+def cofactors(linear: Float64s) -> Float64s:
+    """The cofactor matrices of (…, 3, 3), det · inverse transpose, which exist for flattening ones too."""
+    x, y, z = np.moveaxis(linear, -2, 0)
+    return np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=-2)
 
 
 def _is_mirrored(placed: Instance) -> bool:

@@ -127,7 +127,7 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff
     warnings += list(dict.fromkeys(others))
     printed = [] if getattr(_silent, "on", False) else warnings
     for warning in (each for each in printed if not (_quiet and COARSE in each)):
-        kind = "note" if ": not kept from " in warning else "warning"
+        kind = "note" if any(words in warning for words in (": not kept from ", ": in the pose ")) else "warning"
         print(f"{kind}: {printable(warning, LINE)}", file=sys.stderr)
     return warnings
 

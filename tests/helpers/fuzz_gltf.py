@@ -68,7 +68,8 @@ def _many_nodes(tree, rng):
 
 
 REFERENCES = ("mesh", "camera", "source", "sampler", "bufferView", "buffer", "indices", "material", "index", "skin",
-              "light", "texCoord", "scene", "POSITION", "NORMAL", "TEXCOORD_0", "COLOR_0", "TANGENT")  # fmt: skip
+              "light", "texCoord", "scene", "POSITION", "NORMAL", "TEXCOORD_0", "COLOR_0", "TANGENT", "JOINTS_0",
+              "WEIGHTS_0", "inverseBindMatrices")  # fmt: skip
 
 
 def _refer(tree, rng):

@@ -85,7 +85,7 @@ def quad_glb():
 
 
 def builder():
-    """A mesh of two primitives, and one with texture coordinates and a stride."""
+    """A mesh of two primitives, one with texture coordinates and a stride, and one of a skin and a morph target."""
     made = Builder()
     made.mesh(
         made.primitive(QUAD, [[0, 1, 2], [0, 2, 3]], np.tile([0.0, 0.0, 1.0], (4, 1)), material=0),
@@ -95,6 +95,11 @@ def builder():
     textured["attributes"]["TEXCOORD_0"] = made.accessor(np.array([[0, 0], [1, 0], [0, 1]], "<f4"), "VEC2")
     made.header["bufferViews"][-1]["byteStride"] = 8
     made.mesh(textured, made.primitive(TETRAHEDRON, mode=5, extensions=VARIANTS), name="strip")
+    posed = made.primitive(TRIANGLE, targets=[{"POSITION": made.accessor(TRIANGLE, "VEC3")}])
+    posed["attributes"]["JOINTS_0"] = made.accessor(np.tile(np.array([0, 1, 0, 0], "u1"), (3, 1)), "VEC4")
+    posed["attributes"]["WEIGHTS_0"] = made.accessor(np.tile(np.array([0.5, 0.5, 0, 0], "<f4"), (3, 1)), "VEC4")
+    made.mesh(posed, weights=[0.5])
+    made.accessor(np.tile(np.eye(4, dtype="<f4").ravel(), (2, 1)), "MAT4")
     return made
 
 
@@ -104,9 +109,11 @@ NODES = [
     {"camera": 0, "matrix": np.eye(4).ravel().tolist(), "children": [3]},
     {"extensions": {"KHR_lights_punctual": {"light": 0}}, "translation": [0, 0, 5]},
     {"mesh": 0, "name": "again"},
+    {"mesh": 2, "skin": 0, "weights": [0.25]},
 ]
 EXTRAS = {
-    "scenes": [{"nodes": [0, 4]}],
+    "scenes": [{"nodes": [0, 4, 5]}],
+    "skins": [{"joints": [0, 1], "inverseBindMatrices": 12}],
     "materials": [
         {"pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, 0.5], "metallicFactor": 0.5}, "alphaMode": "BLEND"},
         {"emissiveFactor": [1, 1, 0], "extensions": {"KHR_materials_unlit": {}}, "doubleSided": True},

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import struct
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +12,7 @@ import numpy.typing as npt
 from raytrace.types import Float64s, Int64s
 
 from ..gltf.accessors import COMPONENTS
-from ..gltf.asset import encode_glb
+from ..gltf.asset import BIN_CHUNK, JSON_CHUNK
 from ..gltf.records import PROFILE
 
 if TYPE_CHECKING:
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
 
 _CODES = {np.dtype(kind): code for code, kind in COMPONENTS.items()}
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
+_GLB_MAGIC = 0x46546C67
 
 
 class Packed:
@@ -89,3 +92,13 @@ class Packed:
         level = np.clip(w, 0, 1) * largest
         colors[:, ["rgba".index(letter) for letter in channels]] = (level if largest == 1 else np.rint(level))[:, None]
         return self.accessor(colors, **({} if largest == 1 else {"normalized": True}))
+
+
+def encode_glb(header: dict[str, Any], binary: bytes) -> bytes:
+    """A GLB file. The header should declare one buffer, without URI, of `len(binary)` bytes."""
+    content = json.dumps(header, separators=(",", ":")).encode("ascii")
+    content += b" " * (-len(content) % 4)
+    binary += b"\0" * (-len(binary) % 4)
+    chunks = struct.pack("<II", len(content), JSON_CHUNK) + content
+    chunks += struct.pack("<II", len(binary), BIN_CHUNK) + binary
+    return struct.pack("<III", _GLB_MAGIC, 2, 12 + len(chunks)) + chunks

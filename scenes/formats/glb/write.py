@@ -13,12 +13,12 @@ import numpy as np
 
 from ao import Bake
 from raytrace.image.encode import linear_png
-from raytrace.mesh.up import up_axis
+from raytrace.mesh.up import TO_Y_UP, up_axis
 from raytrace.types import AnyFloats, Float64s
 
 from ...geometry.instances import Submesh
 from ..gltf.accessors import stored_colors
-from ..gltf.asset import DRACO, MESHOPT, Gltf, referenced, stand
+from ..gltf.asset import DRACO, MESHOPT, Gltf, referenced
 from ..load import MeshFile
 from ..table import Channels
 from .buffer import Packed
@@ -50,7 +50,7 @@ def document(mesh_file: MeshFile, bake: Bake | None, channels: Channels = Channe
     packed, drawn = _stored(asset, mesh_file.parts) if asset else plain(mesh_file, channels.colors)
     stored = Gltf(mesh_file.path, packed.header, [bytes(packed.binary)]) if len(channels.colors) == 1 else None
     roots = asset.roots if asset else packed.header["scenes"][0]["nodes"]
-    stand(packed.header, up_axis(mesh_file.mesh, channels.up), roots)
+    _stand(packed.header, up_axis(mesh_file.mesh, channels.up), roots, asset.hidden if asset else [])
     if bake:
         for primitive, vertices in drawn:
             colors = None if stored is None else stored_colors(stored, primitive["attributes"], len(vertices))
@@ -72,6 +72,20 @@ def _stored(asset: Gltf, parts: tuple[Submesh, ...]) -> tuple[Packed, list[Drawn
         rows = np.arange(part.vertices.start, part.vertices.stop)
         drawn.append((meshes[nodes[piece.node]["mesh"]]["primitives"][piece.place], rows))
     return packed, drawn
+
+
+def _stand(header: dict[str, Any], up: str, roots: list[int], hidden: list[int]) -> None:
+    """Put the roots of the default scene below a node that turns `up` to y, glTF's up axis, if it is another; and
+    `hidden` nodes below one that no scene shows.
+    """
+    if up == "y":
+        return
+    matrix = np.eye(4)
+    matrix[:3, :3] = TO_Y_UP[up]
+    nodes = header["nodes"]
+    header.setdefault("scenes", [{}])[header.setdefault("scene", 0)]["nodes"] = [len(nodes)]
+    turned = {"name": f"{up} up", "matrix": matrix.T.ravel().tolist()}
+    nodes += [turned | {"children": children} for children in (roots, hidden) if children]
 
 
 def _one_buffer(asset: Gltf) -> Packed:

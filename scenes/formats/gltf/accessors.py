@@ -16,8 +16,8 @@ from .asset import MESHOPT, Gltf, entry
 from .records import TRIANGLE_STRIP, Primitive, Sparse
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-_ZEROS, _GROWTH = 1 << 22, 16  # values of a sparse accessor without a base, and more of them a byte of the file
+_COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+_ZEROS, _GROWTH = 1 << 22, 16  # values of an accessor without a base, and more of them a byte of the file
 
 
 def view_bytes(asset: Gltf, number: int) -> memoryview:
@@ -45,8 +45,8 @@ def values(asset: Gltf, number: int, *kinds: str) -> npt.NDArray[Any]:
     item, columns = np.dtype(COMPONENTS[accessor.componentType]), _COLUMNS[accessor.type]
     if accessor.bufferView is not None:
         base = _rows(asset, accessor.bufferView, accessor.byteOffset, (count, columns), item, field)
-    elif sparse is None:
-        raise MeshError(asset.path, field, "uncompressed values", asset.compressions or "no data")
+    elif sparse is None and asset.compressions:
+        raise MeshError(asset.path, field, "uncompressed values", asset.compressions)
     elif count * columns > _ZEROS + _GROWTH * sum(map(len, asset.buffers)):
         raise MeshError(asset.path, field, "a count that the file's bytes can hold", count)
     else:
@@ -88,6 +88,12 @@ def normalized(stored: npt.NDArray[Any]) -> Float64s:
     if stored.dtype.kind == "f":
         return stored.astype(np.float64)
     return np.maximum(stored / np.iinfo(stored.dtype).max, -1.0)
+
+
+def vectors(asset: Gltf, number: int) -> npt.NDArray[Any]:
+    """Vectors (n, 3), fractions where the accessor says that its integers are. Raises: as `values`."""
+    stored = values(asset, number, "VEC3")
+    return normalized(stored) if asset.geometry.accessors[number].normalized else stored
 
 
 def flipped(uv: npt.NDArray[Any]) -> npt.NDArray[Any]:

@@ -18,7 +18,6 @@ from urllib.parse import unquote
 import numpy as np
 
 from raytrace.errors import MeshError
-from raytrace.mesh.up import TO_Y_UP
 from raytrace.types import Float64s
 
 from ...safe_paths import beside
@@ -27,7 +26,7 @@ from .parse import parse
 from .records import GltfGeometry, GltfMaterial, GltfMaterials, GltfTexture, Node, Primitive, Sampler
 
 _PLACED = {"matrix", "translation", "rotation", "scale"}
-_GLB_MAGIC, _JSON_CHUNK, _BIN_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942
+JSON_CHUNK, BIN_CHUNK = 0x4E4F534A, 0x004E4942
 _DEEPEST = 100
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
@@ -42,6 +41,13 @@ class DrawnPrimitive(NamedTuple):
     place: int  # among the mesh's primitives
     primitive: Primitive
     stored: dict[str, Any]  # the same as the header has it
+    skin: int | None
+    weights: tuple[float, ...]  # of the morph targets; none: all 0
+
+    @property
+    def shape(self) -> tuple[int, int, int | None, tuple[float, ...]]:
+        """Equal of pieces that are one shape."""
+        return self.mesh, self.place, self.skin, self.weights
 
 
 @dataclass(eq=False)
@@ -84,8 +90,12 @@ class Gltf:
         geometry = self.geometry
         if "scenes" in self.header or geometry.scene:
             return entry(geometry.scenes, geometry.scene, "scenes").nodes
-        children = {child for node in geometry.nodes for child in node.children}
-        return [number for number in range(len(geometry.nodes)) if number not in children]
+        return self._tops
+
+    @cached_property
+    def _tops(self) -> list[int]:
+        children = {child for node in self.geometry.nodes for child in node.children}
+        return [number for number in range(len(self.geometry.nodes)) if number not in children]
 
     @cached_property
     def world(self) -> dict[int, Float64s]:
@@ -93,8 +103,25 @@ class Gltf:
 
         Raises: ValueError: nodes that are no tree, or not there.
         """
+        return self._placed(self.roots)
+
+    @cached_property
+    def hidden(self) -> list[int]:
+        """The nodes on which the trees of joints stand that the scene does not show though it shows their skins."""
+        numbers = {piece.skin for piece in self.drawn if piece.skin is not None}
+        skins = [entry(self.geometry.skins, number, "skins") for number in numbers]
+        if all(joint in self.world for skin in skins for joint in skin.joints):
+            return []
+        return [number for number in self._tops if number not in self.world]
+
+    @cached_property
+    def everywhere(self) -> dict[int, Float64s]:
+        """`world`, and the same of `hidden` trees. Raises: ValueError: as `world`, or there is no such skin."""
+        return self._placed(self.hidden) | self.world
+
+    def _placed(self, roots: list[int]) -> dict[int, Float64s]:
         made: dict[int, Float64s] = {}
-        stack = [(number, np.eye(4)) for number in reversed(self.roots)]
+        stack = [(number, np.eye(4)) for number in reversed(roots)]
         while stack:
             number, parent = stack.pop()
             if number in made:
@@ -108,15 +135,19 @@ class Gltf:
     def drawn(self) -> list[DrawnPrimitive]:
         """The triangle primitives, node by node as in `world`. Raises: ValueError: as that, or a triangle fan."""
         made = []
-        for node in self.world:
-            mesh = self.geometry.nodes[node].mesh
-            pieces = [] if mesh is None else entry(self.geometry.meshes, mesh, "meshes").primitives
-            for place, primitive in enumerate(pieces):
+        for number in self.world:
+            node = self.geometry.nodes[number]
+            mesh = node.mesh
+            if mesh is None:
+                continue
+            whole = entry(self.geometry.meshes, mesh, "meshes")
+            weights = tuple(node.weights or whole.weights)
+            for place, primitive in enumerate(whole.primitives):
                 if primitive.mode == records.TRIANGLE_FAN:
                     raise ValueError(f"mesh {mesh} is a triangle fan, which is not supported")
-                if mesh is not None and primitive.mode in (records.TRIANGLES, records.TRIANGLE_STRIP):
+                if primitive.mode in (records.TRIANGLES, records.TRIANGLE_STRIP):
                     stored = self.header["meshes"][mesh]["primitives"][place]
-                    made.append(DrawnPrimitive(node, mesh, place, primitive, stored))
+                    made.append(DrawnPrimitive(number, mesh, place, primitive, stored, node.skin, weights))
         return made
 
     def material(self, primitive: Primitive) -> GltfMaterial:
@@ -210,27 +241,6 @@ def _chunks(data: bytes, path: Path) -> tuple[bytes, bytes | None]:
         size, kind = struct.unpack_from("<II", data, start)
         chunks.setdefault(kind, data[start + 8 : min(start + 8 + size, length)])
         start += 8 + size
-    if _JSON_CHUNK not in chunks:
+    if JSON_CHUNK not in chunks:
         raise MeshError(path, "content", "a JSON chunk", "none")
-    return chunks[_JSON_CHUNK], chunks.get(_BIN_CHUNK)
-
-
-def encode_glb(header: dict[str, Any], binary: bytes) -> bytes:
-    """A GLB file. The header should declare one buffer, without URI, of `len(binary)` bytes."""
-    content = json.dumps(header, separators=(",", ":")).encode("ascii")
-    content += b" " * (-len(content) % 4)
-    binary += b"\0" * (-len(binary) % 4)
-    chunks = struct.pack("<II", len(content), _JSON_CHUNK) + content
-    chunks += struct.pack("<II", len(binary), _BIN_CHUNK) + binary
-    return struct.pack("<III", _GLB_MAGIC, 2, 12 + len(chunks)) + chunks
-
-
-def stand(header: dict[str, Any], up: str, roots: list[int]) -> None:
-    """Put the roots of the default scene below a node that turns `up` to y, glTF's up axis, if it is another."""
-    if up == "y":
-        return
-    matrix = np.eye(4)
-    matrix[:3, :3] = TO_Y_UP[up]
-    nodes = header["nodes"]
-    nodes.append({"name": f"{up} up", "matrix": matrix.T.ravel().tolist(), "children": roots})
-    header.setdefault("scenes", [{}])[header.setdefault("scene", 0)]["nodes"] = [len(nodes) - 1]
+    return chunks[JSON_CHUNK], chunks.get(BIN_CHUNK)

@@ -1,4 +1,4 @@
-"""The triangles that a glTF scene draws, with the transforms of their nodes (Khronos glTF 2.0, section 3.7)."""
+"""The triangles that a glTF scene draws at rest, with the transforms of their nodes (Khronos glTF 2.0, section 3.7)."""
 
 from __future__ import annotations
 
@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from raytrace.errors import MeshError
+
 from ...geometry.instances import Instance, check_copies
 from ..table import MeshInput
-from .accessors import normalized, triangles, values
+from .accessors import normalized, triangles, values, vectors
 from .asset import Gltf, decode, entry
+from .pose import Poses, in_words
 from .records import PROFILE, Primitive
 
 if TYPE_CHECKING:
@@ -22,12 +25,13 @@ _COPIES = "EXT_mesh_gpu_instancing"
 
 
 def read_gltf(given: MeshInput) -> tuple[list[Instance], Gltf]:
-    """The triangle primitives that a file draws, in the order of `Gltf.drawn`, sharing arrays by mesh, and its asset.
+    """The triangle primitives that a file draws, in the order of `Gltf.drawn`, sharing arrays by shape, and its asset.
 
-    Raises: ValueError: as `decode`, compressed values, very many copies, nodes that are no tree, no image with alpha.
+    Raises: ValueError: as `decode` and `Poses`, compressed values, very many copies, nodes that are no tree, no image
+        with alpha.
     """
     asset = decode(given.file.read(), given.path)
-    shapes: dict[tuple[int, int], Instance] = {}
+    shapes: dict[Any, Instance] = {}
     opacity_of = None
     materials = asset.header.get("materials", [])
     tables = [each for each in materials if isinstance(each, dict)] if isinstance(materials, list) else []
@@ -36,22 +40,24 @@ def read_gltf(given: MeshInput) -> tuple[list[Instance], Gltf]:
         from .textures import opacity_of as of
 
         opacity_of = partial(of, Textures(asset))
-    rows = 0
-    made = []
+    rows, poses = 0, Poses(asset)
+    made: list[Instance] = []
     for piece in asset.drawn:
-        key = (piece.mesh, piece.place)
-        if key not in shapes:
-            shape = _shape(asset, piece.primitive)
-            shapes[key] = replace(shape, opacity=opacity_of(piece.primitive, shape.faces)) if opacity_of else shape
-        shape = shapes[key]
+        if piece.shape not in shapes:
+            shape = poses.posed(piece, _shape(asset, piece.primitive))
+            shape = replace(shape, opacity=opacity_of(piece.primitive, shape.faces)) if opacity_of else shape
+            shapes[piece.shape] = shape
+        shape = shapes[piece.shape]
         rows += len(shape.vertices) + len(shape.faces)
         check_copies(rows, sum(map(len, asset.buffers)), asset.path)
         node, mesh = asset.geometry.nodes[piece.node], asset.geometry.meshes[piece.mesh]
         name = node.name or mesh.name or f"node {piece.node}"
         name = f"{name}[{piece.place}]" if len(mesh.primitives) > 1 else name
         drawn_once = f"{name} is drawn many times by {_COPIES}, which is not read: once here"
-        notes = (drawn_once,) if _COPIES in node.extensions else ()
-        made.append(replace(shape, name=name, matrix=asset.world[piece.node], notes=notes))
+        notes = () if made else in_words(asset)
+        notes += (drawn_once,) if _COPIES in node.extensions else ()
+        matrix = asset.world[piece.node] if piece.skin is None else shape.matrix
+        made.append(replace(shape, name=name, matrix=matrix, notes=notes))
     return made, asset
 
 
@@ -60,10 +66,11 @@ def _shape(asset: Gltf, primitive: Primitive) -> Instance:
     attributes = primitive.attributes
     if "POSITION" not in attributes:
         raise ValueError("a primitive without POSITION")
-    vertices = values(asset, attributes["POSITION"], "VEC3")
-    if entry(asset.geometry.accessors, attributes["POSITION"], "accessors").normalized:
-        vertices = normalized(vertices)
-    normals = normalized(values(asset, attributes["NORMAL"], "VEC3")) if "NORMAL" in attributes else None
+    vertices = vectors(asset, attributes["POSITION"])
+    accessor = asset.geometry.accessors[attributes["POSITION"]]
+    if accessor.bufferView is None and accessor.sparse is None:  # zeros, of which there is nothing to see
+        raise MeshError(asset.path, "POSITION", "uncompressed values", "no data")
+    normals = vectors(asset, attributes["NORMAL"]) if "NORMAL" in attributes else None
     faces = triangles(asset, primitive, len(vertices))
     w, profile = _stored_w(asset, attributes, len(vertices)), _stored_profile(asset, attributes, len(vertices))
     return Instance("", vertices, faces, normals, w=w, profile=profile, up="y")

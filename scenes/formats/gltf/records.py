@@ -29,6 +29,8 @@ class Node(JsonObject):
     name: str = ""
     children: list[int] = []
     mesh: int | None = None
+    skin: int | None = None
+    weights: list[float] = []
     matrix: Matrix | None = None  # column by column
     translation: Vector = (0, 0, 0)
     rotation: Quadruple | None = None
@@ -54,6 +56,12 @@ class Primitive(JsonObject):
 class GltfMesh(JsonObject):
     name: str = ""
     primitives: list[Primitive]
+    weights: list[float] = []
+
+
+class Skin(JsonObject):
+    joints: list[int]
+    inverseBindMatrices: int | None = None
 
 
 class Sparse(JsonObject):
@@ -106,6 +114,7 @@ class GltfGeometry(JsonObject):
     scenes: list[GltfScene] = []
     nodes: list[Node] = []
     meshes: list[GltfMesh] = []
+    skins: list[Skin] = []
     accessors: list[Accessor] = []
     bufferViews: list[BufferView] = []
     buffers: list[Buffer] = []
