@@ -144,8 +144,7 @@ def test_quiet_leaves_out_warnings_about_w_that_the_report_keeps(tmp_path):
         tmp_path / "w.ply",
         "--report",
         tmp_path / "r.json",
-        "--samples",
-        16,
+        *("--samples", 256, "--half-distance", "10%"),
     )
     assert "between the vertices w errs by" in obscurance(*arguments).stderr
     assert obscurance(*arguments, "-q").stderr == ""

@@ -7,7 +7,6 @@ import pytest
 from scenes.formats.images import ENDINGS as IMAGES
 from scenes.formats.table import FORMATS, endings, format_of, function, sniffed_format
 from scenes.jobs.options import Format, InputFormat
-from scenes.write_bake import TILED
 
 
 @pytest.mark.parametrize("row", FORMATS.values(), ids=FORMATS)
@@ -21,7 +20,6 @@ def test_functions_of_a_row_are_there(row):
 def test_options_offer_the_formats_of_the_table():
     assert {f".{name}" for name in get_args(InputFormat)} == set(endings("read"))
     assert {f".{name}" for name in get_args(Format)} == {*endings("write"), *IMAGES} - {".tiff"}
-    assert set(TILED) <= set(endings("write"))
 
 
 def test_endings_are_found_in_any_case_and_others_go_to_libraries():
