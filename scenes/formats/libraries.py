@@ -1,4 +1,4 @@
-"""Mesh formats that libraries read: COLLADA by pycollada, XAML and 3DXML by trimesh, the rest by meshio."""
+"""Mesh formats that libraries read: COLLADA by pycollada, the rest by meshio."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..geometry.polygons import triangulate
 from .table import MeshInput
 from .threemf import check_archive
 
-_OWN = ("3dxml", "dae", "xaml", "zae")
+_OWN = ("dae", "zae")
 _MESHIO = (
     "avs", "bdf", "cgns", "dat", "dato", "e", "ele", "ex2", "exo", "f3grid", "fem", "h5m", "hmf", "inp", "mdpa", "med",
     "mesh", "meshb", "msh", "nas", "node", "post", "su2", "tec", "ugrid", "vol", "vtk", "vtu", "wkt", "xdmf", "xmf",
@@ -37,12 +37,10 @@ def read_by_library(given: MeshInput) -> list[Instance]:
     """The placed objects of a file with one of `library_endings`. Raises: Exception: what the libraries raise."""
     file, path = given.file, given.path
     kind = path.suffix.lower().removeprefix(".")
-    if kind in ("3dxml", "zae"):
+    if kind == "zae":
         check_archive(file, str(path))
-    if kind in ("dae", "zae"):
+    if kind in _OWN:
         return _collada(file, path)
-    if kind in ("3dxml", "xaml"):
-        return _trimesh(file, kind, path)
     if given.is_on_disk:
         return _meshio(path, path)
     with tempfile.TemporaryDirectory() as folder:
@@ -79,21 +77,6 @@ def _collada(file: BinaryIO, path: Path) -> list[Instance]:
             name, faces = str(shape.name or shape.id), cut.take(corners)
             made.append(Instance(name, vertices, faces, None, matrix, cut.notes, up=up))
     return made
-
-
-def _trimesh(file: BinaryIO, kind: str, path: Path) -> list[Instance]:
-    """By trimesh's loader for `kind`: trimesh.load would merge vertices. XAML is one mesh; 3DXML's are placed."""
-    from trimesh.exchange.load import mesh_loaders
-
-    loaded = mesh_loaders[kind](file_obj=file, file_type=kind, resolver=None)
-    shapes = loaded.get("geometry", {"": loaded})
-    placed = []
-    for edge in loaded.get("graph", [{"frame_to": path.stem, "geometry": ""}]):
-        if edge.get("geometry") in shapes:
-            shape = shapes[edge["geometry"]]
-            placed.append(Instance(str(edge["frame_to"]), shape["vertices"], shape["faces"], matrix=edge.get("matrix")))
-    check_copies(sum(len(each.vertices) + len(each.faces) for each in placed), file.seek(0, os.SEEK_END), path)
-    return placed
 
 
 def _meshio(file: Path, path: Path) -> list[Instance]:

@@ -20,7 +20,7 @@ from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.system.checks import check_memory, check_regular
 from raytrace.types import Float64s
 
-from ..geometry.detail import Detail, reversed_detail, triangle_detail
+from ..geometry.detail import Detail, reversed_detail
 from ..geometry.instances import Instance, Submesh, flatten
 from .table import FORMATS, MeshInput, endings, format_of, function, sniffed_format
 
@@ -143,9 +143,6 @@ def load(
     with mesh_errors(path):
         mesh, parts = flatten(instances, str(path))
         detail = instances[0].detail if len(instances) == 1 else None
-        of = [instance.paint_of for instance in instances if instance.paint_of is not None]
-        if of:
-            detail = triangle_detail(mesh.faces, instances[0].paints, np.concatenate(of))
         unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
         if asset and aim.lost:
             _ = asset.materials  # to find what is malformed

@@ -159,10 +159,10 @@ def _reversed_element(element: Element, sizes: Int64s, order: Int64s) -> Element
     return replace(element, properties=tuple(made))
 
 
-def triangle_detail(faces: Int64s, paints: tuple[Paint, ...] = (), of: Int64s | None = None) -> Detail:
-    """The detail of triangles (m, 3) with materials (m,), -1: none."""
+def triangle_detail(faces: Int64s) -> Detail:
+    """The detail of triangles (m, 3)."""
     sizes = np.full(len(faces), 3)
-    return Detail(faces.ravel(), sizes, Triangulation(np.ones_like(sizes), 0, None), paints=paints, paint_of=of)
+    return Detail(faces.ravel(), sizes, Triangulation(np.ones_like(sizes), 0, None))
 
 
 def unique_rows(columns: Sequence[Int64s]) -> tuple[Int64s, Int64s]:

@@ -13,7 +13,7 @@ from raytrace import InputError, Mesh, MeshError, Opacity
 from raytrace.system.checks import check_memory
 from raytrace.types import Float64s, Int64s
 
-from .detail import Detail, Paint
+from .detail import Detail
 
 if TYPE_CHECKING:
     from ao import Profile
@@ -38,8 +38,6 @@ class Instance:
     profile: Profile | None = None  # that a bake has left in the file, or None
     opacity: Opacity | None = None  # alpha of the faces, or None
     up: str | None = None  # the axis that is up, if the file or its format defines it (`Mesh.up`)
-    paints: tuple[Paint, ...] = ()  # all materials of the file
-    paint_of: npt.NDArray[Any] | None = None  # (m,) which of them each face has, −1: none; or None
     polygons: Int64s | None = None  # (m,) the polygon of each face, as `raytrace.Mesh` has it, or None
 
     @property

@@ -137,7 +137,7 @@ def test_3mf_components_that_double(tmp_path, triangles, expected):
 def test_archives_that_unpack_to_very_much(tmp_path, monkeypatch):
     monkeypatch.setattr(scenes.formats.threemf, "SPARE", 1000)
     data = fuzz_seeds.archive(**{"3D/3dmodel.model": fuzz_seeds.MODEL + b" " * 1_000_000})
-    for name in ("m.3mf", "m.3dxml"):
+    for name in ("m.3mf", "m.zae"):
         assert "an archive that unpacks to at most" in mistake(tmp_path, name, data)
 
 

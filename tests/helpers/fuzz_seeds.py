@@ -186,11 +186,6 @@ DAE = b"""<?xml version="1.0"?>
 <node><node><scale>2 2 2</scale><instance_geometry url="#g"/></node></node></visual_scene></library_visual_scenes>
 <scene><instance_visual_scene url="#s"/></scene></COLLADA>
 """
-XAML = b"""<Page xmlns="http://schemas.microsoft.com/winfx/2006/xaml/presentation"><ModelVisual3D>
-<ModelVisual3D.Transform><MatrixTransform3D Matrix="1 0 0 0 0 1 0 0 0 0 1 0 1 2 3 1"/></ModelVisual3D.Transform>
-<GeometryModel3D><GeometryModel3D.Geometry><MeshGeometry3D Positions="0,0,0 1,0,0 0,1,0" Normals="0,0,1 0,0,1 0,0,1"
- TriangleIndices="0 1 2"/></GeometryModel3D.Geometry></GeometryModel3D></ModelVisual3D></Page>
-"""
 
 
 @cache
@@ -276,7 +271,6 @@ def seeds():
         "glb": [("m.glb", quad_glb())],
         "gltf": [("m.gltf", header), ("m.gltf", embedded | {"images": [{"uri": _embedded()}]})],
         "3mf": [("m.3mf", archive(**{"3D/3dmodel.model": MODEL, "a.txt": b"x"}))],
-        "xaml": [("m.xaml", XAML)],
         "toml": [("m.toml", TOML), ("m.toml", BAKED)],
         "png": [("m.png", image("png")), ("m.png", image("png", 40, 30, 4)), ("m.png", image("png", 9, 7, 1))],
         "jpeg": [("m.jpg", image("jpeg", 40, 30))],

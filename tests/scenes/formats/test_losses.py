@@ -7,8 +7,7 @@ from gltf_files import QUAD, Builder, check_glb, values
 from kept_contents import bake, columns
 from mesh_files import read, stl
 
-from raytrace.image.srgb import decode_srgb, encode_srgb
-from scenes.formats.load import load
+from raytrace.image.srgb import encode_srgb
 from scenes.formats.losses import lost
 
 
@@ -45,62 +44,12 @@ def test_colours_of_an_off_file_are_reported(tmp_path):
     assert "colours" in lost(tmp_path / "w.ply", file)[0]
 
 
-GROUPS = b"""<resources><basematerials id="7"><base name="PLA" displaycolor="#FF8000"/><base name="glass"
-displaycolor="#0000FF80"/></basematerials><colorgroup id="8"><color color="#00FF00FF"/>
-<color color="green"/></colorgroup>"""
-
-
-def painted_3mf(*changes):
-    model = MODEL.replace(b"<resources>", GROUPS)
-    for old, new in (*changes, (b'id="1" name="one"', b'id="1" name="one" pid="7" pindex="1"')):
-        assert old in model
-        model = model.replace(old, new)
-    return archive(**{"3D/3dmodel.model": model})
-
-
-def test_materials_of_a_3mf_file_come_into_a_glb(tmp_path):
-    changes = (b'v1="0" v2="1" v3="3"', b'v1="0" v2="1" v3="3" pid="8" p1="0"')
-    (tmp_path / "m.3mf").write_bytes(painted_3mf(changes))
-    order = "the order of vertices (_SOURCE_INDEX has their places)"
-    assert bake(tmp_path, "m.3mf", "out.glb") == f"note: out.glb: not kept from m.3mf: {order}\n"
-    assert "not kept from m.3mf: its division into objects, materials" in bake(tmp_path, "m.3mf", "out.ply")
-    header, binary = check_glb((tmp_path / "out.glb").read_bytes())
-    factors = {m["name"]: m["pbrMetallicRoughness"]["baseColorFactor"] for m in header["materials"][1:]}
-    assert factors["PLA"] == pytest.approx([1, float(decode_srgb(np.array(128 / 255))), 0, 1])
-    assert factors["glass"] == pytest.approx([0, 0, 1, 128 / 255])
-    assert factors["#00FF00FF"] == [0, 1, 0, 1]
-    source = load(tmp_path / "m.3mf")
-    assert len(header["meshes"]) == len(source.parts) == 3
-    for mesh, part in zip(header["meshes"], source.parts, strict=True):
-        found = {header["materials"][piece["material"]]["name"]: piece for piece in mesh["primitives"]}
-        assert list(found) == ["glass", "#00FF00FF"]
-        for piece, faces in zip(found.values(), source.mesh.faces[part.faces], strict=True):
-            rows = values(header, binary, piece["attributes"]["_SOURCE_INDEX"]).astype(int)
-            np.testing.assert_array_equal(rows[values(header, binary, piece["indices"])], faces)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "expected"),
-    [
-        (b'v2="2" v3="1"', b'v2="2" v3="1" pid="8" p1="0" p2="1"', "colours that vary within triangles"),
-        (b"<object id", b'<texture2dgroup id="9"/><object id', "materials and colours"),
-        (b'v2="2" v3="1"', b'v2="2" v3="1" pid="8" p1="99999999999" p2="x" p3="-1"', None),
-        (b'v2="2" v3="1"', b'v2="2" v3="1" pid="70" p1="0"', None),
-    ],
-)
-def test_properties_of_a_3mf_file_that_a_glb_has_no_place_for(tmp_path, old, new, expected):
-    (tmp_path / "m.3mf").write_bytes(painted_3mf((old, new)))
-    file = load(tmp_path / "m.3mf", "x.glb")
-    assert (list(file.unread) == [expected]) if expected else not file.unread
-    assert load(tmp_path / "m.3mf").unread == (("materials and colours",))
-
-
-def test_too_many_colours_of_a_3mf_file_are_reported(tmp_path, monkeypatch):
-    monkeypatch.setattr("scenes.formats.threemf.MAX_PAINTS", 3)
-    file = read(tmp_path, "m.3mf", painted_3mf())
-    (tmp_path / "m.3mf").write_bytes(painted_3mf())
-    assert load(tmp_path / "m.3mf", "x.glb").unread == ("its 4 materials and colours",)
-    assert "materials and colours" in lost(tmp_path / "w.ply", file)[0]
+@pytest.mark.parametrize("tag", [b"basematerials", b"colorgroup", b"texture2dgroup", b"multiproperties"])
+def test_materials_of_a_3mf_file_are_reported(tmp_path, tag):
+    model = MODEL.replace(b"<resources>", b'<resources><%s id="7"/>' % tag)
+    file = read(tmp_path, "m.3mf", archive(**{"3D/3dmodel.model": model}))
+    for target in ("w.ply", "w.glb"):
+        assert "materials and colours" in lost(tmp_path / target, file)[0]
 
 
 @pytest.mark.parametrize(("height", "creased"), [(0.25, False), (1, True)])
