@@ -42,9 +42,7 @@ class UVLayout:
         shown = on_page(uv)
         uv = np.where(shown[:, None, None], uv, 0.0)
         low, high = uv.min(axis=1), uv.max(axis=1)
-        extent = (high - low).max(axis=1)
-        area = doubled_areas(uv)
-        usable = np.abs(area) > _FLAT * extent**2
+        area, usable = doubled_areas(uv), have_area(uv)
         first, last = np.floor(low + _TINY).astype(np.int64), np.ceil(high - _TINY).astype(np.int64)
         spans = np.maximum(last - first, 1)
         outside = usable & ((first != 0).any(axis=1) | (spans > 1).any(axis=1))
@@ -73,6 +71,13 @@ def doubled_areas(uv: Float64s) -> Float64s:
     """Twice the area of each face (m,) of `uv` (m, 3, 2), below 0 of mirrored ones."""
     a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+def have_area(uv: Float64s) -> Bools:
+    """The faces (m,) of `uv` (m, 3, 2) that have an area there; none that are NaN."""
+    extent = np.ptp(uv, axis=1).max(axis=1)
+    large: Bools = np.abs(doubled_areas(uv)) > _FLAT * extent**2
+    return large
 
 
 def page_size(size: Any) -> tuple[int, int]:

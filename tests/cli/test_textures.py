@@ -9,6 +9,7 @@ from gltf_samples import SAMPLES
 
 from raytrace.image.read import read_image
 from scenes.formats.load import load
+from scenes.formats.stored_w import read_w
 
 FLOOR_AND_WALL = """v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv -1 1 1\nv 1 1 1
 vt .05 .05\nvt .95 .05\nvt .95 .45\nvt .05 .45\nvt .05 .55\nvt .95 .55\nvt .95 .95\nvt .05 .95
@@ -200,7 +201,7 @@ FLAT = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n"
 
 @pytest.mark.parametrize("corners", ["1/1 2 3", "1/1 2/1 3/1"])
 @pytest.mark.parametrize(
-    "output", ["-o n.png", "-o n.png --dry-run", "-o n.png --report r.json", "-o n.glb --occlusion texture"]
+    "output", ["-o n.png", "-o n.png --dry-run", "-o n.png --report r.json", "-o n.glb --occlusion texture --orm"]
 )
 def test_a_texture_without_any_face_is_refused(tmp_path, monkeypatch, corners, output):
     monkeypatch.chdir(tmp_path)
@@ -210,6 +211,49 @@ def test_a_texture_without_any_face_is_refused(tmp_path, monkeypatch, corners, o
     assert [path.name for path in tmp_path.iterdir()] == ["n.obj"]
     batch = obscurance("bake", "n.obj", "--output-dir", "out", "--format", "png")
     assert (batch.returncode, words in batch.stderr) == (1, True)
+
+
+def test_faces_without_area_on_the_page_get_charts_of_their_own_in_a_glb(tmp_path):
+    pytest.importorskip("uvunwrap")
+    path, made, dry = tmp_path / "palette.obj", tmp_path / "w.glb", tmp_path / "dry.glb"
+    line = "--occlusion", "texture", "--size", 64, "--samples", 64, "--falloff", "binary"
+    flat_wall = FLOOR_AND_WALL.replace("f 4/5 3/6 6/7 5/8", "f 4/5 3/5 6/5 5/5")
+    path.write_text(f"{flat_wall}v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nf 10/1 9/1 8/1 7/1\n")
+    assert "8,192 texels" in bake(path, "-o", dry, *line, "--dry-run").stdout
+    result = bake(path, "-o", made, *line, "--report", tmp_path / "r.json")
+    assert "show texels of others" not in result.stderr
+    assert len(json.loads((tmp_path / "r.json").read_text())["pages"]) == 2
+    found = load(made)
+    sets = [found.texture_coordinates(number) for number in range(2)]
+    assert [drawn.place for drawn in found.gltf.drawn] == [0, 1]
+    old, new = (part.faces for part in found.parts)
+    assert np.allclose(sets[0][old], load(path, "kept.glb").uv[:2], atol=1e-6)
+    assert np.ptp(sets[1][new], axis=1).min() > 0.1
+    w, corners = read_w(made, len(found.mesh.vertices)), found.mesh.faces[new]
+    below = found.mesh.vertices[corners][..., 2] < -0.5
+    assert below.sum() == 6
+    assert w[corners][below].min() == 1
+    assert w[found.mesh.faces[old]].min() < 0.95
+
+
+def test_faces_without_area_on_an_image_are_told(tmp_path):
+    path, report = tmp_path / "palette.obj", tmp_path / "r.json"
+    path.write_text(FLOOR_AND_WALL.replace("f 4/5 3/6 6/7 5/8", "f 4/5 3/5 6/5 5/5"))
+    told = "2 faces whose texture coordinates have no area show texels of others"
+    assert told in bake(path, "-o", tmp_path / "w.png", *FEW, "--report", report).stderr
+    assert told in report.read_text()
+    glb = "-o", tmp_path / "w.glb", "--occlusion", "texture"
+    assert told in bake(path, *glb, *FEW).stderr  # there is no room for charts on 32 texels
+    assert told in bake(path, *glb, "--orm", "--samples", 16, "--size", 64).stderr
+    assert told in bake(path, "--output-dir", tmp_path / "out", "--format", "png", *FEW).stderr
+
+
+def test_all_faces_of_a_palette_get_charts_in_a_glb(tmp_path):
+    pytest.importorskip("uvunwrap")
+    path, made = tmp_path / "n.obj", tmp_path / "n.glb"
+    path.write_text(f"{FLAT}f 1/1 2/1 3/1\n")
+    bake(path, "-o", made, "--occlusion", "texture", "--size", 64, "--samples", 16)
+    assert np.ptp(load(made).texture_coordinates(1), axis=1).min() > 0.1
 
 
 def test_an_object_without_area_on_its_page_is_refused_before_others_are_written(tmp_path, monkeypatch):

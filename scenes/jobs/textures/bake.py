@@ -158,8 +158,9 @@ class TextureCommand(MeshBake):
     def _layout(self, sources: Sources) -> tuple[Coordinates, list[Page]]:
         """The texture coordinates, and the pages. Raises: as `coordinates`, `pages_of` and `Chosen.of_page`."""
         source, page = sources.source, (self.size, self.texel_size)
-        found = coordinates(source, self.uv or "auto", page, self._glb() is not None, sources.chosen)
-        mixed = self.overlap is not None
+        glb, mixed = self._glb(), self.overlap is not None
+        sets = glb == self.output and not self.orm and not mixed
+        found = coordinates(source, self.uv or "auto", page, glb is not None, sources.chosen, sets)
         pages = pages_of(source, found, self.output, mixed, self.threads, self.instances)
         for each in pages:
             check_area(source, each)
