@@ -13,7 +13,7 @@ MAX_SIDE = 16384
 _FARTHEST = 1e5  # tiles from the unit square; beyond, coordinates of files have no digits left for texels
 _TILES = 64  # that one face may reach into
 _FLAT = 1e-12  # of a face's squared extent: an area that is none
-_TINY = 1e-6  # of a tile that a face may reach over its border, for coordinates are rounded
+_TINY, _SHARE = 1e-6, 0.25  # of a tile, and of itself, that a face may reach over a border, for coordinates are rounded
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +42,9 @@ class UVLayout:
         shown = on_page(uv)
         uv = np.where(shown[:, None, None], uv, 0.0)
         low, high = uv.min(axis=1), uv.max(axis=1)
+        first, last = tile_ranges(uv)
         area, usable = doubled_areas(uv), have_area(uv)
-        first, last = np.floor(low + _TINY).astype(np.int64), np.ceil(high - _TINY).astype(np.int64)
-        spans = np.maximum(last - first, 1)
+        spans = last - first
         outside = usable & ((first != 0).any(axis=1) | (spans > 1).any(axis=1))
         if wraps:
             rows, tiles = _tiles(usable, first, spans, source)
@@ -65,6 +65,15 @@ def on_page(uv: Float64s) -> Bools:
     """The faces (m,) whose texture coordinates (m, 3, 2) are not NaN, which are on a page."""
     shown: Bools = np.all(~np.isnan(uv), axis=(1, 2))
     return shown
+
+
+def tile_ranges(uv: Float64s) -> tuple[Int64s, Int64s]:
+    """The first tile (m, 2) that each face of `uv` (m, 3, 2) reaches into, and that after the last one."""
+    low, high = uv.min(axis=1), uv.max(axis=1)
+    over = np.minimum(_TINY, _SHARE * (high - low))
+    first: Int64s = np.floor(low + over).astype(np.int64)
+    last: Int64s = np.ceil(high - over).astype(np.int64)
+    return first, np.maximum(last, first + 1)
 
 
 def doubled_areas(uv: Float64s) -> Float64s:

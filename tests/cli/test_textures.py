@@ -236,6 +236,18 @@ def test_faces_without_area_on_the_page_get_charts_of_their_own_in_a_glb(tmp_pat
     assert w[found.mesh.faces[old]].min() < 0.95
 
 
+@pytest.mark.parametrize("at", [0.2, 0.999999])
+def test_coordinates_within_a_millionth_of_the_page(tmp_path, at):
+    path, report = tmp_path / "tiny.obj", tmp_path / "r.html"
+    rows = [f"vt {at + 1e-6 * x:.9f} {at + 1e-6 * y:.9f}" for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    rows.append("f 1/1 2/2 3/3 4/4\nf 4/1 3/2 6/3 5/4\n")
+    path.write_text(FLOOR_AND_WALL.partition("vt")[0] + "\n".join(rows))
+    result = bake(path, "-o", tmp_path / "w.exr", *FEW, "--report", report)
+    assert ", 1 texels covered" in result.stdout
+    assert "nan" not in result.stdout
+    assert 0.5 < read_image(tmp_path / "w.exr")[0]["beauty"].min() < 1
+
+
 def test_faces_without_area_on_an_image_are_told(tmp_path):
     path, report = tmp_path / "palette.obj", tmp_path / "r.json"
     path.write_text(FLOOR_AND_WALL.replace("f 4/5 3/6 6/7 5/8", "f 4/5 3/5 6/5 5/5"))
