@@ -260,6 +260,22 @@ def test_faces_without_area_on_an_image_are_told(tmp_path):
     assert told in bake(path, "--output-dir", tmp_path / "out", "--format", "png", *FEW).stderr
 
 
+def test_charts_within_a_texel_get_larger_ones_in_a_glb(tmp_path):
+    pytest.importorskip("uvunwrap")
+    path, made = tmp_path / "small.obj", tmp_path / "w.glb"
+    small = "vt .501 .101\nvt .507 .101\nvt .507 .107\nvt .501 .107\n"
+    path.write_text(FLOOR_AND_WALL.replace("f 1/1", f"{small}f 1/1").replace("4/5 3/6 6/7 5/8", "4/9 3/10 6/11 5/12"))
+    line = "--samples", 64, "--size", 64, "--falloff", "binary"
+    told = "2 faces show texels of others, for their charts are smaller"
+    assert told in bake(path, "-o", tmp_path / "w.png", *line).stderr
+    assert told not in bake(path, "-o", made, "--occlusion", "texture", *line).stderr
+    found = load(made)
+    assert [len(found.mesh.faces[part.faces]) for part in found.parts] == [2, 2]
+    assert np.ptp(found.texture_coordinates(1)[found.parts[1].faces], axis=1).min() > 0.1
+    fewer = bake(path, "-o", tmp_path / "x.png", "--samples", 8, "--size", 256)
+    assert told not in fewer.stderr
+
+
 def test_all_faces_of_a_palette_get_charts_in_a_glb(tmp_path):
     pytest.importorskip("uvunwrap")
     path, made = tmp_path / "n.obj", tmp_path / "n.glb"

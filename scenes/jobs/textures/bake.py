@@ -67,8 +67,12 @@ class TextureCommand(MeshBake):
         check_outputs(self.outputs(pages), sources.files)
         loaded = time.perf_counter() - start
         inputs, glb = self.hashed(sources.files), self._glb()
-        without_uv = lacking(source, found.uv, sources.chosen.receive, glb)
-        warnings = warn(sources.meshes, [*sources.notes, *without_uv], falloff)
+        remarks = lacking(source, found.uv, sources.chosen.receive, glb)
+        if found.cramped:
+            remarks.append(
+                f"{source.path}: {found.cramped:,} faces show texels of others, for their charts are smaller"
+            )
+        warnings = warn(sources.meshes, [*sources.notes, *remarks], falloff)
         falloff = sources.chosen.absolute(falloff)
         bakes: list[BakedPage] = []
         with ExitStack() as kept:

@@ -22,6 +22,7 @@ from ...formats.objects import Chosen
 _USED = 0.65  # of a page, that an unwrapping fills
 _PADDING = 4  # texels between charts, so that neither bilinear lookups nor one coarser level see two of them
 _WORTH = 1e-3  # of the surface: what has no area on the page gets a texture if it is more
+_FILLED = 16  # texels of an even layout, that a chart is too large for to be within one
 _LEAST = 64  # texels across, below which there is no room for charts
 
 
@@ -33,6 +34,7 @@ class Coordinates:
     new: Bools  # (m,), which the file has not, or without area
     number: int | None  # of the file's set, None if all are new
     size: tuple[int, int]  # texels across and down of a page
+    cramped: int = 0  # faces that share a texel with other charts, but show more than that
 
 
 def coordinates(
@@ -51,13 +53,14 @@ def coordinates(
         uv = chosen.on_pages(uv)
         texels = _page(mesh, uv, *pages)
         new = ~on_page(uv) & receive & (wanted == "fill")
-        areas = face_normals(mesh.vertices, mesh.faces)[1]
-        flat = on_page(uv) & ~have_area(uv) & (areas > 0)
-        if sets and can_unwrap and min(texels) >= _LEAST and areas[flat].sum() > _WORTH * areas[receive].sum():
-            new |= flat
+        areas = face_normals(mesh.vertices, mesh.faces)[1] * receive
+        cramped = _cramped(mesh, uv, areas, texels)
+        lost = cramped | (on_page(uv) & ~have_area(uv) & (areas > 0))
+        if sets and can_unwrap and min(texels) >= _LEAST and areas[lost].sum() > _WORTH * areas.sum():
+            new |= lost
         if new.any():
             uv[new] = unwrap(Mesh(mesh.vertices, mesh.faces[new], source=mesh.source), min(texels))
-        return Coordinates(uv, new, number, texels)
+        return Coordinates(uv, new, number, texels, int(np.count_nonzero(cramped & ~new)))
     if uv is None and wanted not in ("unwrap", "fill") and not (wanted == "auto" and into_glb and can_unwrap):
         which = f" of number {number}" if number else ""
         advice = f"; {'' if can_unwrap else 'pip install uvunwrap and '}--uv unwrap makes some"
@@ -69,6 +72,27 @@ def coordinates(
     old = None if uv is None else uv[receive]
     made[receive] = unwrap(Mesh(mesh.vertices, mesh.faces[receive], source=mesh.source), side, old)
     return Coordinates(made, receive, None, (side, side))
+
+
+def _cramped(mesh: Mesh, uv: Float64s, areas: Float64s, size: tuple[int, int]) -> Bools:
+    """The faces (m,) of charts smaller than a texel, beside others, that would fill several in an even layout.
+
+    Args: areas: (m,), of faces' surface.
+    """
+    found = np.zeros(len(uv), np.bool_)
+    rows = np.flatnonzero(have_area(uv))
+    places, texels = uv[rows] * size, areas[rows] * (size[0] * size[1] / max(areas.sum(), 1e-300))
+    if not (np.abs(doubled_areas(places)) / 2 * _FILLED < texels).any():
+        return found
+    corners = corner_places(places, mesh.faces[rows])
+    chart = np.unique(connected_components(corners, int(corners.max()) + 1)[corners[:, 0]], return_inverse=True)[1]
+    order = np.argsort(chart, kind="stable")
+    begins = np.flatnonzero(np.diff(chart[order], prepend=-1))
+    low = np.minimum.reduceat(places.min(axis=1)[order], begins)
+    high = np.maximum.reduceat(places.max(axis=1)[order], begins)
+    within = (high - low < 1).all(axis=1) & (np.bincount(chart, texels) >= _FILLED)
+    found[rows] = (within & (len(begins) > 1))[chart]
+    return found
 
 
 def parse_texels(text: str) -> int | tuple[int, int]:
