@@ -115,6 +115,11 @@ class _Places(NamedTuple):
 _REGULAR = _Places(GRID[None], np.array([[0.5, 1 / 128]]))
 
 
+def reaches_into_page(uv: Float64s, source: object) -> bool:
+    """Whether a face of `uv` (m, 3, 2) has an area in the unit square, into which its bounds reach."""
+    return len(Page.of(UVLayout.of(uv, (1, 1), False, source)).cover("first", 1).texels) > 0
+
+
 def shared_texels(
     uv: Float64s, groups: Int64s, size: tuple[int, int], wraps: bool, source: object, threads: int | None = None
 ) -> tuple[dict[tuple[int, int], int], Int64s]:

@@ -92,6 +92,13 @@ def test_udim_tiles_have_a_file_each(tmp_path):
     assert "2 faces reach out of the unit square" in together.stderr
 
 
+def test_tiles_that_no_face_reaches_into_have_no_file(tmp_path):
+    path = tmp_path / "corner.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt .1 .1\nvt 1.8 .1\nvt .1 1.8\nf 1/1 2/2 3/3\nf 1 2 3\n")
+    bake(path, "-o", tmp_path / "w.<UDIM>.exr", *FEW)
+    assert sorted(file.name for file in tmp_path.glob("*.exr")) == ["w.1001.exr", "w.1002.exr", "w.1011.exr"]
+
+
 def test_overlaps_are_reported_and_refused(tmp_path):
     path = tmp_path / "twice.obj"
     path.write_text(FLOOR_AND_WALL.replace("4/5 3/6 6/7 5/8", "4/1 3/2 6/3 5/4"))

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import ao
-from ao.texture.coverage import shared_texels
+from ao.texture.coverage import reaches_into_page, shared_texels
 from ao.texture.uv_layout import have_area, on_page
 from raytrace.errors import MeshError, OptionError
 from raytrace.types import Bools, Float64s
@@ -151,11 +151,11 @@ def _pages(
     pages = []
     for words, mask in _groups(layouts.all, output, len(source.mesh.faces)):
         uv = _only(found.uv, mask)
-        shown = uv[on_page(uv)]
+        shown = uv[have_area(uv)]
         if UDIM in output.name and len(shown):
-            tiles = udim_tiles(shown, source.path)
+            tiles = [tile for tile in udim_tiles(shown, source.path) if reaches_into_page(shown - tile, source.path)]
             pages += [Page(uv - tile, False, words=words | {UDIM: tile_number(tile)}) for tile in tiles]
-        elif len(shown):
+        elif on_page(uv).any():
             pages.append(Page(uv, words=words))
     for page in () if mixed else pages:
         clashes = layouts.clashes(page, found.size, threads)
