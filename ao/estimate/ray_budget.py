@@ -3,9 +3,9 @@
 Rays are planned from pilots, points baked twice with their neighbours. Points are chosen for the least work: rate
 allocation by a Lagrange multiplier (Shoham and Gersho, IEEE Trans. ASSP 36, 1988).
 
-Probes, spread over the mesh, are baked twice with independent directions, as a and b. Where w is made of other rays,
-(w − a)(w − b) is an unbiased measure of its squared error; once the probe is baked, a is part of w and
-(w − b)² − (a − b)²/2 is.
+Probes, spread over the mesh, are baked twice with independent directions, and points of texels, as a and b. Where w is
+made of other rays, (w − a)(w − b) is an unbiased measure of its squared error; once the probe is baked, a is part of w
+and (w − b)² − (a − b)²/2 is.
 """
 
 import numpy as np
@@ -58,7 +58,7 @@ class Probes:
         _, _, share, fewest, probes = _SMALL if self.all_baked else _LARGE
         self.rows = _stratified_rows(len(points), int(np.clip(len(points) // share, fewest, probes)))
         probed = points[self.rows]
-        self.other = tracer.gather(probed, self.samples, derive(key, 4))[:, W]
+        self.other = tracer.gather_again(probed, self.samples, derive(key, 4))[:, W]
         self.raw = tracer.gather(probed, self.samples, key)
         self.variance = sampling_variance(self.raw[:, W], self.other, self.samples)
 

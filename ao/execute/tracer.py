@@ -128,6 +128,10 @@ class Tracer:
             self._traced[samples, int(key)] = numbers, rows
         return rows[np.searchsorted(numbers, points.numbers), self.column]
 
+    def gather_again(self, points: Points, samples: int, key: np.uint32) -> Float64s:
+        """`gather` by a `key` of its own, for what the other rows err by; of what points stand for, elsewhere in it."""
+        return self.gather(points, samples, key)
+
     def each_column(self, estimate: Callable[[], T]) -> list[T]:
         """What `estimate` returns for each falloff in turn; what one of them has traced is there for the next."""
         found, before = [], self.column

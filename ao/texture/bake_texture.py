@@ -13,6 +13,7 @@ from raytrace.kernel.notice import compiling
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import opacity_bytes
 from raytrace.system.checks import check_memory
+from raytrace.types import Int64s
 
 from ..declared import Option, taking
 from ..estimate.estimate import estimate
@@ -24,18 +25,18 @@ from ..points.occluders import occluding
 from ..prepared import Inputs, Prepared
 from ..result import of_columns
 from .adjacency import texel_neighbours
-from .coverage import cover
+from .coverage import Page
 from .gathering import begin_tracing
 from .projection import cage_of
 from .result import BakedTexture, TextureFacts, assemble_pages
 from .shown import Shown, tangent_frames
-from .texels import find_texels
+from .texels import Texels, find_texels, points_elsewhere
 from .uv_layout import corner_uv, on_page, page_size
 
 
 # fmt: off
 @dataclass(frozen=True, eq=False, repr=False)
-class _Page(Inputs):
+class _Layout(Inputs):
     uv: Annotated[Any, Option(on="", role="input", help=
         "Texture coordinates, v upwards: (n, 2) by vertex or (m, 3, 2) by face and corner. Faces for which they are "
         "NaN are not on the page, such as faces of another material; they occlude.")]
@@ -45,7 +46,7 @@ class _Page(Inputs):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TextureArguments(TextureOptions, _Page):
+class TextureArguments(TextureOptions, _Layout):
     """Arguments of `ao.bake_texture`."""
 
 
@@ -88,7 +89,8 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
         mesh, nowhere = prepared.mesh, np.full((faces - len(corners), 3, 2), np.nan)
         on_pages = np.append(corners, nowhere, axis=0)
     shown = Shown.of(mesh, on_pages, prepared, (width, height), options.wrap)
-    page = cover(shown.layout, options.overlap, prepared.threads)
+    sheet = Page.of(shown.layout, shown.areas)
+    page = sheet.cover(options.overlap, prepared.threads)
     overlapping = int(np.count_nonzero(page.overlapping))
     if options.overlap == "refuse" and overlapping:
         expected = "faces that do not overlap on the page"
@@ -98,7 +100,14 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
         coverage, missed = shown.project(page, prepared, cage, options.groups)
     texels, filled = find_texels(coverage, page, prepared, options.interior)
     del coverage, page
-    tracer = begin_tracing(prepared, texels, "texture", options.checkpoint)
+
+    def elsewhere(rows: Int64s) -> Texels:
+        found = sheet.cover_again(np.sort(texels.texels[rows]), options.overlap, prepared.threads)
+        if cage is not None:
+            found, _ = shown.project(found, prepared, cage, options.groups)
+        return points_elsewhere(texels, rows, found, prepared, options.interior)
+
+    tracer = begin_tracing(prepared, texels, "texture", options.checkpoint, elsewhere)
 
     neighbours = cache(lambda: texel_neighbours(shown, texels, prepared.placement.diagonal, prepared.threads))
 

@@ -7,24 +7,22 @@ extrapolated over the edge of a chart, which is what dark seams come from.
 from collections import Counter
 from dataclasses import dataclass
 from itertools import combinations, pairwise
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
 from raytrace.embree.scene import TriangleScene
+from raytrace.sampling.sequences import mix_array
 from raytrace.system.threads import run_blocks, thread_count
 from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
 from ..options import Overlap
 from ..rays.ray_packet import RayPacket
-from .page_rays import SLOTS, find_hits, find_layers, layer_counts, look_down
-from .slivers import PageTree, find_slivers
-from .uv_layout import UVLayout
+from .page_rays import GRID, SLOTS, find_hits, find_layers, layer_counts, look_down
+from .slivers import PageTree, find_slivers, is_crowded
+from .uv_layout import UVLayout, doubled_areas
 
-_FINE = 8  # points across and down of texels that are not whole
-_WITHIN = np.array([0.125, 0.625, 0.375, 0.875])  # where to take one from each quarter of them
-_FINE_TEXELS = 1 << 14  # together
 _HIGHEST = 0.5  # triangles lie at heights up to this, so that one ray can meet overlapping ones
 _STEP = 2.0**-22
 _ROUNDED = 1e-6  # of coordinates, in single precision
@@ -42,7 +40,7 @@ class Coverage:
     centre_face: Int32s  # (k,), at the centre, where faces that do not overlap cover the texel as a whole; else −1
     centre: Float32s  # (k, 3)
     overlapping: Bools  # (k,), whether several faces lie over one another
-    layers: Int64s  # (k,), points on faces over one another, which share the texel; 0 elsewhere
+    layers: Int64s  # (k,), points of texels with faces over one another, with parts of several, or much surface; else 0
     layer_face: Int32s  # (j,), of all these points, texel by texel
     layer_barycentric: Float32s  # (j, 3)
 
@@ -54,28 +52,72 @@ class Coverage:
         return cls(texels, face, barycentric, *centres, *none, np.zeros(0, np.int32), np.zeros((0, 3), np.float32))
 
 
-def cover(layout: UVLayout, overlap: Overlap, threads: int) -> Coverage:
-    """The texels that faces cover; where these overlap, points lie on all of them ("mean"), or on the first.
+class Page(NamedTuple):
+    """Faces on a page, for rays down on it."""
 
-    Raises: EmbreeError: Embree failed, out of memory for instance.
-    """
-    count = len(layout.face)
-    step = min(_STEP, _HIGHEST / max(count, 1))
-    heights = np.floor(np.arange(count)[::-1] * step / 2.0**-24) * 2.0**-24  # the first face on top
-    vertices = np.empty((count, 3, 3), np.float32)
-    vertices[:, :, :2], vertices[:, :, 2] = layout.corners, heights[:, None]
-    triangles = vertices.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)
-    scene, radius = TriangleScene(*triangles), 0.5 + _ROUNDED * (0.5 + float(np.abs(vertices).max()))
-    slivers = layout.corners, BVH16.of(*triangles), radius
-    found: dict[int, Coverage] = {}
+    layout: UVLayout
+    faces: PageTree
+    scene: TriangleScene  # of the faces at heights of their own, the first on top
+    step: float  # between these
 
-    def work(first: int, last: int) -> None:
-        found[first] = _cover_band(layout, scene, slivers, np.arange(first, last), overlap == "mean", step, threads)
+    @classmethod
+    def of(cls, layout: UVLayout, areas: Float64s | None = None) -> Self:
+        """Args: areas: (m,), of the faces' surface, so that texels which show much of it have more points.
 
-    run_blocks(layout.width * layout.height, _BAND, work, threads)
-    bands = [band for _, band in sorted(found.items())]
-    columns = (np.concatenate([getattr(band, name) for band in bands]) for name in Coverage.__dataclass_fields__)
-    return Coverage(*columns)
+        Raises: EmbreeError: Embree failed, out of memory for instance.
+        """
+        count, crowding = len(layout.face), np.zeros(len(layout.face))
+        step = min(_STEP, _HIGHEST / max(count, 1))
+        heights = np.floor(np.arange(count)[::-1] * step / 2.0**-24) * 2.0**-24
+        vertices = np.empty((count, 3, 3), np.float32)
+        vertices[:, :, :2], vertices[:, :, 2] = layout.corners, heights[:, None]
+        triangles = vertices.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)
+        if areas is not None:
+            even = areas[np.unique(layout.face)].sum() / (layout.width * layout.height)
+            crowding = areas[layout.face] / (even * np.abs(doubled_areas(layout.corners)) / 2)
+        radius = 0.5 + _ROUNDED * (0.5 + float(np.abs(vertices).max()))
+        return cls(
+            layout, PageTree(layout.corners, crowding, BVH16.of(*triangles), radius), TriangleScene(*triangles), step
+        )
+
+    def cover(self, overlap: Overlap, threads: int) -> Coverage:
+        """The texels that faces cover; where these overlap, points lie on all of them ("mean"), or on the first."""
+        found: dict[int, Coverage] = {}
+
+        def work(first: int, last: int) -> None:
+            found[first] = _cover(self, np.arange(first, last), _REGULAR, overlap == "mean", threads)
+
+        run_blocks(self.layout.width * self.layout.height, _BAND, work, threads)
+        bands = [band for _, band in sorted(found.items())]
+        columns = (np.concatenate([getattr(band, name) for band in bands]) for name in Coverage.__dataclass_fields__)
+        return Coverage(*columns)
+
+    def cover_again(self, texels: Int64s, overlap: Overlap, threads: int) -> Coverage:
+        """`cover` of some `texels`, ascending, with points elsewhere in them, by chance."""
+        return _cover(self, texels, _Places.by_chance(texels), overlap == "mean", threads)
+
+
+class _Places(NamedTuple):
+    """Where points of texels lie, for each (k,) or for all (1,)."""
+
+    grid: Float64s  # (…, SLOTS, 2), in a texel; their mean is the centre, as is that of two of them on a diagonal
+    offsets: Float64s  # (…, 2), of `find_slivers`
+
+    @classmethod
+    def by_chance(cls, texels: Int64s) -> Self:
+        """Of each of the texels its own, from their numbers."""
+        numbers = mix_array(texels)[:, None] + np.arange(6, dtype=np.uint32)
+        random: Float64s = mix_array(numbers).astype(np.float64) * 2.0**-32
+        first = GRID[:2] + random[:, :4].reshape(-1, 2, 2) / SLOTS - 1 / (2 * SLOTS)
+        return cls(np.concatenate([first, 1 - first[:, ::-1]], axis=1), random[:, 4:])
+
+
+_REGULAR = _Places(GRID[None], np.array([[0.5, 1 / 128]]))
+
+
+def reaches_into_page(uv: Float64s, source: object) -> bool:
+    """Whether a face of `uv` (m, 3, 2) has an area in the unit square, into which its bounds reach."""
+    return len(Page.of(UVLayout.of(uv, (1, 1), False, source)).cover("first", 1).texels) > 0
 
 
 def shared_texels(
@@ -85,21 +127,21 @@ def shared_texels(
 
     Args: groups: (m,), from 0, of the faces, which do not overlap where they share an edge. Others: as `UVLayout.of`.
     """
-    coverage = cover(UVLayout.of(uv, size, wraps, source), "mean", thread_count(threads))
+    coverage = Page.of(UVLayout.of(uv, size, wraps, source)).cover("mean", thread_count(threads))
     count, rows = int(groups.max()) + 1, np.arange(len(coverage.texels))
-    on_layers = np.unique(groups[coverage.layer_face] + count * np.repeat(rows, coverage.layers))
-    covering = np.union1d(groups[coverage.face] + count * rows[:, None], on_layers) % count
-    several, alike = np.divmod(on_layers, count)
+    at = np.repeat(rows, coverage.layers)
+    listed = groups[coverage.layer_face] + count * at
+    covering = np.union1d(groups[coverage.face] + count * rows[:, None], listed) % count
+    several, alike = np.divmod(np.unique(listed[coverage.overlapping[at]]), count)
     shared = Counter[tuple[int, int]]()
     for first, last in pairwise([*np.flatnonzero(np.diff(several, prepend=-1)).tolist(), len(several)]):
         shared.update(combinations(alike[first:last].tolist(), 2))
     return dict(shared), np.bincount(covering, minlength=count)
 
 
-def _cover_band(
-    layout: UVLayout, scene: TriangleScene, slivers: PageTree, texels: Int64s, layered: bool, step: float, threads: int
-) -> Coverage:
-    """`cover` of some texels. Args: layered: whether all faces share a texel. step: as `find_hits` has it."""
+def _cover(page: Page, texels: Int64s, places: _Places, layered: bool, threads: int) -> Coverage:
+    """`cover` of some texels. Args: layered: whether all faces share a texel."""
+    layout, faces, scene, step = page
     shape, width = (len(texels), SLOTS), layout.width
     corner = np.stack([texels % width, texels // width], axis=1)
     triangle, barycentric = np.full(shape, -1), np.zeros((*shape, 3), np.float32)
@@ -107,14 +149,16 @@ def _cover_band(
 
     def work(first: int, last: int) -> None:
         block = slice(first, last)
-        found = triangle[block], barycentric[block], overlapping[block]
-        find_hits(RayPacket.of(scene), texels[block], width, step, *found)
+        found, grid = (triangle[block], barycentric[block], overlapping[block]), _of(places.grid, block)
+        find_hits(RayPacket.of(scene), texels[block], grid, width, step, *found)
 
     run_blocks(len(texels), _BLOCK, work, threads, most=_SHARE)
-    layers = np.zeros(len(texels), np.int64)
-    shared = np.flatnonzero(overlapping) if layered else np.zeros(0, np.int64)
-    layers[shared], layer_triangle, layer_place = _points_on_layers(scene, texels[shared], width, step, threads)
     hit = triangle >= 0
+    crowded = is_crowded(np.append(faces.crowding, 0)[triangle].max(axis=1)) & (layered | ~overlapping)
+    layers = np.zeros(len(texels), np.int64)
+    shared = np.flatnonzero(overlapping & ~crowded) if layered else np.zeros(0, np.int64)
+    points = scene, texels[shared], _of(places.grid, shared), width, step, threads
+    layers[shared], layer_triangle, layer_place = _points_on_layers(*points)
     whole = np.flatnonzero(hit.all(axis=1) & ~overlapping)
     centre_face, centre = np.full(len(texels), -1), np.zeros((len(texels), 3), np.float32)
     centre_face[whole] = triangle[whole, 0]
@@ -122,18 +166,29 @@ def _cover_band(
     several = whole[(triangle[whole] != triangle[whole, :1]).any(axis=1)]
     hits = look_down(scene, corner[several] + 0.5, threads)
     centre_face[several], centre[several] = hits.face, hits.barycentric
-    missed = np.flatnonzero(~hit.any(axis=1))
-    sliver, where = find_slivers(slivers, texels[missed], width, threads)
-    triangle[missed], barycentric[missed] = sliver[:, None], where[:, None]
+    parts = np.flatnonzero(~hit.all(axis=1) & ~overlapping | crowded)
+    counts, sliver, where = find_slivers(faces, texels[parts], width, _of(places.offsets, parts), threads)
+    if not layered:
+        first = look_down(scene, np.einsum("kc,kcd->kd", where, layout.corners[sliver]), threads)
+        there = first.face >= 0
+        sliver[there], where[there] = first.face[there], first.barycentric[there]
+    begins, met = np.cumsum(counts) - counts, counts > 0
+    few = begins[met, None] + counts[met, None] * (2 * np.arange(SLOTS) + 1) // (2 * SLOTS)
+    found = parts[met]
+    triangle[found], barycentric[found] = sliver[few], where[few]
+    hit[found] = True
+    more = np.where(counts > SLOTS, counts, 0)
+    layers[parts] += more
+    rows = np.append(np.repeat(shared, layers[shared]), np.repeat(parts, more))
+    listed = np.repeat(counts > SLOTS, counts)
+    order = np.argsort(rows, kind="stable")
+    layer_triangle = np.append(layer_triangle, sliver[listed])[order]
+    layer_place = np.append(layer_place, where[listed], axis=0)[order]
     some = np.flatnonzero(hit.any(axis=1) & ~hit.all(axis=1))
     hits_first = np.argsort(~hit[some], axis=1, kind="stable")
     source = np.take_along_axis(hits_first, np.arange(SLOTS) % hit[some].sum(axis=1)[:, None], axis=1)
     for table in (triangle, barycentric):  # what the points have that met a face, in turn
         table[some] = table[some[:, None], source]
-    parts = np.flatnonzero(~(hit.all(axis=1) | (triangle[:, 0] < 0) | overlapping))
-    for first in range(0, len(parts), _FINE_TEXELS):
-        block = parts[first : first + _FINE_TEXELS]
-        _spread_over_part(scene, corner[block], block, triangle, barycentric, threads)
     covered = triangle[:, 0] >= 0
     number = np.append(layout.face, -1).astype(np.int32)
     face, centre_face = number[triangle[covered]], number[centre_face[covered]]
@@ -143,14 +198,19 @@ def _cover_band(
     )  # fmt: skip
 
 
+def _of(places: Float64s, rows: Int64s | slice) -> Float64s:
+    return places[rows] if len(places) > 1 else places
+
+
 def _points_on_layers(
-    scene: TriangleScene, texels: Int64s, width: int, step: float, threads: int
+    scene: TriangleScene, texels: Int64s, places: Float64s, width: int, step: float, threads: int
 ) -> tuple[Int64s, Int64s, Float32s]:
     """Of texels (k,) in which faces overlap: how many points they have (k,), and their triangles and barycentrics."""
     depths, counts = np.zeros((len(texels), SLOTS), np.int64), np.zeros(len(texels), np.int64)
 
     def count(first: int, last: int) -> None:
-        find_layers(RayPacket.of(scene), texels[first:last], width, step, depths[first:last], None)
+        grid = _of(places, slice(first, last))
+        find_layers(RayPacket.of(scene), texels[first:last], grid, width, step, depths[first:last], None)
         layer_counts(texels[first:last], depths[first:last], counts[first:last])
 
     run_blocks(len(texels), _BLOCK, count, threads, most=_SHARE)
@@ -158,26 +218,8 @@ def _points_on_layers(
     triangle, place = np.empty(starts[-1], np.int64), np.empty((starts[-1], 3), np.float32)
 
     def find(first: int, last: int) -> None:
-        points = starts[first : last + 1], triangle, place
-        find_layers(RayPacket.of(scene), texels[first:last], width, step, depths[first:last], points)
+        points, grid = (starts[first : last + 1], triangle, place), _of(places, slice(first, last))
+        find_layers(RayPacket.of(scene), texels[first:last], grid, width, step, depths[first:last], points)
 
     run_blocks(len(texels), _BLOCK, find, threads, most=_SHARE)
     return counts, triangle, place
-
-
-def _spread_over_part(
-    scene: TriangleScene, corner: Int64s, rows: Int64s, triangle: Int64s, barycentric: Float32s, threads: int
-) -> None:
-    """Spread points of texels at `corner` (k, 2), of these `rows`, over the part covered, unless it is too small."""
-    cells = np.arange(_FINE**2)
-    bits = [(cells >> shift) & 1 for shift in range(6)]
-    column, row = (sum(bit << place for place, bit in enumerate(bits[first::2])) for first in (0, 1))  # Morton order
-    fine = (np.stack([column, row], axis=1) + 0.5) / _FINE
-    hits = look_down(scene, (corner[:, None] + fine).reshape(-1, 2), threads)
-    face, weights = hits.face.reshape(-1, _FINE**2), hits.barycentric.reshape(-1, _FINE**2, 3)
-    count: Int64s = np.sum(face >= 0, axis=1)
-    order = np.argsort(face < 0, axis=1, kind="stable")
-    chosen = np.take_along_axis(order, ((np.arange(SLOTS) + _WITHIN) * count[:, None] / SLOTS).astype(np.int64), axis=1)
-    some = np.flatnonzero(count)
-    triangle[rows[some]] = face[some[:, None], chosen[some]]
-    barycentric[rows[some]] = weights[some[:, None], chosen[some]]

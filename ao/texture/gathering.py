@@ -1,7 +1,8 @@
 """Estimates at texels, each the mean over its points."""
 
 import hashlib
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 
@@ -25,7 +26,20 @@ _BLOCK, _SHARE = 1 << 9, 16  # texels, and blocks at once
 class TexelTracer(Tracer):
     """A `Tracer` whose points are `texels`, by their numbers: rows are means over each texel's points."""
 
-    texels: Texels = field(kw_only=True)
+    _: KW_ONLY
+    texels: Texels
+    elsewhere: Callable[[Int64s], Texels] | None  # with other points of the texels (j,), or without any of some of them
+
+    def gather_again(self, points: Points, samples: int, key: np.uint32) -> Float64s:
+        if self.elsewhere is None:
+            return self.gather(points, samples, key)
+        own, numbers = self.texels, points.numbers.astype(np.int64)
+        self.texels = self.elsewhere(numbers)
+        there, rows = self.texels.counts[numbers] > 0, np.empty((len(points), COLUMNS))
+        rows[there] = self.gather(points[there], samples, key)
+        self.texels = own
+        rows[~there] = self.gather(points[~there], samples, key)
+        return rows
 
     def _trace(self, points: Points, samples: int, key: np.uint32, leap: int = 1) -> Float64s:
         """Rows (k, …, COLUMNS) of texels, by `samples` rays each or a few more."""
@@ -73,7 +87,13 @@ class TexelTracer(Tracer):
         run_blocks(len(rows), _BLOCK, average, self.threads, most=_SHARE)
 
 
-def begin_tracing(prepared: Prepared, texels: Texels, kind: str, checkpoint: Checkpoint | None) -> TexelTracer:
+def begin_tracing(
+    prepared: Prepared,
+    texels: Texels,
+    kind: str,
+    checkpoint: Checkpoint | None,
+    elsewhere: Callable[[Int64s], Texels] | None = None,
+) -> TexelTracer:
     """A tracer of `texels` on the mesh of `prepared`, and the checkpoint begun. Args: kind: of bake."""
     tracer = prepared.tracer(len(texels.points))
     if checkpoint:
@@ -82,4 +102,4 @@ def begin_tracing(prepared: Prepared, texels: Texels, kind: str, checkpoint: Che
         settings = prepared.mus, kind, prepared.options.identity, digest.hexdigest()
         checkpoint.begin(prepared.placement, prepared.receivers, *settings)
         tracer.checkpoint = checkpoint
-    return TexelTracer(**vars(tracer), texels=texels)
+    return TexelTracer(**vars(tracer), texels=texels, elsewhere=elsewhere)

@@ -12,7 +12,7 @@ from raytrace.kernel.vector import store
 from raytrace.types import Float64s
 
 SLOTS = 4  # points of a texel
-_GRID = np.array([[0.375, 0.125], [0.125, 0.625], [0.875, 0.375], [0.625, 0.875]])
+GRID = np.array([[0.375, 0.125], [0.125, 0.625], [0.875, 0.375], [0.625, 0.875]])
 """A rotated grid: means of a linear function over a texel are exact, also over a diagonal: the first and the last
 point, or the other two. Two faces over one another have a diagonal each; of other texels the first two points are one.
 """
@@ -31,10 +31,11 @@ def look_down(scene: TriangleScene, places: Float64s, threads: int) -> Hits:
 
 
 @kernel
-def find_hits(packet, texels, width, step, triangle, barycentric, overlapping):
+def find_hits(packet, texels, places, width, step, triangle, barycentric, overlapping):
     """Find the first triangle at each point of some texels by rays down, and whether another lies below it.
 
-    Args, written where there are any: triangle, barycentric: of the points (k, SLOTS). overlapping: of texels (k,).
+    Args: places: of points in texels, (k, SLOTS, 2), or (1, SLOTS, 2) for all. Written where there are any: triangle,
+        barycentric: of the points (k, SLOTS). overlapping: of texels (k,).
     """
     packet = borrow(packet)
     rays, valid = packet.rays, packet.valid
@@ -43,7 +44,7 @@ def find_hits(packet, texels, width, step, triangle, barycentric, overlapping):
     for first in range(0, count, packets.LANES):
         for lane in range(packets.LANES):
             valid[lane] = -1 if first + lane < count else 0
-            _aim(rays, lane, texels, min(first + lane, count - 1), width)
+            _aim(rays, lane, texels, places, min(first + lane, count - 1), width)
         intersect8(packet.scene, rays, valid)
         for lane in range(min(packets.LANES, count - first)):
             i, k = divmod(first + lane, SLOTS)
@@ -68,11 +69,11 @@ def find_hits(packet, texels, width, step, triangle, barycentric, overlapping):
 
 
 @kernel
-def find_layers(packet, texels, width, step, depths, points):
+def find_layers(packet, texels, places, width, step, depths, points):
     """Count the triangles over one another at each point of some texels by rays down, or find points on them.
 
-    Args: depths: int64 (k, SLOTS), written without `points`. points: None, or starts (k + 1,) by `layer_counts`, and,
-        to be written from these on, triangles (j,) and barycentrics (j, 3).
+    Args: places: as for `find_hits`. depths: int64 (k, SLOTS), written without `points`. points: None, or starts
+        (k + 1,) by `layer_counts`, and, to be written from these on, triangles (j,) and barycentrics (j, 3).
     """
     packet = borrow(packet)
     rays, valid = packet.rays, packet.valid
@@ -81,7 +82,7 @@ def find_layers(packet, texels, width, step, depths, points):
     for i in range(len(texels)):
         for lane in range(packets.LANES):
             valid[lane], layers[lane] = -1 if lane < SLOTS else 0, 0
-            _aim(rays, lane, texels, SLOTS * i + lane % SLOTS, width)
+            _aim(rays, lane, texels, places, SLOTS * i + lane % SLOTS, width)
         entry, deepest, listed = 0, _deepest(depths, i), _listed(depths, i, texels[i])
         going = True
         while going:
@@ -142,11 +143,12 @@ def _listed(depths, i, texel):
 
 
 @inline
-def _aim(rays, lane, texels, number, width):
+def _aim(rays, lane, texels, places, number, width):
     """Let a ray look down on the point `number` of those of all texels."""
     i, k = divmod(number, SLOTS)
-    rays[packets.ORG_X, lane] = texels[i] % width + _GRID[k, 0]
-    rays[packets.ORG_Y, lane] = texels[i] // width + _GRID[k, 1]
+    place = places[i % len(places), k]
+    rays[packets.ORG_X, lane] = texels[i] % width + place[0]
+    rays[packets.ORG_Y, lane] = texels[i] // width + place[1]
     rays[packets.ORG_Z, lane], rays[packets.TFAR, lane] = _ABOVE, np.inf
     rays[packets.DIR_X, lane], rays[packets.DIR_Y, lane], rays[packets.DIR_Z, lane] = 0.0, 0.0, -1.0
 

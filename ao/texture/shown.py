@@ -50,6 +50,11 @@ class Shown:
     def faces(self) -> Faces:
         return Faces.of(self.vertices, self.receivers)
 
+    @property
+    def areas(self) -> Float64s:
+        """Of the faces (m',)."""
+        return face_normals(self.vertices, self.receivers.faces)[1]
+
     @cached_property
     def seams(self) -> Seams:
         size = self.layout.width, self.layout.height

@@ -21,7 +21,8 @@ from .coverage import Coverage
 
 _LEAST_COSINE = 0.2  # between an interpolated normal and its face's, which is used below that
 _AROUND = 7.0  # times the way from a texel's centre to its points, in which nothing may rise
-_SLOPE = 2.0  # by more than so many times what normals may differ by, of that way
+_SLOPE = 2.0  # by more than so many times what normals may differ by, of its distance
+_OWN, _LEVEL = 0.25, 1e-3  # of that way: how far the texel reaches, and what is flat but for rounding
 _BLOCK, _SHARE = 1 << 10, 16  # points, and blocks at once
 
 
@@ -110,7 +111,7 @@ def _find_smooth(tree, stack, surface, axes, points, most, enough):
 @inline
 def _rises(tree, stack, surface, p, side, reach, slope):
     """Whether a face not far around a point rises above the plane through it, by more than a slope."""
-    most, around = slope * reach, begin(tree, stack, p, reach)
+    around = begin(tree, stack, p, reach)
     leaf, near = next_leaf(tree, stack, around)
     while near != 0:
         while near != 0:
@@ -118,12 +119,16 @@ def _rises(tree, stack, surface, p, side, reach, slope):
             near &= near - 1
             a, b, c = load_triangle(surface.vertices, surface.faces, f)
             to_a = subtract(a, p)
-            if max(dot(to_a, side), dot(subtract(b, p), side), dot(subtract(c, p), side)) <= most:
+            height = max(dot(to_a, side), dot(subtract(b, p), side), dot(subtract(c, p), side))
+            if height <= _LEVEL * slope * reach:
                 continue
-            normal = load(surface.normals, f)
-            if length(subtract(normal, side)) < slope and abs(dot(to_a, normal)) <= most:
+            distance, normal = closest_on_triangle(p, a, b, c)[0], load(surface.normals, f)
+            if distance > reach:
                 continue
-            if closest_on_triangle(p, a, b, c)[0] <= reach:
+            if length(subtract(normal, side)) < slope:
+                if abs(dot(to_a, normal)) > slope * max(distance, _LEVEL * reach):
+                    return True
+            elif height > slope * max(distance - _OWN * reach, 0.0):
                 return True
         leaf, near = next_leaf(tree, stack, around)
     return False

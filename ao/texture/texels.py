@@ -40,7 +40,7 @@ class Texels:
     sides: Float32s  # (p, 4), normals of the faces on the hemispheres' side, and alpha
     shown: Int32s  # (k,), the face on the page at each texel's first point
     shown_at: Float32s  # (k, 3), where on it, barycentric
-    layered: Bools  # (k,), whether the points are on faces over one another, and all of them count alike
+    layered: Bools  # (k,), whether all points count alike, however few the rays
 
     def __len__(self) -> int:
         return len(self.texels)
@@ -90,6 +90,25 @@ def find_texels(coverage: Coverage, page: Coverage, prepared: Prepared, interior
         return texels, 0
     kept = texels.without(inside, threads)
     return kept, len(texels) - len(kept)
+
+
+def points_elsewhere(
+    texels: Texels, rows: Int64s, coverage: Coverage, prepared: Prepared, interior: Interior
+) -> Texels:
+    """`texels` with the points of a `coverage` of `rows` (j,) in place of their own, none of others and in solids."""
+    placement, receivers, threads = prepared.placement, prepared.receivers, prepared.threads
+    faces = Faces.of(placement.vertices.astype(np.float64), receivers)
+    row_of = rows[np.argsort(texels.texels[rows])][np.searchsorted(np.sort(texels.texels[rows]), coverage.texels)]
+    order = np.argsort(row_of)
+    placed = _placed(coverage, coverage, order, np.zeros(len(order), np.bool_), faces, receivers, threads)
+    inside = inside_solids(placed.points, receivers.faces[placed.face, 0], placement, receivers, interior, threads)
+    counts, layered = np.zeros((2, len(texels)), np.int64)
+    if inside.any() and not inside.all():
+        kept = np.add.reduceat(~inside, placed.starts[:-1], dtype=np.int64) > 0
+        placed, order = placed.without(inside, threads), order[kept]
+    counts[row_of[order]], layered[row_of[order]] = placed.counts, placed.layered
+    starts, of_points = np.concatenate([[0], np.cumsum(counts)]), (placed.face, placed.points, placed.sides)
+    return Texels(texels.texels, starts, *of_points, texels.shown, texels.shown_at, layered > 0)
 
 
 def _placed(

@@ -13,7 +13,7 @@ MAX_SIDE = 16384
 _FARTHEST = 1e5  # tiles from the unit square; beyond, coordinates of files have no digits left for texels
 _TILES = 64  # that one face may reach into
 _FLAT = 1e-12  # of a face's squared extent: an area that is none
-_TINY = 1e-6  # of a tile that a face may reach over its border, for coordinates are rounded
+_TINY, _SHARE = 1e-6, 0.25  # of a tile, and of itself, that a face may reach over a border, for coordinates are rounded
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +42,9 @@ class UVLayout:
         shown = on_page(uv)
         uv = np.where(shown[:, None, None], uv, 0.0)
         low, high = uv.min(axis=1), uv.max(axis=1)
-        extent = (high - low).max(axis=1)
-        area = doubled_areas(uv)
-        usable = np.abs(area) > _FLAT * extent**2
-        first, last = np.floor(low + _TINY).astype(np.int64), np.ceil(high - _TINY).astype(np.int64)
-        spans = np.maximum(last - first, 1)
+        first, last = tile_ranges(uv)
+        area, usable = doubled_areas(uv), have_area(uv)
+        spans = last - first
         outside = usable & ((first != 0).any(axis=1) | (spans > 1).any(axis=1))
         if wraps:
             rows, tiles = _tiles(usable, first, spans, source)
@@ -69,10 +67,26 @@ def on_page(uv: Float64s) -> Bools:
     return shown
 
 
+def tile_ranges(uv: Float64s) -> tuple[Int64s, Int64s]:
+    """The first tile (m, 2) that each face of `uv` (m, 3, 2) reaches into, and that after the last one."""
+    low, high = uv.min(axis=1), uv.max(axis=1)
+    over = np.minimum(_TINY, _SHARE * (high - low))
+    first: Int64s = np.floor(low + over).astype(np.int64)
+    last: Int64s = np.ceil(high - over).astype(np.int64)
+    return first, np.maximum(last, first + 1)
+
+
 def doubled_areas(uv: Float64s) -> Float64s:
     """Twice the area of each face (m,) of `uv` (m, 3, 2), below 0 of mirrored ones."""
     a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+def have_area(uv: Float64s) -> Bools:
+    """The faces (m,) of `uv` (m, 3, 2) that have an area there; none that are NaN."""
+    extent = np.ptp(uv, axis=1).max(axis=1)
+    large: Bools = np.abs(doubled_areas(uv)) > _FLAT * extent**2
+    return large
 
 
 def page_size(size: Any) -> tuple[int, int]:

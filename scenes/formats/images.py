@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ao.texture.uv_layout import tile_ranges
 from raytrace.errors import OptionError, OutputError, is_utf8, printable
 from raytrace.image.encode import write_data
 from raytrace.system.atomic import check_writable
-from raytrace.types import Float32s, Float64s, Int64s
+from raytrace.types import Float32s, Float64s
 
 if TYPE_CHECKING:
     from ao import Profile
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 PROFILE = "profile"  # the layer of an EXR
 _MOST_TILES = 100
 _ACROSS = 10  # tiles in a row of UDIM's numbers
-_TINY = 1e-6
 ENDINGS = (".png", ".exr", ".tif", ".tiff")
 PLACEHOLDERS = UDIM, MATERIAL, OBJECT = "<UDIM>", "<MATERIAL>", "<OBJECT>"
 """In the name of an output, of a tile's number and of names."""
@@ -43,9 +43,7 @@ def check_texture_target(option: str, path: Path, half: bool = False) -> None:
 
 def udim_tiles(uv: Float64s, source: object) -> list[tuple[int, int]]:
     """The UDIM tiles (column, row) that coordinates (m, 3, 2) reach into. Raises: OptionError: no number, or many."""
-    low, high = uv.min(axis=1), uv.max(axis=1)
-    first: Int64s = np.floor(low + _TINY).astype(np.int64)
-    last: Int64s = np.maximum(np.ceil(high - _TINY).astype(np.int64), first + 1)
+    first, last = tile_ranges(uv)
     corners = np.concatenate([first, last - 1])
     least, most = corners.min(axis=0), corners.max(axis=0)
     expected = f"texture coordinates of UDIM tiles: u from 0 to {_ACROSS}, v from 0 to {_MOST_TILES}"

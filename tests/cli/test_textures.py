@@ -9,6 +9,7 @@ from gltf_samples import SAMPLES
 
 from raytrace.image.read import read_image
 from scenes.formats.load import load
+from scenes.formats.stored_w import read_w
 
 FLOOR_AND_WALL = """v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv -1 1 1\nv 1 1 1
 vt .05 .05\nvt .95 .05\nvt .95 .45\nvt .05 .45\nvt .05 .55\nvt .95 .55\nvt .95 .95\nvt .05 .95
@@ -89,6 +90,13 @@ def test_udim_tiles_have_a_file_each(tmp_path):
     assert [page["texture"]["mirrored"] for page in pages.values()] == [0, 0]
     together = bake(path, "-o", tmp_path / "w.exr", *FEW)
     assert "2 faces reach out of the unit square" in together.stderr
+
+
+def test_tiles_that_no_face_reaches_into_have_no_file(tmp_path):
+    path = tmp_path / "corner.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt .1 .1\nvt 1.8 .1\nvt .1 1.8\nf 1/1 2/2 3/3\nf 1 2 3\n")
+    bake(path, "-o", tmp_path / "w.<UDIM>.exr", *FEW)
+    assert sorted(file.name for file in tmp_path.glob("*.exr")) == ["w.1001.exr", "w.1002.exr", "w.1011.exr"]
 
 
 def test_overlaps_are_reported_and_refused(tmp_path):
@@ -200,7 +208,7 @@ FLAT = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n"
 
 @pytest.mark.parametrize("corners", ["1/1 2 3", "1/1 2/1 3/1"])
 @pytest.mark.parametrize(
-    "output", ["-o n.png", "-o n.png --dry-run", "-o n.png --report r.json", "-o n.glb --occlusion texture"]
+    "output", ["-o n.png", "-o n.png --dry-run", "-o n.png --report r.json", "-o n.glb --occlusion texture --orm"]
 )
 def test_a_texture_without_any_face_is_refused(tmp_path, monkeypatch, corners, output):
     monkeypatch.chdir(tmp_path)
@@ -210,6 +218,77 @@ def test_a_texture_without_any_face_is_refused(tmp_path, monkeypatch, corners, o
     assert [path.name for path in tmp_path.iterdir()] == ["n.obj"]
     batch = obscurance("bake", "n.obj", "--output-dir", "out", "--format", "png")
     assert (batch.returncode, words in batch.stderr) == (1, True)
+
+
+def test_faces_without_area_on_the_page_get_charts_of_their_own_in_a_glb(tmp_path):
+    pytest.importorskip("uvunwrap")
+    path, made, dry = tmp_path / "palette.obj", tmp_path / "w.glb", tmp_path / "dry.glb"
+    line = "--occlusion", "texture", "--size", 64, "--samples", 64, "--falloff", "binary"
+    flat_wall = FLOOR_AND_WALL.replace("f 4/5 3/6 6/7 5/8", "f 4/5 3/5 6/5 5/5")
+    path.write_text(f"{flat_wall}v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nf 10/1 9/1 8/1 7/1\n")
+    assert "8,192 texels" in bake(path, "-o", dry, *line, "--dry-run").stdout
+    result = bake(path, "-o", made, *line, "--report", tmp_path / "r.json")
+    assert "show texels of others" not in result.stderr
+    assert len(json.loads((tmp_path / "r.json").read_text())["pages"]) == 2
+    found = load(made)
+    sets = [found.texture_coordinates(number) for number in range(2)]
+    assert [drawn.place for drawn in found.gltf.drawn] == [0, 1]
+    old, new = (part.faces for part in found.parts)
+    assert np.allclose(sets[0][old], load(path, "kept.glb").uv[:2], atol=1e-6)
+    assert np.ptp(sets[1][new], axis=1).min() > 0.1
+    w, corners = read_w(made, len(found.mesh.vertices)), found.mesh.faces[new]
+    below = found.mesh.vertices[corners][..., 2] < -0.5
+    assert below.sum() == 6
+    assert w[corners][below].min() == 1
+    assert w[found.mesh.faces[old]].min() < 0.95
+
+
+@pytest.mark.parametrize("at", [0.2, 0.999999])
+def test_coordinates_within_a_millionth_of_the_page(tmp_path, at):
+    path, report = tmp_path / "tiny.obj", tmp_path / "r.html"
+    rows = [f"vt {at + 1e-6 * x:.9f} {at + 1e-6 * y:.9f}" for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    rows.append("f 1/1 2/2 3/3 4/4\nf 4/1 3/2 6/3 5/4\n")
+    path.write_text(FLOOR_AND_WALL.partition("vt")[0] + "\n".join(rows))
+    result = bake(path, "-o", tmp_path / "w.exr", *FEW, "--report", report)
+    assert ", 1 texels covered" in result.stdout
+    assert "nan" not in result.stdout
+    assert 0.5 < read_image(tmp_path / "w.exr")[0]["beauty"].min() < 1
+
+
+def test_faces_without_area_on_an_image_are_told(tmp_path):
+    path, report = tmp_path / "palette.obj", tmp_path / "r.json"
+    path.write_text(FLOOR_AND_WALL.replace("f 4/5 3/6 6/7 5/8", "f 4/5 3/5 6/5 5/5"))
+    told = "2 faces whose texture coordinates have no area show texels of others"
+    assert told in bake(path, "-o", tmp_path / "w.png", *FEW, "--report", report).stderr
+    assert told in report.read_text()
+    glb = "-o", tmp_path / "w.glb", "--occlusion", "texture"
+    assert told in bake(path, *glb, *FEW).stderr  # there is no room for charts on 32 texels
+    assert told in bake(path, *glb, "--orm", "--samples", 16, "--size", 64).stderr
+    assert told in bake(path, "--output-dir", tmp_path / "out", "--format", "png", *FEW).stderr
+
+
+def test_charts_within_a_texel_get_larger_ones_in_a_glb(tmp_path):
+    pytest.importorskip("uvunwrap")
+    path, made = tmp_path / "small.obj", tmp_path / "w.glb"
+    small = "vt .501 .101\nvt .507 .101\nvt .507 .107\nvt .501 .107\n"
+    path.write_text(FLOOR_AND_WALL.replace("f 1/1", f"{small}f 1/1").replace("4/5 3/6 6/7 5/8", "4/9 3/10 6/11 5/12"))
+    line = "--samples", 64, "--size", 64, "--falloff", "binary"
+    told = "2 faces show texels of others, for their charts are smaller"
+    assert told in bake(path, "-o", tmp_path / "w.png", *line).stderr
+    assert told not in bake(path, "-o", made, "--occlusion", "texture", *line).stderr
+    found = load(made)
+    assert [len(found.mesh.faces[part.faces]) for part in found.parts] == [2, 2]
+    assert np.ptp(found.texture_coordinates(1)[found.parts[1].faces], axis=1).min() > 0.1
+    fewer = bake(path, "-o", tmp_path / "x.png", "--samples", 8, "--size", 256)
+    assert told not in fewer.stderr
+
+
+def test_all_faces_of_a_palette_get_charts_in_a_glb(tmp_path):
+    pytest.importorskip("uvunwrap")
+    path, made = tmp_path / "n.obj", tmp_path / "n.glb"
+    path.write_text(f"{FLAT}f 1/1 2/1 3/1\n")
+    bake(path, "-o", made, "--occlusion", "texture", "--size", 64, "--samples", 16)
+    assert np.ptp(load(made).texture_coordinates(1), axis=1).min() > 0.1
 
 
 def test_an_object_without_area_on_its_page_is_refused_before_others_are_written(tmp_path, monkeypatch):

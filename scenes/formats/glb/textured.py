@@ -1,5 +1,6 @@
 """A binary glTF with baked textures as its materials' occlusion textures, by the coordinates they were baked for."""
 
+import copy
 from collections.abc import Sequence
 from typing import Any
 
@@ -7,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ao.texture.result import BakedTexture
+from ao.texture.uv_layout import on_page
 from raytrace.errors import MeshError
 from raytrace.image.encode import linear_png
 from raytrace.types import AnyFloats, Float64s, Int64s
@@ -56,25 +58,44 @@ def textured_glb(
         numbers = [textures.add(linear_png(each), f"{OWN} occlusion", wrapS=WRAP, wrapT=WRAP) for each in codes]
     rest, kept = [], 0
     for (primitive, vertices), piece in zip(drawn, pieces(mesh_file), strict=True):
-        texture = next((k for k, page in enumerate(pages) if not np.isnan(page.uv[piece.faces]).any()), None)
+        shown = np.array([on_page(page.uv[piece.faces]) for page in pages])
         if not textures.materials(primitive):
             kept += 1
-        elif texture is None:
+        elif not shown.any(axis=0).all():
             rest.append((primitive, vertices))
         else:
             record = parse(Primitive, primitive, before.path)
-            faces, uv = triangles(before, record, len(vertices)).astype(np.int64), pages[texture].uv[piece.faces]
-            if not np.array_equal(vertices[faces], mesh_file.mesh.faces[piece.faces]):  # mirrored, and turned over
-                uv = uv[:, ::-1]
-            number = _set_of(before, record, faces, uv)
-            if number is None:
-                number = free_set(packed.header, primitive)
-                split_vertices(packed, before, primitive, number, faces, uv)
-            textures.give(primitive, numbers[texture], number)
+            faces, texture_of = triangles(before, record, len(vertices)).astype(np.int64), shown.argmax(axis=0)
+            turned = not np.array_equal(vertices[faces], mesh_file.mesh.faces[piece.faces])  # mirrored, and turned over
+            used = np.unique(texture_of)
+            for texture, each in zip(used, _copies(packed, primitive, len(used)), strict=True):
+                rows = np.flatnonzero(texture_of == texture)
+                uv = pages[texture].uv[piece.faces[rows], :: -1 if turned else 1]
+                number = _set_of(before, record, faces[rows], uv)
+                if number is None:
+                    number = free_set(packed.header, each)
+                    split_vertices(packed, before, each, number, faces[rows], uv)
+                elif len(used) > 1:
+                    _draw(packed, each, faces[rows])
+                textures.give(each, numbers[texture], number)
     textures.apply()
     if w is not None:
         write_ramp(packed, [(primitive, w[vertices]) for primitive, vertices in rest], replace)
     return packed.encode(), kept
+
+
+def _copies(packed: Packed, primitive: dict[str, Any], count: int) -> list[dict[str, Any]]:
+    """The primitive and, in its mesh, `count` − 1 copies of it."""
+    mesh = next(each for each in packed.header["meshes"] if any(own is primitive for own in each["primitives"]))
+    made = [copy.deepcopy(primitive) for _ in range(count - 1)]
+    mesh["primitives"] += made
+    return [primitive, *made]
+
+
+def _draw(packed: Packed, primitive: dict[str, Any], corners: Int64s) -> None:
+    """Let a primitive draw triangles with these vertices at their `corners`, of any shape."""
+    primitive["indices"] = packed.accessor(corners.ravel().astype("<u4"), ELEMENT_ARRAY_BUFFER)
+    primitive.pop("mode", None)
 
 
 def _set_of(asset: Gltf, primitive: Primitive, faces: Int64s, uv: Float64s) -> int | None:
@@ -98,8 +119,7 @@ def split_vertices(
         for name, accessor in attributes.items():
             attributes[name] = _taken(packed, asset, accessor, kinds["vertex"])
     add_coordinates(packed, primitive, number, flipped(rounded[first]))
-    primitive["indices"] = packed.accessor(corners.ravel().astype("<u4"), ELEMENT_ARRAY_BUFFER)
-    primitive.pop("mode", None)
+    _draw(packed, primitive, corners)
 
 
 def _taken(packed: Packed, asset: Gltf, number: int, rows: Int64s) -> int:

@@ -67,8 +67,12 @@ class TextureCommand(MeshBake):
         check_outputs(self.outputs(pages), sources.files)
         loaded = time.perf_counter() - start
         inputs, glb = self.hashed(sources.files), self._glb()
-        without_uv = lacking(source, found.uv, sources.chosen.receive, glb)
-        warnings = warn(sources.meshes, [*sources.notes, *without_uv], falloff)
+        remarks = lacking(source, found.uv, sources.chosen.receive, glb)
+        if found.cramped:
+            remarks.append(
+                f"{source.path}: {found.cramped:,} faces show texels of others, for their charts are smaller"
+            )
+        warnings = warn(sources.meshes, [*sources.notes, *remarks], falloff)
         falloff = sources.chosen.absolute(falloff)
         bakes: list[BakedPage] = []
         with ExitStack() as kept:
@@ -158,8 +162,9 @@ class TextureCommand(MeshBake):
     def _layout(self, sources: Sources) -> tuple[Coordinates, list[Page]]:
         """The texture coordinates, and the pages. Raises: as `coordinates`, `pages_of` and `Chosen.of_page`."""
         source, page = sources.source, (self.size, self.texel_size)
-        found = coordinates(source, self.uv or "auto", page, self._glb() is not None, sources.chosen)
-        mixed = self.overlap is not None
+        glb, mixed = self._glb(), self.overlap is not None
+        sets = glb == self.output and not self.orm and not mixed
+        found = coordinates(source, self.uv or "auto", page, glb is not None, sources.chosen, sets)
         pages = pages_of(source, found, self.output, mixed, self.threads, self.instances)
         for each in pages:
             check_area(source, each)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ao.falloff import resolve_length
 from ao.texture.shown import corner_places
-from ao.texture.uv_layout import MAX_SIDE, corner_uv, doubled_areas, on_page, page_size, texels_across
+from ao.texture.uv_layout import MAX_SIDE, corner_uv, doubled_areas, have_area, on_page, page_size, texels_across
 from raytrace.errors import MeshError, OptionError
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.normals import face_normals
@@ -21,6 +21,8 @@ from ...formats.objects import Chosen
 
 _USED = 0.65  # of a page, that an unwrapping fills
 _PADDING = 4  # texels between charts, so that neither bilinear lookups nor one coarser level see two of them
+_WORTH = 1e-3  # of the surface: what has no area on the page gets a texture if it is more
+_FILLED = 16  # texels of an even layout, that a chart is too large for to be within one
 _LEAST = 64  # texels across, below which there is no room for charts
 
 
@@ -29,29 +31,36 @@ class Coordinates:
     """Texture coordinates of a mesh."""
 
     uv: Float64s  # (m, 3, 2), v upwards, NaN of faces that have none
-    new: Bools  # (m,), which the file has not
+    new: Bools  # (m,), which the file has not, or without area
     number: int | None  # of the file's set, None if all are new
     size: tuple[int, int]  # texels across and down of a page
+    cramped: int = 0  # faces that share a texel with other charts, but show more than that
 
 
 def coordinates(
-    source: MeshFile, wanted: str, pages: tuple[str | None, str | None], into_glb: bool, chosen: Chosen
+    source: MeshFile, wanted: str, pages: tuple[str | None, str | None], into_glb: bool, chosen: Chosen, sets: bool
 ) -> Coordinates:
     """Texture coordinates `wanted` by --uv; `pages`: --size, --texel-size; `into_glb`: new ones would be written.
 
+    Args: sets: whether there can be several textures, so that faces of no area on the page get one of their own.
+
     Raises: MeshError: there are none. OptionError: as `unwrap`, or a page too large.
     """
-    mesh, receive = chosen.mesh, chosen.receive
+    mesh, receive, can_unwrap = chosen.mesh, chosen.receive, find_spec("uvunwrap") is not None
     number = int(wanted) if wanted.isdecimal() else 0
     uv = None if wanted == "unwrap" else source.texture_coordinates(number)
     if uv is not None and wanted != "pack":
         uv = chosen.on_pages(uv)
         texels = _page(mesh, uv, *pages)
         new = ~on_page(uv) & receive & (wanted == "fill")
+        areas = face_normals(mesh.vertices, mesh.faces)[1] * receive
+        cramped = _cramped(mesh, uv, areas, texels)
+        lost = cramped | (on_page(uv) & ~have_area(uv) & (areas > 0))
+        if sets and can_unwrap and min(texels) >= _LEAST and areas[lost].sum() > _WORTH * areas.sum():
+            new |= lost
         if new.any():
             uv[new] = unwrap(Mesh(mesh.vertices, mesh.faces[new], source=mesh.source), min(texels))
-        return Coordinates(uv, new, number, texels)
-    can_unwrap = find_spec("uvunwrap") is not None
+        return Coordinates(uv, new, number, texels, int(np.count_nonzero(cramped & ~new)))
     if uv is None and wanted not in ("unwrap", "fill") and not (wanted == "auto" and into_glb and can_unwrap):
         which = f" of number {number}" if number else ""
         advice = f"; {'' if can_unwrap else 'pip install uvunwrap and '}--uv unwrap makes some"
@@ -63,6 +72,27 @@ def coordinates(
     old = None if uv is None else uv[receive]
     made[receive] = unwrap(Mesh(mesh.vertices, mesh.faces[receive], source=mesh.source), side, old)
     return Coordinates(made, receive, None, (side, side))
+
+
+def _cramped(mesh: Mesh, uv: Float64s, areas: Float64s, size: tuple[int, int]) -> Bools:
+    """The faces (m,) of charts smaller than a texel, beside others, that would fill several in an even layout.
+
+    Args: areas: (m,), of faces' surface.
+    """
+    found = np.zeros(len(uv), np.bool_)
+    rows = np.flatnonzero(have_area(uv))
+    places, texels = uv[rows] * size, areas[rows] * (size[0] * size[1] / max(areas.sum(), 1e-300))
+    if not (np.abs(doubled_areas(places)) / 2 * _FILLED < texels).any():
+        return found
+    corners = corner_places(places, mesh.faces[rows])
+    chart = np.unique(connected_components(corners, int(corners.max()) + 1)[corners[:, 0]], return_inverse=True)[1]
+    order = np.argsort(chart, kind="stable")
+    begins = np.flatnonzero(np.diff(chart[order], prepend=-1))
+    low = np.minimum.reduceat(places.min(axis=1)[order], begins)
+    high = np.maximum.reduceat(places.max(axis=1)[order], begins)
+    within = (high - low < 1).all(axis=1) & (np.bincount(chart, texels) >= _FILLED)
+    found[rows] = (within & (len(begins) > 1))[chart]
+    return found
 
 
 def parse_texels(text: str) -> int | tuple[int, int]:
@@ -112,7 +142,7 @@ def unwrap(mesh: Mesh | Any, size: int = 1024, uv: Any = None) -> Float64s:
     if uv is not None:
         old = corner_uv(uv, mesh)
         pieces = list(_flat_charts(centred, mesh.faces, old, size))
-        rest = np.flatnonzero(np.nan_to_num(doubled_areas(old)) == 0)
+        rest = np.flatnonzero(~have_area(old))
         pieces += [(rest, centred, mesh.faces[rest])] if len(rest) else []
     try:
         given = [uvunwrap.Mesh(np.float32(at).ravel(), np.uint32(faces).ravel()) for _, at, faces in pieces]
@@ -134,7 +164,7 @@ def _flat_charts(
     vertices: Float64s, faces: Int64s, uv: Float64s, size: int
 ) -> Iterator[tuple[Int64s, Float64s, Int64s]]:
     """The charts of `uv` (m, 3, 2), mirrored halves apart: rows of faces, and a flat mesh of the area that it has."""
-    rows = np.flatnonzero(np.nan_to_num(doubled_areas(uv)))
+    rows = np.flatnonzero(have_area(uv))
     if not len(rows):
         return
     uv, faces = uv[rows], faces[rows]

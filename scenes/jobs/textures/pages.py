@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 import ao
-from ao.texture.coverage import shared_texels
-from ao.texture.uv_layout import doubled_areas, on_page
+from ao.texture.coverage import reaches_into_page, shared_texels
+from ao.texture.uv_layout import have_area, on_page
 from raytrace.errors import MeshError, OptionError
 from raytrace.types import Bools, Float64s
 
@@ -57,7 +57,13 @@ class Layouts:
 
     def __init__(self, source: MeshFile, found: Coordinates) -> None:
         self.of, self.instance = np.zeros((2, len(source.mesh.faces)), np.int64)
-        self.all = list(pieces(source, found.number or 0))
+        self.all = [
+            replace(piece, faces=piece.faces[each])
+            for piece in pieces(source, found.number or 0)
+            for new in (found.new[piece.faces],)
+            for each in (~new, new)
+            if each.any()
+        ]
         self.pieces: list[Piece] = []  # one of each layout
         self.images: list[Hashable] = []  # one of each layout, or a key that is the layout's own
         self.path = source.path
@@ -145,11 +151,11 @@ def _pages(
     pages = []
     for words, mask in _groups(layouts.all, output, len(source.mesh.faces)):
         uv = _only(found.uv, mask)
-        shown = uv[on_page(uv)]
+        shown = uv[have_area(uv)]
         if UDIM in output.name and len(shown):
-            tiles = udim_tiles(shown, source.path)
+            tiles = [tile for tile in udim_tiles(shown, source.path) if reaches_into_page(shown - tile, source.path)]
             pages += [Page(uv - tile, False, words=words | {UDIM: tile_number(tile)}) for tile in tiles]
-        elif len(shown):
+        elif on_page(uv).any():
             pages.append(Page(uv, words=words))
     for page in () if mixed else pages:
         clashes = layouts.clashes(page, found.size, threads)
@@ -201,13 +207,13 @@ def layout_remarks(baked: ao.BakedTexture, wraps: bool, tiles: bool) -> list[str
     if facts.missed:
         lines.append(f"{facts.missed:,} points are not within the cage of the fine mesh and take the closest of it")
     if facts.flat:
-        lines.append(f"{facts.flat:,} faces have no area in texture space, and no texels")
+        lines.append(f"{facts.flat:,} faces whose texture coordinates have no area show texels of others")
     return lines
 
 
 def check_area(source: MeshFile, page: Page) -> None:
     """Raises: MeshError: no face of the page has an area on it, so that nothing would be written of it."""
-    if not doubled_areas(page.uv[on_page(page.uv)]).any():
+    if not have_area(page.uv).any():
         name = page.name or page.words.get(OBJECT, "")
         of_page = f" of {name}" if name else ""
         raise MeshError(source.path, f"texture coordinates{of_page}", "faces with an area on the page", "none")

@@ -8,7 +8,7 @@ from uv_meshes import icosphere, inward_cube, quads, rectangle, square
 import ao
 import ao.texture.texels
 from ao.points.receivers import find_receivers
-from ao.texture.coverage import cover
+from ao.texture.coverage import Page
 from ao.texture.surface_points import Faces, centres_suffice
 from ao.texture.uv_layout import UVLayout, corner_uv
 from raytrace import Mesh
@@ -21,7 +21,7 @@ def enough(mesh, uv, size, most=MOST):
     """Which texels need one point alone, (height, width), and which are covered as a whole."""
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement)
-    coverage = cover(UVLayout.of(corner_uv(uv, mesh), (size, size), True, "test"), "mean", 1)
+    coverage = Page.of(UVLayout.of(corner_uv(uv, mesh), (size, size), True, "test")).cover("mean", 1)
     faces = Faces.of(placement.vertices.astype(np.float64), receivers)
     found = centres_suffice(coverage, faces, receivers.tree, most, 1)
     pages = np.zeros((2, size * size), np.bool_)

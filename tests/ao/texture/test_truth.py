@@ -114,15 +114,6 @@ def test_to_a_tolerance_the_error_is_met():
     assert texture.rays < reference.rays / 8
 
 
-def test_the_estimated_error_is_the_true_one_where_texels_show_several_charts():
-    mesh = Mesh(*hills(14))
-    uv = grid_charts(len(mesh.faces))
-    few, many = ({"samples": samples, "seed": samples, "close_seams": False} for samples in (256, 8192))
-    texture, reference = ao.bake_texture(mesh, uv, 40, **few), ao.bake_texture(mesh, uv, 40, **many)
-    true = np.sqrt(np.mean((texture.w - reference.w)[texture.covered] ** 2))
-    assert true / 1.5 < texture.rmse < 1.5 * true
-
-
 @pytest.mark.parametrize("denoise", [True, False])
 def test_the_estimated_error_is_the_true_one(denoise):
     mesh, uv, _ = inward_cube(16)

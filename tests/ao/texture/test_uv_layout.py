@@ -5,7 +5,7 @@ import pytest
 from uv_meshes import quads, rectangle, square
 
 import ao
-from ao.texture.uv_layout import UVLayout, page_size, texels_across
+from ao.texture.uv_layout import UVLayout, page_size, texels_across, tile_ranges
 from raytrace import MemoryLimitError, MeshError, OptionError
 
 CORNERS = [(0.2, 0.2), (0.7, 0.2), (0.2, 0.7)]
@@ -111,6 +111,21 @@ def test_by_vertex_and_by_corner_are_the_same():
     mesh, uv = quads((rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)), square(0, 0, 1, 1)))
     one, other = (ao.bake_texture(mesh, each, 8, samples=8) for each in (uv, uv[mesh.faces]))
     assert np.array_equal(one.w, other.w)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "tiles"),
+    [
+        (0, 1e-6, (0, 1)),
+        (0.999999, 1, (0, 1)),
+        (0.9999995, 1.0000005, (0, 2)),
+        (-1e-7, 1 + 1e-7, (0, 1)),
+        (1, 2, (1, 2)),
+    ],
+)
+def test_the_tiles_that_a_face_reaches_into(low, high, tiles):
+    first, last = tile_ranges(np.array([[(low, 0.1), (high, 0.1), (low, 0.9)]]))
+    assert (first[0, 0], last[0, 0]) == tiles
 
 
 def test_the_size_for_a_texel_size():
