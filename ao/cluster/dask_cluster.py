@@ -5,6 +5,7 @@ Dask starts workers, knows which are alive, runs what is submitted to them and c
 
 import asyncio
 import logging
+import os
 import signal
 import time
 import uuid
@@ -69,6 +70,7 @@ class DaskCluster:
         self._opened.result()
 
     def _open(self) -> None:
+        os.environ["PYTHONSAFEPATH"] = "1"  # or what is started, by `python -c`, imports from the current folder first
         if hasattr(signal, "pthread_sigmask"):  # workers that Dask's thread starts leave Ctrl-C to who started them
             resource_tracker.ensure_running()  # or it unblocks what is blocked here
             signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
