@@ -18,6 +18,7 @@ from raytrace.image.read import read_image
 from raytrace.image.texture import pack_textures
 from raytrace.image.texture_lookup import sample_points
 from raytrace.mesh.weld import first_alike
+from raytrace.system.checks import check_regular
 from raytrace.types import AnyFloats, Float64s
 
 from ..geometry.instances import Instance
@@ -175,6 +176,7 @@ def _of_array(path: Path, counts: tuple[int, ...], name: str = "w", columns: tup
 def _array_errors(path: Path) -> Iterator[None]:
     """The dozen kinds of errors of NumPy and zipfile on invalid files, as one kind."""
     try:
+        check_regular(path, "a file of w", SceneError)
         yield
     except SceneError:
         raise

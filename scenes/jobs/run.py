@@ -25,7 +25,19 @@ from .console import compiling, note, progress, quietly
 from .dry_run import dry_run
 from .inputs import expand, is_pattern, outputs_in
 from .manifest import is_batch_of_parts, merge_batch
-from .options import BAKE, BAKER, SORTS, Format, absolute, cage_of, check_sort, check_together, defaults, plain
+from .options import (
+    BAKE,
+    BAKER,
+    SORTS,
+    Format,
+    absolute,
+    cage_of,
+    check_sort,
+    check_stored,
+    check_together,
+    defaults,
+    plain,
+)
 from .remote import Workers, cluster_checkpoint
 from .vertices import BakeCommand
 
@@ -202,17 +214,20 @@ def _merge_bake(folder: Path, options: dict[str, Any]) -> None:
 
     parts = read_parts(folder)
     description, output = parts[0].description, options["output"]
-    texture = any(description["options"][name] for name in _OF_TEXTURE)
+    rows = [row for row in BAKE if row.role == "result" and "part" in row.on.split()]
+    stored = {row.name: description["options"].get(row.name, row.default) for row in rows}
+    files = {name: description[name] for name in ("high", "occluder") if name in description}
+    check_stored(parts[0].path, stored | files)
+    texture = any(stored[name] for name in _OF_TEXTURE)
     if texture and output.suffix.lower() == ".glb":
         options["occlusion"] = "texture"
     elif texture != is_texture(output):
         sort = ("a file of vertices, as the parts are", "an image or a .glb: the parts are of a texture")[texture]
         raise OptionError("output", sort, output)
-    for name in ("mesh", "high", "occluder"):
-        stored = description.get(name)
-        known = [Path(each) for each in stored] if isinstance(stored, list) else stored and Path(stored)
-        options[name] = options[name] or known
-    bake_command({**description["options"], **options}).replaced(open_checkpoint=lambda _: Merge(parts)).run()
+    options["mesh"] = options["mesh"] or Path(description["mesh"])
+    for name, paths in files.items():
+        options[name] = options[name] or [Path(path) for path in paths]
+    bake_command({**stored, **options}).replaced(open_checkpoint=lambda _: Merge(parts)).run()
 
 
 def _batch(options: dict[str, Any]) -> Batch:
