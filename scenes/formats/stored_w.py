@@ -154,7 +154,7 @@ def _of_array(path: Path, counts: tuple[int, ...], name: str = "w", columns: tup
 
     Args: columns: its shape but for the first number, which is one of `counts`.
     """
-    with _array_errors(path), ExitStack() as stack, warnings.catch_warnings(action="ignore"):
+    with _array_errors(path), ExitStack() as stack:
         if path.suffix.lower() == ".npz":
             archive = stack.enter_context(zipfile.ZipFile(path))
             file: IO[bytes] = stack.enter_context(archive.open(f"{name}.npy"))
@@ -177,7 +177,8 @@ def _array_errors(path: Path) -> Iterator[None]:
     """The dozen kinds of errors of NumPy and zipfile on invalid files, as one kind."""
     try:
         check_regular(path, "a file of w", SceneError)
-        yield
+        with warnings.catch_warnings(action="ignore"):  # they quote a header as it is
+            yield
     except SceneError:
         raise
     except Exception as reason:

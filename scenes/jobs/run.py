@@ -179,6 +179,7 @@ def _trace_part(options: dict[str, Any]) -> int:
     from ao.execute.parts import PartTraced, ShardCheckpoint
 
     number, of = part_numbers(options["part"])
+    _check_folder("output", options["output"])
     folder, texture = options["output"], any(options[name] for name in _OF_TEXTURE)
     stand_in = {"output": folder / ("texture.glb" if texture else "w.npy"), "occlusion": "texture" if texture else None}
     rows = [row for row in BAKE if row.rays and "part" in row.on.split()]
@@ -235,13 +236,18 @@ def _batch(options: dict[str, Any]) -> Batch:
     given, folder = options["mesh"], options["output_dir"]
     if STANDARD in given:
         raise ConflictError("output_dir", "does not go with", "-, standard input")
-    if folder.suffix.lower().removeprefix(".") in get_args(Format) and not os.path.exists(folder):
-        raise OptionError("output_dir", "a folder", f"{folder}, the name of a file", nearest="--output")
+    _check_folder("output_dir", folder, nearest="--output")
     inputs = expand(given)
     pairs = zip(inputs, outputs_in(folder, inputs, preset_format(options) or "ply"), strict=True)
     bakes = [bake_command({**options, "mesh": path, "output": output}) for path, output in pairs]
     workers = Workers(options) if options["cluster"] else None
     return Batch(bakes, folder, workers, part_numbers(options["part"]) if options["part"] else None)
+
+
+def _check_folder(option: str, folder: Path, nearest: str | None = None) -> None:
+    """Raises: OptionError: there is none, and its name is that of an output."""
+    if folder.suffix.lower().removeprefix(".") in get_args(Format) and not os.path.exists(folder):
+        raise OptionError(option, "a folder", f"{folder}, the name of a file", nearest=nearest)
 
 
 def _check_output(given: list[Path], output: Path | None, folder: bool) -> None:

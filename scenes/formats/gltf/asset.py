@@ -19,6 +19,7 @@ import numpy as np
 
 from raytrace.errors import MeshError
 from raytrace.mesh.up import TO_Y_UP
+from raytrace.text.strict_json import parse_json
 from raytrace.types import Float64s
 
 from ...safe_paths import beside
@@ -167,7 +168,7 @@ def decode(data: bytes, path: Path) -> Gltf:
     if data[:4] == b"glTF":
         data, binary = _chunks(data, path)
     try:
-        header = json.loads(data.decode("utf-8"))
+        header = parse_json(data.decode("utf-8"))
         deep = _depth(header) > _DEEPEST
     except RecursionError:
         deep = True
