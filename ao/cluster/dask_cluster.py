@@ -62,6 +62,7 @@ class DaskCluster:
         self.threads = None if self.count is None else max(thread_count(threads) // self.count, 1)
         self._client: Any = None
         self._local: Any = None
+        self._safe_path = os.environ.get("PYTHONSAFEPATH")  # until now
         self._aside = ThreadPoolExecutor(1)  # Ctrl-C, on the main thread, leaves no coroutine that nobody awaits
         self._opened = self._aside.submit(self._open)
 
@@ -154,6 +155,8 @@ class DaskCluster:
             asyncio.run_coroutine_threadsafe(_kill(self._local), self._local.loop.asyncio_loop)  # ends with the loop
             with suppress(Exception):
                 self._local.close()
+        if self._safe_path is None:
+            os.environ.pop("PYTHONSAFEPATH", None)
 
 
 async def _kill(local: Any) -> None:
