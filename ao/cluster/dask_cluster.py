@@ -68,7 +68,11 @@ class DaskCluster:
 
     def connect(self) -> None:
         """Wait for the scheduler. Raises: OptionError: there is none at the address, or no credentials for it."""
-        self._opened.result()
+        try:
+            self._opened.result()
+        except BaseException:
+            self.close()
+            raise
 
     def _open(self) -> None:
         os.environ["PYTHONSAFEPATH"] = "1"  # or what is started, by `python -c`, imports from the current folder first
@@ -146,7 +150,7 @@ class DaskCluster:
             await asyncio.sleep(_AGAIN)
 
     def close(self) -> None:
-        """Let go of the cluster; workers that were started here end."""
+        """Let go of the cluster; workers that were started here end, and so does what was set for them."""
         self._aside.shutdown()
         if self._client:
             with suppress(Exception):
