@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Sequence
 from numbers import Real
 from typing import Annotated, Any, TypeGuard
@@ -31,7 +32,7 @@ def resolve_length(field: str, length: Length, radius: float) -> float:
     """`length` in mesh units: a number as it is, "P%" as that part of `radius`.
 
     Raises:
-        OptionError: not a number or percentage above zero ("inf" is allowed).
+        OptionError: not a number or percentage above zero ("inf" is allowed), or below 2.2e-308.
     """
     expected = 'a length above 0, such as 0.5, "25%" or inf'
     try:
@@ -41,7 +42,7 @@ def resolve_length(field: str, length: Length, radius: float) -> float:
             value = float(length)
     except (TypeError, ValueError, OverflowError):
         raise OptionError(field, expected, repr(length)) from None
-    if not value > 0:
+    if not value >= sys.float_info.min:  # μ divides by lengths
         raise OptionError(field, expected, repr(length))
     return value
 

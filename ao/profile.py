@@ -58,7 +58,7 @@ class Profile:
     def stored(cls, half_distances: Any, values: Any, radius: Any) -> Profile | None:
         """A profile as a file holds it, or None where it holds something else."""
         try:
-            return cls(half_distances, np.asarray(values), radius)
+            return None if np.iscomplexobj(values) else cls(half_distances, np.asarray(values), radius)
         except (OptionError, ValueError, TypeError):
             return None
 

@@ -73,6 +73,8 @@ def numbers(values: Any, source: str, field: str, expected: str) -> Float64s:
     import numpy as np  # so that mistakes and --help wait for no NumPy
 
     try:
+        if np.iscomplexobj(values):
+            raise ValueError
         return np.asarray(values, np.float64)
     except (TypeError, ValueError):
         raise OptionError(field, expected, repr(values), source) from None

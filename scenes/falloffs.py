@@ -2,6 +2,7 @@
 
 import math
 import re
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -93,7 +94,7 @@ def read_table(path: Path) -> ao.Tabulated:
         raise InputError(path, "file", "a readable file", reason.strerror or reason) from None
     except InputError:
         raise
-    except (ValueError, EOFError) as reason:
+    except Exception as reason:  # NumPy's on a damaged header are of a dozen kinds
         raise InputError(path, "content", "two columns, distances and values", " ".join(str(reason).split())) from None
     try:
         return ao.Tabulated(distances, values)
@@ -102,7 +103,8 @@ def read_table(path: Path) -> ao.Tabulated:
 
 
 def _array(path: Path) -> tuple[Any, Any]:
-    values = np.load(path, allow_pickle=False)
+    with warnings.catch_warnings(action="ignore"):  # they quote the header as it is
+        values = np.load(path, allow_pickle=False)
     if not isinstance(values, np.ndarray) or values.ndim != 2 or values.shape[1] != 2 or values.dtype.kind not in "fiu":
         raise ValueError(f"shape {getattr(values, 'shape', '?')} of {getattr(values, 'dtype', '?')}")
     return tuple(values.T.astype(np.float64).tolist())

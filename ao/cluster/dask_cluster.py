@@ -5,6 +5,7 @@ Dask starts workers, knows which are alive, runs what is submitted to them and c
 
 import asyncio
 import logging
+import os
 import signal
 import time
 import uuid
@@ -61,14 +62,20 @@ class DaskCluster:
         self.threads = None if self.count is None else max(thread_count(threads) // self.count, 1)
         self._client: Any = None
         self._local: Any = None
+        self._safe_path = os.environ.get("PYTHONSAFEPATH")  # until now
         self._aside = ThreadPoolExecutor(1)  # Ctrl-C, on the main thread, leaves no coroutine that nobody awaits
         self._opened = self._aside.submit(self._open)
 
     def connect(self) -> None:
         """Wait for the scheduler. Raises: OptionError: there is none at the address, or no credentials for it."""
-        self._opened.result()
+        try:
+            self._opened.result()
+        except BaseException:
+            self.close()
+            raise
 
     def _open(self) -> None:
+        os.environ["PYTHONSAFEPATH"] = "1"  # or what is started, by `python -c`, imports from the current folder first
         if hasattr(signal, "pthread_sigmask"):  # workers that Dask's thread starts leave Ctrl-C to who started them
             resource_tracker.ensure_running()  # or it unblocks what is blocked here
             signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -143,7 +150,7 @@ class DaskCluster:
             await asyncio.sleep(_AGAIN)
 
     def close(self) -> None:
-        """Let go of the cluster; workers that were started here end."""
+        """Let go of the cluster; workers that were started here end, and so does what was set for them."""
         self._aside.shutdown()
         if self._client:
             with suppress(Exception):
@@ -152,6 +159,8 @@ class DaskCluster:
             asyncio.run_coroutine_threadsafe(_kill(self._local), self._local.loop.asyncio_loop)  # ends with the loop
             with suppress(Exception):
                 self._local.close()
+        if self._safe_path is None:
+            os.environ.pop("PYTHONSAFEPATH", None)
 
 
 async def _kill(local: Any) -> None:

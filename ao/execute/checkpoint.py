@@ -20,7 +20,7 @@ from raytrace.types import Bools, Float64s
 from ..points.receivers import Receivers
 from ..rays.ray_scene import RayScene
 from .journal import IDENTITY, Block, Journal, record
-from .work import Advance, FillSpans, Tables, Work, fill_spans, machine
+from .work import Advance, FillSpans, KeptWork, Tables, Work, fill_spans, machine
 
 _MOST_WAITING = 1 << 25  # bytes that are written at once, due or not
 
@@ -110,13 +110,10 @@ class Checkpoint:
         if found and found.identity == self._identity:
             self.notify(f"{self.path}: left by an interrupted run; --resume would continue it; starting over")
 
-    def fill(self, name: bytes, work: Work, scene: RayScene, threads: int, advance: Advance) -> Tables:
-        """All rows of `work`: those that are kept, and the others made.
-
-        Args: name: 16 bytes that no other work in the same bake has. advance: called with numbers of rows.
-        """
-        tables = work.tables()
-        wanted = self.choose(work, ~self.restored(name, tables))
+    def fill(self, work: KeptWork, scene: RayScene, threads: int, advance: Advance) -> Tables:
+        """All rows of `work`: those that are kept, and the others made. Args: advance: called with numbers of rows."""
+        name, tables = work.name, work.tables()
+        wanted = self.choose(work, ~self.restored(work, tables))
 
         def finished(first: int, last: int) -> None:
             if not self._given_up:
@@ -135,13 +132,13 @@ class Checkpoint:
         """Which of the `missing` rows, bool (k,), are to be made here: all."""
         return missing
 
-    def restored(self, name: bytes, tables: Tables) -> Bools:
-        """Which rows of the work of this name are kept, bool (k,); they are copied into `tables`."""
-        taken = np.zeros(len(tables[0]), np.bool_)
+    def restored(self, work: KeptWork, tables: Tables) -> Bools:
+        """Which rows of the work are kept, bool (k,); they are copied into `tables`."""
+        taken, name = np.zeros(len(work), np.bool_), work.name
         if self._journal:
             for block in self._journal.blocks:
                 if block[0] == name:
-                    restore(block, self._journal.content(block), tables, taken)
+                    restore(block, self._journal.content(block), work, tables, taken)
         return taken
 
     def all_traced(self) -> None:
@@ -199,18 +196,21 @@ def identity(placement: Placement, receivers: Receivers, settings: tuple[object,
     return digest.digest()[:IDENTITY]
 
 
-def restore(block: Block, content: bytes, tables: Tables, restored: Bools) -> None:
-    """Copy recorded rows into `tables` and mark them in `restored` (k,), if they are rows of these."""
+def restore(block: Block, content: bytes, work: KeptWork, tables: Tables, restored: Bools) -> None:
+    """Copy recorded rows into `tables` and mark them in `restored` (k,), if they can be rows of these."""
     _, first, last = block
     rows = last - first
     if not 0 <= first < last <= len(restored) or len(content) != sum(table[:1].nbytes for table in tables) * rows:
         return
-    begin = 0
+    begin, stored = 0, []
     for table in tables:
-        block_rows = table[first:last]
-        block_rows[:] = np.frombuffer(content, table.dtype, block_rows.size, begin).reshape(block_rows.shape)
-        begin += block_rows.nbytes
-    restored[first:last] = True
+        shape, size = (rows, *table.shape[1:]), table[first:last].size
+        stored.append(np.frombuffer(content, table.dtype, size, begin).reshape(shape))
+        begin += stored[-1].nbytes
+    if work.could_make(tuple(stored)):
+        for table, values in zip(tables, stored, strict=True):
+            table[first:last] = values
+        restored[first:last] = True
 
 
 def _refused(path: Path, reason: OSError) -> OutputError:

@@ -5,6 +5,7 @@ Not SQLite or HDF5: blocks are only ever appended, and a file that a crash has c
 """
 
 import os
+import stat
 import struct
 import sys
 import zlib
@@ -21,6 +22,7 @@ MAGIC = b"obscurance journal 1\n"
 IDENTITY = 32  # bytes
 _RECORD = struct.Struct("<16sqqqI")  # call, first row, last row, bytes of content, CRC-32 of these and of the content
 _FIELDS = struct.Struct("<16sqqq")
+_OPEN = os.O_RDWR | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)  # the last of named pipes, which hang
 
 Block = tuple[bytes, int, int]
 
@@ -57,7 +59,7 @@ class Journal:
         begun = head.startswith(MAGIC) or MAGIC.startswith(head.rstrip(b"\0"))
         rest = iter(lambda: self._file.read(1 << 20), b"")
         if self.identity is None and not (begun and not any(chunk.strip(b"\0") for chunk in rest)):  # torn by a crash
-            raise OutputError(f"{self.path}: content: expected the journal of a bake or no such file, got another file")
+            raise _another(self.path, "another file")
         self._end = self._file.tell() if self.identity else 0
         while self.identity and len(start := self._file.read(_RECORD.size)) == _RECORD.size:
             call, first, last, size, check = _RECORD.unpack(start)
@@ -113,13 +115,18 @@ class Journal:
 
 def _hold(path: Path, create: bool) -> FileIO:
     while True:
-        handle = os.open(path, os.O_RDWR | (os.O_CREAT if create else 0) | getattr(os, "O_BINARY", 0), 0o666)
+        handle = os.open(path, _OPEN | (os.O_CREAT if create else 0), 0o666)
         file = FileIO(handle, "r+")
         try:
+            if not stat.S_ISREG(os.fstat(handle).st_mode):
+                raise _another(path, "something that is not a regular file")
             if sys.platform != "win32":
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if os.path.samestat(os.fstat(handle), path.stat()):
                 return file
+        except OutputError:
+            file.close()
+            raise
         except BlockingIOError:
             file.close()
             raise OutputError(f"{path}: another bake to the same target is at work") from None
@@ -128,3 +135,7 @@ def _hold(path: Path, create: bool) -> FileIO:
         file.close()
         if not create and not path.exists():
             raise FileNotFoundError(path)
+
+
+def _another(path: Path, got: str) -> OutputError:
+    return OutputError(f"{path}: content: expected the journal of a bake or no such file, got {got}")

@@ -3,7 +3,8 @@
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
+from itertools import islice
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
@@ -12,12 +13,13 @@ import numpy as np
 
 from raytrace.errors import InputError, ObscuranceError, OutputError
 from raytrace.mesh.placement import Placement
+from raytrace.text.strict_json import parse_json
 from raytrace.types import Bools, Int64s
 
 from ..points.receivers import Receivers
 from .checkpoint import Checkpoint, identity, restore
 from .journal import Block, Journal, record
-from .work import Tables, Work, first_difference, machine
+from .work import KeptWork, Tables, Work, first_difference, machine
 
 ENDING = ".part"
 _RUNS, _LEAST = 16, 64  # runs of neighbouring rows to each part, and rows in one at least
@@ -134,11 +136,16 @@ def read_parts(folder: Path) -> list[PartFile]:
     for part in parts:
         if part.identity != header:
             raise InputError(part.path, "header", "what the other parts have", "that of another bake")
-    of, numbers = int(usual["number of parts"]), [part.description["part"] for part in parts]
-    if missing := sorted(set(range(1, of + 1)) - set(numbers)):
-        lacking = ", ".join(map(str, missing[:20])) + (", …" if len(missing) > 20 else "")
+    of, numbers = parts[0].description["of"], {part.description["part"] for part in parts}
+    if lacking := missing_of(of, numbers):
         raise InputError(folder, "parts", f"all of 1 to {of}", f"{len(parts)} of them; missing: {lacking}")
     return parts
+
+
+def missing_of(of: int, numbers: Collection[int]) -> str:
+    """The first twenty of 1 to `of` that are none of `numbers`, in words; nothing if all are."""
+    missing = list(islice((number for number in range(1, of + 1) if number not in numbers), 21))
+    return ", ".join(map(str, missing[:20])) + (", …" if len(missing) > 20 else "")
 
 
 def _read(path: Path) -> PartFile:
@@ -153,9 +160,23 @@ def _read(path: Path) -> PartFile:
         if journal.identity is None or DESCRIPTION not in journal.blocks or WHOLE not in journal.blocks:
             expected = "a finished part; the same command continues it"
             raise InputError(path, "content", expected, "a part that was interrupted")
-        return PartFile(path, journal.identity, json.loads(journal.content(DESCRIPTION)), journal.blocks)
+        return PartFile(path, journal.identity, _parse_description(path, journal.content(DESCRIPTION)), journal.blocks)
     finally:
         journal.close()
+
+
+def _parse_description(path: Path, content: bytes) -> dict[str, Any]:
+    try:
+        found = parse_json(content)
+        number, of, options, facts = found["part"], found["of"], found["options"], found["machine"]
+        whole = type(number) is type(of) is int and 1 <= number <= of
+        whole = whole and isinstance(options, dict) and isinstance(facts, dict) and "mesh digest" in found
+        whole = whole and isinstance(found["mesh"], str)
+    except (ValueError, KeyError, TypeError, RecursionError):
+        whole = False
+    if not whole:
+        raise InputError(path, "description", "that of a part, with its number, options and machine", "something else")
+    return found
 
 
 class Merge(Checkpoint):
@@ -170,20 +191,20 @@ class Merge(Checkpoint):
             return
         own: Mapping[str, str] = machine() | {"mesh": digest_of(placement, receivers)}
         facts = self.parts[0].facts
-        difference = first_difference({name: facts[name] for name in own}, own)
+        difference = first_difference({name: facts.get(name, "nothing") for name in own}, own)
         name, expected, got = difference or ("header", "that of this very bake", "that of another")
         raise InputError(self.parts[0].path.parent, name, f"{expected}, as in the parts", f"{got} here")
 
-    def restored(self, name: bytes, tables: Tables) -> Bools:
-        taken = np.zeros(len(tables[0]), np.bool_)
+    def restored(self, work: KeptWork, tables: Tables) -> Bools:
+        taken, name = np.zeros(len(work), np.bool_), work.name
         for part in self.parts:
             with part.path.open("rb") as file:
                 for block, (begin, size) in part.blocks.items():
                     if block[0] == name:
                         file.seek(begin)
-                        restore(block, file.read(size), tables, taken)
+                        restore(block, file.read(size), work, tables, taken)
         if not taken.all():
             part = self.parts[int(assign_shards(len(taken), len(self.parts))[np.argmin(taken)]) - 1]
-            lacking = f"{np.count_nonzero(~taken):,} missing"
+            lacking = f"{np.count_nonzero(~taken):,} missing or impossible"
             raise InputError(part.path, "rows", f"all of its share of {len(taken):,}", lacking)
         return taken

@@ -12,7 +12,7 @@ from raytrace.types import Float64s, Int64s
 
 from ..mu import KernelMu
 from ..points.points import Points
-from ..rays.gather import COLUMNS, gather_hemispheres, gather_streams
+from ..rays.gather import BATCH_VARIANCE, COLUMNS, W, gather_hemispheres, gather_streams
 from ..rays.layers import Layers
 from ..rays.ray_blocks import Rays
 from ..rays.ray_packet import RayPacket
@@ -23,6 +23,7 @@ from .work import Tables
 
 Progress = Callable[[int, int], None]
 T = TypeVar("T")
+_ONE = 1 + 1e-6  # by rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +58,11 @@ class Hemispheres:
 
     def tables(self) -> Tables:
         return (np.zeros((len(self), *self.mu.shape, COLUMNS)),)
+
+    def could_make(self, rows: Tables) -> bool:
+        least = np.full(COLUMNS, -_ONE)
+        least[[W, BATCH_VARIANCE]] = 0.0
+        return bool(((rows[0] >= least) & (rows[0] <= _ONE)).all())
 
     def writer(self, scene: RayScene, tables: Tables) -> Callable[[int, int], None]:
         table = scene.table(self.samples, self.total_points, self.key, self.leap)
@@ -150,4 +156,4 @@ class Tracer:
             if self.progress and self.expected:
                 self.progress(self.rays, max(self.rays, self.expected))
 
-        return self.checkpoint.fill(work.name, work, self.scene, self.threads, advance)[0]
+        return self.checkpoint.fill(work, self.scene, self.threads, advance)[0]

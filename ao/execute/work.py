@@ -71,6 +71,17 @@ def fill_spans(work: Work, scene: Any, spans: Sequence[Span], tables: Tables, th
     run_blocks(len(blocks), 1, make, threads, lambda _: finished(*made.popleft()))
 
 
+class KeptWork(Work, Protocol):
+    """Work whose rows a journal keeps."""
+
+    @property
+    def name(self) -> bytes:
+        """16 bytes that no other work in the same bake has."""
+
+    def could_make(self, rows: Tables) -> bool:
+        """Whether the numbers in some rows, of a file that anybody may have written, are in their ranges."""
+
+
 @cache
 def machine() -> dict[str, str]:
     """Facts that must be equal for rows of the same bits, by name.

@@ -128,6 +128,11 @@ class Moments:
     def tables(self) -> Tables:
         return np.zeros((len(self), MOMENTS)), np.zeros((len(self), 3), np.int64)
 
+    def could_make(self, rows: Tables) -> bool:
+        moments, counts = rows  # weights of all samples of a face sum up to less than 4
+        most = self.rays_of_sample * self.count
+        return bool((np.abs(moments) <= 4).all() and ((counts >= 0) & (counts <= most)).all())
+
     def writer(self, scene: RayScene, tables: Tables) -> Callable[[int, int], None]:
         embree, drawn, (moments, counts) = scene.embree(), (lattices(self.rays_of_sample, scene.cone), self.key), tables
 
@@ -162,7 +167,7 @@ def gather_moments(prepared: Prepared, patch: Patch, total: int) -> tuple[Float6
         if progress:
             progress(count * rays * done // len(work), count * rays)
 
-    moments, counts = prepared.checkpoint.fill(work.name, work, prepared.scene, prepared.threads, advance)
+    moments, counts = prepared.checkpoint.fill(work, prepared.scene, prepared.threads, advance)
     seen = np.zeros(patch.unknowns, np.bool_)
     seen[patch.face_points[counts[:, SEEN] > 0]] = True
     moments[~seen[patch.face_points].any(axis=1)] /= HIDDEN

@@ -55,9 +55,11 @@ def project(
         cage: how far the fine surface may be, in mesh units, or points (k · slots, 3), which say which way, too.
         groups: of the points (k · slots,) and of the fine mesh's vertices, the first of which says that of a face.
 
-    Raises: MeshError: no point meets anything. OptionError: no face has a point's group.
+    Raises: MeshError: no point meets anything, or no face has an area. OptionError: no face has a point's group.
     """
     receivers, threads = prepared.receivers, prepared.threads
+    if not len(receivers.faces):
+        raise MeshError(prepared.mesh.source, "faces", "some that have an area", "none")
     vertices = prepared.placement.vertices.astype(np.float64)
     low, high = (np.stack([ends(vertices, axis=0), ends(places, axis=0)]) for ends in (np.min, np.max))
     if isinstance(cage, float):
@@ -147,11 +149,13 @@ def _rounding(vertices: Float64s, places: Float64s) -> Float64s:
 def sample_fine_mesh(prepared: Prepared, high: Mesh, coarse: Mesh, inputs: Inputs) -> tuple[Prepared, PointValues]:
     """Estimate w of `high`, the mesh of `prepared`, at the vertices of `coarse`, which become the wanted points.
 
-    Raises: MeshError: nothing is within the cage around `coarse`, or it is one of another mesh.
+    Raises: MeshError: nothing is within the cage around `coarse`, or it is one of another mesh; or faces lack areas.
     """
     options, placement, fine, threads = prepared.options, prepared.placement, prepared.receivers, prepared.threads
     shown = find_receivers(coarse, Placement.of(coarse), options.normals)
     count = len(shown.points)
+    if not count:
+        raise MeshError(coarse.source, "faces", "some that have an area", "none")
     nowhere = np.zeros((count, 1), np.int32), np.zeros((count, 1, 3), np.float32)
     coverage = Coverage.of_points(np.arange(count), *nowhere)
     positions = (coarse.vertices[shown.first_vertex] - placement.centre) * placement.scale

@@ -18,6 +18,7 @@ from raytrace.image.read import read_image
 from raytrace.image.texture import pack_textures
 from raytrace.image.texture_lookup import sample_points
 from raytrace.mesh.weld import first_alike
+from raytrace.system.checks import check_regular
 from raytrace.types import AnyFloats, Float64s
 
 from ..geometry.instances import Instance
@@ -153,7 +154,7 @@ def _of_array(path: Path, counts: tuple[int, ...], name: str = "w", columns: tup
 
     Args: columns: its shape but for the first number, which is one of `counts`.
     """
-    with _array_errors(path), ExitStack() as stack, warnings.catch_warnings(action="ignore"):
+    with _array_errors(path), ExitStack() as stack:
         if path.suffix.lower() == ".npz":
             archive = stack.enter_context(zipfile.ZipFile(path))
             file: IO[bytes] = stack.enter_context(archive.open(f"{name}.npy"))
@@ -175,7 +176,9 @@ def _of_array(path: Path, counts: tuple[int, ...], name: str = "w", columns: tup
 def _array_errors(path: Path) -> Iterator[None]:
     """The dozen kinds of errors of NumPy and zipfile on invalid files, as one kind."""
     try:
-        yield
+        check_regular(path, "a file of w", SceneError)
+        with warnings.catch_warnings(action="ignore"):  # they quote a header as it is
+            yield
     except SceneError:
         raise
     except Exception as reason:

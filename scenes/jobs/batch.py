@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from raytrace.errors import printable
-from raytrace.system.checks import check_outputs
+from raytrace.system.checks import check_outputs, check_regular
 from raytrace.system.threads import run_blocks, thread_count
 
 from .bake import MeshBake, Outcome, bake_one, silence_tolerance_warnings
@@ -159,6 +159,7 @@ def _read_by(bake: MeshBake) -> list[Path]:
     files = bake.inputs()
     for path in [*files]:
         with suppress(OSError, ValueError, TypeError, AttributeError, RecursionError):  # its bake will say why
+            check_regular(path, "a file")
             if path.suffix.lower() == ".gltf":
                 files += Gltf(path, json.loads(path.read_bytes())).files[1:]
             elif path.suffix.lower() == ".obj":

@@ -2,17 +2,20 @@
 
 import hashlib
 import heapq
-import json
 import re
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from threading import Lock
 from typing import Any, Literal
 
+from pydantic import TypeAdapter
+
 from raytrace.errors import InputError
 from raytrace.system.atomic import write_json
+from raytrace.system.checks import check_regular
+from raytrace.text.strict_json import parse_json
 
 from .inputs import MANIFEST
 
@@ -45,6 +48,7 @@ def digest(files: Iterable[Path]) -> str:
     hashed = hashlib.sha256()
     try:
         for path in files:
+            check_regular(path, "a file")
             with path.open("rb") as file:
                 hashlib.file_digest(file, lambda: hashed)
     except (OSError, ValueError):
@@ -81,13 +85,14 @@ class Manifest:
         Outputs that are gone or have other bytes than were written, and inputs that have changed, are not done.
         """
         try:
-            stored = json.loads(self.path.read_bytes())
+            stored = parse_json(self.path.read_bytes())
             version, facts = stored["manifest_version"], {name: stored[name] for name in self._about}
-            done = {each["input"]: Entry(**each) for each in stored["inputs"] if each["status"] == "done"}
+            entries = TypeAdapter(list[Entry]).validate_python(stored["inputs"])
+            done = {entry.input: entry for entry in entries if entry.status == "done"}
         except FileNotFoundError:
             notify(f"{self.path}: nothing to resume; starting from the beginning")
             return
-        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
             version, facts, done = None, {}, {}
         if version != VERSION:
             got = "something else" if version is None else f"one of version {version}"
@@ -121,45 +126,62 @@ def is_batch_of_parts(folder: Path) -> bool:
 
 def merge_batch(folder: Path) -> Manifest:
     """Merge the manifests of all shards. Raises: InputError: one is missing, not finished, or of another batch."""
+    from ao.execute.parts import missing_of
+
     paths = sorted(path for path in folder.iterdir() if _NAME.fullmatch(path.name))
     parts = [_read(path) for path in paths]
     first = parts[0]
     facts = [
-        {**part["options"], "versions": part["versions"], "of": part["part"]["of"], "inputs": part["part"]["inputs"]}
-        for part in parts
+        {**part.options, "versions": part.versions, "of": part.part.of, "inputs": part.part.inputs} for part in parts
     ]
     for path, known in zip(paths, facts, strict=True):
         for name in facts[0] | known:
             if facts[0].get(name) != known.get(name):
                 raise InputError(path, name, f"{facts[0].get(name)}, as in the first part", known.get(name))
-    of, numbers = first["part"]["of"], {part["part"]["number"] for part in parts}
-    if missing := sorted({*range(1, of + 1)} - numbers):
-        lacking = ", ".join(map(str, missing[:20])) + (", …" if len(missing) > 20 else "")
+    of, numbers = first.part.of, {part.part.number for part in parts}
+    if lacking := missing_of(of, numbers):
         raise InputError(folder, "parts", f"all of 1 to {of}", f"{len(parts)} of them; missing: {lacking}")
-    entries = {each["input"]: Entry(**each) for part in parts for each in part["inputs"]}
+    entries = {entry.input: entry for part in parts for entry in part.inputs}
     for path, part in zip(paths, parts, strict=True):
-        if waiting := part["waiting"]:
+        if waiting := part.waiting:
             expected = "a finished part; the same command continues it"
             raise InputError(path, "waiting", expected, f"{waiting:,} meshes that wait")
-    for name in first["part"]["inputs"]:
+    for name in first.part.inputs:
         if name not in entries:  # the parts saw files of other sizes
             raise InputError(folder, "inputs", f"{name} in one of the parts", "none that has it")
-    about = {name: first[name] for name in ("options", "versions")}
-    manifest = Manifest(folder / MANIFEST, [entries[name] for name in first["part"]["inputs"]], about)
+    about = {"options": first.options, "versions": first.versions}
+    manifest = Manifest(folder / MANIFEST, [entries[name] for name in first.part.inputs], about)
     manifest.write()
     return manifest
 
 
-def _read(path: Path) -> dict[str, Any]:
+@dataclass
+class _Part:
+    number: int
+    of: int
+    inputs: list[str]  # of all parts
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.number <= self.of:
+            raise ValueError
+
+
+@dataclass
+class _Stored:
+    """The manifest of a part."""
+
+    manifest_version: Literal[1]  # VERSION
+    options: dict[str, Any]
+    versions: dict[str, Any]
+    waiting: int
+    part: _Part
+    inputs: list[Entry]
+
+
+def _read(path: Path) -> _Stored:
     try:
-        stored: dict[str, Any] = json.loads(path.read_bytes())
-        part, names = stored["part"], {field.name for field in fields(Entry)}
-        whole = isinstance(part["number"], int) and isinstance(part["of"], int) and isinstance(part["inputs"], list)
-        whole = whole and isinstance(stored["options"], dict) and isinstance(stored["waiting"], int)
-        whole = whole and all({*each} == names for each in stored["inputs"]) and "versions" in stored
-        version = stored["manifest_version"] if whole else None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        version = None
-    if version != VERSION:
-        raise InputError(path, "manifest_version", f"the manifest of a part, of version {VERSION}", "something else")
-    return stored
+        check_regular(path, "the manifest of a part")
+        return TypeAdapter(_Stored).validate_python(parse_json(path.read_bytes()))
+    except (OSError, ValueError, RecursionError):
+        expected = f"the manifest of a part, of version {VERSION}"
+        raise InputError(path, "manifest_version", expected, "something else") from None

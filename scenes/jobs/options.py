@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 from ao.declared import EACH, IMAGE, Option, rows
 from ao.options import TextureOptions, VertexOptions
-from raytrace.errors import ConflictError, OptionError, Relation
+from raytrace.errors import ConflictError, InputError, OptionError, Relation
 
 from ..presets import HELP as PRESET_HELP
 from ..presets import PRESETS
@@ -215,6 +215,19 @@ def check_together(options: Mapping[str, Any], table: Iterable[Option]) -> None:
         for name, value in row.needs.items():
             if not _given(rows[name], options) if value is ... else options[name] != value:
                 raise ConflictError(row.name, "needs", name if value is ... else (name, value))
+
+
+def check_stored(source: Path, options: Mapping[str, Any]) -> None:
+    """Check options by their names as a JSON file has them. Raises: InputError: one of another type than its."""
+    from pydantic import ConfigDict, TypeAdapter
+
+    for name, value in options.items():
+        kind = ROWS[name].kind
+        try:
+            TypeAdapter(kind, config=ConfigDict(coerce_numbers_to_str=True)).validate_python(value)
+        except ValueError:
+            expected = "a list of texts" if "list" in str(kind) else f"a value of --{name.replace('_', '-')}"
+            raise InputError(source, f"options.{name}", expected, repr(value)) from None
 
 
 def command_line(command: str, rows: Iterable[Option], options: Mapping[str, Any]) -> str:

@@ -14,7 +14,7 @@ from ao.declared import Option
 from raytrace.errors import InputError, OptionError, nearest_name
 
 from ..presets import without_preset
-from .options import BAKE, ROWS
+from .options import BAKE, ROWS, check_stored
 
 _MOST = 1 << 28  # bytes; anything larger is no report
 _OLD = {f"--{no}{row.was}": f"--{no}{row.name}" for row in BAKE if row.was for no in ("", "no-")}
@@ -101,16 +101,15 @@ def _take_options(context: typer.Context, report: Path | None) -> None:
 
 def saved_options(path: Path) -> dict[str, Any]:
     """Options of an earlier bake, but for what was written and how it was run. Raises: InputError."""
-    import json
-
     from ao.report import SCHEMA_VERSION
     from raytrace.system.checks import check_regular
+    from raytrace.text.strict_json import parse_json
 
     check_regular(path, "the report of a bake")
     try:
         if path.stat().st_size > _MOST:
             raise ValueError
-        report = json.loads(path.read_bytes())
+        report = parse_json(path.read_bytes())
     except (OSError, ValueError, RecursionError):
         raise InputError(path, "content", "the report of a bake, JSON", "something else") from None
     report = report if isinstance(report, dict) else {}
@@ -133,12 +132,14 @@ def saved_options(path: Path) -> dict[str, Any]:
     if options.get("occlusion") == _usual_occlusion(report):
         del options["occlusion"]
     options |= {name: [options[name]] for name in ("mesh", "high") if isinstance(options.get(name), str)}
+    check_stored(path, {name: value for name, value in options.items() if "list" in str(ROWS[name].kind)})
     kept = {name for name in options if ROWS[name].taken} | ({"up"} if options.get("ground") else set())
     return {name: value for name, value in options.items() if name in kept}
 
 
 def _usual_occlusion(report: Mapping[str, Any]) -> str:
     """The occlusion texture that the earlier output had unless it was asked for another."""
-    entries = report.get("inputs") or [{}]
-    output = report["options"].get("output") or entries[0].get("output", "")
+    output = report["options"].get("output")
+    if output is None and isinstance(inputs := report.get("inputs"), list):
+        output = next((each.get("output") for each in inputs if isinstance(each, dict)), None)
     return "ramp" if str(output).lower().endswith(".glb") and not report["options"].get("colors") else "none"

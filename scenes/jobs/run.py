@@ -25,7 +25,18 @@ from .console import note, quietly
 from .dry_run import dry_run
 from .inputs import expand, is_pattern, outputs_in
 from .manifest import is_batch_of_parts, merge_batch
-from .options import BAKE, SORTS, Format, absolute, cage_of, check_sort, check_together, defaults, plain
+from .options import (
+    BAKE,
+    SORTS,
+    Format,
+    absolute,
+    cage_of,
+    check_sort,
+    check_stored,
+    check_together,
+    defaults,
+    plain,
+)
 from .remote import Workers, cluster_checkpoint
 from .vertices import BakeCommand
 
@@ -132,6 +143,7 @@ def _trace_part(options: dict[str, Any]) -> int:
     from ao.execute.parts import PartTraced, ShardCheckpoint
 
     number, of = part_numbers(options["part"])
+    _check_folder("output", options["output"])
     folder, texture = options["output"], any(options[name] for name in _OF_TEXTURE)
     stand_in = {"output": folder / ("texture.glb" if texture else "w.npy"), "occlusion": "texture" if texture else None}
     rows = [row for row in BAKE if row.rays and "part" in row.on.split()]
@@ -167,17 +179,20 @@ def _merge_bake(folder: Path, options: dict[str, Any]) -> None:
 
     parts = read_parts(folder)
     description, output = parts[0].description, options["output"]
-    texture = any(description["options"][name] for name in _OF_TEXTURE)
+    rows = [row for row in BAKE if row.role == "result" and "part" in row.on.split()]
+    stored = {row.name: description["options"].get(row.name, row.default) for row in rows}
+    files = {name: description[name] for name in ("high", "occluder") if name in description}
+    check_stored(parts[0].path, stored | files)
+    texture = any(stored[name] for name in _OF_TEXTURE)
     if texture and output.suffix.lower() == ".glb":
         options["occlusion"] = "texture"
     elif texture != is_texture(output):
         sort = ("a file of vertices, as the parts are", "an image or a .glb: the parts are of a texture")[texture]
         raise OptionError("output", sort, output)
-    for name in ("mesh", "high", "occluder"):
-        stored = description.get(name)
-        known = [Path(each) for each in stored] if isinstance(stored, list) else stored and Path(stored)
-        options[name] = options[name] or known
-    bake_command({**description["options"], **options}).replaced(open_checkpoint=lambda _: Merge(parts)).run()
+    options["mesh"] = options["mesh"] or Path(description["mesh"])
+    for name, paths in files.items():
+        options[name] = options[name] or [Path(path) for path in paths]
+    bake_command({**stored, **options}).replaced(open_checkpoint=lambda _: Merge(parts)).run()
 
 
 def _batch(options: dict[str, Any]) -> Batch:
@@ -185,13 +200,18 @@ def _batch(options: dict[str, Any]) -> Batch:
     given, folder = options["mesh"], options["output_dir"]
     if STANDARD in given:
         raise ConflictError("output_dir", "does not go with", "-, standard input")
-    if folder.suffix.lower().removeprefix(".") in get_args(Format) and not os.path.exists(folder):
-        raise OptionError("output_dir", "a folder", f"{folder}, the name of a file", nearest="--output")
+    _check_folder("output_dir", folder, nearest="--output")
     inputs = expand(given)
     pairs = zip(inputs, outputs_in(folder, inputs, preset_format(options) or "ply"), strict=True)
     bakes = [bake_command({**options, "mesh": path, "output": output}) for path, output in pairs]
     workers = Workers(options) if options["cluster"] else None
     return Batch(bakes, folder, workers, part_numbers(options["part"]) if options["part"] else None)
+
+
+def _check_folder(option: str, folder: Path, nearest: str | None = None) -> None:
+    """Raises: OptionError: there is none, and its name is that of an output."""
+    if folder.suffix.lower().removeprefix(".") in get_args(Format) and not os.path.exists(folder):
+        raise OptionError(option, "a folder", f"{folder}, the name of a file", nearest=nearest)
 
 
 def _check_output(given: list[Path], output: Path | None, folder: bool) -> None:

@@ -6,7 +6,6 @@ Format: Khronos glTF 2.0 specification, sections 3.5 (scenes), 3.6 (buffers) and
 """
 
 import base64
-import json
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -18,6 +17,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from raytrace.errors import MeshError
+from raytrace.text.strict_json import parse_json
 from raytrace.types import Float64s
 
 from ...safe_paths import beside
@@ -198,7 +198,7 @@ def decode(data: bytes, path: Path) -> Gltf:
     if data[:4] == b"glTF":
         data, binary = _chunks(data, path)
     try:
-        header = json.loads(data.decode("utf-8"))
+        header = parse_json(data.decode("utf-8"))
         deep = _depth(header) > _DEEPEST
     except RecursionError:
         deep = True

@@ -97,7 +97,7 @@ def test_an_opaque_file_has_no_alpha(tmp_path):
         (MASK | {"alphaCutoff": 1.5}, r"materials\[0\].alphaCutoff: expected .* got 1.5"),
         (MASK | {"alphaCutoff": -0.5}, r"materials\[0\].alphaCutoff: expected .* got -0.5"),
         (MASK | {"alphaMode": "SOLID"}, r"materials\[0\].alphaMode"),
-        ({"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, np.nan]}}, "baseColorFactor"),
+        ({"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, "1"]}}, "baseColorFactor"),
         (MASK, "leaf.png"),
     ],
 )
