@@ -11,7 +11,7 @@ from raytrace.sampling.sequences import mix_array
 from raytrace.types import Float32s, Float64s, Int64s
 
 from .estimate.inside import inside_solids
-from .estimate.ray_budget import derive
+from .estimate.sampling_error import derive
 from .execute.tracer import Tracer
 from .points.points import Points
 from .prepared import Prepared

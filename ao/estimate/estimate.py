@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from raytrace.sampling.sequences import mix_array, seed_key
-from raytrace.types import Bools, Int64s
+from raytrace.types import Bools, Float64s, Int64s
 
 from ..execute.tracer import Tracer
 from ..options import Options
@@ -20,8 +20,8 @@ from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, BENT, VALUES, W
 from .calibration import Calibration, calibration_factor, distribute_variance, shrunk_to_mean
 from .one_ring import Neighbours
-from .ray_budget import derive, sampling_variance
-from .shrinkage import denoise
+from .sampling_error import derive, sampling_variance
+from .scales import denoise_over_scales
 from .tolerance import Estimate, estimate_to
 from .upsampling import coarsened, extrapolate, nearest_baked
 
@@ -52,16 +52,20 @@ def traced_twice(
             level = min(level, rays**-2.0)
         variance, before = shrunk_to_mean(distribute_variance(spread, level)), (w[calibration] - again) ** 2
         checked = Calibration(variance[calibration], before / 2)
-        raw = Estimate(rows[:, VALUES], variance, samples, 0, calibration=checked)
+        raw = Estimate(rows[:, VALUES], variance, samples, calibration=checked)
         if neighbours is None:
             return raw
-        denoised, error = denoise(neighbours, points, rows, level)
+
+        def risk(w: Float64s) -> float:
+            return float(np.mean((w[calibration] - again) ** 2))
+
+        denoised, error = denoise_over_scales(neighbours, points, rows, level, risk)
         after = (denoised[calibration] - again) ** 2
         if float(np.sum(after - before)) >= 0:
             return raw
         error *= calibration_factor(error[calibration], after - before / 2, error)
         checked = Calibration(error[calibration], after - before / 2)
-        return Estimate(np.column_stack([denoised, rows[:, BENT:]]), error, samples, 0, calibration=checked)
+        return Estimate(np.column_stack([denoised, rows[:, BENT:]]), error, samples, calibration=checked)
 
     return estimated
 
@@ -121,7 +125,7 @@ def estimate(
     else:  # rays can be planned by corner samples alone, of which the mean of some 18 is asked for
         alone = Neighbours.of(np.zeros((0, 3), np.int64), folded.normals, tracer.threads)
         at_corners = estimate_to(tracer, folded, alone, min(2 * tolerance, 1.0), most, key)
-        found = Estimate(np.zeros((0, 4)), np.zeros(0), at_corners.samples, 0)
+        found = Estimate(np.zeros((0, 4)), np.zeros(0), at_corners.samples)
     if at_corners is None:
         return found
     values, variance = np.empty((len(points), 4)), np.empty(len(points))

@@ -1,8 +1,8 @@
-"""Baking to a tolerance: rays at as few points as a root mean square error needs.
+"""Baking to a tolerance: rays at every point, a few at first, more where the error that is left asks for them.
 
-Points far apart are baked first, and w elsewhere is predicted from them; their distance is halved where that gains most
-for its rays (`ray_budget`). Then every point that is not baked gets a few rays of its own (`screening`), which find the
-jumps of w that no prediction can know of, and points are baked where these rays show a need. Probes measure the error.
+Every point gets some rays, so that no jump of w stays unseen; values are denoised over all scales, and the error that
+is left at each point says how many more rays it gets: rate allocation by a Lagrange multiplier (Shoham & Gersho 1988).
+Probes, spread over the points, measure the error by rays that are no part of any estimate.
 """
 
 import warnings
@@ -12,27 +12,34 @@ import numpy as np
 
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.solids import inward_warnings
-from raytrace.types import Bools, Float32s, Float64s, Int64s
+from raytrace.types import Float32s, Float64s, Int64s
 
 from ..execute.tracer import Tracer
 from ..options import Options
 from ..points.points import Points
-from ..rays.gather import BENT, COLUMNS, VALUES, W
+from ..rays.gather import BATCH_VARIANCE, BENT, COLUMNS, W
 from .calibration import Calibration, calibration_factor
 from .inside import holes
 from .one_ring import Neighbours
-from .ray_budget import ADDED, COARSEST, MET, Probes, cheapest, derive, halve_strides, variance_factor, work
-from .screening import Screening, screening_samples
-from .shrinkage import denoise
-from .upsampling import coarsened, nearest_baked, upsample
+from .sampling_error import RATE, TYPICAL, derive, sampling_variance, stratified_rows, variance_factor
+from .scales import denoise_over_scales
 
-_FEWEST = 4096  # points baked at first, at least
-_AIM = 0.88  # of the tolerance: its square is the goal, for the measured error is uncertain
-_COARSE = 4.0  # times the goal that predictions may miss before screening corrects them
-_JUMP = 5.0  # aims: larger errors of predictions are taken for jumps, which screening finds
-_ROUNDS = 12  # of baking more, at most
-_LEFT = 0.03  # of the points may be outliers until the end, when outliers are baked, too
-_PAYS = 2.5  # times its own rays is what screening must save
+_AIM = 0.9  # of the tolerance: its square is the goal, for the measured error is uncertain
+_MET = 1.08  # times the goal is near enough
+_FIRST = 0.064  # rays at first, times the tolerance
+_BATCH = 8  # rays are added in multiples of these
+_ROUNDS = 8  # of adding rays, at most
+_FEW_POINTS, _PLENTY = 1 << 15, 0.64  # all points have so many rays together at first, but a point so many / tolerance
+_SHARED = 0.2  # variance of a neighbours' mean, relative to one neighbour's
+_UNEXPLAINED = 0.06  # part of the squared distance from a neighbours' mean that typical predictions leave
+_GAINED = 0.7  # of what shrinking all alike would gain: roughness is not the same everywhere
+_FALL = 1.08  # the mean square error of denoised values falls as n^−1.08 with n rays a point, or faster
+_WORK = 0.6  # the time that n rays of a point take grows as n^.6, for they share their walk
+_STEPS = np.array([0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128])  # batches that a round may add
+_SAMPLED = 1 << 14  # points by which rays are planned
+_PROBED, _FEWEST_PROBES, _MOST_PROBES = 16, 128, 1536  # one point in how many is probed, at least and at most
+_PRIOR = 64  # probes that what is expected of their noise is worth
+_PROBE_NOISE = 0.1  # of the goal, that the measured error may be off by their noise
 
 
 class ToleranceWarning(UserWarning):
@@ -63,181 +70,163 @@ class Estimate:
 
     rows: Float64s  # (k, 4), w and the mean of μ·direction (x, y, z)
     variance: Float64s  # (k,), mean square error of w expected
-    samples: int  # rays of a baked point
-    predicted: int  # number of points that were not baked
-    screened: int = 0  # rays of each of them
+    samples: int  # rays of a point, the most that one has
+    spared: int = 0  # rays fewer than that at the other points
     calibration: Calibration | None = None  # of the variances, at some of the points
 
     def skipped(self, hidden: int) -> dict[str, int]:
         """Rays not traced, by reason. Args: hidden: number of points inside solids."""
-        return {"predicted": (self.samples - self.screened) * self.predicted, "hidden": self.samples * hidden}
+        return {"predicted": self.spared, "hidden": self.samples * hidden}
 
 
 def estimate_to(
     tracer: Tracer, points: Points, neighbours: Neighbours, tolerance: float, max_samples: int, key: np.uint32
 ) -> Estimate:
-    """Estimates whose root mean square error over all points is `tolerance`, if `max_samples` rays a point allow it."""
-    field = _Field(tracer, points, neighbours, tolerance, max_samples, key)
-    field.bake_coarsely()
-    field.refine(max_samples)
-    return field.estimate()
+    """Estimates whose root mean square error over all points is `tolerance`, if `max_samples` rays a point allow it.
 
-
-class _Field:
-    """w over all points, from rays at some of them.
-
-    Attributes:
-        baked: bool (k,). nearest, graph, baked_rows, cell: `nearest_baked` and `coarsened` of the baked points.
-        rows: (k, COLUMNS), by rays. values: (b, 4), the baked points' reconstructed w and means of μ·direction.
-        w: (k,), of all points. error: (k,), its expected square error; mse: their mean. outliers: see `Screening`.
-        samples: rays of a baked point; noise: mean square error of its w by rays alone.
-        stride: int64 (k,), the distance along the curve between baked points around each point, outliers left out.
+    Of several falloffs all meet it, by the same rays.
     """
+    if not tracer.planned:
+        goal = (_AIM * tolerance) ** 2
+        probes = _Probes(tracer, points, goal, max_samples, key)
+        rays, worth = np.zeros(len(points), np.int64), np.zeros(len(points))
+        more = np.full(len(points), min(_first_rays(tolerance, len(points)), max_samples))
+        gathered = [np.zeros((len(points), COLUMNS)) for _ in range(tracer.columns)]
+        for turn in range(_ROUNDS):
+            _add_rays(tracer, points, gathered, worth, more, derive(key, 16 + turn))
+            rays += more
+            worth = (worth**RATE + more**RATE) ** (1 / RATE)
+            found = [
+                _estimated(points, neighbours, rows, (rays, worth), probes, column)
+                for column, rows in enumerate(gathered)
+            ]
+            means = [float(np.mean(each.variance)) for each in found]
+            column = int(np.argmax(means))
+            if means[column] <= _MET * goal or (rays >= max_samples).all():
+                break
+            relative = [each.variance / max(mean, 1e-30) for each, mean in zip(found, means, strict=True)]
+            raw = gathered[column][:, W]
+            fall = _fall(neighbours, raw, probes.level(raw, worth, column), means[column], goal)
+            more = _rays_to_add(means[column] * np.max(relative, axis=0), worth, max_samples, goal, fall)
+            more = np.minimum(more, max_samples - rays)
+        tracer.planned = found
+    return tracer.planned[tracer.column]
 
-    def __init__(
-        self, tracer: Tracer, points: Points, neighbours: Neighbours, tolerance: float, max_samples: int, key: np.uint32
-    ) -> None:
-        self.tracer, self.points, self.neighbours, self.key = tracer, points, neighbours, key
-        self.aim = _AIM * tolerance
-        self.goal, self.tolerance = self.aim**2, self.aim / _AIM
-        self.probes = probes = Probes(tracer, points, neighbours, self.aim, max_samples, key)
-        tracer.expected = tracer.rays + probes.samples * len(points)  # the most, if no point can be predicted
-        self.samples, self.noise = probes.samples, probes.variance
-        self.screening: Screening | None = None
-        stride = 1 if probes.all_baked else COARSEST
-        while stride > 1 and len(points) // stride < _FEWEST:
-            stride //= 2
-        self.stride = np.full(len(points), stride)
-        self.rows = np.zeros((len(points), COLUMNS))
-        self.baked = np.zeros(len(points), np.bool_)
-        self._bake(np.arange(len(points)) % stride == 0)
-        if (self.nearest < 0).any():
-            self._bake(self.nearest < 0)
 
-    def _bake(self, which: Bools) -> None:
-        self._trace(which & ~self.baked)
-        self.nearest = nearest_baked(self.neighbours, self.baked)
+def _first_rays(tolerance: float, count: int) -> int:
+    """Rays at first: few, more where there are few points, of which some have to tell how many more are needed."""
+    few = min(_FEW_POINTS / count, _PLENTY / tolerance)
+    return _BATCH * max(round(max(_FIRST / tolerance, few) / _BATCH), 1)
 
-    def _trace(self, which: Bools) -> None:
-        self.baked |= which
-        if self.samples == self.probes.samples:
-            probed = which[self.probes.rows]
-            self.rows[self.probes.rows[probed]] = self.probes.raw[probed]
-            which[self.probes.rows] = False
-        self.rows[which] = self.tracer.gather(self.points[which], self.samples, self.key)
 
-    def bake_coarsely(self) -> None:
-        """Bake points where predictions are worst until screening can do the rest, or all are baked."""
-        self._reconstruct()
-        while self.mse > _COARSE * self.goal and not self.baked.all():
-            left = np.count_nonzero(~self.baked)
-            saved = work(self.samples) * (left - self._halvings(self.goal)[1])
-            if saved < _PAYS * work(screening_samples(self.tolerance, self.samples)) * left:
-                self._bake(~self.baked)
-            else:
-                self._bake(self._halve(self._halvings(_COARSE / 2 * self.goal)[0]))
-            self._reconstruct()
+def _fall(neighbours: Neighbours, raw: Float64s, level: float, error: float, goal: float) -> float:
+    """The power of the number of rays with which the mean square `error` falls to the `goal`.
 
-    def refine(self, max_samples: int) -> None:
-        """Screen predicted points, and bake outliers and doubtful points or trace more rays until the goal is met."""
-        if not self.baked.all():
-            self.screening = Screening(
-                self.tracer, self.points, self.neighbours, ~self.baked, self.tolerance, self.probes, derive(self.key, 3)
-            )
-            self._reconstruct()
-        for _ in range(_ROUNDS):
-            chosen = self.outliers.copy()
-            few = np.count_nonzero(chosen) <= _LEFT * len(self.points)
-            if self.mse > MET * self.goal and few:
-                halvings, added = self._halvings(self.goal)
-                errors, baked = (self.noise, float(np.mean(self.error[self.baked]))), len(self.baked_rows)
-                effort, more, cells = cheapest(*self._cells(), baked, self.samples, errors, max_samples, self.goal)
-                if more and not 0 < added * work(self.samples) <= effort:
-                    chosen |= ~self.baked & cells[self.cell]
-                    kept, key = variance_factor(self.samples, more), derive(self.key, 5 + self.samples)
-                    rows = self.tracer.gather(self.points[self.baked], more, key)
-                    self.rows[self.baked] += (1 - kept) * (rows - self.rows[self.baked])
-                    self.noise *= kept
-                    self.samples += more
-                elif added > 0:
-                    chosen |= self._halve(halvings)
-                else:
-                    return
-            elif few:
-                return
-            if chosen.any():
-                self._bake(chosen)
-            self._reconstruct()
+    It falls about as the rays grow, while larger cells take the noise away; not slower than what one-rings leave of the
+    noise, whose mean square is `level` in values `raw` (k,), where w itself is as rough as it is.
+    """
+    squared = (raw - neighbours.means((raw, 0.0))[0]) ** 2
+    rough = max(float(np.nanmean(squared)) - (1 + _SHARED) * level, 0.0) if np.isfinite(squared).any() else np.inf
+    times = np.exp2(np.arange(1, 129) / 8)
+    variance = level * times**-RATE
+    predicted = _UNEXPLAINED * rough + _SHARED * variance
+    by_rings = variance * (1 - _GAINED * variance / (variance + predicted))
+    enough = np.minimum(error / times**_FALL, by_rings) <= goal
+    needed = times[np.argmax(enough)] if enough.any() else times[-1]
+    return float(np.clip(np.log(error / goal) / np.log(needed), _FALL, RATE))
 
-    def _reconstruct(self) -> None:
-        """Shrink baked points towards their neighbours, predict all other points, and measure the error."""
-        self.graph, self.baked_rows, self.cell = coarsened(self.neighbours, self.nearest, self.points.normals)
-        raw = self.rows[self.baked_rows]
-        denoised, error = denoise(self.graph, self.points[self.baked_rows], raw, self.noise)
-        self.values = np.column_stack([denoised, raw[:, BENT:]])
-        residual = np.nan_to_num(raw[:, W] - self.graph.means((raw[:, W], 0.0))[0]) ** 2
-        jump = np.inf if self.screening else (_JUMP * self.aim) ** 2
-        between = np.maximum(self.graph.smooth(np.minimum(residual, jump), 2), error)
-        self.error = np.where(self.baked, error[self.cell], between[self.cell])
-        self.outliers = np.zeros(len(self.points), np.bool_)
-        rows = self.probes.rows
-        if self.screening is None or self.baked.all():
-            self._rescale(self._fill(rows, 1)[:, 0], jump)
-        else:
-            self.w = self._fill(np.arange(len(self.points)), 1)[:, 0]
-            self._rescale(self.w[rows], jump)
-            self.w = self.screening.correct(self.w, self.error, ~self.baked)
-            self._rescale(self.w[rows], jump)
-            self.outliers = self.screening.outliers(self.w) & ~self.baked
-        self.mse = float(np.mean(self.error))
 
-    def _fill(self, wanted: Int64s, columns: int = 4) -> Float64s:
-        """Values (j, columns) at the points `wanted` (j,), upsampled from the baked points."""
-        values = np.ascontiguousarray(self.values[:, :columns])
-        return upsample(self.points, wanted, self.graph, self.baked_rows, self.cell, values)
+def _add_rays(
+    tracer: Tracer, points: Points, gathered: list[Float64s], worth: Float64s, more: Int64s, key: np.uint32
+) -> None:
+    """Trace `more` rays (k,) at the points and put them into the rows (k, COLUMNS) of each falloff, by which the points
+    have as much as one lattice of `worth` (k,) rays."""
+    tracer.expected = tracer.rays + int(more.sum())
+    for count in np.unique(more[more > 0]):
+        which = more == count
+        kept = variance_factor(worth[which], int(count))[:, None]
+        subset = points[which]
 
-    def _rescale(self, probed: Float64s, jump: float) -> None:
-        """Scale expected squared errors to the level of the errors of the probes' w, `probed` (j,), each ≤ `jump`."""
-        rows = self.probes.rows
-        predicted = ~self.baked[rows]
-        squared = np.minimum(self.probes.squared(probed, ~predicted), jump)
-        expected, measured = self.error[rows[predicted]], squared[predicted]
-        if expected.any():
-            less = float(np.sum(measured)) < float(np.sum(expected))
-            chance = 2 * len(expected) * np.mean(self.error[~self.baked] ** 2)
-            doubt = float(np.sqrt(np.sum(measured**2) + chance)) if less else 0.0
-            self.error[~self.baked] *= (max(float(np.sum(measured)), 0.0) + doubt) / (float(np.sum(expected)) + doubt)
-        self.error *= calibration_factor(self.error[rows], squared, self.error)
+        def added() -> Float64s:
+            return tracer.gather(subset, int(count), key)  # noqa: B023
 
-    def _halve(self, halvings: Int64s) -> Bools:
-        """Halve the stride in each cell `halvings` (b,) times; the points (k,) to bake for that."""
-        self.stride = np.maximum(self.stride >> halvings[self.cell], 1)
-        return ~self.baked & (np.arange(len(self.points)) % self.stride == 0)
+        for rows, new in zip(gathered, tracer.each_column(added), strict=True):
+            before = rows[which]
+            mixed = kept * before + (1 - kept) * new
+            mixed[:, BATCH_VARIANCE] = (kept**2 * before + (1 - kept) ** 2 * new)[:, BATCH_VARIANCE]
+            rows[which] = mixed
 
-    def _cells(self) -> tuple[Float64s, Float64s]:
-        """Mean squared error (b,) of the points of each cell that are predicted, and their number (b,)."""
-        count: Float64s = np.bincount(self.cell).astype(np.float64) - 1
-        total = np.bincount(self.cell, np.where(self.baked, 0.0, self.error)).astype(np.float64, copy=False)
-        return total / np.maximum(count, 1.0), count
 
-    def _halvings(self, goal: float) -> tuple[Int64s, float]:
-        """`halve_strides` for a mean square error of `goal`."""
-        (error, count), spent = self._cells(), float(np.sum(self.error[self.baked]))
-        stride = np.bincount(self.cell, np.where(self.baked, 0, self.stride)) / np.maximum(count, 1)
-        added_error = min(spent / len(self.baked_rows), ADDED * self.goal)
-        return halve_strides(error, count, np.maximum(stride, 1), added_error, goal * len(self.points) - spent)
+def _estimated(
+    points: Points,
+    neighbours: Neighbours,
+    rows: Float64s,
+    rays: tuple[Int64s, Float64s],
+    probes: "_Probes",
+    column: int,
+) -> Estimate:
+    """The estimate by what is gathered, its errors scaled to what the probes measure. Args: rays: (k,), and what they
+    are worth, (k,)."""
+    traced, worth = rays
+    level = probes.level(rows[:, W], worth, column)
 
-    def estimate(self) -> Estimate:
-        """The estimate of all points; the few outliers that are left are traced, and not denoised."""
-        rows = self._fill(np.arange(len(self.points)))
-        if self.screening and not self.baked.all():
-            left = self.outliers
-            rows[:, W] = self.screening.combined(self.w, self.error, ~self.baked)
-            self._trace(left.copy())
-            rows[left] = self.rows[left][:, VALUES]
-            self.error[left] = self.noise
-        screened = self.screening.samples if self.screening else 0
-        probed = self.probes.rows
-        measured = self.probes.squared(rows[probed, W], self.baked[probed])
-        calibration = Calibration(self.error[probed], measured)
-        return Estimate(rows, self.error, self.samples, int(np.count_nonzero(~self.baked)), screened, calibration)
+    def risk(w: Float64s) -> float:
+        return float(np.mean(probes.squared(w, column)))
+
+    w, error = denoise_over_scales(neighbours, points, rows, level, risk)
+    measured = probes.squared(w, column)
+    error = error * calibration_factor(error[probes.rows], measured, error)
+    calibration = Calibration(error[probes.rows], measured)
+    values = np.column_stack([w, rows[:, BENT:]])
+    most = int(traced.max())
+    return Estimate(values, error, most, most * len(traced) - int(traced.sum()), calibration)
+
+
+def _rays_to_add(error: Float64s, worth: Float64s, most: int, goal: float, fall: float) -> Int64s:
+    """Rays (k,) to add for squared errors (k,) of mean `goal`, by the least work.
+
+    With n' rays in the place of n, e (n / n')^f is expected of an error e, for work n'^g. Their sum is least where
+    n'^(f + g) is proportional to e n^f; the factor is bisected. Args: worth: n (k,), of one lattice. most: n' at most.
+    fall: f.
+    """
+    step = max(len(worth) // _SAMPLED, 1)
+    some, now = np.maximum(error[::step], 1e-12), worth[::step]
+    wish = (some * now**fall) ** (1 / (fall + _WORK))
+    low, high = 0.0, most / float(wish.min())
+    for _ in range(40):
+        factor = (low + high) / 2
+        wanted = np.clip(factor * wish, now, most)
+        enough = float(np.mean(some * (now / wanted) ** fall)) <= goal
+        low, high = (low, factor) if enough else (factor, high)
+    wanted = np.maximum(high * (np.maximum(error, 1e-12) * worth**fall) ** (1 / (fall + _WORK)), worth)
+    batches = (wanted**RATE - worth**RATE) ** (1 / RATE) / _BATCH
+    return _BATCH * _STEPS[np.searchsorted((_STEPS[1:] + _STEPS[:-1]) / 2, batches)]
+
+
+class _Probes:
+    """Points at which the error is measured: `rows` (j,), each by two independent estimates for every falloff."""
+
+    def __init__(self, tracer: Tracer, points: Points, goal: float, max_samples: int, key: np.uint32) -> None:
+        count = int(np.clip(len(points) // _PROBED, _FEWEST_PROBES, _MOST_PROBES))
+        self.rows = stratified_rows(len(points), count)
+        enough = (2 * TYPICAL / (_PROBE_NOISE * goal * np.sqrt(len(self.rows)))) ** (1 / RATE)
+        self._samples = int(min(_BATCH * max(round(enough / _BATCH), 1), max(max_samples, _BATCH)))
+        probed = points[self.rows]
+
+        def traced(salt: int) -> list[Float64s]:
+            return tracer.each_column(lambda: tracer.gather_again(probed, self._samples, derive(key, salt))[:, W])
+
+        self._first, self._second = traced(4), traced(5)
+
+    def squared(self, w: Float64s, column: int) -> Float64s:
+        """Unbiased squared errors (j,) at the probes of `w` (k,) of all points, as the estimates are independent."""
+        probed = w[self.rows]
+        return (probed - self._first[column]) * (probed - self._second[column])
+
+    def level(self, raw: Float64s, worth: Float64s, column: int) -> float:
+        """Mean square error of values `raw` (k,) by rays alone, `worth` (k,) of them: as measured, and, where there are
+        few probes, as the noise of the probes' own rays lets expect."""
+        own = sampling_variance(self._first[column], self._second[column], self._samples)
+        expected = own * float(np.mean((self._samples / worth) ** RATE))
+        measured = max(float(np.sum(self.squared(raw, column))), 0.0)
+        return (measured + _PRIOR * expected) / (len(self.rows) + _PRIOR)

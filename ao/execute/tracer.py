@@ -4,7 +4,7 @@ import hashlib
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Self, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
@@ -112,7 +112,7 @@ class Tracer:
     expected: int = 0  # rays in all, 0 while none are planned
     rays: int = 0  # traced
     column: int = 0  # of several falloffs the one whose rows are gathered
-    planned: int = 0  # rays a point that suit all of them
+    planned: list[Any] = field(default_factory=list)  # estimates to a tolerance, of each falloff
     _traced: dict[tuple[int, int], tuple[Int64s, Float64s]] = field(default_factory=dict)
 
     def gather(self, points: Points, samples: int, key: np.uint32) -> Float64s:
@@ -138,10 +138,15 @@ class Tracer:
         """`gather` by a `key` of its own, for what the other rows err by; of what points stand for, elsewhere in it."""
         return self.gather(points, samples, key)
 
+    @property
+    def columns(self) -> int:
+        """How many falloffs are gathered for."""
+        return self.mu.shape[0] if self.mu.shape else 1
+
     def each_column(self, estimate: Callable[[], T]) -> list[T]:
         """What `estimate` returns for each falloff in turn; what one of them has traced is there for the next."""
         found, before = [], self.column
-        for column in range(*(self.mu.shape or (1,))):
+        for column in range(self.columns):
             self.column = column
             found.append(estimate())
         self.column = before

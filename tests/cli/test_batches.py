@@ -49,21 +49,23 @@ def test_every_output_is_the_one_of_a_bake_of_its_own(folder, monkeypatch, large
 
 
 def test_a_bad_file_has_its_line_and_the_others_are_baked(folder):
-    done = obscurance("bake", "hill0.obj", "noise.obj", "gone.obj", "hill1.obj", "--output-dir", "out/deep", *SAMPLES)
+    near = "--half-distance", "5%"  # which vertices so far apart cannot show
+    names = "hill0.obj", "noise.obj", "gone.obj", "hill1.obj"
+    done = obscurance("bake", *names, "--output-dir", "out/deep", *SAMPLES, *near)
     assert done.returncode == 1
     lines = sorted(done.stderr.splitlines())
-    assert len(lines) == 3
     assert "gone.obj: file: expected an existing file, got none" in lines[0]
     assert "noise.obj: faces: expected at least one triangle" in lines[1]
     assert lines[2].startswith("warning: out/deep/hill0.ply: between the vertices w errs by ")
+    assert all(line.startswith("warning: out/deep/hill") for line in lines[2:])
     assert done.stdout.startswith("2 of 4 meshes baked to out/deep, 2 failed in ")
     found = json.loads((folder / "out" / "deep" / "manifest.json").read_text())
     assert (found["done"], found["failed"], found["options"]["samples"]) == (2, 2, 16)
-    names, states = zip(*((each["input"], each["status"]) for each in found["inputs"]), strict=True)
-    assert names == ("hill0.obj", "noise.obj", "gone.obj", "hill1.obj")
-    assert states == ("done", "failed", "failed", "done")
+    assert [each["input"] for each in found["inputs"]] == [*names]
+    assert [each["status"] for each in found["inputs"]] == ["done", "failed", "failed", "done"]
     assert "got none" in found["inputs"][2]["message"]
-    assert [each["warnings"] for each in found["inputs"]] == [[lines[2].removeprefix("warning: ")], [], [], []]
+    told = [f"warning: {line}" for each in found["inputs"] for line in each["warnings"]]
+    assert told == lines[2:]
     assert len(found["inputs"][0]["sha256"]) == 64
 
 

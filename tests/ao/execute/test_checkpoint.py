@@ -21,7 +21,7 @@ from ao.execute.journal import Journal
 from ao.least_squares.conjugate_gradients import solve_within
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="POSIX locks, limits and signals")
-CHECK = 2 * 1024  # points of the check of what interpolation errs by, which every bake makes
+CHECK = 2 * 256  # points of the check of what interpolation errs by on a small mesh, which every bake makes
 
 
 @pytest.fixture(scope="module")

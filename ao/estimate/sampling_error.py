@@ -1,0 +1,33 @@
+"""What rays alone err by, and keys and choices of points for measuring it."""
+
+import numpy as np
+
+from raytrace.sampling.sequences import mix_array
+from raytrace.types import Float64s, Int64s
+
+RATE = 1.5  # the variance of n rays falls as n^−1.5
+TYPICAL, PRIOR = 0.09, 8  # variance of n rays · n^1.5, and how many points that is worth: a few may agree by luck
+
+
+def sampling_variance(first: Float64s, second: Float64s, rays: int) -> float:
+    """Mean square error of either of two independent estimates (k,) with `rays` rays a point."""
+    halves = float(np.sum((first - second) ** 2)) / 2
+    return (halves + PRIOR * TYPICAL * rays**-RATE) / (len(first) + PRIOR)
+
+
+def variance_factor(samples: Float64s, more: int) -> Float64s:
+    """By what `more` rays multiply the variance of `samples` (k,): lattices of n and m are worth n^1.5 + m^1.5."""
+    now = samples**RATE
+    return now / (now + float(more) ** RATE)
+
+
+def derive(key: np.uint32, salt: int) -> np.uint32:
+    """A key of directions that are independent of the directions of `key`."""
+    return mix_array(mix_array([salt]) ^ key)[0]
+
+
+def stratified_rows(count: int, wanted: int) -> Int64s:
+    """`wanted` of `count` rows, one from each equal stretch of Morton order, all if there are no more."""
+    wanted = min(count, wanted)
+    chance = np.ldexp(mix_array(np.arange(wanted, dtype=np.uint32)).astype(np.float64), -32)
+    return ((np.arange(wanted) + chance) * (count / max(wanted, 1))).astype(np.int64)
