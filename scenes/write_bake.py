@@ -48,13 +48,14 @@ def write(
       are known; of a profile `profile` float32 (n, k), `half_distances` float64 (k,) and `radius`.
     - `.ply`: `obscurance`, and w as the grey `red green blue`, sRGB-encoded as Blender and three.js take the colours of
       a PLY (`scenes.formats.ply.write.ply`). Coordinates are float where that loses nothing, double otherwise.
-    - `.glb`: `_OBSCURANCE` (`scenes.formats.glb.write.glb`), and what viewers show: a ramp or colours.
+    - `.glb`: `_OBSCURANCE` (`scenes.formats.gltf.write.glb`), and what viewers show: a ramp or colours.
     - `.html`: a page for a browser, everything in it (`scenes.show.page.document`).
     - `.png` `.exr` `.tif`, of a texture: w, linear, PNG of 16 bits, else float32.
 
     Of textures a `.glb` has each as the occlusion texture of the faces that it is for (`textured_glb.textured_glb`).
 
-    What the source holds besides is kept if it was loaded for this target (`load`); `losses.lost` lists what is not.
+    What the source holds besides is kept if it was loaded for this target (`load`); `scenes.formats.unsupported` lists
+    what is not.
 
     Args:
         path: the target, replaced if it exists.
@@ -90,7 +91,7 @@ def write(
 def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file: MeshFile, replace: bool) -> None:
     from ao.texture.result import BakedTexture
 
-    from .formats.glb.textured import textured_glb
+    from .formats.gltf.textured import textured_glb
     from .formats.images import is_texture, write_grey
 
     textures = [each for each in baked if isinstance(each, BakedTexture)]

@@ -12,7 +12,7 @@ from raytrace.mesh.precision import outlier_warnings, precision_warnings
 from raytrace.mesh.solids import inward_warnings
 from raytrace.types import Float64s
 
-from ..formats.glb.occlusion import is_ramp, occlusion_reference
+from ..formats.gltf.occlusion import is_ramp, occlusion_reference
 from ..formats.load import MeshFile
 
 _NAME = 80  # characters of an object's that are shown

@@ -11,7 +11,6 @@ from ..formats.table import format_of
 from ..geometry.detail import split_creases
 from ..geometry.primitives import Origin
 from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, three_lights
-from .gltf_scene import read_gltf
 from .textured import vertex_colors
 from .toml_scene import read_toml
 
@@ -45,6 +44,8 @@ def read_scene(
                 raise OptionError(name, f"a mesh file; a scene has camera.{own}", path)
         return read_toml(path, size)
     if "scene" in format_of(path).holds:
+        from .gltf_scene import read_gltf
+
         return read_gltf(path, settings, up, view)
     source = load(path)
     with mesh_errors(path):

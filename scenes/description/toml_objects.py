@@ -18,7 +18,6 @@ from ..geometry.instances import check_copies, flatten
 from ..geometry.primitives import Origin, TexturedMesh
 from ..safe_paths import confined
 from .description import NEUTRAL, WHITE
-from .gltf_scene import gltf_objects
 from .schema import ObjectTable, Transform
 from .textured import read_textured, vertex_colors
 
@@ -134,6 +133,8 @@ class ObjectReader:
         self, mesh: Path, table: ObjectTable, path: str, material: BaseMaterial | None, texture: Texture | None
     ) -> list[Object]:
         if mesh not in self._gltf:
+            from .gltf_scene import gltf_objects
+
             self._gltf[mesh], asset, notes = gltf_objects(mesh)
             self.notes += notes
             self.files.extend(asset.files)

@@ -17,7 +17,7 @@ from raytrace.errors import MeshError
 from ..geometry.instances import Instance, check_copies
 from ..geometry.polygons import triangulate
 from .table import MeshInput
-from .threemf import check_archive
+from .threemf.read import check_archive
 
 _OWN = ("dae", "zae")
 _MESHIO = (

@@ -22,7 +22,7 @@ from raytrace.types import Float64s
 
 from ..geometry.detail import Detail, reversed_detail
 from ..geometry.instances import Instance, Submesh, flatten
-from .table import FORMATS, MeshInput, endings, format_of, function, sniffed_format
+from .table import MeshInput, endings, format_of, formats, function, sniffed_format
 
 if TYPE_CHECKING:
     from ao import Profile
@@ -138,13 +138,13 @@ def load(
     """
     path = Path(path)
     aim = format_of(target or "")
-    instances, asset = read_objects(path, names or bool(aim.lost) or aim.ending == ".html", content, alpha)
+    instances, asset = read_objects(path, names or bool(aim.unsupported) or aim.ending == ".html", content, alpha)
     instances = [replace(instance, up=up or instance.up) for instance in instances]
     with mesh_errors(path):
         mesh, parts = flatten(instances, str(path))
         detail = instances[0].detail if len(instances) == 1 else None
         unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
-        if asset and aim.lost:
+        if asset and aim.unsupported:
             _ = asset.materials  # to find what is malformed
             if "scene" not in aim.holds:
                 from .gltf.textures import gltf_detail
@@ -259,5 +259,5 @@ def _format_of(content: bytes | bytearray) -> str:
         return known.removeprefix(".")
     if len(content) == _HEAD + _TRIANGLE * int.from_bytes(content[_TRIANGLES], "little"):
         return "stl"
-    names = ", ".join(FORMATS[ending].name for ending in endings("begins"))
+    names = ", ".join(row.name for row in formats().values() if row.begins)
     raise MeshError(_SOURCE, "format", f"one of {names}, or --input-format", "another")

@@ -17,8 +17,8 @@ from raytrace.types import Bools, Float64s, Int64s
 if TYPE_CHECKING:
     from ao.falloff import Falloff
 
-    from .glb.pieces import Piece
     from .load import MeshFile
+    from .primitive_groups import Piece
 
 _LISTED = 8  # names in a message
 
@@ -125,7 +125,7 @@ def _without(mesh: Mesh, faces: Bools) -> Mesh:
 
 
 def _pieces(source: MeshFile) -> Iterator[Piece]:
-    from .glb.pieces import pieces  # slow imports
+    from .primitive_groups import pieces
 
     return pieces(source)
 

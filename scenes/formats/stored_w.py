@@ -21,8 +21,6 @@ from raytrace.mesh.weld import first_alike
 from raytrace.types import AnyFloats, Float64s
 
 from ..geometry.instances import Instance
-from .gltf.asset import Gltf
-from .gltf.textures import Textures
 from .images import PROFILE
 from .load import joined_profile, mesh_errors, read_objects
 from .table import endings, format_of
@@ -32,6 +30,7 @@ if TYPE_CHECKING:
     from ao import Profile
 
     from ..falloffs import Scales
+    from .gltf.asset import Gltf
 
 _ARRAYS = {"profile", "half_distances", "radius"}
 _BESIDE = {"error": (), "flags": (), "bent_normals": (3,)}
@@ -127,8 +126,11 @@ def unrepeated(vertices: npt.NDArray[Any], counts: tuple[int, ...]) -> int:
 
 def _of_gltf(instances: Sequence[Instance], asset: Gltf) -> list[AnyFloats | None]:
     """w of each drawn primitive: the attribute of a bake, or else the occlusion texture at the vertices."""
+    from .gltf.textures import Textures
+
     with mesh_errors(asset.path):
-        textures, found = Textures(asset), []
+        textures = Textures(asset)
+        found = []
         for piece, each in zip(asset.drawn, instances, strict=True):
             found.append(each.w)
             if each.w is None and (used := textures.of_occlusion(piece.primitive)):

@@ -23,9 +23,9 @@ from ...field_errors import shown
 from ...geometry.detail import Detail, PerCorner, triangle_detail
 from ...geometry.instances import Submesh
 from ...safe_paths import confined
-from ..glb.occlusion import ramp_sets
 from .accessors import column, flipped, view_bytes
 from .asset import Gltf, entry, referenced
+from .occlusion import ramp_sets
 from .records import GltfTexture, Primitive, TextureReference
 
 _ROUNDING = 0.51 / 255  # of the grey that a bake writes

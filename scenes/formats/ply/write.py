@@ -9,6 +9,7 @@ from raytrace.mesh.up import up_axis
 
 from ...geometry.detail import Detail, Element, Property
 from ..load import MeshFile
+from ..obj.detail import PAINT_WORDS
 from ..table import Channels
 from . import layout
 from .layout import COUNT, RGB, UP_COMMENT, PlyElement, grey_of, is_profile, own_colors, stored_colors
@@ -53,6 +54,26 @@ def has_own_colors(detail: Detail | None) -> bool:
     if detail is None or not detail.elements:
         return detail is not None and detail.colors is not None
     return bool(own_colors(detail.elements))
+
+
+def unsupported_features(mesh_file: MeshFile, colors: str) -> list[str]:
+    """What of a mesh file a PLY lacks, in words. Args: colors: the channels of colours that hold w."""
+    detail = mesh_file.detail
+    missing: list[str] = []
+    if len(colors) > 1 and has_own_colors(detail):
+        missing.append("its colours")
+    if detail is None or not detail.elements:
+        of = None if detail is None else detail.object_of
+        if not mesh_file.gltf and (len(mesh_file.parts) > 1 or (of is not None and np.ptp(of))):
+            missing.append("its division into objects")
+        missing += [words for words in mesh_file.unread if not words.startswith(PAINT_WORDS)]
+    if detail and detail.normals:
+        missing.append("normals of vertices that have several")
+    if detail and detail.uv and not np.isfinite(detail.uv.rows).all():
+        missing.append("texture coordinates, which some corners lack")
+    if detail and detail.paints:
+        missing.append("materials")
+    return missing
 
 
 def _annotate(element: Element, bake: Bake, shown: str) -> Element:

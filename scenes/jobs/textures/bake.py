@@ -21,11 +21,9 @@ from raytrace.mesh.mesh import Mesh
 from raytrace.system.atomic import write_bytes
 from raytrace.system.checks import check_ending, check_outputs
 
-from ...formats.glb.orm import check_orm
-from ...formats.glb.pieces import pieces
-from ...formats.glb.textured import textured_glb
 from ...formats.images import MATERIAL, PLACEHOLDERS, UDIM, check_texture_target, write_grey, write_normals
 from ...formats.load import MeshFile
+from ...formats.primitive_groups import pieces
 from ..bake import MeshBake, WorkSize, Written
 from ..console import alpha_summary, progress, texture_summary, warn
 from ..inputs import Sources
@@ -63,6 +61,8 @@ class TextureCommand(MeshBake):
         sources = self.sources_of(source)
         found, pages = self._layout(sources)
         if self.orm:
+            from ...formats.gltf.orm import check_orm
+
             check_orm(source.gltf, found.number, self.replace_occlusion)
         check_outputs(self.outputs(pages), sources.files)
         loaded = time.perf_counter() - start
@@ -206,6 +206,8 @@ class TextureCommand(MeshBake):
         self, path: Path, sources: Sources, baked: Sequence[ao.BakedTexture], falloff: ao.Falloff
     ) -> list[str]:
         """Write the .glb, with w of vertices where there are no texture coordinates; returns warnings."""
+        from ...formats.gltf.textured import textured_glb
+
         source, chosen, w = sources.source, sources.chosen, None
         uncovered = chosen.receive & ~np.any([on_page(each.uv) for each in baked], axis=0)
         if uncovered.any():

@@ -20,9 +20,9 @@ from ao.texture.uv_layout import doubled_areas, on_page
 from raytrace.errors import MeshError, OptionError
 from raytrace.types import Bools, Float64s
 
-from ...formats.glb.pieces import Piece, pieces
 from ...formats.images import MATERIAL, OBJECT, UDIM, tile_number, udim_tiles
 from ...formats.load import MeshFile
+from ...formats.primitive_groups import Piece, pieces
 from ...safe_paths import file_words
 from .coordinates import Coordinates
 

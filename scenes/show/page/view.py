@@ -15,7 +15,7 @@ from raytrace.system.atomic import write_bytes
 from raytrace.system.checks import check_ending, check_outputs
 from raytrace.types import UInt8s
 
-from ...formats.glb.occlusion import is_ramp
+from ...formats.gltf.occlusion import is_ramp
 from ...formats.gltf.textures import Textures
 from ...formats.load import MeshFile, load, mesh_errors
 from ...formats.stored_w import ENDINGS, find_profile, read_beside_w, read_w, unrepeated

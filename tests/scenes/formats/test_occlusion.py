@@ -5,9 +5,9 @@ import struct
 import numpy as np
 import pytest
 
-from scenes.formats.glb.buffer import Packed
-from scenes.formats.glb.occlusion import RAMP, OcclusionTextures, add_coordinates, free_set, occlusion_reference
-from scenes.formats.glb.write import ramp_coordinates, ramp_png
+from scenes.formats.gltf.builder import Packed
+from scenes.formats.gltf.occlusion import RAMP, OcclusionTextures, add_coordinates, free_set, occlusion_reference
+from scenes.formats.gltf.write import ramp_coordinates, ramp_png
 
 
 def document(primitives, materials=(), **fields):

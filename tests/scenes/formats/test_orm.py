@@ -12,9 +12,9 @@ from gltf_samples import quad, with_images
 from raytrace import MeshError
 from raytrace.errors import InputError, SceneError
 from raytrace.image.texture import Texture, texture_codes
-from scenes.formats.glb.orm import check_orm, with_occlusion
-from scenes.formats.glb.textured import textured_glb
 from scenes.formats.gltf.asset import decode
+from scenes.formats.gltf.orm import check_orm, with_occlusion
+from scenes.formats.gltf.textured import textured_glb
 from scenes.formats.gltf.textures import Textures
 from scenes.formats.load import load
 

@@ -8,10 +8,10 @@ import pytest
 from gltf_files import QUAD, Builder
 
 import ao
-from scenes.formats.glb.occlusion import image_name, occlusion_reference
-from scenes.formats.glb.textured import textured_glb
 from scenes.formats.gltf.accessors import normalized, values
 from scenes.formats.gltf.asset import decode
+from scenes.formats.gltf.occlusion import image_name, occlusion_reference
+from scenes.formats.gltf.textured import textured_glb
 from scenes.formats.load import load
 from scenes.formats.stored_w import read_w
 

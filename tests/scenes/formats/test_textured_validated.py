@@ -15,8 +15,8 @@ from gltf_samples import SAMPLES
 from uv_meshes import grid_charts
 
 from raytrace import MeshError
-from scenes.formats.glb.orm import check_orm
-from scenes.formats.glb.textured import textured_glb
+from scenes.formats.gltf.orm import check_orm
+from scenes.formats.gltf.textured import textured_glb
 from scenes.formats.load import MeshFile, load
 from scenes.geometry.builtin_shapes import SOLIDS
 

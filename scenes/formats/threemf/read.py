@@ -21,8 +21,8 @@ from raytrace.errors import MeshError
 from raytrace.system.checks import check_memory
 from raytrace.types import Float64s
 
-from ..geometry.instances import Instance, check_copies
-from .table import MeshInput
+from ...geometry.instances import Instance, check_copies
+from ..table import MeshInput
 
 ROOT = "3d/3dmodel.model"
 GROWTH, SPARE = 100, 1 << 24  # an archive may unpack to 100 times its size, and always to 16 MiB

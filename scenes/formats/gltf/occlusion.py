@@ -13,7 +13,7 @@ import numpy as np
 
 from raytrace.types import AnyFloats
 
-from .buffer import Packed
+from .builder import Packed
 
 OWN = "obscurance"  # names of images of ours begin so: a later bake replaces their textures
 RAMP = f"{OWN} ramp"

@@ -8,8 +8,7 @@ import numpy as np
 
 from raytrace.types import Int64s
 
-from ..load import MeshFile
-from .occlusion import material_of, texture_images
+from .load import MeshFile
 
 _NO_MATERIAL = "default"
 
@@ -41,6 +40,8 @@ def pieces(mesh_file: MeshFile, coordinates: int = 0) -> Iterator[Piece]:
     Args: coordinates: number of the set by which materials have their images.
     """
     if asset := mesh_file.gltf:
+        from .gltf.occlusion import material_of, texture_images
+
         for number, (drawn, part) in enumerate(zip(asset.drawn, mesh_file.parts, strict=True)):
             index = drawn.primitive.material
             material = material_of(asset.header, index)

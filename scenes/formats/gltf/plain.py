@@ -13,12 +13,12 @@ from raytrace.mesh.normals import creased_normals
 from raytrace.types import Float64s, Int64s
 
 from ...geometry.detail import Detail, PerCorner, split_corners
-from ..gltf.accessors import flipped
 from ..load import MeshFile
 from ..ply.layout import fractions, stored_colors
-from .buffer import ELEMENT_ARRAY_BUFFER, Packed
+from ..primitive_groups import pieces
+from .accessors import flipped
+from .builder import ELEMENT_ARRAY_BUFFER, Packed
 from .orm import add_materials
-from .pieces import pieces
 
 _LARGEST = 1e38  # of float32, and of a difference of two
 WHITE: dict[str, Any] = {"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 1}}

@@ -11,15 +11,15 @@ from raytrace.errors import MeshError
 from raytrace.image.encode import linear_png
 from raytrace.types import AnyFloats, Float64s, Int64s
 
-from ..gltf.accessors import flipped, normalized, triangles, values
-from ..gltf.asset import Gltf
-from ..gltf.parse import parse
-from ..gltf.records import WRAP, Primitive
 from ..load import MeshFile
-from .buffer import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Packed
+from ..primitive_groups import pieces
+from .accessors import flipped, normalized, triangles, values
+from .asset import Gltf
+from .builder import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Packed
 from .occlusion import OWN, OcclusionTextures, add_coordinates, free_set
 from .orm import OrmTextures
-from .pieces import pieces
+from .parse import parse
+from .records import WRAP, Primitive
 from .write import document, write_ramp
 
 _SAME = 1e-6  # of texture coordinates that float32 has rounded
@@ -40,7 +40,7 @@ def textured_glb(
 
     Args:
         pages: textures of different faces. replace: put them also in place of occlusion textures of the source.
-        orm: put w into R of the materials' metallic-roughness images (`scenes.formats.glb.orm`).
+        orm: put w into R of the materials' metallic-roughness images (`scenes.formats.gltf.orm`).
         w: (n,) of the vertices, for primitives that are on no page: a ramp shows it.
 
     Raises: InputError: as `check_orm`, with `orm`; malformed materials or values; coordinates too large for float32.

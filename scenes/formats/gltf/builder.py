@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from raytrace.types import Float64s, Int64s
 
-from ..gltf.accessors import COMPONENTS
-from ..gltf.asset import BIN_CHUNK, JSON_CHUNK
-from ..gltf.records import PROFILE
+from .accessors import COMPONENTS
+from .asset import BIN_CHUNK, JSON_CHUNK
+from .records import PROFILE
 
 if TYPE_CHECKING:
     from ao import Bake

@@ -17,11 +17,11 @@ from raytrace.mesh.up import TO_Y_UP, up_axis
 from raytrace.types import AnyFloats, Float64s
 
 from ...geometry.instances import Submesh
-from ..gltf.accessors import stored_colors
-from ..gltf.asset import DRACO, MESHOPT, Gltf, referenced
 from ..load import MeshFile
 from ..table import Channels
-from .buffer import Packed
+from .accessors import stored_colors
+from .asset import DRACO, MESHOPT, Gltf, referenced
+from .builder import Packed
 from .occlusion import RAMP, OcclusionTextures, add_coordinates, free_set
 from .plain import Drawn, plain
 

@@ -15,12 +15,12 @@ from raytrace.image.texture import Texture, texture_codes
 from raytrace.types import Float32s, UInt8s, UInt16s
 
 from ...geometry.detail import Paint
-from ..gltf.asset import Gltf, entry
-from ..gltf.records import WRAP, TextureReference, UvTransform
-from ..gltf.textures import Textures
 from ..load import mesh_errors
-from .buffer import Packed
+from .asset import Gltf, entry
+from .builder import Packed
 from .occlusion import OWN, TRANSFORM, OcclusionTextures, texture_reference
+from .records import WRAP, TextureReference, UvTransform
+from .textures import Textures
 
 _NAME = f"{OWN} orm"
 _SURFACE, _OWN = "pbrMetallicRoughness", "metallicRoughnessTexture"

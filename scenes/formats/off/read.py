@@ -8,10 +8,10 @@ import re
 
 from raytrace.errors import MeshError
 
-from ..geometry.instances import Instance
-from ..geometry.polygons import triangulate
-from .number_rows import NumberRows, whole
-from .table import MeshInput
+from ...geometry.instances import Instance
+from ...geometry.polygons import triangulate
+from ..number_rows import NumberRows, whole
+from ..table import MeshInput
 
 _HEADER = re.compile(rb"(?:\s|#[^\n\r]*+)*+((?:ST)?C?N?)OFF\b(?!\s+BINARY)")
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from raytrace.errors import MeshError
 
-from ..geometry.instances import Instance
-from .number_rows import NumberRows
-from .table import MeshInput
+from ...geometry.instances import Instance
+from ..number_rows import NumberRows
+from ..table import MeshInput
 
 _HEADER, _TRIANGLE = 84, np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
 _NAME = re.compile(rb"solid([^\r\n]*)", re.IGNORECASE)
