@@ -8,7 +8,7 @@ from raytrace import Object, OptionError, Scene, Settings, Shape
 
 from ..formats.load import load, mesh_errors
 from ..formats.table import format_of
-from ..geometry.detail import split_creases
+from ..geometry.corners import split_creases
 from ..geometry.primitives import Origin
 from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, three_lights
 from .textured import vertex_colors

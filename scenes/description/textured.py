@@ -15,7 +15,7 @@ from raytrace.types import Float64s
 
 from ..formats.load import read_objects
 from ..formats.obj.read import read_textured_obj
-from ..geometry.detail import split_corners
+from ..geometry.corners import split_corners
 from ..geometry.instances import flatten
 from ..geometry.primitives import Origin, TexturedMesh
 
@@ -30,16 +30,16 @@ def read_textured(path: Path) -> tuple[TexturedMesh, list[str]]:
         (instance,), _ = read_objects(path, keep=True)
         uv, origin = None, None
     mesh, _ = flatten([instance], str(path))
-    notes, detail = [printable(f"{path}: {note}") for note in instance.notes], instance.detail
-    if uv is not None or detail is None or detail.uv is None:
+    notes, attributes = [printable(f"{path}: {note}") for note in instance.notes], instance.attributes
+    if uv is not None or attributes is None or attributes.uv is None:
         return TexturedMesh(mesh, uv, origin), notes
-    places = detail.triangles.take(np.arange(len(detail.corners)))
-    vertices, faces, like = split_corners(detail.corners, places, [detail.uv], len(mesh.vertices))
+    places = attributes.triangles.take(np.arange(len(attributes.corners)))
+    vertices, faces, like = split_corners(attributes.corners, places, [attributes.uv], len(mesh.vertices))
     if len(vertices) == len(mesh.vertices):
-        return TexturedMesh(mesh, detail.uv.at_vertices(detail.corners, len(vertices))), notes
+        return TexturedMesh(mesh, attributes.uv.at_vertices(attributes.corners, len(vertices))), notes
     normals = None if mesh.normals is None else mesh.normals[vertices]
     split = Mesh(mesh.vertices[vertices], faces, normals, source=str(path), polygons=mesh.polygons)
-    return TexturedMesh(split, detail.uv.rows[detail.uv.of[like]], Origin(vertices, len(mesh.vertices))), notes
+    return TexturedMesh(split, attributes.uv.rows[attributes.uv.of[like]], Origin(vertices, len(mesh.vertices))), notes
 
 
 def vertex_colors(path: Path) -> tuple[Float64s | None, list[str]]:
@@ -55,5 +55,5 @@ def vertex_colors(path: Path) -> tuple[Float64s | None, list[str]]:
         return None, []
     (instance, *_), _ = read_objects(path, keep=True)
     notes = [printable(f"{path}: left out: {words}") for words in instance.unread if words.startswith("colours")]
-    colors = instance.detail.colors if instance.detail else None
+    colors = instance.attributes.colors if instance.attributes else None
     return None if colors is None else decode_srgb(colors[:, :3].clip(0, 1)).astype(float), notes

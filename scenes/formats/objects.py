@@ -14,16 +14,17 @@ from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.opacity import AlphaSurface, Opacity
 from raytrace.types import Bools, Float64s, Int64s
 
+from .primitive_groups import primitive_groups
+
 if TYPE_CHECKING:
     from ao.falloff import Falloff
 
     from .load import MeshFile
-    from .primitive_groups import Piece
 
 _LISTED = 8  # names in a message
 
 
-class Chosen(NamedTuple):
+class ObjectSelection(NamedTuple):
     """What is baked of a mesh file."""
 
     mesh: Mesh  # with as many faces; those of excluded objects have no area, those that do not occlude alpha 0
@@ -78,14 +79,14 @@ class Chosen(NamedTuple):
                 yield vertices, made
 
 
-def choose(
+def select_objects(
     source: MeshFile,
     receive: Sequence[str] = (),
     cast: Sequence[str] = (),
     exclude: Sequence[str] = (),
     by: str = "all",
     lenient: bool = False,
-) -> Chosen:
+) -> ObjectSelection:
     """Choose objects by names or patterns of `fnmatch`, after a "!" those that do not match.
 
     Args:
@@ -112,22 +113,16 @@ def choose(
         of = np.where(_named(source, "cast", cast), known.of, len(known.surfaces))
         mesh = replace(mesh, opacity=replace(known, of=of, surfaces=(*known.surfaces, AlphaSurface(0.0))))
     if by == "all":
-        return Chosen(mesh, received)
+        return ObjectSelection(mesh, received)
     group, numbers = np.zeros(len(mesh.faces), np.int64), dict[Hashable, int]()
-    for piece in _pieces(source):
+    for piece in primitive_groups(source):
         group[piece.faces] = numbers.setdefault(getattr(piece.object, "name" if by == "name" else "key"), len(numbers))
-    return Chosen(mesh, received, group)
+    return ObjectSelection(mesh, received, group)
 
 
 def _without(mesh: Mesh, faces: Bools) -> Mesh:
     """The mesh with some faces, bool (m,), without an area."""
     return replace(mesh, faces=np.where(faces[:, None], mesh.faces[~faces][0, 0], mesh.faces))
-
-
-def _pieces(source: MeshFile) -> Iterator[Piece]:
-    from .primitive_groups import pieces
-
-    return pieces(source)
 
 
 def match(low: MeshFile, high: Sequence[MeshFile]) -> tuple[Int64s, Int64s]:
@@ -139,7 +134,7 @@ def match(low: MeshFile, high: Sequence[MeshFile]) -> tuple[Int64s, Int64s]:
     found = []
     for file, suffix in ((low, "_low"), *((each, "_high") for each in high)):
         of = np.full(len(file.mesh.vertices), -1)
-        for piece in _pieces(file):
+        for piece in primitive_groups(file):
             of[file.mesh.faces[piece.faces]] = numbers.setdefault(piece.object.name.partition(suffix)[0], len(numbers))
         found.append(of)
     of_low, of_high = found[0], np.concatenate(found[1:])
@@ -153,7 +148,7 @@ def match(low: MeshFile, high: Sequence[MeshFile]) -> tuple[Int64s, Int64s]:
 def _named(source: MeshFile, option: str, patterns: Sequence[str], lenient: bool = False) -> Bools:
     """The faces (m,) of objects that match any of the patterns."""
     found = np.zeros(len(source.mesh.faces), np.bool_)
-    objects = [(piece.object.name, piece.faces) for piece in _pieces(source)]
+    objects = [(piece.object.name, piece.faces) for piece in primitive_groups(source)]
     for pattern in patterns:
         wanted = pattern.removeprefix("!")
         matches = {name for name, _ in objects if name == wanted or fnmatchcase(name, wanted)}

@@ -1,14 +1,20 @@
 """The faces of a mesh file by material and object, as the primitives of a .glb draw them."""
 
+from __future__ import annotations
+
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from raytrace.types import Int64s
 
+from ..geometry.attributes import SourceMaterial
 from .load import MeshFile
+
+if TYPE_CHECKING:
+    from .gltf.asset import Gltf
 
 _NO_MATERIAL = "default"
 
@@ -21,7 +27,7 @@ class Named(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class PrimitiveGroup:
     """Faces of one material in one object."""
 
     part: int  # number of the mesh file's part
@@ -29,40 +35,58 @@ class Piece:
     material: Named  # its key is the number in the document
     object: Named
     body: Hashable  # what the object shares with its copies
-    image: Hashable  # an image that the material has by the piece's texture coordinates, or None
+    image: Hashable  # an image that the material has by the group's texture coordinates, or None
 
 
-def pieces(mesh_file: MeshFile, coordinates: int = 0) -> Iterator[Piece]:
-    """The pieces of a file, in the order in which `write.document` lists primitives.
+def primitive_groups(mesh_file: MeshFile, coordinates: int = 0) -> Iterator[PrimitiveGroup]:
+    """The groups of a file, in the order in which `scenes.formats.gltf.write.document` lists primitives.
 
     Of what is no glTF part by part, object by object, materials ascending.
 
     Args: coordinates: number of the set by which materials have their images.
     """
-    if asset := mesh_file.gltf:
-        from .gltf.occlusion import material_of, texture_images
-
-        for number, (drawn, part) in enumerate(zip(asset.drawn, mesh_file.parts, strict=True)):
-            index = drawn.primitive.material
-            material = material_of(asset.header, index)
-            name = material.get("name") or (_NO_MATERIAL if index is None else f"material {index}")
-            has_set = f"TEXCOORD_{coordinates}" in drawn.primitive.attributes
-            images = texture_images(asset.header, material, coordinates) if has_set else set[int]()
-            faces = np.arange(part.faces.start, part.faces.stop)
-            owner = Named(drawn.node, part.name.removesuffix(f"[{drawn.place}]"))
-            yield Piece(number, faces, Named(index, str(name)), owner, drawn.mesh, min(images, default=None))
+    if mesh_file.gltf:
+        yield from _groups_of_gltf(mesh_file.gltf, mesh_file, coordinates)
         return
-    detail, paint = mesh_file.detail, np.zeros(len(mesh_file.mesh.faces), np.int64)
-    of, paints = paint, detail.paints if detail else ()
-    if detail and detail.paint_of is not None:
-        paint = np.repeat(detail.paint_of + 1, detail.triangles.counts)
-    if detail and detail.object_of is not None:
-        of = np.repeat(detail.object_of + 1, detail.triangles.counts)
-    names = ("", *(detail.objects if detail else ()))
+    # Numbers of each face's object and material, from 1 on; 0: none.
+    object_of = np.zeros(len(mesh_file.mesh.faces), np.int64)
+    material_of = object_of
+    object_names: tuple[str, ...] = ("",)
+    materials: tuple[SourceMaterial, ...] = (SourceMaterial(_NO_MATERIAL),)
+    if attributes := mesh_file.attributes:
+        object_names += attributes.objects
+        materials += attributes.materials
+        if attributes.object_of is not None:
+            object_of = np.repeat(attributes.object_of + 1, attributes.triangles.counts)
+        if attributes.material_of is not None:
+            material_of = np.repeat(attributes.material_of + 1, attributes.triangles.counts)
     for number, part in enumerate(mesh_file.parts):
-        order = np.lexsort((paint[part.faces], of[part.faces])) + part.faces.start
-        kinds = np.stack([of[order], paint[order]], axis=1)
-        for faces in np.split(order, np.flatnonzero((kinds[1:] != kinds[:-1]).any(axis=1)) + 1):
-            own, key = names[of[faces[0]]] or part.name, int(paint[faces[0]])
-            name, image = (paints[key - 1].name, paints[key - 1].texture) if key else (_NO_MATERIAL, None)
-            yield Piece(number, faces, Named(key, name), Named((number, own), own), (number, own), image)
+        order = np.lexsort((material_of[part.faces], object_of[part.faces])) + part.faces.start
+        kinds = np.stack([object_of[order], material_of[order]], axis=1)
+        begins = np.flatnonzero((kinds[1:] != kinds[:-1]).any(axis=1)) + 1
+        for faces in np.split(order, begins):
+            material_key = int(material_of[faces[0]])
+            material = materials[material_key]
+            key = number, object_names[object_of[faces[0]]] or part.name
+            yield PrimitiveGroup(
+                number, faces, Named(material_key, material.name), Named(key, key[1]), body=key, image=material.texture
+            )
+
+
+def _groups_of_gltf(asset: Gltf, mesh_file: MeshFile, coordinates: int) -> Iterator[PrimitiveGroup]:
+    from .gltf.occlusion import material_of, texture_images
+
+    for number, (drawn, part) in enumerate(zip(asset.drawn, mesh_file.parts, strict=True)):
+        index = drawn.primitive.material
+        material = material_of(asset.header, index)
+        name = material.get("name") or (_NO_MATERIAL if index is None else f"material {index}")
+        has_set = f"TEXCOORD_{coordinates}" in drawn.primitive.attributes
+        images = texture_images(asset.header, material, coordinates) if has_set else set[int]()
+        yield PrimitiveGroup(
+            number,
+            np.arange(part.faces.start, part.faces.stop),
+            Named(index, str(name)),
+            Named(drawn.node, part.name.removesuffix(f"[{drawn.place}]")),
+            body=drawn.mesh,
+            image=min(images, default=None),
+        )

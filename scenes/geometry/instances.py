@@ -13,7 +13,7 @@ from raytrace import InputError, Mesh, MeshError, Opacity
 from raytrace.system.checks import check_memory
 from raytrace.types import Float64s, Int64s
 
-from .detail import Detail
+from .attributes import SourceAttributes
 
 if TYPE_CHECKING:
     from ao import Profile
@@ -32,7 +32,7 @@ class Instance:
     normals: npt.NDArray[Any] | None = None  # (n, 3) numbers per vertex in the object's own frame, or None
     matrix: Float64s | None = None  # (4, 4) affine map to the world for column vectors, or None for the identity
     notes: tuple[str, ...] = ()  # warnings about the object
-    detail: Detail | None = None  # what else the file holds of the object, if that was asked for
+    attributes: SourceAttributes | None = None  # what else the file holds of the object, if that was asked for
     unread: tuple[str, ...] = ()  # what the file holds and nobody reads, in words
     w: npt.NDArray[Any] | None = None  # (n,) obscurance that a bake has left in the file, unchecked, or None
     profile: Profile | None = None  # that a bake has left in the file, or None

@@ -36,7 +36,7 @@ BINARY_RATE, EXPONENTIAL_RATE = 0.75, 0.85  # the powers of the number of rays b
 
 
 @dataclass(frozen=True, eq=False)
-class Setting:
+class ValidationCase:
     """A scene of known w, for any falloff in `falloffs`.
 
     Attributes:
@@ -81,7 +81,7 @@ class Setting:
 
 @dataclass(frozen=True, eq=False)
 class Configuration:
-    """One line of the validation table, see `Setting`.
+    """One line of the validation table, see `ValidationCase`.
 
     Attributes:
         options: of `ao.bake`, `normals` among them. exact: float64 (k,), w of the closed form at `points`.

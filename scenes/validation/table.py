@@ -12,8 +12,8 @@ from ao import bake as _bake
 from raytrace.types import Float64s
 
 from .configurations import SAMPLES, Configuration
-from .curved import curved_settings
-from .flat import flat_settings
+from .curved import curved_cases
+from .flat import flat_cases
 
 Baker = Callable[..., Bake]
 
@@ -54,7 +54,7 @@ class Result:
 
 @lru_cache(maxsize=1)
 def configurations() -> tuple[Configuration, ...]:
-    return tuple(line for setting in (*flat_settings(), *curved_settings()) for line in setting.configurations())
+    return tuple(line for case in (*flat_cases(), *curved_cases()) for line in case.configurations())
 
 
 def measure(

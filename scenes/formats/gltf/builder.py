@@ -23,7 +23,7 @@ ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 _GLB_MAGIC = 0x46546C67
 
 
-class Packed:
+class GlbBuilder:
     """A glTF header and its one buffer, which grow together."""
 
     def __init__(self, header: dict[str, Any]) -> None:

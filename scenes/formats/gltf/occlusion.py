@@ -13,7 +13,7 @@ import numpy as np
 
 from raytrace.types import AnyFloats
 
-from .builder import Packed
+from .builder import GlbBuilder
 
 OWN = "obscurance"  # names of images of ours begin so: a later bake replaces their textures
 RAMP = f"{OWN} ramp"
@@ -24,9 +24,9 @@ _VARIANTS, TRANSFORM = "KHR_materials_variants", "KHR_texture_transform"
 class OcclusionTextures:
     """Occlusion textures for primitives of a document: `add` images, `give` them to primitives, then `apply` once."""
 
-    def __init__(self, packed: Packed, replace: bool = False) -> None:
+    def __init__(self, builder: GlbBuilder, replace: bool = False) -> None:
         """Args: replace: put them also in place of occlusion textures that are not ours."""
-        self._packed, self._replace = packed, replace
+        self._builder, self._replace = builder, replace
         self._given: dict[int, tuple[int, int]] = {}  # texture and coordinates by the id of a primitive
 
     def add(self, png: bytes, name: str, **sampler: int) -> int:
@@ -34,9 +34,9 @@ class OcclusionTextures:
 
         Args: name: of its image; begins with `OWN`. sampler: filters and wrap modes in place of linear and clamped.
         """
-        image = {"name": name, "mimeType": "image/png", "bufferView": self._packed.bytes_view(png)}
+        image = {"name": name, "mimeType": "image/png", "bufferView": self._builder.bytes_view(png)}
         modes = {"magFilter": LINEAR, "minFilter": LINEAR, "wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE} | sampler
-        append = self._packed.append
+        append = self._builder.append
         return append("textures", {"sampler": append("samplers", modes), "source": append("images", image)})
 
     def materials(self, primitive: dict[str, Any]) -> list[int | None]:
@@ -50,7 +50,7 @@ class OcclusionTextures:
     def apply(self) -> None:
         """Put the textures into the primitives' materials, the default one for none; materials that other primitives
         share are copied first, and keep their places."""
-        header = self._packed.header
+        header = self._builder.header
         before = copy.deepcopy(header.get("materials", []))
         others: set[int | None] = {None}  # there is no such entry
         uses: dict[tuple[int | None, int, int], list[dict[str, Any]]] = {}
@@ -65,7 +65,7 @@ class OcclusionTextures:
         for (material, texture, coordinates), slots in uses.items():
             if material in others:
                 made = {} if material is None else copy.deepcopy(before[material])
-                number = self._packed.append("materials", made)
+                number = self._builder.append("materials", made)
                 for slot in slots:
                     slot["material"] = number
             else:
@@ -77,7 +77,7 @@ class OcclusionTextures:
         material["occlusionTexture"] = texture_reference(texture, coordinates)
 
     def _open(self, material: int | None) -> bool:
-        header = self._packed.header
+        header = self._builder.header
         if material is not None and material >= len(header.get("materials", [])):
             return False
         reference = occlusion_reference(header, material)
@@ -113,15 +113,15 @@ def ramp_sets(header: dict[str, Any], primitive: dict[str, Any]) -> set[int]:
     return {each["occlusionTexture"].get("texCoord", 0) for each in ramps}
 
 
-def add_coordinates(packed: Packed, primitive: dict[str, Any], number: int, uv: AnyFloats) -> None:
+def add_coordinates(builder: GlbBuilder, primitive: dict[str, Any], number: int, uv: AnyFloats) -> None:
     """Give a primitive the set TEXCOORD_`number`, uv (n, 2), v downwards; sets below it that it lacks become zeros.
 
     The specification wants them contiguous, and viewers read zeros there.
     """
     for lower in range(number):
         if f"TEXCOORD_{lower}" not in primitive["attributes"]:
-            primitive["attributes"][f"TEXCOORD_{lower}"] = packed.accessor(np.zeros((len(uv), 2), "<f4"))
-    primitive["attributes"][f"TEXCOORD_{number}"] = packed.accessor(uv.astype("<f4"))
+            primitive["attributes"][f"TEXCOORD_{lower}"] = builder.accessor(np.zeros((len(uv), 2), "<f4"))
+    primitive["attributes"][f"TEXCOORD_{number}"] = builder.accessor(uv.astype("<f4"))
 
 
 def occlusion_reference(header: dict[str, Any], material: int | None) -> Any:

@@ -1,4 +1,4 @@
-"""Materials of paints with their images; occlusion, roughness and metalness in one image, in its R, G and B.
+"""Occlusion, roughness and metalness in one image, in its R, G and B.
 
 Format: Khronos glTF 2.0 specification, sections 3.9.2 (metallic-roughness) and 3.9.3 (occlusion).
 """
@@ -11,13 +11,13 @@ import numpy.typing as npt
 
 from raytrace.errors import MeshError
 from raytrace.image.encode import linear_png
-from raytrace.image.texture import Texture, texture_codes
+from raytrace.image.texture import texture_codes
 from raytrace.types import Float32s, UInt8s, UInt16s
 
-from ...geometry.detail import Paint
 from ..load import mesh_errors
 from .asset import Gltf, entry
-from .builder import Packed
+from .builder import GlbBuilder
+from .materials import enlarged
 from .occlusion import OWN, TRANSFORM, OcclusionTextures, texture_reference
 from .records import WRAP, TextureReference, UvTransform
 from .textures import Textures
@@ -29,9 +29,11 @@ _SURFACE, _OWN = "pbrMetallicRoughness", "metallicRoughnessTexture"
 class OrmTextures(OcclusionTextures):
     """Gives materials w in R of a copy of their metallic-roughness image, or of a white one where they have none."""
 
-    def __init__(self, packed: Packed, asset: Gltf | None, pages: Sequence[Float32s], replace: bool = False) -> None:
+    def __init__(
+        self, builder: GlbBuilder, asset: Gltf | None, pages: Sequence[Float32s], replace: bool = False
+    ) -> None:
         """Args: asset: the source of the document, if it is glTF. pages: w (h, w), which `give` takes by its number."""
-        super().__init__(packed, replace)
+        super().__init__(builder, replace)
         self._asset, self._pages = asset, pages
         self._made: dict[tuple[int | None, int], tuple[int, int]] = {}
 
@@ -58,9 +60,9 @@ class OrmTextures(OcclusionTextures):
             image = texture_codes(Textures(self._asset).image(stored.source))
         both = self.add(linear_png(with_occlusion(image, w)), _NAME, wrapS=WRAP, wrapT=WRAP)
         if stored and self._asset:
-            added, sampler = self._packed.header["textures"], self._asset.sampler(stored)
+            added, sampler = self._builder.header["textures"], self._asset.sampler(stored)
             if not sampler.wrapS == sampler.wrapT == WRAP:  # what is baked is taken modulo 1
-                return both, self._packed.append("textures", added[both] | {"sampler": stored.sampler})
+                return both, self._builder.append("textures", added[both] | {"sampler": stored.sampler})
             if stored.sampler is None:
                 del added[both]["sampler"]
             else:
@@ -91,7 +93,7 @@ def check_orm(asset: Gltf | None, coordinates: int | None, replace: bool) -> Non
     """
     if asset is None:
         return
-    taking = OcclusionTextures(Packed(asset.header), replace)
+    taking = OcclusionTextures(GlbBuilder(asset.header), replace)
     with mesh_errors(asset.path):
         drawn = [each.stored for each in asset.drawn]
         if coordinates is not None:
@@ -120,60 +122,3 @@ def _check(asset: Gltf, own: TextureReference, field: str, coordinates: int | No
     if image.dtype not in (np.uint8, np.uint16) or image.shape[2] > 4:
         got = f"{image.shape[2]} channels of {image.dtype}"
         raise MeshError(asset.path, f"images[{stored.source}]", "up to four channels of 8 or 16 bits, for --orm", got)
-
-
-def _material(paint: Paint) -> dict[str, Any]:
-    """glTF's material of a paint, without its picture."""
-    surface: dict[str, Any] = {"baseColorFactor": [*paint.colour, paint.opacity]}
-    surface |= {"metallicFactor": paint.metallic, "roughnessFactor": paint.roughness}
-    made: dict[str, Any] = {"name": paint.name, "pbrMetallicRoughness": surface}
-    if any(paint.emission):
-        made["emissiveFactor"] = list(paint.emission)
-    if paint.opacity < 1 or paint.opacity_texture:
-        made["alphaMode"] = "BLEND"
-    return made
-
-
-def add_materials(packed: Packed, paints: Sequence[Paint]) -> None:
-    """Append materials to a document, and to its buffer their pictures, each once."""
-    numbers: dict[Any, int] = {}
-    for paint in paints:
-        material = _material(paint)
-        packed.append("materials", material)
-        key, first = (paint.texture, paint.opacity_texture), paint.texture or paint.opacity_texture
-        if first is None:
-            continue
-        if key not in numbers:
-            data = _base_colour(paint)
-            kind = "image/png" if data.startswith(b"\x89PNG") else "image/jpeg"
-            image = {"name": first.name, "mimeType": kind, "bufferView": packed.bytes_view(data)}
-            numbers[key] = packed.append("textures", {"source": packed.append("images", image)})
-        material["pbrMetallicRoughness"]["baseColorTexture"] = {"index": numbers[key]}
-
-
-def _base_colour(paint: Paint) -> bytes:
-    """A PNG or JPEG file of a material's colour texture, its alpha the opacity map; of two sizes the larger."""
-    alpha = None if paint.texture == paint.opacity_texture else paint.opacity_map()
-    if paint.texture and alpha is None:
-        return paint.texture.read_bytes()
-    assert alpha is not None
-    colour: npt.NDArray[Any] = np.full((1, 1, 3), 255, np.uint8)
-    if paint.texture:
-        colour = texture_codes(Texture(paint.texture))
-        colour = np.repeat(colour[..., :1], 3, axis=2) if colour.shape[2] < 3 else colour[..., :3]
-    if colour.dtype == np.uint16:
-        colour = np.rint(colour / 257).astype(np.uint8)
-    size = max(colour.shape[0], len(alpha)), max(colour.shape[1], alpha.shape[1])
-    codes = np.rint(enlarged(alpha[..., None], *size) * 255).astype(np.uint8)
-    return linear_png(np.concatenate([enlarged(colour, *size), codes], axis=2))
-
-
-def enlarged(image: npt.NDArray[Any], height: int, width: int) -> npt.NDArray[Any]:
-    """`image` (h, w, c) by bilinear interpolation, taken to repeat, codes rounded."""
-    if image.shape[:2] == (height, width):
-        return image.copy()
-    from scipy.ndimage import zoom
-
-    factors = height / image.shape[0], width / image.shape[1], 1
-    made = zoom(image.astype(np.float32), factors, order=1, mode="grid-wrap", grid_mode=True)
-    return made if image.dtype == np.float32 else np.rint(made).astype(image.dtype)

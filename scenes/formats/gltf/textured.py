@@ -12,10 +12,10 @@ from raytrace.image.encode import linear_png
 from raytrace.types import AnyFloats, Float64s, Int64s
 
 from ..load import MeshFile
-from ..primitive_groups import pieces
+from ..primitive_groups import primitive_groups
 from .accessors import flipped, normalized, triangles, values
 from .asset import Gltf
-from .builder import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Packed
+from .builder import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, GlbBuilder
 from .occlusion import OWN, OcclusionTextures, add_coordinates, free_set
 from .orm import OrmTextures
 from .parse import parse
@@ -45,17 +45,17 @@ def textured_glb(
 
     Raises: InputError: as `check_orm`, with `orm`; malformed materials or values; coordinates too large for float32.
     """
-    packed, drawn = document(mesh_file, None)
-    before = Gltf(mesh_file.path, packed.header, [bytes(packed.binary)])
-    textures = OcclusionTextures(packed, replace)
+    builder, drawn = document(mesh_file, None)
+    before = Gltf(mesh_file.path, builder.header, [bytes(builder.binary)])
+    textures = OcclusionTextures(builder, replace)
     if orm:
-        textures = OrmTextures(packed, mesh_file.gltf, [page.w for page in pages], replace)
+        textures = OrmTextures(builder, mesh_file.gltf, [page.w for page in pages], replace)
     numbers = list(range(len(pages)))
     if not orm:
         codes = [np.rint(np.clip(page.w, 0, 1) * 255).astype(np.uint8)[:, :, None] for page in pages]
         numbers = [textures.add(linear_png(each), f"{OWN} occlusion", wrapS=WRAP, wrapT=WRAP) for each in codes]
     rest, kept = [], 0
-    for (primitive, vertices), piece in zip(drawn, pieces(mesh_file), strict=True):
+    for (primitive, vertices), piece in zip(drawn, primitive_groups(mesh_file), strict=True):
         texture = next((k for k, page in enumerate(pages) if not np.isnan(page.uv[piece.faces]).any()), None)
         if not textures.materials(primitive):
             kept += 1
@@ -68,13 +68,13 @@ def textured_glb(
                 uv = uv[:, ::-1]
             number = _set_of(before, record, faces, uv)
             if number is None:
-                number = free_set(packed.header, primitive)
-                split_vertices(packed, before, primitive, number, faces, uv)
+                number = free_set(builder.header, primitive)
+                split_vertices(builder, before, primitive, number, faces, uv)
             textures.give(primitive, numbers[texture], number)
     textures.apply()
     if w is not None:
-        write_ramp(packed, [(primitive, w[vertices]) for primitive, vertices in rest], replace)
-    return packed.encode(), kept
+        write_ramp(builder, [(primitive, w[vertices]) for primitive, vertices in rest], replace)
+    return builder.encode(), kept
 
 
 def _set_of(asset: Gltf, primitive: Primitive, faces: Int64s, uv: Float64s) -> int | None:
@@ -87,7 +87,7 @@ def _set_of(asset: Gltf, primitive: Primitive, faces: Int64s, uv: Float64s) -> i
 
 
 def split_vertices(
-    packed: Packed, asset: Gltf, primitive: dict[str, Any], number: int, faces: Int64s, uv: Float64s
+    builder: GlbBuilder, asset: Gltf, primitive: dict[str, Any], number: int, faces: Int64s, uv: Float64s
 ) -> None:
     """Give a primitive the set TEXCOORD_`number`, uv (t, 3, 2), with a vertex for each place that one has there."""
     rounded = uv.reshape(-1, 2).astype("<f4")
@@ -96,13 +96,13 @@ def split_vertices(
     kinds, first, corners = np.unique(keys, return_index=True, return_inverse=True)
     for attributes in (primitive["attributes"], *primitive.get("targets", [])):
         for name, accessor in attributes.items():
-            attributes[name] = _taken(packed, asset, accessor, kinds["vertex"])
-    add_coordinates(packed, primitive, number, flipped(rounded[first]))
-    primitive["indices"] = packed.accessor(corners.ravel().astype("<u4"), ELEMENT_ARRAY_BUFFER)
+            attributes[name] = _taken(builder, asset, accessor, kinds["vertex"])
+    add_coordinates(builder, primitive, number, flipped(rounded[first]))
+    primitive["indices"] = builder.accessor(corners.ravel().astype("<u4"), ELEMENT_ARRAY_BUFFER)
     primitive.pop("mode", None)
 
 
-def _taken(packed: Packed, asset: Gltf, number: int, rows: Int64s) -> int:
+def _taken(builder: GlbBuilder, asset: Gltf, number: int, rows: Int64s) -> int:
     """Index of a new accessor of some rows of another."""
     old = asset.header["accessors"][number]
     if old["type"] not in _KINDS:
@@ -114,8 +114,8 @@ def _taken(packed: Packed, asset: Gltf, number: int, rows: Int64s) -> int:
     padded[:, :size] = taken.view(np.uint8).reshape(len(rows), size)
     made = {key: old[key] for key in ("componentType", "type", "normalized", "name", "extras") if key in old}
     strided = {"byteStride": stride} if stride != size else {}
-    view = packed.bytes_view(padded.tobytes(), target=ARRAY_BUFFER, **strided)
+    view = builder.bytes_view(padded.tobytes(), target=ARRAY_BUFFER, **strided)
     made |= {"bufferView": view, "count": len(rows)}
     if "min" in old:
         made |= {"min": taken.min(axis=0).tolist(), "max": taken.max(axis=0).tolist()}
-    return packed.append("accessors", made)
+    return builder.append("accessors", made)

@@ -20,7 +20,8 @@ from raytrace.image.texture import Texture, Wrap
 from raytrace.types import Float64s, Int64s
 
 from ...field_errors import shown
-from ...geometry.detail import Detail, PerCorner, triangle_detail
+from ...geometry.attributes import SourceAttributes, triangle_attributes
+from ...geometry.corners import PerCorner
 from ...geometry.instances import Submesh
 from ...safe_paths import confined
 from .accessors import column, flipped, view_bytes
@@ -126,7 +127,7 @@ def vertex_colours(asset: Gltf, primitive: Primitive, w: npt.NDArray[Any] | None
     return None if w is not None and (np.abs(found - w.clip(0, 1)[:, None]) < _ROUNDING).all() else found
 
 
-def gltf_detail(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tuple[Detail, tuple[str, ...]]:
+def gltf_attributes(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tuple[SourceAttributes, tuple[str, ...]]:
     """The first texture coordinates and colours of all vertices, and what else the file holds, in words."""
     unread = [words for key, words in _WORDS.items() if asset.header.get(key)]
     if len(parts) > 1:
@@ -144,7 +145,7 @@ def gltf_detail(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tuple[D
     if colors is not None:
         colors = np.concatenate([encode_srgb(colors[:, :3]).astype(np.float64), colors[:, 3:]], axis=1)
         colors = colors[:, :3] if (colors[:, 3] == 1).all() else colors
-    made = triangle_detail(faces)
+    made = triangle_attributes(faces)
     coordinates = None if uv is None else PerCorner(flipped(uv), made.corners)
     return replace(made, uv=coordinates, colors=colors), tuple(unread)
 

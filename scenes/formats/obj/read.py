@@ -12,12 +12,12 @@ import numpy as np
 from raytrace.errors import MeshError
 from raytrace.types import Float64s
 
-from ...geometry.detail import unique_rows
+from ...geometry.corners import unique_rows
 from ...geometry.instances import Instance
 from ...geometry.polygons import triangulate
 from ...geometry.primitives import Origin
 from ..table import MeshInput
-from .detail import obj_detail, obj_opacity
+from .attributes import obj_attributes, obj_opacity
 from .text import ObjText
 
 
@@ -34,8 +34,8 @@ def read_obj(given: MeshInput) -> list[Instance]:
     notes = file.notes + triangles.notes
     made = Instance(given.name, file.vertices, triangles.take(file.corners), vertex_normals, notes=notes)
     if given.keep:
-        detail, unread = obj_detail(file, folder, triangles, normals, vertex_normals is not None)
-        made = replace(made, detail=detail, unread=unread)
+        attributes, unread = obj_attributes(file, folder, triangles, normals, vertex_normals is not None)
+        made = replace(made, attributes=attributes, unread=unread)
     if given.alpha:
         opacity, of_alpha = obj_opacity(file, folder, triangles)
         unread = tuple(words for words in made.unread if not any(note.startswith(words) for note in of_alpha))

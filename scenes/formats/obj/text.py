@@ -16,7 +16,7 @@ from raytrace.text import lines
 from raytrace.text.lines import COUNT, LEAST, MOST, NEEDED, NONE, NUMBERED, SLASHES, USABLE, WORDS, F, V
 from raytrace.types import Bools, Float64s, Int64s
 
-from ...geometry.detail import PerCorner
+from ...geometry.corners import PerCorner
 from ..number_rows import line_blocks, round_left
 
 _RUN = re.compile(r"^[ \t]*(\w+)(?!\S)[^\n]*(?:\n[ \t]*\1(?!\S)[^\n]*)*+", re.MULTILINE)

@@ -13,18 +13,18 @@ import numpy as np
 
 from raytrace.errors import MeshError
 
-from ...geometry.detail import Element, Property
+from ...geometry.attributes import Element, Property
 from ...geometry.instances import Instance
 from ...geometry.polygons import triangulate
 from ..number_rows import NumberRows, whole
 from ..table import MeshInput
-from .layout import COUNT, INDICES, PlyElement, PlyHeader, columns_of, ply_detail, read_header
+from .layout import COUNT, INDICES, PlyElement, PlyHeader, columns_of, ply_attributes, read_header
 
 _NORMAL = ("nx", "ny", "nz")
 
 
 def read_ply(given: MeshInput) -> list[Instance]:
-    """The vertices and triangles, with normals if there are `nx ny nz`; with `given.keep` all elements as its detail.
+    """The vertices and triangles, with normals if there are `nx ny nz`; with `given.keep` all elements.
 
     Raises: MeshError: the file ends early, or has no vertices. ValueError, KeyError: anything else that is not PLY.
     """
@@ -44,7 +44,7 @@ def read_ply(given: MeshInput) -> list[Instance]:
     made = Instance(given.name, vertices, triangles.take(corners), normals, notes=triangles.notes, up=header.up)
     if given.keep:
         kept = list(map(_declared, elements, header.elements)) if header.text else elements
-        made = replace(made, detail=ply_detail(tuple(kept), header.comments, corners, sizes, triangles))
+        made = replace(made, attributes=ply_attributes(tuple(kept), header.comments, corners, sizes, triangles))
     w, profile = vertex.get("obscurance"), header.profile(vertex)
     return [replace(made, w=w, profile=profile, polygons=triangles.polygons)]
 

@@ -23,7 +23,7 @@ from raytrace.system.checks import check_ending, check_outputs
 
 from ...formats.images import MATERIAL, PLACEHOLDERS, UDIM, check_texture_target, write_grey, write_normals
 from ...formats.load import MeshFile
-from ...formats.primitive_groups import pieces
+from ...formats.primitive_groups import primitive_groups
 from ..bake import MeshBake, WorkSize, Written
 from ..console import alpha_summary, progress, texture_summary, warn
 from ..inputs import Sources
@@ -156,7 +156,7 @@ class TextureCommand(MeshBake):
         return self.output if self.output.suffix.lower() == ".glb" else self.mesh_output
 
     def _layout(self, sources: Sources) -> tuple[Coordinates, list[Page]]:
-        """The texture coordinates, and the pages. Raises: as `coordinates`, `pages_of` and `Chosen.of_page`."""
+        """The texture coordinates, and the pages. Raises: as `coordinates`, `pages_of`, `ObjectSelection.of_page`."""
         source, page = sources.source, (self.size, self.texel_size)
         found = coordinates(source, self.uv or "auto", page, self._glb() is not None, sources.chosen)
         mixed = self.overlap is not None
@@ -212,7 +212,7 @@ class TextureCommand(MeshBake):
         uncovered = chosen.receive & ~np.any([on_page(each.uv) for each in baked], axis=0)
         if uncovered.any():
             only = np.zeros(len(source.mesh.vertices), np.bool_)
-            for piece in pieces(source):
+            for piece in primitive_groups(source):
                 only[source.mesh.faces[piece.faces]] |= uncovered[piece.faces].any()
             w = ao.bake(chosen.mesh, falloff, only=only, **sources.arguments, **self.arguments("vertices")).w
         content, kept = textured_glb(source, baked, self.replace_occlusion, self.orm, w)

@@ -14,7 +14,7 @@ from raytrace.image.texture import Texture, Wrap, texture_codes
 from raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
 
 from ...formats.load import MeshFile, mesh_errors
-from ...geometry.detail import PerCorner
+from ...geometry.corners import PerCorner
 
 _PLACES = (1 << 20) - 1  # steps of texture coordinates
 _LARGEST, _MANY = 1024, 8  # texels a side of so many images
@@ -65,8 +65,8 @@ def base_colour(file: MeshFile) -> BaseColour | str | None:
 
 
 def _read(file: MeshFile) -> BaseColour | None:
-    faces, asset, detail = file.mesh.faces, file.gltf, file.detail
-    if not asset and (detail is None or (detail.colors is None and detail.paint_of is None)):
+    faces, asset, attributes = file.mesh.faces, file.gltf, file.attributes
+    if not asset and (attributes is None or (attributes.colors is None and attributes.material_of is None)):
         return None
     light, uv, of = np.ones((*faces.shape, 3)), np.zeros((*faces.shape, 2)), np.full(len(faces), -1)
     numbers: dict[Texture | None, int] = {None: -1}
@@ -84,15 +84,15 @@ def _read(file: MeshFile) -> BaseColour | None:
                 used = textures.of_base(piece.primitive)
                 if used:
                     uv[part.faces], of[part.faces] = used[0][rows], numbers.setdefault(used[1], len(numbers) - 1)
-    elif detail:
-        if detail.colors is not None:
-            light = decode_srgb(detail.colors[:, :3].clip(0, 1))[faces].astype(np.float64)
-        if detail.paint_of is not None:
-            paint = np.repeat(detail.paint_of, detail.triangles.counts)
-            light = light * np.array([*(each.colour for each in detail.paints), (1, 1, 1)])[paint, None]
-            found = detail.corner_uv()
+    elif attributes:
+        if attributes.colors is not None:
+            light = decode_srgb(attributes.colors[:, :3].clip(0, 1))[faces].astype(np.float64)
+        if attributes.material_of is not None:
+            paint = np.repeat(attributes.material_of, attributes.triangles.counts)
+            light = light * np.array([*(each.colour for each in attributes.materials), (1, 1, 1)])[paint, None]
+            found = attributes.corner_uv()
             if found is not None:
-                known = [Texture(each.texture) if each.texture else None for each in detail.paints]
+                known = [Texture(each.texture) if each.texture else None for each in attributes.materials]
                 image_of = np.array([*(numbers.setdefault(each, len(numbers) - 1) for each in known), -1])
                 there = np.asarray(~np.isnan(found).any(axis=(1, 2)))
                 uv, of = np.where(there[:, None, None], found, 0), np.where(there, image_of[paint], -1)

@@ -23,7 +23,7 @@ from raytrace.image.texture import Wrap
 from raytrace.mesh.normals import normalize
 from raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
 
-from ...geometry.detail import split_creases
+from ...geometry.corners import split_creases
 from .base_colour import BaseColour, shrunk, uv_steps
 
 if TYPE_CHECKING:

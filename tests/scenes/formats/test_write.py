@@ -81,10 +81,10 @@ def test_a_grey_of_either_encoding_is_taken_for_w_and_not_for_a_colour(tmp_path,
     )
     rows["grey"] = np.rint(255 * encode(rows["w"]))[:, None]
     (tmp_path / "m.ply").write_bytes(content)
-    assert load(tmp_path / "m.ply", target="again.ply").detail.colors is None
+    assert load(tmp_path / "m.ply", target="again.ply").attributes.colors is None
     rows["grey"] += 1
     (tmp_path / "m.ply").write_bytes(content)
-    assert load(tmp_path / "m.ply", target="again.ply").detail.colors is not None
+    assert load(tmp_path / "m.ply", target="again.ply").attributes.colors is not None
 
 
 def test_glb_of_a_plain_mesh(tmp_path):
