@@ -11,9 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from raytrace.types import AnyFloats
+from raytrace.image.encode import linear_png
+from raytrace.types import AnyFloats, Float32s
 
 from .builder import GlbBuilder
+from .records import WRAP
 
 OWN = "obscurance"  # names of images of ours begin so: a later bake replaces their textures
 RAMP = f"{OWN} ramp"
@@ -38,6 +40,11 @@ class OcclusionTextures:
         modes = {"magFilter": LINEAR, "minFilter": LINEAR, "wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE} | sampler
         append = self._builder.append
         return append("textures", {"sampler": append("samplers", modes), "source": append("images", image)})
+
+    def add_page(self, w: Float32s) -> int:
+        """Index of a new texture of w (h, w), in 8 bits, which repeats."""
+        codes = np.rint(np.clip(w, 0, 1) * 255).astype(np.uint8)
+        return self.add(linear_png(codes[:, :, None]), f"{OWN} occlusion", wrapS=WRAP, wrapT=WRAP)
 
     def materials(self, primitive: dict[str, Any]) -> list[int | None]:
         """The primitive's materials that have no occlusion texture that is to be kept; None for no material."""
@@ -96,7 +103,7 @@ def free_set(header: dict[str, Any], primitive: dict[str, Any]) -> int:
     for material in _materials(primitive):
         ramp = occlusion_reference(header, material) if is_ramp(header, material) else None
         references = _references(material_of(header, material))
-        used |= {number for each in references if each is not ramp for number in _sets_of(each)}
+        used |= {number for each in references if each is not ramp for number in sets_of(each)}
     ramps = ramp_sets(header, primitive)
     return next(n for n in count() if n not in used and (n in ramps or f"TEXCOORD_{n}" not in names))
 
@@ -149,7 +156,7 @@ def image_name(header: dict[str, Any], reference: dict[str, Any]) -> str:
 
 def texture_images(header: dict[str, Any], material: dict[str, Any], coordinates: int) -> set[int]:
     """Numbers of the images that a material uses by a TEXCOORD set, without images of earlier bakes."""
-    used = [each for each in _references(material) if coordinates in _sets_of(each)]
+    used = [each for each in _references(material) if coordinates in sets_of(each)]
     return {_source(header, each) for each in used if not image_name(header, each).startswith(OWN)} - {-1}
 
 
@@ -172,7 +179,7 @@ def _references(stored: Any) -> Iterator[dict[str, Any]]:
             yield from _references(inner)
 
 
-def _sets_of(reference: dict[str, Any]) -> set[int]:
+def sets_of(reference: dict[str, Any]) -> set[int]:
     """The sets of texture coordinates that readers with and without KHR_texture_transform take."""
     own = reference.get("texCoord", 0)
     found = own, reference.get("extensions", {}).get(TRANSFORM, {}).get("texCoord", own)

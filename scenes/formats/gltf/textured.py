@@ -8,7 +8,6 @@ import numpy.typing as npt
 
 from ao.texture.result import BakedTexture
 from raytrace.errors import MeshError
-from raytrace.image.encode import linear_png
 from raytrace.types import AnyFloats, Float64s, Int64s
 
 from ..load import MeshFile
@@ -16,10 +15,11 @@ from ..primitive_groups import primitive_groups
 from .accessors import flipped, normalized, triangles, values
 from .asset import Gltf
 from .builder import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, GlbBuilder
-from .occlusion import OWN, OcclusionTextures, add_coordinates, free_set
+from .occlusion import OcclusionTextures, add_coordinates, free_set
 from .orm import OrmTextures
 from .parse import parse
-from .records import WRAP, Primitive
+from .plain import Drawn
+from .records import Primitive
 from .write import document, write_ramp
 
 _SAME = 1e-6  # of texture coordinates that float32 has rounded
@@ -32,8 +32,8 @@ def textured_glb(
     replace: bool = False,
     orm: bool = False,
     w: AnyFloats | None = None,
-) -> tuple[bytes, int]:
-    """A GLB file of a mesh file, with 8 bits of w a texel, and how many primitives keep another occlusion texture.
+) -> tuple[bytes, list[str]]:
+    """A GLB file of a mesh file, with 8 bits of w a texel, and warnings: lines for the user, mostly none.
 
     A glTF source is kept as stored, as by `write.glb`; what was no glTF becomes one. Coordinates of a page that a
     primitive has not become a set of its own: vertices whose corners differ there are stored several times.
@@ -43,38 +43,47 @@ def textured_glb(
         orm: put w into R of the materials' metallic-roughness images (`scenes.formats.gltf.orm`).
         w: (n,) of the vertices, for primitives that are on no page: a ramp shows it.
 
-    Raises: InputError: as `check_orm`, with `orm`; malformed materials or values; coordinates too large for float32.
+    Raises: InputError: malformed materials or values; coordinates too large for float32.
     """
     builder, drawn = document(mesh_file, None)
-    before = Gltf(mesh_file.path, builder.header, [bytes(builder.binary)])
-    textures = OcclusionTextures(builder, replace)
-    if orm:
-        textures = OrmTextures(builder, mesh_file.gltf, [page.w for page in pages], replace)
-    numbers = list(range(len(pages)))
-    if not orm:
-        codes = [np.rint(np.clip(page.w, 0, 1) * 255).astype(np.uint8)[:, :, None] for page in pages]
-        numbers = [textures.add(linear_png(each), f"{OWN} occlusion", wrapS=WRAP, wrapT=WRAP) for each in codes]
-    rest, kept = [], 0
-    for (primitive, vertices), piece in zip(drawn, primitive_groups(mesh_file), strict=True):
-        texture = next((k for k, page in enumerate(pages) if not np.isnan(page.uv[piece.faces]).any()), None)
+    asset = Gltf(mesh_file.path, builder.header, [bytes(builder.binary)])
+    packing = OrmTextures(builder, mesh_file.gltf, [page.w for page in pages], replace) if orm else None
+    textures = packing or OcclusionTextures(builder, replace)
+    numbers = list(range(len(pages))) if orm else [textures.add_page(page.w) for page in pages]
+    on_no_page: list[Drawn] = []
+    kept = 0
+    for (primitive, vertices), group in zip(drawn, primitive_groups(mesh_file), strict=True):
+        number = next((n for n, page in enumerate(pages) if not np.isnan(page.uv[group.faces]).any()), None)
         if not textures.materials(primitive):
             kept += 1
-        elif texture is None:
-            rest.append((primitive, vertices))
+        elif number is None:
+            on_no_page.append((primitive, vertices))
         else:
-            record = parse(Primitive, primitive, before.path)
-            faces, uv = triangles(before, record, len(vertices)).astype(np.int64), pages[texture].uv[piece.faces]
-            if not np.array_equal(vertices[faces], mesh_file.mesh.faces[piece.faces]):  # mirrored, and turned over
+            faces = triangles(asset, parse(Primitive, primitive, asset.path), len(vertices)).astype(np.int64)
+            uv = pages[number].uv[group.faces]
+            if not np.array_equal(vertices[faces], mesh_file.mesh.faces[group.faces]):  # mirrored, and turned over
                 uv = uv[:, ::-1]
-            number = _set_of(before, record, faces, uv)
-            if number is None:
-                number = free_set(builder.header, primitive)
-                split_vertices(builder, before, primitive, number, faces, uv)
-            textures.give(primitive, numbers[texture], number)
+            textures.give(primitive, numbers[number], _coordinate_set(builder, asset, primitive, faces, uv))
     textures.apply()
     if w is not None:
-        write_ramp(builder, [(primitive, w[vertices]) for primitive, vertices in rest], replace)
-    return builder.encode(), kept
+        write_ramp(builder, [(primitive, w[vertices]) for primitive, vertices in on_no_page], replace)
+    lines = []
+    if kept:
+        advice = "whose w viewers do not show; --replace-occlusion replaces them"
+        lines.append(f"keeps the occlusion textures of {kept:,} primitives, {advice}")
+    if packing and packing.apart:
+        reason = "by other coordinates than the bake, moved by KHR_texture_transform, or no PNG or JPEG"
+        lines.append(f"has w in an image apart from {len(packing.apart):,} metallic-roughness textures, {reason}")
+    return builder.encode(), lines
+
+
+def _coordinate_set(builder: GlbBuilder, asset: Gltf, primitive: dict[str, Any], faces: Int64s, uv: Float64s) -> int:
+    """Number of the set of a primitive that holds the coordinates `uv` (t, 3, 2), a new one if none does."""
+    number = _set_of(asset, parse(Primitive, primitive, asset.path), faces, uv)
+    if number is None:
+        number = free_set(builder.header, primitive)
+        split_vertices(builder, asset, primitive, number, faces, uv)
+    return number
 
 
 def _set_of(asset: Gltf, primitive: Primitive, faces: Int64s, uv: Float64s) -> int | None:

@@ -19,7 +19,6 @@ GREY = "; red green blue = obscurance as sRGB"
 _COMMENTS = {"": "", "rgb": GREY, "a": "; alpha = obscurance"}
 _COMMENTS |= {name[0]: f"; {name} = obscurance as sRGB" for name in RGB}
 _LONGEST = 1e38  # of a normal in float32
-_LONGEST_HEADER = 1 << 16
 
 
 def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:

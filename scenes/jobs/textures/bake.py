@@ -60,10 +60,6 @@ class TextureCommand(MeshBake):
         source = self.read()
         sources = self.sources_of(source)
         found, pages = self._layout(sources)
-        if self.orm:
-            from ...formats.gltf.orm import check_orm
-
-            check_orm(source.gltf, found.number, self.replace_occlusion)
         check_outputs(self.outputs(pages), sources.files)
         loaded = time.perf_counter() - start
         inputs, glb = self.hashed(sources.files), self._glb()
@@ -215,10 +211,9 @@ class TextureCommand(MeshBake):
             for piece in primitive_groups(source):
                 only[source.mesh.faces[piece.faces]] |= uncovered[piece.faces].any()
             w = ao.bake(chosen.mesh, falloff, only=only, **sources.arguments, **self.arguments("vertices")).w
-        content, kept = textured_glb(source, baked, self.replace_occlusion, self.orm, w)
+        content, lines = textured_glb(source, baked, self.replace_occlusion, self.orm, w)
         write_bytes(path, content)
-        advice = "whose w viewers do not show; --replace-occlusion replaces them"
-        return warn([], [f"{path}: keeps the occlusion textures of {kept:,} primitives, {advice}"] if kept else [])
+        return warn([], [f"{path}: {line}" for line in lines])
 
     def _write_report(self, made: Sequence[BakedPage], inputs: list[dict[str, Any]], mesh: Mesh) -> None:
         options = self.described()
