@@ -65,9 +65,9 @@ def _import_folders() -> None:
 
 
 def formats() -> dict[str, FileFormat]:
-    """All formats by their endings."""
+    """All formats by their endings, sorted, for they are registered in the order in which something imports them."""
     _import_folders()
-    return _REGISTERED
+    return dict(sorted(_REGISTERED.items()))
 
 
 def format_of(path: str | os.PathLike[str]) -> FileFormat:

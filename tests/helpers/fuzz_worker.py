@@ -55,7 +55,7 @@ def consume(family, path, made, index):
     import ao
     from raytrace.errors import OptionError
     from scenes.commands.info import describe
-    from scenes.commands.render import with_obscurance
+    from scenes.description.obscurance import with_obscurance
     from scenes.description.read import read_scene
     from scenes.formats.load import load
     from scenes.formats.unsupported import unsupported_features

@@ -7,7 +7,7 @@ import pytest
 from scene_texts import PLAIN, SQUARE, scene
 
 from raytrace.errors import InputError, SceneError
-from scenes.commands.render import with_obscurance
+from scenes.description.obscurance import with_obscurance
 from scenes.description.read import read_scene
 
 MISTAKES = {
@@ -61,7 +61,7 @@ MISTAKES = {
     'objects[0].mesh: expected a path in the scene\'s folder or below, got ""': '[[objects]]\nmesh = ""',
     "objects[0].mesh: expected a readable file": '[[objects]]\nmesh = "a\\u0000b"',
     "broken.obj: content: expected a complete and valid OBJ file": '[[objects]]\nmesh = "broken.obj"',
-    "paint.png: ending: expected one of glb": '[[objects]]\nmesh = "paint.png"',
+    "paint.png: ending: expected one of 3mf": '[[objects]]\nmesh = "paint.png"',
     'objects[0].texture: expected an existing file, got "no.png"': PLAIN + 'texture = "no.png"',
     "objects[0].texture: expected a mesh with texture coordinates, got one without": (
         '[[objects]]\nbuiltin = "sponge"\nlevel = 1\ntexture = "paint.png"'
@@ -179,7 +179,7 @@ MISTAKES = {
         '[obscurance]\nbaked = "w.npy"\nseed = 3\n' + PLAIN
     ),
     'obscurance.baked: expected an existing file, got "none.npy"': '[obscurance]\nbaked = "none.npy"\n' + PLAIN,
-    'obscurance.baked: expected a name ending in .npy, .npz, .glb, .gltf, .ply, got "paint.png"': (
+    'obscurance.baked: expected a name ending in .glb, .gltf, .npy, .npz, .ply, got "paint.png"': (
         '[obscurance]\nbaked = "paint.png"\n' + PLAIN
     ),
 }

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from ao import Flag
-from scenes.commands.render_file import RENDER
+from scenes.commands.render import RENDER
 from scenes.jobs.options import BAKE, command_line
 from scenes.show.report.verdict import flags_in_words, hashed, remedy, verdict
 
