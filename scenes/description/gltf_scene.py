@@ -68,7 +68,8 @@ class Materials:
     """The materials of an asset; keys of textures that are represented by their means, and of what is not used."""
 
     def __init__(self, textures: Textures) -> None:
-        self._textures, self._asset = textures, textures.asset
+        self._textures = textures
+        self._asset = textures.asset
         self._made: dict[int, BaseMaterial] = {}
         self._means: dict[tuple[int | None, bool], Float64s | None] = {}
         self.means: set[str] = set()
@@ -189,7 +190,8 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...]]
 
 
 def _shape(piece: DrawnPrimitive, placed: Instance, materials: Materials, textures: Textures) -> Shape:
-    asset, path = textures.asset, textures.asset.path
+    asset = textures.asset
+    path = textures.asset.path
     primitive = piece.primitive
     uv, texture = textures.of_base(primitive) or (None, None)
     source = f"{path}: {placed.name}"

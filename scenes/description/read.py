@@ -50,7 +50,8 @@ def read_scene(
     source = load(path)
     with mesh_errors(path):
         colours, notes = vertex_colors(path)
-    mesh, origin = source.mesh, None
+    mesh = source.mesh
+    origin = None
     if mesh.normals is None:
         rows, faces, normals, _ = split_creases(mesh)
         origin = Origin(rows, len(mesh.vertices))

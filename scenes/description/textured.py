@@ -30,7 +30,8 @@ def read_textured(path: Path) -> tuple[TexturedMesh, list[str]]:
         (instance,), _ = read_objects(path, keep=True)
         uv, origin = None, None
     mesh, _ = flatten([instance], str(path))
-    notes, attributes = [printable(f"{path}: {note}") for note in instance.notes], instance.attributes
+    notes = [printable(f"{path}: {note}") for note in instance.notes]
+    attributes = instance.attributes
     if uv is not None or attributes is None or attributes.uv is None:
         return TexturedMesh(mesh, uv, origin), notes
     places = attributes.triangles.take(np.arange(len(attributes.corners)))

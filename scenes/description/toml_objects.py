@@ -50,7 +50,8 @@ class ObjectReader:
     """
 
     def __init__(self, source: Path, materials: dict[str, BaseMaterial]) -> None:
-        self._source, self._materials = source, materials
+        self._source = source
+        self._materials = materials
         self._geometry: dict[Any, TexturedMesh] = {}
         self._gltf: dict[Path, tuple[Object, ...]] = {}
         self._shapes: dict[Any, Shape] = {}
@@ -176,7 +177,8 @@ class ObjectReader:
         self, table: ObjectTable, path: str, given: TexturedMesh, material: BaseMaterial | None, texture: Texture | None
     ) -> Shape:
         grain = self._texture(table, path, "grain")
-        image, alpha = self._texture(table, path, "opacity_texture"), None
+        image = self._texture(table, path, "opacity_texture")
+        alpha = None
         if image is not None or table.opacity is not None:
             opacity = 1.0 if table.opacity is None else table.opacity
             alpha = AlphaSurface(opacity, image, grey=True, cutoff=table.cutoff)

@@ -43,11 +43,13 @@ def check_texture_target(option: str, path: Path, half: bool = False) -> None:
 
 def udim_tiles(uv: Float64s, source: object) -> list[tuple[int, int]]:
     """The UDIM tiles (column, row) that coordinates (m, 3, 2) reach into. Raises: OptionError: no number, or many."""
-    low, high = uv.min(axis=1), uv.max(axis=1)
+    low = uv.min(axis=1)
+    high = uv.max(axis=1)
     first: Int64s = np.floor(low + _TINY).astype(np.int64)
     last: Int64s = np.maximum(np.ceil(high - _TINY).astype(np.int64), first + 1)
     corners = np.concatenate([first, last - 1])
-    least, most = corners.min(axis=0), corners.max(axis=0)
+    least = corners.min(axis=0)
+    most = corners.max(axis=0)
     expected = f"texture coordinates of UDIM tiles: u from 0 to {_ACROSS}, v from 0 to {_MOST_TILES}"
     if least.min() < 0 or most[0] >= _ACROSS or most[1] >= _MOST_TILES:
         raise OptionError("output", expected, f"tiles {least.tolist()} to {most.tolist()}", source)
@@ -72,7 +74,8 @@ def write_grey(
     profile: Profile | None = None,
 ) -> None:
     """Write w or its error (h, w), linear: PNG of 8 or 16 bits, EXR and TIFF of floats; in EXR a profile as a layer."""
-    layers, names = [values[:, :, None]], ["Y"]
+    layers = [values[:, :, None]]
+    names = ["Y"]
     if profile and path.suffix.lower() == ".exr":
         layers.append(profile.values)
         names += [f"{PROFILE}.{number:02}" for number in range(len(profile.half_distances))]

@@ -156,7 +156,8 @@ def load(
     if flip:
         if asset and aim.ending == ".glb":
             raise OptionError("flip", "another mesh file than a glTF for a .glb, which keeps its faces", path)
-        mesh, attributes = mesh.reversed(), attributes and reversed_attributes(attributes)
+        mesh = mesh.reversed()
+        attributes = attributes and reversed_attributes(attributes)
     return MeshFile(path, mesh, parts, asset, attributes, notes, unread, w, joined_profile(instances))
 
 
@@ -179,7 +180,8 @@ def read_objects(
 
     Args: keep: also the `Instance.attributes` of OBJ and PLY. content, alpha: as `load` takes them.
     """
-    row, name = format_of(path), "mesh" if path.stem == PIPED else path.stem
+    row = format_of(path)
+    name = "mesh" if path.stem == PIPED else path.stem
     with mesh_errors(path):
         if content is None:
             check_regular(path, "a mesh file", MeshError)

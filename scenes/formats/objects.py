@@ -68,13 +68,15 @@ class ObjectSelection(NamedTuple):
 
     def parts(self) -> Iterator[tuple[Int64s, Mesh]]:
         """The groups of which some face gets w: their vertices in the mesh (k,), and the group as a mesh of its own."""
-        mesh, group = self.mesh, np.zeros(len(self.receive), np.int64) if self.group is None else self.group
+        mesh = self.mesh
+        group = np.zeros(len(self.receive), np.int64) if self.group is None else self.group
         order = np.argsort(group, kind="stable")
         for rows in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
             if self.receive[rows].any():
                 vertices, corners = np.unique(mesh.faces[rows], return_inverse=True)
                 normals = None if mesh.normals is None else mesh.normals[vertices]
-                own, opacity = corners.reshape(-1, 3), mesh.opacity and mesh.opacity.only(rows)
+                own = corners.reshape(-1, 3)
+                opacity = mesh.opacity and mesh.opacity.only(rows)
                 made = Mesh(mesh.vertices[vertices], own, normals, source=mesh.source, up=mesh.up, opacity=opacity)
                 yield vertices, made
 
@@ -100,7 +102,8 @@ def select_objects(
         check_type(each, (list, tuple), "options", name, "a list of names or patterns")
     if by not in ("all", "object", "name"):
         raise OptionError("by", "all, object or name", repr(by))
-    mesh, every = source.mesh, np.ones(len(source.mesh.faces), np.bool_)
+    mesh = source.mesh
+    every = np.ones(len(source.mesh.faces), np.bool_)
     excluded = _named(source, "exclude", exclude, lenient) if exclude else ~every
     received = (_named(source, "receive", receive) if receive else every) & ~excluded
     if not received.any():
@@ -114,7 +117,8 @@ def select_objects(
         mesh = replace(mesh, opacity=replace(known, of=of, surfaces=(*known.surfaces, AlphaSurface(0.0))))
     if by == "all":
         return ObjectSelection(mesh, received)
-    group, numbers = np.zeros(len(mesh.faces), np.int64), dict[Hashable, int]()
+    group = np.zeros(len(mesh.faces), np.int64)
+    numbers = dict[Hashable, int]()
     for piece in primitive_groups(source):
         group[piece.faces] = numbers.setdefault(getattr(piece.object, "name" if by == "name" else "key"), len(numbers))
     return ObjectSelection(mesh, received, group)
@@ -137,7 +141,8 @@ def match(low: MeshFile, high: Sequence[MeshFile]) -> tuple[Int64s, Int64s]:
         for piece in primitive_groups(file):
             of[file.mesh.faces[piece.faces]] = numbers.setdefault(piece.object.name.partition(suffix)[0], len(numbers))
         found.append(of)
-    of_low, of_high = found[0], np.concatenate(found[1:])
+    of_low = found[0]
+    of_high = np.concatenate(found[1:])
     lacking = np.setdiff1d(of_low[of_low >= 0], of_high)
     if len(lacking):
         names = ", ".join([f"{name}_high" for name, number in numbers.items() if number in lacking][:_LISTED])

@@ -70,7 +70,8 @@ def find_profile(path: Path) -> Profile | None:
     """The profile in a `.npz`, `.exr` or mesh file, or None. Raises: SceneError, MeshError: it cannot be read."""
     from ao import Profile
 
-    ending, found = path.suffix.lower(), None
+    ending = path.suffix.lower()
+    found = None
     if ending == ".npz":
         with _array_errors(path), path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             if set(arrays) >= _ARRAYS:

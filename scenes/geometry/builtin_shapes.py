@@ -36,7 +36,10 @@ def menger(level: int, size: float, cuts: int) -> Mesh:
     """
     solid = _solid(level)
     count = solid.shape[0] * cuts
-    vertices, faces, normals, start = [], [], [], 0
+    vertices = []
+    faces = []
+    normals = []
+    start = 0
     for axis in range(3):
         for side in (1, -1):
             corners = _squares(np.moveaxis(solid, axis, 0), side, cuts)
@@ -87,7 +90,8 @@ def temple(fineness: float = 0.07) -> Mesh:
 
 def _column(x: float, y: float, floor: float, fineness: float) -> list[TexturedMesh]:
     """A shaft, its base and its capital."""
-    cap, side = 0.14, 2.6 * COLUMN_RADIUS
+    cap = 0.14
+    side = 2.6 * COLUMN_RADIUS
     shaft = tube((x, y, floor + cap), COLUMN_RADIUS, COLUMN_HEIGHT - 2 * cap, fineness)
     heights = floor + cap / 2, floor + COLUMN_HEIGHT - cap / 2
     return [shaft, *(box((x, y, height), (side, side, cap), fineness) for height in heights)]
@@ -103,7 +107,8 @@ class Solid(Parameters):
 
         Raises: OptionError: more than `MAX_TRIANGLES`. MemoryLimitError: they would not fit into memory.
         """
-        count, name = self.triangles(), type(self).__name__.lower()
+        count = self.triangles()
+        name = type(self).__name__.lower()
         if not count <= MAX_TRIANGLES:
             expected = f"a length that makes at most {MAX_TRIANGLES:,} triangles"
             raise OptionError("fineness", expected, f"{self._length():g}", name)

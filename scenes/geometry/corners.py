@@ -19,7 +19,8 @@ class PerCorner(NamedTuple):
 
     def at_vertices(self, corners: Int64s, count: int, elsewhere: float = 0.0) -> Float64s | None:
         """The values by vertex (count, w), `elsewhere` where no corner is; None if some vertex has several."""
-        values, own = np.full((count, self.rows.shape[1]), elsewhere), self.rows[self.of]
+        values = np.full((count, self.rows.shape[1]), elsewhere)
+        own = self.rows[self.of]
         values[corners] = own
         return values if np.array_equal(values[corners], own, equal_nan=True) else None
 
@@ -50,8 +51,10 @@ def split_corners(
         return vertices, inverse.reshape(-1, 3), flat[first]
     repeated = np.concatenate([[False], vertices[1:] == vertices[:-1]])
     slots = np.where(repeated, keep + np.cumsum(repeated) - 1, vertices)
-    whole, like = np.arange(keep + int(repeated.sum())), np.full(keep + int(repeated.sum()), flat[0])
-    whole[slots], like[slots] = vertices, flat[first]
+    whole = np.arange(keep + int(repeated.sum()))
+    like = np.full(keep + int(repeated.sum()), flat[0])
+    whole[slots] = vertices
+    like[slots] = flat[first]
     return whole, slots[inverse].reshape(-1, 3), like
 
 
@@ -61,6 +64,7 @@ def split_creases(mesh: Mesh, more: Sequence[PerCorner] = ()) -> tuple[Int64s, I
     Returns: vertices (k,), the mesh's first, faces (m, 3), normals (k, 3), and a corner like each vertex (k,).
     """
     rows, of = creased_normals(mesh)
-    own, places = PerCorner(rows, of.ravel()), np.arange(of.size).reshape(-1, 3)
+    own = PerCorner(rows, of.ravel())
+    places = np.arange(of.size).reshape(-1, 3)
     vertices, faces, like = split_corners(mesh.faces.ravel(), places, [own, *more], len(mesh.vertices))
     return vertices, faces, rows[own.of[like]], like

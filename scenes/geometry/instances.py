@@ -79,14 +79,16 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Sub
     vertex = face = 0
     for placed in instances:
         first = vertex, face
-        vertex, face = vertex + len(placed.vertices), face + len(placed.faces)
+        vertex = vertex + len(placed.vertices)
+        face = face + len(placed.faces)
         parts.append(Submesh(placed.name, slice(first[0], vertex), slice(first[1], face)))
     more: dict[str, Any] = {"source": source, "up": instances[0].up if instances else None}
     if len(instances) == 1 and instances[0].matrix is None:
         only = instances[0]
         more |= {"opacity": only.opacity, "polygons": only.polygons}
         return Mesh(only.vertices, only.faces, only.normals, **more), tuple(parts)
-    vertices, faces = np.empty((vertex, 3)), np.empty((face, 3), np.int64)
+    vertices = np.empty((vertex, 3))
+    faces = np.empty((face, 3), np.int64)
     has_normals = any(placed.normals is not None for placed in instances)
     normals = np.full((vertex, 3), np.nan) if has_normals else None
     for placed, part in zip(instances, parts, strict=True):

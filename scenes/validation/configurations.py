@@ -73,7 +73,8 @@ class ValidationCase:
         if (exact == 1.0).all():
             target, fall = 0.0, 0.0
         elif self.certain or closed:
-            target, fall = ZERO_VARIANCE_TARGET, 0.0
+            target = ZERO_VARIANCE_TARGET
+            fall = 0.0
         options = {"normals": self.normals, **self.options}
         own_error = self.missing * float(1.0 - mu(self.beyond)), float(np.abs(exact - other).max())
         return Configuration(self.name, self.mesh, self.points, falloff, options, exact, target, fall, *own_error)

@@ -53,7 +53,8 @@ def _case(
 
     Args: receivers: rows and normals. bounds: exact w, and w of the smaller shape in `part`.
     """
-    points, own = receivers[0], np.full((len(part[0]), 3), np.nan)
+    points = receivers[0]
+    own = np.full((len(part[0]), 3), np.nan)
     own[points] = receivers[1]
     known = missing, LENGTH / 2, bounds[1], certain, options
     return ValidationCase(name, posed(part, seed, own, source=name), points, bounds[0], falloffs, "file", *known)
@@ -63,7 +64,8 @@ def _above_plane(
     name: str, seed: int, points: Sequence[tuple[float, float, float]], part: RawMesh, *about: Any, **options: Any
 ) -> ValidationCase:
     """`_case` of receivers in the plane z = 0 under `part`, whose own vertices are not baked."""
-    rows, joint = 3 * np.arange(len(points)), join([patches(points), part])
+    rows = 3 * np.arange(len(points))
+    joint = join([patches(points), part])
     return _case(name, seed, joint, (rows, (0.0, 0.0, 1.0)), *about, **options)
 
 
@@ -82,7 +84,9 @@ def _disk(radius: float, height: float, seed: int, name: str = "coaxial disk", *
     angle = 2 * pi * np.arange(SIDES) / SIDES
     rim = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(SIDES, height)], axis=-1)
     reach = 0.5 * (height + hypot(radius, height))
-    inner, spread, part = radius * cos(pi / SIDES), options.get("spread", 180.0), polygon(rim)
+    inner = radius * cos(pi / SIDES)
+    spread = options.get("spread", 180.0)
+    part = polygon(rim)
     if "back_faces" in options:
         part = join([(part[0], part[1][:, ::-1]), polygon(0.5 * rim)])
     bounds = [closed_form(partial(analytic.disk, spread=spread), (height, r)) for r in (radius, inner)]
@@ -123,8 +127,10 @@ def _seen_from_within(weight: Callable[[float, float], float], radius: float, in
 
 
 def _inside_sphere(sphere: RawMesh, thickness: bool = False) -> ValidationCase:
-    radius, outwards = 0.5, 1 if thickness else -1
-    inner, points = radius * inscribed_radius(sphere), np.arange(0, len(sphere[0]), len(sphere[0]) // 16)
+    radius = 0.5
+    outwards = 1 if thickness else -1
+    inner = radius * inscribed_radius(sphere)
+    points = np.arange(0, len(sphere[0]), len(sphere[0]) // 16)
     part, normals = (radius * sphere[0], sphere[1][:, ::outwards]), outwards * sphere[0][points]
     least = _seen_from_within(lambda a, depth: exp(-depth) * 2 * sin(a) * cos(a), radius, inner)
     about = (points, normals), (closed_form(analytic.inside_sphere, (radius,)), least), (*BOTH, Exponential(tau=5.0))
@@ -142,7 +148,8 @@ def _missing(reach: float) -> float:
 
 def _inside_cylinder() -> ValidationCase:
     radius = 0.5
-    inner, points = radius * cos(pi / SIDES), SIDES + np.arange(0, SIDES, SIDES // 16)
+    inner = radius * cos(pi / SIDES)
+    points = SIDES + np.arange(0, SIDES, SIDES // 16)
     vertices, faces = prism(SIDES, LENGTH / radius, 3)
     part, normals = (radius * vertices, faces[:, ::-1]), -vertices[points]
     least = _seen_from_within(lambda a, depth: 4 / pi * cos(a) * bickley(3, depth), radius, inner)

@@ -84,7 +84,8 @@ def _ceiling() -> ValidationCase:
     slab = _rectangle((-size, -size, height), (2 * size, 0, 0), (0, 2 * size, 0))
     limits = (Binary(2 * height), Exponential(tau=1.0, max_distance=2 * height), Binary(0.9 * height))
     falloffs = (*BOTH, Exponential(tau=5.0), *limits, Linear(2 * height), Smooth(3 * height))
-    exact, points = closed_form(analytic.ceiling, (height,)), [(0.0, 0.0, 0.0), (3.0, -2.0, 0.0)]
+    exact = closed_form(analytic.ceiling, (height,))
+    points = [(0.0, 0.0, 0.0), (3.0, -2.0, 0.0)]
     return _case(points, "ceiling", [slab], exact, falloffs, beyond=size - 3.0, patch=1.0, seed=10)
 
 
@@ -102,7 +103,8 @@ def _walls(extent: float, falloffs: tuple[Falloff, ...]) -> list[ValidationCase]
         side = _rectangle((0, -extent, 0), (0, 2 * extent, 0), (extent * cos(angle), 0, extent * sin(angle)))
         exact = closed_form(analytic.groove, *((angle, x) for x, _, _ in points))
         rows.append((f"V-groove of {degrees}°", [side], exact, falloffs))
-    beyond, patch = extent - 2.0, 0.3 * extent
+    beyond = extent - 2.0
+    patch = 0.3 * extent
     return [_case(points, *row, beyond=beyond, patch=patch, seed=seed) for seed, row in enumerate(rows, 11)]
 
 
@@ -140,7 +142,8 @@ def _boxes() -> list[ValidationCase]:
 
 
 def _tilted() -> ValidationCase:
-    tilts, angles = np.radians([15.0, 45.0, 80.0]), 2 * pi * np.arange(6) / 6
+    tilts = np.radians([15.0, 45.0, 80.0])
+    angles = 2 * pi * np.arange(6) / 6
     points = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]])
     fan = np.concatenate([np.zeros((1, 3)), np.stack([np.cos(angles), np.sin(angles), np.zeros(6)], axis=-1)])
     vertices = (points[:, None] + fan).reshape(-1, 3)

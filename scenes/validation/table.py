@@ -61,7 +61,8 @@ def measure(
     configuration: Configuration, bake: Baker = _bake, samples: int = SAMPLES, seed: int = 0, threads: int | None = None
 ) -> Float64s:
     """Measured w (k,) at the configuration's points."""
-    mesh, falloff = configuration.mesh, configuration.falloff
+    mesh = configuration.mesh
+    falloff = configuration.falloff
     baked = bake(mesh, falloff, samples=samples, seed=seed, threads=threads, **configuration.options)
     return baked.w[configuration.points]
 

@@ -67,7 +67,9 @@ class GlbBuilder:
 
         Args: colors: channels of `COLOR_0` that hold w, too. stored: (n, 3 or 4), of the others; None: white, 8 bits.
         """
-        attributes, w, profile = primitive["attributes"], bake.w[rows], bake.profile
+        attributes = primitive["attributes"]
+        w = bake.w[rows]
+        profile = bake.profile
         for name in [name for name in attributes if name.startswith(PROFILE)]:
             del attributes[name]
         attributes["_OBSCURANCE"] = self.accessor(w.astype("<f4"))

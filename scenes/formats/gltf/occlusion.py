@@ -28,7 +28,8 @@ class OcclusionTextures:
 
     def __init__(self, builder: GlbBuilder, replace: bool = False) -> None:
         """Args: replace: put them also in place of occlusion textures that are not ours."""
-        self._builder, self._replace = builder, replace
+        self._builder = builder
+        self._replace = replace
         self._given: dict[int, tuple[int, int]] = {}  # texture and coordinates by the id of a primitive
 
     def add(self, png: bytes, name: str, **sampler: int) -> int:
@@ -150,7 +151,8 @@ def _source(header: dict[str, Any], reference: dict[str, Any]) -> int:
 
 def image_name(header: dict[str, Any], reference: dict[str, Any]) -> str:
     """Name of the image that a texture reference leads to; empty if it has none, or leads nowhere."""
-    source, images = _source(header, reference), header.get("images", [])
+    source = _source(header, reference)
+    images = header.get("images", [])
     return str(images[source].get("name", "")) if 0 <= source < len(images) else ""
 
 

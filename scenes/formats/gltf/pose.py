@@ -31,13 +31,15 @@ class Poses:
     """
 
     def __init__(self, asset: Gltf) -> None:
-        self._asset, self._moved = asset, 0
+        self._asset = asset
+        self._moved = 0
         self._skins: dict[int, Float64s] = {}
 
     def posed(self, piece: DrawnPrimitive, stored: Instance) -> Instance:
         """A primitive, given in its own frame, posed: there, or with a skin in the world, mirrored if its joints do."""
         at = f"meshes[{piece.mesh}].primitives[{piece.place}]"
-        targets, weights = piece.primitive.targets, piece.weights
+        targets = piece.primitive.targets
+        weights = piece.weights
         if weights and len(weights) != len(targets):
             is_own = self._asset.geometry.nodes[piece.node].weights
             field = f"nodes[{piece.node}].weights" if is_own else f"meshes[{piece.mesh}].weights"
@@ -45,7 +47,8 @@ class Poses:
             raise MeshError(self._asset.path, field, expected, len(weights))
         rows = {"POSITION": stored.vertices, "NORMAL": stored.normals}
         moved = {name: None if own is None else self._morphed(piece, name, own, at) for name, own in rows.items()}
-        vertices, normals = moved["POSITION"], moved["NORMAL"]
+        vertices = moved["POSITION"]
+        normals = moved["NORMAL"]
         assert vertices is not None
         made = replace(stored, vertices=vertices, normals=normals)
         return made if piece.skin is None else self._skinned(piece.skin, piece, made, f"{at}.attributes")
@@ -93,7 +96,8 @@ class Poses:
         """The maps of a skin's joints, (j, 3, 4), from where the mesh is stored to the world at rest."""
         if number in self._skins:
             return self._skins[number]
-        asset, at = self._asset, f"skins[{number}]"
+        asset = self._asset
+        at = f"skins[{number}]"
         skin = entry(asset.geometry.skins, number, "skins")
         wrong = next((joint for joint in skin.joints if joint not in asset.everywhere), None)
         if wrong is not None or not skin.joints:
@@ -112,7 +116,8 @@ class Poses:
 
     def _influences(self, piece: DrawnPrimitive, count: int, at: str) -> tuple[npt.NDArray[Any], Float64s]:
         """Joints and weights (count, 4 for each set) of a primitive's vertices; joint 0 where the weight is 0."""
-        asset, attributes = self._asset, piece.primitive.attributes
+        asset = self._asset
+        attributes = piece.primitive.attributes
         numbers = {name.rpartition("_")[2] for name in attributes if name.startswith(("JOINTS_", "WEIGHTS_"))}
         found = []
         self._count(count * len(numbers), f"{at}JOINTS")
@@ -142,8 +147,10 @@ class Poses:
 def _blended(matrices: Float64s, joints: npt.NDArray[Any], weights: Float64s) -> Float64s:
     """Means (n, 3, 4) of matrices, to the bit the same for the same influences in any order and at any vertex."""
     order = np.argsort(joints, axis=1, kind="stable")
-    joints, weights = np.take_along_axis(joints, order, axis=1), np.take_along_axis(weights, order, axis=1)
-    made, total = np.zeros((len(joints), 3, 4)), np.zeros((len(joints), 1, 1))
+    joints = np.take_along_axis(joints, order, axis=1)
+    weights = np.take_along_axis(weights, order, axis=1)
+    made = np.zeros((len(joints), 3, 4))
+    total = np.zeros((len(joints), 1, 1))
     for joint, weight in zip(joints.T, weights.T[:, :, None, None], strict=True):
         made += weight * matrices[joint]
         total += weight

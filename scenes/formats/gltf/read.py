@@ -40,7 +40,8 @@ def read_gltf(given: MeshInput) -> tuple[list[Instance], Gltf]:
         from .textures import opacity_of as of
 
         opacity_of = partial(of, Textures(asset))
-    rows, poses = 0, Poses(asset)
+    rows = 0
+    poses = Poses(asset)
     made: list[Instance] = []
     for piece in asset.drawn:
         if piece.shape not in shapes:
@@ -50,7 +51,8 @@ def read_gltf(given: MeshInput) -> tuple[list[Instance], Gltf]:
         shape = shapes[piece.shape]
         rows += len(shape.vertices) + len(shape.faces)
         check_copies(rows, sum(map(len, asset.buffers)), asset.path)
-        node, mesh = asset.geometry.nodes[piece.node], asset.geometry.meshes[piece.mesh]
+        node = asset.geometry.nodes[piece.node]
+        mesh = asset.geometry.meshes[piece.mesh]
         name = node.name or mesh.name or f"node {piece.node}"
         name = f"{name}[{piece.place}]" if len(mesh.primitives) > 1 else name
         drawn_once = f"{name} is drawn many times by {_COPIES}, which is not read: once here"
@@ -72,7 +74,8 @@ def _shape(asset: Gltf, primitive: Primitive) -> Instance:
         raise MeshError(asset.path, "POSITION", "uncompressed values", "no data")
     normals = vectors(asset, attributes["NORMAL"]) if "NORMAL" in attributes else None
     faces = triangles(asset, primitive, len(vertices))
-    w, profile = _stored_w(asset, attributes, len(vertices)), _stored_profile(asset, attributes, len(vertices))
+    w = _stored_w(asset, attributes, len(vertices))
+    profile = _stored_profile(asset, attributes, len(vertices))
     return Instance("", vertices, faces, normals, w=w, profile=profile, up="y")
 
 
@@ -95,7 +98,8 @@ def _stored_profile(asset: Gltf, attributes: dict[str, int], count: int) -> Prof
 
     try:
         extras = entry(asset.geometry.accessors, attributes[f"{PROFILE}0"], "accessors").extras
-        lengths, radius = extras["half_distances"], extras["radius"]
+        lengths = extras["half_distances"]
+        radius = extras["radius"]
         numbers = [attributes[f"{PROFILE}{number}"] for number in range(-(-len(lengths) // 4))]
         columns = np.hstack([normalized(values(asset, number, "VEC4")) for number in numbers])
     except (KeyError, TypeError, ValueError):

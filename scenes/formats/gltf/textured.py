@@ -101,7 +101,9 @@ def split_vertices(
     """Give a primitive the set TEXCOORD_`number`, uv (t, 3, 2), with a vertex for each place that one has there."""
     rounded = uv.reshape(-1, 2).astype("<f4")
     keys = np.empty(len(rounded), [("vertex", "<i8"), ("u", "<f4"), ("v", "<f4")])
-    keys["vertex"], keys["u"], keys["v"] = faces.ravel(), rounded[:, 0], rounded[:, 1]
+    keys["vertex"] = faces.ravel()
+    keys["u"] = rounded[:, 0]
+    keys["v"] = rounded[:, 1]
     kinds, first, corners = np.unique(keys, return_index=True, return_inverse=True)
     for attributes in (primitive["attributes"], *primitive.get("targets", [])):
         for name, accessor in attributes.items():

@@ -42,7 +42,8 @@ class Textures:
     """The textures of an asset, each made once."""
 
     def __init__(self, asset: Gltf) -> None:
-        self.asset, self._path = asset, asset.path
+        self.asset = asset
+        self._path = asset.path
         self._made: dict[tuple[int, tuple[Wrap, Wrap], bool], Texture] = {}
 
     def of_base(self, primitive: Primitive) -> tuple[Float64s, Texture] | None:
@@ -73,7 +74,8 @@ class Textures:
         uv = column(self.asset, primitive, f"TEXCOORD_{number}", "VEC2")
         assert uv is not None
         if vars(moved):  # scaled, turned anticlockwise as seen, then moved
-            c, s = cos(moved.rotation), sin(moved.rotation)
+            c = cos(moved.rotation)
+            s = sin(moved.rotation)
             uv = (uv * moved.scale) @ np.array([[c, -s], [s, c]]) + moved.offset
         return flipped(uv), self._made[key]
 
@@ -110,7 +112,8 @@ def opacity_of(textures: Textures, primitive: Primitive, faces: Int64s) -> Opaci
     uv, texture = textures.of_base(primitive) or (None, None)
     cutoff = material.alphaCutoff if material.alphaMode == "MASK" else None
     alpha = AlphaSurface(float(np.clip(material.base[0][3], 0, 1)), texture, cutoff=cutoff)
-    number, accessors = primitive.attributes.get("COLOR_0"), textures.asset.geometry.accessors
+    number = primitive.attributes.get("COLOR_0")
+    accessors = textures.asset.geometry.accessors
     corners = None
     if number is not None and entry(accessors, number, "accessors").type == "VEC4":
         colours = column(textures.asset, primitive, "COLOR_0", "VEC4")
@@ -141,7 +144,8 @@ def gltf_attributes(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tup
             columns[name] = _column(asset, parts, name, kinds, missing, [name in own for own in names])
         except (ValueError, KeyError, TypeError):
             unread.append(name)
-    uv, colors = columns.get("TEXCOORD_0"), columns.get("COLOR_0")
+    uv = columns.get("TEXCOORD_0")
+    colors = columns.get("COLOR_0")
     if colors is not None:
         colors = np.concatenate([encode_srgb(colors[:, :3]).astype(np.float64), colors[:, 3:]], axis=1)
         colors = colors[:, :3] if (colors[:, 3] == 1).all() else colors

@@ -62,7 +62,8 @@ def _stored(asset: Gltf, parts: tuple[Submesh, ...]) -> tuple[GlbBuilder, list[D
     """The document of a glTF source, and its drawn primitives, an own one for each instance."""
     _ = asset.materials  # to find what is malformed
     builder = _one_buffer(asset)
-    nodes, meshes = builder.header["nodes"], builder.header["meshes"]
+    nodes = builder.header["nodes"]
+    meshes = builder.header["meshes"]
     owner: dict[int, int] = {}
     drawn: list[Drawn] = []
     for piece, part in zip(asset.drawn, parts, strict=True):

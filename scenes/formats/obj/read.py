@@ -52,7 +52,8 @@ def read_textured_obj(data: bytes, name: str, source: str, folder: Path) -> tupl
     Raises: MeshError, ValueError: as `ObjText`, or a corner without texture coordinates.
     """
     file = ObjText(data, source)
-    normals, uv = file.normals(), file.uv()
+    normals = file.normals()
+    uv = file.uv()
     if uv is None or not file.some("vt").all():
         raise MeshError(source, "vt", "texture coordinates on every corner of a face", "none on some")
     columns = [file.corners, uv.of, *([normals.of] if normals else [])]

@@ -18,7 +18,8 @@ _HEADER = re.compile(rb"(?:\s|#[^\n\r]*+)*+((?:ST)?C?N?)OFF\b(?!\s+BINARY)")
 
 def read_off(given: MeshInput) -> list[Instance]:
     """The triangles, with normals of the variant N; no colours. Raises: MeshError, ValueError: it is malformed."""
-    source, data = given.source, given.file.read()
+    source = given.source
+    data = given.file.read()
     match = _HEADER.match(data)
     if not match:
         raise MeshError(source, "content", "an OFF file of text with three coordinates a vertex", "another header")
@@ -35,13 +36,15 @@ def read_off(given: MeshInput) -> list[Instance]:
     fault = MeshError(source, "content", expected, "lines of fewer numbers")
     width = 6 if b"N" in match[1] else 3
     places = rows.take(begins[:vertex_count], ends[:vertex_count], width, fault).reshape(-1, width)
-    begins, ends = begins[vertex_count:], ends[vertex_count:]
+    begins = begins[vertex_count:]
+    ends = ends[vertex_count:]
     sizes, values = rows.take_lists(begins, ends, fault)
     corners = whole(values)
     triangles = triangulate(places[:, :3], corners, sizes, source)
     normals = places[:, 3:] if width == 6 else None
     unread = ("colours",) if b"C" in match[1] or (ends - begins > sizes + 1).any() else ()
-    filled, polygons = triangles.take(corners), triangles.polygons
+    filled = triangles.take(corners)
+    polygons = triangles.polygons
     return [
         Instance(given.name, places[:, :3], filled, normals, None, triangles.notes, None, unread, polygons=polygons)
     ]

@@ -139,7 +139,8 @@ def ply_attributes(
     elements: tuple[Element, ...], comments: tuple[str, ...], corners: Int64s, sizes: AnyInts, triangles: Triangulation
 ) -> SourceAttributes:
     """All of a PLY file. Args: corners, sizes: of its polygons."""
-    vertex, face = columns_of(elements, "vertex"), columns_of(elements, "face")
+    vertex = columns_of(elements, "vertex")
+    face = columns_of(elements, "face")
     uv, used = _coordinates(vertex, face, corners, sizes)
     colors = fractions(own_colors(elements))
     known = {*_MESH, *RGB, "alpha", "obscurance", *used}
@@ -165,7 +166,8 @@ def stored_colors(elements: tuple[Element, ...]) -> dict[str, Property]:
 
 def own_colors(elements: tuple[Element, ...]) -> dict[str, Property]:
     """As `stored_colors`, none if they are the grey that a bake gave them."""
-    own, baked = stored_colors(elements), columns_of(elements, "vertex").get("obscurance")
+    own = stored_colors(elements)
+    baked = columns_of(elements, "vertex").get("obscurance")
     if baked is not None and all(name in own and own[name].kind == "B" for name in RGB):
         linear = np.rint(np.clip(np.nan_to_num(baked.values), 0, 1) * 255.0)  # of older files
         for grey in (grey_of(baked.values), linear):

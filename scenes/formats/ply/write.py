@@ -31,10 +31,12 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     With `channels.colors` "rgb" the grey also replaces the source's own colours; with one letter w replaces only that
     channel. A comment says which axis but y is up.
     """
-    attributes, profile = mesh_file.attributes, bake.profile
+    attributes = mesh_file.attributes
+    profile = bake.profile
     elements = attributes.elements if attributes and attributes.elements else _elements(mesh_file, attributes)
     shown = channels.colors or ("" if has_own_colors(attributes) else "rgb")
-    axis, stored = up_axis(mesh_file.mesh, channels.up), attributes.comments if attributes else ()
+    axis = up_axis(mesh_file.mesh, channels.up)
+    stored = attributes.comments if attributes else ()
     comments = [line for line in stored if not line.startswith(UP_COMMENT) or line == UP_COMMENT + axis]
     if axis != "y" and UP_COMMENT + axis not in comments:
         comments.insert(0, UP_COMMENT + axis)
@@ -99,10 +101,12 @@ def _elements(mesh_file: MeshFile, attributes: SourceAttributes | None) -> tuple
         longest = np.abs(normals).max(axis=1, keepdims=True)
         normals = (normals / np.where(longest > _LONGEST, longest, 1.0)).astype("<f4")
         columns += [Property(axis, "f", column) for axis, column in zip(("nx", "ny", "nz"), normals.T, strict=True)]
-    sizes, corners = np.full(len(mesh.faces), 3), mesh.faces.ravel()
+    sizes = np.full(len(mesh.faces), 3)
+    corners = mesh.faces.ravel()
     lists = []
     if attributes:
-        sizes, corners = attributes.sizes, attributes.corners
+        sizes = attributes.sizes
+        corners = attributes.corners
         if attributes.uv and np.isfinite(attributes.uv.rows).all():
             uv = attributes.uv.at_vertices(corners, len(mesh.vertices))
             if uv is None:
@@ -136,7 +140,8 @@ def _rows(element: Element, declared: PlyElement) -> bytes:
             columns.append((column.sizes.astype("<" + column.counted), one))
         columns.append((column.values.astype("<" + column.kind), one if column.sizes is None else column.sizes))
     widths = sum((values.itemsize * sizes for values, sizes in columns), start=0 * one)
-    data, starts = np.empty(int(widths.sum()), np.uint8), np.cumsum(widths) - widths
+    data = np.empty(int(widths.sum()), np.uint8)
+    starts = np.cumsum(widths) - widths
     for values, sizes in columns:
         first = starts - values.itemsize * (np.cumsum(sizes) - sizes)
         places = np.repeat(first, sizes) + values.itemsize * np.arange(len(values))

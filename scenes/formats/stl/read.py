@@ -39,7 +39,8 @@ def read_stl(given: MeshInput) -> list[Instance]:
 def _solids(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
     """Name and vertices (n, 3) of each solid that has some."""
     rows = NumberRows.of(data)
-    begins, ends = rows.bounds[:-1], rows.bounds[1:]
+    begins = rows.bounds[:-1]
+    ends = rows.bounds[1:]
     solid, vertex, end = (rows.starting_with(word) for word in (b"solid", b"vertex", b"endsolid"))
     damaged = MeshError(source, "content", "complete ASCII or binary STL", "neither: damaged or cut off")
     if len(solid) != len(end):

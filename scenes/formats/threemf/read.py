@@ -46,7 +46,8 @@ class _Reader:
     """The target of the XML parser: collects the objects and build items of one model file."""
 
     def __init__(self, model: str, objects: dict[Key, _Object]) -> None:
-        self.model, self.objects = model, objects
+        self.model = model
+        self.objects = objects
         self.items: list[tuple[Key, Float64s]] = []
         self.current = _Object("")
         self.has_materials = False
@@ -86,7 +87,8 @@ def read_3mf(given: MeshInput) -> list[Instance]:
     """
     from lxml import etree
 
-    file, source = given.file, given.source
+    file = given.file
+    source = given.source
     unpacked = check_archive(file, source)
     with zipfile.ZipFile(file) as archive:
         models = {_member(entry.filename): entry for entry in archive.infolist() if entry.filename.endswith(".model")}
@@ -143,7 +145,8 @@ def _check_build(build: list[tuple[Key, Float64s]], objects: dict[Key, _Object],
         if key not in graph:
             graph[key] = [child for child, _ in objects[key].components]
             stack += graph[key]
-    rows, count = dict[Key, int](), dict[Key, int]()
+    rows = dict[Key, int]()
+    count = dict[Key, int]()
     try:
         for key in TopologicalSorter(graph).static_order():
             own = len(objects[key].vertices) // 3 + len(objects[key].faces) // 3

@@ -51,7 +51,8 @@ class BaseColour:
 
 def uv_steps(uv: Float64s) -> tuple[Int64s, dict[str, list[float]]]:
     """Texture coordinates (n, 2) as whole steps, and what a page's script must know of these."""
-    low, high = uv.min(axis=0), uv.max(axis=0)
+    low = uv.min(axis=0)
+    high = uv.max(axis=0)
     step = np.where(high > low, high - low, 1.0) / _PLACES
     return np.rint((uv - low) / step).astype(np.int64), {"uvLow": low.tolist(), "uvStep": step.tolist()}
 
@@ -65,10 +66,14 @@ def base_colour(file: MeshFile) -> BaseColour | str | None:
 
 
 def _read(file: MeshFile) -> BaseColour | None:
-    faces, asset, attributes = file.mesh.faces, file.gltf, file.attributes
+    faces = file.mesh.faces
+    asset = file.gltf
+    attributes = file.attributes
     if not asset and (attributes is None or (attributes.colors is None and attributes.material_of is None)):
         return None
-    light, uv, of = np.ones((*faces.shape, 3)), np.zeros((*faces.shape, 2)), np.full(len(faces), -1)
+    light = np.ones((*faces.shape, 3))
+    uv = np.zeros((*faces.shape, 2))
+    of = np.full(len(faces), -1)
     numbers: dict[Texture | None, int] = {None: -1}
     if asset:
         from ...formats.gltf.textures import Textures, vertex_colours
@@ -83,7 +88,8 @@ def _read(file: MeshFile) -> BaseColour | None:
                 light[part.faces] = factor if colours is None else factor * colours[rows]
                 used = textures.of_base(piece.primitive)
                 if used:
-                    uv[part.faces], of[part.faces] = used[0][rows], numbers.setdefault(used[1], len(numbers) - 1)
+                    uv[part.faces] = used[0][rows]
+                    of[part.faces] = numbers.setdefault(used[1], len(numbers) - 1)
     elif attributes:
         if attributes.colors is not None:
             light = decode_srgb(attributes.colors[:, :3].clip(0, 1))[faces].astype(np.float64)
@@ -95,7 +101,8 @@ def _read(file: MeshFile) -> BaseColour | None:
                 known = [Texture(each.texture) if each.texture else None for each in attributes.materials]
                 image_of = np.array([*(numbers.setdefault(each, len(numbers) - 1) for each in known), -1])
                 there = np.asarray(~np.isnan(found).any(axis=(1, 2)))
-                uv, of = np.where(there[:, None, None], found, 0), np.where(there, image_of[paint], -1)
+                uv = np.where(there[:, None, None], found, 0)
+                of = np.where(there, image_of[paint], -1)
     if (of < 0).all() and (light == 1).all():
         return None
     codes = np.rint(255 * encode_srgb(light.clip(0, 1).astype(np.float32))).astype(np.uint8)

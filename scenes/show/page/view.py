@@ -60,9 +60,11 @@ def view_results(
 
 def _values(path: Path, count: int, source: MeshFile | None) -> Values:
     if source is None or source.w is None:
-        w, textures = read_w(path, count), _textures(source)
+        w = read_w(path, count)
+        textures = _textures(source)
     else:
-        w, textures = source.w[:count], None
+        w = source.w[:count]
+        textures = None
     profile = source.profile if source else find_profile(path)
     if profile and source:
         profile = replace(profile, values=profile.values[:count])
@@ -76,8 +78,10 @@ def _textures(source: MeshFile | None) -> TexturedW | None:
     """The occlusion textures of a glTF by which w varies between vertices: all but ramps."""
     if source is None or source.gltf is None:
         return None
-    asset, count = source.gltf, len(source.mesh.vertices)
-    uv, of = np.zeros((count, 2)), np.full(count, -1)
+    asset = source.gltf
+    count = len(source.mesh.vertices)
+    uv = np.zeros((count, 2))
+    of = np.full(count, -1)
     numbers: dict[tuple[Texture, float], int] = {}
     with mesh_errors(asset.path):
         textures = Textures(asset)
@@ -99,7 +103,9 @@ def _codes(texture: Texture, strength: float) -> UInt8s:
 
 def _check_same(mesh: Mesh, source: MeshFile) -> None:
     """Raises: SceneError: not the same vertices, but for repeated ones with w of their own, or not the same faces."""
-    other, path, count = source.mesh, source.path, len(mesh.vertices)
+    other = source.mesh
+    path = source.path
+    count = len(mesh.vertices)
     own = len(other.vertices) if source.w is None else unrepeated(other.vertices, (count,))
     if own != count:
         raise SceneError(path, "vertices", f"the {count:,} of {mesh.source}", f"{len(other.vertices):,}")

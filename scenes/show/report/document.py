@@ -35,7 +35,8 @@ def number(value: float) -> str:
 def _histogram(summary: Mapping[str, Any], label: str) -> str:
     """Bars of a histogram as `ao.report` has it, and its quantiles as a table for readers that see none."""
     bins = summary["histogram"]
-    counts, most = bins["counts"], max(*bins["counts"], 1)
+    counts = bins["counts"]
+    most = max(*bins["counts"], 1)
     step = _WIDTH / len(counts)
     bars = "".join(
         f'<rect x="{x * step:.2f}" y="{_HEIGHT * (1 - count / most):.2f}" width="{step - 1:.2f}"'
@@ -44,7 +45,8 @@ def _histogram(summary: Mapping[str, Any], label: str) -> str:
         if count
     )
     shown = f"{label} from {number(summary['least'])} to {number(summary['most'])}, mean {number(summary['mean'])}"
-    low, high = bins["from"], bins["to"]
+    low = bins["from"]
+    high = bins["to"]
     places = ((0, low, "start"), (_WIDTH / 2, (low + high) / 2, "middle"), (_WIDTH, high, "end"))
     ticks = f'<path class="axes" d="M0 {_HEIGHT}H{_WIDTH}"/>' + "".join(
         f'<text x="{x}" y="{_HEIGHT + 14}" text-anchor="{anchor}">{number(value)}</text>' for x, value, anchor in places
@@ -145,7 +147,8 @@ def _calibration(report: Report) -> str:
     text += (
         " Whether they are larger where errors are larger shows below, for groups of points: both agree on the line."
     )
-    top, side = 1.1 * max(max(group["estimated"], group["high"]) for group in groups), _HEIGHT + 50
+    top = 1.1 * max(max(group["estimated"], group["high"]) for group in groups)
+    side = _HEIGHT + 50
     marks = ""
     for group in groups:
         x, y, low, high = (side * group[name] / top for name in ("estimated", "measured", "low", "high"))

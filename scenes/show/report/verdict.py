@@ -94,7 +94,8 @@ def _findings(report: Facts) -> Iterator[Finding]:
 
 
 def _error(report: Facts) -> Iterator[Finding]:
-    rmse, tolerance = report["rmse_estimate"], report["options"].get("tolerance")
+    rmse = report["rmse_estimate"]
+    tolerance = report["options"].get("tolerance")
     estimate = f"estimated RMSE of w is {rmse:.2g}"
     if tolerance is None and rmse > _NOISY:
         yield Finding("note", f"The {estimate}: noise may show.", "--tolerance 0.01, or more --samples.")
