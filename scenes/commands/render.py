@@ -133,7 +133,7 @@ def _render(given: Record, output: Path, workers: Workers | None) -> None:
 def _crop(text: str) -> tuple[int, int, int, int]:
     """Left, top, width and height of "X,Y,W,H". Raises: OptionError."""
     try:
-        x, y, width, height = (int(number) for number in text.split(","))
+        x, y, width, height = map(int, text.split(","))
     except ValueError:
         raise OptionError("crop", "four whole numbers X,Y,W,H", repr(text)) from None
     return x, y, width, height

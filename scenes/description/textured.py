@@ -4,17 +4,16 @@ Neither format says how colours are encoded. They are taken as sRGB, as most pro
 a bake has given a PLY shows w, and is no colour.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from raytrace.errors import printable
 from raytrace.image.srgb import decode_srgb
-from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s
 
 from ..formats.load import read_objects
-from ..formats.obj.read import read_textured_obj
 from ..geometry.corners import split_corners
 from ..geometry.instances import flatten
 from ..geometry.primitives import Origin, TexturedMesh
@@ -23,24 +22,25 @@ _BEGIN = 1 << 16  # bytes of a file that show whether it can have colours
 
 
 def read_textured(path: Path) -> tuple[TexturedMesh, list[str]]:
-    """An OBJ or PLY file with its texture coordinates if it has some, for which vertices repeat; and warnings."""
-    if path.suffix.lower() == ".obj":
-        instance, uv, origin = read_textured_obj(path.read_bytes(), path.stem, str(path), path.parent)
-    else:
-        (instance,), _ = read_objects(path, keep=True)
-        uv, origin = None, None
+    """An OBJ or PLY file with its texture coordinates if all corners have some; and warnings.
+
+    Every combination of a vertex with a texture coordinate, and with a normal, becomes a vertex, after the file's own.
+    """
+    (instance,), _ = read_objects(path, keep=True, alpha=True)
     mesh, _ = flatten([instance], str(path))
     notes = [printable(f"{path}: {note}") for note in instance.notes]
     attributes = instance.attributes
-    if uv is not None or attributes is None or attributes.uv is None:
-        return TexturedMesh(mesh, uv, origin), notes
+    uv = attributes.uv if attributes else None
+    if attributes is None or uv is None or np.isnan(uv.rows[uv.of]).any():
+        return TexturedMesh(mesh), notes
+    split_by = [values for values in (uv, attributes.normals) if values]
     places = attributes.triangles.take(np.arange(len(attributes.corners)))
-    vertices, faces, like = split_corners(attributes.corners, places, [attributes.uv], len(mesh.vertices))
-    if len(vertices) == len(mesh.vertices):
-        return TexturedMesh(mesh, attributes.uv.at_vertices(attributes.corners, len(vertices))), notes
+    vertices, faces, like = split_corners(attributes.corners, places, split_by, len(mesh.vertices))
     normals = None if mesh.normals is None else mesh.normals[vertices]
-    split = Mesh(mesh.vertices[vertices], faces, normals, source=str(path), polygons=mesh.polygons)
-    return TexturedMesh(split, attributes.uv.rows[attributes.uv.of[like]], Origin(vertices, len(mesh.vertices))), notes
+    if attributes.normals:
+        normals = attributes.normals.rows[attributes.normals.of[like]]
+    split = replace(mesh, vertices=mesh.vertices[vertices], faces=faces, normals=normals)
+    return TexturedMesh(split, uv.rows[uv.of[like]], Origin(vertices, len(mesh.vertices))), notes
 
 
 def vertex_colors(path: Path) -> tuple[Float64s | None, list[str]]:

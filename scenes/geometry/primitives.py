@@ -44,7 +44,9 @@ def merge(pieces: Sequence[TexturedMesh], source: str) -> TexturedMesh:
 
 def plane(corner: npt.ArrayLike, along: npt.ArrayLike, across: npt.ArrayLike, fineness: float) -> TexturedMesh:
     """A parallelogram with normal along × across, cut into triangles with legs of at most `fineness`."""
-    start, s_side, t_side = (np.asarray(vector, np.float64) for vector in (corner, along, across))
+    start = np.asarray(corner, np.float64)
+    s_side = np.asarray(along, np.float64)
+    t_side = np.asarray(across, np.float64)
     normal = normalize(np.cross(s_side, t_side))
 
     def surface(s: Float64s, t: Float64s) -> tuple[Float64s, Float64s]:
@@ -119,7 +121,9 @@ def _patch(
 ) -> TexturedMesh:
     """A surface given by points and unit normals (…, 3) of s and t (…, 1) in [0, 1], facing ∂s × ∂t."""
     s, t = np.meshgrid(np.linspace(0, 1, rows + 1), np.linspace(0, 1, columns + 1), indexing="ij")
-    points, normals = (values.reshape(-1, 3) for values in surface(s[..., None], t[..., None]))
+    stacked_points, stacked_normals = surface(s[..., None], t[..., None])
+    points = stacked_points.reshape(-1, 3)
+    normals = stacked_normals.reshape(-1, 3)
     index = np.arange((rows + 1) * (columns + 1)).reshape(rows + 1, columns + 1)
     a = index[:-1, :-1]
     b = index[1:, :-1]

@@ -110,7 +110,8 @@ def _walls(extent: float, falloffs: tuple[Falloff, ...]) -> list[ValidationCase]
 
 def _trenches() -> list[ValidationCase]:
     length, depth, width = 20.0, 0.8, 1.0
-    left, right = (_rectangle((x, -length, 0), (0, 2 * length, 0), (0, 0, depth)) for x in (0, width))
+    left = _rectangle((0, -length, 0), (0, 2 * length, 0), (0, 0, depth))
+    right = _rectangle((width, -length, 0), (0, 2 * length, 0), (0, 0, depth))
     falloffs = (Binary(), Exponential(tau=2.0), Binary(0.9), Exponential(tau=2.0, max_distance=0.9), Linear(0.9))
     points = [(0.25, 0.0, 0.0), (0.5, 1.0, 0.0), (0.9, -1.0, 0.0)]
     trench = closed_form(analytic.trench, *((x, width - x, depth) for x, _, _ in points))

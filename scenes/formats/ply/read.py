@@ -62,7 +62,8 @@ def _read_text(data: bytes, header: PlyHeader, source: str) -> list[Element]:
     first = 0
     made = []
     for element in header.elements:
-        at, ends = (bounds[first : first + element.count] for bounds in (rows.bounds[:-1], rows.bounds[1:]))
+        at = rows.bounds[:-1][first : first + element.count]
+        ends = rows.bounds[1:][first : first + element.count]
         left = rows.bounds[-1] - rows.bounds[first]
         if len(at) < element.count or left < element.count * len(element.properties):
             raise _ends_early(source, element)
@@ -94,7 +95,8 @@ def _declared(element: Element, declared: PlyElement) -> Element:
         vertices = np.stack([single[axis] for axis in "xyz"], axis=1)
         far = not np.abs(vertices.astype("f") - vertices).max() <= 1e-6 * np.ptp(vertices, axis=0).max()
     for column in element.properties:
-        (kind, counted), values = declared.properties[column.name], column.values
+        kind, counted = declared.properties[column.name]
+        values = column.values
         if kind == "f":
             is_vertex = column.name in {*"xyz"}
             overflows = np.isinf(values.astype("f")) & np.isfinite(values)

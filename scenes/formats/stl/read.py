@@ -41,7 +41,9 @@ def _solids(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
     rows = NumberRows.of(data)
     begins = rows.bounds[:-1]
     ends = rows.bounds[1:]
-    solid, vertex, end = (rows.starting_with(word) for word in (b"solid", b"vertex", b"endsolid"))
+    solid = rows.starting_with(b"solid")
+    vertex = rows.starting_with(b"vertex")
+    end = rows.starting_with(b"endsolid")
     damaged = MeshError(source, "content", "complete ASCII or binary STL", "neither: damaged or cut off")
     if len(solid) != len(end):
         raise damaged

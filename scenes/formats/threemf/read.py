@@ -90,24 +90,28 @@ def read_3mf(given: MeshInput) -> list[Instance]:
     file = given.file
     source = given.source
     unpacked = check_archive(file, source)
+    # The objects and build items of each model of the archive.
+    objects: dict[Key, _Object] = {}
+    readers: dict[str, _Reader] = {}
     with zipfile.ZipFile(file) as archive:
         models = {_member(entry.filename): entry for entry in archive.infolist() if entry.filename.endswith(".model")}
-        objects: dict[Key, _Object] = {}
-        readers = {name: _Reader(name, objects) for name in models}
         for name, entry in models.items():
-            target = readers[name]
-            parser = etree.XMLParser(target=target, resolve_entities=False, no_network=True, load_dtd=False)
+            readers[name] = _Reader(name, objects)
+            parser = etree.XMLParser(target=readers[name], resolve_entities=False, no_network=True, load_dtd=False)
             with archive.open(entry) as content:
                 while block := content.read(_BLOCK):
                     parser.feed(block)
             parser.close()
-    unread = ("materials and colours",) if any(each.has_materials for each in readers.values()) else ()
-    build = readers[next(name for name in models if name.endswith(ROOT))].items
+    build = readers[next(name for name in readers if name.endswith(ROOT))].items
     _check_build(build, objects, unpacked, source)
+    # A shape of each object.
+    unread = ("materials and colours",) if any(each.has_materials for each in readers.values()) else ()
     shapes: dict[Key, Instance] = {}
     for key, item in objects.items():
-        vertices, faces = (np.array(numbers).reshape(-1, 3) for numbers in (item.vertices, item.faces))
+        vertices = np.array(item.vertices).reshape(-1, 3)
+        faces = np.array(item.faces).reshape(-1, 3)
         shapes[key] = Instance(item.name, vertices, faces, unread=unread, up="z")
+    # Placed by the build items, with the components of each.
     placed = []
     stack = build[::-1]
     while stack:

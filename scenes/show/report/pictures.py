@@ -89,7 +89,8 @@ def _values(item: Object, camera: Camera) -> tuple[Float32s, Float32s]:
 
 def _w_and_error(objects: list[Object], camera: Camera, top: float) -> list[Picture]:
     """Pictures of an object with w, and of one with the error in parts of the most, before the background."""
-    (w, coverage), (error, covered) = (_values(item, camera) for item in objects)
+    w, coverage = _values(objects[0], camera)
+    error, covered = _values(objects[1], camera)
     share = np.divide(error, covered, out=np.zeros_like(error), where=covered > 0)[..., 0]
     behind = np.array(BACKGROUND["dark"], np.float32)
     hot = decode_srgb(heat(share)) * covered + (1 - covered) * behind

@@ -128,10 +128,11 @@ def flags_in_words(flagged: dict[str, int], vertices: int, rays_skipped: dict[st
 
 
 def _picture(report: Facts) -> Iterator[Finding]:
-    seen, brightest, clipped = (report["picture"][name] for name in ("covered", "brightest", "clipped"))
-    if not seen:
+    picture = report["picture"]
+    clipped = picture["clipped"]
+    if not picture["covered"]:
         yield Finding("bad", "Nothing is in view.", "Check the camera, or leave it out to have everything framed.")
-    elif brightest <= 0:
+    elif picture["brightest"] <= 0:
         yield Finding("bad", "The picture is black.", "Check the lights and the background.")
     elif clipped > _CLIPPED:
         text = f"{clipped:.0%} of the pixels are brighter than an 8-bit picture holds."
