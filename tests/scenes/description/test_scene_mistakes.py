@@ -79,7 +79,9 @@ MISTAKES = {
     'objects[0].material.two_sided: expected true, false or "viewer", got light': (
         PLAIN + 'material = { model = "lambert", albedo = 1, two_sided = "light" }'
     ),
-    "objects[0].texture: expected a mesh with texture coordinates, got one without": '[[objects]]\nmesh = "plain.obj"\ntexture = "paint.png"',
+    "objects[0].texture: expected a mesh with texture coordinates, got one": (
+        '[[objects]]\nmesh = "plain.obj"\ntexture = "paint.png"'
+    ),
     'objects[0].translate[0]: expected a number, got "1"': PLAIN + 'translate = ["1", 0, 0]',
     "objects[0].translate": PLAIN + "translate = [1, 0]",
     "objects[0].translate[2]: expected a finite number, got nan": PLAIN + "translate = [1, 0, nan]",
