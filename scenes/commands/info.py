@@ -62,7 +62,7 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
     names = [printable(name, _NAME) for name in known["objects"]]
     open_edges = known["open_edges"]
     nonmanifold = known["edges_of_three_faces_or_more"]
-    corners = ("(" + ", ".join(f"{c:.6g}" for c in corner) + ")" for corner in known["bounds"])
+    bounds = " – ".join("(" + ", ".join(f"{c:.6g}" for c in corner) + ")" for corner in known["bounds"])
     profile = source.profile
     stored = known["stored_profile"]
     occlusion = "no textures in the file"
@@ -77,7 +77,7 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
         ("vertices", f"{known['vertices']:,}"),
         ("faces", f"{known['faces']:,}, {known['degenerate_faces']:,} of them degenerate"),
         ("edges", f"{known['edges']:,}: {open_edges:,} open, {nonmanifold:,} between three faces or more"),
-        ("bounds", " – ".join(corners)),
+        ("bounds", bounds),
         ("up", known["up"] or "not said: y"),
         ("radius", f"{known['radius']:.6g}, of the smallest ball that holds it: 100 % for relative distances"),
         ("area", "too large" if known["area"] is None else f"{known['area']:.6g}"),

@@ -123,23 +123,27 @@ def _trenches() -> list[ValidationCase]:
 
 
 def _boxes() -> list[ValidationCase]:
-    cube = (0.5, 0.5, 0.5, 0.5), 1.0
+    cube = ((0.5, 0.5, 0.5, 0.5), 1.0)
     limited = (Binary(0.7), Exponential(tau=1.0, max_distance=0.8), Exponential(tau=1.0, max_distance=1.2), Linear(1.2))
-    cases = []
-    for seed, name, (sides, height), falloffs in (
-        (None, "closed unit cube", cube, (*BOTH, Exponential(tau=5.0), *limited)),
-        (17, "closed unit cube, turned", cube, (*BOTH, Exponential(tau=5.0), *limited)),
-        (18, "closed box", ((0.2, 0.5, 0.9, 0.3), 0.4), (*BOTH, *limited)),
-    ):
-        xs, ys = (-sides[2], sides[0]), (-sides[3], sides[1])
-        corners = np.array([(x, y, z) for x in xs for y in ys for z in (0.0, height)])
-        vertices, faces = hull(corners)
-        faces = faces[:, ::-1][(vertices[faces][:, :, 2] > 0).any(axis=1)]
-        floor = np.array([[0, 0, 0], *corners[[0, 4, 6, 2]]], dtype=np.float64)
-        fan = np.array([[0, i, i % 4 + 1] for i in range(1, 5)])
-        mesh = posed(join([(floor, fan), (vertices, faces)]), seed, source=name)
-        cases.append(ValidationCase(name, mesh, np.array([0]), closed_form(analytic.box, (sides, height)), falloffs))
-    return cases
+    falloffs = (*BOTH, Exponential(tau=5.0), *limited)
+    return [
+        _box("closed unit cube", None, *cube, falloffs),
+        _box("closed unit cube, turned", 17, *cube, falloffs),
+        _box("closed box", 18, (0.2, 0.5, 0.9, 0.3), 0.4, (*BOTH, *limited)),
+    ]
+
+
+def _box(
+    name: str, seed: int | None, sides: tuple[float, float, float, float], height: float, falloffs: tuple[Falloff, ...]
+) -> ValidationCase:
+    """A point on the floor of a closed box. Args: sides: distances of its walls at +x, +y, −x and −y."""
+    corners = np.array([(x, y, z) for x in (-sides[2], sides[0]) for y in (-sides[3], sides[1]) for z in (0.0, height)])
+    vertices, faces = hull(corners)
+    walls = faces[:, ::-1][(vertices[faces][:, :, 2] > 0).any(axis=1)]
+    floor = np.array([[0, 0, 0], *corners[[0, 4, 6, 2]]], dtype=np.float64)
+    fan = np.array([[0, i, i % 4 + 1] for i in range(1, 5)])
+    mesh = posed(join([(floor, fan), (vertices, walls)]), seed, source=name)
+    return ValidationCase(name, mesh, np.array([0]), closed_form(analytic.box, (sides, height)), falloffs)
 
 
 def _tilted() -> ValidationCase:

@@ -41,16 +41,7 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
     """
     mesh = mesh_file.mesh
     source = mesh_file.attributes
-    builder = GlbBuilder(
-        {
-            "asset": {"version": "2.0", "generator": "obscurance"},
-            "scene": 0,
-            "scenes": [{"nodes": []}],
-            "nodes": [],
-            "meshes": [],
-            "materials": [copy.deepcopy(WHITE)],
-        }
-    )
+    builder = _empty_document()
     add_materials(builder, source.materials if source else ())
     groups = list(primitive_groups(mesh_file))
     groups_of_part = Counter(group.part for group in groups)
@@ -87,6 +78,19 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
         builder.header["meshes"][-1]["primitives"].append(primitive)
         drawn.append((primitive, vertices))
     return builder, drawn
+
+
+def _empty_document() -> GlbBuilder:
+    return GlbBuilder(
+        {
+            "asset": {"version": "2.0", "generator": "obscurance"},
+            "scene": 0,
+            "scenes": [{"nodes": []}],
+            "nodes": [],
+            "meshes": [],
+            "materials": [copy.deepcopy(WHITE)],
+        }
+    )
 
 
 def _add_node(builder: GlbBuilder, name: str, origin: Float64s | None) -> None:

@@ -13,7 +13,7 @@ from raytrace.image.texture import Texture, texture_codes
 from raytrace.mesh.up import TO_Y_UP, up_axis
 from raytrace.system.atomic import write_bytes
 from raytrace.system.checks import check_ending, check_outputs
-from raytrace.types import UInt8s
+from raytrace.types import Float64s, UInt8s
 
 from ...formats.gltf.occlusion import is_ramp
 from ...formats.gltf.textures import Textures
@@ -109,10 +109,15 @@ def _check_same(mesh: Mesh, source: MeshFile) -> None:
     own = len(other.vertices) if source.w is None else unrepeated(other.vertices, (count,))
     if own != count:
         raise SceneError(path, "vertices", f"the {count:,} of {mesh.source}", f"{len(other.vertices):,}")
-    upright = (each.vertices[:count] @ np.transpose(TO_Y_UP[up_axis(each)]) for each in (mesh, other))  # as a .glb's
-    pairs = (mesh.vertices, other.vertices[:count]), upright
-    moved = min(float(np.abs(one - two).max()) for one, two in pairs)
+    as_stored = np.abs(mesh.vertices - other.vertices[:count]).max()
+    as_glb = np.abs(_upright(mesh, count) - _upright(other, count)).max()
+    moved = min(float(as_stored), float(as_glb))
     if moved > _MOVED * mesh.radius:
         raise SceneError(path, "vertices", f"those of {mesh.source}", f"others, up to {moved:.3g} away")
     if not np.array_equal(other.vertices[other.faces], other.vertices[mesh.faces]):
         raise SceneError(path, "faces", f"those of {mesh.source}", "others")
+
+
+def _upright(mesh: Mesh, count: int) -> Float64s:
+    """The first vertices as a `.glb` has them, y up."""
+    return mesh.vertices[:count] @ np.transpose(TO_Y_UP[up_axis(mesh)])
