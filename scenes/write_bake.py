@@ -6,6 +6,7 @@ import io
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Literal, cast, get_args
 
 import numpy as np
@@ -14,7 +15,7 @@ from raytrace.errors import ConflictError, OptionError
 from raytrace.system.atomic import check_writable, write_bytes
 
 from .formats.load import PIPED, MeshFile
-from .formats.table import Channels, endings, format_of, function
+from .formats.table import Channels, endings, format_of
 
 if TYPE_CHECKING:
     from ao import Bake, BakedTexture
@@ -141,7 +142,8 @@ def _writer(path: str | os.PathLike[str]) -> Callable[..., bytes | memoryview]:
     target = format_of(os.fspath(path)).write
     if not target:
         raise OptionError("output", "a name ending in " + ", ".join(ENDINGS), os.fspath(path))
-    return function(target)
+    writer: Callable[..., bytes | memoryview] = resolve_name(target)
+    return writer
 
 
 def npy(bake: Bake | Values, *_: object) -> memoryview:

@@ -6,12 +6,12 @@ from pathlib import Path
 
 from raytrace import Object, OptionError, Scene, Settings, Shape
 
-from ..formats.load import load, mesh_errors
+from ..formats.load import load
 from ..formats.table import format_of
 from ..geometry.corners import split_creases
 from ..geometry.primitives import Origin
 from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, three_lights
-from .textured import vertex_colors
+from .textured import colours_left_out, linear_colours
 from .toml_scene import read_toml
 
 
@@ -47,9 +47,8 @@ def read_scene(
         from .gltf_scene import read_gltf
 
         return read_gltf(path, settings, up, view)
-    source = load(path)
-    with mesh_errors(path):
-        colours, notes = vertex_colors(path)
+    source = load(path, names=True)
+    colours = linear_colours(source.attributes)
     mesh = source.mesh
     origin = None
     if mesh.normals is None:
@@ -60,5 +59,5 @@ def read_scene(
     objects = (Object(Shape(mesh, NEUTRAL if colours is None else WHITE, colours=colours), name=path.stem),)
     camera = framing(source.mesh, up, settings.width, settings.height, view)
     lit = Scene(objects, three_lights(camera), BACKGROUND)
-    all_notes = (*source.notes, *notes)
-    return SceneDescription(lit, camera, settings, files=source.files, notes=all_notes, origins=(origin,))
+    notes = (*source.notes, *colours_left_out(path, source.unread))
+    return SceneDescription(lit, camera, settings, files=source.files, notes=notes, origins=(origin,))

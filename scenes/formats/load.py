@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from raytrace.types import Float64s
 
 from ..geometry.attributes import SourceAttributes, reversed_attributes
 from ..geometry.instances import Instance, Submesh, flatten
-from .table import MeshInput, endings, format_of, formats, function, sniffed_format
+from .table import MeshInput, endings, format_of, formats, sniffed_format
 
 if TYPE_CHECKING:
     from ao import Profile
@@ -196,7 +197,7 @@ def read_objects(
             raise MeshError(path, "content", "a mesh", "an empty file")
         check_memory(path, int((row.peak + (_KEPT if keep else 0)) * size), f"to read {size:,} bytes")
         with path.open("rb") if content is None else io.BytesIO(content) as file:
-            made = function(row.read)(MeshInput(file, path, name, keep, alpha, content is None))
+            made = resolve_name(row.read)(MeshInput(file, path, name, keep, alpha, content is None))
         instances, asset = made if isinstance(made, tuple) else (made, None)
         # Every primitive of a glTF keeps its part: the GLB writer counts on it.
         if solid := [instance for instance in instances if asset or len(instance.faces)]:

@@ -2,12 +2,11 @@
 
 import os
 import re
-from collections.abc import Callable
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from pkgutil import iter_modules, resolve_name
-from typing import Any, BinaryIO, NamedTuple
+from pkgutil import iter_modules
+from typing import BinaryIO, NamedTuple
 
 
 class MeshInput(NamedTuple):
@@ -35,7 +34,7 @@ class Channels(NamedTuple):
 
 
 class FileFormat(NamedTuple):
-    """What one ending of file names stands for. Functions are texts, "module:name", so that none is imported early."""
+    """What one ending of file names stands for. Functions are texts for `pkgutil.resolve_name`."""
 
     ending: str  # of files, in lower case
     name: str
@@ -79,12 +78,6 @@ def endings(column: str, word: str = "") -> tuple[str, ...]:
     """The endings of formats that have something in a field, or among what they hold this word."""
     rows = formats().values()
     return tuple(row.ending for row in rows if (word in row.holds if word else getattr(row, column)))
-
-
-def function(name: str) -> Callable[..., Any]:
-    """A function that a format names."""
-    found: Callable[..., Any] = resolve_name(name)
-    return found
 
 
 def sniffed_format(content: bytes | bytearray) -> str | None:

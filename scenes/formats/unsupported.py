@@ -1,12 +1,13 @@
 """Warnings of what an output format cannot keep of the mesh file."""
 
 from pathlib import Path
+from pkgutil import resolve_name
 
 from raytrace.errors import printable
 
 from .load import MeshFile
 from .ply.write import has_own_colors
-from .table import Channels, format_of, function
+from .table import Channels, format_of
 
 
 def unsupported_features(target: Path, mesh_file: MeshFile, channels: Channels = Channels()) -> list[str]:
@@ -18,7 +19,7 @@ def unsupported_features(target: Path, mesh_file: MeshFile, channels: Channels =
     colors = channels.colors
     if not row.unsupported:
         return []
-    missing = function(row.unsupported)(mesh_file, colors)
+    missing = resolve_name(row.unsupported)(mesh_file, colors)
     warnings = [f"{target}: not kept from {mesh_file.path}: {', '.join(missing)}"] if missing else []
     if row.name == "PLY" and not colors and has_own_colors(mesh_file.attributes):
         warnings.append(f"{target}: keeps the colours of {mesh_file.path}; w is in its property obscurance alone")

@@ -1,6 +1,7 @@
 """The registry of formats and what follows it: names of functions, choices of options, pipes, formats from outside."""
 
 import re
+from pkgutil import resolve_name
 from typing import get_args
 
 import numpy as np
@@ -11,14 +12,14 @@ import scenes
 from raytrace import MeshError
 from scenes.formats import table
 from scenes.formats.images import ENDINGS as IMAGES
-from scenes.formats.table import endings, format_of, formats, function, sniffed_format
+from scenes.formats.table import endings, format_of, formats, sniffed_format
 from scenes.jobs.options import Format, InputFormat
 
 
 @pytest.mark.parametrize("row", formats().values(), ids=formats())
 def test_functions_of_a_row_are_there(row):
     for name in filter(None, (row.read, row.write, row.unsupported)):
-        assert callable(function(name))
+        assert callable(resolve_name(name))
     assert bool(row.read) == bool(row.peak)
     assert not row.unsupported or row.write
 
