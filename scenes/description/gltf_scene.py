@@ -176,23 +176,23 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...]]
         materials = Materials(textures := Textures(asset))
         shapes: dict[Any, Shape] = {}
         objects = []
-        for piece, placed in zip(asset.drawn, instances, strict=True):
+        for drawn, placed in zip(asset.drawn, instances, strict=True):
             if placed.is_flattened:  # a scale of zero hides, in glTF
                 continue
-            if piece.shape not in shapes:
-                shapes[piece.shape] = _shape(piece, placed, materials, textures)
+            if drawn.shape not in shapes:
+                shapes[drawn.shape] = _shape(drawn, placed, materials, textures)
             matrix = np.eye(4) if placed.matrix is None else placed.matrix
-            objects.append(Object(shapes[piece.shape], matrix, placed.name))
+            objects.append(Object(shapes[drawn.shape], matrix, placed.name))
     if not objects:
         raise MeshError(path, "nodes", "at least one triangle to see", "none")
     notes = tuple(printable(f"{path}: {note}") for placed in instances for note in placed.notes)
     return tuple(objects), asset, notes + materials.notes()
 
 
-def _shape(piece: DrawnPrimitive, placed: Instance, materials: Materials, textures: Textures) -> Shape:
+def _shape(drawn: DrawnPrimitive, placed: Instance, materials: Materials, textures: Textures) -> Shape:
     asset = textures.asset
     path = textures.asset.path
-    primitive = piece.primitive
+    primitive = drawn.primitive
     uv, texture = textures.of_base(primitive) or (None, None)
     source = f"{path}: {placed.name}"
     mesh = Mesh(placed.vertices, placed.faces, placed.normals, source=source, opacity=placed.opacity)

@@ -132,9 +132,9 @@ def _of_gltf(instances: Sequence[Instance], asset: Gltf) -> list[AnyFloats | Non
     with mesh_errors(asset.path):
         textures = Textures(asset)
         found = []
-        for piece, each in zip(asset.drawn, instances, strict=True):
+        for drawn, each in zip(asset.drawn, instances, strict=True):
             found.append(each.w)
-            if each.w is None and (used := textures.of_occlusion(piece.primitive)):
+            if each.w is None and (used := textures.of_occlusion(drawn.primitive)):
                 uv, texture, strength = used
                 linear = np.empty((len(uv), 3))
                 sample_points(pack_textures([texture]), 0, uv, linear)

@@ -34,7 +34,7 @@ T = TypeVar("T")
 
 
 class DrawnPrimitive(NamedTuple):
-    """A drawn piece of triangles."""
+    """A drawn primitive of triangles."""
 
     node: int
     mesh: int
@@ -46,7 +46,7 @@ class DrawnPrimitive(NamedTuple):
 
     @property
     def shape(self) -> tuple[int, int, int | None, tuple[float, ...]]:
-        """Equal of pieces that are one shape."""
+        """Equal of primitives that are one shape."""
         return self.mesh, self.place, self.skin, self.weights
 
 
@@ -109,7 +109,7 @@ class Gltf:
     @cached_property
     def hidden(self) -> list[int]:
         """The nodes on which the trees of joints stand that the scene does not show though it shows their skins."""
-        numbers = {piece.skin for piece in self.drawn if piece.skin is not None}
+        numbers = {drawn.skin for drawn in self.drawn if drawn.skin is not None}
         skins = [entry(self.geometry.skins, number, "skins") for number in numbers]
         if all(joint in self.world for skin in skins for joint in skin.joints):
             return []

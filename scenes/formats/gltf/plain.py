@@ -9,11 +9,13 @@ import numpy.typing as npt
 
 from raytrace.errors import OptionError
 from raytrace.image.srgb import decode_srgb
+from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import creased_normals
 from raytrace.types import Float64s, Int64s
 
 from ...geometry.attributes import SourceAttributes
 from ...geometry.corners import PerCorner, split_corners
+from ...geometry.instances import Submesh
 from ..load import MeshFile
 from ..ply.layout import fractions, own_colors, stored_colors
 from ..primitive_groups import primitive_groups
@@ -50,7 +52,6 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
     uv = _corner_uv(mesh_file)
     normals = _corner_normals(mesh_file)
     split_by = [values for values in (uv, normals) if values]
-    corners = np.arange(mesh.faces.size).reshape(-1, 3)
     drawn: list[Drawn] = []
     before = None
     for group in groups:
@@ -58,13 +59,8 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
         if group.object != before:
             before = group.object
             _add_node(builder, before.name, origin)
-        # Its vertices: rows of the mesh, and a corner like each.
-        part_rows = mesh_file.parts[group.part].vertices
-        kept = part_rows.stop - part_rows.start if groups_of_part[group.part] == 1 else 0
-        part_corners = mesh.faces.ravel() - part_rows.start
-        vertices, faces, like = split_corners(part_corners, corners[group.faces], split_by, kept)
-        vertices += part_rows.start
-        # Its attributes.
+        part = mesh_file.parts[group.part]
+        vertices, faces, like = _group_vertices(mesh, part, group.faces, split_by, groups_of_part[group.part] == 1)
         attributes = {"POSITION": _add_positions(builder, mesh.vertices[vertices], origin)}
         smooth = None if mesh.normals is None else mesh.normals[vertices]
         _add_normals(builder, attributes, normals.rows[normals.of[like]] if normals else smooth)
@@ -100,6 +96,20 @@ def _add_node(builder: GlbBuilder, name: str, origin: Float64s | None) -> None:
     if origin is not None:
         node["translation"] = origin.tolist()
     builder.header["scenes"][0]["nodes"].append(builder.append("nodes", node))
+
+
+def _group_vertices(
+    mesh: Mesh, part: Submesh, rows: Int64s, split_by: list[PerCorner], keeps_all: bool
+) -> tuple[Int64s, Int64s, Int64s]:
+    """The vertices (k,) of the mesh that some of its faces get, the faces (m, 3), and a corner like each vertex (k,).
+
+    Args: rows: (m,) of the faces, in `part`. split_by: values whose corners divide vertices.
+    """
+    start = part.vertices.start
+    count = part.vertices.stop - start if keeps_all else 0
+    corners = 3 * rows[:, None] + np.arange(3)
+    vertices, faces, like = split_corners(mesh.faces.ravel() - start, corners, split_by, count)
+    return vertices + start, faces, like
 
 
 def _corner_uv(mesh_file: MeshFile) -> PerCorner | None:

@@ -135,8 +135,8 @@ def gltf_attributes(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tup
     unread = [words for key, words in _WORDS.items() if asset.header.get(key)]
     if len(parts) > 1:
         unread.insert(0, "nodes")
-    ramps = [{f"TEXCOORD_{n}" for n in ramp_sets(asset.header, piece.stored)} for piece in asset.drawn]
-    names = [piece.primitive.attributes.keys() - own for piece, own in zip(asset.drawn, ramps, strict=True)]
+    ramps = [{f"TEXCOORD_{n}" for n in ramp_sets(asset.header, drawn.stored)} for drawn in asset.drawn]
+    names = [drawn.primitive.attributes.keys() - own for drawn, own in zip(asset.drawn, ramps, strict=True)]
     unread += sorted(set[str]().union(*names) - set(_READ))
     columns = {}
     for name, kinds, missing in (("TEXCOORD_0", ("VEC2",), 0.0), ("COLOR_0", ("VEC3", "VEC4"), 1.0)):
@@ -161,7 +161,7 @@ def texture_coordinates(asset: Gltf, parts: Sequence[Submesh], faces: Int64s, nu
     Raises: MeshError: values that are not finite, or not one for each vertex.
     """
     name = f"TEXCOORD_{number}"
-    has = [name in piece.primitive.attributes for piece in asset.drawn]
+    has = [name in drawn.primitive.attributes for drawn in asset.drawn]
     try:
         uv = _column(asset, parts, name, ("VEC2",), np.nan, has)
     except (ValueError, KeyError, TypeError) as reason:
@@ -176,9 +176,9 @@ def _column(
     if not any(has):
         return None
     made = np.full((parts[-1].vertices.stop, int(kinds[-1][-1])), missing)
-    for piece, part, has_it in zip(asset.drawn, parts, has, strict=True):
+    for drawn, part, has_it in zip(asset.drawn, parts, has, strict=True):
         if has_it:
-            found = column(asset, piece.primitive, name, *kinds)
+            found = column(asset, drawn.primitive, name, *kinds)
             assert found is not None
             made[part.vertices, : found.shape[1]] = found
     return made

@@ -64,14 +64,15 @@ def _stored(asset: Gltf, parts: tuple[Submesh, ...]) -> tuple[GlbBuilder, list[D
     builder = _one_buffer(asset)
     nodes = builder.header["nodes"]
     meshes = builder.header["meshes"]
-    owner: dict[int, int] = {}
+    owner: dict[int, int] = {}  # the node that keeps a mesh which several show
     drawn: list[Drawn] = []
-    for piece, part in zip(asset.drawn, parts, strict=True):
-        if owner.setdefault(piece.mesh, piece.node) != piece.node and nodes[piece.node]["mesh"] == piece.mesh:
-            meshes.append(copy.deepcopy(meshes[piece.mesh]))
-            nodes[piece.node]["mesh"] = len(meshes) - 1
+    for each, part in zip(asset.drawn, parts, strict=True):
+        node = nodes[each.node]
+        if owner.setdefault(each.mesh, each.node) != each.node and node["mesh"] == each.mesh:
+            meshes.append(copy.deepcopy(meshes[each.mesh]))
+            node["mesh"] = len(meshes) - 1
         rows = np.arange(part.vertices.start, part.vertices.stop)
-        drawn.append((meshes[nodes[piece.node]["mesh"]]["primitives"][piece.place], rows))
+        drawn.append((meshes[node["mesh"]]["primitives"][each.place], rows))
     return builder, drawn
 
 
@@ -120,7 +121,7 @@ def _keep_plain_data(header: dict[str, Any]) -> None:
         _remove(view, *MESHOPT)
     left = False
     known = header.get("accessors", [])
-    for primitive in (piece for mesh in header.get("meshes", []) for piece in mesh["primitives"]):
+    for primitive in (primitive for mesh in header.get("meshes", []) for primitive in mesh["primitives"]):
         numbers = *primitive["attributes"].values(), primitive.get("indices", len(known))
         accessors = [known[number] for number in numbers if number < len(known)]
         if all("bufferView" in accessor for accessor in accessors):
@@ -171,13 +172,13 @@ def ramp_warnings(asset: Gltf, replace: bool) -> list[str]:
     """Warnings where `write_ramp` leaves w out, or some viewers will: lines for the user, mostly none."""
     header = asset.header
     textures = OcclusionTextures(GlbBuilder(header), replace)
-    pieces = {each[1:3]: each.stored for each in asset.drawn}.values()
-    taking = [piece for piece in pieces if textures.materials(piece)]
+    primitives = {each[1:3]: each.stored for each in asset.drawn}.values()
+    taking = [primitive for primitive in primitives if textures.materials(primitive)]
     lines = []
-    if kept := len(pieces) - len(taking):
-        of = f"keeps the occlusion textures of {kept:,} of {len(pieces):,} primitives"
+    if kept := len(primitives) - len(taking):
+        of = f"keeps the occlusion textures of {kept:,} of {len(primitives):,} primitives"
         lines.append(f"{of}, whose w viewers do not show; --replace-occlusion replaces them")
-    highest = max((free_set(header, piece) for piece in taking), default=0)
+    highest = max((free_set(header, primitive) for primitive in taking), default=0)
     if highest >= SETS_OF_ALL_VIEWERS:
         lines.append(f"uses the set TEXCOORD_{highest}; not every viewer reads more than {SETS_OF_ALL_VIEWERS}")
     return lines

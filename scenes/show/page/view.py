@@ -85,9 +85,9 @@ def _textures(source: MeshFile | None) -> TexturedW | None:
     numbers: dict[tuple[Texture, float], int] = {}
     with mesh_errors(asset.path):
         textures = Textures(asset)
-        for piece, part in zip(asset.drawn, source.parts, strict=True):
-            used = textures.of_occlusion(piece.primitive)
-            if used and not is_ramp(asset.header, piece.primitive.material):
+        for drawn, part in zip(asset.drawn, source.parts, strict=True):
+            used = textures.of_occlusion(drawn.primitive)
+            if used and not is_ramp(asset.header, drawn.primitive.material):
                 uv[part.vertices] = used[0] * (1, -1) + (0, 1)
                 of[part.vertices] = numbers.setdefault(used[1:], len(numbers))
         images = [_codes(*each) for each in numbers]
