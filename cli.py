@@ -16,7 +16,7 @@ from typer.exceptions import TyperException
 from typer.main import get_command
 
 from raytrace.errors import InputError, ObscuranceError, OptionError, OutputError
-from scenes.commands.render_file import RENDER, run_render
+from scenes.commands.render import RENDER, run_render
 from scenes.commands.usage import fault_in_words
 from scenes.jobs import options as choices
 from scenes.jobs.console import columns, compiling, note, output_failed, readable_output, reopen_streams

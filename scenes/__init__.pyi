@@ -3,7 +3,7 @@ from .description.description import SceneDescription as SceneDescription
 from .description.read import read_scene as read_scene
 from .formats.load import MeshFile as MeshFile
 from .formats.load import load as load
-from .formats.objects import choose as choose
+from .formats.objects import select_objects as select_objects
 from .formats.stored_w import read_w as read_w
 from .geometry.builtin_shapes import SOLIDS as SOLIDS
 from .geometry.builtin_shapes import Box as Box

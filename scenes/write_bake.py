@@ -6,6 +6,7 @@ import io
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Literal, cast, get_args
 
 import numpy as np
@@ -14,7 +15,7 @@ from raytrace.errors import ConflictError, OptionError
 from raytrace.system.atomic import check_writable, write_bytes
 
 from .formats.load import PIPED, MeshFile
-from .formats.table import Channels, endings, format_of, function
+from .formats.table import Channels, endings, format_of
 
 if TYPE_CHECKING:
     from ao import Bake, BakedTexture
@@ -48,13 +49,14 @@ def write(
       are known; of a profile `profile` float32 (n, k), `half_distances` float64 (k,) and `radius`.
     - `.ply`: `obscurance`, and w as the grey `red green blue`, sRGB-encoded as Blender and three.js take the colours of
       a PLY (`scenes.formats.ply.write.ply`). Coordinates are float where that loses nothing, double otherwise.
-    - `.glb`: `_OBSCURANCE` (`scenes.formats.glb.write.glb`), and what viewers show: a ramp or colours.
+    - `.glb`: `_OBSCURANCE` (`scenes.formats.gltf.write.glb`), and what viewers show: a ramp or colours.
     - `.html`: a page for a browser, everything in it (`scenes.show.page.document`).
     - `.png` `.exr` `.tif`, of a texture: w, linear, PNG of 16 bits, else float32.
 
     Of textures a `.glb` has each as the occlusion texture of the faces that it is for (`textured_glb.textured_glb`).
 
-    What the source holds besides is kept if it was loaded for this target (`load`); `losses.lost` lists what is not.
+    What the source holds besides is kept if it was loaded for this target (`load`); `scenes.formats.unsupported` lists
+    what is not.
 
     Args:
         path: the target, replaced if it exists.
@@ -90,7 +92,7 @@ def write(
 def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file: MeshFile, replace: bool) -> None:
     from ao.texture.result import BakedTexture
 
-    from .formats.glb.textured import textured_glb
+    from .formats.gltf.textured import textured_glb
     from .formats.images import is_texture, write_grey
 
     textures = [each for each in baked if isinstance(each, BakedTexture)]
@@ -140,7 +142,8 @@ def _writer(path: str | os.PathLike[str]) -> Callable[..., bytes | memoryview]:
     target = format_of(os.fspath(path)).write
     if not target:
         raise OptionError("output", "a name ending in " + ", ".join(ENDINGS), os.fspath(path))
-    return function(target)
+    writer: Callable[..., bytes | memoryview] = resolve_name(target)
+    return writer
 
 
 def npy(bake: Bake | Values, *_: object) -> memoryview:

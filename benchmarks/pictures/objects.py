@@ -17,7 +17,7 @@ from benchmarks import ROOT
 from benchmarks.pictures.half_distances import picture
 from raytrace.image.write import write_image
 from scenes.formats.load import MeshFile
-from scenes.formats.objects import choose
+from scenes.formats.objects import select_objects
 from scenes.geometry.instances import Instance, flatten
 from scenes.geometry.polyhedra import icosphere
 
@@ -33,7 +33,7 @@ def main() -> None:
     shapes = (plate.vertices, plate.faces), ball, (ring.vertices, ring.faces)
     placed = [Instance(name, *shape, up="z") for name, shape in zip(("plate", "ball", "ring"), shapes, strict=True)]
     source = MeshFile(Path("table.obj"), *flatten(placed, "table.obj"))
-    chosen = [choose(source, *options) for options in OPTIONS]
+    chosen = [select_objects(source, *options) for options in OPTIONS]
     bakes = [ao.bake(each.mesh, samples=256, only=each.only) for each in chosen]
     shown = [picture(replace(each.mesh, opacity=None), each.w, 1.0) for each in bakes]
     write_image(TARGET, np.concatenate(shown, axis=1))

@@ -18,7 +18,7 @@ from raytrace.types import Float32s
 from scenes import unwrap
 from scenes.description.description import framing
 from scenes.description.gltf_scene import gltf_objects
-from scenes.formats.glb.textured import textured_glb
+from scenes.formats.gltf.textured import textured_glb
 from scenes.formats.load import MeshFile
 from scenes.geometry.builtin_shapes import Temple
 

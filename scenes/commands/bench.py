@@ -57,8 +57,10 @@ def run_bench(
             bakes[count].append((time.perf_counter() - start, baked))
     rows = []
     for count, timed in bakes.items():
-        seconds, results = [took for took, _ in timed], [each for _, each in timed]
-        build, estimate = median(each.seconds["build"] for each in results), median(each.rmse for each in results)
+        seconds = [took for took, _ in timed]
+        results = [each for _, each in timed]
+        build = median(each.seconds["build"] for each in results)
+        estimate = median(each.rmse for each in results)
         errors = Errors.of(results[0].w[truth.vertices], truth.w[0])
         rows.append(Row(count, seconds, build, results[0].rays, estimate, errors))
     return rows

@@ -27,7 +27,8 @@ _ABOVE = (0.3, 0.42, 0.6)  # colour of the backdrop at the upper edge
 def make_demo(folder: Path, quiet: bool = False) -> None:
     """Bake the temple with the default options; write the mesh with w, and a picture: left without, right with w."""
     make_folder(folder)
-    mesh_target, image_target = folder / "temple.ply", folder / "temple.png"
+    mesh_target = folder / "temple.ply"
+    image_target = folder / "temple.png"
     check_outputs({"temple.ply": mesh_target, "temple.png": image_target})
     with progress(quiet, "rays") as (advance,), compiling(84):
         mesh = temple()

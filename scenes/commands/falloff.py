@@ -9,9 +9,9 @@ from raytrace.system.checks import check_ending, check_outputs
 from ..falloffs import Scales
 from ..formats.images import check_texture_target, write_grey
 from ..formats.load import load
-from ..formats.losses import lost
 from ..formats.stored_w import checked_profile, find_profile, read_beside_w
 from ..formats.table import endings
+from ..formats.unsupported import unsupported_features
 from ..jobs.console import warn
 from ..show.page.encode import Values
 from ..write_bake import channels, check_target, npy, npz, write
@@ -55,7 +55,7 @@ def _write_vertices(baked: Path, scales: Scales, output: Path, mesh: Path | None
     if file and len(w) != len(file.mesh.vertices):
         raise SceneError(baked, "profile", f"a row for each of the {len(file.mesh.vertices):,} vertices", f"{len(w):,}")
     if file:
-        warn([], lost(output, file, channels(output, False, None, False)))
+        warn([], unsupported_features(output, file, channels(output, False, None, False)))
     values = Values(w, flags=read_beside_w(baked, len(w)).get("flags"), profile=profile)
     if arrays:
         write_bytes(output, arrays(values))

@@ -12,7 +12,7 @@ from raytrace.mesh.precision import outlier_warnings, precision_warnings
 from raytrace.mesh.solids import inward_warnings
 from raytrace.types import Float64s
 
-from ..formats.glb.occlusion import is_ramp, occlusion_reference
+from ..formats.gltf.occlusion import is_ramp, occlusion_reference
 from ..formats.load import MeshFile
 
 _NAME = 80  # characters of an object's that are shown
@@ -27,7 +27,8 @@ def facts(source: MeshFile) -> dict[str, Any]:
     edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     uses = np.unique(edges[:, 0] * len(mesh.vertices) + edges[:, 1], return_counts=True)[1]
     flagged = {(flag.name or "").lower(): int(np.count_nonzero(receivers.flags & flag)) for flag in Flag}
-    profile, stored = source.profile, "16-bit integers" if source.gltf else "32-bit floats"
+    profile = source.profile
+    stored = "16-bit integers" if source.gltf else "32-bit floats"
     warnings = [note.removeprefix(f"{source.path}: ") for note in source.notes]
     lines = [*outlier_warnings(mesh), *precision_warnings(mesh), *inward_warnings(mesh, placement.vertices)]
     return {
@@ -56,12 +57,16 @@ def facts(source: MeshFile) -> dict[str, Any]:
 
 def describe(source: MeshFile) -> list[tuple[str, str]]:
     """Rows (name, value) about a file's objects, its extent, its defects and what a bake would do with it."""
-    known, mesh = facts(source), source.mesh
+    known = facts(source)
+    mesh = source.mesh
     names = [printable(name, _NAME) for name in known["objects"]]
-    open_edges, nonmanifold = known["open_edges"], known["edges_of_three_faces_or_more"]
-    corners = ("(" + ", ".join(f"{c:.6g}" for c in corner) + ")" for corner in known["bounds"])
-    profile, stored = source.profile, known["stored_profile"]
-    occlusion, found = "no textures in the file", known["occlusion_textures"]
+    open_edges = known["open_edges"]
+    nonmanifold = known["edges_of_three_faces_or_more"]
+    bounds = " – ".join("(" + ", ".join(f"{c:.6g}" for c in corner) + ")" for corner in known["bounds"])
+    profile = source.profile
+    stored = known["stored_profile"]
+    occlusion = "no textures in the file"
+    found = known["occlusion_textures"]
     if found and found["textured"]:
         occlusion = f"textures of {found['textured']:,} of {found['primitives']:,} primitives"
         occlusion += f", {found['ramps']:,} of them ramps of a bake" if found["ramps"] else ""
@@ -72,7 +77,7 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
         ("vertices", f"{known['vertices']:,}"),
         ("faces", f"{known['faces']:,}, {known['degenerate_faces']:,} of them degenerate"),
         ("edges", f"{known['edges']:,}: {open_edges:,} open, {nonmanifold:,} between three faces or more"),
-        ("bounds", " – ".join(corners)),
+        ("bounds", bounds),
         ("up", known["up"] or "not said: y"),
         ("radius", f"{known['radius']:.6g}, of the smallest ball that holds it: 100 % for relative distances"),
         ("area", "too large" if known["area"] is None else f"{known['area']:.6g}"),
@@ -92,7 +97,8 @@ def _occlusion(source: MeshFile) -> dict[str, int] | None:
     if source.gltf is None:
         return None
     _ = source.gltf.materials  # to find what is malformed
-    header, materials = source.gltf.header, [piece.primitive.material for piece in source.gltf.drawn]
+    header = source.gltf.header
+    materials = [piece.primitive.material for piece in source.gltf.drawn]
     textured = sum(occlusion_reference(header, material) is not None for material in materials)
     return {"primitives": len(materials), "textured": textured, "ramps": sum(is_ramp(header, m) for m in materials)}
 

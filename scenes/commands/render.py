@@ -1,74 +1,165 @@
-"""Make the picture of a scene file: bake what it needs, render it, write it, report it."""
+"""`obscurance render`: from a scene file to a picture and a report. Heavy imports wait for checked options."""
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
+from ao.declared import Option
+from ao.options import Normals
+from raytrace.errors import ConflictError, OptionError, printable
 
-import ao
-from ao.execute.tracer import Progress
-from ao.memory import vertex_bytes
-from ao.report import SCHEMA_VERSION, calibration_facts, versions
-from raytrace import EnvironmentLight, Frame, Settings, SkyLight
-from raytrace.errors import ConflictError, printable
-from raytrace.image.write import check_image_target, write_frame
-from raytrace.renderer.render import describe_work, render, rendering_bytes, seen_vertices
-from raytrace.renderer.render_scene import release
-from raytrace.scene import Scene
-from raytrace.system.checks import available, check_memory
-from raytrace.types import Float64s
-
-from ..description.description import SceneDescription
-from ..falloffs import Scales
-from ..formats.stored_w import read_w
-from ..jobs.options import Record
-from ..jobs.remote import cluster_checkpoint
+from ..jobs.console import compiling, progress, show_picture, warn
+from ..jobs.options import REPORTS, ROWS, Record, check_together, command_line, plain
 
 if TYPE_CHECKING:
+    import ao
     from ao.cluster.session import ClusterSession
+    from ao.execute.tracer import Progress
+    from raytrace import Frame, Settings
+
+    from ..description.description import SceneDescription
+    from ..falloffs import Scales
+    from ..jobs.remote import Workers
+    from ..show.report.pictures import Picture
 
 _SETTINGS = ("samples", "shading", "normals", "obscurance", "shadows", "seed")
-PREVIEW = 4  # a preview's sides are that much shorter
-PREVIEW_BAKE = 32  # and it bakes with that many rays a vertex
+_PREVIEW = 4  # a preview's sides are that much shorter
+_PREVIEW_BAKE = 32  # and it bakes with that many rays a vertex
+RENDER = (
+    Option("scene", Path, ..., "A .toml scene, a .glb or .gltf, or any mesh.", metavar="SCENE"),
+    replace(ROWS["output"], help="Output image, format by ending: .exr .png .tif .jpg"),
+    Option("width", int | None, None, "Image width in pixels; needs --height.", needs={"height": ...}),
+    Option("height", int | None, None, "Image height in pixels; needs --width.", needs={"width": ...}),
+    Option("samples", int | None, None, "Most camera rays per pixel."),
+    Option("shading", str | None, None, "Interpolation over a face: constant, flat, gouraud, phong or quadratic.",
+           words=("constant", "flat", "gouraud", "phong", "quadratic")),
+    replace(ROWS["normals"], kind=Normals | None, default=None),
+    Option("obscurance", str | None, None, "What w scales: ambient (ambient light only), "
+           "'ambient and diffuse' (light, as in the textbook's equation 12.75), or off (nothing)."),
+    Option("baked", Path | None, None, "Read w from a baked file: .npy .npz .ply .glb"),
+    Option("half_distance", str | None, None, "Of the baked file's profile: mesh units, or \"12%\" of the radius; or "
+           "several with commas between, whose w are multiplied."),
+    Option("power", str | None, None, "Of w at each half-distance, 1 by default: 1,0.5 for instance.",
+           needs={"half_distance": ...}),
+    Option("own_occlusion", bool, True, "Use a glTF file's own occlusion textures; otherwise bake there, too."),
+    replace(ROWS["alpha"], help="auto: as the file has it; ignore: faces are opaque."),
+    Option("shadows", bool | None, None, "Trace shadow rays."),
+    replace(ROWS["up"], help="Up axis of a mesh file, by default what it says, or y."),
+    Option("view", str | None, None, "Where a mesh file is seen from: front, back, left, right, top, bottom, or a "
+           "direction X,Y,Z from it to the camera.", words=("front", "back", "left", "right", "top", "bottom")),
+    Option("crop", str | None, None, "Render only these pixels.", metavar="X,Y,W,H"),
+    replace(ROWS["seed"], kind=int | None, default=None, help="Random seed of the pixel samples."),
+    Option("preview", bool, False, "A quarter of the width and height, few samples."),
+    replace(ROWS["half"], help="16-bit floats in an .exr."),
+    Option("show", bool, False, "Show the image in the terminal, too, or instead.", role="run"),
+    *(ROWS[name] for name in ("threads", "cluster", "shared", "report", "progress", "quiet")),
+)  # fmt: skip
 
 
-@dataclass(frozen=True)
-class RenderedPicture:
-    frame: Frame  # the layers that the file's format holds, and the renderer's counts
-    bake: ao.Bake | None
-    seconds: dict[str, float]  # bake, build, render, write
+def run_render(options: dict[str, Any]) -> None:
+    """Read a scene, render it, write the image and a report, and print a summary. Raises: ObscuranceError."""
+    check_together(options, RENDER)
+    given = Record(options)
+    workers = None
+    if given.cluster:
+        from ..jobs.remote import Workers
 
-    def summary(self, target: Path, settings: Settings) -> str:
-        """The line after a rendering: file, size, rays, times."""
-        traced, skipped = sum(self.frame.rays.values()), sum(self.frame.rays_skipped.values())
-        rays = f"{traced / 1e6:.1f} M rays traced and {skipped / 1e6:.1f} M skipped in {self.seconds['render']:.2f} s"
-        baked = f", baked in {self.seconds['bake']:.2f} s" if self.bake else ""
-        size = f"{settings.width}×{settings.height}"
-        return f"{printable(str(target))}: {size}, {rays}; obscurance {settings.obscurance}{baked}"
+        workers = Workers(options)
+    if given.output is not None:
+        _render(given, given.output, workers)
+        return
+    if not given.show:
+        raise OptionError("output", "an image file, or --show", "nothing")
+    from tempfile import TemporaryDirectory
+
+    with TemporaryDirectory() as folder:
+        _render(given.replaced(quiet=True), Path(folder) / "shown.png", workers)
 
 
-def adjusted(description: SceneDescription, given: Record, scales: Scales | None) -> SceneDescription:
+def _render(given: Record, output: Path, workers: Workers | None) -> None:
+    # Everything that can be wrong without the scene.
+    if given.show and not sys.stdout.isatty():
+        raise OptionError("show", "a terminal as standard output", "a file or a pipe")
+    size = None if given.width is None else (given.width, given.height)
+    crop = None if given.crop is None else _crop(given.crop)
+    from raytrace.image.write import check_image_target, write_frame
+    from raytrace.system.checks import check_ending, check_outputs
+    from raytrace.system.threads import thread_count
+
+    threads = thread_count(given.threads)
+    layers = check_image_target(output, given.half)
+    if given.report:
+        check_ending("--report", given.report, *REPORTS)
+    from ..description.read import read_scene
+    from ..falloffs import make_scales
+    from ..formats.stored_w import check_stored
+    from ..show.report.verdict import hashed
+
+    if given.baked:
+        check_stored(given.baked)
+    scales = None if given.half_distance is None else make_scales(given.half_distance, given.power)
+    with compiling():
+        # The scene as the options have it.
+        read = read_scene(given.scene, size, given.up, given.view)
+        description = _adjusted(read, given.replaced(crop=crop), scales)
+        check_outputs({"--output": output, "--report": given.report}, [given.scene, *description.files])
+        inputs = hashed([given.scene, *description.files]) if given.report else []
+        warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
+        # Its picture.
+        with workers.session(output) if workers else nullcontext() as session:
+            status = session.status if session else str
+            with progress(given.quiet, "rays", "tiles", form=given.progress, status=status) as bars:
+                picture = _picture(given.scene, description, layers is None, threads, bars, session)
+                start = time.perf_counter()
+                write_frame(output, picture.frame, _metadata(given.scene, description.settings), given.half)
+                picture.seconds["write"] = time.perf_counter() - start
+    if given.show:
+        show_picture(picture.frame.layers["beauty"])
+    if given.report:
+        _write_report(given, description.settings, picture, threads, inputs, warnings)
+    if not given.quiet:
+        print(picture.summary(output, description.settings))
+        if session:
+            print(session.summary())
+
+
+def _crop(text: str) -> tuple[int, int, int, int]:
+    """Left, top, width and height of "X,Y,W,H". Raises: OptionError."""
+    try:
+        x, y, width, height = map(int, text.split(","))
+    except ValueError:
+        raise OptionError("crop", "four whole numbers X,Y,W,H", repr(text)) from None
+    return x, y, width, height
+
+
+def _adjusted(description: SceneDescription, given: Record, scales: Scales | None) -> SceneDescription:
     """The description as the options have it; a preview: a quarter as wide and high, few rays. Raises: OptionError."""
+    # Settings, where w comes from, and the bake.
     changes = {name: getattr(given, name) for name in ("crop", *_SETTINGS) if getattr(given, name) is not None}
     settings = replace(description.settings, **changes)
-    w_from, bake, files = description.w_from, description.bake, description.files
-    if settings.obscurance == "off" and given.baked is not None:
-        raise ConflictError("baked", "does not go with", ("obscurance", "off"))
+    w_from = description.w_from
+    files = description.files
     if settings.obscurance == "off":
+        if given.baked is not None:
+            raise ConflictError("baked", "does not go with", ("obscurance", "off"))
         w_from = "off"
     elif given.baked is not None:
-        w_from, files = given.baked, (*files, given.baked)
+        w_from = given.baked
+        files = (*files, given.baked)
     elif w_from == "off":
         w_from = "bake"
+    bake = description.bake
     if given.preview:
         settings = _quarter(settings)
-        bake = replace(bake, samples=min(bake.rays, PREVIEW_BAKE))
+        bake = replace(bake, samples=min(bake.rays, _PREVIEW_BAKE))
+    # The scene, and half-distances of its w.
     scene = description.scene if given.own_occlusion else description.scene.without_occlusion()
     if given.alpha == "ignore":
         scene = scene.without_alpha()
@@ -79,92 +170,96 @@ def adjusted(description: SceneDescription, given: Record, scales: Scales | None
 
 
 def _quarter(settings: Settings) -> Settings:
-    width, height = max(settings.width // PREVIEW, 1), max(settings.height // PREVIEW, 1)
+    width = max(settings.width // _PREVIEW, 1)
+    height = max(settings.height // _PREVIEW, 1)
     crop = settings.crop
     if crop:
-        x, y = min(crop[0] // PREVIEW, width - 1), min(crop[1] // PREVIEW, height - 1)
-        crop = x, y, min(max(crop[2] // PREVIEW, 1), width - x), min(max(crop[3] // PREVIEW, 1), height - y)
+        x = min(crop[0] // _PREVIEW, width - 1)
+        y = min(crop[1] // _PREVIEW, height - 1)
+        crop = x, y, min(max(crop[2] // _PREVIEW, 1), width - x), min(max(crop[3] // _PREVIEW, 1), height - y)
     return replace(settings, width=width, height=height, crop=crop, samples=min(settings.samples, 4))
 
 
-def with_obscurance(
-    description: SceneDescription,
-    threads: int | None = None,
-    progress: Progress | None = None,
-    session: ClusterSession | None = None,
-) -> tuple[Scene, ao.Bake | None]:
-    """The scene with w(p) as `description.w_from` and `description.bake` ask, and the bake if there was one.
+@dataclass(frozen=True)
+class RenderedPicture:
+    frame: Frame  # the layers that the file's format holds, and the renderer's counts
+    bake: ao.Bake | None
+    seconds: dict[str, float]  # bake, build, render, write
 
-    Only vertices that the picture can show are baked; all else gets w = 1, and so do vertices of shapes with an
-    occlusion texture. w from a file stands in place of such textures.
-    """
-    scene, options = description.scene, description.bake
-    if description.w_from == "off":
-        return scene, None
-    if isinstance(description.w_from, Path):
-        return scene.without_occlusion().with_obscurance(_stored(description, description.w_from)), None
-    settings = description.settings
-    seen = seen_vertices(scene, description.camera, settings, threads)
-    textured = [item.shape.occlusion is not None for item in scene.objects]
-    seen &= ~np.repeat(textured, [len(item.shape.mesh.vertices) for item in scene.objects])
-    if all(textured):
-        return scene, None
-    mesh, room = scene.flattened(), available()
-    if room is not None and vertex_bytes(len(mesh.vertices), len(mesh.faces), options.rays) > room:
-        release(scene)  # the bake does not fit beside the geometry, which is built again for the picture
-    normals = "angle" if settings.normals == "file" else settings.normals
-    kept = cluster_checkpoint(session, False, None) if session else None
-    bake = ao.bake(
-        mesh, options.falloff, options.samples, options.seed, threads, normals, progress=progress, only=seen,
-        denoise=False, checkpoint=kept,
-    )  # fmt: skip
-    surrounded = any(isinstance(light, SkyLight | EnvironmentLight) for light in scene.lights)
-    return scene.with_obscurance(bake.w, bake.bent_normals if surrounded else None), bake
+    def summary(self, target: Path, settings: Settings) -> str:
+        """The line after a rendering: file, size, rays, times."""
+        traced = sum(self.frame.rays.values())
+        skipped = sum(self.frame.rays_skipped.values())
+        rays = f"{traced / 1e6:.1f} M rays traced and {skipped / 1e6:.1f} M skipped in {self.seconds['render']:.2f} s"
+        baked = f", baked in {self.seconds['bake']:.2f} s" if self.bake else ""
+        size = f"{settings.width}×{settings.height}"
+        return f"{printable(str(target))}: {size}, {rays}; obscurance {settings.obscurance}{baked}"
 
 
-def _stored(description: SceneDescription, path: Path) -> Float64s:
-    """w of all vertices of the scene, from a file that has one for each, or one for each vertex of its mesh files."""
-    counts = [len(item.shape.mesh.vertices) for item in description.scene.objects]
-    origins = description.origins or (None,) * len(counts)
-    of_files = [origin.total if origin else count for origin, count in zip(origins, counts, strict=True)]
-    w = read_w(path, sum(of_files), sum(counts), scales=description.scales)
-    if len(w) != sum(of_files):
-        return w
-    parts = np.split(w, np.cumsum(of_files)[:-1])
-    return np.concatenate([part[origin.of] if origin else part for origin, part in zip(origins, parts, strict=True)])
-
-
-def make_picture(
-    given: Record, description: SceneDescription, output: Path, progress: Sequence[Progress | None],
+def _picture(
+    source: Path, description: SceneDescription, all_layers: bool, threads: int, bars: Sequence[Progress | None],
     session: ClusterSession | None,
 ) -> RenderedPicture:  # fmt: skip
-    """Make the picture of a described scene and write it. Args: progress: of baking, and of rendering."""
-    source, threads, half = given.scene, given.threads, given.half
-    layers = check_image_target(output, half)
-    needed = rendering_bytes(description.scene, description.settings, layers is None, threads)
-    check_memory(source, needed, describe_work(description.scene, description.settings))
-    start = time.perf_counter()
-    scene, baked = with_obscurance(description, threads, progress[0], session)
-    prepared = time.perf_counter()
+    """Bake what a described scene needs, and render it. Args: bars: of baking, and of rendering."""
+    from raytrace.renderer.render import describe_work, render, rendering_bytes
+    from raytrace.system.checks import check_memory
+
+    from ..description.obscurance import with_obscurance
+
+    settings = description.settings
     renderer = render
+    checkpoint = None
     if session:
         from ao.cluster.pictures import render_on
 
+        from ..jobs.remote import cluster_checkpoint
+
         renderer = partial(render_on, session)
-    frame = renderer(scene, description.camera, description.settings, layers is None, threads, progress[1])
-    rendered = time.perf_counter()
+        checkpoint = cluster_checkpoint(session, False, None)
+    needed = rendering_bytes(description.scene, settings, all_layers, threads)
+    check_memory(source, needed, describe_work(description.scene, settings))
+    start = time.perf_counter()
+    scene, baked = with_obscurance(description, threads, bars[0], checkpoint)
+    bake_seconds = time.perf_counter() - start
+    frame = renderer(scene, description.camera, settings, all_layers, threads, bars[1])
+    return RenderedPicture(frame, baked, {"bake": bake_seconds, **frame.seconds})
+
+
+def _metadata(source: Path, settings: Settings) -> dict[str, str]:
+    """What a picture's file says of itself: nothing that changes between runs."""
+    from ao.report import versions
+
     names = ("samples", "seed", "shading", "normals", "obscurance")
-    settings = {name: str(getattr(description.settings, name)) for name in names}  # nothing that changes between runs
-    write_frame(output, frame, {"scene": source.name, "version": versions()["obscurance"], **settings}, half)
-    seconds = {"bake": prepared - start, **frame.seconds, "write": time.perf_counter() - rendered}
-    return RenderedPicture(frame, baked, seconds)
+    described = {name: str(getattr(settings, name)) for name in names}
+    return {"scene": source.name, "version": versions()["obscurance"], **described}
 
 
-def render_report(
-    source: Path, settings: Settings, picture: RenderedPicture, threads: int, warnings: Sequence[str] = ()
+def _write_report(
+    given: Record, settings: Settings, picture: RenderedPicture, threads: int, inputs: Sequence[dict[str, Any]],
+    warnings: Sequence[str],
+) -> None:  # fmt: skip
+    from ..show.report.verdict import write_report
+
+    def pictures() -> list[list[Picture]]:
+        from ..show.report.pictures import pictures_of_frame
+
+        return [pictures_of_frame(picture.frame)]
+
+    kept = [row for row in RENDER if row.role != "run" or row.name == "threads"]
+    options = {row.name: plain(getattr(given, row.name)) for row in kept}
+    line = command_line("render", RENDER, options)
+    facts = _report(given.scene, settings, picture, threads, warnings)
+    write_report(given.report, "render", line, facts, inputs, options, pictures)
+
+
+def _report(
+    source: Path, settings: Settings, picture: RenderedPicture, threads: int, warnings: Sequence[str]
 ) -> dict[str, Any]:
     """The report of a rendering as JSON-ready values."""
-    bake, frame = picture.bake, picture.frame
+    from ao.report import SCHEMA_VERSION, calibration_facts, versions
+
+    bake = picture.bake
+    frame = picture.frame
     beauty = frame.layers["beauty"]
     skipped = {f"bake_{reason}": count for reason, count in bake.rays_skipped.items()} if bake else {}
     return {

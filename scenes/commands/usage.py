@@ -27,30 +27,39 @@ def _mistake_in_words(mistake: Any, app: Any, command: Any, arguments: Sequence[
     if hasattr(mistake, "possibilities"):
         given = mistake.option_name
         names = [name for item in (command or app).params for name in (*item.opts, *item.secondary_opts)]
-        expected, got, near = "one of its options", given, nearest_name(given, [*names, "--help"])
+        expected = "one of its options"
+        got = given
+        near = nearest_name(given, [*names, "--help"])
     elif hasattr(mistake, "option_name"):
         place = f"{place} {mistake.option_name}".lstrip()
         takes = "requires" in mistake.message
         expected, got = ("a value", "nothing") if takes else ("the option alone", "a value")
     elif getattr(mistake, "param", None) is not None and cause is not None:
         fault = cause.errors()[0]
-        place, got = f"{place} {_shown(mistake.param)}", fault["input"]
+        place = f"{place} {_shown(mistake.param)}"
+        got = fault["input"]
         kinds = {"int": "a whole number", "float": "a number", "bool": "true or false"}
         names = re.findall("'([^']*)'", str(fault["msg"]).partition(" is not one of ")[2])
         expected = next((text for kind, text in kinds.items() if fault["type"].startswith(kind)), "")
         if not expected and names:
-            expected, near = "one of " + ", ".join(names), nearest_name(got, names)
+            expected = "one of " + ", ".join(names)
+            near = nearest_name(got, names)
         expected = expected or str(fault["msg"])
     elif getattr(mistake, "param", None) is not None:
-        expected, got = _shown(mistake.param), "nothing"
+        expected = _shown(mistake.param)
+        got = "nothing"
     elif command is None:
         given = arguments[0] if arguments else "nothing"
-        place, expected, got = "command", "one of " + ", ".join(app.commands), given
+        place = "command"
+        expected = "one of " + ", ".join(app.commands)
+        got = given
         near = nearest_name(given, app.commands)
     elif extra := re.fullmatch(r"Got unexpected extra argument\(?s?\)? \((.*)\)", mistake.message):
-        expected, got = "no more arguments", extra[1]
+        expected = "no more arguments"
+        got = extra[1]
     else:
-        expected, got = "valid arguments", mistake.format_message()
+        expected = "valid arguments"
+        got = mistake.format_message()
     return _line(place, expected, got, near, command)
 
 

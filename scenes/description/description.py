@@ -62,7 +62,8 @@ def framing(mesh: Mesh, up: str | None, width: int, height: int, view: str | Non
 
     Args: view: one of `VIEWS`, or "X,Y,Z", from the mesh to the camera. Raises: OptionError: `up` or `view` is none.
     """
-    turn, above = np.array(TO_Y_UP[up_axis(mesh, up)]), UP[up_axis(mesh, up)]
+    turn = np.array(TO_Y_UP[up_axis(mesh, up)])
+    above = UP[up_axis(mesh, up)]
     if view is None:
         return Camera.framing(mesh, up=above, aspect=width / height)
     try:

@@ -68,7 +68,8 @@ class Materials:
     """The materials of an asset; keys of textures that are represented by their means, and of what is not used."""
 
     def __init__(self, textures: Textures) -> None:
-        self._textures, self._asset = textures, textures.asset
+        self._textures = textures
+        self._asset = textures.asset
         self._made: dict[int, BaseMaterial] = {}
         self._means: dict[tuple[int | None, bool], Float64s | None] = {}
         self.means: set[str] = set()
@@ -175,22 +176,23 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...]]
         materials = Materials(textures := Textures(asset))
         shapes: dict[Any, Shape] = {}
         objects = []
-        for piece, placed in zip(asset.drawn, instances, strict=True):
+        for drawn, placed in zip(asset.drawn, instances, strict=True):
             if placed.is_flattened:  # a scale of zero hides, in glTF
                 continue
-            if piece.shape not in shapes:
-                shapes[piece.shape] = _shape(piece, placed, materials, textures)
+            if drawn.shape not in shapes:
+                shapes[drawn.shape] = _shape(drawn, placed, materials, textures)
             matrix = np.eye(4) if placed.matrix is None else placed.matrix
-            objects.append(Object(shapes[piece.shape], matrix, placed.name))
+            objects.append(Object(shapes[drawn.shape], matrix, placed.name))
     if not objects:
         raise MeshError(path, "nodes", "at least one triangle to see", "none")
     notes = tuple(printable(f"{path}: {note}") for placed in instances for note in placed.notes)
     return tuple(objects), asset, notes + materials.notes()
 
 
-def _shape(piece: DrawnPrimitive, placed: Instance, materials: Materials, textures: Textures) -> Shape:
-    asset, path = textures.asset, textures.asset.path
-    primitive = piece.primitive
+def _shape(drawn: DrawnPrimitive, placed: Instance, materials: Materials, textures: Textures) -> Shape:
+    asset = textures.asset
+    path = textures.asset.path
+    primitive = drawn.primitive
     uv, texture = textures.of_base(primitive) or (None, None)
     source = f"{path}: {placed.name}"
     mesh = Mesh(placed.vertices, placed.faces, placed.normals, source=source, opacity=placed.opacity)

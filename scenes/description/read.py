@@ -6,13 +6,12 @@ from pathlib import Path
 
 from raytrace import Object, OptionError, Scene, Settings, Shape
 
-from ..formats.load import load, mesh_errors
+from ..formats.load import load
 from ..formats.table import format_of
-from ..geometry.detail import split_creases
+from ..geometry.corners import split_creases
 from ..geometry.primitives import Origin
 from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, three_lights
-from .gltf_scene import read_gltf
-from .textured import vertex_colors
+from .textured import colours_left_out, linear_colours
 from .toml_scene import read_toml
 
 
@@ -45,11 +44,13 @@ def read_scene(
                 raise OptionError(name, f"a mesh file; a scene has camera.{own}", path)
         return read_toml(path, size)
     if "scene" in format_of(path).holds:
+        from .gltf_scene import read_gltf
+
         return read_gltf(path, settings, up, view)
-    source = load(path)
-    with mesh_errors(path):
-        colours, notes = vertex_colors(path)
-    mesh, origin = source.mesh, None
+    source = load(path, names=True)
+    colours = linear_colours(source.attributes)
+    mesh = source.mesh
+    origin = None
     if mesh.normals is None:
         rows, faces, normals, _ = split_creases(mesh)
         origin = Origin(rows, len(mesh.vertices))
@@ -58,5 +59,5 @@ def read_scene(
     objects = (Object(Shape(mesh, NEUTRAL if colours is None else WHITE, colours=colours), name=path.stem),)
     camera = framing(source.mesh, up, settings.width, settings.height, view)
     lit = Scene(objects, three_lights(camera), BACKGROUND)
-    all_notes = (*source.notes, *notes)
-    return SceneDescription(lit, camera, settings, files=source.files, notes=all_notes, origins=(origin,))
+    notes = (*source.notes, *colours_left_out(path, source.unread))
+    return SceneDescription(lit, camera, settings, files=source.files, notes=notes, origins=(origin,))

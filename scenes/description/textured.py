@@ -1,59 +1,60 @@
-"""Texture coordinates and colours of an OBJ's or PLY's vertices, for pictures.
+"""A mesh file but glTF for pictures, with texture coordinates and colours of its vertices.
 
-Neither format says how colours are encoded. They are taken as sRGB, as most programs write and show them. The grey that
-a bake has given a PLY shows w, and is no colour.
+Neither OBJ nor PLY says how colours are encoded. They are taken as sRGB, as most programs write and show them. The grey
+that a bake has given a PLY shows w, and is no colour.
 """
 
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from raytrace.errors import printable
 from raytrace.image.srgb import decode_srgb
-from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s
 
 from ..formats.load import read_objects
-from ..formats.obj.read import read_textured_obj
-from ..geometry.detail import split_corners
+from ..geometry.attributes import SourceAttributes
+from ..geometry.corners import split_corners
 from ..geometry.instances import flatten
 from ..geometry.primitives import Origin, TexturedMesh
 
-_BEGIN = 1 << 16  # bytes of a file that show whether it can have colours
 
+def read_mesh(path: Path, textured: bool) -> tuple[TexturedMesh, list[str]]:
+    """The mesh of a file, with texture coordinates if it is to be `textured` and all corners have some; and warnings.
 
-def read_textured(path: Path) -> tuple[TexturedMesh, list[str]]:
-    """An OBJ or PLY file with its texture coordinates if it has some, for which vertices repeat; and warnings."""
-    if path.suffix.lower() == ".obj":
-        instance, uv, origin = read_textured_obj(path.read_bytes(), path.stem, str(path), path.parent)
-    else:
-        (instance,), _ = read_objects(path, keep=True)
-        uv, origin = None, None
-    mesh, _ = flatten([instance], str(path))
-    notes, detail = [printable(f"{path}: {note}") for note in instance.notes], instance.detail
-    if uv is not None or detail is None or detail.uv is None:
-        return TexturedMesh(mesh, uv, origin), notes
-    places = detail.triangles.take(np.arange(len(detail.corners)))
-    vertices, faces, like = split_corners(detail.corners, places, [detail.uv], len(mesh.vertices))
-    if len(vertices) == len(mesh.vertices):
-        return TexturedMesh(mesh, detail.uv.at_vertices(detail.corners, len(vertices))), notes
+    Every combination of a vertex with a texture coordinate, and with a normal, becomes a vertex, after the file's own.
+    """
+    instances, _ = read_objects(path, keep=True, alpha=True)
+    mesh, _ = flatten(instances, str(path))
+    notes = [printable(f"{path}: {note}") for instance in instances for note in instance.notes]
+    notes += colours_left_out(path, instances[0].unread)
+    attributes = instances[0].attributes
+    colours = linear_colours(attributes)
+    if attributes is None or attributes.uv is None or not textured:
+        return TexturedMesh(mesh, colours=colours), notes
+    uv = attributes.uv
+    if np.isnan(uv.rows[uv.of]).any():
+        return TexturedMesh(mesh, colours=colours), notes
+    split_by = [values for values in (uv, attributes.normals) if values]
+    places = attributes.triangles.take(np.arange(len(attributes.corners)))
+    vertices, faces, like = split_corners(attributes.corners, places, split_by, len(mesh.vertices))
     normals = None if mesh.normals is None else mesh.normals[vertices]
-    split = Mesh(mesh.vertices[vertices], faces, normals, source=str(path), polygons=mesh.polygons)
-    return TexturedMesh(split, detail.uv.rows[detail.uv.of[like]], Origin(vertices, len(mesh.vertices))), notes
+    if attributes.normals:
+        normals = attributes.normals.rows[attributes.normals.of[like]]
+    split = replace(mesh, vertices=mesh.vertices[vertices], faces=faces, normals=normals)
+    origin = Origin(vertices, len(mesh.vertices))
+    return TexturedMesh(split, uv.rows[uv.of[like]], origin, None if colours is None else colours[vertices]), notes
 
 
-def vertex_colors(path: Path) -> tuple[Float64s | None, list[str]]:
-    """Linear RGB (n, 3) of the vertices in the file's order, None if they have none, and warnings."""
-    with path.open("rb") as file:
-        coloured = False
-        if path.suffix.lower() == ".ply":
-            coloured = b" red\n" in file.read(_BEGIN).partition(b"end_header")[0].replace(b"\r", b"")
-        elif path.suffix.lower() == ".obj":  # whose first vertex then has six numbers
-            first = next((line for line in file if line.startswith((b"v ", b"v\t"))), b"")
-            coloured = len(first.partition(b"#")[0].split()) >= 7
-    if not coloured:
-        return None, []
-    (instance, *_), _ = read_objects(path, keep=True)
-    notes = [printable(f"{path}: left out: {words}") for words in instance.unread if words.startswith("colours")]
-    colors = instance.detail.colors if instance.detail else None
-    return None if colors is None else decode_srgb(colors[:, :3].clip(0, 1)).astype(float), notes
+def linear_colours(attributes: SourceAttributes | None) -> Float64s | None:
+    """Linear RGB (n, 3) of the vertices in the file's order, None if they have none."""
+    if attributes is None or attributes.colors is None:
+        return None
+    return decode_srgb(attributes.colors[:, :3].clip(0, 1)).astype(float)
+
+
+def colours_left_out(path: Path, unread: Iterable[str]) -> list[str]:
+    """Warnings of colours among what a file holds that is not read."""
+    return [printable(f"{path}: left out: {words}") for words in unread if words.startswith("colours")]

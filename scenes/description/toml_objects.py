@@ -6,21 +6,20 @@ from pathlib import Path
 from typing import Any
 
 from raytrace import PRESETS, AlphaSurface, Object, Opacity, Shape, Texture, material_from_dict
-from raytrace.errors import SceneError, nearest_name, printable
+from raytrace.errors import SceneError, nearest_name
 from raytrace.materials.base import BaseMaterial
 from raytrace.system.faults import fields_of
 
 from ..field_errors import check_keys, check_name, joined, located, shown
-from ..formats.load import mesh_errors, read_objects
+from ..formats.load import mesh_errors
 from ..formats.table import format_of
 from ..geometry.builtin_shapes import SOLIDS
-from ..geometry.instances import check_copies, flatten
+from ..geometry.instances import check_copies
 from ..geometry.primitives import Origin, TexturedMesh
 from ..safe_paths import confined
 from .description import NEUTRAL, WHITE
-from .gltf_scene import gltf_objects
 from .schema import ObjectTable, Transform
-from .textured import read_textured, vertex_colors
+from .textured import read_mesh
 
 MAX_BUILT = 1_500_000  # triangles: 1 GiB for a picture
 MAX_OBJECTS = 100_000  # 10 s for a picture
@@ -51,7 +50,8 @@ class ObjectReader:
     """
 
     def __init__(self, source: Path, materials: dict[str, BaseMaterial]) -> None:
-        self._source, self._materials = source, materials
+        self._source = source
+        self._materials = materials
         self._geometry: dict[Any, TexturedMesh] = {}
         self._gltf: dict[Path, tuple[Object, ...]] = {}
         self._shapes: dict[Any, Shape] = {}
@@ -114,8 +114,6 @@ class ObjectReader:
             if "scene" in format_of(mesh).holds:
                 return self._gltf_pieces(mesh, table, path, material, texture)
             geometry = self._once((mesh, table.textured), lambda: self._read(mesh, table.textured))
-            if _wants_colours(table):
-                geometry = self._once((mesh, table.textured, "colours"), lambda: self._coloured(mesh, geometry))
         return [Object(self._shape(table, path, geometry, material, texture), name=table.name or mesh.stem)]
 
     def _built_in(self, table: ObjectTable, path: str, field: str) -> TexturedMesh:
@@ -134,6 +132,8 @@ class ObjectReader:
         self, mesh: Path, table: ObjectTable, path: str, material: BaseMaterial | None, texture: Texture | None
     ) -> list[Object]:
         if mesh not in self._gltf:
+            from .gltf_scene import gltf_objects
+
             self._gltf[mesh], asset, notes = gltf_objects(mesh)
             self.notes += notes
             self.files.extend(asset.files)
@@ -149,22 +149,11 @@ class ObjectReader:
         return pieces
 
     def _read(self, path: Path, textured: bool) -> TexturedMesh:
-        """Any mesh file but glTF. Texture coordinates are read of OBJ and PLY, where `textured`."""
+        """Any mesh file but glTF."""
         with mesh_errors(path):
-            if textured and "uv" in format_of(path).holds:
-                geometry, notes = read_textured(path)
-                self.notes += notes
-                return geometry
-            instances, _ = read_objects(path, alpha=True)
-            self.notes += [printable(f"{path}: {note}") for instance in instances for note in instance.notes]
-            return TexturedMesh(flatten(instances, str(path))[0])
-
-    def _coloured(self, path: Path, geometry: TexturedMesh) -> TexturedMesh:
-        colours, notes = vertex_colors(path)
+            geometry, notes = read_mesh(path, textured)
         self.notes += notes
-        if colours is None:
-            return geometry
-        return replace(geometry, colours=colours[geometry.origin.of] if geometry.origin else colours)
+        return geometry
 
     def _once(self, key: Any, make: Any) -> TexturedMesh:
         if key not in self._geometry:
@@ -175,7 +164,8 @@ class ObjectReader:
         self, table: ObjectTable, path: str, given: TexturedMesh, material: BaseMaterial | None, texture: Texture | None
     ) -> Shape:
         grain = self._texture(table, path, "grain")
-        image, alpha = self._texture(table, path, "opacity_texture"), None
+        image = self._texture(table, path, "opacity_texture")
+        alpha = None
         if image is not None or table.opacity is not None:
             opacity = 1.0 if table.opacity is None else table.opacity
             alpha = AlphaSurface(opacity, image, grey=True, cutoff=table.cutoff)

@@ -45,7 +45,8 @@ def udim_tiles(uv: Float64s, source: object) -> list[tuple[int, int]]:
     """The UDIM tiles (column, row) that coordinates (m, 3, 2) reach into. Raises: OptionError: no number, or many."""
     first, last = tile_ranges(uv)
     corners = np.concatenate([first, last - 1])
-    least, most = corners.min(axis=0), corners.max(axis=0)
+    least = corners.min(axis=0)
+    most = corners.max(axis=0)
     expected = f"texture coordinates of UDIM tiles: u from 0 to {_ACROSS}, v from 0 to {_MOST_TILES}"
     if least.min() < 0 or most[0] >= _ACROSS or most[1] >= _MOST_TILES:
         raise OptionError("output", expected, f"tiles {least.tolist()} to {most.tolist()}", source)
@@ -70,7 +71,8 @@ def write_grey(
     profile: Profile | None = None,
 ) -> None:
     """Write w or its error (h, w), linear: PNG of 8 or 16 bits, EXR and TIFF of floats; in EXR a profile as a layer."""
-    layers, names = [values[:, :, None]], ["Y"]
+    layers = [values[:, :, None]]
+    names = ["Y"]
     if profile and path.suffix.lower() == ".exr":
         layers.append(profile.values)
         names += [f"{PROFILE}.{number:02}" for number in range(len(profile.half_distances))]

@@ -17,7 +17,7 @@ from raytrace.errors import MeshError
 from ..geometry.instances import Instance, check_copies
 from ..geometry.polygons import triangulate
 from .table import MeshInput
-from .threemf import check_archive
+from .threemf.read import check_archive
 
 _OWN = ("dae", "zae")
 _MESHIO = (
@@ -35,7 +35,8 @@ def library_endings() -> tuple[str, ...]:
 
 def read_by_library(given: MeshInput) -> list[Instance]:
     """The placed objects of a file with one of `library_endings`. Raises: Exception: what the libraries raise."""
-    file, path = given.file, given.path
+    file = given.file
+    path = given.path
     kind = path.suffix.lower().removeprefix(".")
     if kind == "zae":
         check_archive(file, str(path))
@@ -58,7 +59,8 @@ def _collada(file: BinaryIO, path: Path) -> list[Instance]:
 
     content = Collada(file, ignore=[DaeError])
     up = str(content.assetInfo.upaxis or "y")[0].lower()
-    made, rows = [], 0
+    made = []
+    rows = 0
     for placed in content.scene.objects("geometry") if content.scene else ():
         shape = placed.original
         sets: dict[int, list[Any]] = {}
@@ -74,7 +76,8 @@ def _collada(file: BinaryIO, path: Path) -> list[Instance]:
             check_copies(rows, file.seek(0, os.SEEK_END), path)
             cut = triangulate(vertices, corners, sizes, str(path))
             matrix = np.asarray(placed.matrix, np.float64)
-            name, faces = str(shape.name or shape.id), cut.take(corners)
+            name = str(shape.name or shape.id)
+            faces = cut.take(corners)
             made.append(Instance(name, vertices, faces, None, matrix, cut.notes, up=up))
     return made
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,16 +21,16 @@ from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.system.checks import check_memory, check_regular
 from raytrace.types import Float64s
 
-from ..geometry.detail import Detail, reversed_detail
+from ..geometry.attributes import SourceAttributes, reversed_attributes
 from ..geometry.instances import Instance, Submesh, flatten
-from .table import FORMATS, MeshInput, endings, format_of, function, sniffed_format
+from .table import MeshInput, endings, format_of, formats, sniffed_format
 
 if TYPE_CHECKING:
     from ao import Profile
 
     from .gltf.asset import Gltf
 
-_KEPT = 2.5  # bytes of memory a byte of file where details are kept, besides the table's
+_KEPT = 2.5  # bytes of memory a byte of file where attributes are kept, besides the table's
 PIPED = "<stdin>"  # in place of a file's name without its ending
 STANDARD, _SOURCE = Path("-"), "standard input"
 _CHUNK = 1 << 26
@@ -46,7 +47,7 @@ class MeshFile:
             order: none merged, split, dropped or added.
         parts: the objects, consecutive in `mesh`.
         gltf: the asset as stored, when the file is glTF or GLB.
-        detail: what else the file holds that the target can hold too, if one was named.
+        attributes: what else the file holds that the target can hold too, if one was named.
         notes: warnings about the objects.
         unread: what the file holds and the mesh lacks, in words, if a target was named.
         w: (n,) obscurance that a bake has left in the file, unchecked, or None. profile: of it, or None.
@@ -56,7 +57,7 @@ class MeshFile:
     mesh: Mesh
     parts: tuple[Submesh, ...]
     gltf: Gltf | None = None
-    detail: Detail | None = None
+    attributes: SourceAttributes | None = None
     notes: tuple[str, ...] = ()
     unread: tuple[str, ...] = ()
     w: Float64s | None = None
@@ -66,16 +67,16 @@ class MeshFile:
     def files(self) -> tuple[Path, ...]:
         """Every file that was read, or will be when the mesh is written."""
         own = self.gltf.files if self.gltf else (self.path,)
-        return own + (self.detail.files if self.detail else ())
+        return own + (self.attributes.files if self.attributes else ())
 
     @property
     def objects(self) -> tuple[str, ...]:
         """Names of the objects: of an OBJ file, loaded for a target, or else of the parts."""
-        detail = self.detail
-        if detail is None or detail.object_of is None:
+        attributes = self.attributes
+        if attributes is None or attributes.object_of is None:
             return tuple(part.name for part in self.parts)
-        names = (*detail.objects, "")
-        return tuple(names[number] or self.parts[0].name for number in np.unique(detail.object_of))
+        names = (*attributes.objects, "")
+        return tuple(names[number] or self.parts[0].name for number in np.unique(attributes.object_of))
 
     @property
     def uv(self) -> Float64s | None:
@@ -93,10 +94,10 @@ class MeshFile:
             from .gltf.textures import texture_coordinates
 
             return texture_coordinates(self.gltf, self.parts, self.mesh.faces, number)
-        detail = self.detail
-        if detail is None and "uv" in format_of(self.path).holds and self.path.is_file():
-            detail = read_objects(self.path, keep=True)[0][0].detail  # loaded for no target
-        uv = detail.corner_uv() if detail and not number else None
+        attributes = self.attributes
+        if attributes is None and "uv" in format_of(self.path).holds and self.path.is_file():
+            attributes = read_objects(self.path, keep=True)[0][0].attributes  # loaded for no target
+        uv = attributes.corner_uv() if attributes and not number else None
         return uv if uv is not None and len(uv) == len(self.mesh.faces) else None
 
     @classmethod
@@ -138,26 +139,27 @@ def load(
     """
     path = Path(path)
     aim = format_of(target or "")
-    instances, asset = read_objects(path, names or bool(aim.lost) or aim.ending == ".html", content, alpha)
+    instances, asset = read_objects(path, names or bool(aim.unsupported) or aim.ending == ".html", content, alpha)
     instances = [replace(instance, up=up or instance.up) for instance in instances]
     with mesh_errors(path):
         mesh, parts = flatten(instances, str(path))
-        detail = instances[0].detail if len(instances) == 1 else None
+        attributes = instances[0].attributes if len(instances) == 1 else None
         unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
-        if asset and aim.lost:
+        if asset and aim.unsupported:
             _ = asset.materials  # to find what is malformed
             if "scene" not in aim.holds:
-                from .gltf.textures import gltf_detail
+                from .gltf.textures import gltf_attributes
 
-                detail, unread = gltf_detail(asset, parts, mesh.faces)
+                attributes, unread = gltf_attributes(asset, parts, mesh.faces)
     notes = tuple(printable(f"{path}: {note}") for instance in instances for note in instance.notes)
     stored = [np.asarray(instance.w, np.float64) for instance in instances if instance.w is not None]
     w = np.concatenate(stored) if len(stored) == len(instances) else None
     if flip:
         if asset and aim.ending == ".glb":
             raise OptionError("flip", "another mesh file than a glTF for a .glb, which keeps its faces", path)
-        mesh, detail = mesh.reversed(), detail and reversed_detail(detail)
-    return MeshFile(path, mesh, parts, asset, detail, notes, unread, w, joined_profile(instances))
+        mesh = mesh.reversed()
+        attributes = attributes and reversed_attributes(attributes)
+    return MeshFile(path, mesh, parts, asset, attributes, notes, unread, w, joined_profile(instances))
 
 
 def joined_profile(instances: Sequence[Instance]) -> Profile | None:
@@ -177,9 +179,10 @@ def read_objects(
 
     Of a glTF they are its drawn primitives, in the order of `Gltf.drawn`. Raises: MeshError: as `load`.
 
-    Args: keep: also the `Instance.detail` of OBJ and PLY. content, alpha: as `load` takes them.
+    Args: keep: also the `Instance.attributes` of OBJ and PLY. content, alpha: as `load` takes them.
     """
-    row, name = format_of(path), "mesh" if path.stem == PIPED else path.stem
+    row = format_of(path)
+    name = "mesh" if path.stem == PIPED else path.stem
     with mesh_errors(path):
         if content is None:
             check_regular(path, "a mesh file", MeshError)
@@ -194,7 +197,7 @@ def read_objects(
             raise MeshError(path, "content", "a mesh", "an empty file")
         check_memory(path, int((row.peak + (_KEPT if keep else 0)) * size), f"to read {size:,} bytes")
         with path.open("rb") if content is None else io.BytesIO(content) as file:
-            made = function(row.read)(MeshInput(file, path, name, keep, alpha, content is None))
+            made = resolve_name(row.read)(MeshInput(file, path, name, keep, alpha, content is None))
         instances, asset = made if isinstance(made, tuple) else (made, None)
         # Every primitive of a glTF keeps its part: the GLB writer counts on it.
         if solid := [instance for instance in instances if asset or len(instance.faces)]:
@@ -221,9 +224,9 @@ def mesh_errors(path: Path) -> Iterator[None]:
         raise MeshError(path, "content", "sizes that fit into memory", "larger ones") from None
     except Exception as reason:
         begin = {ValueError: "", KeyError: "no "}.get(type(reason), f"{type(reason).__name__}: ")
-        detail = " ".join(f"{begin}{reason}".split())[:160]
+        said = " ".join(f"{begin}{reason}".split())[:160]
         kind = path.suffix.upper().removeprefix(".")
-        raise MeshError(path, "content", f"a complete and valid {kind} file", detail) from None
+        raise MeshError(path, "content", f"a complete and valid {kind} file", said) from None
     finally:
         logger.setLevel(level)
 
@@ -248,7 +251,7 @@ def standard_input(format_: str | None) -> tuple[Path, bytes]:
 
 
 def load_mesh(path: Path) -> MeshFile:
-    """A mesh file's content with its details, or standard input's for "-". Raises: as `load` and `standard_input`."""
+    """A mesh file with all that is kept, or standard input for "-". Raises: as `load` and `standard_input`."""
     piped, content = standard_input(None) if path == STANDARD else (path, None)
     return load(piped, "described.glb", content)
 
@@ -259,5 +262,5 @@ def _format_of(content: bytes | bytearray) -> str:
         return known.removeprefix(".")
     if len(content) == _HEAD + _TRIANGLE * int.from_bytes(content[_TRIANGLES], "little"):
         return "stl"
-    names = ", ".join(FORMATS[ending].name for ending in endings("begins"))
+    names = ", ".join(row.name for row in formats().values() if row.begins)
     raise MeshError(_SOURCE, "format", f"one of {names}, or --input-format", "another")

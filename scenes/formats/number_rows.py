@@ -55,9 +55,11 @@ class NumberRows:
         def work(block: int, _: int) -> None:
             first, end = blocks[block]
             most = (end - first) // 2 + 1
-            found, by_row = np.empty(most), np.empty(most, np.int64)
+            found = np.empty(most)
+            by_row = np.empty(most, np.int64)
             by_row = by_row[: read_rows(text, first, end, found, by_row)].copy()
-            numbers[block], counts[1 + block] = found[: by_row.sum()].copy(), by_row
+            numbers[block] = found[: by_row.sum()].copy()
+            counts[1 + block] = by_row
 
         run_blocks(len(blocks), 1, work, thread_count(None))
         return cls(data, np.concatenate([np.empty(0), *numbers]), np.cumsum(np.concatenate(counts)))
@@ -68,7 +70,8 @@ class NumberRows:
 
     def starting_with(self, word: bytes) -> Int64s:
         """The rows whose first word is this one, in letters of either case."""
-        rows, text = np.flatnonzero(np.isnan(self.numbers[self.bounds[:-1]])), np.frombuffer(self.data, np.uint8)
+        rows = np.flatnonzero(np.isnan(self.numbers[self.bounds[:-1]]))
+        text = np.frombuffer(self.data, np.uint8)
         for offset, letter in enumerate(word):
             places = self.words(self.bounds[rows]) + offset
             rows = rows[text[np.minimum(places, len(text) - 1)] | 32 == letter]

@@ -14,16 +14,17 @@ from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.opacity import AlphaSurface, Opacity
 from raytrace.types import Bools, Float64s, Int64s
 
+from .primitive_groups import primitive_groups
+
 if TYPE_CHECKING:
     from ao.falloff import Falloff
 
-    from .glb.pieces import Piece
     from .load import MeshFile
 
 _LISTED = 8  # names in a message
 
 
-class Chosen(NamedTuple):
+class ObjectSelection(NamedTuple):
     """What is baked of a mesh file."""
 
     mesh: Mesh  # with as many faces; those of excluded objects have no area, those that do not occlude alpha 0
@@ -67,25 +68,27 @@ class Chosen(NamedTuple):
 
     def parts(self) -> Iterator[tuple[Int64s, Mesh]]:
         """The groups of which some face gets w: their vertices in the mesh (k,), and the group as a mesh of its own."""
-        mesh, group = self.mesh, np.zeros(len(self.receive), np.int64) if self.group is None else self.group
+        mesh = self.mesh
+        group = np.zeros(len(self.receive), np.int64) if self.group is None else self.group
         order = np.argsort(group, kind="stable")
         for rows in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
             if self.receive[rows].any():
                 vertices, corners = np.unique(mesh.faces[rows], return_inverse=True)
                 normals = None if mesh.normals is None else mesh.normals[vertices]
-                own, opacity = corners.reshape(-1, 3), mesh.opacity and mesh.opacity.only(rows)
+                own = corners.reshape(-1, 3)
+                opacity = mesh.opacity and mesh.opacity.only(rows)
                 made = Mesh(mesh.vertices[vertices], own, normals, source=mesh.source, up=mesh.up, opacity=opacity)
                 yield vertices, made
 
 
-def choose(
+def select_objects(
     source: MeshFile,
     receive: Sequence[str] = (),
     cast: Sequence[str] = (),
     exclude: Sequence[str] = (),
     by: str = "all",
     lenient: bool = False,
-) -> Chosen:
+) -> ObjectSelection:
     """Choose objects by names or patterns of `fnmatch`, after a "!" those that do not match.
 
     Args:
@@ -99,7 +102,8 @@ def choose(
         check_type(each, (list, tuple), "options", name, "a list of names or patterns")
     if by not in ("all", "object", "name"):
         raise OptionError("by", "all, object or name", repr(by))
-    mesh, every = source.mesh, np.ones(len(source.mesh.faces), np.bool_)
+    mesh = source.mesh
+    every = np.ones(len(source.mesh.faces), np.bool_)
     excluded = _named(source, "exclude", exclude, lenient) if exclude else ~every
     received = (_named(source, "receive", receive) if receive else every) & ~excluded
     if not received.any():
@@ -112,22 +116,17 @@ def choose(
         of = np.where(_named(source, "cast", cast), known.of, len(known.surfaces))
         mesh = replace(mesh, opacity=replace(known, of=of, surfaces=(*known.surfaces, AlphaSurface(0.0))))
     if by == "all":
-        return Chosen(mesh, received)
-    group, numbers = np.zeros(len(mesh.faces), np.int64), dict[Hashable, int]()
-    for piece in _pieces(source):
+        return ObjectSelection(mesh, received)
+    group = np.zeros(len(mesh.faces), np.int64)
+    numbers = dict[Hashable, int]()
+    for piece in primitive_groups(source):
         group[piece.faces] = numbers.setdefault(getattr(piece.object, "name" if by == "name" else "key"), len(numbers))
-    return Chosen(mesh, received, group)
+    return ObjectSelection(mesh, received, group)
 
 
 def _without(mesh: Mesh, faces: Bools) -> Mesh:
     """The mesh with some faces, bool (m,), without an area."""
     return replace(mesh, faces=np.where(faces[:, None], mesh.faces[~faces][0, 0], mesh.faces))
-
-
-def _pieces(source: MeshFile) -> Iterator[Piece]:
-    from .glb.pieces import pieces  # slow imports
-
-    return pieces(source)
 
 
 def match(low: MeshFile, high: Sequence[MeshFile]) -> tuple[Int64s, Int64s]:
@@ -139,10 +138,11 @@ def match(low: MeshFile, high: Sequence[MeshFile]) -> tuple[Int64s, Int64s]:
     found = []
     for file, suffix in ((low, "_low"), *((each, "_high") for each in high)):
         of = np.full(len(file.mesh.vertices), -1)
-        for piece in _pieces(file):
+        for piece in primitive_groups(file):
             of[file.mesh.faces[piece.faces]] = numbers.setdefault(piece.object.name.partition(suffix)[0], len(numbers))
         found.append(of)
-    of_low, of_high = found[0], np.concatenate(found[1:])
+    of_low = found[0]
+    of_high = np.concatenate(found[1:])
     lacking = np.setdiff1d(of_low[of_low >= 0], of_high)
     if len(lacking):
         names = ", ".join([f"{name}_high" for name, number in numbers.items() if number in lacking][:_LISTED])
@@ -153,7 +153,7 @@ def match(low: MeshFile, high: Sequence[MeshFile]) -> tuple[Int64s, Int64s]:
 def _named(source: MeshFile, option: str, patterns: Sequence[str], lenient: bool = False) -> Bools:
     """The faces (m,) of objects that match any of the patterns."""
     found = np.zeros(len(source.mesh.faces), np.bool_)
-    objects = [(piece.object.name, piece.faces) for piece in _pieces(source)]
+    objects = [(piece.object.name, piece.faces) for piece in primitive_groups(source)]
     for pattern in patterns:
         wanted = pattern.removeprefix("!")
         matches = {name for name, _ in objects if name == wanted or fnmatchcase(name, wanted)}

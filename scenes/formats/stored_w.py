@@ -22,8 +22,6 @@ from raytrace.system.checks import check_regular
 from raytrace.types import AnyFloats, Float64s
 
 from ..geometry.instances import Instance
-from .gltf.asset import Gltf
-from .gltf.textures import Textures
 from .images import PROFILE
 from .load import joined_profile, mesh_errors, read_objects
 from .table import endings, format_of
@@ -33,6 +31,7 @@ if TYPE_CHECKING:
     from ao import Profile
 
     from ..falloffs import Scales
+    from .gltf.asset import Gltf
 
 _ARRAYS = {"profile", "half_distances", "radius"}
 _BESIDE = {"error": (), "flags": (), "bent_normals": (3,)}
@@ -72,7 +71,8 @@ def find_profile(path: Path) -> Profile | None:
     """The profile in a `.npz`, `.exr` or mesh file, or None. Raises: SceneError, MeshError: it cannot be read."""
     from ao import Profile
 
-    ending, found = path.suffix.lower(), None
+    ending = path.suffix.lower()
+    found = None
     if ending == ".npz":
         with _array_errors(path), path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             if set(arrays) >= _ARRAYS:
@@ -128,11 +128,14 @@ def unrepeated(vertices: npt.NDArray[Any], counts: tuple[int, ...]) -> int:
 
 def _of_gltf(instances: Sequence[Instance], asset: Gltf) -> list[AnyFloats | None]:
     """w of each drawn primitive: the attribute of a bake, or else the occlusion texture at the vertices."""
+    from .gltf.textures import Textures
+
     with mesh_errors(asset.path):
-        textures, found = Textures(asset), []
-        for piece, each in zip(asset.drawn, instances, strict=True):
+        textures = Textures(asset)
+        found = []
+        for drawn, each in zip(asset.drawn, instances, strict=True):
             found.append(each.w)
-            if each.w is None and (used := textures.of_occlusion(piece.primitive)):
+            if each.w is None and (used := textures.of_occlusion(drawn.primitive)):
                 uv, texture, strength = used
                 linear = np.empty((len(uv), 3))
                 sample_points(pack_textures([texture]), 0, uv, linear)

@@ -36,7 +36,10 @@ def menger(level: int, size: float, cuts: int) -> Mesh:
     """
     solid = _solid(level)
     count = solid.shape[0] * cuts
-    vertices, faces, normals, start = [], [], [], 0
+    vertices = []
+    faces = []
+    normals = []
+    start = 0
     for axis in range(3):
         for side in (1, -1):
             corners = _squares(np.moveaxis(solid, axis, 0), side, cuts)
@@ -78,16 +81,22 @@ def temple(fineness: float = 0.07) -> Mesh:
     roof = [(top + 0.2, 2 * half, 0.4), (top + 0.475, 2 * half + 0.4, 0.15), (top + 0.7, 2 * half - 0.6, 0.3)]
     blocks = [*steps, *roof, (floor + 0.45, np.array([1.5, 0.9]), 0.9)]
     boxes = [box((0, 0, middle), (*size, height), fineness) for middle, size, height in blocks]
-    x, y = (SPACING * (np.arange(count) - (count - 1) / 2) for count in COLUMNS)
-    ring = [(a, b) for a in x for b in y if abs(a) > x[-1] - 1e-9 or abs(b) > y[-1] - 1e-9]
-    columns = [part for position in ring for part in _column(*position, floor, fineness)]
+    columns = [part for position in _column_places() for part in _column(*position, floor, fineness)]
     ground = box((0, 0, -0.05), (*(2 * half + 3.0), 0.1), fineness * 2)
     return merge([ground, *boxes[:3], *columns, *boxes[3:]], source="temple").mesh
 
 
+def _column_places() -> list[tuple[float, float]]:
+    """A ring: the border of a grid."""
+    x = SPACING * (np.arange(COLUMNS[0]) - (COLUMNS[0] - 1) / 2)
+    y = SPACING * (np.arange(COLUMNS[1]) - (COLUMNS[1] - 1) / 2)
+    return [(a, b) for a in x for b in y if abs(a) > x[-1] - 1e-9 or abs(b) > y[-1] - 1e-9]
+
+
 def _column(x: float, y: float, floor: float, fineness: float) -> list[TexturedMesh]:
     """A shaft, its base and its capital."""
-    cap, side = 0.14, 2.6 * COLUMN_RADIUS
+    cap = 0.14
+    side = 2.6 * COLUMN_RADIUS
     shaft = tube((x, y, floor + cap), COLUMN_RADIUS, COLUMN_HEIGHT - 2 * cap, fineness)
     heights = floor + cap / 2, floor + COLUMN_HEIGHT - cap / 2
     return [shaft, *(box((x, y, height), (side, side, cap), fineness) for height in heights)]
@@ -103,7 +112,8 @@ class Solid(Parameters):
 
         Raises: OptionError: more than `MAX_TRIANGLES`. MemoryLimitError: they would not fit into memory.
         """
-        count, name = self.triangles(), type(self).__name__.lower()
+        count = self.triangles()
+        name = type(self).__name__.lower()
         if not count <= MAX_TRIANGLES:
             expected = f"a length that makes at most {MAX_TRIANGLES:,} triangles"
             raise OptionError("fineness", expected, f"{self._length():g}", name)

@@ -13,7 +13,7 @@ from raytrace import InputError, Mesh, MeshError, Opacity
 from raytrace.system.checks import check_memory
 from raytrace.types import Float64s, Int64s
 
-from .detail import Detail
+from .attributes import SourceAttributes
 
 if TYPE_CHECKING:
     from ao import Profile
@@ -32,7 +32,7 @@ class Instance:
     normals: npt.NDArray[Any] | None = None  # (n, 3) numbers per vertex in the object's own frame, or None
     matrix: Float64s | None = None  # (4, 4) affine map to the world for column vectors, or None for the identity
     notes: tuple[str, ...] = ()  # warnings about the object
-    detail: Detail | None = None  # what else the file holds of the object, if that was asked for
+    attributes: SourceAttributes | None = None  # what else the file holds of the object, if that was asked for
     unread: tuple[str, ...] = ()  # what the file holds and nobody reads, in words
     w: npt.NDArray[Any] | None = None  # (n,) obscurance that a bake has left in the file, unchecked, or None
     profile: Profile | None = None  # that a bake has left in the file, or None
@@ -75,42 +75,58 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Sub
     A mirroring matrix (negative determinant) reverses the winding of its faces, so that an outside stays an outside.
     Normals go by the inverse transpose; where only some instances have normals, the rest is NaN. Raises: MeshError.
     """
-    parts: list[Submesh] = []
-    vertex = face = 0
-    for placed in instances:
-        first = vertex, face
-        vertex, face = vertex + len(placed.vertices), face + len(placed.faces)
-        parts.append(Submesh(placed.name, slice(first[0], vertex), slice(first[1], face)))
-    more: dict[str, Any] = {"source": source, "up": instances[0].up if instances else None}
+    parts = _parts(instances)
+    up = instances[0].up if instances else None
     if len(instances) == 1 and instances[0].matrix is None:
         only = instances[0]
-        more |= {"opacity": only.opacity, "polygons": only.polygons}
-        return Mesh(only.vertices, only.faces, only.normals, **more), tuple(parts)
-    vertices, faces = np.empty((vertex, 3)), np.empty((face, 3), np.int64)
+        mesh = Mesh(
+            only.vertices, only.faces, only.normals, source=source, opacity=only.opacity, polygons=only.polygons, up=up
+        )
+        return mesh, parts
+    vertices = np.empty((parts[-1].vertices.stop if parts else 0, 3))
+    faces = np.empty((parts[-1].faces.stop if parts else 0, 3), np.int64)
     has_normals = any(placed.normals is not None for placed in instances)
-    normals = np.full((vertex, 3), np.nan) if has_normals else None
+    normals = np.full(vertices.shape, np.nan) if has_normals else None
+    opacities: list[Opacity | None] = []
     for placed, part in zip(instances, parts, strict=True):
         matrix = np.eye(4) if placed.matrix is None else placed.matrix
         linear = matrix[:3, :3]
+        is_mirrored = placed.matrix is not None and bool(np.linalg.det(linear) < 0)
         vertices[part.vertices] = placed.vertices @ linear.T + matrix[:3, 3]
         # Indices are checked against the object's own vertices: shifted ones could fall into a neighbour's range.
-        checked = Mesh(vertices[part.vertices], placed.faces, source=f"{source}: {placed.name}")
-        faces[part.faces] = (checked.faces[:, ::-1] if _is_mirrored(placed) else checked.faces) + part.vertices.start
+        checked = Mesh(vertices[part.vertices], placed.faces, source=f"{source}: {placed.name}").faces
+        faces[part.faces] = (checked[:, ::-1] if is_mirrored else checked) + part.vertices.start
         if normals is not None and placed.normals is not None:
-            normals[part.vertices] = placed.normals @ cofactors(linear).T * (-1 if _is_mirrored(placed) else 1)
-    turned = [each.opacity.reversed() if each.opacity and _is_mirrored(each) else each.opacity for each in instances]
-    more["opacity"] = Opacity.joined(turned, [len(placed.faces) for placed in instances])
-    if any(placed.polygons is not None for placed in instances):
-        own = [np.arange(len(placed.faces)) if placed.polygons is None else placed.polygons for placed in instances]
-        more["polygons"] = np.concatenate([part.faces.start + each for part, each in zip(parts, own, strict=True)])
-    return Mesh(vertices, faces, normals, **more), tuple(parts)
+            normals[part.vertices] = placed.normals @ cofactors(linear).T * (-1 if is_mirrored else 1)
+        opacities.append(placed.opacity.reversed() if placed.opacity and is_mirrored else placed.opacity)
+    opacity = Opacity.joined(opacities, [len(placed.faces) for placed in instances])
+    polygons = _polygons(instances, parts)
+    return Mesh(vertices, faces, normals, source=source, opacity=opacity, polygons=polygons, up=up), parts
+
+
+def _parts(instances: Sequence[Instance]) -> tuple[Submesh, ...]:
+    """Where each instance is in a mesh of all, one after the other."""
+    parts = []
+    vertex = 0
+    face = 0
+    for placed in instances:
+        vertices = slice(vertex, vertex + len(placed.vertices))
+        faces = slice(face, face + len(placed.faces))
+        parts.append(Submesh(placed.name, vertices, faces))
+        vertex = vertices.stop
+        face = faces.stop
+    return tuple(parts)
+
+
+def _polygons(instances: Sequence[Instance], parts: Sequence[Submesh]) -> Int64s | None:
+    """The polygon of each face of a mesh of all, or None if all are triangles."""
+    if all(placed.polygons is None for placed in instances):
+        return None
+    own = [np.arange(len(placed.faces)) if placed.polygons is None else placed.polygons for placed in instances]
+    return np.concatenate([part.faces.start + polygons for part, polygons in zip(parts, own, strict=True)])
 
 
 def cofactors(linear: Float64s) -> Float64s:
     """The cofactor matrices of (…, 3, 3), det · inverse transpose, which exist for flattening ones too."""
     x, y, z = np.moveaxis(linear, -2, 0)
     return np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=-2)
-
-
-def _is_mirrored(placed: Instance) -> bool:
-    return placed.matrix is not None and bool(np.linalg.det(placed.matrix[:3, :3]) < 0)

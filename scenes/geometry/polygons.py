@@ -76,42 +76,53 @@ def triangulate(
     if (lengths == 3).all():
         return Triangulation(counts, 0, None)
     starts = np.cumsum(lengths) - lengths
-    diagonal: list[Int64s] = []
+    other_diagonal: list[Int64s] = []
     clipped: dict[int, Int64s] = {}
-    crossing, work = 0, 0.0
-    if _usable(vertices, corners):
-        for polygons in _blocks(_doubtful(vertices, corners, starts, lengths), lengths):
-            own = lengths[polygons]
-            ends = np.cumsum(own)
-            rows = np.repeat(starts[polygons] - (ends - own), own) + np.arange(ends[-1])
-            points = vertices[corners[rows]].astype(np.float64)
-            seen = _view(points, own)
-            four = np.flatnonzero(~seen.fills & (own == 4))
-            others = points[(ends - own)[four][:, None] + [1, 2, 3, 0]].reshape(-1, 3)
-            fills = _view(others, own[four]).fills if len(four) else np.empty(0, np.bool_)
-            diagonal.append(polygons[four[fills]])
-            concave = np.flatnonzero(~seen.fills & (own > 4))
-            crossing += int((~fills).sum())
-            work += float((own[concave].astype(np.float64) ** 2).sum())
-            if work > MAX_EAR_WORK + _EAR_WORK_PER_CORNER * len(corners):
-                limit = f"concave polygons of at most {int(MAX_EAR_WORK**0.5):,} corners, of fewer if there are many"
-                raise MeshError(source, "faces", limit, f"one of {int(own[concave].max()):,}")
-            for row in concave.tolist():
-                offsets = seen.offsets[ends[row] - own[row] : ends[row]]
-                clipped[int(polygons[row])], fits = _clip(offsets, seen.normals[row], float(seen.areas[row]))
-                crossing += not fits
+    crossing = 0
+    work = 0.0
+    for polygons in _blocks(_doubtful(vertices, corners, starts, lengths), lengths):
+        own_lengths = lengths[polygons]
+        ends = np.cumsum(own_lengths)
+        begins = ends - own_lengths
+        rows = np.repeat(starts[polygons] - begins, own_lengths) + np.arange(ends[-1])
+        points = vertices[corners[rows]].astype(np.float64)
+        seen = _view(points, own_lengths)
+        # Four corners that no fan about the first fills: one about the second, which is the other diagonal.
+        four = np.flatnonzero(~seen.fills & (own_lengths == 4))
+        from_second = points[begins[four][:, None] + [1, 2, 3, 0]].reshape(-1, 3)
+        fills = _view(from_second, own_lengths[four]).fills if len(four) else np.empty(0, np.bool_)
+        other_diagonal.append(polygons[four[fills]])
+        crossing += int((~fills).sum())
+        # More corners: ears are clipped.
+        concave = np.flatnonzero(~seen.fills & (own_lengths > 4))
+        work += float((own_lengths[concave].astype(np.float64) ** 2).sum())
+        if work > MAX_EAR_WORK + _EAR_WORK_PER_CORNER * len(corners):
+            limit = f"concave polygons of at most {int(MAX_EAR_WORK**0.5):,} corners, of fewer if there are many"
+            raise MeshError(source, "faces", limit, f"one of {int(own_lengths[concave].max()):,}")
+        for row in concave.tolist():
+            offsets = seen.offsets[begins[row] : ends[row]]
+            clipped[int(polygons[row])], fits = _clip(offsets, seen.normals[row], float(seen.areas[row]))
+            crossing += not fits
     counts[list(clipped)] = [len(local) for local in clipped.values()]
+    return Triangulation(counts, crossing, _places(starts, counts, clipped, other_diagonal))
+
+
+def _places(starts: Int64s, counts: Int64s, clipped: dict[int, Int64s], other_diagonal: list[Int64s]) -> Int64s:
+    """Triangles (m, 3) in the list of corners: fans about the first corners but for some polygons.
+
+    Args: clipped: triangles of polygons by their numbers. other_diagonal: numbers of quadrilaterals.
+    """
     begins = np.cumsum(counts) - counts
     step = np.arange(counts.sum()) - np.repeat(begins, counts)
     first = np.repeat(starts, counts)
     places = np.stack([first, first + step + 1, first + step + 2], axis=1)
     for polygon, local in clipped.items():
         places[begins[polygon] : begins[polygon] + len(local)] = starts[polygon] + local
-    if diagonal:
-        other = np.concatenate(diagonal)
+    if other_diagonal:
+        quadrilaterals = np.concatenate(other_diagonal)
         for row, turned in enumerate(([1, 2, 3], [1, 3, 0])):
-            places[begins[other] + row] = starts[other][:, None] + turned
-    return Triangulation(counts, crossing, places)
+            places[begins[quadrilaterals] + row] = starts[quadrilaterals][:, None] + turned
+    return places
 
 
 def _clip(offsets: Float64s, normal: Float64s, area: float) -> tuple[Int64s, bool]:
@@ -126,8 +137,9 @@ def _clip(offsets: Float64s, normal: Float64s, area: float) -> tuple[Int64s, boo
     if not len(local):
         fan = np.arange(1, len(flat) - 1)
         return np.stack([0 * fan, fan, fan + 1], axis=1), False
-    a, b, c = (flat[local[:, corner]] for corner in range(3))
-    covered = float(np.abs(np.linalg.det(np.stack([b - a, c - a], axis=1))).sum())
+    first = flat[local[:, 0]]
+    edges = np.stack([flat[local[:, 1]] - first, flat[local[:, 2]] - first], axis=1)
+    covered = float(np.abs(np.linalg.det(edges)).sum())
     return local, abs(covered - area) <= _OVERLAP * covered
 
 
@@ -179,16 +191,21 @@ def _usable(vertices: npt.NDArray[Any], corners: AnyInts) -> bool:
 
 
 def _doubtful(vertices: npt.NDArray[Any], corners: AnyInts, starts: Int64s, sizes: Int64s) -> Int64s:
-    """Numbers of the polygons of more than three corners, but for quadrilaterals whose two triangles face one way."""
+    """Numbers of the polygons of more than three corners, but for quadrilaterals whose two triangles face one way; none
+    where an index or a coordinate is invalid."""
+    if not _usable(vertices, corners):
+        return np.empty(0, np.int64)
     doubtful = sizes > 3
     four = np.flatnonzero(sizes == 4)
     for block in np.split(four, range(_BLOCK, len(four), _BLOCK)):
-        places = corners[starts[block]], *(corners[starts[block] + n] for n in (1, 2, 3))
-        first, *others = (vertices[place].astype(np.float64).T for place in places)
-        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (other - first for other in others)
-        with np.errstate(over="ignore", invalid="ignore"):
-            facing = (ay * bz - az * by) * (by * cz - bz * cy) + (az * bx - ax * bz) * (bz * cx - bx * cz)
-            facing += (ax * by - ay * bx) * (bx * cy - by * cx)
+        first = vertices[corners[starts[block]]].astype(np.float64).T
+        a = vertices[corners[starts[block] + 1]].astype(np.float64).T - first
+        b = vertices[corners[starts[block] + 2]].astype(np.float64).T - first
+        c = vertices[corners[starts[block] + 3]].astype(np.float64).T - first
+        with np.errstate(over="ignore", invalid="ignore"):  # (a × b) · (b × c)
+            facing = (a[1] * b[2] - a[2] * b[1]) * (b[1] * c[2] - b[2] * c[1])
+            facing += (a[2] * b[0] - a[0] * b[2]) * (b[2] * c[0] - b[0] * c[2])
+            facing += (a[0] * b[1] - a[1] * b[0]) * (b[0] * c[1] - b[1] * c[0])
         doubtful[block] = ~(facing > 0)
     return np.flatnonzero(doubtful)
 

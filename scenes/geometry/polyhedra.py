@@ -7,15 +7,9 @@ import numpy.typing as npt
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s, Int64s
 
 RawMesh = tuple[Float64s, Int64s]
-
-
-def raw_mesh(mesh: Mesh) -> RawMesh:
-    """The vertices, to be changed at will, and the faces of a mesh."""
-    return np.array(mesh.vertices), mesh.faces
 
 
 def join(parts: Iterable[RawMesh]) -> RawMesh:

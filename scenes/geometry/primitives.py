@@ -44,7 +44,9 @@ def merge(pieces: Sequence[TexturedMesh], source: str) -> TexturedMesh:
 
 def plane(corner: npt.ArrayLike, along: npt.ArrayLike, across: npt.ArrayLike, fineness: float) -> TexturedMesh:
     """A parallelogram with normal along × across, cut into triangles with legs of at most `fineness`."""
-    start, s_side, t_side = (np.asarray(vector, np.float64) for vector in (corner, along, across))
+    start = np.asarray(corner, np.float64)
+    s_side = np.asarray(along, np.float64)
+    t_side = np.asarray(across, np.float64)
     normal = normalize(np.cross(s_side, t_side))
 
     def surface(s: Float64s, t: Float64s) -> tuple[Float64s, Float64s]:
@@ -55,7 +57,8 @@ def plane(corner: npt.ArrayLike, along: npt.ArrayLike, across: npt.ArrayLike, fi
 
 
 def box(centre: npt.ArrayLike, size: npt.ArrayLike, fineness: float) -> TexturedMesh:
-    sides, extent = [], np.asarray(size, np.float64)
+    sides = []
+    extent = np.asarray(size, np.float64)
     for axis in range(3):
         along, across = np.diag(extent)[[axis - 2, axis - 1]]
         low = np.asarray(centre, np.float64) - extent / 2
@@ -97,7 +100,8 @@ def cylinder(radius: float, height: float, fineness: float) -> TexturedMesh:
 
         return surface
 
-    around, rings = _around(radius, fineness), max(int(np.ceil(radius / fineness)), 1)
+    around = _around(radius, fineness)
+    rings = max(int(np.ceil(radius / fineness)), 1)
     caps = [_patch(cap(side), around, rings, "cap") for side in (1.0, -1.0)]
     return merge([tube((0, 0, -height / 2), radius, height, fineness), *caps], source="cylinder")
 
@@ -117,9 +121,14 @@ def _patch(
 ) -> TexturedMesh:
     """A surface given by points and unit normals (…, 3) of s and t (…, 1) in [0, 1], facing ∂s × ∂t."""
     s, t = np.meshgrid(np.linspace(0, 1, rows + 1), np.linspace(0, 1, columns + 1), indexing="ij")
-    points, normals = (values.reshape(-1, 3) for values in surface(s[..., None], t[..., None]))
+    stacked_points, stacked_normals = surface(s[..., None], t[..., None])
+    points = stacked_points.reshape(-1, 3)
+    normals = stacked_normals.reshape(-1, 3)
     index = np.arange((rows + 1) * (columns + 1)).reshape(rows + 1, columns + 1)
-    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
+    a = index[:-1, :-1]
+    b = index[1:, :-1]
+    c = index[1:, 1:]
+    d = index[:-1, 1:]
     faces = np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], axis=2).reshape(-1, 3)
     corners = points[faces]
     distinct = (corners != np.roll(corners, 1, axis=1)).any(axis=2).all(axis=1)

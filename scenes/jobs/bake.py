@@ -139,17 +139,17 @@ class MeshBake(Record, ABC):
             raise ConflictError("up", "needs", f"--ground, --debug-image or {', '.join(standing)}: else w is the same")
 
     def sources_of(self, source: MeshFile) -> Sources:
-        """What is baked for `source`. Raises: InputError: of a file; OptionError: as `ao.ground` and `choose`."""
+        """What is baked for `source`. Raises: InputError: of a file; OptionError: as `ground`, `select_objects`."""
         from ao.points.occluders import joined
 
-        from ..formats.objects import choose, match
+        from ..formats.objects import match, select_objects
 
         names, given = self.match_names, (self.high, self.occluder)
         high, walls = ([load(path, alpha=self.alpha == "auto", names=names) for path in each or ()] for each in given)
         fine = joined([each.mesh for each in high], all_normals=True) if high else None
         cage = load(self.cage) if isinstance(self.cage, Path) else None
         by_name = self.receive or (), self.cast or (), self.exclude or ()
-        chosen = choose(source, *by_name, self.occluded_by, self.output_dir is not None)
+        chosen = select_objects(source, *by_name, self.occluded_by, self.output_dir is not None)
         ground = [ao.ground(chosen.mesh, self.ground_height())] if self.ground else []
         occluders = [*(each.mesh for each in walls), *ground]
         arguments = {"high": fine, "groups": match(source, high) if names else None, "occluders": occluders}

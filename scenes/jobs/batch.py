@@ -154,7 +154,7 @@ def _note(entry: Entry, outcome: Outcome) -> None:
 def _read_by(bake: MeshBake) -> list[Path]:
     """The files that a bake reads: in its options, and files that a .gltf or .obj names."""
     from ..formats.gltf.asset import Gltf  # slow imports
-    from ..formats.obj.detail import named_files
+    from ..formats.obj.mtl import named_files
 
     files = bake.inputs()
     for path in [*files]:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from raytrace.mesh.mesh import Mesh
 
     from ..formats.load import MeshFile
-    from ..formats.objects import Chosen
+    from ..formats.objects import ObjectSelection
 
 MANIFEST = "manifest.json"
 
@@ -27,7 +27,7 @@ class Sources(NamedTuple):
     """The files of a bake."""
 
     source: MeshFile
-    chosen: Chosen  # of the source
+    chosen: ObjectSelection  # of the source
     fine: Mesh | None  # the finer meshes as one
     occluders: list[Mesh]  # besides
     arguments: dict[str, Any]  # those of `ao.bake` and `ao.bake_texture` beside the mesh

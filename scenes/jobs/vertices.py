@@ -44,7 +44,7 @@ class BakeCommand(MeshBake):
         return WorkSize(points, "vertices", needed)
 
     def bake(self, falloff: ao.Falloff) -> Iterator[Written]:
-        from ..formats.losses import lost
+        from ..formats.unsupported import unsupported_features
 
         start = time.perf_counter()
         source = self.read()
@@ -52,7 +52,7 @@ class BakeCommand(MeshBake):
         check_outputs(self.outputs(), sources.files)
         loaded = time.perf_counter()
         inputs = self.hashed(sources.files)
-        losses = lost(self.output, source, channels(self.output, **self._channels()))
+        losses = unsupported_features(self.output, source, channels(self.output, **self._channels()))
         warnings = warn(sources.meshes, [*sources.notes, *losses], falloff)
         with self.checkpoint(self.output) as checkpoint:
             with progress(self.quiet, "rays", form=self.progress, status=checkpoint.status) as (advance,):

@@ -13,7 +13,7 @@ import numpy as np
 from raytrace import AmbientLight, Camera, DirectionalLight, Lambert, Mesh, Object, Scene, Settings, Shape
 from raytrace.types import AnyFloats
 
-from ..geometry.detail import split_creases
+from ..geometry.corners import split_creases
 
 Scheme = Literal["dark", "light"]
 FIELD_OF_VIEW = 35.0

@@ -36,7 +36,7 @@ BINARY_RATE, EXPONENTIAL_RATE = 0.75, 0.85  # the powers of the number of rays b
 
 
 @dataclass(frozen=True, eq=False)
-class Setting:
+class ValidationCase:
     """A scene of known w, for any falloff in `falloffs`.
 
     Attributes:
@@ -73,7 +73,8 @@ class Setting:
         if (exact == 1.0).all():
             target, fall = 0.0, 0.0
         elif self.certain or closed:
-            target, fall = ZERO_VARIANCE_TARGET, 0.0
+            target = ZERO_VARIANCE_TARGET
+            fall = 0.0
         options = {"normals": self.normals, **self.options}
         own_error = self.missing * float(1.0 - mu(self.beyond)), float(np.abs(exact - other).max())
         return Configuration(self.name, self.mesh, self.points, falloff, options, exact, target, fall, *own_error)
@@ -81,7 +82,7 @@ class Setting:
 
 @dataclass(frozen=True, eq=False)
 class Configuration:
-    """One line of the validation table, see `Setting`.
+    """One line of the validation table, see `ValidationCase`.
 
     Attributes:
         options: of `ao.bake`, `normals` among them. exact: float64 (k,), w of the closed form at `points`.

@@ -15,13 +15,13 @@ from ao.falloff import Binary, Exponential, Falloff, Linear, Smooth
 from raytrace.types import Int64s
 
 from ..geometry.polyhedra import RawMesh, icosphere, inscribed_radius, join, patches, polygon, prism
-from .configurations import BOTH, ClosedForm, Setting, closed_form, posed
+from .configurations import BOTH, ClosedForm, ValidationCase, closed_form, posed
 
 SUBDIVISIONS, SIDES, LENGTH = 5, 512, 200.0
 AT_ORIGIN = [(0.0, 0.0, 0.0)]
 
 
-def curved_settings() -> list[Setting]:
+def curved_cases() -> list[ValidationCase]:
     sphere = icosphere(SUBDIVISIONS)
     return [
         _dome(sphere),
@@ -37,7 +37,7 @@ def curved_settings() -> list[Setting]:
     ]
 
 
-def _setting(
+def _case(
     name: str,
     seed: int,
     part: RawMesh,
@@ -48,26 +48,28 @@ def _setting(
     missing: float = 0.0,
     certain: bool = False,
     **options: Any,
-) -> Setting:
+) -> ValidationCase:
     """A part with normals at its receivers and none elsewhere: the stand-in's other vertices need no bake.
 
-    Args: receivers: rows and normals. bounds: exact w, and that of the smaller shape in `part` (`Setting.bracket`).
+    Args: receivers: rows and normals. bounds: exact w, and w of the smaller shape in `part`.
     """
-    points, own = receivers[0], np.full((len(part[0]), 3), np.nan)
+    points = receivers[0]
+    own = np.full((len(part[0]), 3), np.nan)
     own[points] = receivers[1]
     known = missing, LENGTH / 2, bounds[1], certain, options
-    return Setting(name, posed(part, seed, own, source=name), points, bounds[0], falloffs, "file", *known)
+    return ValidationCase(name, posed(part, seed, own, source=name), points, bounds[0], falloffs, "file", *known)
 
 
 def _above_plane(
     name: str, seed: int, points: Sequence[tuple[float, float, float]], part: RawMesh, *about: Any, **options: Any
-) -> Setting:
-    """`_setting` of receivers in the plane z = 0 under `part`, whose own vertices are not baked."""
-    rows, joint = 3 * np.arange(len(points)), join([patches(points), part])
-    return _setting(name, seed, joint, (rows, (0.0, 0.0, 1.0)), *about, **options)
+) -> ValidationCase:
+    """`_case` of receivers in the plane z = 0 under `part`, whose own vertices are not baked."""
+    rows = 3 * np.arange(len(points))
+    joint = join([patches(points), part])
+    return _case(name, seed, joint, (rows, (0.0, 0.0, 1.0)), *about, **options)
 
 
-def _dome(sphere: RawMesh) -> Setting:
+def _dome(sphere: RawMesh) -> ValidationCase:
     radius = 1.5
     vertices, faces = sphere
     cap = faces[vertices[faces][:, :, 2].max(axis=1) > -0.1]
@@ -78,11 +80,13 @@ def _dome(sphere: RawMesh) -> Setting:
     return _above_plane("dome", 30, AT_ORIGIN, (radius * vertices, cap), bounds, falloffs, certain=True)
 
 
-def _disk(radius: float, height: float, seed: int, name: str = "coaxial disk", **options: Any) -> Setting:
+def _disk(radius: float, height: float, seed: int, name: str = "coaxial disk", **options: Any) -> ValidationCase:
     angle = 2 * pi * np.arange(SIDES) / SIDES
     rim = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(SIDES, height)], axis=-1)
     reach = 0.5 * (height + hypot(radius, height))
-    inner, spread, part = radius * cos(pi / SIDES), options.get("spread", 180.0), polygon(rim)
+    inner = radius * cos(pi / SIDES)
+    spread = options.get("spread", 180.0)
+    part = polygon(rim)
     if "back_faces" in options:
         part = join([(part[0], part[1][:, ::-1]), polygon(0.5 * rim)])
     bounds = [closed_form(partial(analytic.disk, spread=spread), (height, r)) for r in (radius, inner)]
@@ -90,7 +94,7 @@ def _disk(radius: float, height: float, seed: int, name: str = "coaxial disk", *
     return _above_plane(name, seed, AT_ORIGIN, part, bounds, falloffs, **options)
 
 
-def _sphere_above(sphere: RawMesh) -> Setting:
+def _sphere_above(sphere: RawMesh) -> ValidationCase:
     radius, height, offsets = 0.8, 1.0, (0.0, 0.6, 1.5)
     inner = radius * inscribed_radius(sphere)
     points = [(x * cos(k), x * sin(k), 0.0) for k, x in enumerate(offsets)]
@@ -122,13 +126,15 @@ def _seen_from_within(weight: Callable[[float, float], float], radius: float, in
     return w
 
 
-def _inside_sphere(sphere: RawMesh, thickness: bool = False) -> Setting:
-    radius, outwards = 0.5, 1 if thickness else -1
-    inner, points = radius * inscribed_radius(sphere), np.arange(0, len(sphere[0]), len(sphere[0]) // 16)
+def _inside_sphere(sphere: RawMesh, thickness: bool = False) -> ValidationCase:
+    radius = 0.5
+    outwards = 1 if thickness else -1
+    inner = radius * inscribed_radius(sphere)
+    points = np.arange(0, len(sphere[0]), len(sphere[0]) // 16)
     part, normals = (radius * sphere[0], sphere[1][:, ::outwards]), outwards * sphere[0][points]
     least = _seen_from_within(lambda a, depth: exp(-depth) * 2 * sin(a) * cos(a), radius, inner)
     about = (points, normals), (closed_form(analytic.inside_sphere, (radius,)), least), (*BOTH, Exponential(tau=5.0))
-    return _setting("thickness of a ball" if thickness else "inside a sphere", 34, part, *about, thickness=thickness)
+    return _case("thickness of a ball" if thickness else "inside a sphere", 34, part, *about, thickness=thickness)
 
 
 def _missing(reach: float) -> float:
@@ -140,17 +146,18 @@ def _missing(reach: float) -> float:
     return 2 * (2 * reach / LENGTH) ** 3
 
 
-def _inside_cylinder() -> Setting:
+def _inside_cylinder() -> ValidationCase:
     radius = 0.5
-    inner, points = radius * cos(pi / SIDES), SIDES + np.arange(0, SIDES, SIDES // 16)
+    inner = radius * cos(pi / SIDES)
+    points = SIDES + np.arange(0, SIDES, SIDES // 16)
     vertices, faces = prism(SIDES, LENGTH / radius, 3)
     part, normals = (radius * vertices, faces[:, ::-1]), -vertices[points]
     least = _seen_from_within(lambda a, depth: 4 / pi * cos(a) * bickley(3, depth), radius, inner)
     about = (points, normals), (closed_form(analytic.inside_cylinder, (radius,)), least), (*BOTH, Exponential(tau=5.0))
-    return _setting("inside a cylinder", 35, part, *about, missing=_missing(2 * radius))
+    return _case("inside a cylinder", 35, part, *about, missing=_missing(2 * radius))
 
 
-def _cylinder() -> Setting:
+def _cylinder() -> ValidationCase:
     radius, height, offsets = 0.4, 0.6, (0.0, 0.5, -1.5)
     inner = radius * cos(pi / SIDES)
     vertices, faces = prism(SIDES, LENGTH / radius)

@@ -10,7 +10,7 @@ from ao.falloff import Binary, Exponential, Falloff, Linear, Smooth
 from raytrace.types import Float64s
 
 from ..geometry.polyhedra import generic_rotation, hull, icosphere, join, patches, polygon
-from .configurations import BOTH, ClosedForm, Setting, closed_form, posed
+from .configurations import BOTH, ClosedForm, ValidationCase, closed_form, posed
 
 _Point = tuple[float, float, float]
 UP = np.array([0.0, 0.0, 1.0])
@@ -21,7 +21,7 @@ NEAR = 60.0  # exponential ones: e^(−τ·NEAR) of that
 TRIANGLE_SEEDS = (0, 1, 2, 3, 6, 7)
 
 
-def flat_settings() -> list[Setting]:
+def flat_cases() -> list[ValidationCase]:
     return [
         *_open(),
         _ceiling(),
@@ -35,7 +35,7 @@ def flat_settings() -> list[Setting]:
     ]
 
 
-def _setting(
+def _case(
     points: list[_Point],
     name: str,
     occluders: list[Float64s],
@@ -45,7 +45,7 @@ def _setting(
     beyond: float = inf,
     patch: float = 0.1,
     seed: int | None = None,
-) -> Setting:
+) -> ValidationCase:
     """Receivers in the plane z = 0 under convex polygons.
 
     Args: exact: None: by Lambert's formula, which else measures what an infinite truth misses.
@@ -54,7 +54,7 @@ def _setting(
     open_parts = 1.0 - np.array([sum(polygon_form_factor(each, p, UP) for each in occluders) for p in points])
     missing = float(np.abs(np.subtract(exact(None, inf), open_parts)).max()) if exact and beyond < inf else 0.0
     rows = 3 * np.arange(len(points))
-    return Setting(name, mesh, rows, exact or (lambda *_: open_parts), falloffs, missing=missing, beyond=beyond)
+    return ValidationCase(name, mesh, rows, exact or (lambda *_: open_parts), falloffs, missing=missing, beyond=beyond)
 
 
 def _rectangle(corner: _Point, u: _Point, v: _Point) -> Float64s:
@@ -62,7 +62,7 @@ def _rectangle(corner: _Point, u: _Point, v: _Point) -> Float64s:
     return np.array([a, a + b, a + b + c, a + c])
 
 
-def _open() -> list[Setting]:
+def _open() -> list[ValidationCase]:
     directions = np.random.default_rng(1).normal(size=(40, 3))
     shapes = {
         "plane": patches(np.random.default_rng(0).normal(size=(8, 3)) * [1.0, 1.0, 0.0], 0.5),
@@ -72,23 +72,24 @@ def _open() -> list[Setting]:
         "convex hull": hull(directions / np.linalg.norm(directions, axis=1, keepdims=True) * [1.0, 0.7, 0.2]),
     }
     return [
-        Setting(
+        ValidationCase(
             f"nothing above: {shape}", posed(part, seed, source=shape), np.arange(len(part[0])), lambda *_: 1.0, BOTH
         )
         for seed, (shape, part) in enumerate(shapes.items())
     ]
 
 
-def _ceiling() -> Setting:
+def _ceiling() -> ValidationCase:
     size, height = 100.0, 0.7
     slab = _rectangle((-size, -size, height), (2 * size, 0, 0), (0, 2 * size, 0))
     limits = (Binary(2 * height), Exponential(tau=1.0, max_distance=2 * height), Binary(0.9 * height))
     falloffs = (*BOTH, Exponential(tau=5.0), *limits, Linear(2 * height), Smooth(3 * height))
-    exact, points = closed_form(analytic.ceiling, (height,)), [(0.0, 0.0, 0.0), (3.0, -2.0, 0.0)]
-    return _setting(points, "ceiling", [slab], exact, falloffs, beyond=size - 3.0, patch=1.0, seed=10)
+    exact = closed_form(analytic.ceiling, (height,))
+    points = [(0.0, 0.0, 0.0), (3.0, -2.0, 0.0)]
+    return _case(points, "ceiling", [slab], exact, falloffs, beyond=size - 3.0, patch=1.0, seed=10)
 
 
-def _walls(extent: float, falloffs: tuple[Falloff, ...]) -> list[Setting]:
+def _walls(extent: float, falloffs: tuple[Falloff, ...]) -> list[ValidationCase]:
     points = [(0.5, 0.5, 0.0), (1.0, 0.4, 0.0)]
     tall = _rectangle((0, -extent, 0), (0, 2 * extent, 0), (0, 0, extent))
     quarter = [_rectangle((0, 0, 0), along, (0, 0, extent)) for along in ((extent, 0, 0), (0, extent, 0))]
@@ -102,45 +103,52 @@ def _walls(extent: float, falloffs: tuple[Falloff, ...]) -> list[Setting]:
         side = _rectangle((0, -extent, 0), (0, 2 * extent, 0), (extent * cos(angle), 0, extent * sin(angle)))
         exact = closed_form(analytic.groove, *((angle, x) for x, _, _ in points))
         rows.append((f"V-groove of {degrees}°", [side], exact, falloffs))
-    beyond, patch = extent - 2.0, 0.3 * extent
-    return [_setting(points, *row, beyond=beyond, patch=patch, seed=seed) for seed, row in enumerate(rows, 11)]
+    beyond = extent - 2.0
+    patch = 0.3 * extent
+    return [_case(points, *row, beyond=beyond, patch=patch, seed=seed) for seed, row in enumerate(rows, 11)]
 
 
-def _trenches() -> list[Setting]:
+def _trenches() -> list[ValidationCase]:
     length, depth, width = 20.0, 0.8, 1.0
-    left, right = (_rectangle((x, -length, 0), (0, 2 * length, 0), (0, 0, depth)) for x in (0, width))
+    left = _rectangle((0, -length, 0), (0, 2 * length, 0), (0, 0, depth))
+    right = _rectangle((width, -length, 0), (0, 2 * length, 0), (0, 0, depth))
     falloffs = (Binary(), Exponential(tau=2.0), Binary(0.9), Exponential(tau=2.0, max_distance=0.9), Linear(0.9))
     points = [(0.25, 0.0, 0.0), (0.5, 1.0, 0.0), (0.9, -1.0, 0.0)]
     trench = closed_form(analytic.trench, *((x, width - x, depth) for x, _, _ in points))
     wall = closed_form(analytic.wall, *((width - x, depth) for x, _, _ in points))
     return [
-        _setting(points, "trench", [right, left], trench, falloffs, beyond=length - 1),
-        _setting(points, "wall", [right], wall, falloffs, beyond=length - 1, seed=16),
+        _case(points, "trench", [right, left], trench, falloffs, beyond=length - 1),
+        _case(points, "wall", [right], wall, falloffs, beyond=length - 1, seed=16),
     ]
 
 
-def _boxes() -> list[Setting]:
-    cube = (0.5, 0.5, 0.5, 0.5), 1.0
+def _boxes() -> list[ValidationCase]:
+    cube = ((0.5, 0.5, 0.5, 0.5), 1.0)
     limited = (Binary(0.7), Exponential(tau=1.0, max_distance=0.8), Exponential(tau=1.0, max_distance=1.2), Linear(1.2))
-    settings = []
-    for seed, name, (sides, height), falloffs in (
-        (None, "closed unit cube", cube, (*BOTH, Exponential(tau=5.0), *limited)),
-        (17, "closed unit cube, turned", cube, (*BOTH, Exponential(tau=5.0), *limited)),
-        (18, "closed box", ((0.2, 0.5, 0.9, 0.3), 0.4), (*BOTH, *limited)),
-    ):
-        xs, ys = (-sides[2], sides[0]), (-sides[3], sides[1])
-        corners = np.array([(x, y, z) for x in xs for y in ys for z in (0.0, height)])
-        vertices, faces = hull(corners)
-        faces = faces[:, ::-1][(vertices[faces][:, :, 2] > 0).any(axis=1)]
-        floor = np.array([[0, 0, 0], *corners[[0, 4, 6, 2]]], dtype=np.float64)
-        fan = np.array([[0, i, i % 4 + 1] for i in range(1, 5)])
-        mesh = posed(join([(floor, fan), (vertices, faces)]), seed, source=name)
-        settings.append(Setting(name, mesh, np.array([0]), closed_form(analytic.box, (sides, height)), falloffs))
-    return settings
+    falloffs = (*BOTH, Exponential(tau=5.0), *limited)
+    return [
+        _box("closed unit cube", None, *cube, falloffs),
+        _box("closed unit cube, turned", 17, *cube, falloffs),
+        _box("closed box", 18, (0.2, 0.5, 0.9, 0.3), 0.4, (*BOTH, *limited)),
+    ]
 
 
-def _tilted() -> Setting:
-    tilts, angles = np.radians([15.0, 45.0, 80.0]), 2 * pi * np.arange(6) / 6
+def _box(
+    name: str, seed: int | None, sides: tuple[float, float, float, float], height: float, falloffs: tuple[Falloff, ...]
+) -> ValidationCase:
+    """A point on the floor of a closed box. Args: sides: distances of its walls at +x, +y, −x and −y."""
+    corners = np.array([(x, y, z) for x in (-sides[2], sides[0]) for y in (-sides[3], sides[1]) for z in (0.0, height)])
+    vertices, faces = hull(corners)
+    walls = faces[:, ::-1][(vertices[faces][:, :, 2] > 0).any(axis=1)]
+    floor = np.array([[0, 0, 0], *corners[[0, 4, 6, 2]]], dtype=np.float64)
+    fan = np.array([[0, i, i % 4 + 1] for i in range(1, 5)])
+    mesh = posed(join([(floor, fan), (vertices, walls)]), seed, source=name)
+    return ValidationCase(name, mesh, np.array([0]), closed_form(analytic.box, (sides, height)), falloffs)
+
+
+def _tilted() -> ValidationCase:
+    tilts = np.radians([15.0, 45.0, 80.0])
+    angles = 2 * pi * np.arange(6) / 6
     points = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]])
     fan = np.concatenate([np.zeros((1, 3)), np.stack([np.cos(angles), np.sin(angles), np.zeros(6)], axis=-1)])
     vertices = (points[:, None] + fan).reshape(-1, 3)
@@ -149,10 +157,10 @@ def _tilted() -> Setting:
     normals[::7] = [(sin(t) * cos(5 * t), sin(t) * sin(5 * t), cos(t)) for t in tilts]
     mesh = posed((vertices, faces), 19, normals, source="tilted normal")
     exact = [analytic.tilted_normal(t) for t in tilts]
-    return Setting("tilted normal", mesh, 7 * np.arange(3), lambda *_: exact, (Binary(),), normals="file")
+    return ValidationCase("tilted normal", mesh, 7 * np.arange(3), lambda *_: exact, (Binary(),), normals="file")
 
 
-def _triangles(seed: int) -> Setting:
+def _triangles(seed: int) -> ValidationCase:
     """Triangles at any height and slant, some through the horizon, that don't overlap as seen from the origin.
 
     Directions to their corners are a triangulated sphere's, and each corner moves along its direction.
@@ -163,12 +171,12 @@ def _triangles(seed: int) -> Setting:
     chosen = faces[rng.random(len(faces)) < 0.4]
     occluders = list(directions[chosen] * rng.uniform(0.5, 3.0, size=(len(chosen), 3, 1)))
     name = f"polygons by Lambert's formula, {len(occluders)} triangles"
-    return _setting([(0.0, 0.0, 0.0)], name, occluders, None, (Binary(),), seed=seed)
+    return _case([(0.0, 0.0, 0.0)], name, occluders, None, (Binary(),), seed=seed)
 
 
-def _pentagon() -> Setting:
+def _pentagon() -> ValidationCase:
     angles = 2 * pi * np.arange(5) / 5
     corners = np.stack([np.cos(angles), 1.3 * np.sin(angles), np.zeros(5)], axis=-1)
     pentagon = generic_rotation(3).apply(corners) + np.array([0.2, 0.1, 0.6])
     points = [(0.0, 0.0, 0.0), (1.0, 0.5, 0.0), (-0.8, 0.9, 0.0), (0.5, -1.2, 0.0), (-2.0, -0.5, 0.0)]
-    return _setting(points, "polygon by Lambert's formula, pentagon", [pentagon], None, (Binary(),), seed=20)
+    return _case(points, "polygon by Lambert's formula, pentagon", [pentagon], None, (Binary(),), seed=20)

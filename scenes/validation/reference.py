@@ -45,7 +45,8 @@ class Errors:
 
     @classmethod
     def of(cls, w: Float64s, truth: Float64s) -> Errors:
-        off, size = w - truth, np.abs(w - truth)
+        off = w - truth
+        size = np.abs(w - truth)
         return cls(*map(float, (np.sqrt(np.mean(off**2)), np.quantile(size, 0.99), size.max(), off.mean())))
 
 
@@ -97,5 +98,6 @@ def _turned_frames(normals: Float32s, turns: Float64s) -> Float32s:
     a = -1 / (sign + z)
     t = np.stack([1 + sign * x * x * a, sign * x * y * a, -sign * x], axis=-1)
     b = np.stack([x * y * a, sign + y * y * a, -y], axis=-1)
-    c, s = np.cos(turns)[:, None], np.sin(turns)[:, None]
+    c = np.cos(turns)[:, None]
+    s = np.sin(turns)[:, None]
     return np.stack([c * t + s * b, c * b - s * t, normals], axis=-1).astype(np.float32)

@@ -12,8 +12,8 @@ from ao import bake as _bake
 from raytrace.types import Float64s
 
 from .configurations import SAMPLES, Configuration
-from .curved import curved_settings
-from .flat import flat_settings
+from .curved import curved_cases
+from .flat import flat_cases
 
 Baker = Callable[..., Bake]
 
@@ -54,14 +54,15 @@ class Result:
 
 @lru_cache(maxsize=1)
 def configurations() -> tuple[Configuration, ...]:
-    return tuple(line for setting in (*flat_settings(), *curved_settings()) for line in setting.configurations())
+    return tuple(line for case in (*flat_cases(), *curved_cases()) for line in case.configurations())
 
 
 def measure(
     configuration: Configuration, bake: Baker = _bake, samples: int = SAMPLES, seed: int = 0, threads: int | None = None
 ) -> Float64s:
     """Measured w (k,) at the configuration's points."""
-    mesh, falloff = configuration.mesh, configuration.falloff
+    mesh = configuration.mesh
+    falloff = configuration.falloff
     baked = bake(mesh, falloff, samples=samples, seed=seed, threads=threads, **configuration.options)
     return baked.w[configuration.points]
 

@@ -13,8 +13,8 @@ from uv_meshes import grid_charts
 import ao
 from ao.report import report
 from raytrace import AlphaSurface, Mesh, Opacity, OptionError
-from scenes.validation.curved import curved_settings
-from scenes.validation.flat import flat_settings
+from scenes.validation.curved import curved_cases
+from scenes.validation.flat import flat_cases
 
 FALLOFFS = [
     "exponential", ao.Exponential(half_distance="40%"), ao.Exponential(half_distance="20%"), ao.Smooth("60%"),
@@ -104,17 +104,17 @@ def test_a_profile_stands_beside_w_which_stays_as_it_is(denoise):
     assert plain.values.shape == (len(HILLS.vertices), 1)
 
 
-SETTINGS = {each.name: each for each in (*flat_settings(), *curved_settings())}
+CASES = {each.name: each for each in (*flat_cases(), *curved_cases())}
 
 
 @pytest.mark.parametrize("name", ["wall", "ceiling", "closed box", "inside a sphere"])
 def test_octaves_of_closed_forms(name):
     octaves = tuple(ao.Exponential(half_distance=0.02 * 2.0**k) for k in range(10))
-    setting = replace(SETTINGS[name], falloffs=octaves)
-    baked = ao.bake(setting.mesh, octaves, samples=4096, denoise=False, normals=setting.normals,
-                    only=np.isin(np.arange(len(setting.mesh.vertices)), setting.points))  # fmt: skip
-    for column, expected in enumerate(setting.configurations()):
-        error = np.abs(baked.values[setting.points, column] - expected.exact).max()
+    case = replace(CASES[name], falloffs=octaves)
+    baked = ao.bake(case.mesh, octaves, samples=4096, denoise=False, normals=case.normals,
+                    only=np.isin(np.arange(len(case.mesh.vertices)), case.points))  # fmt: skip
+    for column, expected in enumerate(case.configurations()):
+        error = np.abs(baked.values[case.points, column] - expected.exact).max()
         assert error <= expected.allowed(), f"half-distance {math.log(2) / octaves[column].resolve(1).tau:.3g}"
 
 

@@ -173,12 +173,12 @@ def test_a_texture_of_each_object_alone(folder):
 
 def test_from_python(folder):
     source = scenes.load("m.obj", names=True)
-    some = scenes.choose(source, receive=["hat"], exclude=("*_collision",))
+    some = scenes.select_objects(source, receive=["hat"], exclude=("*_collision",))
     check(ao.bake(some.mesh, FALLOFF, 32, only=some.only).w.astype("f4"), by_hand("hat", occluders=["body", "shoe"]))
     with pytest.raises(OptionError, match="receive: expected a list of names or patterns, got 'hat'"):
-        scenes.choose(source, receive="hat")
+        scenes.select_objects(source, receive="hat")
     with pytest.raises(OptionError, match="by: expected all, object or name"):
-        scenes.choose(source, by="objects")
+        scenes.select_objects(source, by="objects")
 
 
 def test_a_batch_excludes_where_there_is_something_to_exclude(folder):

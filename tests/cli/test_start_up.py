@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 
@@ -24,7 +25,7 @@ try:
 except SystemExit:
     from raytrace.kernel import jit
     heavy = ("numba", "scipy", "trimesh", "OpenImageIO", "rich", "PIL", "lxml", "networkx", "pydantic.v1", "asyncio")
-    heavy = (*heavy, "scenes.formats.gltf")
+    heavy = (*heavy, "scenes.formats.gltf.asset", "scenes.formats.gltf.occlusion")
     print(json.dumps([[name for name in heavy if name in sys.modules], len(jit.loaded), len(jit.compiled)]))
 """
 
@@ -41,23 +42,26 @@ def run(*arguments, **environment):
 def meshes(tmp_path):
     (tmp_path / "hills.obj").write_bytes(obj(*hills(12)))
     (tmp_path / "hills.ply").write_bytes(ply(*hills(12)))
+    flat = obj(*hills(12)).replace(b"\nf", b"\nvt 0 0\nvt 1 0\nvt 0 1\nf", 1)
+    (tmp_path / "textured.obj").write_bytes(re.sub(rb"f (\d+) (\d+) (\d+)", rb"f \1/1 \2/2 \3/3", flat))
     vertices, faces = two_boxes()
     (tmp_path / "boxes.stl").write_bytes(stl(vertices[faces]))
     return tmp_path
 
 
-BAKE, SURFACE, RENDER = 57, 48, 40  # kernels at most, three of them for an OBJ file
+BAKE, SURFACE, TEXTURE, RENDER = 57, 48, 60, 40  # kernels at most, three of them for an OBJ file
 COMMANDS = {
     "bake": ("bake hills.obj -o w.ply --samples 64", BAKE, []),
     "bake a ply": ("bake hills.ply -o w.npz --falloff binary", BAKE, []),
     "bake closed parts": ("bake boxes.stl -o w.npz --samples 64", BAKE, []),
     "bake to a tolerance": ("bake hills.obj -o w.npy --tolerance 0.01", BAKE, []),
     "bake to a page": ("bake hills.obj -o w.html --samples 64 --report r.json", BAKE, []),
+    "bake a texture": ("bake textured.obj -o w.png --size 16 --samples 16", TEXTURE, ["scipy", "OpenImageIO"]),
     "fit": ("bake hills.obj -o w.ply --method surface --samples 64", SURFACE, ["scipy"]),
     "render": (
         "render hills.obj -o w.png --width 32 --height 32 --samples 4",
         RENDER,
-        ["OpenImageIO", "scenes.formats.gltf"],
+        ["OpenImageIO"],
     ),
 }
 
@@ -72,6 +76,13 @@ def test_a_second_run_compiles_nothing_and_imports_neither_the_compiler_nor_what
     assert compiled == 0
     assert most / 3 < loaded <= most
     assert "ompiling" not in errors
+
+
+def test_help_imports_no_format():
+    code = "import atexit, sys, cli; atexit.register(lambda: print('scenes.formats' in sys.modules)); cli.main()"
+    command = [sys.executable, "-c", code, "--help"]
+    shown = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60).stdout
+    assert shown.endswith("False\n")
 
 
 class Terminal:

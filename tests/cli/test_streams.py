@@ -79,7 +79,7 @@ def test_a_format_that_is_given_is_taken_at_its_word(tmp_path, monkeypatch):
         (b"", "content: expected a mesh, got nothing"),
         (
             b"junk",
-            "standard input: format: expected one of OBJ, PLY, STL, OFF, GLB, glTF, 3MF, or --input-format",
+            "standard input: format: expected one of 3MF, GLB, glTF, OBJ, OFF, PLY, STL, or --input-format",
         ),
         (b"v 0 0 0\n", "<stdin>.obj: faces: expected at least one triangle"),
     ],

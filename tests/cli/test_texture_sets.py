@@ -15,7 +15,7 @@ import scenes
 from ao.analytic.form_factor import polygon_form_factor
 from raytrace.image.encode import linear_png
 from raytrace.image.read import read_image
-from scenes.formats.glb.occlusion import image_name, occlusion_reference
+from scenes.formats.gltf.occlusion import image_name, occlusion_reference
 from scenes.formats.gltf.textures import Textures
 
 HEIGHT = 0.5

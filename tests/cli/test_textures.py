@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 from command import obscurance, refused
-from gltf_samples import SAMPLES
 
 from raytrace.image.read import read_image
 from scenes.formats.load import load
@@ -178,8 +177,6 @@ MISTAKES = [
     ("corner.obj -o w.npy --high far.obj --cage no", "bake --cage"),
     ("corner.obj -o w.png --orm", "bake: --orm needs a .glb to write, as --output or --mesh-output"),
     ("corner.obj -o w.npy --orm", "bake: --orm needs an image as --output"),
-    ("rough.glb -o w.glb --occlusion texture --orm --uv unwrap", "for --orm, got TEXCOORD_0"),
-    ("rough.glb -o w.png --mesh-output w.glb --orm --uv unwrap", "metallicRoughnessTexture"),
     ("corner.obj -o w.png --replace-occlusion", "bake: --replace-occlusion needs a .glb"),
     ("negative.obj -o w.<UDIM>.png", "texture coordinates of UDIM tiles"),
     ("corner.obj -o none/w.png", "none/w.png: cannot write: there is no folder"),
@@ -196,7 +193,6 @@ def test_mistakes(corner, tmp_path, monkeypatch, line_and_words):
         moved = bare.replace(" 0 0\n", " 9 9\n") if name == "far" else bare
         text = f"{moved[:-8]}\nvt 0 0\nvt {second}\nvt {third}\nf 1/1 2/2 3/3\n"
         (tmp_path / f"{name}.obj").write_text(text)
-    (tmp_path / "rough.glb").write_bytes(SAMPLES["rough"]())
     monkeypatch.chdir(tmp_path)
     before = sorted(tmp_path.iterdir())
     refused(obscurance("bake", *line.split()), *words)

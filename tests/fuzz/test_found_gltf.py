@@ -10,8 +10,8 @@ import ao
 import scenes.formats.threemf
 import scenes.geometry.instances
 from scenes.commands.info import describe
-from scenes.formats.glb.buffer import encode_glb
 from scenes.formats.gltf.asset import decode
+from scenes.formats.gltf.builder import encode_glb
 from scenes.formats.load import load
 from scenes.write_bake import write
 

@@ -19,7 +19,7 @@ from raytrace.errors import LINE, InputError, SceneError
 from raytrace.image.read import read_image
 from raytrace.image.texture import Texture, pack_textures
 from raytrace.system import checks
-from scenes.commands.render import with_obscurance
+from scenes.description.obscurance import with_obscurance
 from scenes.description.read import read_scene
 
 

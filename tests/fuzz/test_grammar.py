@@ -12,7 +12,7 @@ import scenes.geometry.builtin_shapes
 import scenes.geometry.instances
 from raytrace.errors import InputError
 from scenes.description.read import read_scene
-from scenes.formats.obj.detail import read_mtl
+from scenes.formats.obj.mtl import read_mtl
 
 FEW = settings(
     max_examples=60,

@@ -55,10 +55,10 @@ def consume(family, path, made, index):
     import ao
     from raytrace.errors import OptionError
     from scenes.commands.info import describe
-    from scenes.commands.render import with_obscurance
+    from scenes.description.obscurance import with_obscurance
     from scenes.description.read import read_scene
     from scenes.formats.load import load
-    from scenes.formats.losses import lost
+    from scenes.formats.unsupported import unsupported_features
     from scenes.write_bake import write
 
     if family == "array":
@@ -71,7 +71,7 @@ def consume(family, path, made, index):
     target = made / f"made.{('ply', 'glb')[index % 2]}"
     file = load(path, target)
     with suppress(OptionError):  # coordinates beyond float32
-        lost(target, file)
+        unsupported_features(target, file)
     rows = describe(file)
     for name, text in rows:
         if not (name.isprintable() and text.isprintable()):

@@ -20,7 +20,7 @@ from meshes import hills
 
 import ao.baking  # noqa: F401
 import cli
-import scenes.commands.render_file
+import scenes.commands.render
 import scenes.jobs.bake
 import scenes.jobs.batch
 import scenes.jobs.vertices

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from raytrace.mesh.mesh import Mesh
 from scenes.geometry.polyhedra import RawMesh, generic_rotation, hull, join
+
+
+def raw_mesh(mesh: Mesh) -> RawMesh:
+    """The vertices, to be changed at will, and the faces of a mesh."""
+    return np.array(mesh.vertices), mesh.faces
 
 
 def soup_over_floor(seed: int, triangles: int = 14) -> RawMesh:

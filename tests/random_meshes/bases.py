@@ -8,10 +8,11 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from meshes import raw_mesh
 
 from scenes.description.read import read_scene
 from scenes.geometry.builtin_shapes import menger, temple
-from scenes.geometry.polyhedra import RawMesh, join, raw_mesh
+from scenes.geometry.polyhedra import RawMesh, join
 from scenes.library.catalogue import BUILTIN, write_builtin
 
 from .dense import Make, Rng, displacement, refined, sized, unit, used

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from meshes import raw_mesh
+
 from raytrace import Mesh, MeshError
-from scenes.geometry.polyhedra import RawMesh, raw_mesh
+from scenes.geometry.polyhedra import RawMesh
 
 from .bases import dense_base
 from .damage import DAMAGES, Damage, damaged

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from meshes import raw_mesh
 from scipy.spatial.transform import Rotation
 
 from raytrace.types import Float64s
-from scenes.geometry.polyhedra import RawMesh, raw_mesh
+from scenes.geometry.polyhedra import RawMesh
 from scenes.geometry.primitives import box as hard_box
 from scenes.geometry.primitives import cylinder as hard_cylinder
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from meshes import raw_mesh
 
 from raytrace.types import Float64s
 from scenes.geometry.builtin_shapes import menger
-from scenes.geometry.polyhedra import RawMesh, hull, icosphere, join, prism, raw_mesh
+from scenes.geometry.polyhedra import RawMesh, hull, icosphere, join, prism
 from scenes.geometry.primitives import box
 
 

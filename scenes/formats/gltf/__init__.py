@@ -1,1 +1,19 @@
-"""glTF 2.0 files as read."""
+"""glTF 2.0: JSON with files beside it, .gltf, and binary, .glb, in which bakes are written."""
+
+from ..table import FileFormat, register
+
+_READ = "scenes.formats.gltf.read:read_gltf"
+
+register(
+    FileFormat(
+        ".glb",
+        "GLB",
+        read=_READ,
+        peak=2.0,
+        begins=rb"glTF",
+        write="scenes.formats.gltf.write:glb",
+        unsupported="scenes.formats.gltf.plain:unsupported_features",
+        holds=("w", "colors", "scene"),
+    ),
+    FileFormat(".gltf", "glTF", read=_READ, peak=2.0, begins=rb"\s*\{", holds=("w", "scene")),
+)

@@ -35,14 +35,17 @@ def values(asset: Gltf, number: int, *kinds: str) -> npt.NDArray[Any]:
 
     Raises: MeshError: it is compressed, empty or of another type. ValueError: it is not there, or not all of it.
     """
-    accessor, field = entry(asset.geometry.accessors, number, "accessors"), f"accessors[{number}]"
-    count, sparse = accessor.count, accessor.sparse
+    accessor = entry(asset.geometry.accessors, number, "accessors")
+    field = f"accessors[{number}]"
+    count = accessor.count
+    sparse = accessor.sparse
     if min(count, sparse.count if sparse else 1) < 1:
         raise MeshError(asset.path, field, "a count of at least 1", 0)
     if accessor.type not in kinds or accessor.componentType not in COMPONENTS:
         got = f"{accessor.type} of {accessor.componentType}"
         raise MeshError(asset.path, field, f"{kinds[0]} of a component type", got)
-    item, columns = np.dtype(COMPONENTS[accessor.componentType]), _COLUMNS[accessor.type]
+    item = np.dtype(COMPONENTS[accessor.componentType])
+    columns = _COLUMNS[accessor.type]
     if accessor.bufferView is not None:
         base = _rows(asset, accessor.bufferView, accessor.byteOffset, (count, columns), item, field)
     elif sparse is None and asset.compressions:
@@ -76,7 +79,8 @@ def _rows(
     # Compressed data, and no promise of plain ones beside them:
     if any(name in view.extensions for name in MESHOPT if name in asset.geometry.extensionsRequired):
         raise MeshError(asset.path, field, "uncompressed values", asset.compressions)
-    data, row = view_bytes(asset, number), shape[1] * item.itemsize
+    data = view_bytes(asset, number)
+    row = shape[1] * item.itemsize
     stride = view.byteStride or row
     if stride < row or start + (shape[0] - 1) * stride + row > len(data):
         raise ValueError(f"{field} does not fit into its buffer view")

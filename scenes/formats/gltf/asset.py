@@ -34,7 +34,7 @@ T = TypeVar("T")
 
 
 class DrawnPrimitive(NamedTuple):
-    """A drawn piece of triangles."""
+    """A drawn primitive of triangles."""
 
     node: int
     mesh: int
@@ -46,7 +46,7 @@ class DrawnPrimitive(NamedTuple):
 
     @property
     def shape(self) -> tuple[int, int, int | None, tuple[float, ...]]:
-        """Equal of pieces that are one shape."""
+        """Equal of primitives that are one shape."""
         return self.mesh, self.place, self.skin, self.weights
 
 
@@ -72,7 +72,8 @@ class Gltf:
     @property
     def files(self) -> tuple[Path, ...]:
         """The file itself, and the buffers and images beside it that it names."""
-        buffers, images = self.geometry.buffers, self.geometry.images
+        buffers = self.geometry.buffers
+        images = self.geometry.images
         names = dict.fromkeys([*(each.uri or "" for each in buffers), *(each.uri for each in images)])
         found = [beside(unquote(name), self.path.parent) for name in names if not name.startswith("data:")]
         return self.path, *(path for path in found if path)
@@ -108,7 +109,7 @@ class Gltf:
     @cached_property
     def hidden(self) -> list[int]:
         """The nodes on which the trees of joints stand that the scene does not show though it shows their skins."""
-        numbers = {piece.skin for piece in self.drawn if piece.skin is not None}
+        numbers = {drawn.skin for drawn in self.drawn if drawn.skin is not None}
         skins = [entry(self.geometry.skins, number, "skins") for number in numbers]
         if all(joint in self.world for skin in skins for joint in skin.joints):
             return []
@@ -204,7 +205,8 @@ def decode(data: bytes, path: Path) -> Gltf:
         deep = True
     if deep:
         raise MeshError(path, "content", f"JSON of at most {_DEEPEST} levels", "more")
-    asset, read = Gltf(path, header), cache(Path.read_bytes)
+    asset = Gltf(path, header)
+    read = cache(Path.read_bytes)
     for number, stored in enumerate(asset.geometry.buffers):
         name = f"buffers[{number}]"
         if stored.uri is None and (stored.fallback or stored.khr_fallback):  # to be filled by a decoder
@@ -220,7 +222,8 @@ def decode(data: bytes, path: Path) -> Gltf:
 
 def _depth(value: Any) -> int:
     """Levels of lists and objects in one another, at most one more than may be."""
-    level, depth = [value] if isinstance(value, dict | list) else [], 0
+    level = [value] if isinstance(value, dict | list) else []
+    depth = 0
     while level and depth <= _DEEPEST:
         children = (each.values() if isinstance(each, dict) else each for each in level)
         level = [child for some in children for child in some if isinstance(child, dict | list)]

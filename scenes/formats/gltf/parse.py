@@ -77,7 +77,8 @@ def _record(kind: Any, value: Any, path: _Path) -> JsonObject:
     made: JsonObject = kind()
     whole = _table(value, path)
     for name, inner, (*steps, key), is_required in _fields(kind):
-        table, at = whole, path
+        table = whole
+        at = path
         for step in steps:
             at = at, step
             table = _table(table.get(step, {}), at)

@@ -31,28 +31,31 @@ class Poses:
     """
 
     def __init__(self, asset: Gltf) -> None:
-        self._asset, self._moved = asset, 0
+        self._asset = asset
+        self._moved = 0
         self._skins: dict[int, Float64s] = {}
 
-    def posed(self, piece: DrawnPrimitive, stored: Instance) -> Instance:
+    def posed(self, drawn: DrawnPrimitive, stored: Instance) -> Instance:
         """A primitive, given in its own frame, posed: there, or with a skin in the world, mirrored if its joints do."""
-        at = f"meshes[{piece.mesh}].primitives[{piece.place}]"
-        targets, weights = piece.primitive.targets, piece.weights
+        at = f"meshes[{drawn.mesh}].primitives[{drawn.place}]"
+        targets = drawn.primitive.targets
+        weights = drawn.weights
         if weights and len(weights) != len(targets):
-            is_own = self._asset.geometry.nodes[piece.node].weights
-            field = f"nodes[{piece.node}].weights" if is_own else f"meshes[{piece.mesh}].weights"
+            is_own = self._asset.geometry.nodes[drawn.node].weights
+            field = f"nodes[{drawn.node}].weights" if is_own else f"meshes[{drawn.mesh}].weights"
             expected = f"{len(targets)} numbers, one a morph target of {at}"
             raise MeshError(self._asset.path, field, expected, len(weights))
         rows = {"POSITION": stored.vertices, "NORMAL": stored.normals}
-        moved = {name: None if own is None else self._morphed(piece, name, own, at) for name, own in rows.items()}
-        vertices, normals = moved["POSITION"], moved["NORMAL"]
+        moved = {name: None if own is None else self._morphed(drawn, name, own, at) for name, own in rows.items()}
+        vertices = moved["POSITION"]
+        normals = moved["NORMAL"]
         assert vertices is not None
         made = replace(stored, vertices=vertices, normals=normals)
-        return made if piece.skin is None else self._skinned(piece.skin, piece, made, f"{at}.attributes")
+        return made if drawn.skin is None else self._skinned(drawn.skin, drawn, made, f"{at}.attributes")
 
-    def _morphed(self, piece: DrawnPrimitive, name: str, rows: npt.NDArray[Any], at: str) -> npt.NDArray[Any]:
+    def _morphed(self, drawn: DrawnPrimitive, name: str, rows: npt.NDArray[Any], at: str) -> npt.NDArray[Any]:
         weight_of: dict[int, float] = {}  # by accessor
-        for weight, target in zip(piece.weights, piece.primitive.targets, strict=False):
+        for weight, target in zip(drawn.weights, drawn.primitive.targets, strict=False):
             if weight and name in target:
                 weight_of[target[name]] = weight_of.get(target[name], 0.0) + weight
         self._count(len(rows) * len(weight_of), f"{at}.targets")
@@ -63,9 +66,9 @@ class Poses:
             rows = rows + weight * delta.astype(np.float64)
         return rows
 
-    def _skinned(self, skin: int, piece: DrawnPrimitive, stored: Instance, at: str) -> Instance:
+    def _skinned(self, skin: int, drawn: DrawnPrimitive, stored: Instance, at: str) -> Instance:
         matrices = self._joints(skin)
-        joints, weights = self._influences(piece, len(stored.vertices), f"{at}.")
+        joints, weights = self._influences(drawn, len(stored.vertices), f"{at}.")
         if joints.max() >= len(matrices):
             expected = f"numbers below {len(matrices)}, of joints of skins[{skin}]"
             raise MeshError(self._asset.path, f"{at}.JOINTS", expected, joints.max())
@@ -93,7 +96,8 @@ class Poses:
         """The maps of a skin's joints, (j, 3, 4), from where the mesh is stored to the world at rest."""
         if number in self._skins:
             return self._skins[number]
-        asset, at = self._asset, f"skins[{number}]"
+        asset = self._asset
+        at = f"skins[{number}]"
         skin = entry(asset.geometry.skins, number, "skins")
         wrong = next((joint for joint in skin.joints if joint not in asset.everywhere), None)
         if wrong is not None or not skin.joints:
@@ -110,9 +114,10 @@ class Poses:
         self._skins[number] = world[:, :3]
         return self._skins[number]
 
-    def _influences(self, piece: DrawnPrimitive, count: int, at: str) -> tuple[npt.NDArray[Any], Float64s]:
+    def _influences(self, drawn: DrawnPrimitive, count: int, at: str) -> tuple[npt.NDArray[Any], Float64s]:
         """Joints and weights (count, 4 for each set) of a primitive's vertices; joint 0 where the weight is 0."""
-        asset, attributes = self._asset, piece.primitive.attributes
+        asset = self._asset
+        attributes = drawn.primitive.attributes
         numbers = {name.rpartition("_")[2] for name in attributes if name.startswith(("JOINTS_", "WEIGHTS_"))}
         found = []
         self._count(count * len(numbers), f"{at}JOINTS")
@@ -121,7 +126,7 @@ class Poses:
                 if name not in attributes:
                     raise MeshError(asset.path, at + name, "joints and weights of a skinned mesh", "none")
             joints = values(asset, attributes[f"JOINTS_{number}"], "VEC4")
-            weights = column(asset, piece.primitive, f"WEIGHTS_{number}", "VEC4")
+            weights = column(asset, drawn.primitive, f"WEIGHTS_{number}", "VEC4")
             assert weights is not None
             if joints.dtype.kind != "u" or len(joints) != count:
                 got = f"{len(joints)} of {joints.dtype}"
@@ -142,8 +147,10 @@ class Poses:
 def _blended(matrices: Float64s, joints: npt.NDArray[Any], weights: Float64s) -> Float64s:
     """Means (n, 3, 4) of matrices, to the bit the same for the same influences in any order and at any vertex."""
     order = np.argsort(joints, axis=1, kind="stable")
-    joints, weights = np.take_along_axis(joints, order, axis=1), np.take_along_axis(weights, order, axis=1)
-    made, total = np.zeros((len(joints), 3, 4)), np.zeros((len(joints), 1, 1))
+    joints = np.take_along_axis(joints, order, axis=1)
+    weights = np.take_along_axis(weights, order, axis=1)
+    made = np.zeros((len(joints), 3, 4))
+    total = np.zeros((len(joints), 1, 1))
     for joint, weight in zip(joints.T, weights.T[:, :, None, None], strict=True):
         made += weight * matrices[joint]
         total += weight
@@ -158,8 +165,8 @@ def _times(matrices: Float64s, rows: npt.NDArray[Any]) -> Float64s:
 
 def in_words(asset: Gltf) -> tuple[str, ...]:
     """A line on what is posed, or none."""
-    skinned = sum(piece.skin is not None for piece in asset.drawn)
-    morphed = sum(any(piece.weights) for piece in asset.drawn)
+    skinned = sum(drawn.skin is not None for drawn in asset.drawn)
+    morphed = sum(any(drawn.weights) for drawn in asset.drawn)
     found = ((skinned, "by the joints of skins"), (morphed, "by the weights of morph targets"))
     words = ", ".join(f"{count:,} {by}" for count, by in found if count)
     return (f"in the pose that viewers show at rest: of {len(asset.drawn):,} primitives {words}",) if words else ()

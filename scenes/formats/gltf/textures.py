@@ -20,12 +20,13 @@ from raytrace.image.texture import Texture, Wrap
 from raytrace.types import Float64s, Int64s
 
 from ...field_errors import shown
-from ...geometry.detail import Detail, PerCorner, triangle_detail
+from ...geometry.attributes import SourceAttributes, triangle_attributes
+from ...geometry.corners import PerCorner
 from ...geometry.instances import Submesh
 from ...safe_paths import confined
-from ..glb.occlusion import ramp_sets
 from .accessors import column, flipped, view_bytes
 from .asset import Gltf, entry, referenced
+from .occlusion import ramp_sets
 from .records import GltfTexture, Primitive, TextureReference
 
 _ROUNDING = 0.51 / 255  # of the grey that a bake writes
@@ -41,7 +42,8 @@ class Textures:
     """The textures of an asset, each made once."""
 
     def __init__(self, asset: Gltf) -> None:
-        self.asset, self._path = asset, asset.path
+        self.asset = asset
+        self._path = asset.path
         self._made: dict[tuple[int, tuple[Wrap, Wrap], bool], Texture] = {}
 
     def of_base(self, primitive: Primitive) -> tuple[Float64s, Texture] | None:
@@ -72,7 +74,8 @@ class Textures:
         uv = column(self.asset, primitive, f"TEXCOORD_{number}", "VEC2")
         assert uv is not None
         if vars(moved):  # scaled, turned anticlockwise as seen, then moved
-            c, s = cos(moved.rotation), sin(moved.rotation)
+            c = cos(moved.rotation)
+            s = sin(moved.rotation)
             uv = (uv * moved.scale) @ np.array([[c, -s], [s, c]]) + moved.offset
         return flipped(uv), self._made[key]
 
@@ -109,7 +112,8 @@ def opacity_of(textures: Textures, primitive: Primitive, faces: Int64s) -> Opaci
     uv, texture = textures.of_base(primitive) or (None, None)
     cutoff = material.alphaCutoff if material.alphaMode == "MASK" else None
     alpha = AlphaSurface(float(np.clip(material.base[0][3], 0, 1)), texture, cutoff=cutoff)
-    number, accessors = primitive.attributes.get("COLOR_0"), textures.asset.geometry.accessors
+    number = primitive.attributes.get("COLOR_0")
+    accessors = textures.asset.geometry.accessors
     corners = None
     if number is not None and entry(accessors, number, "accessors").type == "VEC4":
         colours = column(textures.asset, primitive, "COLOR_0", "VEC4")
@@ -126,13 +130,13 @@ def vertex_colours(asset: Gltf, primitive: Primitive, w: npt.NDArray[Any] | None
     return None if w is not None and (np.abs(found - w.clip(0, 1)[:, None]) < _ROUNDING).all() else found
 
 
-def gltf_detail(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tuple[Detail, tuple[str, ...]]:
+def gltf_attributes(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tuple[SourceAttributes, tuple[str, ...]]:
     """The first texture coordinates and colours of all vertices, and what else the file holds, in words."""
     unread = [words for key, words in _WORDS.items() if asset.header.get(key)]
     if len(parts) > 1:
         unread.insert(0, "nodes")
-    ramps = [{f"TEXCOORD_{n}" for n in ramp_sets(asset.header, piece.stored)} for piece in asset.drawn]
-    names = [piece.primitive.attributes.keys() - own for piece, own in zip(asset.drawn, ramps, strict=True)]
+    ramps = [{f"TEXCOORD_{n}" for n in ramp_sets(asset.header, drawn.stored)} for drawn in asset.drawn]
+    names = [drawn.primitive.attributes.keys() - own for drawn, own in zip(asset.drawn, ramps, strict=True)]
     unread += sorted(set[str]().union(*names) - set(_READ))
     columns = {}
     for name, kinds, missing in (("TEXCOORD_0", ("VEC2",), 0.0), ("COLOR_0", ("VEC3", "VEC4"), 1.0)):
@@ -140,11 +144,12 @@ def gltf_detail(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tuple[D
             columns[name] = _column(asset, parts, name, kinds, missing, [name in own for own in names])
         except (ValueError, KeyError, TypeError):
             unread.append(name)
-    uv, colors = columns.get("TEXCOORD_0"), columns.get("COLOR_0")
+    uv = columns.get("TEXCOORD_0")
+    colors = columns.get("COLOR_0")
     if colors is not None:
         colors = np.concatenate([encode_srgb(colors[:, :3]).astype(np.float64), colors[:, 3:]], axis=1)
         colors = colors[:, :3] if (colors[:, 3] == 1).all() else colors
-    made = triangle_detail(faces)
+    made = triangle_attributes(faces)
     coordinates = None if uv is None else PerCorner(flipped(uv), made.corners)
     return replace(made, uv=coordinates, colors=colors), tuple(unread)
 
@@ -156,7 +161,7 @@ def texture_coordinates(asset: Gltf, parts: Sequence[Submesh], faces: Int64s, nu
     Raises: MeshError: values that are not finite, or not one for each vertex.
     """
     name = f"TEXCOORD_{number}"
-    has = [name in piece.primitive.attributes for piece in asset.drawn]
+    has = [name in drawn.primitive.attributes for drawn in asset.drawn]
     try:
         uv = _column(asset, parts, name, ("VEC2",), np.nan, has)
     except (ValueError, KeyError, TypeError) as reason:
@@ -171,9 +176,9 @@ def _column(
     if not any(has):
         return None
     made = np.full((parts[-1].vertices.stop, int(kinds[-1][-1])), missing)
-    for piece, part, has_it in zip(asset.drawn, parts, has, strict=True):
+    for drawn, part, has_it in zip(asset.drawn, parts, has, strict=True):
         if has_it:
-            found = column(asset, piece.primitive, name, *kinds)
+            found = column(asset, drawn.primitive, name, *kinds)
             assert found is not None
             made[part.vertices, : found.shape[1]] = found
     return made

@@ -1,1 +1,14 @@
-"""Wavefront OBJ."""
+"""Wavefront OBJ with its material libraries."""
+
+from ..table import FileFormat, register
+
+register(
+    FileFormat(
+        ".obj",
+        "OBJ",
+        read="scenes.formats.obj.read:read_obj",
+        peak=9.0,
+        begins=rb"(\s*(#[^\n]*)?\n)*\s*(v|vn|vt|o|g|mtllib|usemtl|s)\s",
+        holds=("uv",),
+    )
+)

@@ -16,7 +16,7 @@ from raytrace.text import lines
 from raytrace.text.lines import COUNT, LEAST, MOST, NEEDED, NONE, NUMBERED, SLASHES, USABLE, WORDS, F, V
 from raytrace.types import Bools, Float64s, Int64s
 
-from ...geometry.detail import PerCorner
+from ...geometry.corners import PerCorner
 from ..number_rows import line_blocks, round_left
 
 _RUN = re.compile(r"^[ \t]*(\w+)(?!\S)[^\n]*(?:\n[ \t]*\1(?!\S)[^\n]*)*+", re.MULTILINE)
@@ -95,7 +95,8 @@ class ObjText:
             rest[block] = found[: lines.survey(self._text, begin, end, tallies[block], found)].copy()
 
         run_blocks(len(tallies), 1, work, thread_count(None))
-        self._tallies, self._before = tallies, np.cumsum(np.insert(tallies, 0, 0, axis=0), axis=0)
+        self._tallies = tallies
+        self._before = np.cumsum(np.insert(tallies, 0, 0, axis=0), axis=0)
         self.runs: list[Run] = []
         for faces, others in zip(self._before[:, F, COUNT].tolist(), rest, strict=False):
             for begin, end, more in others.tolist():
@@ -105,7 +106,8 @@ class ObjText:
     def _numbers(self, keyword: str) -> Float64s:
         """All numbers of a keyword's lines (k, any) where they have equally many, enough; else the first of each."""
         kind = NUMBERED.index(keyword)
-        least, needed = self._tallies[:, kind, LEAST].min(), int(NEEDED[kind])
+        least = self._tallies[:, kind, LEAST].min()
+        needed = int(NEEDED[kind])
         alike = needed <= least == self._tallies[:, kind, MOST].max()
         ends = self._before[:, kind, USABLE]
         rows = np.empty((ends[-1], least if alike else needed))
@@ -152,7 +154,8 @@ class ObjText:
         return np.asarray(self.indices[keyword] != NONE)
 
     def _per_corner(self, keyword: str) -> PerCorner:
-        rows, some = self._rows(keyword), self.some(keyword)
+        rows = self._rows(keyword)
+        some = self.some(keyword)
         of = np.full(len(some), len(rows))
         of[some] = self._from_zero(self.indices[keyword][some], len(rows), keyword)
         return PerCorner(rows if some.all() else np.pad(rows, ((0, 1), (0, 0)), constant_values=np.nan), of)
@@ -160,7 +163,8 @@ class ObjText:
     def named(self, keyword: str) -> FaceNames:
         """The faces by the statements before them, such as `usemtl`."""
         names: dict[str, int] = {}
-        labels, begins = [-1], [0]
+        labels = [-1]
+        begins = [0]
         for run in self.runs:
             if run.keyword == keyword:
                 for line in self.lines(keyword, [run]).split("\n"):

@@ -14,7 +14,8 @@ from raytrace.image.srgb import encode_srgb
 from raytrace.mesh.up import UP
 from raytrace.types import AnyInts, Float32s, Float64s, Int64s
 
-from ...geometry.detail import Detail, Element, PerCorner, Property
+from ...geometry.attributes import Element, Property, SourceAttributes
+from ...geometry.corners import PerCorner
 from ...geometry.polygons import Triangulation
 
 if TYPE_CHECKING:
@@ -134,11 +135,12 @@ def write_header(elements: Iterable[PlyElement], comments: Iterable[str]) -> byt
     return "\n".join([*lines, "end_header\n"]).encode("latin-1", "replace")
 
 
-def ply_detail(
+def ply_attributes(
     elements: tuple[Element, ...], comments: tuple[str, ...], corners: Int64s, sizes: AnyInts, triangles: Triangulation
-) -> Detail:
+) -> SourceAttributes:
     """All of a PLY file. Args: corners, sizes: of its polygons."""
-    vertex, face = columns_of(elements, "vertex"), columns_of(elements, "face")
+    vertex = columns_of(elements, "vertex")
+    face = columns_of(elements, "face")
     uv, used = _coordinates(vertex, face, corners, sizes)
     colors = fractions(own_colors(elements))
     known = {*_MESH, *RGB, "alpha", "obscurance", *used}
@@ -146,7 +148,7 @@ def ply_detail(
         name: c.values for name, c in vertex.items() if c.sizes is None and name not in known and not is_profile(name)
     }
     kept = tuple(line for line in comments if not line.startswith(("comment obscurance: ", PROFILE_COMMENT)))
-    return Detail(
+    return SourceAttributes(
         corners, np.asarray(sizes, np.int64), triangles, uv, None, colors, numbers, elements=elements, comments=kept
     )
 
@@ -164,7 +166,8 @@ def stored_colors(elements: tuple[Element, ...]) -> dict[str, Property]:
 
 def own_colors(elements: tuple[Element, ...]) -> dict[str, Property]:
     """As `stored_colors`, none if they are the grey that a bake gave them."""
-    own, baked = stored_colors(elements), columns_of(elements, "vertex").get("obscurance")
+    own = stored_colors(elements)
+    baked = columns_of(elements, "vertex").get("obscurance")
     if baked is not None and all(name in own and own[name].kind == "B" for name in RGB):
         linear = np.rint(np.clip(np.nan_to_num(baked.values), 0, 1) * 255.0)  # of older files
         for grey in (grey_of(baked.values), linear):

@@ -13,22 +13,23 @@ import numpy as np
 
 from raytrace.errors import MeshError
 
-from ...geometry.detail import Element, Property
+from ...geometry.attributes import Element, Property
 from ...geometry.instances import Instance
 from ...geometry.polygons import triangulate
 from ..number_rows import NumberRows, whole
 from ..table import MeshInput
-from .layout import COUNT, INDICES, PlyElement, PlyHeader, columns_of, ply_detail, read_header
+from .layout import COUNT, INDICES, PlyElement, PlyHeader, columns_of, ply_attributes, read_header
 
 _NORMAL = ("nx", "ny", "nz")
 
 
 def read_ply(given: MeshInput) -> list[Instance]:
-    """The vertices and triangles, with normals if there are `nx ny nz`; with `given.keep` all elements as its detail.
+    """The vertices and triangles, with normals if there are `nx ny nz`; with `given.keep` all elements.
 
     Raises: MeshError: the file ends early, or has no vertices. ValueError, KeyError: anything else that is not PLY.
     """
-    data, source = given.file.read(), given.source
+    data = given.file.read()
+    source = given.source
     header = read_header(data)
     elements = _read_text(data, header, source) if header.text else _read_elements(data, header, source)
     if not any(element.count for element in elements if element.name == "vertex"):
@@ -36,16 +37,19 @@ def read_ply(given: MeshInput) -> list[Instance]:
     vertex = {name: column.values for name, column in columns_of(elements, "vertex").items() if column.sizes is None}
     vertices = np.stack([vertex[axis] for axis in "xyz"], axis=1)
     normals = np.stack([vertex[axis] for axis in _NORMAL], axis=1) if set(_NORMAL) <= set(vertex) else None
-    corners, sizes = np.empty(0, np.int64), np.empty(0, np.int64)
+    corners = np.empty(0, np.int64)
+    sizes = np.empty(0, np.int64)
     for column in filter(None, map(columns_of(elements, "face").get, INDICES[::-1])):
         if column.sizes is not None:
-            corners, sizes = whole(column.values), column.sizes
+            corners = whole(column.values)
+            sizes = column.sizes
     triangles = triangulate(vertices, corners, sizes, source)
     made = Instance(given.name, vertices, triangles.take(corners), normals, notes=triangles.notes, up=header.up)
     if given.keep:
         kept = list(map(_declared, elements, header.elements)) if header.text else elements
-        made = replace(made, detail=ply_detail(tuple(kept), header.comments, corners, sizes, triangles))
-    w, profile = vertex.get("obscurance"), header.profile(vertex)
+        made = replace(made, attributes=ply_attributes(tuple(kept), header.comments, corners, sizes, triangles))
+    w = vertex.get("obscurance")
+    profile = header.profile(vertex)
     return [replace(made, w=w, profile=profile, polygons=triangles.polygons)]
 
 
@@ -54,9 +58,12 @@ def _read_text(data: bytes, header: PlyHeader, source: str) -> list[Element]:
     fault = MeshError(source, "rows", "one line for each, with as many numbers as the header says", "others")
     if data.find(b"#", header.start) >= 0:
         raise fault
-    rows, first, made = NumberRows.of(data, header.start), 0, []
+    rows = NumberRows.of(data, header.start)
+    first = 0
+    made = []
     for element in header.elements:
-        at, ends = (bounds[first : first + element.count] for bounds in (rows.bounds[:-1], rows.bounds[1:]))
+        at = rows.bounds[:-1][first : first + element.count]
+        ends = rows.bounds[1:][first : first + element.count]
         left = rows.bounds[-1] - rows.bounds[first]
         if len(at) < element.count or left < element.count * len(element.properties):
             raise _ends_early(source, element)
@@ -81,15 +88,18 @@ def _ends_early(source: str, element: PlyElement) -> MeshError:
 def _declared(element: Element, declared: PlyElement) -> Element:
     """An element of a text file in its declared types; float is double where it would overflow, or move vertices."""
     single = {column.name: column.values for column in element.properties if column.sizes is None}
-    far, made = False, []
+    far = False
+    made = []
     if element.count and {*"xyz"} <= set(single):
         # Where float32 moves vertices by more than its error of an extent about 0.
         vertices = np.stack([single[axis] for axis in "xyz"], axis=1)
         far = not np.abs(vertices.astype("f") - vertices).max() <= 1e-6 * np.ptp(vertices, axis=0).max()
     for column in element.properties:
-        (kind, counted), values = declared.properties[column.name], column.values
+        kind, counted = declared.properties[column.name]
+        values = column.values
         if kind == "f":
-            is_vertex, overflows = column.name in {*"xyz"}, np.isinf(values.astype("f")) & np.isfinite(values)
+            is_vertex = column.name in {*"xyz"}
+            overflows = np.isinf(values.astype("f")) & np.isfinite(values)
             kind = "d" if (far and is_vertex) or overflows.any() else "f"
             values = values.astype(kind)
         made.append(Property(column.name, kind, values, counted, column.sizes))
@@ -98,7 +108,8 @@ def _declared(element: Element, declared: PlyElement) -> Element:
 
 def _read_elements(data: bytes, header: PlyHeader, source: str) -> list[Element]:
     """All elements. Raises: MeshError: the file ends before them."""
-    made, start = [], header.start
+    made = []
+    start = header.start
     for element in header.elements:
         try:
             columns, start = _read_rows(data, start, header.order, element)

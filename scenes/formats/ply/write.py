@@ -7,8 +7,9 @@ import numpy as np
 from ao import Bake
 from raytrace.mesh.up import up_axis
 
-from ...geometry.detail import Detail, Element, Property
+from ...geometry.attributes import Element, Property, SourceAttributes
 from ..load import MeshFile
+from ..obj.mtl import MATERIAL_WORDS
 from ..table import Channels
 from . import layout
 from .layout import COUNT, RGB, UP_COMMENT, PlyElement, grey_of, is_profile, own_colors, stored_colors
@@ -18,7 +19,6 @@ GREY = "; red green blue = obscurance as sRGB"
 _COMMENTS = {"": "", "rgb": GREY, "a": "; alpha = obscurance"}
 _COMMENTS |= {name[0]: f"; {name} = obscurance as sRGB" for name in RGB}
 _LONGEST = 1e38  # of a normal in float32
-_LONGEST_HEADER = 1 << 16
 
 
 def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
@@ -31,10 +31,12 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     With `channels.colors` "rgb" the grey also replaces the source's own colours; with one letter w replaces only that
     channel. A comment says which axis but y is up.
     """
-    detail, profile = mesh_file.detail, bake.profile
-    elements = detail.elements if detail and detail.elements else _elements(mesh_file, detail)
-    shown = channels.colors or ("" if has_own_colors(detail) else "rgb")
-    axis, stored = up_axis(mesh_file.mesh, channels.up), detail.comments if detail else ()
+    attributes = mesh_file.attributes
+    profile = bake.profile
+    elements = attributes.elements if attributes and attributes.elements else _elements(mesh_file, attributes)
+    shown = channels.colors or ("" if has_own_colors(attributes) else "rgb")
+    axis = up_axis(mesh_file.mesh, channels.up)
+    stored = attributes.comments if attributes else ()
     comments = [line for line in stored if not line.startswith(UP_COMMENT) or line == UP_COMMENT + axis]
     if axis != "y" and UP_COMMENT + axis not in comments:
         comments.insert(0, UP_COMMENT + axis)
@@ -48,11 +50,31 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     return b"".join([layout.write_header(layouts, comments), *map(_rows, fitting, layouts)])
 
 
-def has_own_colors(detail: Detail | None) -> bool:
+def has_own_colors(attributes: SourceAttributes | None) -> bool:
     """Whether the source has vertex colours that are not the grey of an earlier bake."""
-    if detail is None or not detail.elements:
-        return detail is not None and detail.colors is not None
-    return bool(own_colors(detail.elements))
+    if attributes is None or not attributes.elements:
+        return attributes is not None and attributes.colors is not None
+    return bool(own_colors(attributes.elements))
+
+
+def unsupported_features(mesh_file: MeshFile, colors: str) -> list[str]:
+    """What of a mesh file a PLY lacks, in words. Args: colors: the channels of colours that hold w."""
+    attributes = mesh_file.attributes
+    missing: list[str] = []
+    if len(colors) > 1 and has_own_colors(attributes):
+        missing.append("its colours")
+    if attributes is None or not attributes.elements:
+        of = None if attributes is None else attributes.object_of
+        if not mesh_file.gltf and (len(mesh_file.parts) > 1 or (of is not None and np.ptp(of))):
+            missing.append("its division into objects")
+        missing += [words for words in mesh_file.unread if not words.startswith(MATERIAL_WORDS)]
+    if attributes and attributes.normals:
+        missing.append("normals of vertices that have several")
+    if attributes and attributes.uv and not np.isfinite(attributes.uv.rows).all():
+        missing.append("texture coordinates, which some corners lack")
+    if attributes and attributes.materials:
+        missing.append("materials")
+    return missing
 
 
 def _annotate(element: Element, bake: Bake, shown: str) -> Element:
@@ -69,7 +91,7 @@ def _annotate(element: Element, bake: Bake, shown: str) -> Element:
     return Element(element.name, element.count, (*kept, *made))
 
 
-def _elements(mesh_file: MeshFile, detail: Detail | None) -> tuple[Element, ...]:
+def _elements(mesh_file: MeshFile, attributes: SourceAttributes | None) -> tuple[Element, ...]:
     mesh = mesh_file.mesh
     columns = [Property(axis, "f", mesh.vertices[:, number]).fitting() for number, axis in enumerate("xyz")]
     if any(column.kind == "d" for column in columns):
@@ -79,19 +101,21 @@ def _elements(mesh_file: MeshFile, detail: Detail | None) -> tuple[Element, ...]
         longest = np.abs(normals).max(axis=1, keepdims=True)
         normals = (normals / np.where(longest > _LONGEST, longest, 1.0)).astype("<f4")
         columns += [Property(axis, "f", column) for axis, column in zip(("nx", "ny", "nz"), normals.T, strict=True)]
-    sizes, corners = np.full(len(mesh.faces), 3), mesh.faces.ravel()
+    sizes = np.full(len(mesh.faces), 3)
+    corners = mesh.faces.ravel()
     lists = []
-    if detail:
-        sizes, corners = detail.sizes, detail.corners
-        if detail.uv and np.isfinite(detail.uv.rows).all():
-            uv = detail.uv.at_vertices(corners, len(mesh.vertices))
+    if attributes:
+        sizes = attributes.sizes
+        corners = attributes.corners
+        if attributes.uv and np.isfinite(attributes.uv.rows).all():
+            uv = attributes.uv.at_vertices(corners, len(mesh.vertices))
             if uv is None:
-                uv = detail.uv.rows[detail.uv.of]
+                uv = attributes.uv.rows[attributes.uv.of]
                 lists = [Property("texcoord", "f", uv.astype("<f4").ravel(), "B", 2 * sizes)]
             else:
                 columns += [Property(name, "f", uv[:, n].astype("<f4")) for n, name in enumerate("st")]
-        if detail.colors is not None:
-            whole = np.rint(np.clip(np.nan_to_num(detail.colors), 0, 1) * 255)
+        if attributes.colors is not None:
+            whole = np.rint(np.clip(np.nan_to_num(attributes.colors), 0, 1) * 255)
             names = (*RGB, "alpha")
             columns += [Property(name, "B", column) for name, column in zip(names, whole.T, strict=False)]
     faces = Property("vertex_indices", "i", corners, "B", sizes)
@@ -116,7 +140,8 @@ def _rows(element: Element, declared: PlyElement) -> bytes:
             columns.append((column.sizes.astype("<" + column.counted), one))
         columns.append((column.values.astype("<" + column.kind), one if column.sizes is None else column.sizes))
     widths = sum((values.itemsize * sizes for values, sizes in columns), start=0 * one)
-    data, starts = np.empty(int(widths.sum()), np.uint8), np.cumsum(widths) - widths
+    data = np.empty(int(widths.sum()), np.uint8)
+    starts = np.cumsum(widths) - widths
     for values, sizes in columns:
         first = starts - values.itemsize * (np.cumsum(sizes) - sizes)
         places = np.repeat(first, sizes) + values.itemsize * np.arange(len(values))

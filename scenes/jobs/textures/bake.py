@@ -21,11 +21,9 @@ from raytrace.mesh.mesh import Mesh
 from raytrace.system.atomic import write_bytes
 from raytrace.system.checks import check_ending, check_outputs
 
-from ...formats.glb.orm import check_orm
-from ...formats.glb.pieces import pieces
-from ...formats.glb.textured import textured_glb
 from ...formats.images import MATERIAL, PLACEHOLDERS, UDIM, check_texture_target, write_grey, write_normals
 from ...formats.load import MeshFile
+from ...formats.primitive_groups import primitive_groups
 from ..bake import MeshBake, WorkSize, Written
 from ..console import alpha_summary, progress, texture_summary, warn
 from ..inputs import Sources
@@ -62,8 +60,6 @@ class TextureCommand(MeshBake):
         source = self.read()
         sources = self.sources_of(source)
         found, pages = self._layout(sources)
-        if self.orm:
-            check_orm(source.gltf, found.number, self.replace_occlusion)
         check_outputs(self.outputs(pages), sources.files)
         loaded = time.perf_counter() - start
         inputs, glb = self.hashed(sources.files), self._glb()
@@ -160,7 +156,7 @@ class TextureCommand(MeshBake):
         return self.output if self.output.suffix.lower() == ".glb" else self.mesh_output
 
     def _layout(self, sources: Sources) -> tuple[Coordinates, list[Page]]:
-        """The texture coordinates, and the pages. Raises: as `coordinates`, `pages_of` and `Chosen.of_page`."""
+        """The texture coordinates, and the pages. Raises: as `coordinates`, `pages_of`, `ObjectSelection.of_page`."""
         source, page = sources.source, (self.size, self.texel_size)
         glb, mixed = self._glb(), self.overlap is not None
         sets = glb == self.output and not self.orm and not mixed
@@ -211,17 +207,18 @@ class TextureCommand(MeshBake):
         self, path: Path, sources: Sources, baked: Sequence[ao.BakedTexture], falloff: ao.Falloff
     ) -> list[str]:
         """Write the .glb, with w of vertices where there are no texture coordinates; returns warnings."""
+        from ...formats.gltf.textured import textured_glb
+
         source, chosen, w = sources.source, sources.chosen, None
         uncovered = chosen.receive & ~np.any([on_page(each.uv) for each in baked], axis=0)
         if uncovered.any():
             only = np.zeros(len(source.mesh.vertices), np.bool_)
-            for piece in pieces(source):
+            for piece in primitive_groups(source):
                 only[source.mesh.faces[piece.faces]] |= uncovered[piece.faces].any()
             w = ao.bake(chosen.mesh, falloff, only=only, **sources.arguments, **self.arguments("vertices")).w
-        content, kept = textured_glb(source, baked, self.replace_occlusion, self.orm, w)
+        content, lines = textured_glb(source, baked, self.replace_occlusion, self.orm, w)
         write_bytes(path, content)
-        advice = "whose w viewers do not show; --replace-occlusion replaces them"
-        return warn([], [f"{path}: keeps the occlusion textures of {kept:,} primitives, {advice}"] if kept else [])
+        return warn([], [f"{path}: {line}" for line in lines])
 
     def _write_report(self, made: Sequence[BakedPage], inputs: list[dict[str, Any]], mesh: Mesh) -> None:
         options = self.described()

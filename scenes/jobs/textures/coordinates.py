@@ -17,7 +17,7 @@ from raytrace.mesh.weld import connected_components
 from raytrace.types import Bools, Float64s, Int64s
 
 from ...formats.load import MeshFile
-from ...formats.objects import Chosen
+from ...formats.objects import ObjectSelection
 
 _USED = 0.65  # of a page, that an unwrapping fills
 _PADDING = 4  # texels between charts, so that neither bilinear lookups nor one coarser level see two of them
@@ -38,7 +38,12 @@ class Coordinates:
 
 
 def coordinates(
-    source: MeshFile, wanted: str, pages: tuple[str | None, str | None], into_glb: bool, chosen: Chosen, sets: bool
+    source: MeshFile,
+    wanted: str,
+    pages: tuple[str | None, str | None],
+    into_glb: bool,
+    chosen: ObjectSelection,
+    sets: bool,
 ) -> Coordinates:
     """Texture coordinates `wanted` by --uv; `pages`: --size, --texel-size; `into_glb`: new ones would be written.
 

@@ -20,9 +20,9 @@ from ao.texture.uv_layout import have_area, on_page
 from raytrace.errors import MeshError, OptionError
 from raytrace.types import Bools, Float64s
 
-from ...formats.glb.pieces import Piece, pieces
 from ...formats.images import MATERIAL, OBJECT, UDIM, tile_number, udim_tiles
 from ...formats.load import MeshFile
+from ...formats.primitive_groups import PrimitiveGroup, primitive_groups
 from ...safe_paths import file_words
 from .coordinates import Coordinates
 
@@ -59,12 +59,12 @@ class Layouts:
         self.of, self.instance = np.zeros((2, len(source.mesh.faces)), np.int64)
         self.all = [
             replace(piece, faces=piece.faces[each])
-            for piece in pieces(source, found.number or 0)
+            for piece in primitive_groups(source, found.number or 0)
             for new in (found.new[piece.faces],)
             for each in (~new, new)
             if each.any()
         ]
-        self.pieces: list[Piece] = []  # one of each layout
+        self.pieces: list[PrimitiveGroup] = []  # one of each layout
         self.images: list[Hashable] = []  # one of each layout, or a key that is the layout's own
         self.path = source.path
         keys: dict[Hashable, int] = {}
@@ -164,9 +164,9 @@ def _pages(
     return pages
 
 
-def _groups(all_pieces: Sequence[Piece], output: Path, count: int) -> list[tuple[dict[str, str], Bools]]:
+def _groups(all_groups: Sequence[PrimitiveGroup], output: Path, count: int) -> list[tuple[dict[str, str], Bools]]:
     """The words for <MATERIAL> and <OBJECT>, as far as they are in a name, and the faces (m,) that each stand for."""
-    columns = {MATERIAL: [piece.material for piece in all_pieces], OBJECT: [piece.object for piece in all_pieces]}
+    columns = {MATERIAL: [piece.material for piece in all_groups], OBJECT: [piece.object for piece in all_groups]}
     words = []
     for placeholder, column in columns.items():
         if placeholder in output.name:
@@ -174,7 +174,7 @@ def _groups(all_pieces: Sequence[Piece], output: Path, count: int) -> list[tuple
             known = dict(zip(different, file_words(each.name for each in different), strict=True))
             words.append([(placeholder, known[each]) for each in column])
     groups: dict[tuple[tuple[str, str], ...], Bools] = {}
-    for number, piece in enumerate(all_pieces):
+    for number, piece in enumerate(all_groups):
         key = tuple(column[number] for column in words)
         groups.setdefault(key, np.zeros(count, np.bool_))[piece.faces] = True
     return [(dict(key), mask) for key, mask in groups.items()]
@@ -224,7 +224,7 @@ def lacking(source: MeshFile, uv: Float64s, wanted: Bools, glb: Path | None) -> 
     without = ~on_page(uv) & wanted
     if not without.any():
         return []
-    without_uv = [piece for piece in pieces(source) if without[piece.faces].any()]
+    without_uv = [piece for piece in primitive_groups(source) if without[piece.faces].any()]
     names = list(dict.fromkeys(f"{piece.object.name} ({piece.material.name})" for piece in without_uv))
     more = f" and {len(names) - _LISTED:,} more" if len(names) > _LISTED else ""
     instead = "show w of their vertices" if glb else "get no texels"

@@ -1,8 +1,10 @@
 """Base colours of a mesh file for a page: of materials and vertices at the corners of faces, and textures."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +16,11 @@ from raytrace.image.texture import Texture, Wrap, texture_codes
 from raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
 
 from ...formats.load import MeshFile, mesh_errors
-from ...geometry.detail import PerCorner
+from ...geometry.attributes import SourceAttributes
+from ...geometry.corners import PerCorner
+
+if TYPE_CHECKING:
+    from ...formats.gltf.asset import Gltf
 
 _PLACES = (1 << 20) - 1  # steps of texture coordinates
 _LARGEST, _MANY = 1024, 8  # texels a side of so many images
@@ -51,7 +57,8 @@ class BaseColour:
 
 def uv_steps(uv: Float64s) -> tuple[Int64s, dict[str, list[float]]]:
     """Texture coordinates (n, 2) as whole steps, and what a page's script must know of these."""
-    low, high = uv.min(axis=0), uv.max(axis=0)
+    low = uv.min(axis=0)
+    high = uv.max(axis=0)
     step = np.where(high > low, high - low, 1.0) / _PLACES
     return np.rint((uv - low) / step).astype(np.int64), {"uvLow": low.tolist(), "uvStep": step.tolist()}
 
@@ -64,55 +71,83 @@ def base_colour(file: MeshFile) -> BaseColour | str | None:
         return printable(str(fault))
 
 
-def _read(file: MeshFile) -> BaseColour | None:
-    faces, asset, detail = file.mesh.faces, file.gltf, file.detail
-    if not asset and (detail is None or (detail.colors is None and detail.paint_of is None)):
-        return None
-    light, uv, of = np.ones((*faces.shape, 3)), np.zeros((*faces.shape, 2)), np.full(len(faces), -1)
-    numbers: dict[Texture | None, int] = {None: -1}
-    if asset:
-        from ...formats.gltf.textures import Textures, vertex_colours
+class _Collected:
+    """Base colours of m faces, white at first.
 
+    Attributes: light: linear RGB (m, 3, 3). uv: (m, 3, 2), v upwards. image_of: (m,) in `textures`, −1 for none.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.light = np.ones((count, 3, 3))
+        self.uv = np.zeros((count, 3, 2))
+        self.image_of = np.full(count, -1)
+        self.textures: list[Texture] = []
+
+    def number(self, texture: Texture) -> int:
+        """Of an image, a new one if it is not there."""
+        if texture not in self.textures:
+            self.textures.append(texture)
+        return self.textures.index(texture)
+
+
+def _read(file: MeshFile) -> BaseColour | None:
+    found = _Collected(len(file.mesh.faces))
+    if file.gltf:
         with mesh_errors(file.path):
-            textures = Textures(asset)
-            for piece, part in zip(asset.drawn, file.parts, strict=True):
-                rows = faces[part.faces] - part.vertices.start
-                w = None if file.w is None else file.w[part.vertices]
-                colours = vertex_colours(asset, piece.primitive, w)
-                factor = np.clip(asset.material(piece.primitive).base[0][:3], 0, 1)
-                light[part.faces] = factor if colours is None else factor * colours[rows]
-                used = textures.of_base(piece.primitive)
-                if used:
-                    uv[part.faces], of[part.faces] = used[0][rows], numbers.setdefault(used[1], len(numbers) - 1)
-    elif detail:
-        if detail.colors is not None:
-            light = decode_srgb(detail.colors[:, :3].clip(0, 1))[faces].astype(np.float64)
-        if detail.paint_of is not None:
-            paint = np.repeat(detail.paint_of, detail.triangles.counts)
-            light = light * np.array([*(each.colour for each in detail.paints), (1, 1, 1)])[paint, None]
-            found = detail.corner_uv()
-            if found is not None:
-                known = [Texture(each.texture) if each.texture else None for each in detail.paints]
-                image_of = np.array([*(numbers.setdefault(each, len(numbers) - 1) for each in known), -1])
-                there = np.asarray(~np.isnan(found).any(axis=(1, 2)))
-                uv, of = np.where(there[:, None, None], found, 0), np.where(there, image_of[paint], -1)
-    if (of < 0).all() and (light == 1).all():
+            _collect_of_gltf(file, file.gltf, found)
+    elif file.attributes:
+        _collect_of_attributes(file.mesh.faces, file.attributes, found)
+    if (found.image_of < 0).all() and (found.light == 1).all():
         return None
-    codes = np.rint(255 * encode_srgb(light.clip(0, 1).astype(np.float32))).astype(np.uint8)
-    found_textures = [each for each in numbers if each]
+    codes = np.rint(255 * encode_srgb(found.light.clip(0, 1).astype(np.float32))).astype(np.uint8)
     side = _LARGEST
-    while len(found_textures) * side**2 > _MANY * _LARGEST**2 and side > 1:
+    while len(found.textures) * side**2 > _MANY * _LARGEST**2 and side > 1:
         side //= 2
-    images = [_image(each, side) for each in found_textures]
-    return BaseColour(codes, uv * (1, -1) + (0, 1), of, images, [each.wrap for each in found_textures])
+    images = [_image(texture, side) for texture in found.textures]
+    wraps = [texture.wrap for texture in found.textures]
+    return BaseColour(codes, found.uv * (1, -1) + (0, 1), found.image_of, images, wraps)
+
+
+def _collect_of_gltf(file: MeshFile, asset: Gltf, found: _Collected) -> None:
+    from ...formats.gltf.textures import Textures, vertex_colours
+
+    textures = Textures(asset)
+    for drawn, part in zip(asset.drawn, file.parts, strict=True):
+        rows = file.mesh.faces[part.faces] - part.vertices.start
+        w = None if file.w is None else file.w[part.vertices]
+        colours = vertex_colours(asset, drawn.primitive, w)
+        factor = np.clip(asset.material(drawn.primitive).base[0][:3], 0, 1)
+        found.light[part.faces] = factor if colours is None else factor * colours[rows]
+        if used := textures.of_base(drawn.primitive):
+            uv, texture = used
+            found.uv[part.faces] = uv[rows]
+            found.image_of[part.faces] = found.number(texture)
+
+
+def _collect_of_attributes(faces: Int64s, attributes: SourceAttributes, found: _Collected) -> None:
+    if attributes.colors is not None:
+        found.light = decode_srgb(attributes.colors[:, :3].clip(0, 1))[faces].astype(np.float64)
+    if attributes.material_of is None:
+        return
+    # Of each material and, last, of none.
+    factors = np.array([*(material.colour for material in attributes.materials), (1, 1, 1)])
+    pictures = [Texture(material.texture) if material.texture else None for material in attributes.materials]
+    material_of = np.repeat(attributes.material_of, attributes.triangles.counts)
+    found.light = found.light * factors[material_of, None]
+    uv = attributes.corner_uv()
+    if uv is not None:
+        image_of = np.array([*(-1 if picture is None else found.number(picture) for picture in pictures), -1])
+        has_uv = np.asarray(~np.isnan(uv).any(axis=(1, 2)))
+        found.uv = np.where(has_uv[:, None, None], uv, 0)
+        found.image_of = np.where(has_uv, image_of[material_of], -1)
 
 
 def shrunk(image: UInt8s, most: int) -> UInt8s:
     """An image (h, w, …) of at most `most` texels across and down, by means over blocks."""
-    high, wide = (-(-side // -(-side // most)) for side in image.shape[:2])
-    if (high, wide) == image.shape[:2]:
+    size = [-(-side // -(-side // most)) for side in image.shape[:2]]
+    if tuple(size) == image.shape[:2]:
         return image
-    return np.rint(block_means(image.astype(np.float64), high, wide)).astype(np.uint8)
+    return np.rint(block_means(image.astype(np.float64), *size)).astype(np.uint8)
 
 
 def block_means(image: AnyFloats, high: int, wide: int) -> AnyFloats:

@@ -67,7 +67,8 @@ def html_of_bakes(
     facts, data = encoded(mesh, checked, None if isinstance(base, str) else base)
     facts["baseMissing"] = base if isinstance(base, str) else None
     facts |= {"title": printable(title), **standing, "look": LOOK, "flags": list(FLAGS.items())}
-    style, script = _part("page.css"), "\n".join(_part(f"{name}.js") for name in _SCRIPTS)
+    style = _part("page.css")
+    script = "\n".join(_part(f"{name}.js") for name in _SCRIPTS)
     shaders = "\n".join(f'<script type="x-shader" id="{name}">\n{_part(name)}</script>' for name in _SHADERS)
     holes = {
         "policy": policy(style, script),

@@ -23,7 +23,7 @@ from raytrace.image.texture import Wrap
 from raytrace.mesh.normals import normalize
 from raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
 
-from ...geometry.detail import split_creases
+from ...geometry.corners import split_creases
 from .base_colour import BaseColour, shrunk, uv_steps
 
 if TYPE_CHECKING:
@@ -83,11 +83,13 @@ class Values:
 
 def encoded(mesh: Mesh, bakes: Sequence[Values], base: BaseColour | None = None) -> tuple[dict[str, Any], bytes]:
     """A page's data: a JSON-ready header, and gzip-compressed arrays. Args: bakes: checked."""
+    # Positions as steps of the bounding box; corners in the order of the sorted faces.
     low, high = mesh.bounds
     step = (high - low) / MOST
     steps = np.rint(np.divide(mesh.vertices - low, step, out=np.zeros_like(mesh.vertices), where=step > 0))
     order = _sorted(mesh.faces, base.of if base else None)
     faces = mesh.faces.ravel()[order]
+    # Vertices at creases, stored again.
     _, split, normals, like = split_creases(mesh, base.several() if base else ())
     drawn = split.ravel()[order.ravel()]
     again = np.flatnonzero(drawn >= len(mesh.vertices))  # corners whose normal is not the first of their vertex
@@ -98,27 +100,14 @@ def encoded(mesh: Mesh, bakes: Sequence[Values], base: BaseColour | None = None)
         "again": np.diff(again, prepend=0).astype("<u4"),
         "further": (drawn[again] - len(mesh.vertices)).astype("<u4"),
     }
-    described: list[dict[str, Any]] = []
+    described = [_bake_columns(bake, number, columns) for number, bake in enumerate(bakes)]
+    # What each face shows: a texture of each bake, and an image of base colours.
     shown = np.full((len(bakes) + 1, len(faces)), -1)
+    for number, bake in enumerate(bakes):
+        if bake.textures:
+            shown[number] = bake.textures.of[faces[:, 0]]
     if base:
         shown[-1] = base.of[order[:, 0] // 3]
-    for number, bake in enumerate(bakes):
-        top = 0.0 if bake.error is None else float(bake.error.max(initial=0.0))
-        columns[f"w{number}"] = np.rint(bake.w * MOST).astype("<u2")
-        if bake.error is not None:
-            columns[f"error{number}"] = np.rint(255 * np.sqrt(bake.error / (top or 1.0))).astype("u1")
-        if bake.flags is not None:
-            columns[f"flags{number}"] = bake.flags.astype("u1")
-        if bake.bent_normals is not None:
-            columns[f"bent{number}"] = _octahedral(bake.bent_normals, 255).astype("u1")
-        rmse = 0.0 if bake.error is None else float(np.sqrt(np.mean(bake.error**2)))
-        described.append({"name": bake.name, "rmse": rmse, "errorTop": top, "errorShown": _nice(bake.error)})
-        if bake.profile and not bake.textures:
-            described[-1] |= _profile_columns(bake.profile, number, columns) | {"permanent": bake.permanent}
-        if bake.textures:
-            described[-1] |= _texture_columns(bake.textures, number, columns)
-            shown[number] = bake.textures.of[faces[:, 0]]
-    change = np.abs(bakes[-1].w - bakes[0].w)
     facts = {
         "vertices": len(mesh.vertices),
         "faces": len(mesh.faces),
@@ -127,11 +116,30 @@ def encoded(mesh: Mesh, bakes: Sequence[Values], base: BaseColour | None = None)
         "bakes": described,
         "draws": _runs(shown),
         "base": base and base.put(columns, like),
-        "differenceShown": _nice(change),
+        "differenceShown": _nice(np.abs(bakes[-1].w - bakes[0].w)),
         "columns": [[name, column.itemsize, column.size] for name, column in columns.items()],
     }
     planes = [np.ascontiguousarray(column).reshape(-1, 1).view(np.uint8).T.tobytes() for column in columns.values()]
     return facts, gzip.compress(b"".join(planes), 9, mtime=0)
+
+
+def _bake_columns(bake: Values, number: int, columns: dict[str, npt.NDArray[Any]]) -> dict[str, Any]:
+    """Put the values of a bake into the columns: what a page's script must know of them."""
+    largest = 0.0 if bake.error is None else float(bake.error.max(initial=0.0))
+    columns[f"w{number}"] = np.rint(bake.w * MOST).astype("<u2")
+    if bake.error is not None:
+        columns[f"error{number}"] = np.rint(255 * np.sqrt(bake.error / (largest or 1.0))).astype("u1")
+    if bake.flags is not None:
+        columns[f"flags{number}"] = bake.flags.astype("u1")
+    if bake.bent_normals is not None:
+        columns[f"bent{number}"] = _octahedral(bake.bent_normals, 255).astype("u1")
+    rmse = 0.0 if bake.error is None else float(np.sqrt(np.mean(bake.error**2)))
+    described = {"name": bake.name, "rmse": rmse, "errorTop": largest, "errorShown": _nice(bake.error)}
+    if bake.textures:
+        return described | _texture_columns(bake.textures, number, columns)
+    if bake.profile:
+        return described | _profile_columns(bake.profile, number, columns) | {"permanent": bake.permanent}
+    return described
 
 
 def _profile_columns(profile: Profile, number: int, columns: dict[str, npt.NDArray[Any]]) -> dict[str, Any]:

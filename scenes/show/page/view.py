@@ -13,9 +13,9 @@ from raytrace.image.texture import Texture, texture_codes
 from raytrace.mesh.up import TO_Y_UP, up_axis
 from raytrace.system.atomic import write_bytes
 from raytrace.system.checks import check_ending, check_outputs
-from raytrace.types import UInt8s
+from raytrace.types import Float64s, UInt8s
 
-from ...formats.glb.occlusion import is_ramp
+from ...formats.gltf.occlusion import is_ramp
 from ...formats.gltf.textures import Textures
 from ...formats.load import MeshFile, load, mesh_errors
 from ...formats.stored_w import ENDINGS, find_profile, read_beside_w, read_w, unrepeated
@@ -60,9 +60,11 @@ def view_results(
 
 def _values(path: Path, count: int, source: MeshFile | None) -> Values:
     if source is None or source.w is None:
-        w, textures = read_w(path, count), _textures(source)
+        w = read_w(path, count)
+        textures = _textures(source)
     else:
-        w, textures = source.w[:count], None
+        w = source.w[:count]
+        textures = None
     profile = source.profile if source else find_profile(path)
     if profile and source:
         profile = replace(profile, values=profile.values[:count])
@@ -76,14 +78,16 @@ def _textures(source: MeshFile | None) -> TexturedW | None:
     """The occlusion textures of a glTF by which w varies between vertices: all but ramps."""
     if source is None or source.gltf is None:
         return None
-    asset, count = source.gltf, len(source.mesh.vertices)
-    uv, of = np.zeros((count, 2)), np.full(count, -1)
+    asset = source.gltf
+    count = len(source.mesh.vertices)
+    uv = np.zeros((count, 2))
+    of = np.full(count, -1)
     numbers: dict[tuple[Texture, float], int] = {}
     with mesh_errors(asset.path):
         textures = Textures(asset)
-        for piece, part in zip(asset.drawn, source.parts, strict=True):
-            used = textures.of_occlusion(piece.primitive)
-            if used and not is_ramp(asset.header, piece.primitive.material):
+        for drawn, part in zip(asset.drawn, source.parts, strict=True):
+            used = textures.of_occlusion(drawn.primitive)
+            if used and not is_ramp(asset.header, drawn.primitive.material):
                 uv[part.vertices] = used[0] * (1, -1) + (0, 1)
                 of[part.vertices] = numbers.setdefault(used[1:], len(numbers))
         images = [_codes(*each) for each in numbers]
@@ -99,14 +103,21 @@ def _codes(texture: Texture, strength: float) -> UInt8s:
 
 def _check_same(mesh: Mesh, source: MeshFile) -> None:
     """Raises: SceneError: not the same vertices, but for repeated ones with w of their own, or not the same faces."""
-    other, path, count = source.mesh, source.path, len(mesh.vertices)
+    other = source.mesh
+    path = source.path
+    count = len(mesh.vertices)
     own = len(other.vertices) if source.w is None else unrepeated(other.vertices, (count,))
     if own != count:
         raise SceneError(path, "vertices", f"the {count:,} of {mesh.source}", f"{len(other.vertices):,}")
-    upright = (each.vertices[:count] @ np.transpose(TO_Y_UP[up_axis(each)]) for each in (mesh, other))  # as a .glb's
-    pairs = (mesh.vertices, other.vertices[:count]), upright
-    moved = min(float(np.abs(one - two).max()) for one, two in pairs)
+    as_stored = np.abs(mesh.vertices - other.vertices[:count]).max()
+    as_glb = np.abs(_upright(mesh, count) - _upright(other, count)).max()
+    moved = min(float(as_stored), float(as_glb))
     if moved > _MOVED * mesh.radius:
         raise SceneError(path, "vertices", f"those of {mesh.source}", f"others, up to {moved:.3g} away")
     if not np.array_equal(other.vertices[other.faces], other.vertices[mesh.faces]):
         raise SceneError(path, "faces", f"those of {mesh.source}", "others")
+
+
+def _upright(mesh: Mesh, count: int) -> Float64s:
+    """The first vertices as a `.glb` has them, y up."""
+    return mesh.vertices[:count] @ np.transpose(TO_Y_UP[up_axis(mesh)])

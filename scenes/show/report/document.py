@@ -35,7 +35,8 @@ def number(value: float) -> str:
 def _histogram(summary: Mapping[str, Any], label: str) -> str:
     """Bars of a histogram as `ao.report` has it, and its quantiles as a table for readers that see none."""
     bins = summary["histogram"]
-    counts, most = bins["counts"], max(*bins["counts"], 1)
+    counts = bins["counts"]
+    most = max(*bins["counts"], 1)
     step = _WIDTH / len(counts)
     bars = "".join(
         f'<rect x="{x * step:.2f}" y="{_HEIGHT * (1 - count / most):.2f}" width="{step - 1:.2f}"'
@@ -44,7 +45,8 @@ def _histogram(summary: Mapping[str, Any], label: str) -> str:
         if count
     )
     shown = f"{label} from {number(summary['least'])} to {number(summary['most'])}, mean {number(summary['mean'])}"
-    low, high = bins["from"], bins["to"]
+    low = bins["from"]
+    high = bins["to"]
     places = ((0, low, "start"), (_WIDTH / 2, (low + high) / 2, "middle"), (_WIDTH, high, "end"))
     ticks = f'<path class="axes" d="M0 {_HEIGHT}H{_WIDTH}"/>' + "".join(
         f'<text x="{x}" y="{_HEIGHT + 14}" text-anchor="{anchor}">{number(value)}</text>' for x, value, anchor in places
@@ -71,7 +73,8 @@ def _svg(content: str, label: str, height: float) -> str:
 def html_report(report: Report, pictures: Sequence[Sequence[Picture]]) -> bytes:
     """A page, UTF-8, without scripts. Args: pictures: of each of the report's `pages`, or of the one it is."""
     folder = files(__package__).joinpath("parts")
-    style, template = (folder.joinpath(f"report.{ending}").read_text("utf-8") for ending in ("css", "html"))
+    style = folder.joinpath("report.css").read_text("utf-8")
+    template = folder.joinpath("report.html").read_text("utf-8")
     title = f"{Path(report['inputs'][0]['path']).name}: {report['kind']}"
     pages = report.get("pages", {"": report})
     parts = [_verdict(report)]
@@ -134,10 +137,10 @@ def _calibration(report: Report) -> str:
     calibrated = report.get("error_calibration")
     if not calibrated:
         return ""
-    points, estimated, measured = (number(calibrated[name]) for name in ("points", "estimated", "measured"))
     text = (
-        f"{points} points were baked twice: their errors were estimated as {estimated} and measured as {measured}, root"
-        " mean squares. This has set the level of all estimates."
+        f"{number(calibrated['points'])} points were baked twice: their errors were estimated as"
+        f" {number(calibrated['estimated'])} and measured as {number(calibrated['measured'])}, root mean squares. This"
+        " has set the level of all estimates."
     )
     groups = calibrated["groups"]
     if not groups:
@@ -145,12 +148,14 @@ def _calibration(report: Report) -> str:
     text += (
         " Whether they are larger where errors are larger shows below, for groups of points: both agree on the line."
     )
-    top, side = 1.1 * max(max(group["estimated"], group["high"]) for group in groups), _HEIGHT + 50
+    top = 1.1 * max(max(group["estimated"], group["high"]) for group in groups)
+    side = _HEIGHT + 50
     marks = ""
     for group in groups:
-        x, y, low, high = (side * group[name] / top for name in ("estimated", "measured", "low", "high"))
-        marks += f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{side - low:.1f}" y2="{side - high:.1f}"/>'
-        marks += f'<circle cx="{x:.1f}" cy="{side - y:.1f}" r="3.5"/>'
+        at = {name: side * group[name] / top for name in ("estimated", "measured", "low", "high")}
+        x = f"{at['estimated']:.1f}"
+        marks += f'<line x1="{x}" x2="{x}" y1="{side - at["low"]:.1f}" y2="{side - at["high"]:.1f}"/>'
+        marks += f'<circle cx="{x}" cy="{side - at["measured"]:.1f}" r="3.5"/>'
     frame = f'<path class="axes" d="M0 0V{side}H{side}"/><line class="same" x1="0" y1="{side}" x2="{side}" y2="0"/>'
     words = f'<text x="{side + 8}" y="{side}">estimated</text><text x="8" y="12">measured, to {number(top)}</text>'
     chart = _svg(f'{frame}<g class="marks">{marks}</g>{words}', "measured over estimated errors", side + 4)

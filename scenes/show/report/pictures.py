@@ -33,7 +33,8 @@ class Picture(NamedTuple):
 
 def pictures_of_vertices(mesh: Mesh, w: AnyFloats, error: AnyFloats) -> list[Picture]:
     """A bake at the vertices: clay × w, w, and the error. Args: w, error: (n,)."""
-    camera, top = _camera(mesh), float(np.max(error, initial=0.0))
+    camera = _camera(mesh)
+    top = float(np.max(error, initial=0.0))
     clay = render_scene(clay_scene(mesh, w, camera), camera, clay_settings(_WIDTH, _HEIGHT, _SAMPLES), layers=False)
     shown = (np.asarray(values, np.float64) for values in (w, error / (top or 1.0)))
     objects = [Object(Shape(mesh, _WHITE), w=values) for values in shown]
@@ -88,7 +89,8 @@ def _values(item: Object, camera: Camera) -> tuple[Float32s, Float32s]:
 
 def _w_and_error(objects: list[Object], camera: Camera, top: float) -> list[Picture]:
     """Pictures of an object with w, and of one with the error in parts of the most, before the background."""
-    (w, coverage), (error, covered) = (_values(item, camera) for item in objects)
+    w, coverage = _values(objects[0], camera)
+    error, covered = _values(objects[1], camera)
     share = np.divide(error, covered, out=np.zeros_like(error), where=covered > 0)[..., 0]
     behind = np.array(BACKGROUND["dark"], np.float32)
     hot = decode_srgb(heat(share)) * covered + (1 - covered) * behind
@@ -98,7 +100,8 @@ def _w_and_error(objects: list[Object], camera: Camera, top: float) -> list[Pict
 def _textured(mesh: Mesh, uv: Float64s, values: AnyFloats) -> Shape:
     """A shape whose corners are vertices of their own, with a page of values in [0, 1] as its occlusion texture."""
     shown = on_page(uv)
-    corners, drawn = uv[shown], mesh.faces[shown]
+    corners = uv[shown]
+    drawn = mesh.faces[shown]
     normals = None if mesh.normals is None else mesh.normals[drawn].reshape(-1, 3)
     faces = np.arange(drawn.size).reshape(-1, 3)
     apart = Mesh(mesh.vertices[drawn].reshape(-1, 3), faces, normals, source=mesh.source)
@@ -113,7 +116,8 @@ def _shrunk(layer: Float32s) -> Float32s:
     size = -(-max(height, width) // _LARGEST)
     if size == 1:
         return layer
-    high, wide = max(height // size, 1), max(width // size, 1)
+    high = max(height // size, 1)
+    wide = max(width // size, 1)
     whole = layer[: high * size, : wide * size]
     return whole.reshape(high, min(size, height), wide, min(size, width), channels).mean(axis=(1, 3), dtype=np.float32)
 
@@ -150,7 +154,8 @@ def _dot(picture: Float32s, camera: Camera, places: Float64s, colour: tuple[floa
     right, above, forward = camera.axes()
     offset = places - camera.position
     depth = offset @ forward
-    offset, depth = offset[depth > 0], depth[depth > 0]
+    offset = offset[depth > 0]
+    depth = depth[depth > 0]
     half = np.tan(np.radians(camera.field_of_view / 2)) * depth
     x = (offset @ right / half * height + width) / 2
     y = (height - offset @ above / half * height) / 2

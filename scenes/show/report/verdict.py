@@ -94,7 +94,8 @@ def _findings(report: Facts) -> Iterator[Finding]:
 
 
 def _error(report: Facts) -> Iterator[Finding]:
-    rmse, tolerance = report["rmse_estimate"], report["options"].get("tolerance")
+    rmse = report["rmse_estimate"]
+    tolerance = report["options"].get("tolerance")
     estimate = f"estimated RMSE of w is {rmse:.2g}"
     if tolerance is None and rmse > _NOISY:
         yield Finding("note", f"The {estimate}: noise may show.", "--tolerance 0.01, or more --samples.")
@@ -127,10 +128,11 @@ def flags_in_words(flagged: dict[str, int], vertices: int, rays_skipped: dict[st
 
 
 def _picture(report: Facts) -> Iterator[Finding]:
-    seen, brightest, clipped = (report["picture"][name] for name in ("covered", "brightest", "clipped"))
-    if not seen:
+    picture = report["picture"]
+    clipped = picture["clipped"]
+    if not picture["covered"]:
         yield Finding("bad", "Nothing is in view.", "Check the camera, or leave it out to have everything framed.")
-    elif brightest <= 0:
+    elif picture["brightest"] <= 0:
         yield Finding("bad", "The picture is black.", "Check the lights and the background.")
     elif clipped > _CLIPPED:
         text = f"{clipped:.0%} of the pixels are brighter than an 8-bit picture holds."

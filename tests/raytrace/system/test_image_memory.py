@@ -16,7 +16,7 @@ from raytrace.image.read import read_image
 from raytrace.image.texture import Texture, pack_textures, texture_alpha, texture_codes
 from raytrace.lights.environment import read_environment
 from raytrace.renderer.render import rendering_bytes
-from scenes.geometry.detail import is_opacity_map
+from scenes.geometry.attributes import is_opacity_map
 
 MIB = 1 << 20
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="measures by /proc")

@@ -7,19 +7,20 @@ import sys
 
 import numpy as np
 import pytest
+from fuzz_seeds import MODEL, archive
 from mesh_files import FACES, VERTICES, ply, stl
 from meshes import hills
 from project import ROOT
 
 import ao
 import raytrace.system.checks
-import scenes.commands.render
+import scenes.description.obscurance
 from ao.memory import surface_bytes, vertex_bytes
 from raytrace import InputError, Lambert, MemoryLimitError, Mesh, Object, Scene, Settings, Shape
 from raytrace.renderer import render_scene
 from raytrace.renderer.render import rendering_bytes
 from raytrace.system.checks import available, check_memory
-from scenes.commands.render import with_obscurance
+from scenes.description.obscurance import with_obscurance
 from scenes.description.read import read_scene
 from scenes.formats.load import load
 
@@ -139,6 +140,8 @@ def test_files_are_not_read_if_they_would_not_fit(ending, tmp_path, monkeypatch)
     elif ending == "toml":
         (tmp_path / "m.ply").write_bytes(ply(VERTICES, FACES))
         path.write_text('[[objects]]\nmesh = "m.ply"\n')
+    elif ending == "3mf":
+        path.write_bytes(archive(**{"3D/3dmodel.model": MODEL}))
     else:
         trimesh.creation.icosphere(1).export(path)
     monkeypatch.setattr(raytrace.system.checks, "available", lambda: 100)
@@ -158,7 +161,7 @@ def test_more_to_do_takes_more():
 def test_geometry_is_let_go_of_where_a_bake_does_not_fit_beside_it(room, kept, tmp_path, monkeypatch):
     (tmp_path / "s.toml").write_text('[[objects]]\nbuiltin = "sphere"\n[render]\nwidth = 8\nheight = 8\n')
     description = read_scene(tmp_path / "s.toml")
-    monkeypatch.setattr(scenes.commands.render, "available", lambda: room)
+    monkeypatch.setattr(scenes.description.obscurance, "available", lambda: room)
     baked, _ = with_obscurance(description)
     assert (description.scene in render_scene._scenes) == kept
     assert baked.objects[0].w is not None

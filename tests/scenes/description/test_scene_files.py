@@ -16,7 +16,7 @@ from raytrace.image.write import write_image
 from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
 from raytrace.materials.materials import OrenNayar
 from raytrace.settings import Settings
-from scenes.commands.render import with_obscurance
+from scenes.description.obscurance import with_obscurance
 from scenes.description.read import read_scene
 
 

@@ -7,7 +7,7 @@ import pytest
 from scene_texts import PLAIN, SQUARE, scene
 
 from raytrace.errors import InputError, SceneError
-from scenes.commands.render import with_obscurance
+from scenes.description.obscurance import with_obscurance
 from scenes.description.read import read_scene
 
 MISTAKES = {
@@ -61,7 +61,7 @@ MISTAKES = {
     'objects[0].mesh: expected a path in the scene\'s folder or below, got ""': '[[objects]]\nmesh = ""',
     "objects[0].mesh: expected a readable file": '[[objects]]\nmesh = "a\\u0000b"',
     "broken.obj: content: expected a complete and valid OBJ file": '[[objects]]\nmesh = "broken.obj"',
-    "paint.png: ending: expected one of obj": '[[objects]]\nmesh = "paint.png"',
+    "paint.png: ending: expected one of 3mf": '[[objects]]\nmesh = "paint.png"',
     'objects[0].texture: expected an existing file, got "no.png"': PLAIN + 'texture = "no.png"',
     "objects[0].texture: expected a mesh with texture coordinates, got one without": (
         '[[objects]]\nbuiltin = "sponge"\nlevel = 1\ntexture = "paint.png"'
@@ -79,7 +79,9 @@ MISTAKES = {
     'objects[0].material.two_sided: expected true, false or "viewer", got light': (
         PLAIN + 'material = { model = "lambert", albedo = 1, two_sided = "light" }'
     ),
-    "plain.obj: vt: expected texture coordinates": '[[objects]]\nmesh = "plain.obj"\ntexture = "paint.png"',
+    "objects[0].texture: expected a mesh with texture coordinates, got one": (
+        '[[objects]]\nmesh = "plain.obj"\ntexture = "paint.png"'
+    ),
     'objects[0].translate[0]: expected a number, got "1"': PLAIN + 'translate = ["1", 0, 0]',
     "objects[0].translate": PLAIN + "translate = [1, 0]",
     "objects[0].translate[2]: expected a finite number, got nan": PLAIN + "translate = [1, 0, nan]",
@@ -179,7 +181,7 @@ MISTAKES = {
         '[obscurance]\nbaked = "w.npy"\nseed = 3\n' + PLAIN
     ),
     'obscurance.baked: expected an existing file, got "none.npy"': '[obscurance]\nbaked = "none.npy"\n' + PLAIN,
-    'obscurance.baked: expected a name ending in .npy, .npz, .ply, .glb, .gltf, got "paint.png"': (
+    'obscurance.baked: expected a name ending in .glb, .gltf, .npy, .npz, .ply, got "paint.png"': (
         '[obscurance]\nbaked = "paint.png"\n' + PLAIN
     ),
 }

@@ -12,7 +12,7 @@ from trimesh.exchange.gltf import load_glb
 from raytrace.errors import MeshError
 from raytrace.image.srgb import decode_srgb, encode_srgb
 from scenes.formats.load import load
-from scenes.formats.losses import lost
+from scenes.formats.unsupported import unsupported_features
 from scenes.write_bake import channels, write
 
 RGBA = {"r": "red", "g": "green", "b": "blue", "a": "alpha"}
@@ -64,7 +64,7 @@ def test_a_ply_keeps_the_bits_of_the_other_channels(tmp_path, kinds, channel):
     made = after[RGBA[channel]] / largest
     assert after[RGBA[channel]].dtype == before["red"].dtype
     np.testing.assert_allclose(made, W.w if channel == "a" else encode_srgb(W.w), atol=max(1e-6, 0.501 / largest))
-    assert lost(tmp_path / "out.ply", source, channels("m.ply", channel, None, False)) == []
+    assert unsupported_features(tmp_path / "out.ply", source, channels("m.ply", channel, None, False)) == []
 
 
 @pytest.mark.parametrize("channel", RGBA)
@@ -167,5 +167,5 @@ def test_colours_that_cannot_be_kept_are_refused_before_the_bake(tmp_path):
     (tmp_path / "in.glb").write_bytes(builder.glb([{"mesh": 0}]))
     source = load(tmp_path / "in.glb", "out.glb")
     with pytest.raises(MeshError, match=r"in\.glb: COLOR_0: expected 4 rows, got 3"):
-        lost(tmp_path / "out.glb", source, channels("out.glb", "r", None, False))
-    assert lost(tmp_path / "out.glb", source, channels("out.glb", True, None, False))
+        unsupported_features(tmp_path / "out.glb", source, channels("out.glb", "r", None, False))
+    assert unsupported_features(tmp_path / "out.glb", source, channels("out.glb", True, None, False))

@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-import trimesh
+from fuzz_seeds import MODEL, archive
 from gltf_files import QUAD, TRIANGLE, Builder
 from mesh_files import read
 
@@ -146,16 +146,11 @@ def test_gltf_buffers_outside_the_folder_are_refused(tmp_path, uri):
 
 
 def test_3mf_repeats_and_places_its_objects(tmp_path):
-    scene = trimesh.Scene()
-    box = trimesh.creation.box()
-    scene.add_geometry(box, geom_name="box", node_name="near")
-    scene.add_geometry(
-        box, geom_name="box", node_name="far", transform=trimesh.transformations.translation_matrix([5, 0, 0])
-    )
-    file = read(tmp_path, "m.3mf", scene.export(file_type="3mf"))
-    assert len(file.parts) == 2
-    assert len(file.mesh.vertices) == 16
-    assert sorted(file.mesh.vertices[part.vertices, 0].mean() for part in file.parts) == [0, 5]
+    file = read(tmp_path, "m.3mf", archive(**{"3D/3dmodel.model": MODEL}))
+    lowest = [file.mesh.vertices[part.vertices].min(axis=0).tolist() for part in file.parts]
+    assert [part.name for part in file.parts] == ["one"] * 3
+    assert sorted(lowest) == [[0, 0, 0], [0, 0, 2], [5, 0, 2]]
+    assert len(file.mesh.vertices) == 12
 
 
 def test_copies_by_an_extension_are_reported(tmp_path):

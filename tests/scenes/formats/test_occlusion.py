@@ -5,14 +5,14 @@ import struct
 import numpy as np
 import pytest
 
-from scenes.formats.glb.buffer import Packed
-from scenes.formats.glb.occlusion import RAMP, OcclusionTextures, add_coordinates, free_set, occlusion_reference
-from scenes.formats.glb.write import ramp_coordinates, ramp_png
+from scenes.formats.gltf.builder import GlbBuilder
+from scenes.formats.gltf.occlusion import RAMP, OcclusionTextures, add_coordinates, free_set, occlusion_reference
+from scenes.formats.gltf.write import ramp_coordinates, ramp_png
 
 
 def document(primitives, materials=(), **fields):
     header = {"meshes": [{"primitives": primitives}], "materials": list(materials), **fields}
-    return Packed(header)
+    return GlbBuilder(header)
 
 
 def primitive(*sets, **fields):

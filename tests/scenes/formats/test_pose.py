@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import ao
 from raytrace.mesh.up import TO_Y_UP
 from scenes.description.read import read_scene
-from scenes.formats.glb.textured import textured_glb
+from scenes.formats.gltf.textured import textured_glb
 from scenes.formats.load import load
 from scenes.formats.stored_w import read_w
 from scenes.write_bake import write

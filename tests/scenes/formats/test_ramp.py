@@ -12,7 +12,7 @@ from mesh_files import ply
 
 from raytrace.errors import MeshError, OptionError
 from scenes.formats.load import load
-from scenes.formats.losses import lost
+from scenes.formats.unsupported import unsupported_features
 from scenes.write_bake import channels, write
 
 EXACT = 1 / 512
@@ -104,7 +104,8 @@ def test_a_second_bake_replaces_the_ramp(tmp_path, name):
     assert [set(each["attributes"]) for each in drawn(header)] == [set(each["attributes"]) for each in drawn(before)]
     assert len(header["materials"]) == len(before["materials"])
     assert not any(
-        "keeps" in line for line in lost(tmp_path / "out.glb", source, channels("o.glb", False, None, False))
+        "keeps" in line
+        for line in unsupported_features(tmp_path / "out.glb", source, channels("o.glb", False, None, False))
     )
 
 
@@ -175,7 +176,7 @@ def test_textures_that_are_moved_stay(tmp_path):
     assert occlusion(header, primitive)["texCoord"] == 2
     surface = header["materials"][0]["pbrMetallicRoughness"]
     assert surface == source.gltf.header["materials"][0]["pbrMetallicRoughness"]
-    (warning,) = lost(tmp_path / "out.glb", source, channels("out.glb", False, "ramp", False))
+    (warning,) = unsupported_features(tmp_path / "out.glb", source, channels("out.glb", False, "ramp", False))
     assert warning.endswith("out.glb: uses the set TEXCOORD_2; not every viewer reads more than 2")
 
 
@@ -192,9 +193,9 @@ def test_an_occlusion_texture_of_the_file_is_kept_and_that_is_reported(tmp_path)
     assert "TEXCOORD_1" not in first["attributes"]
     np.testing.assert_array_equal(values(header, binary, first["attributes"]["_OBSCURANCE"]), w[:4].astype("<f4"))
     assert occlusion(header, second) == {"index": 1, "texCoord": 1}
-    (warning,) = lost(tmp_path / "out.glb", source, channels("out.glb", False, None, False))
+    (warning,) = unsupported_features(tmp_path / "out.glb", source, channels("out.glb", False, None, False))
     assert "keeps the occlusion textures of 1 of 2 primitives" in warning
-    assert not lost(tmp_path / "out.glb", source, channels("out.glb", False, None, True))
+    assert not unsupported_features(tmp_path / "out.glb", source, channels("out.glb", False, None, True))
 
 
 def test_where_all_are_kept_no_ramp_is_written(tmp_path):
@@ -223,10 +224,10 @@ def test_plain_data_beside_compressed_are_read_and_those_alone_are_written(tmp_p
 def test_a_ply_takes_no_ramp_for_texture_coordinates(tmp_path):
     written(tmp_path, SAMPLES["plain"]())
     source = load(tmp_path / "out.glb", tmp_path / "m.ply")
-    assert source.detail.uv is None
+    assert source.attributes.uv is None
     written(tmp_path, SAMPLES["textured"]())
     source = load(tmp_path / "out.glb", tmp_path / "m.ply")
-    np.testing.assert_array_equal(source.detail.uv.rows, np.stack([UV[:, 0], 1 - UV[:, 1]], axis=1))
+    np.testing.assert_array_equal(source.attributes.uv.rows, np.stack([UV[:, 0], 1 - UV[:, 1]], axis=1))
     assert "TEXCOORD_1" not in source.unread
 
 

@@ -80,7 +80,7 @@ def test_w_of_another_mesh_is_refused(folder):
     refused(obscurance(*render, "o.glb"), "o.glb: w: expected 6 values, one a vertex of the scene's files", "got 7")
     refused(obscurance(*render, "corner.ply"), "corner.ply: w: expected obscurance at every vertex", "got none")
     refused(obscurance(*render, "gone.ply"), "--baked: expected an existing file, got gone.ply")
-    refused(obscurance(*render, "w.obj"), "--baked: expected a name ending in .npy, .npz, .ply, .glb, .gltf")
+    refused(obscurance(*render, "w.obj"), "--baked: expected a name ending in .glb, .gltf, .npy, .npz, .ply")
     refused(obscurance(*render, "w.ply", "--obscurance", "off"), "render: --baked does not go with --obscurance off")
     assert not (folder / "p.png").exists()
 
@@ -116,7 +116,7 @@ def test_w_of_an_obj_fits_it_with_a_texture_too(folder):
     np.testing.assert_array_equal(picture("textured.toml"), picture("plain.toml"))
     np.save("wrong.npy", np.ones(5))
     (folder / "wrong.toml").write_text(textured.replace("o.npy", "wrong.npy"))
-    words = ("expected 7 values, one a vertex of the scene's files, or 10, one a vertex of the scene, got 5",)
+    words = ("expected 7 values, one a vertex of the scene's files, or 11, one a vertex of the scene, got 5",)
     refused(obscurance("render", "wrong.toml", "-o", "p.png", *SIZE), *words)
 
 

@@ -1,20 +1,27 @@
-"""The table of formats and what follows it: names of functions, choices of options, pipes."""
+"""The registry of formats and what follows it: names of functions, choices of options, pipes, formats from outside."""
 
+import re
+from pkgutil import resolve_name
 from typing import get_args
 
+import numpy as np
 import pytest
+from project import ROOT
 
+import scenes
+from raytrace import MeshError
+from scenes.formats import table
 from scenes.formats.images import ENDINGS as IMAGES
-from scenes.formats.table import FORMATS, endings, format_of, function, sniffed_format
+from scenes.formats.table import endings, format_of, formats, sniffed_format
 from scenes.jobs.options import Format, InputFormat
 
 
-@pytest.mark.parametrize("row", FORMATS.values(), ids=FORMATS)
+@pytest.mark.parametrize("row", formats().values(), ids=formats())
 def test_functions_of_a_row_are_there(row):
-    for name in filter(None, (row.read, row.write, row.lost)):
-        assert callable(function(name))
+    for name in filter(None, (row.read, row.write, row.unsupported)):
+        assert callable(resolve_name(name))
     assert bool(row.read) == bool(row.peak)
-    assert not row.lost or row.write
+    assert not row.unsupported or row.write
 
 
 def test_options_offer_the_formats_of_the_table():
@@ -23,7 +30,7 @@ def test_options_offer_the_formats_of_the_table():
 
 
 def test_endings_are_found_in_any_case_and_others_go_to_libraries():
-    assert format_of("a/b.PLY") is FORMATS[".ply"]
+    assert format_of("a/b.PLY") is formats()[".ply"]
     assert format_of("mesh.dae").ending == format_of("mesh").ending == ""
 
 
@@ -37,3 +44,20 @@ def test_endings_are_found_in_any_case_and_others_go_to_libraries():
 )  # fmt: skip
 def test_first_bytes_show_the_format(content, ending):
     assert sniffed_format(content) == ending
+
+
+def test_a_format_from_outside_is_read_as_the_guide_for_contributors_says(tmp_path, monkeypatch):
+    row, reader = re.findall("```python\n(.*?)```", (ROOT / "CONTRIBUTING.md").read_text(), re.DOTALL)
+    assert len((row + reader).split("\n")) <= 14
+    (tmp_path / "tri_format.py").write_text(reader)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(table, "_REGISTERED", {**formats()})
+    (tmp_path / "m.tri").write_text("0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 1\n0 1 1\n")
+    with pytest.raises(MeshError, match="ending: expected one of"):
+        scenes.load(tmp_path / "m.tri")
+    registration = row.replace("scenes.formats.tri.read", "tri_format").replace("..table", "scenes.formats.table")
+    exec(registration)
+    mesh = scenes.load(tmp_path / "m.tri").mesh
+    assert np.array_equal(mesh.faces, [[0, 1, 2], [3, 4, 5]])
+    assert mesh.vertices[5].tolist() == [0, 1, 1]
+    assert ".tri" in endings("read")

@@ -8,10 +8,10 @@ import pytest
 from gltf_files import QUAD, Builder
 
 import ao
-from scenes.formats.glb.occlusion import image_name, occlusion_reference
-from scenes.formats.glb.textured import textured_glb
 from scenes.formats.gltf.accessors import normalized, values
 from scenes.formats.gltf.asset import decode
+from scenes.formats.gltf.occlusion import image_name, occlusion_reference
+from scenes.formats.gltf.textured import textured_glb
 from scenes.formats.load import load
 from scenes.formats.stored_w import read_w
 
@@ -62,10 +62,10 @@ def test_by_the_own_coordinates_of_a_file(tmp_path):
     builder.mesh(quad(builder, material=0))
     file = source(tmp_path, builder.glb([{"mesh": 0}], materials=[{"name": "kept", "doubleSided": True}]))
     baked = ao.bake_texture(file.mesh, file.uv, 8, samples=8)
-    content, kept = textured_glb(file, [baked])
+    content, warnings = textured_glb(file, [baked])
     asset, again = written(tmp_path, content)
     material = asset.header["materials"][0]
-    assert kept == 0
+    assert warnings == []
     assert material == {"name": "kept", "doubleSided": True, "occlusionTexture": {"index": 0}}
     assert np.array_equal(again.mesh.vertices, file.mesh.vertices)
     image = asset.header["images"][asset.header["textures"][0]["source"]]
@@ -137,11 +137,11 @@ def test_own_occlusion_textures_are_kept_unless_replaced(tmp_path):
     fields = {"materials": [own], "textures": [{"source": 0}], "images": [{"uri": "data:image/png;base64,AAAA"}]}
     file = source(tmp_path, builder.glb([{"mesh": 0}], **fields))
     baked = ao.bake_texture(file.mesh, file.uv, 8, samples=8)
-    content, kept = textured_glb(file, [baked])
-    assert kept == 1
+    content, (warning,) = textured_glb(file, [baked])
+    assert warning.startswith("keeps the occlusion textures of 1 primitives")
     assert written(tmp_path, content)[0].header["materials"] == [own]
-    content, kept = textured_glb(file, [baked], replace=True)
-    assert kept == 0
+    content, warnings = textured_glb(file, [baked], replace=True)
+    assert warnings == []
     assert written(tmp_path, content)[0].header["materials"][0]["occlusionTexture"]["index"] == 1
 
 

@@ -15,8 +15,7 @@ from gltf_samples import SAMPLES
 from uv_meshes import grid_charts
 
 from raytrace import MeshError
-from scenes.formats.glb.orm import check_orm
-from scenes.formats.glb.textured import textured_glb
+from scenes.formats.gltf.textured import textured_glb
 from scenes.formats.load import MeshFile, load
 from scenes.geometry.builtin_shapes import SOLIDS
 
@@ -34,11 +33,6 @@ def outputs(folder, source, name, ways=WAYS):
         numbers += [0] * (source.uv is not None)
     for uv in numbers:
         for replace, orm in ways:
-            try:
-                if orm:
-                    check_orm(source.gltf, uv if isinstance(uv, int) else None, replace)
-            except MeshError:
-                continue
             target = folder / f"{name}-{'own' if isinstance(uv, int) else 'new'}-{replace}-{orm}.glb"
             all_uv, odd = source.uv if isinstance(uv, int) else uv, np.zeros((len(source.mesh.faces), 1, 1), bool)
             for part in source.parts[1::2]:

@@ -12,7 +12,7 @@ from mesh_files import mesh_file, random_bake
 
 from raytrace.errors import OptionError, OutputError
 from raytrace.image.srgb import encode_srgb
-from scenes.formats.glb.write import ramp_png
+from scenes.formats.gltf.write import ramp_png
 from scenes.formats.load import load
 from scenes.write_bake import check_target, write
 
@@ -81,10 +81,10 @@ def test_a_grey_of_either_encoding_is_taken_for_w_and_not_for_a_colour(tmp_path,
     )
     rows["grey"] = np.rint(255 * encode(rows["w"]))[:, None]
     (tmp_path / "m.ply").write_bytes(content)
-    assert load(tmp_path / "m.ply", target="again.ply").detail.colors is None
+    assert load(tmp_path / "m.ply", target="again.ply").attributes.colors is None
     rows["grey"] += 1
     (tmp_path / "m.ply").write_bytes(content)
-    assert load(tmp_path / "m.ply", target="again.ply").detail.colors is not None
+    assert load(tmp_path / "m.ply", target="again.ply").attributes.colors is not None
 
 
 def test_glb_of_a_plain_mesh(tmp_path):
@@ -126,7 +126,7 @@ def test_glb_leaves_out_normals_that_are_none(tmp_path):
 @pytest.mark.parametrize("name", ["w.exr", "w", "npy", "w.npy.gz", ".npy"])
 def test_unknown_endings_are_refused_before_any_work(tmp_path, name):
     with pytest.raises(
-        OptionError, match=r"output: expected a name ending in \.npy, \.npz, \.ply, \.glb, \.html, got "
+        OptionError, match=r"output: expected a name ending in \.glb, \.html, \.npy, \.npz, \.ply, got "
     ) as early:
         check_target(tmp_path / name)
     assert str(early.value).endswith(str(tmp_path / name))

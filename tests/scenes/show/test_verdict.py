@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from ao import Flag
-from scenes.commands.render_file import RENDER
+from scenes.commands.render import RENDER
 from scenes.jobs.options import BAKE, command_line
 from scenes.show.report.verdict import flags_in_words, hashed, remedy, verdict
 
@@ -31,10 +31,10 @@ WARNINGS = [
 PARTS = (
     ("raytrace/mesh/precision.py", "too coarse for the faces there"),
     ("ao/estimate/tolerance.py", "is not met, the estimated RMSE"),
-    ("scenes/formats/losses.py", "not kept from"),
-    ("scenes/formats/losses.py", "keeps the colours of"),
-    ("scenes/formats/glb/write.py", "keeps the occlusion textures of"),
-    ("scenes/formats/glb/write.py", "uses the set TEXCOORD_"),
+    ("scenes/formats/unsupported.py", "not kept from"),
+    ("scenes/formats/unsupported.py", "keeps the colours of"),
+    ("scenes/formats/gltf/write.py", "keeps the occlusion textures of"),
+    ("scenes/formats/gltf/write.py", "uses the set TEXCOORD_"),
     ("scenes/geometry/polygons.py", "crosses itself"),
     ("scenes/jobs/console.py", "between the vertices w errs by"),
     ("scenes/jobs/textures/pages.py", "faces overlap in"),

@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from raytrace.types import Float64s, Int64s
 
-from ..gltf.accessors import COMPONENTS
-from ..gltf.asset import BIN_CHUNK, JSON_CHUNK
-from ..gltf.records import PROFILE
+from .accessors import COMPONENTS
+from .asset import BIN_CHUNK, JSON_CHUNK
+from .records import PROFILE
 
 if TYPE_CHECKING:
     from ao import Bake
@@ -23,7 +23,7 @@ ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 _GLB_MAGIC = 0x46546C67
 
 
-class Packed:
+class GlbBuilder:
     """A glTF header and its one buffer, which grow together."""
 
     def __init__(self, header: dict[str, Any]) -> None:
@@ -67,7 +67,9 @@ class Packed:
 
         Args: colors: channels of `COLOR_0` that hold w, too. stored: (n, 3 or 4), of the others; None: white, 8 bits.
         """
-        attributes, w, profile = primitive["attributes"], bake.w[rows], bake.profile
+        attributes = primitive["attributes"]
+        w = bake.w[rows]
+        profile = bake.profile
         for name in [name for name in attributes if name.startswith(PROFILE)]:
             del attributes[name]
         attributes["_OBSCURANCE"] = self.accessor(w.astype("<f4"))

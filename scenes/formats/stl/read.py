@@ -10,9 +10,9 @@ import numpy as np
 
 from raytrace.errors import MeshError
 
-from ..geometry.instances import Instance
-from .number_rows import NumberRows
-from .table import MeshInput
+from ...geometry.instances import Instance
+from ..number_rows import NumberRows
+from ..table import MeshInput
 
 _HEADER, _TRIANGLE = 84, np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
 _NAME = re.compile(rb"solid([^\r\n]*)", re.IGNORECASE)
@@ -39,8 +39,11 @@ def read_stl(given: MeshInput) -> list[Instance]:
 def _solids(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
     """Name and vertices (n, 3) of each solid that has some."""
     rows = NumberRows.of(data)
-    begins, ends = rows.bounds[:-1], rows.bounds[1:]
-    solid, vertex, end = (rows.starting_with(word) for word in (b"solid", b"vertex", b"endsolid"))
+    begins = rows.bounds[:-1]
+    ends = rows.bounds[1:]
+    solid = rows.starting_with(b"solid")
+    vertex = rows.starting_with(b"vertex")
+    end = rows.starting_with(b"endsolid")
     damaged = MeshError(source, "content", "complete ASCII or binary STL", "neither: damaged or cut off")
     if len(solid) != len(end):
         raise damaged

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -9,12 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from raytrace import Opacity
 from raytrace.errors import MeshError
+from raytrace.types import Int64s
 
 from ...geometry.instances import Instance, check_copies
 from ..table import MeshInput
 from .accessors import normalized, triangles, values, vectors
-from .asset import Gltf, decode, entry
+from .asset import DrawnPrimitive, Gltf, decode, entry
 from .pose import Poses, in_words
 from .records import PROFILE, Primitive
 
@@ -31,34 +34,43 @@ def read_gltf(given: MeshInput) -> tuple[list[Instance], Gltf]:
         with alpha.
     """
     asset = decode(given.file.read(), given.path)
+    opacity_of = _opacity_reader(asset) if given.alpha else None
+    poses = Poses(asset)
     shapes: dict[Any, Instance] = {}
-    opacity_of = None
-    materials = asset.header.get("materials", [])
-    tables = [each for each in materials if isinstance(each, dict)] if isinstance(materials, list) else []
-    if given.alpha and any(each.get("alphaMode", "OPAQUE") != "OPAQUE" for each in tables):  # opaque ones are not read
-        from .textures import Textures
-        from .textures import opacity_of as of
-
-        opacity_of = partial(of, Textures(asset))
-    rows, poses = 0, Poses(asset)
     made: list[Instance] = []
-    for piece in asset.drawn:
-        if piece.shape not in shapes:
-            shape = poses.posed(piece, _shape(asset, piece.primitive))
-            shape = replace(shape, opacity=opacity_of(piece.primitive, shape.faces)) if opacity_of else shape
-            shapes[piece.shape] = shape
-        shape = shapes[piece.shape]
-        rows += len(shape.vertices) + len(shape.faces)
-        check_copies(rows, sum(map(len, asset.buffers)), asset.path)
-        node, mesh = asset.geometry.nodes[piece.node], asset.geometry.meshes[piece.mesh]
-        name = node.name or mesh.name or f"node {piece.node}"
-        name = f"{name}[{piece.place}]" if len(mesh.primitives) > 1 else name
-        drawn_once = f"{name} is drawn many times by {_COPIES}, which is not read: once here"
+    copied = 0
+    for drawn in asset.drawn:
+        if drawn.shape not in shapes:
+            shape = poses.posed(drawn, _shape(asset, drawn.primitive))
+            shape = replace(shape, opacity=opacity_of(drawn.primitive, shape.faces)) if opacity_of else shape
+            shapes[drawn.shape] = shape
+        shape = shapes[drawn.shape]
+        copied += len(shape.vertices) + len(shape.faces)
+        check_copies(copied, sum(map(len, asset.buffers)), asset.path)
+        name = _name(asset, drawn)
         notes = () if made else in_words(asset)
-        notes += (drawn_once,) if _COPIES in node.extensions else ()
-        matrix = asset.world[piece.node] if piece.skin is None else shape.matrix
+        if _COPIES in asset.geometry.nodes[drawn.node].extensions:
+            notes += (f"{name} is drawn many times by {_COPIES}, which is not read: once here",)
+        matrix = asset.world[drawn.node] if drawn.skin is None else shape.matrix
         made.append(replace(shape, name=name, matrix=matrix, notes=notes))
     return made, asset
+
+
+def _opacity_reader(asset: Gltf) -> Callable[[Primitive, Int64s], Opacity | None] | None:
+    """What reads alpha of faces; None if all materials are opaque, which are not read."""
+    materials = asset.header.get("materials", [])
+    tables = [each for each in materials if isinstance(each, dict)] if isinstance(materials, list) else []
+    if all(each.get("alphaMode", "OPAQUE") == "OPAQUE" for each in tables):
+        return None
+    from .textures import Textures, opacity_of
+
+    return partial(opacity_of, Textures(asset))
+
+
+def _name(asset: Gltf, drawn: DrawnPrimitive) -> str:
+    mesh = asset.geometry.meshes[drawn.mesh]
+    name = asset.geometry.nodes[drawn.node].name or mesh.name or f"node {drawn.node}"
+    return f"{name}[{drawn.place}]" if len(mesh.primitives) > 1 else name
 
 
 def _shape(asset: Gltf, primitive: Primitive) -> Instance:
@@ -72,7 +84,8 @@ def _shape(asset: Gltf, primitive: Primitive) -> Instance:
         raise MeshError(asset.path, "POSITION", "uncompressed values", "no data")
     normals = vectors(asset, attributes["NORMAL"]) if "NORMAL" in attributes else None
     faces = triangles(asset, primitive, len(vertices))
-    w, profile = _stored_w(asset, attributes, len(vertices)), _stored_profile(asset, attributes, len(vertices))
+    w = _stored_w(asset, attributes, len(vertices))
+    profile = _stored_profile(asset, attributes, len(vertices))
     return Instance("", vertices, faces, normals, w=w, profile=profile, up="y")
 
 
@@ -95,7 +108,8 @@ def _stored_profile(asset: Gltf, attributes: dict[str, int], count: int) -> Prof
 
     try:
         extras = entry(asset.geometry.accessors, attributes[f"{PROFILE}0"], "accessors").extras
-        lengths, radius = extras["half_distances"], extras["radius"]
+        lengths = extras["half_distances"]
+        radius = extras["radius"]
         numbers = [attributes[f"{PROFILE}{number}"] for number in range(-(-len(lengths) // 4))]
         columns = np.hstack([normalized(values(asset, number, "VEC4")) for number in numbers])
     except (KeyError, TypeError, ValueError):

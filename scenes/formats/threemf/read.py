@@ -21,8 +21,8 @@ from raytrace.errors import MeshError
 from raytrace.system.checks import check_memory
 from raytrace.types import Float64s
 
-from ..geometry.instances import Instance, check_copies
-from .table import MeshInput
+from ...geometry.instances import Instance, check_copies
+from ..table import MeshInput
 
 ROOT = "3d/3dmodel.model"
 GROWTH, SPARE = 100, 1 << 24  # an archive may unpack to 100 times its size, and always to 16 MiB
@@ -46,7 +46,8 @@ class _Reader:
     """The target of the XML parser: collects the objects and build items of one model file."""
 
     def __init__(self, model: str, objects: dict[Key, _Object]) -> None:
-        self.model, self.objects = model, objects
+        self.model = model
+        self.objects = objects
         self.items: list[tuple[Key, Float64s]] = []
         self.current = _Object("")
         self.has_materials = False
@@ -86,26 +87,31 @@ def read_3mf(given: MeshInput) -> list[Instance]:
     """
     from lxml import etree
 
-    file, source = given.file, given.source
+    file = given.file
+    source = given.source
     unpacked = check_archive(file, source)
+    # The objects and build items of each model of the archive.
+    objects: dict[Key, _Object] = {}
+    readers: dict[str, _Reader] = {}
     with zipfile.ZipFile(file) as archive:
         models = {_member(entry.filename): entry for entry in archive.infolist() if entry.filename.endswith(".model")}
-        objects: dict[Key, _Object] = {}
-        readers = {name: _Reader(name, objects) for name in models}
         for name, entry in models.items():
-            target = readers[name]
-            parser = etree.XMLParser(target=target, resolve_entities=False, no_network=True, load_dtd=False)
+            readers[name] = _Reader(name, objects)
+            parser = etree.XMLParser(target=readers[name], resolve_entities=False, no_network=True, load_dtd=False)
             with archive.open(entry) as content:
                 while block := content.read(_BLOCK):
                     parser.feed(block)
             parser.close()
-    unread = ("materials and colours",) if any(each.has_materials for each in readers.values()) else ()
-    build = readers[next(name for name in models if name.endswith(ROOT))].items
+    build = readers[next(name for name in readers if name.endswith(ROOT))].items
     _check_build(build, objects, unpacked, source)
+    # A shape of each object.
+    unread = ("materials and colours",) if any(each.has_materials for each in readers.values()) else ()
     shapes: dict[Key, Instance] = {}
     for key, item in objects.items():
-        vertices, faces = (np.array(numbers).reshape(-1, 3) for numbers in (item.vertices, item.faces))
+        vertices = np.array(item.vertices).reshape(-1, 3)
+        faces = np.array(item.faces).reshape(-1, 3)
         shapes[key] = Instance(item.name, vertices, faces, unread=unread, up="z")
+    # Placed by the build items, with the components of each.
     placed = []
     stack = build[::-1]
     while stack:
@@ -143,7 +149,8 @@ def _check_build(build: list[tuple[Key, Float64s]], objects: dict[Key, _Object],
         if key not in graph:
             graph[key] = [child for child, _ in objects[key].components]
             stack += graph[key]
-    rows, count = dict[Key, int](), dict[Key, int]()
+    rows = dict[Key, int]()
+    count = dict[Key, int]()
     try:
         for key in TopologicalSorter(graph).static_order():
             own = len(objects[key].vertices) // 3 + len(objects[key].faces) // 3

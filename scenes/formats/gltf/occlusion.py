@@ -11,9 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from raytrace.types import AnyFloats
+from raytrace.image.encode import linear_png
+from raytrace.types import AnyFloats, Float32s
 
-from .buffer import Packed
+from .builder import GlbBuilder
+from .records import WRAP
 
 OWN = "obscurance"  # names of images of ours begin so: a later bake replaces their textures
 RAMP = f"{OWN} ramp"
@@ -24,9 +26,10 @@ _VARIANTS, TRANSFORM = "KHR_materials_variants", "KHR_texture_transform"
 class OcclusionTextures:
     """Occlusion textures for primitives of a document: `add` images, `give` them to primitives, then `apply` once."""
 
-    def __init__(self, packed: Packed, replace: bool = False) -> None:
+    def __init__(self, builder: GlbBuilder, replace: bool = False) -> None:
         """Args: replace: put them also in place of occlusion textures that are not ours."""
-        self._packed, self._replace = packed, replace
+        self._builder = builder
+        self._replace = replace
         self._given: dict[int, tuple[int, int]] = {}  # texture and coordinates by the id of a primitive
 
     def add(self, png: bytes, name: str, **sampler: int) -> int:
@@ -34,10 +37,15 @@ class OcclusionTextures:
 
         Args: name: of its image; begins with `OWN`. sampler: filters and wrap modes in place of linear and clamped.
         """
-        image = {"name": name, "mimeType": "image/png", "bufferView": self._packed.bytes_view(png)}
+        image = {"name": name, "mimeType": "image/png", "bufferView": self._builder.bytes_view(png)}
         modes = {"magFilter": LINEAR, "minFilter": LINEAR, "wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE} | sampler
-        append = self._packed.append
+        append = self._builder.append
         return append("textures", {"sampler": append("samplers", modes), "source": append("images", image)})
+
+    def add_page(self, w: Float32s) -> int:
+        """Index of a new texture of w (h, w), in 8 bits, which repeats."""
+        codes = np.rint(np.clip(w, 0, 1) * 255).astype(np.uint8)
+        return self.add(linear_png(codes[:, :, None]), f"{OWN} occlusion", wrapS=WRAP, wrapT=WRAP)
 
     def materials(self, primitive: dict[str, Any]) -> list[int | None]:
         """The primitive's materials that have no occlusion texture that is to be kept; None for no material."""
@@ -50,7 +58,7 @@ class OcclusionTextures:
     def apply(self) -> None:
         """Put the textures into the primitives' materials, the default one for none; materials that other primitives
         share are copied first, and keep their places."""
-        header = self._packed.header
+        header = self._builder.header
         before = copy.deepcopy(header.get("materials", []))
         others: set[int | None] = {None}  # there is no such entry
         uses: dict[tuple[int | None, int, int], list[dict[str, Any]]] = {}
@@ -65,7 +73,7 @@ class OcclusionTextures:
         for (material, texture, coordinates), slots in uses.items():
             if material in others:
                 made = {} if material is None else copy.deepcopy(before[material])
-                number = self._packed.append("materials", made)
+                number = self._builder.append("materials", made)
                 for slot in slots:
                     slot["material"] = number
             else:
@@ -77,7 +85,7 @@ class OcclusionTextures:
         material["occlusionTexture"] = texture_reference(texture, coordinates)
 
     def _open(self, material: int | None) -> bool:
-        header = self._packed.header
+        header = self._builder.header
         if material is not None and material >= len(header.get("materials", [])):
             return False
         reference = occlusion_reference(header, material)
@@ -96,7 +104,7 @@ def free_set(header: dict[str, Any], primitive: dict[str, Any]) -> int:
     for material in _materials(primitive):
         ramp = occlusion_reference(header, material) if is_ramp(header, material) else None
         references = _references(material_of(header, material))
-        used |= {number for each in references if each is not ramp for number in _sets_of(each)}
+        used |= {number for each in references if each is not ramp for number in sets_of(each)}
     ramps = ramp_sets(header, primitive)
     return next(n for n in count() if n not in used and (n in ramps or f"TEXCOORD_{n}" not in names))
 
@@ -113,15 +121,15 @@ def ramp_sets(header: dict[str, Any], primitive: dict[str, Any]) -> set[int]:
     return {each["occlusionTexture"].get("texCoord", 0) for each in ramps}
 
 
-def add_coordinates(packed: Packed, primitive: dict[str, Any], number: int, uv: AnyFloats) -> None:
+def add_coordinates(builder: GlbBuilder, primitive: dict[str, Any], number: int, uv: AnyFloats) -> None:
     """Give a primitive the set TEXCOORD_`number`, uv (n, 2), v downwards; sets below it that it lacks become zeros.
 
     The specification wants them contiguous, and viewers read zeros there.
     """
     for lower in range(number):
         if f"TEXCOORD_{lower}" not in primitive["attributes"]:
-            primitive["attributes"][f"TEXCOORD_{lower}"] = packed.accessor(np.zeros((len(uv), 2), "<f4"))
-    primitive["attributes"][f"TEXCOORD_{number}"] = packed.accessor(uv.astype("<f4"))
+            primitive["attributes"][f"TEXCOORD_{lower}"] = builder.accessor(np.zeros((len(uv), 2), "<f4"))
+    primitive["attributes"][f"TEXCOORD_{number}"] = builder.accessor(uv.astype("<f4"))
 
 
 def occlusion_reference(header: dict[str, Any], material: int | None) -> Any:
@@ -143,13 +151,14 @@ def _source(header: dict[str, Any], reference: dict[str, Any]) -> int:
 
 def image_name(header: dict[str, Any], reference: dict[str, Any]) -> str:
     """Name of the image that a texture reference leads to; empty if it has none, or leads nowhere."""
-    source, images = _source(header, reference), header.get("images", [])
+    source = _source(header, reference)
+    images = header.get("images", [])
     return str(images[source].get("name", "")) if 0 <= source < len(images) else ""
 
 
 def texture_images(header: dict[str, Any], material: dict[str, Any], coordinates: int) -> set[int]:
     """Numbers of the images that a material uses by a TEXCOORD set, without images of earlier bakes."""
-    used = [each for each in _references(material) if coordinates in _sets_of(each)]
+    used = [each for each in _references(material) if coordinates in sets_of(each)]
     return {_source(header, each) for each in used if not image_name(header, each).startswith(OWN)} - {-1}
 
 
@@ -172,7 +181,7 @@ def _references(stored: Any) -> Iterator[dict[str, Any]]:
             yield from _references(inner)
 
 
-def _sets_of(reference: dict[str, Any]) -> set[int]:
+def sets_of(reference: dict[str, Any]) -> set[int]:
     """The sets of texture coordinates that readers with and without KHR_texture_transform take."""
     own = reference.get("texCoord", 0)
     found = own, reference.get("extensions", {}).get(TRANSFORM, {}).get("texCoord", own)

@@ -17,11 +17,11 @@ from raytrace.mesh.up import TO_Y_UP, up_axis
 from raytrace.types import AnyFloats, Float64s
 
 from ...geometry.instances import Submesh
-from ..gltf.accessors import stored_colors
-from ..gltf.asset import DRACO, MESHOPT, Gltf, referenced
 from ..load import MeshFile
 from ..table import Channels
-from .buffer import Packed
+from .accessors import stored_colors
+from .asset import DRACO, MESHOPT, Gltf, referenced
+from .builder import GlbBuilder
 from .occlusion import RAMP, OcclusionTextures, add_coordinates, free_set
 from .plain import Drawn, plain
 
@@ -38,43 +38,45 @@ def glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
 
     Raises: MeshError: malformed materials. OptionError: coordinates of what was no glTF are too large for float32.
     """
-    packed, drawn = document(mesh_file, bake, channels)
+    builder, drawn = document(mesh_file, bake, channels)
     if channels.ramp:
-        write_ramp(packed, [(primitive, bake.w[vertices]) for primitive, vertices in drawn], channels.replace)
-    return packed.encode()
+        write_ramp(builder, [(primitive, bake.w[vertices]) for primitive, vertices in drawn], channels.replace)
+    return builder.encode()
 
 
-def document(mesh_file: MeshFile, bake: Bake | None, channels: Channels = Channels()) -> tuple[Packed, list[Drawn]]:
+def document(mesh_file: MeshFile, bake: Bake | None, channels: Channels = Channels()) -> tuple[GlbBuilder, list[Drawn]]:
     """The document of a mesh file, with w of a bake, and its drawn primitives. Raises: as `glb`."""
     asset = mesh_file.gltf
-    packed, drawn = _stored(asset, mesh_file.parts) if asset else plain(mesh_file, channels.colors)
-    stored = Gltf(mesh_file.path, packed.header, [bytes(packed.binary)]) if len(channels.colors) == 1 else None
-    roots = asset.roots if asset else packed.header["scenes"][0]["nodes"]
-    _stand(packed.header, up_axis(mesh_file.mesh, channels.up), roots, asset.hidden if asset else [])
+    builder, drawn = _stored(asset, mesh_file.parts) if asset else plain(mesh_file, channels.colors)
+    stored = Gltf(mesh_file.path, builder.header, [bytes(builder.binary)]) if len(channels.colors) == 1 else None
+    roots = asset.roots if asset else builder.header["scenes"][0]["nodes"]
+    _add_up_axis_node(builder.header, up_axis(mesh_file.mesh, channels.up), roots, asset.hidden if asset else [])
     if bake:
         for primitive, vertices in drawn:
             colors = None if stored is None else stored_colors(stored, primitive["attributes"], len(vertices))
-            packed.annotate(primitive, bake, vertices, channels.colors, colors)
-    return packed, drawn
+            builder.annotate(primitive, bake, vertices, channels.colors, colors)
+    return builder, drawn
 
 
-def _stored(asset: Gltf, parts: tuple[Submesh, ...]) -> tuple[Packed, list[Drawn]]:
+def _stored(asset: Gltf, parts: tuple[Submesh, ...]) -> tuple[GlbBuilder, list[Drawn]]:
     """The document of a glTF source, and its drawn primitives, an own one for each instance."""
     _ = asset.materials  # to find what is malformed
-    packed = _one_buffer(asset)
-    nodes, meshes = packed.header["nodes"], packed.header["meshes"]
-    owner: dict[int, int] = {}
+    builder = _one_buffer(asset)
+    nodes = builder.header["nodes"]
+    meshes = builder.header["meshes"]
+    owner: dict[int, int] = {}  # the node that keeps a mesh which several show
     drawn: list[Drawn] = []
-    for piece, part in zip(asset.drawn, parts, strict=True):
-        if owner.setdefault(piece.mesh, piece.node) != piece.node and nodes[piece.node]["mesh"] == piece.mesh:
-            meshes.append(copy.deepcopy(meshes[piece.mesh]))
-            nodes[piece.node]["mesh"] = len(meshes) - 1
+    for each, part in zip(asset.drawn, parts, strict=True):
+        node = nodes[each.node]
+        if owner.setdefault(each.mesh, each.node) != each.node and node["mesh"] == each.mesh:
+            meshes.append(copy.deepcopy(meshes[each.mesh]))
+            node["mesh"] = len(meshes) - 1
         rows = np.arange(part.vertices.start, part.vertices.stop)
-        drawn.append((meshes[nodes[piece.node]["mesh"]]["primitives"][piece.place], rows))
-    return packed, drawn
+        drawn.append((meshes[node["mesh"]]["primitives"][each.place], rows))
+    return builder, drawn
 
 
-def _stand(header: dict[str, Any], up: str, roots: list[int], hidden: list[int]) -> None:
+def _add_up_axis_node(header: dict[str, Any], up: str, roots: list[int], hidden: list[int]) -> None:
     """Put the roots of the default scene below a node that turns `up` to y, glTF's up axis, if it is another; and
     `hidden` nodes below one that no scene shows.
     """
@@ -88,12 +90,12 @@ def _stand(header: dict[str, Any], up: str, roots: list[int], hidden: list[int])
     nodes += [turned | {"children": children} for children in (roots, hidden) if children]
 
 
-def _one_buffer(asset: Gltf) -> Packed:
+def _one_buffer(asset: Gltf) -> GlbBuilder:
     """The asset with all buffers joined, and with the images beside it taken in where they can be read."""
-    packed = Packed(copy.deepcopy(asset.header))
-    _keep_plain_data(packed.header)
-    offsets = [packed.add(buffer) for buffer in asset.buffers]
-    for view in packed.header.get("bufferViews", []):
+    builder = GlbBuilder(copy.deepcopy(asset.header))
+    _keep_plain_data(builder.header)
+    offsets = [builder.add(buffer) for buffer in asset.buffers]
+    for view in builder.header.get("bufferViews", []):
         if view["buffer"] in range(len(offsets)):
             view["byteOffset"] = view.get("byteOffset", 0) + offsets[view["buffer"]]
         else:  # nothing that was read refers to it
@@ -101,16 +103,16 @@ def _one_buffer(asset: Gltf) -> Packed:
         view["buffer"] = 0
     read = cache(Path.read_bytes)
     views: dict[int, int] = {}
-    for image in packed.header.get("images", []):
+    for image in builder.header.get("images", []):
         uri = str(image.get("uri", "data:"))
         data = None if uri.startswith("data:") else referenced(uri, asset.path.parent, read)
         if data is not None:
             del image["uri"]
             image.setdefault("mimeType", "image/png" if data.startswith(b"\x89PNG") else "image/jpeg")
             if id(data) not in views:
-                views[id(data)] = packed.bytes_view(data)
+                views[id(data)] = builder.bytes_view(data)
             image["bufferView"] = views[id(data)]
-    return packed
+    return builder
 
 
 def _keep_plain_data(header: dict[str, Any]) -> None:
@@ -119,7 +121,7 @@ def _keep_plain_data(header: dict[str, Any]) -> None:
         _remove(view, *MESHOPT)
     left = False
     known = header.get("accessors", [])
-    for primitive in (piece for mesh in header.get("meshes", []) for piece in mesh["primitives"]):
+    for primitive in (primitive for mesh in header.get("meshes", []) for primitive in mesh["primitives"]):
         numbers = *primitive["attributes"].values(), primitive.get("indices", len(known))
         accessors = [known[number] for number in numbers if number < len(known)]
         if all("bufferView" in accessor for accessor in accessors):
@@ -153,15 +155,15 @@ def ramp_coordinates(w: AnyFloats) -> Float64s:
     return np.stack([u, np.full_like(u, 0.5)], axis=-1)
 
 
-def write_ramp(packed: Packed, drawn: Iterable[tuple[dict[str, Any], AnyFloats]], replace: bool) -> None:
+def write_ramp(builder: GlbBuilder, drawn: Iterable[tuple[dict[str, Any], AnyFloats]], replace: bool) -> None:
     """Give primitives, with w (n,) of their vertices, the ramp as their occlusion texture; `replace`: for any other."""
-    textures = OcclusionTextures(packed, replace)
+    textures = OcclusionTextures(builder, replace)
     ramp = None
     for primitive, w in drawn:
         if textures.materials(primitive):
             ramp = textures.add(ramp_png(), RAMP) if ramp is None else ramp
-            number = free_set(packed.header, primitive)
-            add_coordinates(packed, primitive, number, ramp_coordinates(w))
+            number = free_set(builder.header, primitive)
+            add_coordinates(builder, primitive, number, ramp_coordinates(w))
             textures.give(primitive, ramp, number)
     textures.apply()
 
@@ -169,14 +171,14 @@ def write_ramp(packed: Packed, drawn: Iterable[tuple[dict[str, Any], AnyFloats]]
 def ramp_warnings(asset: Gltf, replace: bool) -> list[str]:
     """Warnings where `write_ramp` leaves w out, or some viewers will: lines for the user, mostly none."""
     header = asset.header
-    textures = OcclusionTextures(Packed(header), replace)
-    pieces = {each[1:3]: each.stored for each in asset.drawn}.values()
-    taking = [piece for piece in pieces if textures.materials(piece)]
+    textures = OcclusionTextures(GlbBuilder(header), replace)
+    primitives = {each[1:3]: each.stored for each in asset.drawn}.values()
+    taking = [primitive for primitive in primitives if textures.materials(primitive)]
     lines = []
-    if kept := len(pieces) - len(taking):
-        of = f"keeps the occlusion textures of {kept:,} of {len(pieces):,} primitives"
+    if kept := len(primitives) - len(taking):
+        of = f"keeps the occlusion textures of {kept:,} of {len(primitives):,} primitives"
         lines.append(f"{of}, whose w viewers do not show; --replace-occlusion replaces them")
-    highest = max((free_set(header, piece) for piece in taking), default=0)
+    highest = max((free_set(header, primitive) for primitive in taking), default=0)
     if highest >= SETS_OF_ALL_VIEWERS:
         lines.append(f"uses the set TEXCOORD_{highest}; not every viewer reads more than {SETS_OF_ALL_VIEWERS}")
     return lines

@@ -8,7 +8,7 @@ from kept_contents import bake, columns
 from mesh_files import read, stl
 
 from raytrace.image.srgb import encode_srgb
-from scenes.formats.losses import lost
+from scenes.formats.unsupported import unsupported_features
 
 
 def test_a_ply_keeps_colours_and_texture_coordinates_of_a_gltf(tmp_path):
@@ -41,7 +41,7 @@ def test_polygons_that_cross_themselves_are_reported(tmp_path):
 
 def test_colours_of_an_off_file_are_reported(tmp_path):
     file = read(tmp_path, "m.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 255 0 0\n")
-    assert "colours" in lost(tmp_path / "w.ply", file)[0]
+    assert "colours" in unsupported_features(tmp_path / "w.ply", file)[0]
 
 
 @pytest.mark.parametrize("tag", [b"basematerials", b"colorgroup", b"texture2dgroup", b"multiproperties"])
@@ -49,7 +49,7 @@ def test_materials_of_a_3mf_file_are_reported(tmp_path, tag):
     model = MODEL.replace(b"<resources>", b'<resources><%s id="7"/>' % tag)
     file = read(tmp_path, "m.3mf", archive(**{"3D/3dmodel.model": model}))
     for target in ("w.ply", "w.glb"):
-        assert "materials and colours" in lost(tmp_path / target, file)[0]
+        assert "materials and colours" in unsupported_features(tmp_path / target, file)[0]
 
 
 @pytest.mark.parametrize(("height", "creased"), [(0.25, False), (1, True)])

@@ -8,7 +8,7 @@ from gltf_files import check_glb, values
 from kept_contents import bake, columns
 
 from scenes.formats.load import load
-from scenes.formats.obj.detail import read_mtl
+from scenes.formats.obj.mtl import read_mtl
 
 OBJ = """mtllib paint.mtl
 v 0 0 0 1 0 0
@@ -136,7 +136,7 @@ def test_an_opacity_map_is_the_alpha_of_the_base_colour_texture(tmp_path, given)
     maps[given].save(tmp_path / "leaf.png")
     own = "leaf.png" if given == "both" else "paint.png"  # of 2 × 2, enlarged
     (tmp_path / "paint.mtl").write_text(f"newmtl red\nmap_d leaf.png\nmap_Kd {own}\n")
-    (paint,) = load(tmp_path / "m.obj", "x.glb").detail.paints
+    (paint,) = load(tmp_path / "m.obj", "x.glb").attributes.materials
     np.testing.assert_allclose(paint.opacity_map(), alpha / 255, atol=1e-6)
     assert "texture" not in bake(tmp_path, "m.obj", "out.glb")
     header, binary = check_glb((tmp_path / "out.glb").read_bytes())
@@ -230,7 +230,7 @@ def test_the_name_of_a_single_object(tmp_path, statements):
 
 
 def test_objects_beyond_measure_become_one(tmp_path, monkeypatch):
-    monkeypatch.setattr("scenes.formats.obj.detail.MAX_OBJECTS", 2)
+    monkeypatch.setattr("scenes.formats.obj.attributes.MAX_OBJECTS", 2)
     (tmp_path / "m.obj").write_text(OBJECTS)
     source = load(tmp_path / "m.obj", "x.glb")
     assert source.objects == ("m",)

@@ -10,18 +10,18 @@ import numpy.typing as npt
 from ao.texture.result import BakedTexture
 from ao.texture.uv_layout import on_page
 from raytrace.errors import MeshError
-from raytrace.image.encode import linear_png
 from raytrace.types import AnyFloats, Float64s, Int64s
 
-from ..gltf.accessors import flipped, normalized, triangles, values
-from ..gltf.asset import Gltf
-from ..gltf.parse import parse
-from ..gltf.records import WRAP, Primitive
 from ..load import MeshFile
-from .buffer import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Packed
-from .occlusion import OWN, OcclusionTextures, add_coordinates, free_set
+from ..primitive_groups import primitive_groups
+from .accessors import flipped, normalized, triangles, values
+from .asset import Gltf
+from .builder import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, GlbBuilder
+from .occlusion import OcclusionTextures, add_coordinates, free_set
 from .orm import OrmTextures
-from .pieces import pieces
+from .parse import parse
+from .plain import Drawn
+from .records import Primitive
 from .write import document, write_ramp
 
 _SAME = 1e-6  # of texture coordinates that float32 has rounded
@@ -34,67 +34,72 @@ def textured_glb(
     replace: bool = False,
     orm: bool = False,
     w: AnyFloats | None = None,
-) -> tuple[bytes, int]:
-    """A GLB file of a mesh file, with 8 bits of w a texel, and how many primitives keep another occlusion texture.
+) -> tuple[bytes, list[str]]:
+    """A GLB file of a mesh file, with 8 bits of w a texel, and warnings: lines for the user, mostly none.
 
     A glTF source is kept as stored, as by `write.glb`; what was no glTF becomes one. Coordinates of a page that a
     primitive has not become a set of its own: vertices whose corners differ there are stored several times.
 
     Args:
         pages: textures of different faces. replace: put them also in place of occlusion textures of the source.
-        orm: put w into R of the materials' metallic-roughness images (`scenes.formats.glb.orm`).
+        orm: put w into R of the materials' metallic-roughness images (`scenes.formats.gltf.orm`).
         w: (n,) of the vertices, for primitives that are on no page: a ramp shows it.
 
-    Raises: InputError: as `check_orm`, with `orm`; malformed materials or values; coordinates too large for float32.
+    Raises: InputError: malformed materials or values; coordinates too large for float32.
     """
-    packed, drawn = document(mesh_file, None)
-    before = Gltf(mesh_file.path, packed.header, [bytes(packed.binary)])
-    textures = OcclusionTextures(packed, replace)
-    if orm:
-        textures = OrmTextures(packed, mesh_file.gltf, [page.w for page in pages], replace)
-    numbers = list(range(len(pages)))
-    if not orm:
-        codes = [np.rint(np.clip(page.w, 0, 1) * 255).astype(np.uint8)[:, :, None] for page in pages]
-        numbers = [textures.add(linear_png(each), f"{OWN} occlusion", wrapS=WRAP, wrapT=WRAP) for each in codes]
-    rest, kept = [], 0
-    for (primitive, vertices), piece in zip(drawn, pieces(mesh_file), strict=True):
-        shown = np.array([on_page(page.uv[piece.faces]) for page in pages])
+    builder, drawn = document(mesh_file, None)
+    asset = Gltf(mesh_file.path, builder.header, [bytes(builder.binary)])
+    packing = OrmTextures(builder, mesh_file.gltf, [page.w for page in pages], replace) if orm else None
+    textures = packing or OcclusionTextures(builder, replace)
+    numbers = list(range(len(pages))) if orm else [textures.add_page(page.w) for page in pages]
+    on_no_page: list[Drawn] = []
+    kept = 0
+    for (primitive, vertices), group in zip(drawn, primitive_groups(mesh_file), strict=True):
+        shown = np.array([on_page(page.uv[group.faces]) for page in pages])
         if not textures.materials(primitive):
             kept += 1
         elif not shown.any(axis=0).all():
-            rest.append((primitive, vertices))
+            on_no_page.append((primitive, vertices))
         else:
-            record = parse(Primitive, primitive, before.path)
-            faces, texture_of = triangles(before, record, len(vertices)).astype(np.int64), shown.argmax(axis=0)
-            turned = not np.array_equal(vertices[faces], mesh_file.mesh.faces[piece.faces])  # mirrored, and turned over
+            record = parse(Primitive, primitive, asset.path)
+            faces = triangles(asset, record, len(vertices)).astype(np.int64)
+            texture_of = shown.argmax(axis=0)
             used = np.unique(texture_of)
-            for texture, each in zip(used, _copies(packed, primitive, len(used)), strict=True):
+            is_turned = not np.array_equal(vertices[faces], mesh_file.mesh.faces[group.faces])  # mirrored: turned over
+            for texture, each in zip(used, _copies(builder, primitive, len(used)), strict=True):
                 rows = np.flatnonzero(texture_of == texture)
-                uv = pages[texture].uv[piece.faces[rows], :: -1 if turned else 1]
-                number = _set_of(before, record, faces[rows], uv)
+                uv = pages[texture].uv[group.faces[rows], :: -1 if is_turned else 1]
+                number = _set_of(asset, record, faces[rows], uv)
                 if number is None:
-                    number = free_set(packed.header, each)
-                    split_vertices(packed, before, each, number, faces[rows], uv)
+                    number = free_set(builder.header, each)
+                    split_vertices(builder, asset, each, number, faces[rows], uv)
                 elif len(used) > 1:
-                    _draw(packed, each, faces[rows])
+                    _draw(builder, each, faces[rows])
                 textures.give(each, numbers[texture], number)
     textures.apply()
     if w is not None:
-        write_ramp(packed, [(primitive, w[vertices]) for primitive, vertices in rest], replace)
-    return packed.encode(), kept
+        write_ramp(builder, [(primitive, w[vertices]) for primitive, vertices in on_no_page], replace)
+    lines = []
+    if kept:
+        advice = "whose w viewers do not show; --replace-occlusion replaces them"
+        lines.append(f"keeps the occlusion textures of {kept:,} primitives, {advice}")
+    if packing and packing.apart:
+        reason = "by other coordinates than the bake, moved by KHR_texture_transform, or no PNG or JPEG"
+        lines.append(f"has w in an image apart from {len(packing.apart):,} metallic-roughness textures, {reason}")
+    return builder.encode(), lines
 
 
-def _copies(packed: Packed, primitive: dict[str, Any], count: int) -> list[dict[str, Any]]:
+def _copies(builder: GlbBuilder, primitive: dict[str, Any], count: int) -> list[dict[str, Any]]:
     """The primitive and, in its mesh, `count` − 1 copies of it."""
-    mesh = next(each for each in packed.header["meshes"] if any(own is primitive for own in each["primitives"]))
+    mesh = next(each for each in builder.header["meshes"] if any(own is primitive for own in each["primitives"]))
     made = [copy.deepcopy(primitive) for _ in range(count - 1)]
     mesh["primitives"] += made
     return [primitive, *made]
 
 
-def _draw(packed: Packed, primitive: dict[str, Any], corners: Int64s) -> None:
+def _draw(builder: GlbBuilder, primitive: dict[str, Any], corners: Int64s) -> None:
     """Let a primitive draw triangles with these vertices at their `corners`, of any shape."""
-    primitive["indices"] = packed.accessor(corners.ravel().astype("<u4"), ELEMENT_ARRAY_BUFFER)
+    primitive["indices"] = builder.accessor(corners.ravel().astype("<u4"), ELEMENT_ARRAY_BUFFER)
     primitive.pop("mode", None)
 
 
@@ -108,21 +113,23 @@ def _set_of(asset: Gltf, primitive: Primitive, faces: Int64s, uv: Float64s) -> i
 
 
 def split_vertices(
-    packed: Packed, asset: Gltf, primitive: dict[str, Any], number: int, faces: Int64s, uv: Float64s
+    builder: GlbBuilder, asset: Gltf, primitive: dict[str, Any], number: int, faces: Int64s, uv: Float64s
 ) -> None:
     """Give a primitive the set TEXCOORD_`number`, uv (t, 3, 2), with a vertex for each place that one has there."""
     rounded = uv.reshape(-1, 2).astype("<f4")
     keys = np.empty(len(rounded), [("vertex", "<i8"), ("u", "<f4"), ("v", "<f4")])
-    keys["vertex"], keys["u"], keys["v"] = faces.ravel(), rounded[:, 0], rounded[:, 1]
+    keys["vertex"] = faces.ravel()
+    keys["u"] = rounded[:, 0]
+    keys["v"] = rounded[:, 1]
     kinds, first, corners = np.unique(keys, return_index=True, return_inverse=True)
     for attributes in (primitive["attributes"], *primitive.get("targets", [])):
         for name, accessor in attributes.items():
-            attributes[name] = _taken(packed, asset, accessor, kinds["vertex"])
-    add_coordinates(packed, primitive, number, flipped(rounded[first]))
-    _draw(packed, primitive, corners)
+            attributes[name] = _taken(builder, asset, accessor, kinds["vertex"])
+    add_coordinates(builder, primitive, number, flipped(rounded[first]))
+    _draw(builder, primitive, corners)
 
 
-def _taken(packed: Packed, asset: Gltf, number: int, rows: Int64s) -> int:
+def _taken(builder: GlbBuilder, asset: Gltf, number: int, rows: Int64s) -> int:
     """Index of a new accessor of some rows of another."""
     old = asset.header["accessors"][number]
     if old["type"] not in _KINDS:
@@ -134,8 +141,8 @@ def _taken(packed: Packed, asset: Gltf, number: int, rows: Int64s) -> int:
     padded[:, :size] = taken.view(np.uint8).reshape(len(rows), size)
     made = {key: old[key] for key in ("componentType", "type", "normalized", "name", "extras") if key in old}
     strided = {"byteStride": stride} if stride != size else {}
-    view = packed.bytes_view(padded.tobytes(), target=ARRAY_BUFFER, **strided)
+    view = builder.bytes_view(padded.tobytes(), target=ARRAY_BUFFER, **strided)
     made |= {"bufferView": view, "count": len(rows)}
     if "min" in old:
         made |= {"min": taken.min(axis=0).tolist(), "max": taken.max(axis=0).tolist()}
-    return packed.append("accessors", made)
+    return builder.append("accessors", made)

@@ -1,0 +1,84 @@
+"""The scene of a description with its w(p): baked for the picture, or from a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import ao
+from ao.memory import vertex_bytes
+from raytrace import EnvironmentLight, SkyLight
+from raytrace.renderer.render import seen_vertices
+from raytrace.renderer.render_scene import release
+from raytrace.scene import Scene
+from raytrace.system.checks import available
+from raytrace.types import Bools, Float64s
+
+from ..formats.stored_w import read_w
+from .description import SceneDescription
+
+if TYPE_CHECKING:
+    from ao.execute.checkpoint import Checkpoint
+    from ao.execute.tracer import Progress
+
+
+def with_obscurance(
+    description: SceneDescription,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    checkpoint: Checkpoint | None = None,
+) -> tuple[Scene, ao.Bake | None]:
+    """The scene with w(p) as `description.w_from` and `description.bake` ask, and the bake if there was one.
+
+    Only vertices that the picture can show are baked; all else gets w = 1, and so do vertices of shapes with an
+    occlusion texture. w from a file stands in place of such textures. Args: checkpoint: as `ao.bake` takes it.
+    """
+    scene = description.scene
+    if description.w_from == "off":
+        return scene, None
+    if isinstance(description.w_from, Path):
+        return scene.without_occlusion().with_obscurance(_stored_w(description, description.w_from)), None
+    if all(item.shape.occlusion for item in scene.objects):
+        return scene, None
+    only = _vertices_to_bake(description, threads)
+    mesh = scene.flattened()
+    room = available()
+    options = description.bake
+    if room is not None and vertex_bytes(len(mesh.vertices), len(mesh.faces), options.rays) > room:
+        release(scene)  # the bake does not fit beside the geometry, which is built again for the picture
+    baked = ao.bake(
+        mesh,
+        options.falloff,
+        options.samples,
+        options.seed,
+        threads,
+        "angle" if description.settings.normals == "file" else description.settings.normals,
+        progress=progress,
+        only=only,
+        denoise=False,
+        checkpoint=checkpoint,
+    )
+    surrounded = any(isinstance(light, SkyLight | EnvironmentLight) for light in scene.lights)
+    return scene.with_obscurance(baked.w, baked.bent_normals if surrounded else None), baked
+
+
+def _vertices_to_bake(description: SceneDescription, threads: int | None) -> Bools:
+    """The vertices (n,) of the scene that the camera can see, of shapes without an occlusion texture."""
+    objects = description.scene.objects
+    seen = seen_vertices(description.scene, description.camera, description.settings, threads)
+    textured = [item.shape.occlusion is not None for item in objects]
+    return seen & ~np.repeat(textured, [len(item.shape.mesh.vertices) for item in objects])
+
+
+def _stored_w(description: SceneDescription, path: Path) -> Float64s:
+    """w of all vertices of the scene, from a file that has one for each, or one for each vertex of its mesh files."""
+    counts = [len(item.shape.mesh.vertices) for item in description.scene.objects]
+    origins = description.origins or (None,) * len(counts)
+    of_files = [origin.total if origin else count for origin, count in zip(origins, counts, strict=True)]
+    w = read_w(path, sum(of_files), sum(counts), scales=description.scales)
+    if len(w) != sum(of_files):
+        return w
+    parts = np.split(w, np.cumsum(of_files)[:-1])
+    return np.concatenate([part[origin.of] if origin else part for origin, part in zip(origins, parts, strict=True)])

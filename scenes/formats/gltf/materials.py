@@ -1,0 +1,74 @@
+"""glTF materials of a mesh file that was no glTF, with their images.
+
+Format: Khronos glTF 2.0 specification, section 3.9.2 (metallic-roughness).
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.image.encode import linear_png
+from raytrace.image.texture import Texture, texture_codes
+
+from ...geometry.attributes import SourceMaterial
+from .builder import GlbBuilder
+
+
+def _material(source: SourceMaterial) -> dict[str, Any]:
+    """glTF's material, without its picture."""
+    surface: dict[str, Any] = {"baseColorFactor": [*source.colour, source.opacity]}
+    surface |= {"metallicFactor": source.metallic, "roughnessFactor": source.roughness}
+    made: dict[str, Any] = {"name": source.name, "pbrMetallicRoughness": surface}
+    if any(source.emission):
+        made["emissiveFactor"] = list(source.emission)
+    if source.opacity < 1 or source.opacity_texture:
+        made["alphaMode"] = "BLEND"
+    return made
+
+
+def add_materials(builder: GlbBuilder, materials: Sequence[SourceMaterial]) -> None:
+    """Append materials to a document, and to its buffer their pictures, each once."""
+    numbers: dict[Any, int] = {}
+    for source in materials:
+        material = _material(source)
+        builder.append("materials", material)
+        key = source.texture, source.opacity_texture
+        first = source.texture or source.opacity_texture
+        if first is None:
+            continue
+        if key not in numbers:
+            data = _base_colour(source)
+            kind = "image/png" if data.startswith(b"\x89PNG") else "image/jpeg"
+            image = {"name": first.name, "mimeType": kind, "bufferView": builder.bytes_view(data)}
+            numbers[key] = builder.append("textures", {"source": builder.append("images", image)})
+        material["pbrMetallicRoughness"]["baseColorTexture"] = {"index": numbers[key]}
+
+
+def _base_colour(source: SourceMaterial) -> bytes:
+    """A PNG or JPEG file of a material's colour texture, its alpha the opacity map; of two sizes the larger."""
+    alpha = None if source.texture == source.opacity_texture else source.opacity_map()
+    if source.texture and alpha is None:
+        return source.texture.read_bytes()
+    assert alpha is not None
+    colour: npt.NDArray[Any] = np.full((1, 1, 3), 255, np.uint8)
+    if source.texture:
+        colour = texture_codes(Texture(source.texture))
+        colour = np.repeat(colour[..., :1], 3, axis=2) if colour.shape[2] < 3 else colour[..., :3]
+    if colour.dtype == np.uint16:
+        colour = np.rint(colour / 257).astype(np.uint8)
+    size = max(colour.shape[0], len(alpha)), max(colour.shape[1], alpha.shape[1])
+    codes = np.rint(enlarged(alpha[..., None], *size) * 255).astype(np.uint8)
+    return linear_png(np.concatenate([enlarged(colour, *size), codes], axis=2))
+
+
+def enlarged(image: npt.NDArray[Any], height: int, width: int) -> npt.NDArray[Any]:
+    """`image` (h, w, c) by bilinear interpolation, taken to repeat, codes rounded."""
+    if image.shape[:2] == (height, width):
+        return image.copy()
+    from scipy.ndimage import zoom
+
+    factors = height / image.shape[0], width / image.shape[1], 1
+    made = zoom(image.astype(np.float32), factors, order=1, mode="grid-wrap", grid_mode=True)
+    return made if image.dtype == np.float32 else np.rint(made).astype(image.dtype)

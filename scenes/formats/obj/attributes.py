@@ -1,0 +1,100 @@
+"""Colours, texture coordinates and materials of an OBJ file, its faces' alpha, and in words what is not kept."""
+
+from pathlib import Path
+
+import numpy as np
+
+from raytrace.mesh.opacity import AlphaSurface, Opacity
+
+from ...geometry.attributes import SourceAttributes, SourceMaterial
+from ...geometry.corners import PerCorner
+from ...geometry.polygons import Triangulation
+from .mtl import LIBRARY, OPAQUE, OPTION, read_libraries
+from .text import ObjText
+
+MAX_OBJECTS = 4096  # each takes a kilobyte or two of a .glb
+_OTHER = "l", "p", "curv", "curv2", "surf"
+_TOLD = {  # of what is left out of materials, what matters to alpha
+    OPAQUE: "",
+    LIBRARY: " is not there: what it paints is opaque",
+    OPTION: " is not read",
+    "texture of map_d": " is not read: alpha there is that of d alone",
+}
+
+
+def obj_attributes(
+    file: ObjText, folder: Path, triangles: Triangulation, normals: PerCorner | None, one_each: bool
+) -> tuple[SourceAttributes, tuple[str, ...]]:
+    """All of an OBJ file that can be kept, and the rest in words.
+
+    Args: normals: of all corners. one_each: whether no vertex has several of them.
+    """
+    uv = file.uv()
+    uv_is_finite = uv is None or bool(np.isfinite(uv.rows[uv.of[file.some("vt")]]).all())
+    colors = file.colors
+    if colors is not None and not ((colors >= 0) & (colors <= 1)).all():
+        colors = None
+    # Faces by the statements before them: objects, or groups where those alone divide the file, and materials.
+    by_object = file.named("o")
+    by_group = file.named("g")
+    objects = by_group if by_object.kinds < 2 <= by_group.kinds or not by_object.names else by_object
+    keeps_objects = bool(objects.names) and objects.kinds <= MAX_OBJECTS
+    used = file.named("usemtl")
+    known, files, missing = read_libraries(file.lines("mtllib"), folder) if used.names else ({}, [], [])
+    materials = tuple(known.get(name, SourceMaterial(name)) for name in used.names)
+    left_out = (
+        (by_object.kinds > 1 and by_group.kinds > 1, "names of groups"),
+        (objects.kinds > MAX_OBJECTS, f"its division into {objects.kinds:,} objects"),
+        (len(set(file.lines("s").split())) > 1, "smoothing groups"),
+        (any(run.keyword in _OTHER for run in file.runs), "lines, points, curves and surfaces"),
+        (normals is None and file.some("vn").any(), "normals, which some corners lack"),
+        (not uv_is_finite, "texture coordinates, some of which are not finite"),
+        (colors is None and file.has_colors, "colours, which some vertices lack or have outside of [0, 1]"),
+    )
+    attributes = SourceAttributes(
+        file.corners,
+        file.sizes,
+        triangles,
+        uv=uv if uv_is_finite else None,
+        normals=None if one_each else normals,
+        colors=colors,
+        materials=materials,
+        material_of=used.of if materials else None,
+        objects=objects.names if keeps_objects else (),
+        object_of=objects.of if keeps_objects else None,
+        files=tuple(files),
+    )
+    return attributes, (*(words for is_left_out, words in left_out if is_left_out), *missing)
+
+
+def obj_opacity(file: ObjText, folder: Path, triangles: Triangulation) -> tuple[Opacity | None, tuple[str, ...]]:
+    """Alpha of the faces, None where all are opaque; and warnings of images that are missing."""
+    known, _, left = read_libraries(file.lines("mtllib"), folder)
+    notes = tuple(
+        words + end for words in dict.fromkeys(left) for begin, end in _TOLD.items() if words.startswith(begin)
+    )
+    # The see-through material of each face, −1: none.
+    materials = {name: each for name, each in known.items() if each.opacity < 1 or each.opacity_texture}
+    if not materials:
+        return None, notes
+    used = file.named("usemtl")
+    of_name = [list(materials).index(name) if name in materials else -1 for name in used.names]
+    of = np.repeat(np.array([*of_name, -1])[used.of], triangles.counts)
+    if (of < 0).all():
+        return None, notes
+    from raytrace.image.texture import Texture
+
+    uv = file.uv()
+    surfaces = []
+    for each in materials.values():
+        image = None if uv is None else each.opacity_texture
+        surfaces.append(AlphaSurface(each.opacity, Texture(image) if image else None, grey=image != each.texture))
+    if uv is None:
+        return Opacity(of, tuple(surfaces), None), notes
+    # Faces without texture coordinates have the alpha of their material without its image.
+    coordinates = uv.rows[triangles.take(uv.of)]
+    lacking = np.isnan(coordinates).any(axis=(1, 2)) & (of >= 0)
+    plain = [len(materials) + n if each.opacity < 1 else -1 for n, each in enumerate(materials.values())]
+    of[lacking] = np.array(plain)[of[lacking]]
+    surfaces += [AlphaSurface(each.opacity) for each in materials.values()]
+    return Opacity(of, tuple(surfaces), np.nan_to_num(coordinates)), notes

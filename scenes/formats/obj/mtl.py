@@ -1,0 +1,177 @@
+"""Material libraries of OBJ files, as far as glTF's metallic-roughness materials hold them.
+
+`Kd` with `map_Kd`, `d` or `Tr` with `map_d`, `Ke`, and `Pm`, `Pr` or else `Ks` with `Ns`, whose Blinn–Phong exponent
+becomes the roughness (2 / (Ns + 2))^¼ (Walter et al. 2007: α² = 2 / (Ns + 2); glTF: α = roughness²). `Tr`, which the
+format does not have, is 1 − d; MeshLab, 3ds Max and mvs-texturing write 1 for what is opaque.
+Format: Wavefront MTL 5.0, 1995; the PBR extension of Clara.io, 2014.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raytrace.errors import printable
+
+from ...geometry.attributes import SourceMaterial, is_opacity_map
+from ...safe_paths import beside
+from .text import joined_lines
+
+_NAMES, _NAME = 3, 60  # of libraries or materials that a message lists, and letters of each
+_LIBRARY = re.compile(r"^[ \t]*mtllib(?!\S)([^#\n]*)", re.MULTILINE)
+OPAQUE, OPTION, LIBRARY = "Tr 1", "option", "material library"  # how words on them begin
+MATERIAL_WORDS = ("texture of", LIBRARY, OPAQUE, OPTION)  # how what is missing of materials begins
+_COUNTS = {"Kd": 3, "Ke": 3, "Ks": 3, "d": 1, "Tr": 1, "Ns": 1, "Pm": 1, "Pr": 1}  # numbers of a statement
+_MAPS = "map_Kd", "map_d"
+_UNREAD = "map_", "bump", "disp", "decal", "refl", "norm"
+_PICTURES = (b"\x89PNG", b"\xff\xd8\xff")
+_LARGEST = 1 << 24  # bytes of a library
+_OPTION = r"(?i)-(?:mm\s+\S+\s+\S+|[ost](?:\s+[-+.\de]+(?=\s)){1,3}|[a-z]+\s+\S+)\s+"
+_IDLE = (  # options at their defaults, and options of filters and bumps
+    r"(?i)-(?:s(\s+1(\.0*)?)+|[ot](\s+0(\.0*)?)+|mm\s+0(\.0*)?\s+1(\.0*)?|(clamp|cc)\s+off"
+    r"|(blendu|blendv|bm|boost|texres)\s+\S+)\s+"
+)
+
+
+def read_libraries(names: str, folder: Path) -> tuple[dict[str, SourceMaterial], list[Path], list[str]]:
+    """The materials of libraries by name, the files they come from, and what was left out, in words.
+
+    Args: names: what follows each `mtllib`, a statement a line. folder: of the OBJ file.
+    """
+    known: dict[str, SourceMaterial] = {}
+    files: list[Path] = []
+    left: list[str] = []
+    find = partial(_resolve_inside, folder)
+    libraries = list(_libraries(names.split("\n"), find))
+    if gone := dict.fromkeys(name for name, library in libraries if library is None):
+        left.append(f"{LIBRARY} {_first_names([printable(name, _NAME) for name in gone])}")
+    for _, library in libraries:
+        if library is None:
+            continue
+        materials, missing = read_mtl(library, find)
+        known = materials | known  # the first of a name counts
+        pictures = [picture for each in materials.values() for picture in (each.texture, each.opacity_texture)]
+        files += [library, *filter(None, pictures)]
+        left += missing
+    return known, files, left
+
+
+def _first_names(names: list[str]) -> str:
+    return ", ".join(names[:_NAMES]) + (f" and {len(names) - _NAMES:,} more" if len(names) > _NAMES else "")
+
+
+def named_files(path: Path) -> list[Path]:
+    """Material libraries of an OBJ file and their pictures, used or not, as far as they exist."""
+    find = partial(_resolve_inside, path.parent)
+    lines = _LIBRARY.findall(joined_lines(path.read_bytes()))
+    libraries = [library for _, library in _libraries(lines, find) if library]
+    statements = [each for library in libraries for each in _statements(library)]
+    pictures = [find(_picture(rest)[0]) for key, rest in statements if key in _MAPS]
+    return list(dict.fromkeys(filter(None, libraries + pictures)))
+
+
+def _libraries(lines: Iterable[str], find: Callable[[str], Path | None]) -> Iterator[tuple[str, Path | None]]:
+    """The names behind each `mtllib`, and their files, None for what is not there."""
+    for line in filter(None, map(str.strip, lines)):
+        for name in [line] if find(line) else dict.fromkeys(line.split()):
+            yield name, find(name)
+
+
+def _resolve_inside(folder: Path, name: str) -> Path | None:
+    """A file in a folder or below it, or None."""
+    return beside(name.strip().strip('"').replace("\\", "/"), folder)
+
+
+def read_mtl(path: Path, find: Callable[[str], Path | None]) -> tuple[dict[str, SourceMaterial], list[str]]:
+    """The materials of a library by name, and what of it was left out, in words; `find` finds files."""
+    given: dict[str, dict[str, Any]] = {}
+    left = []
+    own: dict[str, Any] | None = None
+    for key, rest in _statements(path):
+        if key == "newmtl" and rest:
+            own = given[rest] = {}
+        elif own is None:
+            continue
+        elif key in _COUNTS:
+            own[key] = _numbers(rest, _COUNTS[key])
+        elif key in _MAPS:
+            picture, options = _picture(rest)
+            own[key] = find(picture)
+            left += [f"{OPTION} {option} of {key} ({picture})" for option in options if own[key]]
+            if not own[key] or (key == "map_Kd" and not _starts(own[key]).startswith(_PICTURES)):
+                left.append(f"texture of {key} ({rest or 'no name'})")
+                del own[key]
+        elif key.startswith(_UNREAD):
+            left.append(f"texture of {key} ({rest or 'no name'})")
+    made = {name: _material(name, values) for name, values in given.items()}
+    unread = [each["map_d"] for name, each in given.items() if "map_d" in each and not made[name].opacity_texture]
+    left += [f"texture of map_d ({picture.name})" for picture in unread]
+    if opaque := [name for name, values in given.items() if _is_opaque(values)]:
+        left.append(f"{OPAQUE} of {_first_names(opaque)}, taken for opaque")
+    return made, left
+
+
+def _statements(path: Path) -> Iterator[tuple[str, str]]:
+    """Keywords of a library, and what follows them on the line."""
+    for line in joined_lines(path.read_bytes()[:_LARGEST]).split("\n"):
+        key, rest = [*line.partition("#")[0].strip().split(maxsplit=1), "", ""][:2]
+        yield key, rest
+
+
+def _picture(text: str) -> tuple[str, list[str]]:
+    """The name at the end of a texture's statement, and the options before it that change what is shown."""
+    options = []
+    while found := re.match(_OPTION, text):
+        text = text[found.end() :]
+        options += [] if re.fullmatch(_IDLE, found[0]) else [found[0].strip()]
+    return text, options
+
+
+def _is_opaque(given: dict[str, Any]) -> bool:
+    """Whether `Tr` would hide everything."""
+    return not given.get("d") and bool(given.get("Tr")) and given["Tr"][0] >= 1
+
+
+def _numbers(text: str, count: int) -> tuple[float, ...] | None:
+    try:
+        values = [float(word) for word in text.split()[:count]]
+    except ValueError:
+        return None
+    if len(values) == 1:
+        values *= count
+    return tuple(values) if len(values) == count and np.isfinite(values).all() else None
+
+
+def _starts(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(8)
+
+
+def _material(name: str, given: dict[str, Any]) -> SourceMaterial:
+    def fraction(key: str, otherwise: float) -> float:
+        return float(np.clip(given[key][0], 0, 1)) if given.get(key) else otherwise
+
+    def colour(key: str, otherwise: float) -> tuple[float, float, float]:
+        red, green, blue = np.clip(given.get(key) or (otherwise,) * 3, 0, 1).tolist()
+        return red, green, blue
+
+    colour_texture = given.get("map_Kd")
+    roughness = fraction("Pr", 1.0)
+    if not given.get("Pr") and given.get("Ns") and any(given.get("Ks") or (0,)):
+        roughness = float((2 / (max(given["Ns"][0], 0) + 2)) ** 0.25)
+    opacity_texture = given.get("map_d")
+    if opacity_texture and not is_opacity_map(opacity_texture, colour_texture):
+        opacity_texture = None
+    return SourceMaterial(
+        name,
+        colour("Kd", 1.0),
+        opacity=1.0 if _is_opaque(given) else fraction("d", 1 - fraction("Tr", 0.0)),
+        metallic=fraction("Pm", 0.0),
+        roughness=roughness,
+        emission=colour("Ke", 0.0),
+        texture=colour_texture,
+        opacity_texture=opacity_texture,
+    )

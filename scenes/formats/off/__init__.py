@@ -1,0 +1,7 @@
+"""OFF, text."""
+
+from ..table import FileFormat, register
+
+register(
+    FileFormat(".off", "OFF", read="scenes.formats.off.read:read_off", peak=7.5, begins=rb"\s*(ST)?(C?N?4?n?)OFF\b")
+)

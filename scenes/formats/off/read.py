@@ -1,0 +1,60 @@
+"""OFF, text: vertices, then polygons (Geomview manual, "OFF Files": OFF, COFF, NOFF, STOFF and their combinations).
+
+An own reader because the variants' extra columns must not pass for coordinates, counts are not to be trusted, and
+concave polygons and the order of vertices are kept, all in bounded memory (docs/reliability.md).
+"""
+
+import re
+
+from raytrace.errors import MeshError
+
+from ...geometry.instances import Instance
+from ...geometry.polygons import triangulate
+from ..number_rows import NumberRows, whole
+from ..table import MeshInput
+
+_HEADER = re.compile(rb"(?:\s|#[^\n\r]*+)*+((?:ST)?C?N?)OFF\b(?!\s+BINARY)")
+
+
+def read_off(given: MeshInput) -> list[Instance]:
+    """The triangles, with normals of the variant N; no colours. Raises: MeshError, ValueError: it is malformed."""
+    source = given.source
+    data = given.file.read()
+    header = _HEADER.match(data)
+    if not header:
+        raise MeshError(source, "content", "an OFF file of text with three coordinates a vertex", "another header")
+    rows = NumberRows.of(data, header.end())
+    begins = rows.bounds[:-1]
+    ends = rows.bounds[1:]
+    # The first row: numbers of vertices and of faces.
+    fault = MeshError(source, "content", "a number of vertices and one of faces", "fewer numbers")
+    counts = whole(rows.take(begins[:1], ends[:1], 2, fault))
+    vertex_count, face_count = [*counts.tolist(), 0, 0][:2]
+    if vertex_count < 1 or face_count < 0:
+        raise MeshError(source, "content", "a number of vertices and one of faces", f"{vertex_count} and {face_count}")
+    expected = f"{vertex_count} vertices and {face_count} faces"
+    if len(begins) < 1 + vertex_count + face_count:
+        raise MeshError(source, "content", expected, "an end before that")
+    fault = MeshError(source, "content", expected, "lines of fewer numbers")
+    # A row for each vertex, then one for each face.
+    of_vertices = slice(1, 1 + vertex_count)
+    of_faces = slice(1 + vertex_count, 1 + vertex_count + face_count)
+    has_normals = b"N" in header[1]
+    columns = 6 if has_normals else 3
+    vertex_rows = rows.take(begins[of_vertices], ends[of_vertices], columns, fault).reshape(-1, columns)
+    sizes, values = rows.take_lists(begins[of_faces], ends[of_faces], fault)
+    corners = whole(values)
+    vertices = vertex_rows[:, :3]
+    triangles = triangulate(vertices, corners, sizes, source)
+    has_colours = b"C" in header[1] or bool((ends[of_faces] - begins[of_faces] > sizes + 1).any())
+    return [
+        Instance(
+            given.name,
+            vertices,
+            triangles.take(corners),
+            vertex_rows[:, 3:] if has_normals else None,
+            notes=triangles.notes,
+            unread=("colours",) if has_colours else (),
+            polygons=triangles.polygons,
+        )
+    ]

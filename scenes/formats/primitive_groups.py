@@ -1,0 +1,92 @@
+"""The faces of a mesh file by material and object, as the primitives of a .glb draw them."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from raytrace.types import Int64s
+
+from ..geometry.attributes import SourceMaterial
+from .load import MeshFile
+
+if TYPE_CHECKING:
+    from .gltf.asset import Gltf
+
+_NO_MATERIAL = "default"
+
+
+class Named(NamedTuple):
+    """A unique key of a material or object, and its name, which need not be unique."""
+
+    key: Any
+    name: str
+
+
+@dataclass(frozen=True, eq=False)
+class PrimitiveGroup:
+    """Faces of one material in one object."""
+
+    part: int  # number of the mesh file's part
+    faces: Int64s  # (k,) rows of the mesh's faces, ascending
+    material: Named  # its key is the number in the document
+    object: Named
+    body: Hashable  # what the object shares with its copies
+    image: Hashable  # an image that the material has by the group's texture coordinates, or None
+
+
+def primitive_groups(mesh_file: MeshFile, coordinates: int = 0) -> Iterator[PrimitiveGroup]:
+    """The groups of a file, in the order in which `scenes.formats.gltf.write.document` lists primitives.
+
+    Of what is no glTF part by part, object by object, materials ascending.
+
+    Args: coordinates: number of the set by which materials have their images.
+    """
+    if mesh_file.gltf:
+        yield from _groups_of_gltf(mesh_file.gltf, mesh_file, coordinates)
+        return
+    # Numbers of each face's object and material, from 1 on; 0: none.
+    object_of = np.zeros(len(mesh_file.mesh.faces), np.int64)
+    material_of = object_of
+    object_names: tuple[str, ...] = ("",)
+    materials: tuple[SourceMaterial, ...] = (SourceMaterial(_NO_MATERIAL),)
+    if attributes := mesh_file.attributes:
+        object_names += attributes.objects
+        materials += attributes.materials
+        if attributes.object_of is not None:
+            object_of = np.repeat(attributes.object_of + 1, attributes.triangles.counts)
+        if attributes.material_of is not None:
+            material_of = np.repeat(attributes.material_of + 1, attributes.triangles.counts)
+    for number, part in enumerate(mesh_file.parts):
+        order = np.lexsort((material_of[part.faces], object_of[part.faces])) + part.faces.start
+        kinds = np.stack([object_of[order], material_of[order]], axis=1)
+        begins = np.flatnonzero((kinds[1:] != kinds[:-1]).any(axis=1)) + 1
+        for faces in np.split(order, begins):
+            material_key = int(material_of[faces[0]])
+            material = materials[material_key]
+            key = number, object_names[object_of[faces[0]]] or part.name
+            yield PrimitiveGroup(
+                number, faces, Named(material_key, material.name), Named(key, key[1]), body=key, image=material.texture
+            )
+
+
+def _groups_of_gltf(asset: Gltf, mesh_file: MeshFile, coordinates: int) -> Iterator[PrimitiveGroup]:
+    from .gltf.occlusion import material_of, texture_images
+
+    for number, (drawn, part) in enumerate(zip(asset.drawn, mesh_file.parts, strict=True)):
+        index = drawn.primitive.material
+        material = material_of(asset.header, index)
+        name = material.get("name") or (_NO_MATERIAL if index is None else f"material {index}")
+        has_set = f"TEXCOORD_{coordinates}" in drawn.primitive.attributes
+        images = texture_images(asset.header, material, coordinates) if has_set else set[int]()
+        yield PrimitiveGroup(
+            number,
+            np.arange(part.faces.start, part.faces.stop),
+            Named(index, str(name)),
+            Named(drawn.node, part.name.removesuffix(f"[{drawn.place}]")),
+            body=drawn.mesh,
+            image=min(images, default=None),
+        )

@@ -1,0 +1,7 @@
+"""STL, text and binary."""
+
+from ..table import FileFormat, register
+
+register(
+    FileFormat(".stl", "STL", read="scenes.formats.stl.read:read_stl", peak=6.0, begins=rb"\s*solid\b.*\n\s*facet\b")
+)

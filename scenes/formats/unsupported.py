@@ -1,0 +1,30 @@
+"""Warnings of what an output format cannot keep of the mesh file."""
+
+from pathlib import Path
+from pkgutil import resolve_name
+
+from raytrace.errors import printable
+
+from .load import MeshFile
+from .ply.write import has_own_colors
+from .table import Channels, format_of
+
+
+def unsupported_features(target: Path, mesh_file: MeshFile, channels: Channels = Channels()) -> list[str]:
+    """Losses of `write_bake.write`, and unexpected changes: lines for the user, mostly none.
+
+    Raises: OptionError: coordinates that the format does not hold. MeshError: colours to be kept are malformed.
+    """
+    row = format_of(target)
+    colors = channels.colors
+    if not row.unsupported:
+        return []
+    missing = resolve_name(row.unsupported)(mesh_file, colors)
+    warnings = [f"{target}: not kept from {mesh_file.path}: {', '.join(missing)}"] if missing else []
+    if row.name == "PLY" and not colors and has_own_colors(mesh_file.attributes):
+        warnings.append(f"{target}: keeps the colours of {mesh_file.path}; w is in its property obscurance alone")
+    if channels.ramp and mesh_file.gltf:
+        from .gltf.write import ramp_warnings
+
+        warnings += [f"{target}: {line}" for line in ramp_warnings(mesh_file.gltf, channels.replace)]
+    return [printable(line) for line in warnings]
