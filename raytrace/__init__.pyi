@@ -33,14 +33,6 @@ from .materials.materials import Strauss as Strauss
 from .materials.materials import material_from_dict as material_from_dict
 from .materials.presets import PRESETS as PRESETS
 from .materials.reflect import reflect as reflect
-from .mesh.analytic_normals import averaged_normal as averaged_normal
-from .mesh.analytic_normals import corner_normals as corner_normals
-from .mesh.analytic_normals import implicit_normals as implicit_normals
-from .mesh.analytic_normals import newell_normal as newell_normal
-from .mesh.analytic_normals import newell_plane as newell_plane
-from .mesh.analytic_normals import newell_sums as newell_sums
-from .mesh.analytic_normals import parametric_normals as parametric_normals
-from .mesh.analytic_normals import plane_through as plane_through
 from .mesh.mesh import Mesh as Mesh
 from .mesh.normals import face_normals as face_normals
 from .mesh.normals import vertex_normals as vertex_normals

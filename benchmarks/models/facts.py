@@ -20,9 +20,11 @@ from raytrace import (
     Strauss,
     Ward,
 )
-from raytrace.brdf.oren_nayar import fitted_orders, reference_orders
+from raytrace.brdf.oren_nayar import fitted_orders
 from raytrace.materials.base import BaseMaterial
 from raytrace.materials.reflect import NORMAL, albedo, asymmetry, directional_albedo, towards
+
+from .oren_nayar_integral import reference_orders
 
 DEGREES = [0, 20, 40, 60, 75, 80, 85, 87, 89, 89.9]
 SLOPES = [0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0]
