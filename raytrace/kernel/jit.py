@@ -10,7 +10,7 @@ import struct
 import threading
 import time
 from collections.abc import Callable
-from functools import cache
+from functools import cache, cached_property
 from hashlib import sha256
 from importlib import import_module
 from types import ModuleType
@@ -133,6 +133,17 @@ def bound(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
 def inline(function: F) -> F:
     """Compile a helper that kernels call; it is compiled into each of them."""
     return Kernel(function, inlined=True)  # type: ignore[return-value]
+
+
+class Late(Called):
+    """A helper that `build` makes when a kernel that calls it is first loaded or compiled."""
+
+    def __init__(self, build: Callable[[], Any]) -> None:
+        self.build = build
+
+    @cached_property
+    def make_type(self) -> Any:
+        return self.build().make_type
 
 
 def external(name: str, count: int) -> Any:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..brdf.layout import ALPHA, TWO_SIDED
+from ..brdf.material import pack_materials
 from ..bvh.bvh16 import BVH16
 from ..embree.packets import FILTER_PATH
 from ..embree.scene import EmbreeInstance, EmbreeScene, Triangles, TriangleScene
@@ -17,7 +18,6 @@ from ..image.texture import Texture
 from ..kernel.arrays import aligned, product
 from ..kernel.jit import Kernel
 from ..materials.alpha_filter import filter_hits
-from ..materials.materials import pack_materials
 from ..mesh.mesh import Mesh
 from ..mesh.normals import face_normals, normalize, vertex_sums
 from ..mesh.opacity import Opacity, PackedOpacity

@@ -205,7 +205,7 @@ def write_hits(packet, scene, item, mask, hits, view, style):
     store3(packet, layout.NORMAL, mask, normal)
     store3(packet, layout.VIEW, mask, backward)
     store1(packet, layout.FRONT, mask, lights_seen(geometry, item, side))
-    if geometry.kinds[item] in BRUSHED:
+    if geometry.rows[item, BRUSHED] == 1.0:
         along_u, _ = tangents(geometry, i, j, k, edge1, edge2)
         store3(packet, layout.TANGENT, mask, along_u)
     if style.weighted:

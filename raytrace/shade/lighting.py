@@ -12,9 +12,9 @@ from math import acos
 
 import numpy as np
 
-from ..brdf.ashikhmin_shirley import fifth
-from ..brdf.dispatch import terms_wide
+from ..brdf.dispatch import terms_in_lanes
 from ..brdf.layout import AMBIENT, EMISSION, GLOSS, GRAZING, SLOPE
+from ..brdf.microfacet import fifth
 from ..kernel.jit import inline
 from ..kernel.simd import WIDE, count, highest, lane_numbers, load_row, lowest, pick, select, some, store_row
 from ..kernel.vector import add, choose, dot, mirror, multiply, scale, subtract, triple, unit
@@ -219,7 +219,7 @@ def reflect(packet, items, reached, n, l, geometry):
     left = reached
     while some(left):
         item, mask = next_object(items, left)
-        d, s = terms_wide(geometry.kinds[item], geometry.rows[item], n, l, view, tangent, mask)
+        d, s = terms_in_lanes(geometry.kinds[item], geometry.rows[item], n, l, view, tangent, mask)
         diffuse, specular = choose(mask, d, diffuse), choose(mask, s, specular)
         left = left & ~mask
     return diffuse, specular

@@ -5,9 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from raytrace import PRESETS, AlphaSurface, Object, Opacity, Shape, Texture, material_from_dict
+from raytrace import PRESETS, AlphaSurface, Material, Object, Opacity, Shape, Texture, material_from_dict
 from raytrace.errors import SceneError, nearest_name, printable
-from raytrace.materials.base import BaseMaterial
 from raytrace.system.faults import fields_of
 
 from ..field_errors import check_keys, check_name, joined, located, shown
@@ -26,7 +25,7 @@ MAX_BUILT = 1_500_000  # triangles: 1 GiB for a picture
 MAX_OBJECTS = 100_000  # 10 s for a picture
 
 
-def named_materials(tables: Sequence[dict[str, Any]], source: object) -> dict[str, BaseMaterial]:
+def named_materials(tables: Sequence[dict[str, Any]], source: object) -> dict[str, Material]:
     """Materials by name: the presets, then `[[materials]]`. Raises: SceneError."""
     materials = {name: material_from_dict({"preset": name}) for name in PRESETS}
     own: set[str] = set()
@@ -50,7 +49,7 @@ class ObjectReader:
     Attributes: origins: by the identities of shapes, of vertices that are not their file's one by one.
     """
 
-    def __init__(self, source: Path, materials: dict[str, BaseMaterial]) -> None:
+    def __init__(self, source: Path, materials: dict[str, Material]) -> None:
         self._source, self._materials = source, materials
         self._geometry: dict[Any, TexturedMesh] = {}
         self._gltf: dict[Path, tuple[Object, ...]] = {}
@@ -131,7 +130,7 @@ class ObjectReader:
             return self._once(solid, solid.geometry)
 
     def _gltf_pieces(
-        self, mesh: Path, table: ObjectTable, path: str, material: BaseMaterial | None, texture: Texture | None
+        self, mesh: Path, table: ObjectTable, path: str, material: Material | None, texture: Texture | None
     ) -> list[Object]:
         if mesh not in self._gltf:
             self._gltf[mesh], asset, notes = gltf_objects(mesh)
@@ -172,7 +171,7 @@ class ObjectReader:
         return self._geometry[key]
 
     def _shape(
-        self, table: ObjectTable, path: str, given: TexturedMesh, material: BaseMaterial | None, texture: Texture | None
+        self, table: ObjectTable, path: str, given: TexturedMesh, material: Material | None, texture: Texture | None
     ) -> Shape:
         grain = self._texture(table, path, "grain")
         image, alpha = self._texture(table, path, "opacity_texture"), None
@@ -198,7 +197,7 @@ class ObjectReader:
                 self.origins[id(self._shapes[key])] = given.origin
         return self._shapes[key]
 
-    def _material(self, given: str | dict[str, Any], path: str) -> BaseMaterial:
+    def _material(self, given: str | dict[str, Any], path: str) -> Material:
         if isinstance(given, str):
             return self._materials[check_name(self._source, path, given, sorted(self._materials))]
         with located(self._source, path):

@@ -17,7 +17,7 @@ from raytrace import (
     Strauss,
     Ward,
 )
-from raytrace.brdf.oren_nayar import fitted_orders
+from raytrace.brdf.models.oren_nayar import fitted_orders
 from raytrace.errors import OptionError
 from raytrace.materials.reflect import NORMAL as N
 from raytrace.materials.reflect import asymmetry, directional_albedo, reflect, towards

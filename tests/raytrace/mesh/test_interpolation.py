@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from newell import newell_normal
 
-from raytrace.materials.materials import BlinnPhong, Phong
+from raytrace import BlinnPhong, Phong
 from raytrace.materials.reflect import reflect
 from raytrace.mesh.interpolation import centroid, interpolate, phong_normal, quadratic_normal
 

@@ -11,12 +11,21 @@ Row: k_d (RGB), k_s (RGB), exponent m, spacing, Θ, sinΘ, cosΘ, Chebyshev doma
 Source: Poulin & Fournier 1990, "A Model for Anisotropic Reflection", added cylinders.
 """
 
-from math import asin, atan2, copysign, cos, pi, sin, sqrt
+from __future__ import annotations
 
-from ..kernel.jit import inline
-from ..kernel.vector import dot, halfway, perpendicular, scale, triple
-from .layout import MODEL, TERMS
+from math import acos, asin, atan2, copysign, cos, pi, sin, sqrt
+from typing import Literal
 
+import numpy as np
+
+from ...kernel.jit import inline
+from ...kernel.vector import dot, halfway, perpendicular, scale, triple
+from ...system.parameters import Fraction, Spacing
+from ..layout import MODEL
+from ..material import Brushed, Glossy
+from ..registry import reflection_model
+
+TERMS = 16  # Chebyshev coefficients
 K_S, EXPONENT, SPACING, CAP, DOMAIN, SERIES = MODEL + 3, MODEL + 6, MODEL + 7, MODEL + 8, MODEL + 11, MODEL + 12
 
 
@@ -102,3 +111,31 @@ def terms(row, n, l, v, grain):
         diffuse += floor * l_up
         specular += floor * max(0.0, min(1.0, h_up)) ** row[EXPONENT]
     return scale(min(1.0, diffuse), triple(row, MODEL)), scale(min(1.0, specular), triple(row, K_S))
+
+
+def cap_angle(spacing: float, floor: float) -> float:
+    """Θ, radians: where a cylinder of radius 1 meets the floor, or the next cylinder if that comes first."""
+    return acos(floor) if spacing >= 2.0 else min(acos(floor), asin(spacing / 2.0))
+
+
+def power_series(exponent: float) -> tuple[float, list[float]]:
+    """Domain X and odd Chebyshev coefficients, highest first, of ∫_0^x cos^(m+1); beyond X it is constant to 1e-6."""
+    domain = min(pi / 2, float(np.arccos(1e-6 ** (1.0 / (exponent + 1.0)))))
+    integrand = np.polynomial.Chebyshev.interpolate(
+        lambda x: np.cos(x) ** (exponent + 1.0), 2 * (TERMS - 1), domain=[-domain, domain]
+    )
+    return domain, [float(c) for c in integrand.integ(lbnd=0).coef[:0:-2]]
+
+
+@reflection_model(terms)
+class PoulinFournier(Brushed, Glossy):
+    """Cylinders of radius 1 along the grain: axes `spacing` apart, the floor at height `floor` in [0, 1] above them."""
+
+    model: Literal["poulin_fournier"] = "poulin_fournier"
+    spacing: Spacing = 2.0
+    floor: Fraction = 0.0
+
+    def parameters(self) -> list[float]:
+        domain, series = power_series(self.exponent)
+        cap = cap_angle(self.spacing, self.floor)
+        return [*self.k_d, *self.k_s, self.exponent, self.spacing, cap, sin(cap), cos(cap), domain, *series]

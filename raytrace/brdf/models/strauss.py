@@ -7,12 +7,19 @@ F takes the angle of incidence, as in the paper; the printed shader takes the me
 Source: Strauss 1990; (12.65–12.70).
 """
 
-from math import acos, pi
+from __future__ import annotations
 
-from ..kernel.jit import inline
-from ..kernel.vector import dot, mirror, scale, triple
-from .layout import MODEL
+from math import acos, pi, sqrt
+from typing import Literal
 
+from ...kernel.jit import inline
+from ...kernel.vector import dot, mirror, scale, triple
+from ...system.parameters import Fraction, Reflectance, Smoothness
+from ..layout import MODEL
+from ..material import RGB, Gloss, Material
+from ..registry import reflection_model
+
+SMOOTHNESS, METALNESS, TRANSPARENCY = MODEL + 3, MODEL + 4, MODEL + 5
 K_F, K_G, K_J = 1.12, 1.01, 0.1
 
 
@@ -37,13 +44,14 @@ def normalised_angle(cosine):
 
 
 @inline
-def terms(row, n, l, v):
-    smoothness, metalness, transparency = row[MODEL + 3], row[MODEL + 4], row[MODEL + 5]
+def terms(row, n, l, v, grain):
+    smoothness, metalness, transparency = row[SMOOTHNESS], row[METALNESS], row[TRANSPARENCY]
     nl = dot(n, l)
     r_d = (1.0 - smoothness * smoothness * smoothness) * (1.0 - transparency)
     r_n = max(0.0, 1.0 - transparency - r_d)
     diffuse = nl * (1.0 - metalness * smoothness) * r_d
-    x_i, x_r = normalised_angle(nl), normalised_angle(dot(n, v))
+    x_i = normalised_angle(nl)
+    x_r = normalised_angle(dot(n, v))
     f = fresnel_like(x_i)
     r_j = min(1.0, r_n + (r_n + K_J) * f * shadowing(x_i) * shadowing(x_r))  # adjusted by F and G
     specular = max(0.0, min(1.0, dot(mirror(n, l), v))) ** (3.0 / (1.0 - smoothness)) * r_j
@@ -51,3 +59,27 @@ def terms(row, n, l, v):
     tint = metalness * (1.0 - f)  # a metal's highlight takes its colour, save at grazing
     c_s = 1.0 + tint * (red - 1.0), 1.0 + tint * (green - 1.0), 1.0 + tint * (blue - 1.0)
     return scale(diffuse, (red, green, blue)), scale(specular, c_s)
+
+
+@reflection_model(terms)
+class Strauss(Material):
+    """Colour, `smoothness` in [0, 1), `metalness` and `transparency` in [0, 1] (12.65–12.70).
+
+    Its ambient reflectance is Q_a = (1 − s³)(1 − t) c and its alpha 1 − t.
+    """
+
+    model: Literal["strauss"] = "strauss"
+    columns = ("colour", "smoothness", "metalness", "transparency")
+    colour: Reflectance
+    smoothness: Smoothness
+    metalness: Fraction = 0.0
+    transparency: Fraction = 0.0
+
+    def ambient(self) -> RGB:
+        return tuple((1 - self.smoothness**3) * (1 - self.transparency) * channel for channel in self.colour)
+
+    def gloss(self) -> Gloss:
+        exponent = 3 / (1 - self.smoothness)
+        part = (1 - self.transparency) * self.smoothness**3 * 2 / (exponent + 1)  # r_n, and ∫ ⟨r·v⟩^h dω/π
+        normal = tuple(part * (1 + self.metalness * (channel - 1)) for channel in self.colour)  # c_s
+        return Gloss(normal, (part,) * 3, sqrt(2 / (4 * exponent + 2)))

@@ -7,11 +7,19 @@ The fit with its second-order term turns slightly negative near grazing for σ >
 Source: Oren & Nayar 1994; (12.61–12.64).
 """
 
-from math import atan2, pi, sqrt
+from __future__ import annotations
 
-from ..kernel.jit import inline
-from ..kernel.vector import dot, scale, subtract
-from .layout import MODEL
+from math import atan2, pi, sqrt
+from typing import Literal
+
+from ...kernel.jit import inline
+from ...kernel.vector import dot, scale, subtract
+from ...system.parameters import Angle
+from ..layout import MODEL
+from ..material import Diffuse
+from ..registry import reflection_model
+
+SIGMA = MODEL + 3
 
 
 @inline
@@ -42,8 +50,8 @@ def fitted_orders(sigma, n, l, v):
 
 
 @inline
-def terms(row, n, l, v):
-    first, second = fitted_orders(row[MODEL + 3], n, l, v)
+def terms(row, n, l, v, grain):
+    first, second = fitted_orders(row[SIGMA], n, l, v)
     red, green, blue = row[MODEL], row[MODEL + 1], row[MODEL + 2]
     diffuse = (
         max(0.0, red / pi * (first + red * second)),
@@ -51,3 +59,12 @@ def terms(row, n, l, v):
         max(0.0, blue / pi * (first + blue * second)),
     )
     return diffuse, (0.0, 0.0, 0.0)
+
+
+@reflection_model(terms)
+class OrenNayar(Diffuse):
+    """Rough diffuse surface; `sigma` is the standard deviation of facet slope angles, radians in [0, π/2]."""
+
+    model: Literal["oren_nayar"] = "oren_nayar"
+    columns = ("albedo", "sigma")
+    sigma: Angle
