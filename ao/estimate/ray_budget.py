@@ -10,7 +10,7 @@ Probes, spread over the mesh, are baked twice with independent directions, as a 
 
 import numpy as np
 
-from raytrace.sampling.sequences import mix_array
+from raytrace.sampling.sequences import hash32_array
 from raytrace.types import Bools, Float64s, Int64s
 
 from ..execute.tracer import Tracer
@@ -187,11 +187,11 @@ def variance_factor(samples: int, more: int) -> float:
 
 def derive(key: np.uint32, salt: int) -> np.uint32:
     """A key of directions that are independent of the directions of `key`."""
-    return mix_array(mix_array([salt]) ^ key)[0]
+    return hash32_array(hash32_array([salt]) ^ key)[0]
 
 
 def _stratified_rows(count: int, wanted: int) -> Int64s:
     """`wanted` of `count` rows, one from each equal stretch of Morton order, all if there are no more."""
     wanted = min(count, wanted)
-    chance = np.ldexp(mix_array(np.arange(wanted, dtype=np.uint32)).astype(np.float64), -32)
+    chance = np.ldexp(hash32_array(np.arange(wanted, dtype=np.uint32)).astype(np.float64), -32)
     return ((np.arange(wanted) + chance) * (count / max(wanted, 1))).astype(np.int64)

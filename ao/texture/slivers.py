@@ -4,7 +4,7 @@ import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
 from raytrace.bvh.closest import begin, new_stack, next_leaf
-from raytrace.kernel.arrays import borrow
+from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import inline, kernel
 from raytrace.kernel.simd import lowest_bit
 from raytrace.system.threads import run_blocks
@@ -31,7 +31,10 @@ def find_slivers(page: PageTree, texels: Int64s, width: int, threads: int) -> tu
 
 @kernel
 def _search(tree, stack, corners, texels, width, radius, found):
-    tree, corners, texels, (face, barycentric) = borrow(tree), borrow(corners), borrow(texels), borrow(found)
+    tree = unrefcounted_view(tree)
+    corners = unrefcounted_view(corners)
+    texels = unrefcounted_view(texels)
+    face, barycentric = unrefcounted_view(found)
     one, other, weights = np.empty((_CORNERS, 2)), np.empty((_CORNERS, 2)), np.empty(3)
     for i in range(len(texels)):
         left, top = np.float64(texels[i] % width), np.float64(texels[i] // width)

@@ -14,7 +14,7 @@ Source: Ericson, Real-Time Collision Detection, 5.1.5.
 
 import numpy as np
 
-from ..kernel.arrays import borrow
+from ..kernel.arrays import unrefcounted_view
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, bits, load_row, lowest_bit
 from ..kernel.vector import add, cross, dot, length, load, load_triangle, scale, subtract
@@ -88,7 +88,9 @@ def closest_on_triangle(p, a, b, c):
 @kernel
 def _search(tree, stack, surface, places, radius, match, face, weights):
     """Write the closest points of `places`, on faces of their groups; `radius`: how far to look at first."""
-    tree, (vertices, faces), (group, of_face) = borrow(tree), surface, match
+    tree = unrefcounted_view(tree)
+    vertices, faces = surface
+    group, of_face = match
     for i in range(len(places)):
         p, reach, best = load(places, i), radius, np.inf
         while best > reach:

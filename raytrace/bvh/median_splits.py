@@ -9,7 +9,7 @@ from threading import Event
 
 import numpy as np
 
-from ..kernel.jit import bound, inline, kernel
+from ..kernel.jit import bind, inline, kernel
 from ..kernel.simd import WIDE
 from ..kernel.vector import load_triangle
 from ..system.threads import run_blocks, thread_count
@@ -23,7 +23,7 @@ def median_order(vertices: Float32s, faces: Int64s) -> Int64s:
     """The order (m,) of `faces` (m, 3) of `vertices` (n, 3)."""
     centroids, order = np.empty((len(faces), 3), np.float32), np.arange(len(faces))
     threads = thread_count(None)
-    run_blocks(len(faces), _LEAST, bound(_find_centroids, vertices, faces, centroids), threads)
+    run_blocks(len(faces), _LEAST, bind(_find_centroids, vertices, faces, centroids), threads)
 
     parts, most = [(0, len(faces), -1)], max(_LEAST, len(faces) // _PARTS)
     for number, (begin, end, _) in enumerate(parts):

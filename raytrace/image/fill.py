@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..kernel.jit import bound, kernel
+from ..kernel.jit import bind, kernel
 from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Float32s
 
@@ -28,7 +28,7 @@ def fill_holes(pixels: Float32s, known: Bools, threads: int | None = None) -> Fl
     def each_row(work: Callable[..., None], *arrays: Any) -> None:
         rows, columns, channels = levels[-1][0].shape
         block = max(_BLOCK // (columns * channels), 1)
-        run_blocks(rows, block, bound(work, *arrays), thread_count(threads))
+        run_blocks(rows, block, bind(work, *arrays), thread_count(threads))
 
     while not levels[-1][1].all():
         fine = levels[-1]

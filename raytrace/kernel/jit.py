@@ -123,7 +123,7 @@ def kernel(function: F) -> F:
     return Kernel(function)  # type: ignore[return-value]
 
 
-def bound(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
+def bind(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
     """A kernel to be called many times with the same first `arguments`, which are looked through once."""
     kernel: Kernel = function  # type: ignore[assignment]
     kinds, words = _flatten(arguments, [], [])

@@ -1,4 +1,4 @@
-"""Numba's side of `raytrace.kernel.simd`, sixteen numbers as LLVM's vectors, and of `borrow`, records by address."""
+"""Numba's side of `raytrace.kernel.simd`, sixteen numbers as LLVM's vectors, and of `unrefcounted_view`."""
 
 import math
 import operator
@@ -150,36 +150,36 @@ _unary(math.exp, lambda b, x: each(b, "llvm.exp", [x]))
 _unary(math.sqrt, lambda b, x: each(b, "llvm.sqrt", [x]))
 
 
-class Borrowed(types.Opaque):
+class RecordView(types.Opaque):
     """The address of a named tuple, whose members are loaded where they are used."""
 
     def __init__(self, record: Any) -> None:
         self.record = record
-        super().__init__(name=f"Borrowed({record})")
+        super().__init__(name=f"RecordView({record})")
 
 
-register_model(Borrowed)(models.OpaqueModel)
+register_model(RecordView)(models.OpaqueModel)
 
 
-def borrowed(kind: Any) -> Any:
-    """The type of a value that is borrowed."""
-    return Borrowed(kind) if isinstance(kind, BaseNamedTuple) else kind
+def view_type(kind: Any) -> Any:
+    """The type of an unrefcounted view of a value: of a record, its address."""
+    return RecordView(kind) if isinstance(kind, BaseNamedTuple) else kind
 
 
 @infer_getattr
 class _Members(AttributeTemplate):
-    key = Borrowed
+    key = RecordView
 
     def generic_resolve(self, kind: Any, name: str) -> Any:
         record = kind.record
-        return borrowed(record.types[record.fields.index(name)]) if name in record.fields else None
+        return view_type(record.types[record.fields.index(name)]) if name in record.fields else None
 
 
-@lower_getattr_generic(Borrowed)
+@lower_getattr_generic(RecordView)
 def _member(context: Any, builder: Any, kind: Any, address: Any, name: str) -> Any:
     place = kind.record.fields.index(name)
     record = builder.bitcast(address, context.get_value_type(kind.record).as_pointer())
     member = cgutils.gep_inbounds(builder, record, 0, place)
-    if isinstance(borrowed(kind.record.types[place]), Borrowed):
+    if isinstance(view_type(kind.record.types[place]), RecordView):
         return builder.bitcast(member, cgutils.voidptr_t)
     return builder.load(member)

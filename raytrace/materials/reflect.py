@@ -82,9 +82,7 @@ def towards(theta: npt.ArrayLike, phi: npt.ArrayLike = 0.0) -> Float64s:
     return np.stack(np.broadcast_arrays(sine * np.cos(phi), sine * np.sin(phi), np.cos(theta)), axis=-1)
 
 
-def directional_albedo(
-    material: Material, incidence: float, slope: float | None = None, order: int = 96
-) -> Float64s:
+def directional_albedo(material: Material, incidence: float, slope: float | None = None, order: int = 96) -> Float64s:
     """∫ f cosθ_r dω (3,): the part of light arriving at `incidence` radians that is reflected (the white furnace).
 
     Gauss–Legendre in angle, trapezoids in azimuth. Diffuse materials are integrated over viewers; a lobe of RMS `slope`

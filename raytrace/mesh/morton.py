@@ -5,7 +5,7 @@ Morton 1966, A computer oriented geodetic data base and a new technique in file 
 
 import numpy as np
 
-from ..kernel.jit import bound, inline, kernel
+from ..kernel.jit import bind, inline, kernel
 from ..system.threads import run_blocks, thread_count
 from ..types import AnyFloats, AnyInts, Float64s, Int64s, UInt32s
 from .placement import NEAR
@@ -65,10 +65,10 @@ def radix_order(keys: AnyInts, bits: int) -> Int64s:
     order, sorted_ = np.arange(count), np.empty(count, np.int64)
     places = np.empty((-(-count // _BLOCK), 1 << _DIGIT), np.int64)
     for shift in range(0, bits, _DIGIT):
-        run_blocks(count, _BLOCK, bound(_count_digits, keys, order, shift, places), threads)
+        run_blocks(count, _BLOCK, bind(_count_digits, keys, order, shift, places), threads)
         before = np.cumsum(places.T).reshape(places.T.shape) - places.T
         places[:] = before.T
-        run_blocks(count, _BLOCK, bound(_place_by_digit, keys, order, shift, places, sorted_), threads)
+        run_blocks(count, _BLOCK, bind(_place_by_digit, keys, order, shift, places, sorted_), threads)
         order, sorted_ = sorted_, order
     return order
 

@@ -12,13 +12,13 @@ from typing import Literal
 import numpy as np
 
 from ..kernel.counting_sort import counting_sort
-from ..kernel.jit import bound, inline, kernel
+from ..kernel.jit import bind, inline, kernel
 from ..kernel.vector import cross, divide, dot, length, load, load_triangle, store, subtract
 from ..system.threads import run_blocks, run_ranges, thread_count
 from ..types import AnyInts, Bools, Float64s, Int64s
 from .mesh import Mesh
 from .placement import Placement
-from .weld import CREASE, connect, cosine, number, sum_groups, weld
+from .weld import CREASE, connect, cosine, renumber_components, sum_groups, weld
 
 _BLOCK, _MOST = 1 << 11, 32  # faces or vectors, and blocks at once
 _VERTICES = 1 << 11  # of a thread that looks at all faces
@@ -30,7 +30,7 @@ def normalize(vectors: Float64s) -> Float64s:
     """Unit vectors along `vectors` (…, 3); zero, and what is not finite, becomes zero."""
     rows = np.ascontiguousarray(vectors, np.float64).reshape(-1, 3)
     out = np.empty(rows.shape)
-    run_blocks(len(rows), _BLOCK, bound(_normalize, rows, out), thread_count(None), most=_MOST)
+    run_blocks(len(rows), _BLOCK, bind(_normalize, rows, out), thread_count(None), most=_MOST)
     return out.reshape(np.shape(vectors))
 
 
@@ -47,9 +47,7 @@ def face_normals(vertices: Float64s, faces: AnyInts) -> tuple[Float64s, Float64s
     """
     normals, areas = np.zeros((len(faces), 3)), np.zeros(len(faces))
     vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
-    run_blocks(
-        len(faces), _BLOCK, bound(_face_normals, vertices, faces, normals, areas), thread_count(None), most=_MOST
-    )
+    run_blocks(len(faces), _BLOCK, bind(_face_normals, vertices, faces, normals, areas), thread_count(None), most=_MOST)
     return normals, areas
 
 
@@ -63,7 +61,7 @@ def vertex_sums(
     sums = np.zeros((len(vertices), 3))
     vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
     given = vertices, faces, normals, areas, ("angle", "area", "equal").index(weighting)
-    run_ranges(len(sums), _VERTICES, bound(_vertex_sums, *given, sums), thread_count(None))
+    run_ranges(len(sums), _VERTICES, bind(_vertex_sums, *given, sums), thread_count(None))
     return sums
 
 
@@ -142,7 +140,7 @@ def creased_normals(mesh: Mesh) -> tuple[Float64s, Int64s]:
     fan = np.arange(faces.size)
     edges = counting_sort(np.minimum(places, places[:, [1, 2, 0]]), int(places.max()) + 1)
     _join_smooth(places.ravel(), across, *edges, fan)
-    number(fan)
+    renumber_components(fan)
     corners = vertices[faces.ravel()].astype(np.float64)
     sums = sum_groups(fan, vertex_sums(corners, np.arange(faces.size).reshape(-1, 3), across, areas))
     first = np.flatnonzero(np.diff(np.maximum.accumulate(fan), prepend=-1))

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..kernel.counting_sort import counting_sort
-from ..kernel.jit import bound, inline, kernel
+from ..kernel.jit import bind, inline, kernel
 from ..kernel.simd import compare_and_swap
 from ..system.threads import run_blocks, thread_count
 from ..types import AnyInts, Float32s, Float64s, Int64s
@@ -30,8 +30,8 @@ _FINE = 16.0  # contact radii; vertices all whose edges are shorter are welded o
 def connected_components(links: AnyInts, count: int) -> Int64s:
     """The component (count,), from 0 in the order of first members, of `count` that the rows of `links` connect."""
     parent = np.arange(count)
-    run_blocks(len(links), _BLOCK, bound(join, links, parent), thread_count(None), most=_MOST)
-    number(parent)
+    run_blocks(len(links), _BLOCK, bind(join, links, parent), thread_count(None), most=_MOST)
+    renumber_components(parent)
     return parent
 
 
@@ -64,7 +64,7 @@ def join(links, parent, first, last):
 
 
 @kernel
-def number(parent):
+def renumber_components(parent):
     """Write the number of each member's component in place of its parent."""
     count = 0
     for i in range(len(parent)):  # parents come before their children
@@ -84,7 +84,7 @@ def weld(positions: Float32s, faces: Int64s, normals: Float64s, agreement: float
     count = int(place.max(initial=-1)) + 1
     if count < len(positions):
         _join_agreeing(*counting_sort(place, count), normals, agreement, group)
-        number(group)
+        renumber_components(group)
     return group
 
 
@@ -106,7 +106,7 @@ def coincident(positions: Float32s, faces: Int64s) -> Int64s:
         rows = rows[np.lexsort(positions[rows].T[::-1])]
         pairs = rows[_near(positions, faces, rows)]
         join(pairs, first, 0, len(pairs))
-    number(first)
+    renumber_components(first)
     return first
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..kernel.counting_sort import counting_sort
-from ..kernel.jit import bound, inline, kernel
+from ..kernel.jit import bind, inline, kernel
 from ..kernel.vector import add, divide, dot, length, load, store
 from ..system.threads import run_ranges, thread_count
 from ..types import Float64s, Int64s
@@ -27,7 +27,7 @@ def outermost_normals(
         face_normals: (m, 3), unit.
     """
     moved, directions, clearance = normals.copy(), normals.copy(), np.ones(len(normals))
-    work = bound(_least_cosines, moved, face_points, face_normals, clearance)
+    work = bind(_least_cosines, moved, face_points, face_normals, clearance)
     run_ranges(len(moved), _LEAST, work, thread_count(None))
     rows = np.flatnonzero(clearance <= SHARP)
     if len(rows):

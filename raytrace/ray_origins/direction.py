@@ -8,9 +8,9 @@ over the foot of a box that stands on it, and the point's own in a tie, as in a 
 
 import numpy as np
 
-from ..kernel.arrays import borrow
+from ..kernel.arrays import unrefcounted_view
 from ..kernel.counting_sort import counting_sort
-from ..kernel.jit import bound, inline, kernel
+from ..kernel.jit import bind, inline, kernel
 from ..kernel.vector import add, angle_between, cross, divide, dot, length, load, scale, store, subtract
 from ..mesh.placement import NEAR, ULP
 from ..system.threads import run_blocks, thread_count
@@ -23,7 +23,7 @@ _RISE = 1e-3
 _BLOCK, _MOST = 1 << 7, 16  # points, and blocks at once
 
 
-def turn_directions(
+def resolve_contacts(
     found: tuple[Float64s, Float64s, Bools],
     surface: Surface,
     points: Float64s,
@@ -48,16 +48,19 @@ def turn_directions(
         (corners // 3, starts[at], starts[at + 1]),
         (touched.face, first, np.append(first, len(touched.point))[1:]),
     )
-    work = bound(_turn, surface, points, found, rows, own, others)
+    work = bind(_turn, surface, points, found, rows, own, others)
     run_blocks(len(rows), _BLOCK, work, thread_count(None), most=_MOST)
 
 
 @kernel
 def _turn(surface, points, found, rows, own_faces, touched_faces, first, last):
-    """`turn_directions` of the points rows[first:last], from faces that they are a corner of, or touch, ascending, and
+    """`resolve_contacts` of the points rows[first:last], from faces that they are a corner of, or touch, ascending, and
     where those of each row begin and end."""
-    surface, (directions, clearance, decided), rows = borrow(surface), borrow(found), borrow(rows)
-    (own, own_starts, own_ends), (touched, touched_starts, touched_ends) = borrow(own_faces), borrow(touched_faces)
+    surface = unrefcounted_view(surface)
+    directions, clearance, ambiguous = unrefcounted_view(found)
+    rows = unrefcounted_view(rows)
+    own, own_starts, own_ends = unrefcounted_view(own_faces)
+    touched, touched_starts, touched_ends = unrefcounted_view(touched_faces)
     largest = 0
     for k in range(first, last):
         largest = max(largest, own_ends[k] - own_starts[k] + touched_ends[k] - touched_starts[k])
@@ -74,7 +77,7 @@ def _turn(surface, points, found, rows, own_faces, touched_faces, first, last):
             i, j = (i + 1, j) if is_own[count] else (i, j + 1)
             n = load(surface.normals, f)
             if not is_own[count]:
-                decided[row] |= dot(n, direction) < -_SAME_PLANE or _rises(p, direction, surface, f)
+                ambiguous[row] |= dot(n, direction) < -_SAME_PLANE or _rises(p, direction, surface, f)
             if is_own[count] and dot(n, direction) < 0.0:  # seen from its other side
                 n = scale(-1.0, n)
             store(normals, count, n)

@@ -11,8 +11,8 @@ import numpy as np
 
 from ..bvh.bvh16 import BVH16
 from ..bvh.closest import begin, closest_on_triangle, new_stack, next_leaf
-from ..kernel.arrays import borrow
-from ..kernel.jit import bound, inline, kernel
+from ..kernel.arrays import unrefcounted_view
+from ..kernel.jit import bind, inline, kernel
 from ..kernel.simd import lowest_bit
 from ..kernel.vector import cross, length, load, load_triangle, subtract
 from ..mesh.placement import NEAR, TOUCHING, ULP
@@ -54,7 +54,7 @@ class Surface(NamedTuple):
     def of(cls, vertices: Float64s, faces: Int64s, normals: Float64s) -> Surface:
         """These faces, measured; arguments as the attributes."""
         surface = cls(vertices, faces, normals, *(np.zeros(len(faces)) for _ in range(3)))
-        run_blocks(len(faces), _BLOCK, bound(_measure, surface), thread_count(None), most=_MOST)
+        run_blocks(len(faces), _BLOCK, bind(_measure, surface), thread_count(None), most=_MOST)
         return surface
 
     def reversed(self) -> Surface:
@@ -75,15 +75,15 @@ class Surface(NamedTuple):
     def magnitudes(self, face_points: Int64s, count: int) -> Float64s:
         """The scale of the offset at each of `count` points (`ray_offset`), those of `face_points` (m, 3)."""
         around, magnitude, threads = np.zeros(count), np.zeros(count), thread_count(None)
-        run_ranges(count, _POINTS, bound(_spread_flat, self.flat, face_points, around), threads)
-        run_ranges(count, _POINTS, bound(_magnitudes, self.extent, face_points, around, magnitude), threads)
+        run_ranges(count, _POINTS, bind(_spread_flat, self.flat, face_points, around), threads)
+        run_ranges(count, _POINTS, bind(_magnitudes, self.extent, face_points, around, magnitude), threads)
         return magnitude
 
 
 @kernel
 def _measure(surface, first, last):
     """Fill in `extent`, `flat` and `rounding` of some faces."""
-    surface = borrow(surface)
+    surface = unrefcounted_view(surface)
     for f in range(first, last):
         a, b, c = load_triangle(surface.vertices, surface.faces, f)
         across = 0.0
@@ -173,7 +173,7 @@ def _find(tree: BVH16, surface: Surface, around: _Points, most: float) -> Contac
     parts: list[Contacts] = [_empty(0)] * -(-count // _SEARCHED)
 
     def search(first: int, last: int) -> None:
-        found, fill = _empty(_USUAL * _SEARCHED), bound(_search, tree, new_stack(), surface, around, most)
+        found, fill = _empty(_USUAL * _SEARCHED), bind(_search, tree, new_stack(), surface, around, most)
         size = fill(first, last, found)
         if size > len(found.point):
             found = _empty(size)
@@ -198,8 +198,11 @@ def _beside(p, reach, a, b, c):
 @kernel
 def _search(tree, stack, surface, around, most, first, last, found):
     """Write the contacts of points from `first` to `last` into `found` as far as they fit; returns their number."""
-    tree, surface, found = borrow(tree), borrow(surface), borrow(found)
-    (points, reach, corners, numbers), count = borrow(around), 0
+    tree = unrefcounted_view(tree)
+    surface = unrefcounted_view(surface)
+    found = unrefcounted_view(found)
+    points, reach, corners, numbers = unrefcounted_view(around)
+    count = 0
     nearest = kept, distances = np.empty(_MOST_CONTACTS, np.int64), np.empty(_MOST_CONTACTS)
     for i in range(first, last):
         if reach[i] < 0.0:

@@ -7,7 +7,7 @@ import numpy as np
 from ..kernel.counting_sort import counting_sort
 from ..kernel.jit import inline, kernel
 from ..kernel.vector import add, cross, dot, load, load_triangle, scale, store, subtract, unit
-from ..sampling.sequences import mix
+from ..sampling.sequences import hash32
 from ..types import Float32s, Float64s, Int32s, Int64s
 
 _TURNED = 1e-5  # of twice a polygon's area: a triangle turned over by more than this is one of a fold
@@ -108,7 +108,7 @@ def _half_edge(faces, own, half):
 def _slot(slots, size, a, b):
     """The slot of a polygon's edge, of the first `size`; a new edge is entered."""
     key = min(a, b) << 32 | max(a, b)
-    at = np.int64(mix(mix(a) + mix(b))) & (size - 1)
+    at = np.int64(hash32(hash32(a) + hash32(b))) & (size - 1)
     while slots[0, at] >= 0 and slots[0, at] != key:
         at = (at + 1) & (size - 1)
     slots[0, at] = key

@@ -20,7 +20,7 @@ from ..settings import Settings
 from ..shade.camera_rays import place_camera
 from ..shade.film import EDGE, FIRST, TILE
 from ..shade.layout import FILM, LIGHTING, Film
-from ..shade.see_through import mark_seen
+from ..shade.transparency import mark_seen
 from ..system.checks import check_memory
 from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Int64s

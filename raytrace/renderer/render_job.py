@@ -93,7 +93,7 @@ class RenderJob:
             active=np.zeros(lights, np.int64),
             hidden=np.zeros(lights, np.bool_),
             layers=aligned((PACKETS if hit_filter else 0, layout.COVER + 1, WIDE), np.float32),
-            going=aligned((PACKETS, WIDE), np.int32),
+            active_rays=aligned((PACKETS, WIDE), np.int32),
             missing=np.zeros(len(self.geometry.textures), np.int64),
             counts=np.zeros(layout.COUNTERS, np.int64),
         )

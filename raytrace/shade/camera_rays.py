@@ -9,7 +9,7 @@ from ..embree.packets import DIR_X, ORG_X, TFAR, TNEAR
 from ..kernel.jit import inline
 from ..kernel.simd import WIDE, double, pick, replace, single, store_row
 from ..kernel.vector import add, dot, scale, triple, unit
-from ..sampling.sequences import mix, mix_array, owen_sobol, seed_key, shuffled_owen_sobol
+from ..sampling.sequences import hash32, hash32_array, owen_sobol, seed_key, shuffled_owen_sobol
 from ..settings import Settings
 from ..types import Float64s
 
@@ -63,7 +63,7 @@ def _offsets(samples: int, seed: int) -> Float64s:
     x, y = (np.where(u < 0.5, np.sqrt(2 * u) - 1, 1 - np.sqrt(2 - 2 * u)) for u in owen_sobol(_SETS, samples, key))
     if samples == 1:
         x, y = np.zeros_like(x), np.zeros_like(y)
-    u, v = shuffled_owen_sobol(_SETS, samples, mix_array([key ^ np.uint32(0x5BD1E995)])[0])
+    u, v = shuffled_owen_sobol(_SETS, samples, hash32_array([key ^ np.uint32(0x5BD1E995)])[0])
     radius, angle = np.sqrt(u), 2 * np.pi * v
     return np.stack([x, y, radius * np.cos(angle), radius * np.sin(angle)], axis=1)
 
@@ -85,7 +85,7 @@ def aim(rays, view, x, y, samples, farthest):
     if len(offsets) > 0:
         for lane in range(WIDE):
             sample = pick(samples, lane)
-            k = mix(mix(pick(y, lane) * view.width + pick(x, lane)) ^ view.key) % np.uint32(len(offsets))
+            k = hash32(hash32(pick(y, lane) * view.width + pick(x, lane)) ^ view.key) % np.uint32(len(offsets))
             film_x = replace(film_x, lane, pick(film_x, lane) + offsets[k, 0, sample])
             film_y = replace(film_y, lane, pick(film_y, lane) + offsets[k, 1, sample])
             lens_x = replace(lens_x, lane, offsets[k, 2, sample])

@@ -6,7 +6,7 @@ around vertices just over the horizon, whose normals point away from the viewer.
 
 import numpy as np
 
-from ..kernel.arrays import borrow
+from ..kernel.arrays import unrefcounted_view
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, gather, gather3, lane_numbers, load_row, select, single, store_row
 from ..kernel.vector import add, dot, multiply, scale
@@ -25,7 +25,10 @@ def light_vertices(scene, view, style, scratch, origins, groups):
 
     Args: origins: as `write_vertices` has them; groups: int64 (k,), where `GROUP` rows begin, or the last of an object.
     """
-    scene, view, scratch, origins = borrow(scene), borrow(view), borrow(scratch), borrow(origins)
+    scene = unrefcounted_view(scene)
+    view = unrefcounted_view(view)
+    scratch = unrefcounted_view(scratch)
+    origins = unrefcounted_view(origins)
     geometry, out = scene.geometry, scene.lit_vertices
     for begin in groups:
         shift, side = (len(scene.w), -1.0) if begin >= len(scene.w) else (0, 1.0)

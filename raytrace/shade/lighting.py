@@ -24,8 +24,8 @@ from ..lights.layout import DIFFUSE, SPECULAR
 from . import layout
 from .interaction import CONSTANT, FLAT, next_object
 from .layout import BEHIND, BLACK, BOOK, CULLED, OFF, UNOBSTRUCTED, UNREACHED, load3, store3
-from .see_through import transmittance
 from .shaft_culling import obstructed
+from .transparency import transmittance
 
 DARK = (0.0, 0.0, 0.0)
 
