@@ -188,7 +188,10 @@ class Scene:
 
     def flattened(self) -> Mesh:
         """All objects as one mesh in world space, in order: what a bake of the whole scene takes."""
-        vertices, faces, opacities, start = [], [], [], 0
+        vertices = []
+        faces = []
+        opacities = []
+        start = 0
         for item in self.objects:
             mesh, linear = item.shape.mesh, item.transform[:3, :3]
             vertices.append(product(mesh.vertices, linear.T) + item.transform[:3, 3])

@@ -54,10 +54,12 @@ def _lane_by_lane(terms: Any) -> Any:
         diffuse, specular = zero, zero
         for lane in range(WIDE):
             if pick(wanted, lane):
-                normal, light = _lane(n, lane), _lane(l, lane)
+                normal = _lane(n, lane)
+                light = _lane(l, lane)
                 if dot(normal, light) > 0.0:
                     d, s = terms(row, normal, light, _lane(v, lane), _lane(grain, lane))
-                    diffuse, specular = _replaced(diffuse, lane, d), _replaced(specular, lane, s)
+                    diffuse = _replaced(diffuse, lane, d)
+                    specular = _replaced(specular, lane, s)
         return diffuse, specular
 
     return each_lane

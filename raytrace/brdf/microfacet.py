@@ -17,7 +17,11 @@ from ..system.parameters import Fraction, Indices, Reflectance
 from .layout import MODEL
 from .material import Diffuse, Gloss
 
-K_S, ETA, SHIFTED, COLOUR, NORMALISATION = MODEL + 3, MODEL + 4, MODEL + 7, MODEL + 8, MODEL + 11
+K_S = MODEL + 3
+ETA = MODEL + 4
+SHIFTED = MODEL + 7
+COLOUR = MODEL + 8
+NORMALISATION = MODEL + 11
 FACETS = MODEL + 12  # where the distribution's own parameters begin
 
 

@@ -45,7 +45,8 @@ def _closest(scene, traced, rays, found, begin, end):
                 ray = first + lane
                 distance[ray] = packet[TFAR, lane]
                 face[ray] = ids[PRIM_ID, lane]
-                u, v = packet[U, lane], packet[V, lane]
+                u = packet[U, lane]
+                v = packet[V, lane]
                 barycentric[ray, 0] = np.float32(1.0) - u - v
                 barycentric[ray, 1] = u
                 barycentric[ray, 2] = v

@@ -28,10 +28,13 @@ if numba.config.DISABLE_JIT:
     from ..errors import OptionError
 
     raise OptionError("NUMBA_DISABLE_JIT", "0 or nothing: kernels run as machine code alone", 1, "environment")
-_WORD, _BYTE = ir.IntType(64), ir.IntType(8)
+_WORD = ir.IntType(64)
+_BYTE = ir.IntType(8)
 _POINTER = _BYTE.as_pointer()
 _HEAD = object.__basicsize__ // 8  # words before an array's own: data, number of axes, lengths, strides
-_DATA, _SHAPE, _STRIDES = _HEAD, _HEAD + 2, _HEAD + 3
+_DATA = _HEAD
+_SHAPE = _HEAD + 2
+_STRIDES = _HEAD + 3
 _INFO = 48  # bytes before Numba's arrays: count of references, destructor, its argument, data, size, allocator
 _OF_NUMBA = ("NRT_", "numba_", "Py", "_Py")  # functions that a process without Numba has not
 _context = cpu_target.target_context
@@ -244,7 +247,8 @@ def _memory() -> Any:
         }.items()
     )
     builder = ir.IRBuilder(allocate.append_basic_block())
-    size, align = allocate.args[0], builder.zext(allocate.args[1], _WORD)
+    size = allocate.args[0]
+    align = builder.zext(allocate.args[1], _WORD)
     spare = builder.add(align, _WORD(_INFO))
     info = builder.call(malloc, [builder.add(size, spare)])
     with builder.if_then(cgutils.is_not_null(builder, info)):

@@ -48,9 +48,12 @@ class _Deferred(ModuleType):
         return getattr(import_module(self.__name__), name)
 
 
-ir, types, cgutils = _Deferred("llvmlite.ir"), _Deferred("numba.core.types"), _Deferred("numba.core.cgutils")
+ir = _Deferred("llvmlite.ir")
+types = _Deferred("numba.core.types")
+cgutils = _Deferred("numba.core.cgutils")
 arrayobj = _Deferred("numba.np.arrayobj")
-lanes, compiler = _Deferred("raytrace.kernel.lanes"), _Deferred("raytrace.kernel.compiler")
+lanes = _Deferred("raytrace.kernel.lanes")
+compiler = _Deferred("raytrace.kernel.compiler")
 
 
 class _Loaded(NamedTuple):
@@ -210,10 +213,13 @@ def _flatten(values: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> tup
 
 def _types(key: tuple[Any, ...]) -> tuple[str, str]:
     """Text that differs where Numba's types do, and the format of the words, of what `_flatten` found."""
-    text, formats, kinds = [], "", iter(key)
+    text = []
+    formats = ""
+    kinds = iter(key)
     for kind in kinds:
         if isinstance(kind, np.dtype):
-            dimensions, flags = next(kinds), next(kinds)
+            dimensions = next(kinds)
+            flags = next(kinds)
             text.append(f"{kind!r} {dimensions} {flags & ~_FORTRAN if flags & _C else flags}")
             formats += "P"
         elif issubclass(kind, tuple):

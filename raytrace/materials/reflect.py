@@ -97,7 +97,8 @@ def directional_albedo(material: Material, incidence: float, slope: float | None
     v = towards(theta, phi)
     if slope is not None:
         lh = v @ l
-        v, solid = 2 * lh[..., None] * v - l, solid * 4 * np.maximum(0, lh)
+        v = 2 * lh[..., None] * v - l
+        solid = solid * 4 * np.maximum(0, lh)
     above = v[..., 2:] > 0
     out = reflect(material, NORMAL, l, np.where(above, v, NORMAL)) / l[2]
     return np.asarray(np.sum(np.where(above, out * v[..., 2:], 0) * solid[..., None], axis=(0, 1)))
@@ -105,7 +106,8 @@ def directional_albedo(material: Material, incidence: float, slope: float | None
 
 def albedo(material: Material, incidence: float, order: int = 96) -> Float64s:
     """`directional_albedo` (3,) of any material: its body integrated over viewers, its lobe over halfway vectors."""
-    broad, slope = directional_albedo(material, incidence, order=order), material.lobe_slope()
+    broad = directional_albedo(material, incidence, order=order)
+    slope = material.lobe_slope()
     if slope is None:
         return broad
     body: dict[str, Any] = {name: 0.0 for name in ("albedo", "k_d") if hasattr(material, name)}
@@ -120,7 +122,8 @@ def asymmetry(material: Material, count: int = 20_000, seed: int = 0) -> float:
     for w in (l, v):
         w[:, 2] = np.abs(w[:, 2])
         w /= np.linalg.norm(w, axis=1)[:, None]
-    there, back = reflect(material, NORMAL, l, v) / l[:, 2:], reflect(material, NORMAL, v, l) / v[:, 2:]
+    there = reflect(material, NORMAL, l, v) / l[:, 2:]
+    back = reflect(material, NORMAL, v, l) / v[:, 2:]
     size = np.maximum(there, back)
     usable = size > 1e-12
     return float(np.max(np.abs(there - back)[usable] / size[usable], initial=0.0))

@@ -116,7 +116,8 @@ class Mesh:
 
     def reversed(self) -> "Mesh":
         """The same surface with its inner side outwards: corners of faces in reverse order, normals negated."""
-        normals, opacity = None if self.normals is None else -self.normals, self.opacity and self.opacity.reversed()
+        normals = None if self.normals is None else -self.normals
+        opacity = self.opacity and self.opacity.reversed()
         more = {"source": self.source, "up": self.up, "opacity": opacity, "polygons": self.polygons}
         return Mesh(self.vertices, self.faces[:, ::-1], normals, **more)  # type: ignore[arg-type]
 

@@ -25,7 +25,8 @@ def morton_order(points: AnyFloats) -> Int64s:
 
 def morton_codes(points: AnyFloats, low: Float64s, high: Float64s) -> UInt32s:
     """Keys (n,) of `morton_order`. Args: low, high: (3,), bounds of all points, clipped to `NEAR`."""
-    low, high = np.clip(low, -NEAR, NEAR), np.clip(high, -NEAR, NEAR)
+    low = np.clip(low, -NEAR, NEAR)
+    high = np.clip(high, -NEAR, NEAR)
     extent = float((high - low).max())
     codes = np.empty(len(points), np.uint32)
     _codes(points, low, (2.0**_COARSE - 1.0) / extent if extent > 0 else 0.0, codes)
@@ -61,8 +62,10 @@ def _codes(points, low, scale, codes):
 
 def radix_order(keys: AnyInts, bits: int) -> Int64s:
     """The order (n,) that sorts unsigned `keys` (n,) of so many bits, stable (radix sort from the last digit)."""
-    count, threads = len(keys), thread_count(None)
-    order, sorted_ = np.arange(count), np.empty(count, np.int64)
+    count = len(keys)
+    threads = thread_count(None)
+    order = np.arange(count)
+    sorted_ = np.empty(count, np.int64)
     places = np.empty((-(-count // _BLOCK), 1 << _DIGIT), np.int64)
     for shift in range(0, bits, _DIGIT):
         run_blocks(count, _BLOCK, bind(_count_digits, keys, order, shift, places), threads)

@@ -50,7 +50,8 @@ def connect(parent, a, b):
     On several threads at once: a root that another has connected meanwhile is looked for again.
     """
     while True:
-        a, b = _root(parent, a), _root(parent, b)
+        a = _root(parent, a)
+        b = _root(parent, b)
         if a == b or compare_and_swap(parent, max(a, b), max(a, b), min(a, b)):
             break
 
@@ -80,7 +81,8 @@ def weld(positions: Float32s, faces: Int64s, normals: Float64s, agreement: float
 
     Args: normals: (n, 3), unit or zero (agrees with none). agreement: the least cosine.
     """
-    place, group = coincident(positions, faces), np.arange(len(positions))
+    place = coincident(positions, faces)
+    group = np.arange(len(positions))
     count = int(place.max(initial=-1)) + 1
     if count < len(positions):
         _join_agreeing(*counting_sort(place, count), normals, agreement, group)
@@ -112,7 +114,8 @@ def coincident(positions: Float32s, faces: Int64s) -> Int64s:
 
 def first_alike(values: npt.NDArray[Any]) -> Int64s:
     """The first of the rows of `values` (n, any) that are equal bit by bit to each row, (n,)."""
-    first, table = np.empty(len(values), np.int64), np.zeros(2 << len(values).bit_length(), np.uint32)
+    first = np.empty(len(values), np.int64)
+    table = np.zeros(2 << len(values).bit_length(), np.uint32)
     key = np.frombuffer(os.urandom(8), np.uint64)[0]  # so that no file is made of positions that collide
     _find_first(np.ascontiguousarray(values).view(np.uint32), key, table, first)
     return first
@@ -130,7 +133,8 @@ def _find_first(words, key, table, first):
         for k in range(words.shape[1]):
             hashed = (hashed ^ np.uint64(words[i, k])) * np.uint64(0x9E3779B97F4A7C15)
             hashed ^= hashed >> np.uint64(32)
-        at, row = np.int64(hashed) & last, np.int64(0)
+        at = np.int64(hashed) & last
+        row = np.int64(0)
         while True:
             row = np.int64(table[at]) - 1
             alike = row >= 0
@@ -169,7 +173,8 @@ def grids(positions: Float32s) -> Iterator[tuple[Int64s, Int64s]]:
     rows = np.arange(len(positions))
     for quarter in range(4):
         subset = positions[rows] if quarter else positions
-        keys, beside = np.empty(len(rows), np.int64), np.empty(len(rows), np.bool_)
+        keys = np.empty(len(rows), np.int64)
+        beside = np.empty(len(rows), np.bool_)
         _locate(subset, quarter / 4 + 0.1, keys, beside)  # no border is at 0, where many coordinates are
         yield rows, keys
         rows = rows[beside]
@@ -183,7 +188,8 @@ def _locate(positions, shift, keys, beside):
         for axis in range(3):
             size, steps = np.float64(abs(positions[i, axis])), 0.0
             while size > 2.0:  # the same number of cells from 2 to 4 and from 4 to 8 as from 1 to 2
-                size, steps = 0.5 * size, steps + 1.0
+                size = 0.5 * size
+                steps = steps + 1.0
             at = math.copysign(size + steps, positions[i, axis]) * _CELLS + shift
             cell = np.floor(at)
             key = key << 21 | (int(cell) & 0x1FFFFF)
@@ -198,7 +204,8 @@ def sum_groups(group: Int64s, values: Float64s) -> Float64s:
 
 def _near(positions: Float32s, faces: Int64s, rows: Int64s) -> Int64s:
     """Pairs (j, 2) of `rows` (k,), which are sorted by x, that share a place: indices into these."""
-    subset, links = positions[rows], [np.zeros((0, 2), np.int64)]
+    subset = positions[rows]
+    links = [np.zeros((0, 2), np.int64)]
     for which, keys in grids(subset):
         sort = np.argsort(keys, kind="stable")
         order = which[sort]

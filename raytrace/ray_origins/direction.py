@@ -44,10 +44,8 @@ def resolve_contacts(
     kept = np.where(needed, np.cumsum(needed) - 1, -1)
     corners, starts = counting_sort(kept[face_points], int(np.count_nonzero(needed)))
     at = kept[numbers[rows]]
-    own, others = (
-        (corners // 3, starts[at], starts[at + 1]),
-        (touched.face, first, np.append(first, len(touched.point))[1:]),
-    )
+    own = (corners // 3, starts[at], starts[at + 1])
+    others = (touched.face, first, np.append(first, len(touched.point))[1:])
     work = bind(_turn, surface, points, found, rows, own, others)
     run_blocks(len(rows), _BLOCK, work, thread_count(None), most=_MOST)
 
@@ -64,26 +62,22 @@ def _turn(surface, points, found, rows, own_faces, touched_faces, first, last):
     largest = 0
     for k in range(first, last):
         largest = max(largest, own_ends[k] - own_starts[k] + touched_ends[k] - touched_starts[k])
-    normals, front = np.empty((largest, 3)), np.empty((largest, 3))
-    angles, is_own = np.empty(largest), np.empty(largest, np.bool_)
+    normals = np.empty((largest, 3))  # of the faces at a point
+    front = np.empty((largest, 3))  # of those that it is in front of
+    angles = np.empty(largest)
+    is_own = np.empty(largest, np.bool_)
     for k in range(first, last):
         row = rows[k]
-        p, direction = load(points, row), load(directions, row)
-        i, j, count = own_starts[k], touched_starts[k], 0
-        own_end, touched_end = own_ends[k], touched_ends[k]
-        while i < own_end or j < touched_end:
-            is_own[count] = j == touched_end or (i < own_end and own[i] < touched[j])
-            f = own[i] if is_own[count] else touched[j]
-            i, j = (i + 1, j) if is_own[count] else (i, j + 1)
-            n = load(surface.normals, f)
-            if not is_own[count]:
-                ambiguous[row] |= dot(n, direction) < -_SAME_PLANE or _rises(p, direction, surface, f)
-            if is_own[count] and dot(n, direction) < 0.0:  # seen from its other side
-                n = scale(-1.0, n)
-            store(normals, count, n)
-            angles[count] = _angle_about(p, surface.vertices, surface.faces, f)
-            count += 1
-        total, fronts = (0.0, 0.0, 0.0), 0
+        p = load(points, row)
+        direction = load(directions, row)
+        own_here = own[own_starts[k] : own_ends[k]]
+        touched_here = touched[touched_starts[k] : touched_ends[k]]
+        count, decides = _list_faces(p, direction, surface, own_here, touched_here, (normals, angles, is_own))
+        ambiguous[row] |= decides
+
+        # the mean normal of the faces that the point is in front of, weighted by their angles
+        total = (0.0, 0.0, 0.0)
+        fronts = 0
         for i in range(count):
             if _is_in_front(i, normals[:count], angles, is_own):
                 n = load(normals, i)
@@ -99,12 +93,43 @@ def _turn(surface, points, found, rows, own_faces, touched_faces, first, last):
 
 
 @inline
+def _list_faces(p, direction, surface, own, touched, listed):
+    """List the faces that a point is a corner of, `own`, and those that it touches, both ascending, as one.
+
+    Returns their number, and whether a touched one decides what is seen. Args: listed: normals (k, 3), those of its
+    own faces on the side of `direction`; the angles (k,) about the point; whether (k,) a face is its own. Filled.
+    """
+    normals, angles, is_own = listed
+    decides = False
+    i = 0
+    j = 0
+    count = len(own) + len(touched)
+    for place in range(count):
+        is_own[place] = j == len(touched) or (i < len(own) and own[i] < touched[j])
+        if is_own[place]:
+            f = own[i]
+            i += 1
+            n = load(surface.normals, f)
+            if dot(n, direction) < 0.0:  # seen from its other side
+                n = scale(-1.0, n)
+        else:
+            f = touched[j]
+            j += 1
+            n = load(surface.normals, f)
+            decides |= dot(n, direction) < -_SAME_PLANE or _rises(p, direction, surface, f)
+        store(normals, place, n)
+        angles[place] = _angle_about(p, surface.vertices, surface.faces, f)
+    return count, decides
+
+
+@inline
 def _rises(p, direction, surface, f):
     """Whether a face that a point touches rises above the plane through the point across a direction."""
     height, size = 0.0, 0.0
     for k in range(3):
         away = subtract(load(surface.vertices, surface.faces[f, k]), p)
-        height, size = max(height, dot(away, direction)), max(size, length(away))
+        height = max(height, dot(away, direction))
+        size = max(size, length(away))
     return height > _RISE * size
 
 
@@ -112,7 +137,8 @@ def _rises(p, direction, surface, f):
 def _is_in_front(i, normals, angles, is_own):
     """Whether a point is taken to be in front of its i-th face; see the module on faces that look opposite ways."""
     balance, opposed = 0.0, False
-    n, step = load(normals, i), 1 + len(normals) // MANY
+    n = load(normals, i)
+    step = 1 + len(normals) // MANY
     for j in range(i % step, len(normals), step):
         cosine = dot(n, load(normals, j))
         if cosine > _SAME_PLANE:
@@ -126,7 +152,8 @@ def _is_in_front(i, normals, angles, is_own):
 @inline
 def _angle_about(p, vertices, faces, f):
     """Angle that a face fills about a point on it: a corner's own, π on an edge, 2π inside."""
-    angle, tiny = 2.0 * np.pi, 16.0 * ULP * max(1.0, max(abs(p[0]), abs(p[1]), abs(p[2])) / NEAR)
+    angle = 2.0 * np.pi
+    tiny = 16.0 * ULP * max(1.0, max(abs(p[0]), abs(p[1]), abs(p[2])) / NEAR)
     for k in range(3):
         a = subtract(load(vertices, faces[f, k]), p)
         b = subtract(load(vertices, faces[f, (k + 1) % 3]), p)

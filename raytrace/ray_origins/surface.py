@@ -74,7 +74,9 @@ class Surface(NamedTuple):
 
     def magnitudes(self, face_points: Int64s, count: int) -> Float64s:
         """The scale of the offset at each of `count` points (`ray_offset`), those of `face_points` (m, 3)."""
-        around, magnitude, threads = np.zeros(count), np.zeros(count), thread_count(None)
+        around = np.zeros(count)
+        magnitude = np.zeros(count)
+        threads = thread_count(None)
         run_ranges(count, _POINTS, bind(_spread_flat, self.flat, face_points, around), threads)
         run_ranges(count, _POINTS, bind(_magnitudes, self.extent, face_points, around, magnitude), threads)
         return magnitude
@@ -92,7 +94,9 @@ def _measure(surface, first, last):
             surface.extent[f] = max(surface.extent[f], largest)
             across += abs(surface.normals[f, axis]) * largest
         surface.extent[f], surface.rounding[f] = min(surface.extent[f], max(NEAR, across)), TOUCHING * ULP * across
-        ab, bc, ca = subtract(b, a), subtract(c, b), subtract(a, c)
+        ab = subtract(b, a)
+        bc = subtract(c, b)
+        ca = subtract(a, c)
         slender = length(ab) * length(bc) * length(ca) / max(length(cross(ab, bc)), 1e-150)  # longest edge/sine
         surface.flat[f] = min(FLAT * slender, max(NEAR, min(_largest(a), _largest(b), _largest(c))))
 
@@ -116,7 +120,9 @@ def _spread_flat(flat, face_points, around, first, last):
 def _magnitudes(extent, face_points, around, magnitude, first, last):
     """The largest `extent` of a point's faces, and `flat` of these and of its neighbours' faces, which rays pass by."""
     for f in range(len(face_points)):
-        a, b, c = face_points[f, 0], face_points[f, 1], face_points[f, 2]
+        a = face_points[f, 0]
+        b = face_points[f, 1]
+        c = face_points[f, 2]
         if first <= a < last or first <= b < last or first <= c < last:
             largest = max(extent[f], max(around[a], around[b], around[c]))
             for point in (a, b, c):
@@ -149,7 +155,8 @@ def find_contacts(
     """
     if not (reach >= 0.0).any() or not len(surface.faces):
         return _empty(0)
-    around, most = (points, reach, face_points, numbers), float(surface.rounding.max())
+    around = (points, reach, face_points, numbers)
+    most = float(surface.rounding.max())
     if most <= _USUAL_ROUNDING:
         return _find(tree, surface, around, most)
     found, least = [], -1.0
@@ -173,7 +180,8 @@ def _find(tree: BVH16, surface: Surface, around: _Points, most: float) -> Contac
     parts: list[Contacts] = [_empty(0)] * -(-count // _SEARCHED)
 
     def search(first: int, last: int) -> None:
-        found, fill = _empty(_USUAL * _SEARCHED), bind(_search, tree, new_stack(), surface, around, most)
+        found = _empty(_USUAL * _SEARCHED)
+        fill = bind(_search, tree, new_stack(), surface, around, most)
         size = fill(first, last, found)
         if size > len(found.point):
             found = _empty(size)
@@ -203,11 +211,15 @@ def _search(tree, stack, surface, around, most, first, last, found):
     found = unrefcounted_view(found)
     points, reach, corners, numbers = unrefcounted_view(around)
     count = 0
-    nearest = kept, distances = np.empty(_MOST_CONTACTS, np.int64), np.empty(_MOST_CONTACTS)
+    kept = np.empty(_MOST_CONTACTS, np.int64)
+    distances = np.empty(_MOST_CONTACTS)
     for i in range(first, last):
         if reach[i] < 0.0:
             continue
-        p, number, filled, seen = load(points, i), numbers[i], 0, 0
+        p = load(points, i)
+        number = numbers[i]
+        filled = 0
+        seen = 0
         place = begin(tree, stack, p, max(reach[i], most))
         leaf, near = next_leaf(tree, stack, place)
         while near != 0 and seen < _SEEN:
@@ -216,11 +228,13 @@ def _search(tree, stack, surface, around, most, first, last, found):
                 near &= near - 1
                 seen += filled == _MOST_CONTACTS
                 if corners[f, 0] != number and corners[f, 1] != number and corners[f, 2] != number:
-                    filled = _keep(surface, f, p, max(reach[i], surface.rounding[f]), nearest, filled)
+                    filled = _keep(surface, f, p, max(reach[i], surface.rounding[f]), (kept, distances), filled)
             leaf, near = next_leaf(tree, stack, place)
         for k in range(filled):
             if count < len(found.point):
-                found.point[count], found.face[count], found.distance[count] = i, kept[k], distances[k]
+                found.point[count] = i
+                found.face[count] = kept[k]
+                found.distance[count] = distances[k]
             count += 1
     return count
 

@@ -63,7 +63,8 @@ def _rebuilt(
     objects: tuple[Object, ...], normals: Normals, w: Float64s, bent: Float32s, lights: Lights, background: Any
 ) -> RenderScene:
     """A pickled scene, its arrays padded so that kernels may read behind their ends."""
-    rows, maps = aligned(bent.shape, np.float32), aligned(lights.maps.shape, np.float32)
+    rows = aligned(bent.shape, np.float32)
+    maps = aligned(lights.maps.shape, np.float32)
     rows[:], maps[:] = bent, lights.maps
     return RenderScene(objects, build_geometry(objects, normals), w, rows, lights._replace(maps=maps), background)
 

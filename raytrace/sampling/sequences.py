@@ -43,13 +43,15 @@ def hash32_array(values: npt.ArrayLike) -> UInt32s:
 
 def seed_key(seed: int) -> np.uint32:
     """A 32-bit key from a seed of up to 64 bits."""
-    low, high = hash32_array([seed & 0xFFFFFFFF]), np.uint32(seed >> 32)
+    low = hash32_array([seed & 0xFFFFFFFF])
+    high = np.uint32(seed >> 32)
     return hash32_array(low ^ high)[0]
 
 
 def sobol(count: int) -> UInt32s:
     """The first `count` Sobol points in two dimensions as 32-bit fractions: (2, count)."""
-    index, points = np.arange(count, dtype=np.uint32), np.zeros((2, count), np.uint32)
+    index = np.arange(count, dtype=np.uint32)
+    points = np.zeros((2, count), np.uint32)
     column = np.uint32(1 << 31)
     for bit in range(32):
         on = (index >> np.uint32(bit)) & np.uint32(1)
@@ -84,7 +86,8 @@ def _keys(sets: int, key: np.uint32) -> UInt32s:
 
 def owen_sobol(sets: int, count: int, key: np.uint32) -> tuple[Float64s, Float64s]:
     """`sets` independently scrambled Sobol sets of `count` points: two arrays (sets, count) in (0, 1)."""
-    levels, pairs = max(count - 1, 1).bit_length(), zip(sobol(count), _keys(sets, key), strict=True)
+    levels = max(count - 1, 1).bit_length()
+    pairs = zip(sobol(count), _keys(sets, key), strict=True)
     u, v = (np.ldexp(owen_scramble(points, keys, levels) + np.float64(0.5), -32) for points, keys in pairs)
     return u, v
 
@@ -117,5 +120,6 @@ def jittered_lattice(
 
 def cosine_hemisphere(u: Float64s, v: Float64s) -> Float64s:
     """Directions about +z with density cosθ/π from `u`, `v` in (0, 1), by Malley's method: (…, 3, n)."""
-    radius, azimuth = np.sqrt(u), 2 * np.pi * v
+    radius = np.sqrt(u)
+    azimuth = 2 * np.pi * v
     return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.sqrt(1 - u)], axis=-2)

@@ -62,9 +62,11 @@ def _offsets(samples: int, seed: int) -> Float64s:
     # density 1 − |x| on (−1, 1)
     x, y = (np.where(u < 0.5, np.sqrt(2 * u) - 1, 1 - np.sqrt(2 - 2 * u)) for u in owen_sobol(_SETS, samples, key))
     if samples == 1:
-        x, y = np.zeros_like(x), np.zeros_like(y)
+        x = np.zeros_like(x)
+        y = np.zeros_like(y)
     u, v = shuffled_owen_sobol(_SETS, samples, hash32_array([key ^ np.uint32(0x5BD1E995)])[0])
-    radius, angle = np.sqrt(u), 2 * np.pi * v
+    radius = np.sqrt(u)
+    angle = 2 * np.pi * v
     return np.stack([x, y, radius * np.cos(angle), radius * np.sin(angle)], axis=1)
 
 
@@ -79,8 +81,10 @@ def pixel_width(view, depth):
 def aim(rays, view, x, y, samples, farthest):
     """Make `rays` the viewing rays of sixteen pixels (x, y) of the whole picture, and of the samples of these numbers,
     int32 lanes; returns how far from the viewer they start, float32."""
-    film_x, film_y = double(x) + 0.5, double(y) + 0.5
-    lens_x, lens_y = 0.0 * film_x, 0.0 * film_x
+    film_x = double(x) + 0.5
+    film_y = double(y) + 0.5
+    lens_x = 0.0 * film_x
+    lens_y = 0.0 * film_x
     offsets = view.offsets
     if len(offsets) > 0:
         for lane in range(WIDE):
@@ -90,14 +94,17 @@ def aim(rays, view, x, y, samples, farthest):
             film_y = replace(film_y, lane, pick(film_y, lane) + offsets[k, 1, sample])
             lens_x = replace(lens_x, lane, offsets[k, 2, sample])
             lens_y = replace(lens_y, lane, offsets[k, 3, sample])
-    right, up, forward = triple(view.right, 0), triple(view.up, 0), triple(view.forward, 0)
+    right = triple(view.right, 0)
+    up = triple(view.up, 0)
+    forward = triple(view.forward, 0)
     a = (2.0 * film_x - view.width) * (view.half / view.height)
     b = (view.height - 2.0 * film_y) * (view.half / view.height)
     across = add(scale(a, right), scale(b, up))
     if view.orthographic:
         shift, direction = across, add(scale(0.0, across), forward)
     else:
-        shift, direction = scale(0.0, across), unit(add(forward, across))
+        shift = scale(0.0, across)
+        direction = unit(add(forward, across))
         if view.lens > 0.0:
             sharp = scale(view.focus / dot(direction, forward), direction)
             shift = add(scale(view.lens * lens_x, right), scale(view.lens * lens_y, up))

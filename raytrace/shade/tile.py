@@ -55,7 +55,8 @@ def render_tiles(scene, view, style, film, scratch, span, again):
     columns = -(-wide // TILE)
     first = FIRST if view.lens == 0.0 else BLURRED
     for tile in range(span[0], span[1]):
-        left, top = tile % columns * TILE, tile // columns * TILE
+        left = tile % columns * TILE
+        top = tile // columns * TILE
         size = min(TILE, wide - left), min(TILE, high - top)
         pending = list_pixels(scratch, size, film.edges, tile, columns, again)
         if again:
@@ -143,7 +144,8 @@ def trace_samples(scene, view, style, scratch, corner, work, samples):
             there = (numbers >= 0) & (turn < each) & (place < pending)
             pixels = gather(scratch.todo, select(there, place, 0))
             sample = (numbers & (WIDE - 1)) - turn * batch + done
-            x, y = (pixels & LAST) + corner[0], (pixels >> BITS) + corner[1]
+            x = (pixels & LAST) + corner[0]
+            y = (pixels >> BITS) + corner[1]
             start = aim(scratch.rays, view, x, y, select(there, sample, 0), scene.geometry.farthest)
             if opacity is not None:  # rays start behind the layers that they have seen
                 for lane in range(WIDE):

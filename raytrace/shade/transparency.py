@@ -31,7 +31,8 @@ def closest_hits(geometry, rays, valid, there):
     store_row(valid, 0, there)
     intersect16(geometry.handle, rays, valid)
     ids = rays.view(np.int32)
-    outer, inner = load_row(ids, INST_ID), load_row(ids, GEOM_ID)
+    outer = load_row(ids, INST_ID)
+    inner = load_row(ids, GEOM_ID)
     items = select(there, select((inner >= 0) & (outer >= 0), outer, inner), -1)
     return items, load_row(ids, PRIM_ID), load_row(rays, U), load_row(rays, V), load_row(rays, TFAR)
 

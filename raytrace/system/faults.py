@@ -48,7 +48,8 @@ def most_telling(error: ValidationError) -> ErrorDetails:
 def first_fault(error: ValidationError, kind: type, shown: Callable[[Any], Any] = lambda value: value) -> Fault:
     """The most useful fault of a validation. Args: kind: what was validated. shown: text of a value that came."""
     fault = most_telling(error)
-    location, came = fault["loc"], fault["input"]
+    location = fault["loc"]
+    came = fault["input"]
     path = path_of(location)
     if fault["type"] in _UNKNOWN:
         names = list(fields_of(declared(kind, location[:-1]).annotation))

@@ -23,7 +23,9 @@ from ..material import RGB, Brushed, Diffuse, Gloss
 from ..microfacet import fifth
 from ..registry import in_lanes, reflection_model
 
-R_S, N_PARALLEL, N_PERPENDICULAR = MODEL + 3, MODEL + 6, MODEL + 7
+R_S = MODEL + 3
+N_PARALLEL = MODEL + 6
+N_PERPENDICULAR = MODEL + 7
 
 
 @inline
@@ -49,7 +51,8 @@ def terms(row, n, l, v, grain):
     lobe = select((nv > 0.0) & (nh > 0.0) & (lh > 0.0), value, 0.0)
     facing = fifth(1.0 - 0.5 * max(0.0, nv))
     body = 28.0 / (23.0 * pi) * nl * (1.0 - fifth(1.0 - 0.5 * nl)) * (1.0 - facing)  # eq. 5
-    rho, r_s = triple(row, MODEL), triple(row, R_S)
+    rho = triple(row, MODEL)
+    r_s = triple(row, R_S)
     fresnel = schlick(r_s[0], lh), schlick(r_s[1], lh), schlick(r_s[2], lh)
     return scale(body, multiply(subtract((1.0, 1.0, 1.0), r_s), rho)), scale(lobe, fresnel)
 

@@ -55,16 +55,23 @@ def kirchhoff_table() -> Float64s:
 
 
 _table = kirchhoff_table()
-LAST_G, LAST_T, TABLE = _table.shape[0] - 1, _table.shape[1] - 1, _table.ravel()
+LAST_G = _table.shape[0] - 1
+LAST_T = _table.shape[1] - 1
+TABLE = _table.ravel()
 ONE, TWO, THREE, NEXT = np.array([1, 2, 3, LAST_T + 1], np.uint64)  # whose places need no test for negative ones
 SIXTH = 1.0 / 6.0
-ETA, WAVE, M_PARALLEL, M_PERPENDICULAR, CONSERVING = MODEL, MODEL + 3, MODEL + 6, MODEL + 7, MODEL + 8
+ETA = MODEL
+WAVE = MODEL + 3
+M_PARALLEL = MODEL + 6
+M_PERPENDICULAR = MODEL + 7
+CONSERVING = MODEL + 8
 
 
 @inline
 def cubic_weights(x):
     """Of values at −1, 0, 1 and 2 for the cubic through them at x (Lagrange)."""
-    before, after = x * (x - 1.0), (x + 1.0) * (x - 2.0)
+    before = x * (x - 1.0)
+    after = (x + 1.0) * (x - 2.0)
     return before * (2.0 - x) * SIXTH, 0.5 * after * (x - 1.0), -0.5 * after * x, before * (x + 1.0) * SIXTH
 
 
@@ -81,8 +88,10 @@ def scattered(g, t):
     tau = t * y
     if tau >= TABLE_END * TABLE_END:
         return 0.0
-    row, column = y * LAST_G, sqrt(tau) * (LAST_T / TABLE_END)
-    i, j = max(1, min(int(row), LAST_G - 2)), max(1, min(int(column), LAST_T - 2))
+    row = y * LAST_G
+    column = sqrt(tau) * (LAST_T / TABLE_END)
+    i = max(1, min(int(row), LAST_G - 2))
+    j = max(1, min(int(column), LAST_T - 2))
     a, b, c, d = cubic_weights(row - i)
     p, q, r, s = cubic_weights(column - j)
     start = np.uint64((i - 1) * (LAST_T + 1) + j - 1)
@@ -94,7 +103,9 @@ def scattered(g, t):
 @inline
 def scattered_channels(row, together, t):
     """`scattered` of R, G and B for n·l + n·v."""
-    red, green, blue = row[WAVE] * together, row[WAVE + 1] * together, row[WAVE + 2] * together
+    red = row[WAVE] * together
+    green = row[WAVE + 1] * together
+    blue = row[WAVE + 2] * together
     return scattered(red * red, t), scattered(green * green, t), scattered(blue * blue, t)
 
 
@@ -102,9 +113,13 @@ def scattered_channels(row, together, t):
 def incidence(row, n, l, v, grain):
     """n·l, n·v, v·h, t, and G/(4 π m_∥ m_⊥ (n·h)⁴ n·v); t is infinite where nothing is reflected."""
     h = halfway(l, v)
-    nl, nv, nh, vh = dot(n, l), dot(n, v), dot(n, h), dot(v, h)
+    nl = dot(n, l)
+    nv = dot(n, v)
+    nh = dot(n, h)
+    vh = dot(v, h)
     along, across = perpendicular(n, grain)
-    x, y = dot(h, along) / (row[M_PARALLEL] * nh), dot(h, across) / (row[M_PERPENDICULAR] * nh)
+    x = dot(h, along) / (row[M_PARALLEL] * nh)
+    y = dot(h, across) / (row[M_PERPENDICULAR] * nh)
     t = select((nv > 0.0) & (nh > 0.0) & (vh > 0.0), x * x + y * y, inf)
     square = nh * nh
     shape = geometric_attenuation(nh, nl, nv, vh) / (row[M_PARALLEL] * row[M_PERPENDICULAR] * square * square)
@@ -148,7 +163,8 @@ def terms_in_lanes(row, n, l, v, grain, wanted):
         if pick(reached, lane):
             together = np.float64(pick(at[0], lane)) + np.float64(pick(at[1], lane))
             parts = scattered_channels(row, together, np.float64(pick(at[3], lane)))
-            red, green = replace(red, lane, parts[0]), replace(green, lane, parts[1])
+            red = replace(red, lane, parts[0])
+            green = replace(green, lane, parts[1])
             blue = replace(blue, lane, parts[2])
     return dark, (channel(row, 0, at, red), channel(row, 1, at, green), channel(row, 2, at, blue))
 

@@ -25,15 +25,21 @@ SIGMA = MODEL + 3
 @inline
 def fitted_orders(sigma, n, l, v):
     """(A, B) of f n·l = (ρ/π)(A + ρB): the first- and the second-order reflection."""
-    nl, nv = min(1.0, dot(n, l)), min(1.0, max(0.0, dot(n, v)))
-    l_flat, v_flat = subtract(l, scale(dot(n, l), n)), subtract(v, scale(dot(n, v), n))
-    sin_i, sin_r = sqrt(dot(l_flat, l_flat)), sqrt(dot(v_flat, v_flat))
+    nl = min(1.0, dot(n, l))
+    nv = min(1.0, max(0.0, dot(n, v)))
+    l_flat = subtract(l, scale(dot(n, l), n))
+    v_flat = subtract(v, scale(dot(n, v), n))
+    sin_i = sqrt(dot(l_flat, l_flat))
+    sin_r = sqrt(dot(v_flat, v_flat))
     cos_delta = 0.0
     if sin_i > 0.0 and sin_r > 0.0:
         cos_delta = max(-1.0, min(1.0, dot(l_flat, v_flat) / (sin_i * sin_r)))
-    cos_alpha, cos_beta = min(nl, nv), max(nl, nv)
-    sin_alpha, sin_beta = max(sin_i, sin_r), min(sin_i, sin_r)
-    alpha, beta = atan2(sin_alpha, cos_alpha), atan2(sin_beta, cos_beta)
+    cos_alpha = min(nl, nv)
+    cos_beta = max(nl, nv)
+    sin_alpha = max(sin_i, sin_r)
+    sin_beta = min(sin_i, sin_r)
+    alpha = atan2(sin_alpha, cos_alpha)
+    beta = atan2(sin_beta, cos_beta)
     tan_beta = nl * sin_beta / cos_beta  # cosθ_i tanβ, and below cosθ_i tan((α+β)/2): finite at grazing
     tan_mean = nl * (sin_alpha + sin_beta) / (cos_alpha + cos_beta)
 
@@ -52,7 +58,9 @@ def fitted_orders(sigma, n, l, v):
 @inline
 def terms(row, n, l, v, grain):
     first, second = fitted_orders(row[SIGMA], n, l, v)
-    red, green, blue = row[MODEL], row[MODEL + 1], row[MODEL + 2]
+    red = row[MODEL]
+    green = row[MODEL + 1]
+    blue = row[MODEL + 2]
     diffuse = (
         max(0.0, red / pi * (first + red * second)),
         max(0.0, green / pi * (first + green * second)),

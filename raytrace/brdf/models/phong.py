@@ -17,7 +17,10 @@ from ..layout import MODEL
 from ..material import Gloss, Glossy
 from ..registry import in_lanes, reflection_model
 
-K_D, K_S, EXPONENT, WEIGHT = MODEL, MODEL + 3, MODEL + 6, MODEL + 7
+K_D = MODEL
+K_S = MODEL + 3
+EXPONENT = MODEL + 6
+WEIGHT = MODEL + 7
 
 
 @inline

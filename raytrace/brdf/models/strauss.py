@@ -19,21 +19,25 @@ from ..layout import MODEL
 from ..material import RGB, Gloss, Material
 from ..registry import reflection_model
 
-SMOOTHNESS, METALNESS, TRANSPARENCY = MODEL + 3, MODEL + 4, MODEL + 5
+SMOOTHNESS = MODEL + 3
+METALNESS = MODEL + 4
+TRANSPARENCY = MODEL + 5
 K_F, K_G, K_J = 1.12, 1.01, 0.1
 
 
 @inline
 def fresnel_like(x):
     """F(x), x = 2θ/π in [0, 1]: 0 at normal incidence, 1 at grazing."""
-    low, high = 1.0 / (K_F * K_F), 1.0 / ((1.0 - K_F) * (1.0 - K_F))
+    low = 1.0 / (K_F * K_F)
+    high = 1.0 / ((1.0 - K_F) * (1.0 - K_F))
     return (1.0 / ((x - K_F) * (x - K_F)) - low) / (high - low)  # F, Strauss 1990
 
 
 @inline
 def shadowing(x):
     """G(x), x = 2θ/π in [0, 1]: 1 at normal incidence, 0 at grazing."""
-    low, high = 1.0 / (K_G * K_G), 1.0 / ((1.0 - K_G) * (1.0 - K_G))
+    low = 1.0 / (K_G * K_G)
+    high = 1.0 / ((1.0 - K_G) * (1.0 - K_G))
     return (high - 1.0 / ((x - K_G) * (x - K_G))) / (high - low)  # G, Strauss 1990
 
 
@@ -45,7 +49,9 @@ def normalised_angle(cosine):
 
 @inline
 def terms(row, n, l, v, grain):
-    smoothness, metalness, transparency = row[SMOOTHNESS], row[METALNESS], row[TRANSPARENCY]
+    smoothness = row[SMOOTHNESS]
+    metalness = row[METALNESS]
+    transparency = row[TRANSPARENCY]
     nl = dot(n, l)
     r_d = (1.0 - smoothness * smoothness * smoothness) * (1.0 - transparency)
     r_n = max(0.0, 1.0 - transparency - r_d)

@@ -23,7 +23,10 @@ from ..layout import MODEL
 from ..material import RGB, Brushed, Gloss, TwoTerm
 from ..registry import in_lanes, reflection_model
 
-K_S, M_PARALLEL, M_PERPENDICULAR, FORM = MODEL + 3, MODEL + 6, MODEL + 7, MODEL + 8
+K_S = MODEL + 3
+M_PARALLEL = MODEL + 6
+M_PERPENDICULAR = MODEL + 7
+FORM = MODEL + 8
 BOUNDED, OWN, DUER = 0.0, 1.0, 2.0
 FORMS = {"bounded": BOUNDED, "ward": OWN, "duer": DUER}
 DARKEST = 80.0  # e⁻⁸⁰ = 2e-35, what lanes of float32 can hold
