@@ -134,7 +134,8 @@ def new_stack() -> Int64s:
 @inline
 def begin(tree, stack, point, radius):
     """The point, and a radius to search with for all that is within `radius` of it in spite of single precision."""
-    stack[0, _NODE], stack[0, _LEVEL] = tree.starts[-1] - 1, len(tree.starts) - 1
+    stack[0, _NODE] = tree.starts[-1] - 1
+    stack[0, _LEVEL] = len(tree.starts) - 1
     stack[_ENTRIES, 0] = 1
     x = np.float32(point[0])
     y = np.float32(point[1])
@@ -162,7 +163,8 @@ def next_leaf(tree, stack, around):
         child = (node - starts[level - 1]) * WIDE + (starts[level - 2] if level > 1 else 0)
         within = _boxes_within(tree.boxes, tree.axes, node, point, radius)
         while within != 0:
-            stack[waiting, _NODE], stack[waiting, _LEVEL] = child + lowest_bit(within), level - 1
+            stack[waiting, _NODE] = child + lowest_bit(within)
+            stack[waiting, _LEVEL] = level - 1
             within &= within - 1
             waiting += 1
         stack[_ENTRIES, 0] = waiting

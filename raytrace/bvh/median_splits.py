@@ -102,7 +102,8 @@ def _longest_axis(centroids, order, first, last):
     for k in range(first, last):
         for axis in range(3):
             x = centroids[order[k], axis]
-            low[axis], high[axis] = min(low[axis], x), max(high[axis], x)
+            low[axis] = min(low[axis], x)
+            high[axis] = max(high[axis], x)
     return np.argmax(high - low)
 
 

@@ -106,15 +106,16 @@ def _enclose(triangles, span, axes, boxes, first, last):
         along = np.zeros(3)
         for leaf in range(k * span, min((k + 1) * span, len(triangles))):
             for place in range(3 * WIDE):
-                first = 3 * (place // WIDE)
+                corner = 3 * (place // WIDE)
                 at = place % WIDE
                 if np.isnan(triangles[leaf, 0, at]):
                     continue
                 for axis in range(3):
                     x = 0.0
                     for j in range(3):
-                        x += np.float64(axes[node, 3 * axis + j, lane]) * triangles[leaf, first + j, at]
-                    low[axis], high[axis] = min(x, low[axis]), max(x, high[axis])
+                        x += np.float64(axes[node, 3 * axis + j, lane]) * triangles[leaf, corner + j, at]
+                    low[axis] = min(x, low[axis])
+                    high[axis] = max(x, high[axis])
         for axis in range(3):
             for j in range(3):
                 centre[j] += 0.5 * (low[axis] + high[axis]) * axes[node, 3 * axis + j, lane]

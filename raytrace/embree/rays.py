@@ -61,7 +61,9 @@ def intersect(
         reach: broadcasts to (k,), in units of the direction's length.
     Raises: OptionError: wrong shapes, or values that Embree would take for a miss: NaN, infinity, zero directions.
     """
-    origins, directions = (np.ascontiguousarray(a, np.float32) for a in np.broadcast_arrays(origins, directions))
+    origins, directions = np.broadcast_arrays(origins, directions)
+    origins = np.ascontiguousarray(origins, np.float32)
+    directions = np.ascontiguousarray(directions, np.float32)
     if origins.ndim != 2 or origins.shape[1] != 3:
         raise OptionError("origins, directions", "shapes that broadcast to (k, 3)", origins.shape)
     if not (np.isfinite(origins).all() and np.isfinite(directions).all() and directions.any(axis=1).all()):

@@ -24,7 +24,10 @@ class Lanes(types.Type):
         super().__init__(name=f"Lanes({dtype})")
 
 
-SINGLE, DOUBLE, WHOLE, MASK = (Lanes(dtype) for dtype in (types.float32, types.float64, types.int32, types.boolean))
+SINGLE = Lanes(types.float32)
+DOUBLE = Lanes(types.float64)
+WHOLE = Lanes(types.int32)
+MASK = Lanes(types.boolean)
 ELEMENT = {
     types.float32: ir.FloatType(),
     types.float64: ir.DoubleType(),
@@ -85,7 +88,8 @@ def _operator(function: Any, emit: Callable[..., Any], result: Callable[[Lanes],
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         lanes = common(*signature.args)
         assert lanes
-        a, b = (widened(context, builder, v, t, lanes) for v, t in zip(arguments, signature.args, strict=True))
+        a = widened(context, builder, arguments[0], signature.args[0], lanes)
+        b = widened(context, builder, arguments[1], signature.args[1], lanes)
         return emit(builder, isinstance(lanes.dtype, types.Float), a, b)
 
     scalars = types.Number, types.Boolean

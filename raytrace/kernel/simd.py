@@ -16,8 +16,9 @@ _FOUR = 4
 def select(context, builder, signature, condition, a, b):
     """a where the condition holds, else b, both of them evaluated. Lanes may be mixed with scalars; two scalars
     make lanes of float32 or int32."""
-    _, *kinds = signature.args
-    x, y = (lanes.widened(context, builder, *each, signature.return_type) for each in zip((a, b), kinds, strict=True))
+    _, kind_of_a, kind_of_b = signature.args
+    x = lanes.widened(context, builder, a, kind_of_a, signature.return_type)
+    y = lanes.widened(context, builder, b, kind_of_b, signature.return_type)
     return builder.select(condition, x, y)
 
 

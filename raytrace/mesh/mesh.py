@@ -188,7 +188,7 @@ def _triangles(given: Any, source: str) -> Int64s:
     triangles = [block.data for block in parts]
     for row, block in enumerate(parts):
         if block.type == "quad":
-            a, b, c, d = (np.asarray(given.points, np.float64)[block.data[:, corner]] for corner in range(4))
+            a, b, c, d = np.asarray(given.points, np.float64)[block.data.T]
             folds = (np.cross(b - a, c - a) * np.cross(c - a, d - a)).sum(axis=1) < 0
             turned = np.where(folds[:, None], np.roll(block.data, -1, axis=1), block.data)
             triangles[row] = turned[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)

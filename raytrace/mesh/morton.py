@@ -19,7 +19,8 @@ def morton_order(points: AnyFloats) -> Int64s:
     """Rows of `points` (n, 3), finite, by 2^10 cells a side of their bounding cube; stable."""
     if not len(points):
         return np.zeros(0, np.int64)
-    low, high = (np.array([end(column) for column in points.T], np.float64) for end in (np.min, np.max))
+    low = np.array([column.min() for column in points.T], np.float64)
+    high = np.array([column.max() for column in points.T], np.float64)
     return radix_order(morton_codes(points, low, high), 3 * _COARSE)
 
 

@@ -70,7 +70,8 @@ class PackedOpacity(NamedTuple):
         """That of the faces `kept`, bool (m,), numbered anew; None if they are opaque."""
         if not (self.of[kept] >= 0).any():
             return None
-        uv, corners = (each[kept] if len(each) else each for each in (self.uv, self.corners))
+        uv = self.uv[kept] if len(self.uv) else self.uv
+        corners = self.corners[kept] if len(self.corners) else self.corners
         return self._replace(of=self.of[kept], uv=uv, corners=corners)
 
 
@@ -133,12 +134,14 @@ class Opacity:
 
     def only(self, faces: Int64s) -> Opacity:
         """That of some faces, by their rows."""
-        uv, corners = (None if each is None else each[faces] for each in (self.uv, self.corners))
+        uv = None if self.uv is None else self.uv[faces]
+        corners = None if self.corners is None else self.corners[faces]
         return replace(self, of=self.of[faces], uv=uv, corners=corners)
 
     def reversed(self) -> Opacity:
         """That of the same faces with their corners in reverse order."""
-        uv, corners = (None if each is None else each[:, ::-1] for each in (self.uv, self.corners))
+        uv = None if self.uv is None else self.uv[:, ::-1]
+        corners = None if self.corners is None else self.corners[:, ::-1]
         return replace(self, uv=uv, corners=corners)
 
     @staticmethod

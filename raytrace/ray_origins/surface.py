@@ -93,7 +93,8 @@ def _measure(surface, first, last):
             largest = max(abs(a[axis]), abs(b[axis]), abs(c[axis]))
             surface.extent[f] = max(surface.extent[f], largest)
             across += abs(surface.normals[f, axis]) * largest
-        surface.extent[f], surface.rounding[f] = min(surface.extent[f], max(NEAR, across)), TOUCHING * ULP * across
+        surface.extent[f] = min(surface.extent[f], max(NEAR, across))
+        surface.rounding[f] = TOUCHING * ULP * across
         ab = subtract(b, a)
         bc = subtract(c, b)
         ca = subtract(a, c)
@@ -189,8 +190,7 @@ def _find(tree: BVH16, surface: Surface, around: _Points, most: float) -> Contac
         parts[first // _SEARCHED] = found.only(np.arange(size))  # copies, so that the rest is let go
 
     run_blocks(count, _SEARCHED, search, thread_count(None))
-    point, face, distance = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Contacts(point, face, distance)
+    return Contacts(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 def _empty(count: int) -> Contacts:
@@ -253,7 +253,9 @@ def _keep(surface, f, p, within, nearest, filled):
         return filled
     place = min(filled, _MOST_CONTACTS - 1)
     while place > 0 and kept[place - 1] > f:
-        kept[place], distances[place] = kept[place - 1], distances[place - 1]
+        kept[place] = kept[place - 1]
+        distances[place] = distances[place - 1]
         place -= 1
-    kept[place], distances[place] = f, away
+    kept[place] = f
+    distances[place] = away
     return min(filled + 1, _MOST_CONTACTS)

@@ -87,9 +87,11 @@ def _keys(sets: int, key: np.uint32) -> UInt32s:
 def owen_sobol(sets: int, count: int, key: np.uint32) -> tuple[Float64s, Float64s]:
     """`sets` independently scrambled Sobol sets of `count` points: two arrays (sets, count) in (0, 1)."""
     levels = max(count - 1, 1).bit_length()
-    pairs = zip(sobol(count), _keys(sets, key), strict=True)
-    u, v = (np.ldexp(owen_scramble(points, keys, levels) + np.float64(0.5), -32) for points, keys in pairs)
-    return u, v
+    points = sobol(count)
+    keys = _keys(sets, key)
+    u = owen_scramble(points[0], keys[0], levels)
+    v = owen_scramble(points[1], keys[1], levels)
+    return np.ldexp(u + np.float64(0.5), -32), np.ldexp(v + np.float64(0.5), -32)
 
 
 def shuffled_owen_sobol(sets: int, count: int, key: np.uint32) -> tuple[Float64s, Float64s]:

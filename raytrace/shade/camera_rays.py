@@ -59,15 +59,14 @@ def place_camera(camera: Camera, settings: Settings, centre: Float64s, scale: fl
 def _offsets(samples: int, seed: int) -> Float64s:
     """Places (sets, 4, samples) under a tent filter of radius 1 pixel, one sample in its centre; and on the lens."""
     key = seed_key(seed)
-    # density 1 − |x| on (−1, 1)
-    x, y = (np.where(u < 0.5, np.sqrt(2 * u) - 1, 1 - np.sqrt(2 - 2 * u)) for u in owen_sobol(_SETS, samples, key))
+    uniform = np.stack(owen_sobol(_SETS, samples, key), axis=1)
+    xy = np.where(uniform < 0.5, np.sqrt(2 * uniform) - 1, 1 - np.sqrt(2 - 2 * uniform))  # density 1 − |x| on (−1, 1)
     if samples == 1:
-        x = np.zeros_like(x)
-        y = np.zeros_like(y)
+        xy = np.zeros_like(xy)
     u, v = shuffled_owen_sobol(_SETS, samples, hash32_array([key ^ np.uint32(0x5BD1E995)])[0])
     radius = np.sqrt(u)
     angle = 2 * np.pi * v
-    return np.stack([x, y, radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+    return np.concatenate([xy, np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)], axis=1)
 
 
 @inline
@@ -86,6 +85,8 @@ def aim(rays, view, x, y, samples, farthest):
     lens_x = 0.0 * film_x
     lens_y = 0.0 * film_x
     offsets = view.offsets
+
+    # places in the pixel and on the lens, by a hash of the pixel
     if len(offsets) > 0:
         for lane in range(WIDE):
             sample = pick(samples, lane)
@@ -97,6 +98,8 @@ def aim(rays, view, x, y, samples, farthest):
     right = triple(view.right, 0)
     up = triple(view.up, 0)
     forward = triple(view.forward, 0)
+
+    # from the film through the lens
     a = (2.0 * film_x - view.width) * (view.half / view.height)
     b = (view.height - 2.0 * film_y) * (view.half / view.height)
     across = add(scale(a, right), scale(b, up))
@@ -109,6 +112,7 @@ def aim(rays, view, x, y, samples, farthest):
             sharp = scale(view.focus / dot(direction, forward), direction)
             shift = add(scale(view.lens * lens_x, right), scale(view.lens * lens_y, up))
             direction = unit(add(sharp, scale(-1.0, shift)))
+
     origin = add(triple(view.eye, 0), shift)
     # the scene lies within a quarter of `farthest` of the origin of render space
     start = max(0.0, -0.25 * farthest - dot(origin, direction))

@@ -87,6 +87,8 @@ def interpolate_lit(packet, scene, item, mask, hits, style, face_normal):
     n1 = vertex_normal(geometry, item, j)
     n2 = vertex_normal(geometry, item, k)
     behind = dot(add(add(n0, n1), n2), face_normal) < 0.0
+
+    # the rows of the side that is seen, interpolated
     width = lit.shape[1]
     shift = geometry.first_w[item] - geometry.first_vertex[item]
     first_row = select(behind, shift + len(lit) - len(scene.w), shift)
@@ -98,11 +100,14 @@ def interpolate_lit(packet, scene, item, mask, hits, style, face_normal):
         store1(packet, lighting_column(column), mask, single(between(a, b, c, hits.u, hits.v)))
     if len(geometry.polygons) > 0:
         polygon_light(packet, scene, item, mask, hits, first_row)
+
     if len(lit) == len(scene.w):  # backs are not lit: they reflect no lamp
         for column in range(layout.DIFFUSE, layout.EMISSION):
             store1(packet, column, mask & behind, 0.0)
         store1(packet, layout.UNSHADOWED, mask & behind, 0.0)
         store1(packet, layout.SHADOWED, mask & behind, 0.0)
+
+    # what is not linear between vertices
     unshadowed = load_row(packet, layout.UNSHADOWED)
     shadowed = load_row(packet, layout.SHADOWED)
     store1(packet, layout.SHADOW, mask, select(unshadowed > 0.0, shadowed / unshadowed, 1.0))

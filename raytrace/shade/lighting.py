@@ -55,6 +55,8 @@ def reflect_environment(packet, lane, row, lights, style):
         arriving = add(arriving, sky_irradiance(sky, bent))
     if len(lights.harmonics) > 0:
         arriving = add(arriving, harmonic_irradiance(lights.harmonics, bent))
+
+    # the part that the highlight mirrors
     slope = row[SLOPE]
     gloss = triple(row, GLOSS)
     grazing = triple(row, GRAZING)
@@ -68,8 +70,8 @@ def reflect_environment(packet, lane, row, lights, style):
             mirrored = add(mirrored, map_radiance(lights.maps, lights.frame, r, slope))
         visible = cone_visibility(w, acos(max(-1.0, min(1.0, dot(bent, r)))), slope)
         rise = fifth(1.0 - max(0.0, min(1.0, dot(n, v))))
-    for c in range(3):
-        # in single precision, as ambient light alone is reflected
+
+    for c in range(3):  # in single precision, as ambient light alone is reflected
         share = np.float32(reflectance[c]) * packet[layout.ALBEDO_MAP + c, lane]
         value = np.float32(reflectance[c] * arriving[c]) * packet[layout.ALBEDO_MAP + c, lane]
         if style.form != OFF:
@@ -121,6 +123,8 @@ def select_lights(geometry, lights, shading, scratch, packets):
     """Fill `active` and `hidden` of `scratch` with the lights that can matter to a point; returns how many do."""
     nowhere = select(lane_numbers() < 0, 0.0, np.inf)
     empty = (nowhere, nowhere, nowhere), scale(-1.0, (nowhere, nowhere, nowhere))
+
+    # boxes around the points, their ray origins and the ways between these
     points, origins, shifts = empty, empty, empty
     for e in range(packets):
         there = load_row(scratch.items, e) >= 0
@@ -139,6 +143,7 @@ def select_lights(geometry, lights, shading, scratch, packets):
     shift = corners(shifts)
     if shading in (CONSTANT, FLAT):  # shadow rays end at the light itself
         shift = scale(np.float32(0.0), shift[0]), scale(np.float32(0.0), shift[1])
+
     used = 0
     for j in range(len(lights.kinds)):
         kind = lights.kinds[j]

@@ -61,6 +61,8 @@ def render_tiles(scene, view, style, film, scratch, span, again):
         pending = list_pixels(scratch, size, film.edges, tile, columns, again)
         if again:
             scratch.counts[RETIRED] -= pending * (style.samples - first)
+
+        # a few samples at a time, of the pixels that want more
         for done in range(0, style.samples, FIRST):
             if pending == 0:
                 break
@@ -77,6 +79,8 @@ def render_tiles(scene, view, style, film, scratch, span, again):
                     accumulate(points[e], scratch.sums, todo[k : min(k + each, pending)], batch, style.layers)
                 if done + FIRST == first < style.samples and not again:
                     pending = remove_converged(scratch, size, pending, style.samples - first, film.edges[tile])
+
+        # all pixels that have got samples in this call
         taken = pending if again else list_pixels(scratch, size, film.edges, tile, columns, False)
         for k in range(0, taken, WIDE):
             packet = points[k // WIDE]  # with one sample a pixel, its lanes are the pixels
