@@ -74,18 +74,7 @@ def _turn(surface, points, found, rows, own_faces, touched_faces, first, last):
         touched_here = touched[touched_starts[k] : touched_ends[k]]
         count, decides = _list_faces(p, direction, surface, own_here, touched_here, (normals, angles, is_own))
         ambiguous[row] |= decides
-
-        # the mean normal of the faces that the point is in front of, weighted by their angles
-        total = (0.0, 0.0, 0.0)
-        fronts = 0
-        for i in range(count):
-            if _is_in_front(i, normals[:count], angles, is_own):
-                n = load(normals, i)
-                total = add(total, scale(angles[i], n))
-                store(front, fronts, n)
-                fronts += 1
-        size = length(total)
-        start = divide(total, size) if size > 1e-9 else direction
+        start, fronts = _mean_in_front(count, (normals, angles, is_own), direction, front)
         turned, least = outermost_normal(start, front[:fronts])
         if least > 0.0:
             store(directions, row, turned)
@@ -120,6 +109,23 @@ def _list_faces(p, direction, surface, own, touched, listed):
         store(normals, place, n)
         angles[place] = _angle_about(p, surface.vertices, surface.faces, f)
     return count, decides
+
+
+@inline
+def _mean_in_front(count, listed, direction, front):
+    """The mean normal, by angles, of the listed faces that a point is in front of, `direction` if they cancel; and how
+    many there are, whose normals fill `front`. Args: listed: by `_list_faces`, the first `count`."""
+    normals, angles, is_own = listed
+    total = (0.0, 0.0, 0.0)
+    fronts = 0
+    for i in range(count):
+        if _is_in_front(i, normals[:count], angles, is_own):
+            n = load(normals, i)
+            total = add(total, scale(angles[i], n))
+            store(front, fronts, n)
+            fronts += 1
+    size = length(total)
+    return (divide(total, size) if size > 1e-9 else direction), fronts
 
 
 @inline
