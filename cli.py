@@ -169,24 +169,19 @@ def scenes(
 
 @app.command()
 def materials(
-    name: Annotated[
-        str | None,
-        name_of("raytrace.materials.presets.PRESETS", "A preset; with --check also a scene file; without, a list."),
-    ] = None,
-    check: Annotated[
-        bool,
-        typer.Option("--check", help="Measure albedo by angle and reciprocity, and the error of Oren-Nayar's fit."),
-    ] = False,
+    name: Annotated[str | None, name_of("raytrace.materials.presets.PRESETS", "A preset; without, a list.")] = None,
+    check: Annotated[bool, typer.Option("--check", hidden=True)] = False,
 ) -> None:
-    """List the material presets, print one as TOML, or measure."""
-    from scenes.commands import materials as command
+    """List the material presets, or print one as TOML."""
+    from scenes.commands.materials import preset_toml, presets
 
     if check:
-        print("\n\n".join(command.check(*each) for each in command.chosen_materials(name)))
-    elif name is None:
-        print(columns(command.presets()))
+        in_python = "albedo(material, angle) and asymmetry(material) of raytrace.materials.reflect, in Python"
+        raise OptionError("check", in_python, "--check, which is no more")
+    if name is None:
+        print(columns(presets()))
     else:
-        print(command.preset_toml(name), end="")
+        print(preset_toml(name), end="")
 
 
 @app.command()

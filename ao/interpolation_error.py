@@ -7,7 +7,7 @@ import numpy as np
 from raytrace.mesh.normals import face_normals
 from raytrace.ray_origins.origins import ray_offset
 from raytrace.ray_origins.surface import Surface
-from raytrace.sampling.sequences import mix_array
+from raytrace.sampling.sequences import hash32_array
 from raytrace.types import Float32s, Float64s, Int64s
 
 from .estimate.inside import inside_solids
@@ -69,7 +69,7 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
 def _spread(areas: Float64s, count: int, key: np.uint32) -> tuple[Int64s, Float32s]:
     """Points one from each of equal shares of the faces' area: which face (k,), and barycentric coordinates (k, 3)."""
     total, steps = np.cumsum(areas), np.arange(count)
-    share, u, v = np.ldexp(mix_array(mix_array(np.arange(3 * count)) ^ key), -32).reshape(3, -1)
+    share, u, v = np.ldexp(hash32_array(hash32_array(np.arange(3 * count)) ^ key), -32).reshape(3, -1)
     own = np.searchsorted(total, (steps + share) / count * total[-1], "right").clip(0, len(areas) - 1)
     root = np.sqrt(u)
     return own, np.stack([1 - root, root * (1 - v), root * v], axis=-1).astype(np.float32)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from raytrace.kernel.jit import bound, kernel
+from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.vector import dot, load, store
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import normalized
@@ -186,7 +186,7 @@ def assemble(prepared: Prepared, mesh: Mesh, values: PointValues) -> Bake:
     count, only = len(mesh.vertices), prepared.options.only
     point, flags = prepared.wanted.of_vertex[:count], prepared.wanted.flags[:count]
     normals, bent = prepared.wanted.points.normals, np.zeros((count, 3))
-    run_blocks(count, _BLOCK, bound(_bent_normals, point, values.bent, normals, bent), prepared.threads)
+    run_blocks(count, _BLOCK, bind(_bent_normals, point, values.bent, normals, bent), prepared.threads)
     error = np.append(values.error, 0.0)[point]  # −1, for no point, is the last row
     spread = [
         np.append(each, np.full((1, each.shape[1]), outside), axis=0)[point]

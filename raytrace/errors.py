@@ -150,7 +150,8 @@ class ConflictError(OptionError):
 
     def in_words(self, shown: Callable[[Term], str]) -> str:
         """The sentence. Args: shown: how options are written."""
-        first, second = shown(self.first), shown(self.second)
+        first = shown(self.first)
+        second = shown(self.second)
         excludes = self.relation == "excludes"
         return f"{first} and {second} exclude each other" if excludes else f"{first} {self.relation} {second}"
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .brdf.layout import ALPHA
+from .brdf.material import Brushed, Material
 from .errors import OptionError, check_type, numbers
 from .image.texture import Texture
 from .kernel.arrays import product
 from .lights.sources import BaseLight
-from .materials.base import BaseMaterial, Brushed
 from .mesh.mesh import Mesh, mesh_of
 from .mesh.opacity import AlphaSurface, Opacity
 from .types import Float64s
@@ -76,7 +76,7 @@ class Shape:
     """
 
     mesh: Mesh
-    material: BaseMaterial
+    material: Material
     uv: Float64s | None = None
     texture: Texture | None = None
     occlusion: Occlusion | None = None
@@ -86,7 +86,7 @@ class Shape:
     def __post_init__(self) -> None:
         object.__setattr__(self, "mesh", mesh_of(self.mesh, "shape"))
         expected = 'a material, such as raytrace.Lambert(albedo=0.5) or material_from_dict({"preset": "gold"})'
-        check_type(self.material, BaseMaterial, "shape", "material", expected)
+        check_type(self.material, Material, "shape", "material", expected)
         if self.grain is not None and (not isinstance(self.material, Brushed) or self.material.grain is not None):
             expected = "an anisotropic material without a grain of its own"
             raise OptionError("grain", expected, repr(self.material), self.mesh.source)
@@ -188,7 +188,10 @@ class Scene:
 
     def flattened(self) -> Mesh:
         """All objects as one mesh in world space, in order: what a bake of the whole scene takes."""
-        vertices, faces, opacities, start = [], [], [], 0
+        vertices = []
+        faces = []
+        opacities = []
+        start = 0
         for item in self.objects:
             mesh, linear = item.shape.mesh, item.transform[:3, :3]
             vertices.append(product(mesh.vertices, linear.T) + item.transform[:3, 3])

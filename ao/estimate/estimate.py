@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from raytrace.sampling.sequences import mix_array, seed_key
+from raytrace.sampling.sequences import hash32_array, seed_key
 from raytrace.types import Bools, Float64s, Int64s
 
 from ..execute.tracer import Tracer
@@ -42,7 +42,7 @@ def traced_twice(
     calibration = _calibration_subset(len(points))
     tracer.expected = tracer.rays + samples * (len(points) + len(calibration)) + later
     rows = tracer.gather(points, samples, key)
-    again = tracer.gather_again(points[calibration], samples, mix_array([key ^ np.uint32(0xA5A5A5A5)])[0])[:, W]
+    again = tracer.gather_again(points[calibration], samples, hash32_array([key ^ np.uint32(0xA5A5A5A5)])[0])[:, W]
     rays = tracer.rays
 
     def estimated(neighbours: Neighbours | None) -> Estimate:

@@ -5,8 +5,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from raytrace.embree.packets import DIR_X, GEOM_ID, INVALID, LANES, NG_X, PRIM_ID, intersect8
-from raytrace.kernel.arrays import borrow
-from raytrace.kernel.jit import bound, inline, kernel
+from raytrace.kernel.arrays import unrefcounted_view
+from raytrace.kernel.jit import bind, inline, kernel
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import Placement
 from raytrace.mesh.solids import closed_parts
@@ -94,8 +94,11 @@ def _find_hidden(packet, points, table, solids, hidden):
     Args: solids: the part (m,) that each face bounds, −1 for none; the part (k,) of each point, which does not hide it;
         the rays' length.
     """
-    packet, points, table, hidden = borrow(packet), borrow(points), borrow(table), borrow(hidden)
-    of_face, of_point, reach = borrow(solids)
+    packet = unrefcounted_view(packet)
+    points = unrefcounted_view(points)
+    table = unrefcounted_view(table)
+    hidden = unrefcounted_view(hidden)
+    of_face, of_point, reach = unrefcounted_view(solids)
     rays, directions = packet.rays, table.directions
     samples = directions.shape[2]
     ids = rays.view(np.uint32)
@@ -153,7 +156,7 @@ def _inside_boxes(
     low, high = np.full((len(closed), 3), np.inf, np.float32), np.full((len(closed), 3), -np.inf, np.float32)
     _bound(vertices, part, low, high)
     numbers, found = np.flatnonzero(closed), np.zeros(len(points), np.bool_)
-    work = bound(_mark_within, points, own, (numbers, low[numbers], high[numbers]), found)
+    work = bind(_mark_within, points, own, (numbers, low[numbers], high[numbers]), found)
     run_blocks(len(points), _NEAR, work, threads, most=_MOST)
     return np.flatnonzero(found)
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.kernel.arrays import aligned
-from raytrace.kernel.jit import bound, kernel
+from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.simd import load_row, multiply_add, store_row
 from raytrace.kernel.vector import add, load, scale, store, subtract
 from raytrace.system.threads import run_blocks, run_ranges
@@ -37,19 +37,19 @@ class Neighbours:
         """Args: faces: (m, 3), rows of points, −1 for a corner without a point. normals: float32 (k, 3), unit."""
         count = len(normals)
         listed, ends = np.zeros(count + 1, np.int64), np.zeros(count, np.int64)
-        run_ranges(count, _PART, bound(_list_ends, faces, listed[1:], None), threads)
+        run_ranges(count, _PART, bind(_list_ends, faces, listed[1:], None), threads)
         np.cumsum(listed, out=listed)
         ends[:] = listed[:-1]
         listed_ends, weights = np.empty(listed[-1], np.int32), np.empty(listed[-1], np.float32)
-        run_ranges(count, _PART, bound(_list_ends, faces, ends, listed_ends), threads)
+        run_ranges(count, _PART, bind(_list_ends, faces, ends, listed_ends), threads)
         starts = np.zeros(count + 1, np.int64)
         rings = cls(starts, listed_ends, weights, threads)
-        rings.each(bound(_merge_edges, listed, listed_ends, weights, starts))
+        rings.each(bind(_merge_edges, listed, listed_ends, weights, starts))
         np.cumsum(starts, out=starts)
         indices, merged = np.empty(starts[-1], np.int32), np.empty(starts[-1], np.float32)
         rings.each(
-            bound(_pack, listed, listed_ends, weights, starts, indices, merged),
-            bound(_weigh_by_normals, starts, indices, normals, merged),
+            bind(_pack, listed, listed_ends, weights, starts, indices, merged),
+            bind(_weigh_by_normals, starts, indices, normals, merged),
         )
         return cls(starts, indices, merged, threads)
 
@@ -57,7 +57,7 @@ class Neighbours:
     def weighted(cls, starts: Int64s, indices: Int32s, weights: Float32s, normals: Float32s, threads: int) -> Self:
         """One-rings whose `weights` are lowered where the points' `normals`, float32 (k, 3), disagree."""
         rings = cls(starts, indices, weights, threads)
-        rings.each(bound(_weigh_by_normals, starts, indices, normals, weights))
+        rings.each(bind(_weigh_by_normals, starts, indices, normals, weights))
         return rings
 
     def each(self, *works: Block) -> None:
@@ -90,7 +90,7 @@ class Neighbours:
         for values, own in wanted:
             kernel = _mean if values.ndim == 1 else _mean_triples if values.shape[1] == 3 else _mean_lanes
             found.append(aligned(values.shape, values.dtype, zeroed=False))
-            works.append(bound(kernel, *self.ring, np.ascontiguousarray(values), own, found[-1]))
+            works.append(bind(kernel, *self.ring, np.ascontiguousarray(values), own, found[-1]))
         if then:
             works.append(then(*found))
         self.each(*works)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from raytrace.sampling.sequences import mix_array
+from raytrace.sampling.sequences import hash32_array
 from raytrace.types import Float64s, Int64s
 
 RATE = 1.5  # the variance of n rays falls as n^−1.5
@@ -23,11 +23,11 @@ def variance_factor(samples: Float64s, more: int) -> Float64s:
 
 def derive(key: np.uint32, salt: int) -> np.uint32:
     """A key of directions that are independent of the directions of `key`."""
-    return mix_array(mix_array([salt]) ^ key)[0]
+    return hash32_array(hash32_array([salt]) ^ key)[0]
 
 
 def stratified_rows(count: int, wanted: int) -> Int64s:
     """`wanted` of `count` rows, one from each equal stretch of Morton order, all if there are no more."""
     wanted = min(count, wanted)
-    chance = np.ldexp(mix_array(np.arange(wanted, dtype=np.uint32)).astype(np.float64), -32)
+    chance = np.ldexp(hash32_array(np.arange(wanted, dtype=np.uint32)).astype(np.float64), -32)
     return ((np.arange(wanted) + chance) * (count / max(wanted, 1))).astype(np.int64)

@@ -16,8 +16,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from raytrace.kernel.arrays import aligned, borrow
-from raytrace.kernel.jit import bound, kernel
+from raytrace.kernel.arrays import aligned, unrefcounted_view
+from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.simd import WIDE
 from raytrace.kernel.vector import add, cross, dot, load, scale, store
 from raytrace.types import Float64s
@@ -70,17 +70,17 @@ def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float
     shape = shape_of(neighbours, points)
     at = _Fields(*(np.empty((count, 3) if name in ("closed", "unlike") else count) for name in _Fields._fields))
 
-    neighbours.each(bound(_begin, rows, normals, at))
+    neighbours.each(bind(_begin, rows, normals, at))
     _, closed, spread = means(
         (at.w, 0.0), (at.closed, 0.0), (at.spread, 1.0),
-        then=lambda mean, closed, _: bound(_compare, shape, mean, closed, at),
+        then=lambda mean, closed, _: bind(_compare, shape, mean, closed, at),
     )  # fmt: skip
     wide, closed, spread = means((at.filled, 1.0), (closed, 1.0), (spread, 1.0))
     closed, spread = means((closed, 1.0), (spread, 1.0))
     typical = float(np.mean(spread)) if count else 0.0
 
     def lean(closed: Float64s) -> Block:
-        turn = bound(_lean, shape, wide, closed, normals, at)
+        turn = bind(_lean, shape, wide, closed, normals, at)
 
         def work(first: int, last: int) -> None:
             at.variance[first:last] = distribute_variance(spread[first:last], level, typical)
@@ -90,14 +90,14 @@ def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float
 
     means((closed, 1.0), then=lean)
     leaning, excess = means((at.leaning, 0.0), (at.excess, 1.0))
-    means((neighbours.smooth(excess, 1), 0.0), then=lambda rough: bound(_weigh, leaning, rough, at))
+    means((neighbours.smooth(excess, 1), 0.0), then=lambda rough: bind(_weigh, leaning, rough, at))
     coefficients, size = _ridge_regression(at.unlike, at.residual, at.weight)
     moments = aligned((count, WIDE), np.float32)
-    neighbours.each(bound(_normal_equations, coefficients, size, at, moments))
+    neighbours.each(bind(_normal_equations, coefficients, size, at, moments))
     for _ in range(_FIT_REACH - 1):
         moments = means((moments, 1.0))[0]  # which lets go of those before
-    means((moments, 1.0), then=lambda around: bound(_local_fits, shape, around, at))
-    means((neighbours.smooth(at.excess, _REACH - 1), 1.0), then=lambda beyond: bound(_shrink, beyond, spread, at))
+    means((moments, 1.0), then=lambda around: bind(_local_fits, shape, around, at))
+    means((neighbours.smooth(at.excess, _REACH - 1), 1.0), then=lambda beyond: bind(_shrink, beyond, spread, at))
     return at.w, shrunk_to_mean(at.variance)
 
 
@@ -105,8 +105,8 @@ def shape_of(neighbours: Neighbours, points: Points) -> _Shape:
     """Where points lie among their neighbours, measured once for the same ones."""
     if neighbours not in _shapes:
         ring, shape = neighbours.ring, _Shape(*(np.empty(len(points)) for _ in _Shape._fields))
-        neighbours.each(bound(_measure, ring, points.origins, points.normals, shape))
-        (rise,) = neighbours.means((shape.rise, 0.0), then=lambda mean: bound(_compare_shapes, ring, shape, mean))
+        neighbours.each(bind(_measure, ring, points.origins, points.normals, shape))
+        (rise,) = neighbours.means((shape.rise, 0.0), then=lambda mean: bind(_compare_shapes, ring, shape, mean))
         _shapes[neighbours] = shape._replace(rise=rise)
     return _shapes[neighbours]
 
@@ -114,8 +114,10 @@ def shape_of(neighbours: Neighbours, points: Points) -> _Shape:
 @kernel
 def _measure(ring, origins, normals, shape, first, last):
     """Fill in `self_weight`, and `rise` of points alone, where a neighbour below counts as 0."""
-    starts, indices, weights = borrow(ring)
-    origins, normals, shape = borrow(origins), borrow(normals), borrow(shape)
+    starts, indices, weights = unrefcounted_view(ring)
+    origins = unrefcounted_view(origins)
+    normals = unrefcounted_view(normals)
+    shape = unrefcounted_view(shape)
     for i in range(first, last):
         whole, rise = 1.0, 0.0
         for k in range(starts[i], starts[i + 1]):
@@ -133,8 +135,8 @@ def _measure(ring, origins, normals, shape, first, last):
 @kernel
 def _compare_shapes(ring, shape, mean, first, last):
     """Fill in `leverage`, and turn the neighbours' mean `rise` into what the point's own has beyond it."""
-    starts, indices, weights = borrow(ring)
-    shape = borrow(shape)
+    starts, indices, weights = unrefcounted_view(ring)
+    shape = unrefcounted_view(shape)
     for i in range(first, last):
         leverage = 0.0
         for k in range(starts[i], starts[i + 1]):
@@ -148,7 +150,9 @@ def _compare_shapes(ring, shape, mean, first, last):
 @kernel
 def _begin(rows, normals, at, first, last):
     """Fill in `w`, `spread` and `closed`."""
-    rows, normals, at = borrow(rows), borrow(normals), borrow(at)
+    rows = unrefcounted_view(rows)
+    normals = unrefcounted_view(normals)
+    at = unrefcounted_view(at)
     for i in range(first, last):
         at.w[i], at.spread[i] = rows[i, W], rows[i, BATCH_VARIANCE]
         for axis in range(3):
@@ -171,7 +175,8 @@ def _compare(shape, mean, closed, at, first, last):
 def _lean(shape, wide, closed, normals, at, first, last):
     """Compare the mean of the neighbours with that of their neighbours, `wide`, from which the point's own w is taken
     out; fill in `leaning`."""
-    shape, at = borrow(shape), borrow(at)
+    shape = unrefcounted_view(shape)
+    at = unrefcounted_view(at)
     for i in range(first, last):
         leverage = shape.leverage[i]
         beside = (wide[i] - leverage * at.w[i]) / (1.0 - leverage) - at.filled[i]
@@ -212,7 +217,7 @@ def _sum_moments(columns, target, weight, matrix, right):
 @kernel
 def _normal_equations(coefficients, size, at, out, first, last):
     """The moments of least squares around a point, of what the `coefficients` leave, in columns scaled by `size`."""
-    at = borrow(at)
+    at = unrefcounted_view(at)
     for i in range(first, last):
         u, c = load(at.unlike, i), coefficients
         everywhere = u[0] * c[0] + u[2] * c[2] + u[1] * c[1]
@@ -228,7 +233,7 @@ def _normal_equations(coefficients, size, at, out, first, last):
 @kernel
 def _local_fits(shape, moments, at, first, last):
     """Correct predictions by fits around each point, shrunk to 0 as if a typical surrounding had that for a result."""
-    at = borrow(at)
+    at = unrefcounted_view(at)
     for i in range(first, last):
         m = moments[i]
         x, y, z = (1.0 + m[0], m[1], m[2]), (m[1], 1.0 + m[3], m[4]), (m[2], m[4], 1.0 + m[5])
@@ -244,7 +249,7 @@ def _local_fits(shape, moments, at, first, last):
 
 @kernel
 def _shrink(beyond, spread, at, first, last):
-    at = borrow(at)
+    at = unrefcounted_view(at)
     for i in range(first, last):
         variance, residual = at.variance[i], at.residual[i]
         error = max(max(beyond[i], residual * residual - _OUTLIER * variance), 0.01 * variance)

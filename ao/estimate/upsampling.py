@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from raytrace.kernel.arrays import borrow
+from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.counting_sort import counting_sort
 from raytrace.kernel.jit import inline, kernel
 from raytrace.system.threads import run_blocks
@@ -131,9 +131,14 @@ def _upsample(points, graph, wanted, cell, values, plain, scratch, out):
 
     Args: graph: the baked points' rows, `starts` and `indices`.
     """
-    points, graph = borrow(points), borrow(graph)
+    points = unrefcounted_view(points)
+    graph = unrefcounted_view(graph)
     baked, starts, indices = graph
-    wanted, cell, values, scratch, out = borrow(wanted), borrow(cell), borrow(values), borrow(scratch), borrow(out)
+    wanted = unrefcounted_view(wanted)
+    cell = unrefcounted_view(cell)
+    values = unrefcounted_view(values)
+    scratch = unrefcounted_view(scratch)
+    out = unrefcounted_view(out)
     for row in range(len(wanted)):
         o = cell[row]
         if baked[o] == wanted[row]:

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from scipy.sparse import csr_array
 
-from raytrace.kernel.jit import bound, kernel
+from raytrace.kernel.jit import bind, kernel
 from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float64s, UInt32s
 
@@ -29,7 +29,7 @@ def dot(a: Float64s, b: Float64s) -> float:
 
 def multiply(matrix: csr_array, x: Float64s, threads: int) -> Float64s:
     out = np.empty(len(x))
-    _each(len(x), _BLOCK, bound(_multiply, *_arrays(matrix), x, out), threads)
+    _each(len(x), _BLOCK, bind(_multiply, *_arrays(matrix), x, out), threads)
     return out
 
 
@@ -125,10 +125,10 @@ def solve(
     """
     x, image, inverse = start.copy(), np.zeros(len(start)), np.empty((len(start), _GROUP))
     free = np.ones(len(x), np.bool_) if free is None else free
-    _each(len(x), _BLOCK, bound(_invert, *_arrays(matrix), free, inverse), threads)
+    _each(len(x), _BLOCK, bind(_invert, *_arrays(matrix), free, inverse), threads)
     residual, step = right - multiply(matrix, x, threads), np.zeros(len(x))
-    product, turn = bound(_multiply, *_arrays(matrix), step, image), bound(_turn, step, image)
-    descend, sums = bound(_descend, step, inverse, x, residual, image), [0.0] * -(-len(x) // _BLOCK)
+    product, turn = bind(_multiply, *_arrays(matrix), step, image), bind(_turn, step, image)
+    descend, sums = bind(_descend, step, inverse, x, residual, image), [0.0] * -(-len(x) // _BLOCK)
 
     def dot_after(work: Callable[[int, int], None], a: Float64s, b: Float64s) -> float:
         """Σ a_i b_i after `work`: of the sums of blocks, so that it is the same for any number of threads."""

@@ -9,12 +9,12 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from raytrace.embree.packets import DIR_X, DIR_Y, DIR_Z, LANES
-from raytrace.kernel.arrays import borrow
+from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import inline, kernel
 from raytrace.kernel.vector import add, divide, length, load, scale
 from raytrace.mesh.placement import ULP
 from raytrace.ray_origins.origins import OFFSET_ULPS
-from raytrace.sampling.sequences import cosine_hemisphere, mix
+from raytrace.sampling.sequences import cosine_hemisphere, hash32
 from raytrace.types import Float32s, Float64s, Int64s
 
 from ..rays.directions import turned_frame
@@ -82,7 +82,7 @@ def place(k, shift, begin, end):
 def _draw(k, key):
     """Sample `k`'s lattice and turn in radians: neighbours complement one another, even and odd are independent."""
     chance = np.uint32(key + np.uint32(k & 1))
-    first, second = mix(chance) / 4294967296.0, mix(mix(chance)) / 4294967296.0
+    first, second = hash32(chance) / 4294967296.0, hash32(hash32(chance)) / 4294967296.0
     rank = k >> 1
     lattice = int((rank * _PLASTIC + first) % 1.0 * _SHIFTS)
     return lattice, 2.0 * np.pi * ((rank * (_PLASTIC * _PLASTIC) + second) % 1.0)
@@ -105,10 +105,14 @@ def gather_faces(packet, faces, samples, drawn, falloff, reach, moments, counts)
             Σ b bᵀ, and Σ b y; for all Σ b ȳ_x, Σ b ȳ_y, Σ b ȳ_z, with ȳ the mean of μ·direction; weighted.
         counts: (n, 3), added to: rays traced, rays below the face, samples that are not hidden.
     """
-    packet, samples = borrow(packet), borrow(samples)
-    (corners, normals, axes), (directions, key) = borrow(faces), borrow(drawn)
+    packet = unrefcounted_view(packet)
+    samples = unrefcounted_view(samples)
+    corners, normals, axes = unrefcounted_view(faces)
+    directions, key = unrefcounted_view(drawn)
     starts, ends, weights = samples.starts, samples.ends, samples.weights
-    falloff, moments, counts = borrow(falloff), borrow(moments), borrow(counts)
+    falloff = unrefcounted_view(falloff)
+    moments = unrefcounted_view(moments)
+    counts = unrefcounted_view(counts)
     passed = passed_of(packet.opacity)
     values, b, side, origin = np.zeros(4), np.zeros(3), np.zeros(3), np.zeros(3)
     for f in range(len(corners)):

@@ -14,7 +14,7 @@ from raytrace.mesh.morton import fine_morton_order
 from raytrace.mesh.normals import face_normals
 from raytrace.mesh.placement import Placement
 from raytrace.mesh.weld import CREASE
-from raytrace.sampling.sequences import mix_array
+from raytrace.sampling.sequences import hash32_array
 from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
 from ..execute.work import Tables
@@ -155,7 +155,7 @@ def gather_moments(prepared: Prepared, patch: Patch, total: int) -> tuple[Float6
         return np.zeros((0, MOMENTS)), np.zeros((0, 3), np.int64)
     rays = int(np.clip(prepared.options.rays // 2 // LANES * LANES, LANES, _MOST_RAYS))
     count = max(total // rays, 1)
-    shift = float(np.ldexp(mix_array([key])[0], -32))
+    shift = float(np.ldexp(hash32_array([key])[0], -32))
     faces, mu = (patch.corners, patch.normals, patch.axes), prepared.mu.in_render_space(placement.scale)
     spread = Samples.spread(patch.areas * patch.cover, count, shift)
     work = Moments(faces, spread, patch.face_points, rays, count, key, mu, placement.diagonal)

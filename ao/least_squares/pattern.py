@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from raytrace.kernel.arrays import borrow
+from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.counting_sort import counting_sort
 from raytrace.kernel.jit import inline, kernel
 from raytrace.types import AnyInts, Float64s, Int32s, Int64s
@@ -72,7 +72,7 @@ def right_side(stencil: Stencil, entries: Float64s) -> Float64s:
 @kernel
 def add_faces(stencil, entries, values):
     """Add Σ b bᵀ, from the upper triangles `entries` (m, 6) of each face's part."""
-    stencil = borrow(stencil)
+    stencil = unrefcounted_view(stencil)
     face_points, starts, indices = stencil.face_points, stencil.starts, stencil.indices
     for f in range(len(face_points)):
         for a in range(3):
@@ -84,7 +84,7 @@ def add_faces(stencil, entries, values):
 @kernel
 def add_laplacian(stencil, weights, values):
     """Add the graph Laplacian Σ_faces weight Σ_edges (x_i − x_j)², so that vertices without samples get neighbours'."""
-    stencil = borrow(stencil)
+    stencil = unrefcounted_view(stencil)
     face_points, starts, indices = stencil.face_points, stencil.starts, stencil.indices
     for f in range(len(face_points)):
         for a in range(3):
@@ -102,7 +102,7 @@ def add_jumps(stencil, hinges, corners, areas, values):
     m is the direction within a face square to the edge, away from it: the bracket is |∇₁ − ∇₂| of the faces unfolded
     into one plane.
     """
-    stencil = borrow(stencil)
+    stencil = unrefcounted_view(stencil)
     face_points, starts, indices = stencil.face_points, stencil.starts, stencil.indices
     place, slope = np.empty(6, np.int32), np.empty(6)
     for h in range(len(hinges)):

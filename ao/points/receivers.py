@@ -14,7 +14,7 @@ import numpy as np
 from raytrace.bvh.bvh16 import BVH16
 from raytrace.embree.scene import TriangleScene
 from raytrace.errors import MeshError
-from raytrace.kernel.jit import bound, kernel
+from raytrace.kernel.jit import bind, kernel
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.morton import morton_order
 from raytrace.mesh.normals import face_normals, nonzero, normalize
@@ -137,12 +137,12 @@ def offset_points(
     start = time.perf_counter()
     tree = BVH16.of(placed, welded.faces)
     tree_seconds = time.perf_counter() - start
-    origins, decided = welded.ray_origins(tree, surface)
+    origins, ambiguous = welded.ray_origins(tree, surface)
 
     group = welded.group
     usable = nonzero(welded.directions) & nonzero(welded.axes)
     flags[~usable[group] & (flags == 0)] = Flag.DEGENERATE
-    flags[(usable & decided)[group]] = Flag.CONTACT
+    flags[(usable & ambiguous)[group]] = Flag.CONTACT
     flags[(usable & folded)[group]] |= np.uint8(Flag.FOLDED)
     opposed = (usable & (welded.clearance <= 0))[group]
     flags[opposed] = flags[opposed] & np.uint8(Flag.CONTACT) | np.uint8(Flag.OPPOSED)
@@ -166,7 +166,7 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     rows, index = rows[order] if few else order, np.full(len(offset.usable), -1)
     origins, axes = np.empty((len(rows), 3), np.float32), np.empty((len(rows), 3), np.float32)
     points = Points(origins, axes, np.arange(len(rows), dtype=np.uint32))
-    take = bound(_take, rows, offset.origins, welded.axes, origins, axes, index)
+    take = bind(_take, rows, offset.origins, welded.axes, origins, axes, index)
     run_blocks(len(rows), _BLOCK, take, thread_count(None))
     displaced = np.minimum(_DISPLACED * welded.displacement(offset.surface, offset.origins), 0.5)
     displaced[offset.split] = 0.0

@@ -7,7 +7,7 @@ alpha, that is the part of them that ends there; what passes counts as other ray
 
 import numpy as np
 
-from raytrace.kernel.arrays import borrow
+from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import kernel
 from raytrace.kernel.vector import dot
 from raytrace.mesh.opacity import PackedOpacity, alphas
@@ -36,7 +36,10 @@ def leave_out_below(points, sides, table, out):
         sides: float32 (n, 4), unit normals of the faces, on the side of the hemispheres, and alpha there.
         out: float64 (n, COLUMNS), of `Tracer.gather`, changed in place.
     """
-    points, table, sides, out = borrow(points), borrow(table), borrow(sides), borrow(out)
+    points = unrefcounted_view(points)
+    table = unrefcounted_view(table)
+    sides = unrefcounted_view(sides)
+    out = unrefcounted_view(out)
     directions, samples = table.directions, len(table.batches)
     for i in range(len(points.normals)):
         n, side = points.normals[i], sides[i]

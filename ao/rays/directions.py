@@ -10,7 +10,7 @@ import numpy as np
 from raytrace.kernel.arrays import aligned
 from raytrace.kernel.jit import inline
 from raytrace.kernel.simd import WIDE
-from raytrace.sampling.sequences import GOLDEN, LEAPED, cosine_hemisphere, jittered_lattice, mix
+from raytrace.sampling.sequences import GOLDEN, LEAPED, cosine_hemisphere, hash32, jittered_lattice
 from raytrace.system.threads import run_blocks, thread_count
 from raytrace.types import Float32s, Float64s, Int64s, UInt8s
 
@@ -109,8 +109,8 @@ def _write_cones(directions: Float32s, cones: Float32s) -> None:
 def choose(number, table):
     """A point's direction set and its turn in radians."""
     leap = np.uint32(table.leap)
-    chance = mix(mix(number // leap) ^ table.key)
-    other = mix(chance)
+    chance = hash32(hash32(number // leap) ^ table.key)
+    other = hash32(chance)
     part = (number % leap + other % leap) % leap  # by chance, or each of the points would see some strata alone
     turn = other * (2.0 * np.pi / 4294967296.0) + part * (2.0 * np.pi * table.step)
     return chance % (np.uint32(len(table.directions)) // leap) * leap + part, turn

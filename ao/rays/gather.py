@@ -8,7 +8,7 @@ falloffs rays and closest hits are the same, and a hit adds its loss by each fal
 import numpy as np
 
 from raytrace.embree.packets import GEOM_ID, INVALID, LANES, TFAR
-from raytrace.kernel.arrays import borrow
+from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import inline, kernel
 from raytrace.kernel.simd import WIDE, lowest_bit
 from raytrace.kernel.vector import load
@@ -35,10 +35,13 @@ def gather_hemispheres(packet, points, table, falloff, t_max, out):
         falloff: KernelMu, of k columns or k = 1. t_max: length of every ray, at most falloff.limit.
         out: float64 (n, k, COLUMNS), written.
     """
-    packet, points, table, out = borrow(packet), borrow(points), borrow(table), borrow(out)
+    packet = unrefcounted_view(packet)
+    points = unrefcounted_view(points)
+    table = unrefcounted_view(table)
+    out = unrefcounted_view(out)
     rays, valid, origins = packet.rays, packet.valid, points.origins
     samples, passed = len(table.batches), passed_of(packet.opacity)
-    falloff = borrow(falloff)
+    falloff = unrefcounted_view(falloff)
     fading = fades(falloff)
     sums, losses = np.zeros((_SUMS, out.shape[1])), np.zeros(out.shape[1])
     for i in range(len(origins)):
@@ -75,9 +78,14 @@ def _lost_by_lane(rays, lane, fading, falloff, columns, passed, losses):
 @kernel
 def gather_streams(tree, rays, state, points, table, falloff, t_max, out):
     """`gather_hemispheres` by a BVH16, in Rays and a TraversalState, whose layers are None where all is opaque."""
-    tree, rays, state = borrow(tree), borrow(rays), borrow(state)
-    points, table, out = borrow(points), borrow(table), borrow(out)
-    falloff, t_max = borrow(falloff), np.float32(t_max)
+    tree = unrefcounted_view(tree)
+    rays = unrefcounted_view(rays)
+    state = unrefcounted_view(state)
+    points = unrefcounted_view(points)
+    table = unrefcounted_view(table)
+    out = unrefcounted_view(out)
+    falloff = unrefcounted_view(falloff)
+    t_max = np.float32(t_max)
     samples, fading = len(table.batches), fades(falloff)
     sums, losses = np.zeros((_SUMS, out.shape[1])), np.zeros(out.shape[1])
     for i in range(len(points.origins)):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from raytrace.kernel.jit import bound, kernel
+from raytrace.kernel.jit import bind, kernel
 from raytrace.mesh.weld import connected_components
 from raytrace.system.threads import run_blocks
 from raytrace.types import Float64s, Int64s
@@ -29,7 +29,7 @@ def texel_neighbours(shown: Shown, texels: Texels, most: float, threads: int) ->
     beside, starts = np.empty((count, 4), np.int32), np.zeros(count + 1, np.int64)
     page = row_of, layout.width, layout.wraps
     surface = charts[face].astype(np.int32), sizes[face].astype(np.float32), points.origins
-    run_blocks(count, _BLOCK, bound(_find_beside, texels.texels, page, surface, beside, starts), threads, most=_SHARE)
+    run_blocks(count, _BLOCK, bind(_find_beside, texels.texels, page, surface, beside, starts), threads, most=_SHARE)
     sides = shown.seams.sides
     nearest = np.take_along_axis(sides.texels, sides.weights.argmax(axis=2)[..., None], axis=2)[..., 0]
     left, right = row_of[nearest].astype(np.int64).T
@@ -41,7 +41,7 @@ def texel_neighbours(shown: Shown, texels: Texels, most: float, threads: int) ->
     np.cumsum(np.bincount(here, minlength=count), out=across[1:])
     starts = np.cumsum(starts) + across
     indices = np.empty(starts[-1], np.int32)
-    run_blocks(count, _BLOCK, bound(_list, starts, beside, across, there, indices), threads, most=_SHARE)
+    run_blocks(count, _BLOCK, bind(_list, starts, beside, across, there, indices), threads, most=_SHARE)
     return Neighbours.weighted(starts, indices, np.ones(len(indices), np.float32), points.normals, threads)
 
 

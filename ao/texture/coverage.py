@@ -13,7 +13,7 @@ import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
 from raytrace.embree.scene import TriangleScene
-from raytrace.sampling.sequences import mix_array
+from raytrace.sampling.sequences import hash32_array
 from raytrace.system.threads import run_blocks, thread_count
 from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
@@ -106,8 +106,8 @@ class _Places(NamedTuple):
     @classmethod
     def by_chance(cls, texels: Int64s) -> Self:
         """Of each of the texels its own, from their numbers."""
-        numbers = mix_array(texels)[:, None] + np.arange(6, dtype=np.uint32)
-        random: Float64s = mix_array(numbers).astype(np.float64) * 2.0**-32
+        numbers = hash32_array(texels)[:, None] + np.arange(6, dtype=np.uint32)
+        random: Float64s = hash32_array(numbers).astype(np.float64) * 2.0**-32
         first = GRID[:2] + random[:, :4].reshape(-1, 2, 2) / SLOTS - 1 / (2 * SLOTS)
         return cls(np.concatenate([first, 1 - first[:, ::-1]], axis=1), random[:, 4:])
 

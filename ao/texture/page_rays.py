@@ -6,7 +6,7 @@ from raytrace.embree import packets
 from raytrace.embree.packets import intersect8
 from raytrace.embree.rays import Hits, intersect
 from raytrace.embree.scene import TriangleScene
-from raytrace.kernel.arrays import borrow
+from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import inline, kernel
 from raytrace.kernel.vector import store
 from raytrace.types import Float64s
@@ -37,7 +37,7 @@ def find_hits(packet, texels, places, width, step, triangle, barycentric, overla
     Args: places: of points in texels, (k, SLOTS, 2), or (1, SLOTS, 2) for all. Written where there are any: triangle,
         barycentric: of the points (k, SLOTS). overlapping: of texels (k,).
     """
-    packet = borrow(packet)
+    packet = unrefcounted_view(packet)
     rays, valid = packet.rays, packet.valid
     ids = rays.view(np.uint32)
     count = SLOTS * len(texels)
@@ -75,7 +75,7 @@ def find_layers(packet, texels, places, width, step, depths, points):
     Args: places: as for `find_hits`. depths: int64 (k, SLOTS), written without `points`. points: None, or starts
         (k + 1,) by `layer_counts`, and, to be written from these on, triangles (j,) and barycentrics (j, 3).
     """
-    packet = borrow(packet)
+    packet = unrefcounted_view(packet)
     rays, valid = packet.rays, packet.valid
     ids = rays.view(np.uint32)
     layers = np.zeros(packets.LANES, np.int64)

@@ -9,7 +9,7 @@ import numpy as np
 
 from raytrace.image.encode import linear_png
 from raytrace.image.fill import fill_holes
-from raytrace.kernel.jit import bound, kernel
+from raytrace.kernel.jit import bind, kernel
 from raytrace.mesh.normals import normalize
 from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Float64s
@@ -118,7 +118,7 @@ def assemble_pages(
 
     run_blocks(len(texels), _BLOCK, spread, threads, most=_SHARE)
     beside = np.zeros(shape, np.bool_)
-    run_blocks(layout.height, _ROWS, bound(_extend, w, covered, layout.wraps, beside), threads)
+    run_blocks(layout.height, _ROWS, bind(_extend, w, covered, layout.wraps, beside), threads)
     known = covered | beside
     seams = seams.within(known.ravel())
     before = seams.jump(w.ravel())

@@ -6,7 +6,7 @@ import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
 from raytrace.bvh.closest import begin, new_stack, next_leaf
-from raytrace.kernel.arrays import borrow
+from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import inline, kernel
 from raytrace.kernel.simd import lowest_bit
 from raytrace.system.threads import run_blocks
@@ -59,8 +59,13 @@ def find_slivers(
 
 @kernel
 def _search(tree, stack, faces, texels, width, radius, offsets, found):
-    tree, texels, (corners, crowding), (counts, face, barycentric) = borrow(tree), borrow(texels), faces, borrow(found)
-    polygon, scratch, weights = np.empty((_CORNERS, 2)), np.empty((_CORNERS, 2)), np.empty(3)
+    tree = unrefcounted_view(tree)
+    texels = unrefcounted_view(texels)
+    corners, crowding = faces
+    counts, face, barycentric = unrefcounted_view(found)
+    polygon = np.empty((_CORNERS, 2))
+    scratch = np.empty((_CORNERS, 2))
+    weights = np.empty(3)
     for i in range(len(texels)):
         left, top = np.float64(texels[i] % width), np.float64(texels[i] // width)
         along, across = offsets[i % len(offsets), 0], offsets[i % len(offsets), 1]

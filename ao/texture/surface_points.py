@@ -7,8 +7,8 @@ import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
 from raytrace.bvh.closest import begin, closest_on_triangle, new_stack, next_leaf
-from raytrace.kernel.arrays import borrow
-from raytrace.kernel.jit import bound, inline, kernel
+from raytrace.kernel.arrays import unrefcounted_view
+from raytrace.kernel.jit import bind, inline, kernel
 from raytrace.kernel.simd import lowest_bit
 from raytrace.kernel.vector import dot, length, load, load_triangle, scale, store, subtract
 from raytrace.mesh.normals import face_normals
@@ -43,7 +43,7 @@ class Faces:
     def points_at(self, own: Int64s, weights: Float32s, threads: int) -> tuple[Float64s, Float64s, Float64s]:
         """Points (k, 3) at `weights` on faces `own`: places, normals on the hemispheres' side, and their axes."""
         places, sides, axes = np.empty((3, len(own), 3))
-        work = bound(_place, own, weights, self.surface, self.axes, (places, sides, axes))
+        work = bind(_place, own, weights, self.surface, self.axes, (places, sides, axes))
         run_blocks(len(own), _BLOCK, work, threads, most=_SHARE)
         return places, sides, axes
 
@@ -84,7 +84,8 @@ def _point_on(surface, axes, f, weights):
 
 @kernel
 def _place(own, weights, surface, axes, out, first, last):
-    surface, (places, sides, hemispheres) = borrow(surface), borrow(out)
+    surface = unrefcounted_view(surface)
+    places, sides, hemispheres = unrefcounted_view(out)
     for i in range(first, last):
         place, side, axis = _point_on(surface, axes, own[i], weights[i])
         store(places, i, place)
@@ -94,7 +95,8 @@ def _place(own, weights, surface, axes, out, first, last):
 
 @kernel
 def _find_smooth(tree, stack, surface, axes, points, most, enough):
-    tree, surface = borrow(tree), borrow(surface)
+    tree = unrefcounted_view(tree)
+    surface = unrefcounted_view(surface)
     face, weights, centre_face, centre = points
     for i in range(len(enough)):
         if centre_face[i] < 0:

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from raytrace.kernel.jit import bound, kernel
+from raytrace.kernel.jit import bind, kernel
 from raytrace.mesh.morton import morton_order
 from raytrace.ray_origins.origins import ray_origins
 from raytrace.system.threads import run_blocks
@@ -61,7 +61,7 @@ class Texels:
         count = int(starts[-1])
         face, origins, normals, sides = _empty(count)
         of, to = (self.face, self.points.origins, self.points.normals, self.sides), (face, origins, normals, sides)
-        run_blocks(len(rows), _BLOCK, bound(_keep, rows, self.starts, hidden, of, starts, to), threads, most=_SHARE)
+        run_blocks(len(rows), _BLOCK, bind(_keep, rows, self.starts, hidden, of, starts, to), threads, most=_SHARE)
         points = Points(origins, normals, np.arange(count, dtype=np.uint32))
         on_page = self.shown[rows], self.shown_at[rows], self.layered[rows]
         return Texels(self.texels[rows], starts, face, points, sides, *on_page)
@@ -125,7 +125,7 @@ def _placed(
     on_page = page.face, page.barycentric, page.centre_face, page.centre
     begins = np.cumsum(coverage.layers) - coverage.layers
     layered = coverage.layers, begins, coverage.layer_face, coverage.layer_barycentric
-    work = bound(_lay_out, (order, starts, alone), points, layered, on_page, (face, weights, shown, shown_at))
+    work = bind(_lay_out, (order, starts, alone), points, layered, on_page, (face, weights, shown, shown_at))
     run_blocks(len(order), _BLOCK, work, threads, most=_SHARE)
     tree, surface = receivers.tree, faces.surface
     face_points = np.repeat(np.arange(len(surface.faces))[:, None], 3, axis=1)  # each face is by itself

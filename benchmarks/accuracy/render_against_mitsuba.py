@@ -26,10 +26,9 @@ import trimesh
 from ao.report import versions
 from benchmarks import RESULTS
 from benchmarks.peers.process import Process
-from raytrace import Mesh
+from raytrace import Lambert, Mesh
 from raytrace.camera import Camera
 from raytrace.lights.sources import PointLight
-from raytrace.materials.materials import Lambert
 from raytrace.mesh.normals import vertex_normals
 from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape

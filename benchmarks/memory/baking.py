@@ -20,8 +20,8 @@ from ao.memory import surface_bytes, vertex_bytes
 from ao.report import versions
 from benchmarks import RESULTS
 from benchmarks.meshes import bumpy_sphere
+from raytrace import Lambert
 from raytrace.camera import Camera
-from raytrace.materials.materials import Lambert
 from raytrace.mesh.mesh import Mesh
 from raytrace.renderer.render import render, rendering_bytes
 from raytrace.scene import Object, Scene, Shape

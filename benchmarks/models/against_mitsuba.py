@@ -17,8 +17,8 @@ import sys
 import mitsuba as mi
 import numpy as np
 
+from raytrace import CookTorrance, EllipticalBeckmann, Lambert, Material
 from raytrace.brdf.microfacet import fresnel
-from raytrace.materials.materials import BaseMaterial, CookTorrance, EllipticalBeckmann, Lambert
 from raytrace.materials.reflect import reflect
 
 N = np.array([0.0, 0.0, 1.0])
@@ -63,7 +63,7 @@ def report(name: str, ours: np.ndarray, theirs: np.ndarray) -> bool:
     return bool(apart.max() < TOLERANCE)
 
 
-def lobe(material: BaseMaterial, alpha: tuple[float, float], l: np.ndarray, v: np.ndarray) -> bool:
+def lobe(material: Material, alpha: tuple[float, float], l: np.ndarray, v: np.ndarray) -> bool:
     description = {
         "type": "roughconductor", "distribution": "beckmann", "alpha_u": alpha[0], "alpha_v": alpha[1],
         "eta": {"type": "rgb", "value": 1.5}, "k": {"type": "rgb", "value": 0.0},

@@ -14,22 +14,24 @@ from raytrace import (
     EllipticalBeckmann,
     Kajiya,
     Lambert,
+    Material,
     OrenNayar,
     Phong,
     PoulinFournier,
     Strauss,
     Ward,
 )
-from raytrace.brdf.oren_nayar import fitted_orders, reference_orders
-from raytrace.materials.base import BaseMaterial
+from raytrace.brdf.models.oren_nayar import fitted_orders
 from raytrace.materials.reflect import NORMAL, albedo, asymmetry, directional_albedo, towards
+
+from .oren_nayar_integral import reference_orders
 
 DEGREES = [0, 20, 40, 60, 75, 80, 85, 87, 89, 89.9]
 SLOPES = [0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0]
 MIRROR = {"albedo": 0.0, "k_s": 1.0, "eta": 1e6}
 
 
-def largest(make: dict[str, BaseMaterial], slopes: dict[str, float | None]) -> None:
+def largest(make: dict[str, Material], slopes: dict[str, float | None]) -> None:
     """The largest directional albedo of a family, and where it is."""
     found = [
         (directional_albedo(material, np.radians(a), slopes[name])[0], name, a)

@@ -20,6 +20,7 @@ from raytrace import (
     EllipticalBeckmann,
     Kajiya,
     Lambert,
+    Material,
     OrenNayar,
     Phong,
     PoulinFournier,
@@ -27,12 +28,11 @@ from raytrace import (
     Ward,
 )
 from raytrace.brdf.dispatch import reflect_rows
-from raytrace.materials.base import BaseMaterial
 from raytrace.system.atomic import write_json
 
 COUNT, RUNS = 1_000_000, 9
 RESULT = RESULTS / "model_throughput.json"
-MATERIALS: list[BaseMaterial] = [
+MATERIALS: list[Material] = [
     Lambert(albedo=0.5),
     Phong(k_d=0.3, k_s=0.5),
     BlinnPhong(k_d=0.3, k_s=0.5),
@@ -57,7 +57,7 @@ def random_directions(seed: int = 0) -> list[np.ndarray]:
     return [n, l, v, grain]
 
 
-def measure(material: BaseMaterial, directions: list[np.ndarray]) -> dict[str, float]:
+def measure(material: Material, directions: list[np.ndarray]) -> dict[str, float]:
     """Million evaluations a second: median and best."""
     kind, row = material.pack()
     out = np.empty((COUNT, 3))

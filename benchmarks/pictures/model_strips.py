@@ -18,6 +18,7 @@ from raytrace import (
     EllipticalBeckmann,
     Kajiya,
     Lambert,
+    Material,
     OrenNayar,
     Phong,
     PoulinFournier,
@@ -25,9 +26,8 @@ from raytrace import (
     Ward,
     material_from_dict,
 )
-from raytrace.brdf.coefficients import eta_from_reflectance
 from raytrace.image.write import write_image
-from raytrace.materials.base import BaseMaterial
+from raytrace.materials.presets import eta_from_reflectance
 from raytrace.materials.reflect import reflect
 from raytrace.mesh.normals import normalize
 
@@ -44,7 +44,7 @@ BRASS = material_from_dict({"preset": "rolled_brass"})
 BRUSHED = {"albedo": 0.0, "k_s": 1.0, "eta": 45.0, "k_a": 0.9, "grain": (0, 1, 0)}
 
 
-def sphere(material: BaseMaterial, light: np.ndarray, intensity: float) -> np.ndarray:
+def sphere(material: Material, light: np.ndarray, intensity: float) -> np.ndarray:
     """Linear RGB (SIZE, SIZE, 3) of one sphere."""
     place = (np.arange(SIZE * SAMPLES) + 0.5) / (SIZE * SAMPLES) * 2 - 1
     x, y = np.meshgrid(1.05 * place, -1.05 * place)
@@ -56,7 +56,7 @@ def sphere(material: BaseMaterial, light: np.ndarray, intensity: float) -> np.nd
     return pixels.reshape(SIZE, SAMPLES, SIZE, SAMPLES, 3).mean(axis=(1, 3))
 
 
-Strip = tuple[Callable[[float], BaseMaterial], list[float], np.ndarray, float]
+Strip = tuple[Callable[[float], Material], list[float], np.ndarray, float]
 STRIPS: dict[str, Strip] = {
     "lambert": (lambda x: Lambert(albedo=x), [0.05, 0.1, 0.2, 0.4, 0.7, 1.0], LIGHT, np.pi),
     "phong": (lambda x: Phong(k_d=(0.5, 0.1, 0.1), k_s=0.5, exponent=x), [2, 5, 15, 50, 150, 500], LIGHT, 1.0),

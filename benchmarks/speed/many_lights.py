@@ -20,10 +20,10 @@ import numpy.typing as npt
 
 from ao.report import versions
 from benchmarks import RESULTS
+from raytrace import Lambert
 from raytrace.camera import Camera
 from raytrace.lights.kernels import incident
 from raytrace.lights.sources import PointLight
-from raytrace.materials.materials import Lambert
 from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings

@@ -8,82 +8,61 @@ ones; zero, everywhere, for a light at or below the horizon. A material without 
 surface's `tangent`.
 """
 
+from collections.abc import Iterable
+from typing import Any
+
 import numpy as np
 
-from ..kernel.jit import inline, kernel
+from ..kernel.jit import Late, inline, kernel
 from ..kernel.simd import WIDE, pick, replace
 from ..kernel.vector import add, choose, dot, load, scale, triple
-from . import ashikhmin_shirley, cook_torrance, kajiya, lambert, oren_nayar, phong, poulin_fournier, strauss, ward
-from . import layout as rows
-
-IN_LANES = (rows.LAMBERT, rows.PHONG, rows.BLINN_PHONG, rows.WARD, rows.ASHIKHMIN_SHIRLEY)  # models of scalars or lanes
+from .layout import GRAIN, TO_LIGHT, TO_VIEWER, TWO_SIDED
+from .registry import in_lanes, reflection_models
 
 
 @inline
-def facing(row, n, l, v):
-    """The normal of the side that reflects: n, or −n where a two-sided material turns it to the light or the viewer."""
-    side = row[rows.TWO_SIDED]
-    turned = (side == rows.TO_LIGHT and dot(n, l) < 0.0) or (side == rows.TO_VIEWER and dot(n, v) < 0.0)
-    return scale(-1.0 if turned else 1.0, n)
+def _dark(kind, row, n, l, v, grain, wanted):
+    return scale(0.0, n), scale(0.0, n)
 
 
-@inline
-def terms(kind, row, n, l, v, tangent):
-    """Diffuse and specular RGB reflected per unit incident RGB by the side that n points away from."""
-    if dot(n, l) <= 0.0:
-        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    if kind in IN_LANES:
-        return terms_of_either(kind, row, n, l, v, tangent)
-    if kind == rows.COOK_TORRANCE:
-        return cook_torrance.terms(row, n, l, v)
-    if kind == rows.OREN_NAYAR:
-        return oren_nayar.terms(row, n, l, v)
-    if kind == rows.STRAUSS:
-        return strauss.terms(row, n, l, v)
-    grain = brushed_along(row, tangent)
-    if kind == rows.ELLIPTICAL_BECKMANN:
-        return cook_torrance.terms_elliptical(row, n, l, v, grain)
-    if kind == rows.KAJIYA:
-        return kajiya.terms(row, n, l, v, grain)
-    return poulin_fournier.terms(row, n, l, v, grain)
+def _or(model_kind: int, terms: Any, otherwise: Any) -> Any:
+    """`terms` of materials of this kind, `otherwise` of others."""
+
+    @inline
+    def chosen(kind, row, n, l, v, grain, wanted):
+        if kind == model_kind:
+            return terms(row, n, l, v, grain, wanted)
+        return otherwise(kind, row, n, l, v, grain, wanted)
+
+    return chosen
 
 
-@inline
-def brushed_along(row, tangent):
-    """The material's own grain, or the surface's tangent if it has none."""
-    grain = triple(row, rows.GRAIN)
-    return choose(dot(grain, grain) > 0.0, grain, tangent)
+def _any_of(terms_by_kind: Iterable[tuple[int, Any]]) -> Any:
+    """A helper that compares its first argument with each kind, and calls what belongs to it with the others."""
+    chosen = _dark
+    for kind, terms in terms_by_kind:
+        chosen = _or(kind, terms, chosen)
+    return chosen
 
 
-@inline
-def terms_of_either(kind, row, n, l, v, tangent):
-    """`terms` of the models `IN_LANES`, of scalars or in lanes of float32, for n·l > 0."""
-    if kind == rows.LAMBERT:
-        return lambert.terms(row, n, l)
-    if kind == rows.PHONG:
-        return phong.terms_phong(row, n, l, v)
-    if kind == rows.BLINN_PHONG:
-        return phong.terms_blinn(row, n, l, v)
-    grain = brushed_along(row, tangent)
-    if kind == rows.WARD:
-        return ward.terms(row, n, l, v, grain)
-    return ashikhmin_shirley.terms(row, n, l, v, grain)
+def _lane_by_lane(terms: Any) -> Any:
+    """`terms_in_lanes` of a model that has `terms` alone."""
 
+    @inline
+    def each_lane(row, n, l, v, grain, wanted):
+        zero = scale(0.0, n)
+        diffuse, specular = zero, zero
+        for lane in range(WIDE):
+            if pick(wanted, lane):
+                normal = _lane(n, lane)
+                light = _lane(l, lane)
+                if dot(normal, light) > 0.0:
+                    d, s = terms(row, normal, light, _lane(v, lane), _lane(grain, lane))
+                    diffuse = _replaced(diffuse, lane, d)
+                    specular = _replaced(specular, lane, s)
+        return diffuse, specular
 
-@inline
-def terms_wide(kind, row, n, l, v, tangent, wanted):
-    """`terms` in lanes, of float32, for n·l > 0; garbage in lanes where the mask `wanted` is not set."""
-    if kind in IN_LANES:
-        return terms_of_either(kind, row, n, l, v, tangent)
-    if kind == rows.KAJIYA:
-        return kajiya.terms_wide(row, n, l, v, brushed_along(row, tangent), wanted)
-    zero = scale(0.0, n)
-    diffuse, specular = zero, zero
-    for lane in range(WIDE):
-        if pick(wanted, lane):
-            d, s = terms(kind, row, _lane(n, lane), _lane(l, lane), _lane(v, lane), _lane(tangent, lane))
-            diffuse, specular = _replaced(diffuse, lane, d), _replaced(specular, lane, s)
-    return diffuse, specular
+    return each_lane
 
 
 @inline
@@ -94,6 +73,41 @@ def _lane(a, lane):
 @inline
 def _replaced(a, lane, b):
     return (replace(a[0], lane, b[0]), replace(a[1], lane, b[1]), replace(a[2], lane, b[2]))
+
+
+_terms_of: Any = Late(lambda: _any_of((model.kind, in_lanes(model.terms)) for model in reflection_models()))
+_terms_in_lanes_of: Any = Late(
+    lambda: _any_of((model.kind, model.terms_in_lanes or _lane_by_lane(model.terms)) for model in reflection_models())
+)
+
+
+@inline
+def facing(row, n, l, v):
+    """The normal of the side that reflects: n, or −n where a two-sided material turns it to the light or the viewer."""
+    side = row[TWO_SIDED]
+    turned = (side == TO_LIGHT and dot(n, l) < 0.0) or (side == TO_VIEWER and dot(n, v) < 0.0)
+    return scale(-1.0 if turned else 1.0, n)
+
+
+@inline
+def brushed_along(row, tangent):
+    """The material's own grain, or the surface's tangent if it has none."""
+    grain = triple(row, GRAIN)
+    return choose(dot(grain, grain) > 0.0, grain, tangent)
+
+
+@inline
+def terms(kind, row, n, l, v, tangent):
+    """Diffuse and specular RGB reflected per unit incident RGB by the side that n points away from."""
+    if dot(n, l) <= 0.0:
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    return _terms_of(kind, row, n, l, v, brushed_along(row, tangent), True)
+
+
+@inline
+def terms_in_lanes(kind, row, n, l, v, tangent, wanted):
+    """`terms` in lanes, of float32, for n·l > 0; garbage in lanes where the mask `wanted` is not set."""
+    return _terms_in_lanes_of(kind, row, n, l, v, brushed_along(row, tangent), wanted)
 
 
 @inline

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..kernel.arrays import aligned
-from ..kernel.jit import bound, kernel
+from ..kernel.jit import bind, kernel
 from ..kernel.simd import WIDE
 from ..system.threads import run_blocks, thread_count
 from ..types import Float32s, Int64s
@@ -41,10 +41,12 @@ class BVH16(NamedTuple):
         """The tree over `faces` (m, 3) of `vertices` (n, 3)."""
         order = median_order(vertices, faces)
         leaves = max(-(-len(faces) // WIDE), 1)
-        triangles, bounds = aligned((leaves, 9, WIDE), np.float32), np.empty((leaves, 6), np.float32)
-        work = bound(_fill_leaves, vertices, faces, order, triangles, bounds)
+        triangles = aligned((leaves, 9, WIDE), np.float32)
+        bounds = np.empty((leaves, 6), np.float32)
+        work = bind(_fill_leaves, vertices, faces, order, triangles, bounds)
         run_blocks(leaves, _BLOCK, work, thread_count(None), most=_MOST)
-        levels, starts = [], [0]
+        levels = []
+        starts = [0]
         while True:
             level, bounds = _level_around(bounds)
             levels.append(level)

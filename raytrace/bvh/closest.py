@@ -14,7 +14,7 @@ Source: Ericson, Real-Time Collision Detection, 5.1.5.
 
 import numpy as np
 
-from ..kernel.arrays import borrow
+from ..kernel.arrays import unrefcounted_view
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, bits, load_row, lowest_bit
 from ..kernel.vector import add, cross, dot, length, load, load_triangle, scale, subtract
@@ -44,7 +44,8 @@ def closest_points(
     Args: tree: over `surface`: vertices (n, 3) and faces (m, 3). radius: how far to look at first, above 0.
         match: groups, of the places (k,) and of the faces (m,), with a face for each that occurs.
     """
-    face, weights = np.full(len(places), -1), np.zeros((len(places), 3), np.float32)
+    face = np.full(len(places), -1)
+    weights = np.zeros((len(places), 3), np.float32)
 
     def search(first: int, last: int) -> None:
         out = face[first:last], weights[first:last]
@@ -57,11 +58,20 @@ def closest_points(
 @inline
 def closest_on_triangle(p, a, b, c):
     """Distance of a point from a triangle, and the weights of b and c where it is closest."""
-    ab, ac, ap = subtract(b, a), subtract(c, a), subtract(p, a)
-    d1, d2 = dot(ab, ap), dot(ac, ap)
-    bp, cp = subtract(p, b), subtract(p, c)
-    d3, d4, d5, d6 = dot(ab, bp), dot(ac, bp), dot(ab, cp), dot(ac, cp)
-    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
+    ab = subtract(b, a)
+    ac = subtract(c, a)
+    ap = subtract(p, a)
+    d1 = dot(ab, ap)
+    d2 = dot(ac, ap)
+    bp = subtract(p, b)
+    cp = subtract(p, c)
+    d3 = dot(ab, bp)
+    d4 = dot(ac, bp)
+    d5 = dot(ab, cp)
+    d6 = dot(ac, cp)
+    va = d3 * d6 - d5 * d4
+    vb = d5 * d2 - d1 * d6
+    vc = d1 * d4 - d3 * d2
     u = v = 0.0
     if d1 <= 0.0 and d2 <= 0.0:
         near = a
@@ -77,10 +87,12 @@ def closest_on_triangle(p, a, b, c):
         near = add(a, scale(v, ac))
     elif va <= 0.0 and d4 >= d3 and d5 >= d6:
         v = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-        u, near = 1.0 - v, add(b, scale(v, subtract(c, b)))
+        u = 1.0 - v
+        near = add(b, scale(v, subtract(c, b)))
     else:
         total = va + vb + vc
-        u, v = vb / total, vc / total
+        u = vb / total
+        v = vc / total
         near = add(a, add(scale(u, ab), scale(v, ac)))
     return length(subtract(p, near)), u, v
 
@@ -88,7 +100,9 @@ def closest_on_triangle(p, a, b, c):
 @kernel
 def _search(tree, stack, surface, places, radius, match, face, weights):
     """Write the closest points of `places`, on faces of their groups; `radius`: how far to look at first."""
-    tree, (vertices, faces), (group, of_face) = borrow(tree), surface, match
+    tree = unrefcounted_view(tree)
+    vertices, faces = surface
+    group, of_face = match
     for i in range(len(places)):
         p, reach, best = load(places, i), radius, np.inf
         while best > reach:
@@ -120,9 +134,12 @@ def new_stack() -> Int64s:
 @inline
 def begin(tree, stack, point, radius):
     """The point, and a radius to search with for all that is within `radius` of it in spite of single precision."""
-    stack[0, _NODE], stack[0, _LEVEL] = tree.starts[-1] - 1, len(tree.starts) - 1
+    stack[0, _NODE] = tree.starts[-1] - 1
+    stack[0, _LEVEL] = len(tree.starts) - 1
     stack[_ENTRIES, 0] = 1
-    x, y, z = np.float32(point[0]), np.float32(point[1]), np.float32(point[2])
+    x = np.float32(point[0])
+    y = np.float32(point[1])
+    z = np.float32(point[2])
     return (x, y, z), np.float32(radius + _ROUNDED * (radius + max(abs(x), abs(y), abs(z))))
 
 
@@ -133,7 +150,8 @@ def next_leaf(tree, stack, around):
     starts, (point, radius) = tree.starts, around
     while stack[_ENTRIES, 0] > 0:
         waiting = stack[_ENTRIES, 0] - 1
-        node, level = stack[waiting, _NODE], stack[waiting, _LEVEL]
+        node = stack[waiting, _NODE]
+        level = stack[waiting, _LEVEL]
         if level == 0:
             stack[_ENTRIES, 0] = waiting
             within = _triangles_within(tree.triangles[node], point, radius)
@@ -145,7 +163,8 @@ def next_leaf(tree, stack, around):
         child = (node - starts[level - 1]) * WIDE + (starts[level - 2] if level > 1 else 0)
         within = _boxes_within(tree.boxes, tree.axes, node, point, radius)
         while within != 0:
-            stack[waiting, _NODE], stack[waiting, _LEVEL] = child + lowest_bit(within), level - 1
+            stack[waiting, _NODE] = child + lowest_bit(within)
+            stack[waiting, _LEVEL] = level - 1
             within &= within - 1
             waiting += 1
         stack[_ENTRIES, 0] = waiting
@@ -171,7 +190,9 @@ def _triangles_within(triangles, point, radius):
 @inline
 def _along_axis(triangles, axis, x, radius):
     """The triangles of which some part is within `radius` of a point's coordinate `x`."""
-    a, b, c = load_row(triangles, axis), load_row(triangles, 3 + axis), load_row(triangles, 6 + axis)
+    a = load_row(triangles, axis)
+    b = load_row(triangles, 3 + axis)
+    c = load_row(triangles, 6 + axis)
     return (min(min(a, b), c) - radius <= x) & (max(max(a, b), c) + radius >= x)
 
 
@@ -181,8 +202,13 @@ def _faces_within(triangles, point, radius):
     a = load_row(triangles, 0), load_row(triangles, 1), load_row(triangles, 2)
     b = load_row(triangles, 3), load_row(triangles, 4), load_row(triangles, 5)
     c = load_row(triangles, 6), load_row(triangles, 7), load_row(triangles, 8)
-    ab, bc, ca = subtract(b, a), subtract(c, b), subtract(a, c)
-    n, a, b, c = cross(ca, ab), subtract(a, point), subtract(b, point), subtract(c, point)
+    ab = subtract(b, a)
+    bc = subtract(c, b)
+    ca = subtract(a, c)
+    n = cross(ca, ab)
+    a = subtract(a, point)
+    b = subtract(b, point)
+    c = subtract(c, point)
     size = _sum(ab) + _sum(ca)
     vague = _PLANE * size * size * (_sum(a) + size + radius)  # of its sides: rounding
     beside = abs(dot(n, a)) > radius * _sum(n) + vague

@@ -9,7 +9,7 @@ from threading import Event
 
 import numpy as np
 
-from ..kernel.jit import bound, inline, kernel
+from ..kernel.jit import bind, inline, kernel
 from ..kernel.simd import WIDE
 from ..kernel.vector import load_triangle
 from ..system.threads import run_blocks, thread_count
@@ -21,11 +21,13 @@ _STACK = 1 << 7
 
 def median_order(vertices: Float32s, faces: Int64s) -> Int64s:
     """The order (m,) of `faces` (m, 3) of `vertices` (n, 3)."""
-    centroids, order = np.empty((len(faces), 3), np.float32), np.arange(len(faces))
+    centroids = np.empty((len(faces), 3), np.float32)
+    order = np.arange(len(faces))
     threads = thread_count(None)
-    run_blocks(len(faces), _LEAST, bound(_find_centroids, vertices, faces, centroids), threads)
+    run_blocks(len(faces), _LEAST, bind(_find_centroids, vertices, faces, centroids), threads)
 
-    parts, most = [(0, len(faces), -1)], max(_LEAST, len(faces) // _PARTS)
+    parts = [(0, len(faces), -1)]
+    most = max(_LEAST, len(faces) // _PARTS)
     for number, (begin, end, _) in enumerate(parts):
         if end - begin > most:
             half = _middle(begin, end)
@@ -76,12 +78,14 @@ def _halve(centroids, order, first, last):
 @kernel
 def _split(centroids, order, first, last):
     """Reorder order[first:last] by halves of halves until parts have at most sixteen triangles."""
-    firsts, lasts = np.empty(_STACK, np.int64), np.empty(_STACK, np.int64)
+    firsts = np.empty(_STACK, np.int64)
+    lasts = np.empty(_STACK, np.int64)
     firsts[0], lasts[0] = first, last
     waiting = 1
     while waiting > 0:
         waiting -= 1
-        first, last = firsts[waiting], lasts[waiting]
+        first = firsts[waiting]
+        last = lasts[waiting]
         if last - first <= WIDE:
             continue
         middle = _halve(centroids, order, first, last)
@@ -93,11 +97,13 @@ def _split(centroids, order, first, last):
 @inline
 def _longest_axis(centroids, order, first, last):
     """The axis along which the centroids of a part extend farthest."""
-    low, high = np.full(3, np.inf, np.float32), np.full(3, -np.inf, np.float32)
+    low = np.full(3, np.inf, np.float32)
+    high = np.full(3, -np.inf, np.float32)
     for k in range(first, last):
         for axis in range(3):
             x = centroids[order[k], axis]
-            low[axis], high[axis] = min(low[axis], x), max(high[axis], x)
+            low[axis] = min(low[axis], x)
+            high[axis] = max(high[axis], x)
     return np.argmax(high - low)
 
 
@@ -106,7 +112,9 @@ def _partition(centroids, order, first, last, middle, axis):
     """Reorder a part so that none before `middle` lies behind any after it (quickselect, Hoare 1961)."""
     low, high = first, last - 1
     while low < high:
-        a, b, c = centroids[order[low], axis], centroids[order[high], axis], centroids[order[(low + high) // 2], axis]
+        a = centroids[order[low], axis]
+        b = centroids[order[high], axis]
+        c = centroids[order[(low + high) // 2], axis]
         pivot = max(min(a, b), min(max(a, b), c))
         i, j = low, high
         while i <= j:

@@ -28,10 +28,14 @@ def orient(triangles: Float32s, boxes: Float32s, starts: Int64s) -> tuple[Float3
     overlap = _overlap(triangles, boxes[: starts[1]], None)
     if overlap < _OVERLAPPING:
         return boxes, starts, None
-    oriented, axes, span = aligned(boxes.shape, np.float32), aligned((len(boxes), 9, WIDE), np.float32), 1
+    oriented = aligned(boxes.shape, np.float32)
+    axes = aligned((len(boxes), 9, WIDE), np.float32)
+    span = 1
     oriented[:], threads = boxes, thread_count(None)
     for first, last in pairwise(starts):
-        children, level, span = -(-len(triangles) // span), (axes[first:last], oriented[first:last]), span * WIDE
+        children = -(-len(triangles) // span)
+        level = (axes[first:last], oriented[first:last])
+        span = span * WIDE
         run_blocks(children, max(_LEAVES * WIDE // span, 1), partial(_turn, triangles, span // WIDE, *level), threads)
     fewer = _overlap(triangles, oriented[: starts[1]], axes[: starts[1]]) * _GAIN < overlap
     return (oriented, starts, axes) if fewer else (boxes, starts, None)
@@ -69,10 +73,13 @@ def _covariances(triangles, span, first, out):
     """Write those of the corners in every `span` leaves, up to their number, from the `first` ones on."""
     for row in range(len(out)):
         k = first + row
-        corners, total, offset = 0, np.zeros(3), np.zeros(3)
+        corners = 0
+        total = np.zeros(3)
+        offset = np.zeros(3)
         for leaf in range(k * span, min((k + 1) * span, len(triangles))):
             for place in range(3 * WIDE):
-                corner, lane = place // WIDE, place % WIDE
+                corner = place // WIDE
+                lane = place % WIDE
                 if np.isnan(triangles[leaf, 0, lane]):
                     continue
                 corners += 1
@@ -91,18 +98,24 @@ def _covariances(triangles, span, first, out):
 def _enclose(triangles, span, axes, boxes, first, last):
     """Write boxes (nodes, 6, 16) along `axes` (nodes, 9, 16), each around `span` leaves, from a first to a last one."""
     for k in range(first, last):
-        node, lane = k // WIDE, k % WIDE
-        low, high, centre, along = np.full(3, np.inf), np.full(3, -np.inf), np.zeros(3), np.zeros(3)
+        node = k // WIDE
+        lane = k % WIDE
+        low = np.full(3, np.inf)
+        high = np.full(3, -np.inf)
+        centre = np.zeros(3)
+        along = np.zeros(3)
         for leaf in range(k * span, min((k + 1) * span, len(triangles))):
             for place in range(3 * WIDE):
-                first, at = 3 * (place // WIDE), place % WIDE
+                corner = 3 * (place // WIDE)
+                at = place % WIDE
                 if np.isnan(triangles[leaf, 0, at]):
                     continue
                 for axis in range(3):
                     x = 0.0
                     for j in range(3):
-                        x += np.float64(axes[node, 3 * axis + j, lane]) * triangles[leaf, first + j, at]
-                    low[axis], high[axis] = min(x, low[axis]), max(x, high[axis])
+                        x += np.float64(axes[node, 3 * axis + j, lane]) * triangles[leaf, corner + j, at]
+                    low[axis] = min(x, low[axis])
+                    high[axis] = max(x, high[axis])
         for axis in range(3):
             for j in range(3):
                 centre[j] += 0.5 * (low[axis] + high[axis]) * axes[node, 3 * axis + j, lane]

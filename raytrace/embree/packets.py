@@ -18,14 +18,16 @@ ORG_X, ORG_Y, ORG_Z, TNEAR, DIR_X, DIR_Y, DIR_Z, TIME, TFAR, MASK, ID, FLAGS = r
 NG_X, NG_Y, NG_Z, U, V, PRIM_ID, GEOM_ID, INST_ID, INST_PRIM_ID = range(12, 21)
 ARGUMENTS = 21
 INVALID = np.uint32(0xFFFFFFFF)
-_COHERENT, _INVOKE_FILTER = 1 << 16, 1 << 1
+_COHERENT = 1 << 16
+_INVOKE_FILTER = 1 << 1
 CONTEXT, ROOM, END = 22, 23, 42  # rows of packets with a filter: Embree's context, and what the filter may write to
 FILTER_PATH = 2, 1  # from what Embree gives a filter to the words of its `Kernel.callback`
 
 
 def _queries(lanes):
     """The queries of packets of so many lanes; of int32 lanes `valid`, aligned, −1 are traced and 0 not."""
-    closest_hits, any_hits = external(f"rtcIntersect{lanes}", 4), external(f"rtcOccluded{lanes}", 4)
+    closest_hits = external(f"rtcIntersect{lanes}", 4)
+    any_hits = external(f"rtcOccluded{lanes}", 4)
     arguments_at = ARGUMENTS * lanes * 4
 
     @inline
@@ -70,7 +72,8 @@ def new_packet(
         hit_filter: a `Kernel.callback` that Embree calls at each hit of sixteen lanes; it is to be kept meanwhile.
     """
     packet = aligned((ARGUMENTS + 1 if hit_filter is None else END, lanes), np.float32)
-    ids, words = packet.view(np.uint32), packet.view(np.int64)
+    ids = packet.view(np.uint32)
+    words = packet.view(np.int64)
     ids[MASK] = INVALID
     ids[ARGUMENTS, :2] = (_COHERENT if coherent else 0), INVALID  # flags, features
     if hit_filter is not None:

@@ -45,7 +45,8 @@ def _closest(scene, traced, rays, found, begin, end):
                 ray = first + lane
                 distance[ray] = packet[TFAR, lane]
                 face[ray] = ids[PRIM_ID, lane]
-                u, v = packet[U, lane], packet[V, lane]
+                u = packet[U, lane]
+                v = packet[V, lane]
                 barycentric[ray, 0] = np.float32(1.0) - u - v
                 barycentric[ray, 1] = u
                 barycentric[ray, 2] = v
@@ -60,7 +61,9 @@ def intersect(
         reach: broadcasts to (k,), in units of the direction's length.
     Raises: OptionError: wrong shapes, or values that Embree would take for a miss: NaN, infinity, zero directions.
     """
-    origins, directions = (np.ascontiguousarray(a, np.float32) for a in np.broadcast_arrays(origins, directions))
+    origins, directions = np.broadcast_arrays(origins, directions)
+    origins = np.ascontiguousarray(origins, np.float32)
+    directions = np.ascontiguousarray(directions, np.float32)
     if origins.ndim != 2 or origins.shape[1] != 3:
         raise OptionError("origins, directions", "shapes that broadcast to (k, 3)", origins.shape)
     if not (np.isfinite(origins).all() and np.isfinite(directions).all() and directions.any(axis=1).all()):

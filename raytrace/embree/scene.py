@@ -81,7 +81,8 @@ class EmbreeScene:
     def release(self) -> None:
         """Give Embree's memory back; nothing can be traced in the scene any more."""
         self._release()
-        self.geometries, self.handle = (), np.uint64(0)
+        self.geometries = ()
+        self.handle = np.uint64(0)
 
 
 class TriangleScene(EmbreeScene):

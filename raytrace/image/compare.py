@@ -64,13 +64,15 @@ def compare(
     if difference is not None:
         check_image_target(difference, layers=("beauty",))
         check_outputs({"--difference": difference}, (a, b))
-    (width, height), other = _size(a), _size(b)
+    width, height = _size(a)
+    other = _size(b)
     if other != (width, height):
         expected = f"{width}×{height} pixels as in {os.fspath(a)}"
         raise InputError(os.fspath(b), "size", expected, "{}×{} pixels".format(*other))
     work = f"to compare {width:,}×{height:,} pixels"
     check_memory(os.fspath(a), _READ * width * height, work)
-    first, second = _buffer(_colour(a)), _buffer(_colour(b))
+    first = _buffer(_colour(a))
+    second = _buffer(_colour(b))
     figures = oiio.ImageBufAlgo.compare(first, second, 0.0, 0.0)
     seen = _buffer(np.zeros((height, width, 1), np.float32))
     if figures.maxerror:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..kernel.jit import bound, kernel
+from ..kernel.jit import bind, kernel
 from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Float32s
 
@@ -28,7 +28,7 @@ def fill_holes(pixels: Float32s, known: Bools, threads: int | None = None) -> Fl
     def each_row(work: Callable[..., None], *arrays: Any) -> None:
         rows, columns, channels = levels[-1][0].shape
         block = max(_BLOCK // (columns * channels), 1)
-        run_blocks(rows, block, bound(work, *arrays), thread_count(threads))
+        run_blocks(rows, block, bind(work, *arrays), thread_count(threads))
 
     while not levels[-1][1].all():
         fine = levels[-1]
@@ -62,11 +62,13 @@ def _pull(fine, known, out, out_known, first, last):
 def _push(coarse, fine, known, first, last):
     """Give unknown pixels what a bilinear lookup sees in the `coarse` level."""
     for y in range(first, last):
-        row, above = y // 2, min(max(y // 2 + 2 * (y % 2) - 1, 0), len(coarse) - 1)
+        row = y // 2
+        above = min(max(y // 2 + 2 * (y % 2) - 1, 0), len(coarse) - 1)
         for x in range(fine.shape[1]):
             if known[y, x]:
                 continue
-            column, aside = x // 2, min(max(x // 2 + 2 * (x % 2) - 1, 0), coarse.shape[1] - 1)
+            column = x // 2
+            aside = min(max(x // 2 + 2 * (x % 2) - 1, 0), coarse.shape[1] - 1)
             for c in range(fine.shape[2]):
                 near = coarse[row, column, c] + (coarse[row, aside, c] - coarse[row, column, c]) * np.float32(0.25)
                 far = coarse[above, column, c] + (coarse[above, aside, c] - coarse[above, column, c]) * np.float32(0.25)

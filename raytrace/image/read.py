@@ -68,7 +68,8 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
     """
     import OpenImageIO as oiio
 
-    name, file = os.fspath(path), Path(path) if content is None else content
+    name = os.fspath(path)
+    file = Path(path) if content is None else content
     try:
         check_regular(file, "an image file", source=name)
         file.open("rb").close()
@@ -114,7 +115,8 @@ def row_blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice
     step = spec.tile_height or _ROWS
     for first in range(0, spec.height, step):
         end = min(first + step, spec.height)
-        rows, channels = (spec.y + first, spec.y + end), (0, spec.nchannels)
+        rows = (spec.y + first, spec.y + end)
+        channels = (0, spec.nchannels)
         with _silenced():
             if spec.tile_width:
                 numbers = image.read_tiles(0, 0, spec.x, spec.x + spec.width, *rows, 0, 1, *channels, kind)

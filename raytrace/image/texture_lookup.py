@@ -19,7 +19,9 @@ def sample_texture(textures, number, u, v, footprint):
     Args: textures: `PackedTextures`. footprint: width in uv of what a pixel sees; 0 looks at the finest level alone.
     """
     texels, levels = textures.texels, textures.levels
-    first, depth, wrap = textures.first[number], textures.depth[number], textures.wrap[number]
+    first = textures.first[number]
+    depth = textures.depth[number]
+    wrap = textures.wrap[number]
     if depth == 0:
         return (1.0, 1.0, 1.0)
     width = footprint * max(levels[first, 1], levels[first, 2])
@@ -47,10 +49,13 @@ def sample_points(textures, number, uv, out):
 @inline
 def bilinear(texels, levels, level, wrap, u, v):
     """Linear RGB within a level; texel centres lie at half integers. (u, v) that are not finite count as 0."""
-    start, width, height = levels[level, 0], levels[level, 1], levels[level, 2]
+    start = levels[level, 0]
+    width = levels[level, 1]
+    height = levels[level, 2]
     left, right, s = neighbours(u, width, wrap[0])
     upper, lower, t = neighbours(1.0 - v, height, wrap[1])
-    upper, lower = start + upper * width, start + lower * width
+    upper = start + upper * width
+    lower = start + lower * width
     return (
         blend(texels, upper + left, upper + right, lower + left, lower + right, s, t, 0),
         blend(texels, upper + left, upper + right, lower + left, lower + right, s, t, 1),
@@ -63,7 +68,8 @@ def neighbours(place, size, wrap):
     """Along an axis of `size` texels: the two around `place`, and the part of the way to the second."""
     x = wrapped(place, wrap) * size - 0.5
     before = np.floor(x)
-    first, second = int(before), int(before) + 1
+    first = int(before)
+    second = int(before) + 1
     if wrap == REPEAT:
         return first if first >= 0 else size - 1, second if second < size else 0, x - before
     return max(first, 0), min(second, size - 1), x - before

@@ -1,4 +1,4 @@
-"""Arrays for kernels and Embree: aligned, borrowed without reference counting, multiplied without BLAS.
+"""Arrays for kernels and Embree: aligned, viewed without reference counting, multiplied without BLAS.
 
 OpenBLAS multiplies a few thousand rows on threads that go on spinning for some thirty milliseconds afterwards, on
 cores that rays are traced on meanwhile: bakes take up to twice as long.
@@ -31,8 +31,8 @@ def _uncounted(context, builder, kind, value):
     """The same value, whose arrays own nothing."""
     if isinstance(kind, types.BaseTuple):
         members = [builder.extract_value(value, position) for position in range(len(kind.types))]
-        borrowed = [_uncounted(context, builder, *each) for each in zip(kind.types, members, strict=True)]
-        return context.make_tuple(builder, kind, borrowed)
+        views = [_uncounted(context, builder, *each) for each in zip(kind.types, members, strict=True)]
+        return context.make_tuple(builder, kind, views)
     if not isinstance(kind, types.Array):
         return value
     array = arrayobj.make_array(kind)(context, builder, value)
@@ -41,13 +41,13 @@ def _uncounted(context, builder, kind, value):
     return array._getvalue()
 
 
-@intrinsic(lambda value: lanes.borrowed(value)(value))
-def borrow(context, builder, signature, value):
+@intrinsic(lambda value: lanes.view_type(value)(value))
+def unrefcounted_view(context, builder, signature, value):
     """`value`, an array, a named tuple of arrays, scalars and such tuples, or None, as views that own nothing.
 
     Taking a member of a tuple or a slice of an array counts a reference up and down, atomically. A kernel's arguments
-    outlive it, so it borrows them once at its beginning and every later count is left out. Of a named tuple it gets
-    the address: only `value.name` is left of it, and functions that it is passed to are small to compile.
+    outlive it, so it takes views of them once, at its beginning, and every later count is left out. Of a named tuple
+    it gets the address: only `value.name` is left of it, and functions that it is passed to are small to compile.
     """
     (kind,), one = signature.args, _uncounted(context, builder, signature.args[0], value)
     if signature.return_type == kind:

@@ -48,7 +48,8 @@ def _places() -> tuple[Path, ...]:
     """Folders for exactly this compiler and this processor, whether they exist or not, the best one first."""
     features = llvmlite.binding.get_host_cpu_features().flatten()
     machine = hashlib.sha256(f"{llvmlite.binding.get_host_cpu_name()} {features} {numba_settings()}".encode())
-    chosen, name = os.environ.get("NUMBA_CACHE_DIR"), f"{compiler_identity()}-{machine.hexdigest()[:8]}"
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    name = f"{compiler_identity()}-{machine.hexdigest()[:8]}"
     parents = [Path(chosen)] if chosen else []
     with suppress(OSError, LookupError, RuntimeError):  # a user without a home
         users = platformdirs.user_cache_path("obscurance", appauthor=False)
@@ -86,7 +87,8 @@ def cache_folder() -> Path | None:
 def read_code(name: str) -> bytes | None:
     """Code that `write_code` kept by this name; None unless it is whole: a crash may leave half a file. Folders before
     `cache_folder` count, which this user cannot write to: an administrator may have filled one."""
-    places, last = _places(), cache_folder()
+    places = _places()
+    last = cache_folder()
     for folder in places[: places.index(last) + 1] if last else places:
         with suppress(OSError):
             if not _is_safe(folder):

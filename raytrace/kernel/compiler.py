@@ -28,10 +28,13 @@ if numba.config.DISABLE_JIT:
     from ..errors import OptionError
 
     raise OptionError("NUMBA_DISABLE_JIT", "0 or nothing: kernels run as machine code alone", 1, "environment")
-_WORD, _BYTE = ir.IntType(64), ir.IntType(8)
+_WORD = ir.IntType(64)
+_BYTE = ir.IntType(8)
 _POINTER = _BYTE.as_pointer()
 _HEAD = object.__basicsize__ // 8  # words before an array's own: data, number of axes, lengths, strides
-_DATA, _SHAPE, _STRIDES = _HEAD, _HEAD + 2, _HEAD + 3
+_DATA = _HEAD
+_SHAPE = _HEAD + 2
+_STRIDES = _HEAD + 3
 _INFO = 48  # bytes before Numba's arrays: count of references, destructor, its argument, data, size, allocator
 _OF_NUMBA = ("NRT_", "numba_", "Py", "_Py")  # functions that a process without Numba has not
 _context = cpu_target.target_context
@@ -132,7 +135,8 @@ def kernel_code(name: str, function: Callable[..., Any], arguments: tuple[Any, .
         module = _context.create_module(name)
         entry = ir.Function(module, ir.FunctionType(ir.IntType(32), [_POINTER, _POINTER]), name)
         builder = ir.IRBuilder(entry.append_basic_block())
-        words, results = (builder.bitcast(pointer, _WORD.as_pointer()) for pointer in entry.args)
+        words = builder.bitcast(entry.args[0], _WORD.as_pointer())
+        results = builder.bitcast(entry.args[1], _WORD.as_pointer())
         for place in path:
             pointer = builder.load(cgutils.gep_inbounds(builder, words, place))
             words = builder.inttoptr(pointer, _WORD.as_pointer())
@@ -183,8 +187,9 @@ def _array(builder: Any, word: Any, kind: Any) -> Any:
         pointer = builder.inttoptr(address, _WORD.as_pointer())
         return [builder.load(cgutils.gep_inbounds(builder, pointer, place)) for place in places]
 
-    data, *dimensions = words(word, (_DATA, _SHAPE, _STRIDES))
-    shape, strides = (words(each, range(kind.ndim)) for each in dimensions)
+    data, lengths, steps = words(word, (_DATA, _SHAPE, _STRIDES))
+    shape = words(lengths, range(kind.ndim))
+    strides = words(steps, range(kind.ndim))
     array = make_array(kind)(_context, builder)
     size = _context.get_abi_sizeof(_context.get_data_type(kind.dtype))
     populate_array(array, builder.inttoptr(data, array.data.type), shape, strides, _WORD(size), None)
@@ -234,17 +239,16 @@ def _object_file(library: Any, module: Any, name: str) -> bytes:
 def _memory() -> Any:
     """Stand-ins for Numba's runtime, which warm processes do not load: memory from `malloc`."""
     module = _context.create_module("memory")
-    malloc, free, allocate, release = (
-        ir.Function(module, ir.FunctionType(*kind), name)
-        for name, kind in {
-            "malloc": (_POINTER, [_WORD]),
-            "free": (ir.VoidType(), [_POINTER]),
-            "NRT_MemInfo_alloc_aligned": (_POINTER, [_WORD, ir.IntType(32)]),
-            "NRT_MemInfo_call_dtor": (ir.VoidType(), [_POINTER]),
-        }.items()
-    )
+    nothing = ir.VoidType()
+    malloc = ir.Function(module, ir.FunctionType(_POINTER, [_WORD]), "malloc")
+    free = ir.Function(module, ir.FunctionType(nothing, [_POINTER]), "free")
+    sizes = [_WORD, ir.IntType(32)]  # bytes, alignment
+    allocate = ir.Function(module, ir.FunctionType(_POINTER, sizes), "NRT_MemInfo_alloc_aligned")
+    release = ir.Function(module, ir.FunctionType(nothing, [_POINTER]), "NRT_MemInfo_call_dtor")
+
     builder = ir.IRBuilder(allocate.append_basic_block())
-    size, align = allocate.args[0], builder.zext(allocate.args[1], _WORD)
+    size = allocate.args[0]
+    align = builder.zext(allocate.args[1], _WORD)
     spare = builder.add(align, _WORD(_INFO))
     info = builder.call(malloc, [builder.add(size, spare)])
     with builder.if_then(cgutils.is_not_null(builder, info)):
@@ -253,6 +257,7 @@ def _memory() -> Any:
         for place, word in ((0, _WORD(1)), (1, _WORD(0)), (3, builder.sub(end, builder.urem(end, align))), (4, size)):
             builder.store(word, cgutils.gep_inbounds(builder, words, place))
     builder.ret(info)
+
     builder = ir.IRBuilder(release.append_basic_block())
     builder.call(free, release.args)
     builder.ret_void()

@@ -11,7 +11,8 @@ def counting_sort(keys: AnyInts, count: int) -> tuple[Int64s, Int64s]:
 
     Returns: places int64 (k,), and starts int64 (count + 1,): places[starts[i] : starts[i + 1]] have key i.
     """
-    starts, places = np.zeros(count + 2, np.int64), np.empty(keys.size, np.int64)
+    starts = np.zeros(count + 2, np.int64)
+    places = np.empty(keys.size, np.int64)
     _sort(keys.reshape(-1), starts, places)
     return places[: starts[-1]], starts[:-1]
 

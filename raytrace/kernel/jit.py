@@ -10,7 +10,7 @@ import struct
 import threading
 import time
 from collections.abc import Callable
-from functools import cache
+from functools import cache, cached_property
 from hashlib import sha256
 from importlib import import_module
 from types import ModuleType
@@ -48,9 +48,12 @@ class _Deferred(ModuleType):
         return getattr(import_module(self.__name__), name)
 
 
-ir, types, cgutils = _Deferred("llvmlite.ir"), _Deferred("numba.core.types"), _Deferred("numba.core.cgutils")
+ir = _Deferred("llvmlite.ir")
+types = _Deferred("numba.core.types")
+cgutils = _Deferred("numba.core.cgutils")
 arrayobj = _Deferred("numba.np.arrayobj")
-lanes, compiler = _Deferred("raytrace.kernel.lanes"), _Deferred("raytrace.kernel.compiler")
+lanes = _Deferred("raytrace.kernel.lanes")
+compiler = _Deferred("raytrace.kernel.compiler")
 
 
 class _Loaded(NamedTuple):
@@ -123,7 +126,7 @@ def kernel(function: F) -> F:
     return Kernel(function)  # type: ignore[return-value]
 
 
-def bound(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
+def bind(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
     """A kernel to be called many times with the same first `arguments`, which are looked through once."""
     kernel: Kernel = function  # type: ignore[assignment]
     kinds, words = _flatten(arguments, [], [])
@@ -133,6 +136,17 @@ def bound(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
 def inline(function: F) -> F:
     """Compile a helper that kernels call; it is compiled into each of them."""
     return Kernel(function, inlined=True)  # type: ignore[return-value]
+
+
+class Late(Called):
+    """A helper that `build` makes when a kernel that calls it is first loaded or compiled."""
+
+    def __init__(self, build: Callable[[], Any]) -> None:
+        self.build = build
+
+    @cached_property
+    def make_type(self) -> Any:
+        return self.build().make_type
 
 
 def external(name: str, count: int) -> Any:
@@ -199,10 +213,13 @@ def _flatten(values: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> tup
 
 def _types(key: tuple[Any, ...]) -> tuple[str, str]:
     """Text that differs where Numba's types do, and the format of the words, of what `_flatten` found."""
-    text, formats, kinds = [], "", iter(key)
+    text = []
+    formats = ""
+    kinds = iter(key)
     for kind in kinds:
         if isinstance(kind, np.dtype):
-            dimensions, flags = next(kinds), next(kinds)
+            dimensions = next(kinds)
+            flags = next(kinds)
             text.append(f"{kind!r} {dimensions} {flags & ~_FORTRAN if flags & _C else flags}")
             formats += "P"
         elif issubclass(kind, tuple):

@@ -1,4 +1,4 @@
-"""Numba's side of `raytrace.kernel.simd`, sixteen numbers as LLVM's vectors, and of `borrow`, records by address."""
+"""Numba's side of `raytrace.kernel.simd`, sixteen numbers as LLVM's vectors, and of `unrefcounted_view`."""
 
 import math
 import operator
@@ -24,7 +24,10 @@ class Lanes(types.Type):
         super().__init__(name=f"Lanes({dtype})")
 
 
-SINGLE, DOUBLE, WHOLE, MASK = (Lanes(dtype) for dtype in (types.float32, types.float64, types.int32, types.boolean))
+SINGLE = Lanes(types.float32)
+DOUBLE = Lanes(types.float64)
+WHOLE = Lanes(types.int32)
+MASK = Lanes(types.boolean)
 ELEMENT = {
     types.float32: ir.FloatType(),
     types.float64: ir.DoubleType(),
@@ -85,7 +88,8 @@ def _operator(function: Any, emit: Callable[..., Any], result: Callable[[Lanes],
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         lanes = common(*signature.args)
         assert lanes
-        a, b = (widened(context, builder, v, t, lanes) for v, t in zip(arguments, signature.args, strict=True))
+        a = widened(context, builder, arguments[0], signature.args[0], lanes)
+        b = widened(context, builder, arguments[1], signature.args[1], lanes)
         return emit(builder, isinstance(lanes.dtype, types.Float), a, b)
 
     scalars = types.Number, types.Boolean
@@ -150,36 +154,36 @@ _unary(math.exp, lambda b, x: each(b, "llvm.exp", [x]))
 _unary(math.sqrt, lambda b, x: each(b, "llvm.sqrt", [x]))
 
 
-class Borrowed(types.Opaque):
+class RecordView(types.Opaque):
     """The address of a named tuple, whose members are loaded where they are used."""
 
     def __init__(self, record: Any) -> None:
         self.record = record
-        super().__init__(name=f"Borrowed({record})")
+        super().__init__(name=f"RecordView({record})")
 
 
-register_model(Borrowed)(models.OpaqueModel)
+register_model(RecordView)(models.OpaqueModel)
 
 
-def borrowed(kind: Any) -> Any:
-    """The type of a value that is borrowed."""
-    return Borrowed(kind) if isinstance(kind, BaseNamedTuple) else kind
+def view_type(kind: Any) -> Any:
+    """The type of an unrefcounted view of a value: of a record, its address."""
+    return RecordView(kind) if isinstance(kind, BaseNamedTuple) else kind
 
 
 @infer_getattr
 class _Members(AttributeTemplate):
-    key = Borrowed
+    key = RecordView
 
     def generic_resolve(self, kind: Any, name: str) -> Any:
         record = kind.record
-        return borrowed(record.types[record.fields.index(name)]) if name in record.fields else None
+        return view_type(record.types[record.fields.index(name)]) if name in record.fields else None
 
 
-@lower_getattr_generic(Borrowed)
+@lower_getattr_generic(RecordView)
 def _member(context: Any, builder: Any, kind: Any, address: Any, name: str) -> Any:
     place = kind.record.fields.index(name)
     record = builder.bitcast(address, context.get_value_type(kind.record).as_pointer())
     member = cgutils.gep_inbounds(builder, record, 0, place)
-    if isinstance(borrowed(kind.record.types[place]), Borrowed):
+    if isinstance(view_type(kind.record.types[place]), RecordView):
         return builder.bitcast(member, cgutils.voidptr_t)
     return builder.load(member)

@@ -16,8 +16,9 @@ _FOUR = 4
 def select(context, builder, signature, condition, a, b):
     """a where the condition holds, else b, both of them evaluated. Lanes may be mixed with scalars; two scalars
     make lanes of float32 or int32."""
-    _, *kinds = signature.args
-    x, y = (lanes.widened(context, builder, *each, signature.return_type) for each in zip((a, b), kinds, strict=True))
+    _, kind_of_a, kind_of_b = signature.args
+    x = lanes.widened(context, builder, a, kind_of_a, signature.return_type)
+    y = lanes.widened(context, builder, b, kind_of_b, signature.return_type)
     return builder.select(condition, x, y)
 
 
@@ -106,7 +107,8 @@ def _reduced(name):
     return reduce
 
 
-lowest, highest = _reduced("fmin"), _reduced("fmax")  # of lanes of float32
+lowest = _reduced("fmin")  # of lanes of float32
+highest = _reduced("fmax")  # of lanes of float32
 
 
 def _pointer(context, builder, kind, array, element, to):
@@ -148,7 +150,8 @@ def compare_and_swap(context, builder, signature, array, element, expected, new)
 @intrinsic(lambda *_: types.Array(types.float32, 2, "C")(types.int64, types.int64, types.int64))
 def rows_at(context, builder, signature, address, rows, columns):
     """A float32 array (rows, columns), C-contiguous, that stands at an address."""
-    array, size = arrayobj.make_array(signature.return_type)(context, builder), ir.IntType(64)(4)
+    array = arrayobj.make_array(signature.return_type)(context, builder)
+    size = ir.IntType(64)(4)
     data = builder.inttoptr(address, array.data.type)
     arrayobj.populate_array(array, data, (rows, columns), [builder.mul(columns, size), size], size, None)
     return array._getvalue()
@@ -161,10 +164,13 @@ def _transpose(builder, rows):
         mask = [block + (i if i < _FOUR else i - _FOUR + WIDE) for block in range(0, WIDE, _FOUR) for i in order]
         return _shuffle(builder, a, b, mask)
 
-    low, high = [0, 4, 1, 5], [2, 6, 3, 7]
+    low = [0, 4, 1, 5]
+    high = [2, 6, 3, 7]
     a, b, c, d = rows
-    ac, bd = mix(a, c, low), mix(b, d, low)
-    ac_high, bd_high = mix(a, c, high), mix(b, d, high)
+    ac = mix(a, c, low)
+    bd = mix(b, d, low)
+    ac_high = mix(a, c, high)
+    bd_high = mix(b, d, high)
     return [mix(ac, bd, low), mix(ac, bd, high), mix(ac_high, bd_high, low), mix(ac_high, bd_high, high)]
 
 
@@ -182,7 +188,8 @@ def gather3(context, builder, signature, array, rows):
     """The triples of a C-contiguous array (n, 3) in the lanes' rows, three lanes of the array's own type. The array
     must own a fourth number behind its last triple, see `raytrace.kernel.arrays.aligned`."""
     kind = signature.args[0]
-    four, quads = ir.VectorType(lanes.ELEMENT[kind.dtype], _FOUR), []
+    four = ir.VectorType(lanes.ELEMENT[kind.dtype], _FOUR)
+    quads = []
     for lane in range(WIDE):
         start = builder.mul(_place(builder, rows, lane), ir.IntType(64)(3))
         quads.append(builder.load(_pointer(context, builder, kind, array, start, four), align=4))
@@ -213,7 +220,8 @@ def scatter4(context, builder, signature, array, begin, places, mask, values):
     rows = _transpose(builder, [builder.extract_value(values, i) for i in range(_FOUR)])
     for lane in range(WIDE):
         with builder.if_then(builder.extract_element(mask, lanes.INDEX(lane))):
-            place, row = builder.add(_place(builder, places, lane), begin), rows[lane % _FOUR]
+            place = builder.add(_place(builder, places, lane), begin)
+            row = rows[lane % _FOUR]
             first = lane // _FOUR * _FOUR
             part = _shuffle(builder, row, ir.Constant(row.type, ir.Undefined), list(range(first, first + _FOUR)))
             builder.store(part, _pointer(context, builder, signature.args[0], array, place, part.type), align=4)

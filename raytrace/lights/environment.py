@@ -76,7 +76,8 @@ def resampled(image: Float64s, size: int, axis: int) -> Float64s:
 def irradiance_harmonics(image: Float64s, frame: Float64s) -> Float64s:
     """Coefficients (9, 3) of (1/π) ∫ L ⟨n·d⟩ dω for 1, y, z, x, xy, yz, 3z² − 1, xz, x² − y² of n."""
     theta, bands = _latitudes()
-    sine, phi = np.sin(theta)[:, None], ((np.arange(MAP_WIDTH) + 0.5) / MAP_WIDTH - 0.5) * 2 * np.pi
+    sine = np.sin(theta)[:, None]
+    phi = ((np.arange(MAP_WIDTH) + 0.5) / MAP_WIDTH - 0.5) * 2 * np.pi
     local = np.broadcast_arrays(sine * np.sin(phi), sine * np.cos(phi), np.cos(theta)[:, None])
     x, y, z = np.moveaxis(np.stack(local, -1) @ frame, -1, 0)
     basis = np.stack([np.ones_like(x), y, z, x, x * y, y * z, 3 * z * z - 1, x * z, x * x - y * y])
@@ -113,7 +114,9 @@ def _blurred(image: Float64s, slope: float) -> Float64s:
 @inline
 def gradient(sky, above, rise):
     """ground + (horizon − ground)·above + (zenith − horizon)·rise, exactly the colour that all three are."""
-    ground, horizon, zenith = triple(sky, GROUND), triple(sky, HORIZON), triple(sky, ZENITH)
+    ground = triple(sky, GROUND)
+    horizon = triple(sky, HORIZON)
+    zenith = triple(sky, ZENITH)
     over_ground = add(ground, scale(above, subtract(horizon, ground)))
     return add(over_ground, scale(rise, subtract(zenith, horizon)))
 
@@ -160,7 +163,9 @@ def harmonic_irradiance(harmonics, n):
 @inline
 def map_radiance(maps, frame, d, slope):
     """L of an image about a unit direction d, blurred for facets of RMS `slope`: bilinear, linear between two maps."""
-    right, front, up = triple(frame[0], 0), triple(frame[1], 0), triple(frame[2], 0)
+    right = triple(frame[0], 0)
+    front = triple(frame[1], 0)
+    up = triple(frame[2], 0)
     u = 0.5 + atan2(dot(d, right), dot(d, front)) / (2.0 * pi)
     v = acos(max(-1.0, min(1.0, dot(d, up)))) / pi
     level = slope / MAP_SLOPE
@@ -174,9 +179,12 @@ def map_radiance(maps, frame, d, slope):
 @inline
 def bilinear_map(texels, u, v):
     """Of a map (MAP_HEIGHT, MAP_WIDTH, 3), which goes round along u."""
-    x, y = u * MAP_WIDTH - 0.5, max(0.0, min(MAP_HEIGHT - 1.0, v * MAP_HEIGHT - 0.5))
-    left, upper = floor(x), min(int(y), MAP_HEIGHT - 2)
-    s, t = x - left, y - upper
+    x = u * MAP_WIDTH - 0.5
+    y = max(0.0, min(MAP_HEIGHT - 1.0, v * MAP_HEIGHT - 0.5))
+    left = floor(x)
+    upper = min(int(y), MAP_HEIGHT - 2)
+    s = x - left
+    t = y - upper
     right = (left + 1) % MAP_WIDTH
     left = left % MAP_WIDTH
     return add(
@@ -192,7 +200,8 @@ def cone_visibility(w, aside, slope):
     What is open is taken for a cone about the bent normal that w is the cosine-weighted part of, sin²θ = w; what is
     mirrored for one of half-angle √2 slope. 1 where w is 1, 0 where it is 0. After Oat & Sander 2007.
     """
-    open_, mirrored = asin(sqrt(max(0.0, min(1.0, w)))), min(0.5 * pi, max(0.05, sqrt(2.0) * slope))
+    open_ = asin(sqrt(max(0.0, min(1.0, w))))
+    mirrored = min(0.5 * pi, max(0.05, sqrt(2.0) * slope))
     t = max(0.0, min(1.0, 0.5 + (open_ + w * mirrored - aside) / (2.0 * mirrored)))
     narrow = (1.0 - sqrt(max(0.0, 1.0 - w))) / (1.0 - cos(mirrored))
     return t * t * (3.0 - 2.0 * t) * min(1.0, narrow)

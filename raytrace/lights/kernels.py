@@ -67,8 +67,10 @@ def cannot_matter_in(kind, row, low, high):
     # the hair's breadth covers the rounding of the distance
     if brightest * radial(row, sqrt(nearest) * (1.0 - 1e-12)) <= 0.0:
         return True
-    way, half = subtract(place, scale(0.5, add(low, high))), scale(0.5, subtract(high, low))
-    distance, radius = sqrt(dot(way, way)), sqrt(dot(half, half))
+    way = subtract(place, scale(0.5, add(low, high)))
+    half = scale(0.5, subtract(high, low))
+    distance = sqrt(dot(way, way))
+    radius = sqrt(dot(half, half))
     if kind != layout.SPOT or distance <= radius:
         return False
     cosine = -dot(scale(1.0 / distance, way), triple(row, layout.DIRECTION))

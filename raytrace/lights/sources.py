@@ -183,7 +183,8 @@ class EnvironmentLight(BaseLight):
         ahead = np.array([0.0, 0.0, -np.sign(up[1])]) if abs(up[1]) > 0.999 else ahead
         front = normalize(ahead - (ahead @ up) * up)
         right = np.cross(front, up)
-        sine, cosine = np.sin(np.radians(self.turn)), np.cos(np.radians(self.turn))
+        sine = np.sin(np.radians(self.turn))
+        cosine = np.cos(np.radians(self.turn))
         return np.stack([cosine * right + sine * front, cosine * front - sine * right, up])
 
     def to_dict(self) -> dict[str, Any]:

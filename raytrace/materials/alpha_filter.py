@@ -8,37 +8,43 @@ import numpy as np
 
 from ..brdf.layout import ALPHA
 from ..embree.packets import END, GEOM_ID, ID, INST_ID, NG_X, PRIM_ID, ROOM, TFAR, U, V, filtered
-from ..kernel.arrays import borrow
+from ..kernel.arrays import unrefcounted_view
 from ..kernel.jit import inline, kernel
 from ..mesh.opacity import alpha
 
 STEP = np.float32(2.0**-17)  # in render space: 32 times what Embree's distances can be off
 LEAST = 2.0**-16  # of the light: where less is left, nothing is
-# Rows of a packet: what passes of a shadow ray, −1 of a viewing ray; the closest hit's alpha and the share that stops
-# there; how many layers a shadow ray has met, and their distances.
-THROUGH, MET_ALPHA, STOPPED, COUNT, LAYERS = range(ROOM, ROOM + 5)
+# Rows of a packet: the transmittance of a shadow ray, −1 of a viewing ray; the closest hit's alpha and the share that
+# stops there; how many layers a shadow ray has met, and their distances.
+TRANSMITTANCE, MET_ALPHA, STOPPED, COUNT, LAYERS = range(ROOM, ROOM + 5)
 
 
 @kernel
 def filter_hits(call, opacity, first_face, rows):
     """Embree's filter, as `filtered` has it. Args: as in `raytrace.shade.layout.Geometry`."""
     valid, rays, hits, packet = filtered(call)
-    opacity, first_face, rows, ids = borrow(opacity), borrow(first_face), borrow(rows), hits.view(np.int32)
+    opacity = unrefcounted_view(opacity)
+    first_face = unrefcounted_view(first_face)
+    rows = unrefcounted_view(rows)
+    ids = hits.view(np.int32)
     for k in range(len(valid)):
         if valid[k] != 0:
             lane = rays.view(np.int32)[ID, k]
             item = ids[INST_ID - NG_X, k] if ids[INST_ID - NG_X, k] >= 0 else ids[GEOM_ID - NG_X, k]
             face = first_face[item] + ids[PRIM_ID - NG_X, k]
             cover = np.float32(alpha(opacity, face, np.float64(hits[U - NG_X, k]), np.float64(hits[V - NG_X, k])))
-            stopped, through = cover * np.float32(rows[item, ALPHA]), packet[THROUGH, lane]
-            if through < 0.0 < cover:
-                packet[MET_ALPHA, lane], packet[STOPPED, lane] = cover, stopped
-            elif through < 0.0 or stopped == 0.0:
+            stopped = cover * np.float32(rows[item, ALPHA])
+            transmittance = packet[TRANSMITTANCE, lane]
+            if transmittance < 0.0 < cover:  # a viewing ray ends at what is there
+                packet[MET_ALPHA, lane] = cover
+                packet[STOPPED, lane] = stopped
+            elif transmittance < 0.0 or stopped == 0.0:
                 valid[k] = 0
             elif stopped < 1.0:
                 if is_new(packet, lane, rays[TFAR, k]):
-                    packet[THROUGH, lane] = through = through * (np.float32(1.0) - stopped)
-                if through > LEAST:
+                    transmittance = transmittance * (np.float32(1.0) - stopped)
+                    packet[TRANSMITTANCE, lane] = transmittance
+                if transmittance > LEAST:
                     valid[k] = 0
 
 

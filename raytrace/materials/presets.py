@@ -9,8 +9,16 @@ What is "chosen" has no source but the eye.
 
 from typing import Any
 
-from ..brdf.coefficients import eta_from_reflectance
+from ..brdf.material import Material
+from ..brdf.registry import reflection_models
 from ..errors import OptionError, nearest_name
+from ..system.parameters import made_of
+
+
+def eta_from_reflectance(reflectance: float) -> float:
+    """Index η of the dielectric that reflects `reflectance` in [0, 1) at normal incidence (Cook & Torrance 1982)."""
+    root = reflectance**0.5
+    return (1.0 + root) / (1.0 - root)
 
 
 def _metal(f0: tuple[float, float, float], **slopes: Any) -> dict[str, Any]:
@@ -63,7 +71,17 @@ PRESETS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-def preset(name: str) -> dict[str, Any]:
+def material_from_dict(data: dict[str, Any]) -> Material:
+    """A material from plain values: `model` and its fields, or `preset` and the fields to change in it.
+
+    Raises: OptionError naming the material, the field, what is accepted and what came.
+    """
+    if "preset" in data:
+        data = _preset(data["preset"]) | {name: value for name, value in data.items() if name != "preset"}
+    return made_of(data, reflection_models(), "model", "material")
+
+
+def _preset(name: str) -> dict[str, Any]:
     """The values of a named material. Raises: OptionError listing the names."""
     if not isinstance(name, str) or name not in PRESETS:
         names = sorted(PRESETS)

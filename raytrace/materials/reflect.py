@@ -8,16 +8,16 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial.legendre import leggauss
 
+from ..brdf.material import Material
 from ..errors import OptionError, check_type
 from ..types import AnyFloats, Float64s
-from .base import BaseMaterial
 
 NORMAL = np.array([0.0, 0.0, 1.0])
 _gauss_legendre = cache(leggauss)  # an eigenvalue problem, for every angle of a table
 
 
 def reflect(
-    material: BaseMaterial, n: npt.ArrayLike, l: npt.ArrayLike, v: npt.ArrayLike, grain: npt.ArrayLike | None = None
+    material: Material, n: npt.ArrayLike, l: npt.ArrayLike, v: npt.ArrayLike, grain: npt.ArrayLike | None = None
 ) -> AnyFloats:
     """Reflected RGB per unit incident RGB.
 
@@ -52,7 +52,7 @@ def reflect(
         got = ", ".join(f"{name} {a.shape}" for name, a in arrays.items())
         raise OptionError("n, l, v, grain", "shapes that broadcast", got, "reflect") from None
     flat = [np.ascontiguousarray(np.broadcast_to(normalize(a), shape)).reshape(-1, 3) for a in given]
-    check_type(material, BaseMaterial, "reflect", "material", "a material, such as raytrace.Lambert(albedo=0.5)")
+    check_type(material, Material, "reflect", "material", "a material, such as raytrace.Lambert(albedo=0.5)")
     kind, row = material.pack()
     out = np.empty_like(flat[0])
     normals, lights, viewers, grains = flat
@@ -82,9 +82,7 @@ def towards(theta: npt.ArrayLike, phi: npt.ArrayLike = 0.0) -> Float64s:
     return np.stack(np.broadcast_arrays(sine * np.cos(phi), sine * np.sin(phi), np.cos(theta)), axis=-1)
 
 
-def directional_albedo(
-    material: BaseMaterial, incidence: float, slope: float | None = None, order: int = 96
-) -> Float64s:
+def directional_albedo(material: Material, incidence: float, slope: float | None = None, order: int = 96) -> Float64s:
     """∫ f cosθ_r dω (3,): the part of light arriving at `incidence` radians that is reflected (the white furnace).
 
     Gauss–Legendre in angle, trapezoids in azimuth. Diffuse materials are integrated over viewers; a lobe of RMS `slope`
@@ -99,15 +97,17 @@ def directional_albedo(
     v = towards(theta, phi)
     if slope is not None:
         lh = v @ l
-        v, solid = 2 * lh[..., None] * v - l, solid * 4 * np.maximum(0, lh)
+        v = 2 * lh[..., None] * v - l
+        solid = solid * 4 * np.maximum(0, lh)
     above = v[..., 2:] > 0
     out = reflect(material, NORMAL, l, np.where(above, v, NORMAL)) / l[2]
     return np.asarray(np.sum(np.where(above, out * v[..., 2:], 0) * solid[..., None], axis=(0, 1)))
 
 
-def albedo(material: BaseMaterial, incidence: float, order: int = 96) -> Float64s:
+def albedo(material: Material, incidence: float, order: int = 96) -> Float64s:
     """`directional_albedo` (3,) of any material: its body integrated over viewers, its lobe over halfway vectors."""
-    broad, slope = directional_albedo(material, incidence, order=order), material.lobe_slope()
+    broad = directional_albedo(material, incidence, order=order)
+    slope = material.lobe_slope()
     if slope is None:
         return broad
     body: dict[str, Any] = {name: 0.0 for name in ("albedo", "k_d") if hasattr(material, name)}
@@ -115,14 +115,15 @@ def albedo(material: BaseMaterial, incidence: float, order: int = 96) -> Float64
     return broad - directional_albedo(lobe, incidence, order=order) + directional_albedo(lobe, incidence, slope, order)
 
 
-def asymmetry(material: BaseMaterial, count: int = 20_000, seed: int = 0) -> float:
+def asymmetry(material: Material, count: int = 20_000, seed: int = 0) -> float:
     """Largest |f(l,v) − f(v,l)| / max over random pairs of directions; 0 for a reciprocal material, at most 1."""
     rng = np.random.default_rng(seed)
     l, v = rng.normal(size=(2, count, 3))
     for w in (l, v):
         w[:, 2] = np.abs(w[:, 2])
         w /= np.linalg.norm(w, axis=1)[:, None]
-    there, back = reflect(material, NORMAL, l, v) / l[:, 2:], reflect(material, NORMAL, v, l) / v[:, 2:]
+    there = reflect(material, NORMAL, l, v) / l[:, 2:]
+    back = reflect(material, NORMAL, v, l) / v[:, 2:]
     size = np.maximum(there, back)
     usable = size > 1e-12
     return float(np.max(np.abs(there - back)[usable] / size[usable], initial=0.0))

@@ -37,7 +37,8 @@ def phong_normal(n0, n1, n2, u, v):
 @inline
 def edge_term(p0, p1, n0, n1):
     """n_ij = n_i + n_j − a_ij, where a = 3((n_i + n_j)·w)/(w·w) w makes ∫ n(s)·w ds = 0 along the edge w."""
-    total, w = add(n0, n1), subtract(p1, p0)
+    total = add(n0, n1)
+    w = subtract(p1, p0)
     length2 = dot(w, w)
     return subtract(total, scale(select(length2 > 0.0, 3.0 * dot(total, w) / length2, 0.0), w))
 
@@ -47,5 +48,7 @@ def quadratic_normal(p0, p1, p2, n0, n1, n2, u, v):
     """n = Σ n_i λ_i² + Σ_{i<j} n_ij λ_i λ_j, renormalised; on an edge it is n0 + b s + a s² of the paper."""
     t = 1.0 - u - v
     squares = add(add(scale(t * t, n0), scale(u * u, n1)), scale(v * v, n2))
-    first, second, third = edge_term(p0, p1, n0, n1), edge_term(p1, p2, n1, n2), edge_term(p0, p2, n0, n2)
+    first = edge_term(p0, p1, n0, n1)
+    second = edge_term(p1, p2, n1, n2)
+    third = edge_term(p0, p2, n0, n2)
     return unit(add(add(squares, scale(t * u, first)), add(scale(u * v, second), scale(t * v, third))))

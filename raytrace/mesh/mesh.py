@@ -116,7 +116,8 @@ class Mesh:
 
     def reversed(self) -> "Mesh":
         """The same surface with its inner side outwards: corners of faces in reverse order, normals negated."""
-        normals, opacity = None if self.normals is None else -self.normals, self.opacity and self.opacity.reversed()
+        normals = None if self.normals is None else -self.normals
+        opacity = self.opacity and self.opacity.reversed()
         more = {"source": self.source, "up": self.up, "opacity": opacity, "polygons": self.polygons}
         return Mesh(self.vertices, self.faces[:, ::-1], normals, **more)  # type: ignore[arg-type]
 
@@ -187,7 +188,7 @@ def _triangles(given: Any, source: str) -> Int64s:
     triangles = [block.data for block in parts]
     for row, block in enumerate(parts):
         if block.type == "quad":
-            a, b, c, d = (np.asarray(given.points, np.float64)[block.data[:, corner]] for corner in range(4))
+            a, b, c, d = np.asarray(given.points, np.float64)[block.data.T]
             folds = (np.cross(b - a, c - a) * np.cross(c - a, d - a)).sum(axis=1) < 0
             turned = np.where(folds[:, None], np.roll(block.data, -1, axis=1), block.data)
             triangles[row] = turned[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)

@@ -5,7 +5,7 @@ Morton 1966, A computer oriented geodetic data base and a new technique in file 
 
 import numpy as np
 
-from ..kernel.jit import bound, inline, kernel
+from ..kernel.jit import bind, inline, kernel
 from ..system.threads import run_blocks, thread_count
 from ..types import AnyFloats, AnyInts, Float64s, Int64s, UInt32s
 from .placement import NEAR
@@ -19,13 +19,15 @@ def morton_order(points: AnyFloats) -> Int64s:
     """Rows of `points` (n, 3), finite, by 2^10 cells a side of their bounding cube; stable."""
     if not len(points):
         return np.zeros(0, np.int64)
-    low, high = (np.array([end(column) for column in points.T], np.float64) for end in (np.min, np.max))
+    low = np.array([column.min() for column in points.T], np.float64)
+    high = np.array([column.max() for column in points.T], np.float64)
     return radix_order(morton_codes(points, low, high), 3 * _COARSE)
 
 
 def morton_codes(points: AnyFloats, low: Float64s, high: Float64s) -> UInt32s:
     """Keys (n,) of `morton_order`. Args: low, high: (3,), bounds of all points, clipped to `NEAR`."""
-    low, high = np.clip(low, -NEAR, NEAR), np.clip(high, -NEAR, NEAR)
+    low = np.clip(low, -NEAR, NEAR)
+    high = np.clip(high, -NEAR, NEAR)
     extent = float((high - low).max())
     codes = np.empty(len(points), np.uint32)
     _codes(points, low, (2.0**_COARSE - 1.0) / extent if extent > 0 else 0.0, codes)
@@ -61,14 +63,16 @@ def _codes(points, low, scale, codes):
 
 def radix_order(keys: AnyInts, bits: int) -> Int64s:
     """The order (n,) that sorts unsigned `keys` (n,) of so many bits, stable (radix sort from the last digit)."""
-    count, threads = len(keys), thread_count(None)
-    order, sorted_ = np.arange(count), np.empty(count, np.int64)
+    count = len(keys)
+    threads = thread_count(None)
+    order = np.arange(count)
+    sorted_ = np.empty(count, np.int64)
     places = np.empty((-(-count // _BLOCK), 1 << _DIGIT), np.int64)
     for shift in range(0, bits, _DIGIT):
-        run_blocks(count, _BLOCK, bound(_count_digits, keys, order, shift, places), threads)
+        run_blocks(count, _BLOCK, bind(_count_digits, keys, order, shift, places), threads)
         before = np.cumsum(places.T).reshape(places.T.shape) - places.T
         places[:] = before.T
-        run_blocks(count, _BLOCK, bound(_place_by_digit, keys, order, shift, places, sorted_), threads)
+        run_blocks(count, _BLOCK, bind(_place_by_digit, keys, order, shift, places, sorted_), threads)
         order, sorted_ = sorted_, order
     return order
 

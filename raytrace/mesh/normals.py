@@ -12,13 +12,13 @@ from typing import Literal
 import numpy as np
 
 from ..kernel.counting_sort import counting_sort
-from ..kernel.jit import bound, inline, kernel
+from ..kernel.jit import bind, inline, kernel
 from ..kernel.vector import cross, divide, dot, length, load, load_triangle, store, subtract
 from ..system.threads import run_blocks, run_ranges, thread_count
 from ..types import AnyInts, Bools, Float64s, Int64s
 from .mesh import Mesh
 from .placement import Placement
-from .weld import CREASE, connect, cosine, number, sum_groups, weld
+from .weld import CREASE, connect, cosine, renumber_components, sum_groups, weld
 
 _BLOCK, _MOST = 1 << 11, 32  # faces or vectors, and blocks at once
 _VERTICES = 1 << 11  # of a thread that looks at all faces
@@ -30,7 +30,7 @@ def normalize(vectors: Float64s) -> Float64s:
     """Unit vectors along `vectors` (…, 3); zero, and what is not finite, becomes zero."""
     rows = np.ascontiguousarray(vectors, np.float64).reshape(-1, 3)
     out = np.empty(rows.shape)
-    run_blocks(len(rows), _BLOCK, bound(_normalize, rows, out), thread_count(None), most=_MOST)
+    run_blocks(len(rows), _BLOCK, bind(_normalize, rows, out), thread_count(None), most=_MOST)
     return out.reshape(np.shape(vectors))
 
 
@@ -45,11 +45,11 @@ def face_normals(vertices: Float64s, faces: AnyInts) -> tuple[Float64s, Float64s
 
     A face is degenerate when its area is zero to rounding: below 4 ulp of the product of its two longest edges.
     """
-    normals, areas = np.zeros((len(faces), 3)), np.zeros(len(faces))
-    vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
-    run_blocks(
-        len(faces), _BLOCK, bound(_face_normals, vertices, faces, normals, areas), thread_count(None), most=_MOST
-    )
+    normals = np.zeros((len(faces), 3))
+    areas = np.zeros(len(faces))
+    vertices = np.ascontiguousarray(vertices, np.float64)
+    faces = np.ascontiguousarray(faces, np.int64)
+    run_blocks(len(faces), _BLOCK, bind(_face_normals, vertices, faces, normals, areas), thread_count(None), most=_MOST)
     return normals, areas
 
 
@@ -61,9 +61,10 @@ def vertex_sums(
     Args: weighting: equal (12.31), area (12.32), or interior angle (12.33: as it is when a face is cut up).
     """
     sums = np.zeros((len(vertices), 3))
-    vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
+    vertices = np.ascontiguousarray(vertices, np.float64)
+    faces = np.ascontiguousarray(faces, np.int64)
     given = vertices, faces, normals, areas, ("angle", "area", "equal").index(weighting)
-    run_ranges(len(sums), _VERTICES, bound(_vertex_sums, *given, sums), thread_count(None))
+    run_ranges(len(sums), _VERTICES, bind(_vertex_sums, *given, sums), thread_count(None))
     return sums
 
 
@@ -95,10 +96,14 @@ def normalized(v):
 def _face_normals(vertices, faces, normals, areas, first, last):
     for f in range(first, last):
         i, j, k = load_triangle(vertices, faces, f)
-        a, b, c = subtract(j, i), subtract(k, j), subtract(i, k)
+        a = subtract(j, i)
+        b = subtract(k, j)
+        c = subtract(i, k)
         normal = cross(a, b)
         double = length(normal)
-        aa, bb, cc = dot(a, a), dot(b, b), dot(c, c)
+        aa = dot(a, a)
+        bb = dot(b, b)
+        cc = dot(c, c)
         shortest = min(aa, bb, cc)
         longest = np.sqrt(aa * bb if shortest == cc else (bb * cc if shortest == aa else cc * aa))
         if double > 4.0 * EPSILON * longest:
@@ -115,7 +120,8 @@ def _vertex_sums(vertices, faces, normals, areas, weighting, sums, first, last):
             if first <= i < last and areas[f] > 0.0:
                 weight = areas[f] if weighting == 1 else 1.0  # (12.32), (12.31)
                 if weighting == 0:  # (12.33)
-                    here, ahead = load(vertices, i), load(vertices, faces[f, (corner + 1) % 3])
+                    here = load(vertices, i)
+                    ahead = load(vertices, faces[f, (corner + 1) % 3])
                     behind = load(vertices, faces[f, (corner + 2) % 3])
                     weight = np.arctan2(2.0 * areas[f], dot(subtract(ahead, here), subtract(behind, here)))
                 magnitude[i - first] += weight
@@ -142,12 +148,13 @@ def creased_normals(mesh: Mesh) -> tuple[Float64s, Int64s]:
     fan = np.arange(faces.size)
     edges = counting_sort(np.minimum(places, places[:, [1, 2, 0]]), int(places.max()) + 1)
     _join_smooth(places.ravel(), across, *edges, fan)
-    number(fan)
+    renumber_components(fan)
     corners = vertices[faces.ravel()].astype(np.float64)
     sums = sum_groups(fan, vertex_sums(corners, np.arange(faces.size).reshape(-1, 3), across, areas))
     first = np.flatnonzero(np.diff(np.maximum.accumulate(fan), prepend=-1))
     group = weld(vertices[faces.ravel()[first]], fan.reshape(-1, 3), normalize(sums), CREASE)
-    of, flat = group[fan].reshape(-1, 3), areas == 0
+    of = group[fan].reshape(-1, 3)
+    flat = areas == 0
     group_at = np.full(len(vertices), -1)
     group_at[faces[~flat]] = of[~flat]
     of[flat] = np.where(group_at[faces[flat]] >= 0, group_at[faces[flat]], of[flat])
@@ -161,7 +168,8 @@ def _join_smooth(places, normals, edges, starts, fan):
     Args: places: (3 m,), a number for each corner's place. fan: (3 m,), a forest of corners.
         edges: edges[starts[i] : starts[i + 1]] have the lower end i; edge e begins at places[e].
     """
-    count, pair = np.zeros(len(starts), np.int64), np.zeros((len(starts), 2), np.int64)
+    count = np.zeros(len(starts), np.int64)
+    pair = np.zeros((len(starts), 2), np.int64)
     for i in range(len(starts) - 1):
         for edge in edges[starts[i] : starts[i + 1]]:
             other = max(places[edge], places[_after(edge)])
@@ -169,7 +177,8 @@ def _join_smooth(places, normals, edges, starts, fan):
             count[other] += 1
         for edge in edges[starts[i] : starts[i + 1]]:
             other = max(places[edge], places[_after(edge)])
-            a, b = pair[other, 0], pair[other, 1]
+            a = pair[other, 0]
+            b = pair[other, 1]
             if count[other] == 2 and places[a] == places[_after(b)] and cosine(normals, a // 3, b // 3) >= CREASE:
                 connect(fan, a, _after(b))
                 connect(fan, _after(a), b)

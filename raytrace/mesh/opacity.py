@@ -70,7 +70,8 @@ class PackedOpacity(NamedTuple):
         """That of the faces `kept`, bool (m,), numbered anew; None if they are opaque."""
         if not (self.of[kept] >= 0).any():
             return None
-        uv, corners = (each[kept] if len(each) else each for each in (self.uv, self.corners))
+        uv = self.uv[kept] if len(self.uv) else self.uv
+        corners = self.corners[kept] if len(self.corners) else self.corners
         return self._replace(of=self.of[kept], uv=uv, corners=corners)
 
 
@@ -133,12 +134,14 @@ class Opacity:
 
     def only(self, faces: Int64s) -> Opacity:
         """That of some faces, by their rows."""
-        uv, corners = (None if each is None else each[faces] for each in (self.uv, self.corners))
+        uv = None if self.uv is None else self.uv[faces]
+        corners = None if self.corners is None else self.corners[faces]
         return replace(self, of=self.of[faces], uv=uv, corners=corners)
 
     def reversed(self) -> Opacity:
         """That of the same faces with their corners in reverse order."""
-        uv, corners = (None if each is None else each[:, ::-1] for each in (self.uv, self.corners))
+        uv = None if self.uv is None else self.uv[:, ::-1]
+        corners = None if self.corners is None else self.corners[:, ::-1]
         return replace(self, uv=uv, corners=corners)
 
     @staticmethod
@@ -152,7 +155,8 @@ class Opacity:
         surfaces = tuple(surface for part in parts for surface in part.surfaces)
         uv = [np.zeros((len(part.of), 3, 2)) if part.uv is None else part.uv for part in parts]
         corners = np.concatenate([np.ones((len(p.of), 3)) if p.corners is None else p.corners for p in parts])
-        has_uv, has_corners = any(part.uv is not None for part in parts), (corners != 1).any()
+        has_uv = any(part.uv is not None for part in parts)
+        has_corners = (corners != 1).any()
         return Opacity(
             np.concatenate(of), surfaces, np.concatenate(uv) if has_uv else None, corners if has_corners else None
         )
@@ -161,7 +165,9 @@ class Opacity:
         """What kernels read, each image once; None if all faces are opaque wherever one looks. Raises: InputError."""
         from ..image.texture import WRAPS, texture_alpha
 
-        of, texels, end = self.of.copy(), [np.zeros((0, 1), np.float32)], 0
+        of = self.of.copy()
+        texels = [np.zeros((0, 1), np.float32)]
+        end = 0
         images = np.zeros((len(self.surfaces), 5), np.int64)
         cutoff = np.array([_BLEND if each.cutoff is None else each.cutoff for each in self.surfaces])
         stored: dict[tuple[Texture, bool], tuple[int, int, int, float]] = {}
@@ -206,7 +212,8 @@ def alpha(opacity, face, u, v):
     surface = opacity.of[face]
     if surface < 0:
         return 1.0
-    a, first = opacity.factor[surface], 1.0 - u - v
+    a = opacity.factor[surface]
+    first = 1.0 - u - v
     if len(opacity.corners) > 0:
         at = opacity.corners[face]
         a *= first * at[0] + u * at[1] + v * at[2]
@@ -223,10 +230,13 @@ def alpha(opacity, face, u, v):
 @inline
 def _texture_alpha(texels, image, u, v):
     """Bilinear alpha of an image of `PackedOpacity` at texture coordinates."""
-    start, width, height = image[0], image[1], image[2]
+    start = image[0]
+    width = image[1]
+    height = image[2]
     left, right, s = neighbours(u, width, image[3])
     upper, lower, t = neighbours(1.0 - v, height, image[4])
-    upper, lower = start + upper * width, start + lower * width
+    upper = start + upper * width
+    lower = start + lower * width
     return blend(texels, upper + left, upper + right, lower + left, lower + right, s, t, 0)
 
 

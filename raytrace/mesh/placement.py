@@ -47,7 +47,8 @@ class RenderSpace:
         exponent = min(-math.frexp(extent)[1], 1023) if extent > 0 else 0  # 2^1024 is no number
         farthest = float(np.maximum(high - centre, centre - low).max())
         scale = math.ldexp(1.0, min(exponent, _LARGEST - math.frexp(farthest)[1]) if farthest > 0 else exponent)
-        least, most = (((at - centre) * scale).astype(np.float32) for at in (low, high))
+        least = ((low - centre) * scale).astype(np.float32)
+        most = ((high - centre) * scale).astype(np.float32)
         diagonal = 1.001 * float(np.linalg.norm(most.astype(np.float64) - least))
         return cls(centre, scale, max(diagonal, 1e-30))
 

@@ -40,7 +40,8 @@ def coarseness(mesh: Mesh) -> Coarseness:
     bad = tilt > TILT
     if not bad.any():
         return Coarseness(0, 0.0, 0.0, False)
-    coarsest, is_stored = float(spacing[bad].max() / placement.scale), bool((stored[bad] >= seen[bad]).mean() > 0.5)
+    coarsest = float(spacing[bad].max() / placement.scale)
+    is_stored = bool((stored[bad] >= seen[bad]).mean() > 0.5)
     return Coarseness(int(np.count_nonzero(bad)), float(np.median(tilt[bad])), coarsest, is_stored)
 
 
@@ -91,7 +92,9 @@ def _tilts(vertices, faces, spacing, tilt, weight, widest):
     """Sum δ/h of each vertex's faces, weighted by their angles there, and the largest spacing among their corners."""
     for f in range(len(faces)):
         a, b, c = load_triangle(vertices, faces, f)
-        ab, bc, ca = subtract(b, a), subtract(c, b), subtract(a, c)
+        ab = subtract(b, a)
+        bc = subtract(c, b)
+        ca = subtract(a, c)
         double = length(cross(ab, bc))
         longest = np.sqrt(max(dot(ab, ab), dot(bc, bc), dot(ca, ca)))
         if double <= 1e-15 * longest * longest:

@@ -16,7 +16,10 @@ def smallest_ball(points: Float64s) -> tuple[Float64s, float]:
     that of what carries it and all that is outside of it, until nothing is (Clarkson 1995)."""
     size = float(max(np.ptp(column) for column in points.T)) or 1.0
     places = (points - points[0]) / size
-    some, centre, square, carriers = places[:: -(-len(places) // _SAMPLE)], places[0], -1.0, places[:1]
+    some = places[:: -(-len(places) // _SAMPLE)]
+    centre = places[0]
+    square = -1.0
+    carriers = places[:1]
     while True:
         before = square
         centre, square, carriers = _pivot(some, carriers)

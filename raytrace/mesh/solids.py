@@ -64,7 +64,8 @@ def inward_warnings(mesh: Mesh, vertices: Float32s | None = None) -> list[str]:
 def _is_enclosed(number: int, vertices: Float32s, faces: Int64s, part: Int64s, volume: Float64s) -> bool:
     """Whether a part lies within one that looks outwards."""
     count = len(volume)
-    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    low = np.full((count, 3), np.inf)
+    high = np.full((count, 3), -np.inf)
     used = np.unique(faces)
     np.minimum.at(low, part[used], vertices[used])
     np.maximum.at(high, part[used], vertices[used])
@@ -84,8 +85,12 @@ def _winding(vertices, faces, point):
     at = (point[0], point[1], point[2])
     for f in range(len(faces)):
         a, b, c = load_triangle(vertices, faces, f)
-        a, b, c = subtract(a, at), subtract(b, at), subtract(c, at)
-        la, lb, lc = length(a), length(b), length(c)
+        a = subtract(a, at)
+        b = subtract(b, at)
+        c = subtract(c, at)
+        la = length(a)
+        lb = length(b)
+        lc = length(c)
         along = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb
         total += 2.0 * np.arctan2(dot(a, cross(b, c)), along)
     return total / (4.0 * np.pi)
@@ -108,7 +113,8 @@ def _strike_open(corners, edges, starts, part, closed):
     balance = np.zeros(len(part), np.int64)
     for i in range(len(part)):
         for edge in edges[starts[i] : starts[i + 1]]:
-            a, b = corners[edge // 3, edge % 3], corners[edge // 3, (edge % 3 + 1) % 3]
+            a = corners[edge // 3, edge % 3]
+            b = corners[edge // 3, (edge % 3 + 1) % 3]
             balance[max(a, b)] += np.sign(b - a)
         for edge in edges[starts[i] : starts[i + 1]]:
             other = max(corners[edge // 3, edge % 3], corners[edge // 3, (edge % 3 + 1) % 3])

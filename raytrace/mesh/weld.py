@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..kernel.counting_sort import counting_sort
-from ..kernel.jit import bound, inline, kernel
+from ..kernel.jit import bind, inline, kernel
 from ..kernel.simd import compare_and_swap
 from ..system.threads import run_blocks, thread_count
 from ..types import AnyInts, Float32s, Float64s, Int64s
@@ -30,8 +30,8 @@ _FINE = 16.0  # contact radii; vertices all whose edges are shorter are welded o
 def connected_components(links: AnyInts, count: int) -> Int64s:
     """The component (count,), from 0 in the order of first members, of `count` that the rows of `links` connect."""
     parent = np.arange(count)
-    run_blocks(len(links), _BLOCK, bound(join, links, parent), thread_count(None), most=_MOST)
-    number(parent)
+    run_blocks(len(links), _BLOCK, bind(join, links, parent), thread_count(None), most=_MOST)
+    renumber_components(parent)
     return parent
 
 
@@ -50,7 +50,8 @@ def connect(parent, a, b):
     On several threads at once: a root that another has connected meanwhile is looked for again.
     """
     while True:
-        a, b = _root(parent, a), _root(parent, b)
+        a = _root(parent, a)
+        b = _root(parent, b)
         if a == b or compare_and_swap(parent, max(a, b), max(a, b), min(a, b)):
             break
 
@@ -64,7 +65,7 @@ def join(links, parent, first, last):
 
 
 @kernel
-def number(parent):
+def renumber_components(parent):
     """Write the number of each member's component in place of its parent."""
     count = 0
     for i in range(len(parent)):  # parents come before their children
@@ -80,11 +81,12 @@ def weld(positions: Float32s, faces: Int64s, normals: Float64s, agreement: float
 
     Args: normals: (n, 3), unit or zero (agrees with none). agreement: the least cosine.
     """
-    place, group = coincident(positions, faces), np.arange(len(positions))
+    place = coincident(positions, faces)
+    group = np.arange(len(positions))
     count = int(place.max(initial=-1)) + 1
     if count < len(positions):
         _join_agreeing(*counting_sort(place, count), normals, agreement, group)
-        number(group)
+        renumber_components(group)
     return group
 
 
@@ -106,13 +108,14 @@ def coincident(positions: Float32s, faces: Int64s) -> Int64s:
         rows = rows[np.lexsort(positions[rows].T[::-1])]
         pairs = rows[_near(positions, faces, rows)]
         join(pairs, first, 0, len(pairs))
-    number(first)
+    renumber_components(first)
     return first
 
 
 def first_alike(values: npt.NDArray[Any]) -> Int64s:
     """The first of the rows of `values` (n, any) that are equal bit by bit to each row, (n,)."""
-    first, table = np.empty(len(values), np.int64), np.zeros(2 << len(values).bit_length(), np.uint32)
+    first = np.empty(len(values), np.int64)
+    table = np.zeros(2 << len(values).bit_length(), np.uint32)
     key = np.frombuffer(os.urandom(8), np.uint64)[0]  # so that no file is made of positions that collide
     _find_first(np.ascontiguousarray(values).view(np.uint32), key, table, first)
     return first
@@ -130,7 +133,8 @@ def _find_first(words, key, table, first):
         for k in range(words.shape[1]):
             hashed = (hashed ^ np.uint64(words[i, k])) * np.uint64(0x9E3779B97F4A7C15)
             hashed ^= hashed >> np.uint64(32)
-        at, row = np.int64(hashed) & last, np.int64(0)
+        at = np.int64(hashed) & last
+        row = np.int64(0)
         while True:
             row = np.int64(table[at]) - 1
             alike = row >= 0
@@ -169,7 +173,8 @@ def grids(positions: Float32s) -> Iterator[tuple[Int64s, Int64s]]:
     rows = np.arange(len(positions))
     for quarter in range(4):
         subset = positions[rows] if quarter else positions
-        keys, beside = np.empty(len(rows), np.int64), np.empty(len(rows), np.bool_)
+        keys = np.empty(len(rows), np.int64)
+        beside = np.empty(len(rows), np.bool_)
         _locate(subset, quarter / 4 + 0.1, keys, beside)  # no border is at 0, where many coordinates are
         yield rows, keys
         rows = rows[beside]
@@ -183,7 +188,8 @@ def _locate(positions, shift, keys, beside):
         for axis in range(3):
             size, steps = np.float64(abs(positions[i, axis])), 0.0
             while size > 2.0:  # the same number of cells from 2 to 4 and from 4 to 8 as from 1 to 2
-                size, steps = 0.5 * size, steps + 1.0
+                size = 0.5 * size
+                steps = steps + 1.0
             at = math.copysign(size + steps, positions[i, axis]) * _CELLS + shift
             cell = np.floor(at)
             key = key << 21 | (int(cell) & 0x1FFFFF)
@@ -198,7 +204,8 @@ def sum_groups(group: Int64s, values: Float64s) -> Float64s:
 
 def _near(positions: Float32s, faces: Int64s, rows: Int64s) -> Int64s:
     """Pairs (j, 2) of `rows` (k,), which are sorted by x, that share a place: indices into these."""
-    subset, links = positions[rows], [np.zeros((0, 2), np.int64)]
+    subset = positions[rows]
+    links = [np.zeros((0, 2), np.int64)]
     for which, keys in grids(subset):
         sort = np.argsort(keys, kind="stable")
         order = which[sort]

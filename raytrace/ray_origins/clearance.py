@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..kernel.counting_sort import counting_sort
-from ..kernel.jit import bound, inline, kernel
+from ..kernel.jit import bind, inline, kernel
 from ..kernel.vector import add, divide, dot, length, load, store
 from ..system.threads import run_ranges, thread_count
 from ..types import Float64s, Int64s
@@ -26,8 +26,10 @@ def outermost_normals(
     Args: normals: (k, 3), unit or zero. face_points: int64 (m, any), the rows of `normals` that each face counts for.
         face_normals: (m, 3), unit.
     """
-    moved, directions, clearance = normals.copy(), normals.copy(), np.ones(len(normals))
-    work = bound(_least_cosines, moved, face_points, face_normals, clearance)
+    moved = normals.copy()
+    directions = normals.copy()
+    clearance = np.ones(len(normals))
+    work = bind(_least_cosines, moved, face_points, face_normals, clearance)
     run_ranges(len(moved), _LEAST, work, thread_count(None))
     rows = np.flatnonzero(clearance <= SHARP)
     if len(rows):
@@ -51,7 +53,8 @@ def _least_cosines(normals, face_points, face_normals, clearance, first, last):
 @kernel
 def _outermost(normals, directions, clearance, rows, starts, faces):
     for k in range(len(rows)):
-        row, own = rows[k], faces[starts[k] : starts[k + 1]]
+        row = rows[k]
+        own = faces[starts[k] : starts[k + 1]]
         direction = load(normals, row)
         if clearance[row] <= 0.0:
             direction, clearance[row] = _moved(direction, own, 0.0, _MOVES)

@@ -8,9 +8,9 @@ over the foot of a box that stands on it, and the point's own in a tie, as in a 
 
 import numpy as np
 
-from ..kernel.arrays import borrow
+from ..kernel.arrays import unrefcounted_view
 from ..kernel.counting_sort import counting_sort
-from ..kernel.jit import bound, inline, kernel
+from ..kernel.jit import bind, inline, kernel
 from ..kernel.vector import add, angle_between, cross, divide, dot, length, load, scale, store, subtract
 from ..mesh.placement import NEAR, ULP
 from ..system.threads import run_blocks, thread_count
@@ -23,7 +23,7 @@ _RISE = 1e-3
 _BLOCK, _MOST = 1 << 7, 16  # points, and blocks at once
 
 
-def turn_directions(
+def resolve_contacts(
     found: tuple[Float64s, Float64s, Bools],
     surface: Surface,
     points: Float64s,
@@ -44,55 +44,88 @@ def turn_directions(
     kept = np.where(needed, np.cumsum(needed) - 1, -1)
     corners, starts = counting_sort(kept[face_points], int(np.count_nonzero(needed)))
     at = kept[numbers[rows]]
-    own, others = (
-        (corners // 3, starts[at], starts[at + 1]),
-        (touched.face, first, np.append(first, len(touched.point))[1:]),
-    )
-    work = bound(_turn, surface, points, found, rows, own, others)
+    own = (corners // 3, starts[at], starts[at + 1])
+    others = (touched.face, first, np.append(first, len(touched.point))[1:])
+    work = bind(_turn, surface, points, found, rows, own, others)
     run_blocks(len(rows), _BLOCK, work, thread_count(None), most=_MOST)
 
 
 @kernel
 def _turn(surface, points, found, rows, own_faces, touched_faces, first, last):
-    """`turn_directions` of the points rows[first:last], from faces that they are a corner of, or touch, ascending, and
+    """`resolve_contacts` of the points rows[first:last], from faces that they are a corner of, or touch, ascending, and
     where those of each row begin and end."""
-    surface, (directions, clearance, decided), rows = borrow(surface), borrow(found), borrow(rows)
-    (own, own_starts, own_ends), (touched, touched_starts, touched_ends) = borrow(own_faces), borrow(touched_faces)
+    surface = unrefcounted_view(surface)
+    directions, clearance, ambiguous = unrefcounted_view(found)
+    rows = unrefcounted_view(rows)
+    own, own_starts, own_ends = unrefcounted_view(own_faces)
+    touched, touched_starts, touched_ends = unrefcounted_view(touched_faces)
     largest = 0
     for k in range(first, last):
         largest = max(largest, own_ends[k] - own_starts[k] + touched_ends[k] - touched_starts[k])
-    normals, front = np.empty((largest, 3)), np.empty((largest, 3))
-    angles, is_own = np.empty(largest), np.empty(largest, np.bool_)
+    normals = np.empty((largest, 3))  # of the faces at a point
+    front = np.empty((largest, 3))  # of those that it is in front of
+    angles = np.empty(largest)
+    is_own = np.empty(largest, np.bool_)
     for k in range(first, last):
         row = rows[k]
-        p, direction = load(points, row), load(directions, row)
-        i, j, count = own_starts[k], touched_starts[k], 0
-        own_end, touched_end = own_ends[k], touched_ends[k]
-        while i < own_end or j < touched_end:
-            is_own[count] = j == touched_end or (i < own_end and own[i] < touched[j])
-            f = own[i] if is_own[count] else touched[j]
-            i, j = (i + 1, j) if is_own[count] else (i, j + 1)
-            n = load(surface.normals, f)
-            if not is_own[count]:
-                decided[row] |= dot(n, direction) < -_SAME_PLANE or _rises(p, direction, surface, f)
-            if is_own[count] and dot(n, direction) < 0.0:  # seen from its other side
-                n = scale(-1.0, n)
-            store(normals, count, n)
-            angles[count] = _angle_about(p, surface.vertices, surface.faces, f)
-            count += 1
-        total, fronts = (0.0, 0.0, 0.0), 0
-        for i in range(count):
-            if _is_in_front(i, normals[:count], angles, is_own):
-                n = load(normals, i)
-                total = add(total, scale(angles[i], n))
-                store(front, fronts, n)
-                fronts += 1
-        size = length(total)
-        start = divide(total, size) if size > 1e-9 else direction
+        p = load(points, row)
+        direction = load(directions, row)
+        own_here = own[own_starts[k] : own_ends[k]]
+        touched_here = touched[touched_starts[k] : touched_ends[k]]
+        count, decides = _list_faces(p, direction, surface, own_here, touched_here, (normals, angles, is_own))
+        ambiguous[row] |= decides
+        start, fronts = _mean_in_front(count, (normals, angles, is_own), direction, front)
         turned, least = outermost_normal(start, front[:fronts])
         if least > 0.0:
             store(directions, row, turned)
             clearance[row] = least
+
+
+@inline
+def _list_faces(p, direction, surface, own, touched, listed):
+    """List the faces that a point is a corner of, `own`, and those that it touches, both ascending, as one.
+
+    Returns their number, and whether a touched one decides what is seen. Args: listed: normals (k, 3), those of its
+    own faces on the side of `direction`; the angles (k,) about the point; whether (k,) a face is its own. Filled.
+    """
+    normals, angles, is_own = listed
+    decides = False
+    i = 0
+    j = 0
+    count = len(own) + len(touched)
+    for place in range(count):
+        is_own[place] = j == len(touched) or (i < len(own) and own[i] < touched[j])
+        if is_own[place]:
+            f = own[i]
+            i += 1
+            n = load(surface.normals, f)
+            if dot(n, direction) < 0.0:  # seen from its other side
+                n = scale(-1.0, n)
+        else:
+            f = touched[j]
+            j += 1
+            n = load(surface.normals, f)
+            decides |= dot(n, direction) < -_SAME_PLANE or _rises(p, direction, surface, f)
+        store(normals, place, n)
+        angles[place] = _angle_about(p, surface.vertices, surface.faces, f)
+    return count, decides
+
+
+@inline
+def _mean_in_front(count, listed, direction, front):
+    """The mean normal, by angles, of the listed faces that a point is in front of, `direction` if they cancel; and how
+    many there are, whose normals fill `front`. Args: listed: by `_list_faces`, the first `count`."""
+    normals, angles, is_own = listed
+    total = (0.0, 0.0, 0.0)
+    fronts = 0
+    for i in range(count):
+        if _is_in_front(i, normals[:count], angles, is_own):
+            n = load(normals, i)
+            total = add(total, scale(angles[i], n))
+            store(front, fronts, n)
+            fronts += 1
+    size = length(total)
+    return (divide(total, size) if size > 1e-9 else direction), fronts
 
 
 @inline
@@ -101,7 +134,8 @@ def _rises(p, direction, surface, f):
     height, size = 0.0, 0.0
     for k in range(3):
         away = subtract(load(surface.vertices, surface.faces[f, k]), p)
-        height, size = max(height, dot(away, direction)), max(size, length(away))
+        height = max(height, dot(away, direction))
+        size = max(size, length(away))
     return height > _RISE * size
 
 
@@ -109,7 +143,8 @@ def _rises(p, direction, surface, f):
 def _is_in_front(i, normals, angles, is_own):
     """Whether a point is taken to be in front of its i-th face; see the module on faces that look opposite ways."""
     balance, opposed = 0.0, False
-    n, step = load(normals, i), 1 + len(normals) // MANY
+    n = load(normals, i)
+    step = 1 + len(normals) // MANY
     for j in range(i % step, len(normals), step):
         cosine = dot(n, load(normals, j))
         if cosine > _SAME_PLANE:
@@ -123,7 +158,8 @@ def _is_in_front(i, normals, angles, is_own):
 @inline
 def _angle_about(p, vertices, faces, f):
     """Angle that a face fills about a point on it: a corner's own, π on an edge, 2π inside."""
-    angle, tiny = 2.0 * np.pi, 16.0 * ULP * max(1.0, max(abs(p[0]), abs(p[1]), abs(p[2])) / NEAR)
+    angle = 2.0 * np.pi
+    tiny = 16.0 * ULP * max(1.0, max(abs(p[0]), abs(p[1]), abs(p[2])) / NEAR)
     for k in range(3):
         a = subtract(load(vertices, faces[f, k]), p)
         b = subtract(load(vertices, faces[f, (k + 1) % 3]), p)

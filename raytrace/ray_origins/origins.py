@@ -11,8 +11,8 @@ import numpy as np
 
 from ..bvh.bvh16 import BVH16
 from ..bvh.closest import closest_on_triangle
-from ..kernel.arrays import borrow, product
-from ..kernel.jit import bound, inline, kernel
+from ..kernel.arrays import product, unrefcounted_view
+from ..kernel.jit import bind, inline, kernel
 from ..kernel.vector import add, dot, load, load_triangle, scale, subtract
 from ..mesh.normals import Weighting, face_normals, nonzero, normalize, vertex_sums
 from ..mesh.placement import LEAST, TOUCHING, ULP
@@ -20,7 +20,7 @@ from ..mesh.weld import CREASE, sum_groups, weld
 from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Float64s, Int64s
 from .clearance import SHARP, outermost_normals
-from .direction import turn_directions
+from .direction import resolve_contacts
 from .surface import Contacts, Surface, find_contacts
 
 OFFSET_ULPS = 16.0  # 4 were enough in 20,000 trials
@@ -47,25 +47,28 @@ def ray_origins(
         magnitude: (k,), what `surface.magnitudes(face_points, …)` has for a point's number.
     """
     offset, touching, reach = offsets_and_reaches(points, directions, magnitude, clearance)
-    decided = np.zeros(len(points), np.bool_)
+    ambiguous = np.zeros(len(points), np.bool_)
     near = find_contacts(tree, surface, points, reach, face_points, numbers)
     touches = near.distance <= np.maximum(touching[near.point], surface.rounding[near.face])
-    touched, blurred = near.only(touches), near.point[~touches & (near.distance <= (reach * clearance)[near.point])]
+    touched = near.only(touches)
+    blurred = near.point[~touches & (near.distance <= (reach * clearance)[near.point])]
     if len(touched.point):
-        directions, clearance, magnitude = directions.copy(), clearance.copy(), magnitude.copy()
-        turn_directions((directions, clearance, decided), surface, points, touched, face_points, numbers)
+        directions = directions.copy()
+        clearance = clearance.copy()
+        magnitude = magnitude.copy()
+        resolve_contacts((directions, clearance, ambiguous), surface, points, touched, face_points, numbers)
         np.maximum.at(magnitude, touched.point, np.maximum(surface.extent[touched.face], surface.flat[touched.face]))
         offset = ray_offset(directions, magnitude, clearance)
         farther = np.where((reach >= 0.0) & (2.0 * offset > reach), 2.0 * offset, -1.0)
         more = find_contacts(tree, surface, points, farther, face_points, numbers)
         near = Contacts(*(np.append(a, b) for a, b in zip(near, more, strict=True)))
-    decided[blurred] = True
+    ambiguous[blurred] = True
     sharp = np.flatnonzero((reach >= 0.0) & (clearance < SHARP))
     if len(sharp):
         near_edge = _NEAR * surface.shortest_edges(face_points, numbers[sharp])
         offset[sharp] = np.clip(near_edge, _LEAST * offset[sharp], offset[sharp])
     stop_short(offset, points, directions, touching, near, surface)
-    return points + offset[:, None] * directions, decided
+    return points + offset[:, None] * directions, ambiguous
 
 
 def ray_offset(directions: Float64s, magnitude: Float64s, clearance: Float64s) -> Float64s:
@@ -82,7 +85,7 @@ def offsets_and_reaches(
 ) -> tuple[Float64s, Float64s, Float64s]:
     """`ray_offset`, how near a face is touched, and within what distance to look for faces, −1 without a direction."""
     found = np.empty((3, len(points)))
-    work = bound(_offsets_and_reaches, points, directions, magnitude, clearance, found)
+    work = bind(_offsets_and_reaches, points, directions, magnitude, clearance, found)
     run_blocks(len(points), _BLOCK, work, thread_count(None))
     return found[0], found[1], found[2]
 
@@ -91,7 +94,8 @@ def offsets_and_reaches(
 def _offsets_and_reaches(points, directions, magnitude, clearance, found, first, last):
     offset, touching, reach = found
     for i in range(first, last):
-        direction, point = load(directions, i), load(points, i)
+        direction = load(directions, i)
+        point = load(points, i)
         offset[i] = OFFSET_ULPS * ULP * _span(direction) * magnitude[i] / max(clearance[i], 0.01)
         touching[i] = TOUCHING * ULP * max(_span(point), LEAST)
         reach[i] = max(_BLURRED * offset[i], touching[i])  # so far that turning a direction seldom asks for more
@@ -108,10 +112,14 @@ def _span(v):
 def stop_short(offset, points, directions, touching, near, surface):
     """Cut each offset to half the way to the first face that twice of it would pass, those nearer than `touching` left
     out. Args: near: Contacts."""
-    near, surface = borrow(near), borrow(surface)
+    near = unrefcounted_view(near)
+    surface = unrefcounted_view(surface)
     for i in range(len(near.point)):
-        row, f = near.point[i], near.face[i]
-        p, direction, n = load(points, row), load(directions, row), load(surface.normals, f)
+        row = near.point[i]
+        f = near.face[i]
+        p = load(points, row)
+        direction = load(directions, row)
+        n = load(surface.normals, f)
         a, b, c = load_triangle(surface.vertices, surface.faces, f)
         facing = dot(n, direction)
         if facing != 0.0:
@@ -162,7 +170,8 @@ class WeldedPoints(NamedTuple):
 
     def displacement(self, surface: Surface, origins: Float64s) -> Float64s:
         """Distances (k,) of origins (k, 3) from points in folds as sharp as `SHARP`, in shortest edges; elsewhere 0."""
-        found, sharp = np.zeros(len(self.first)), np.flatnonzero(nonzero(self.directions) & (self.clearance < SHARP))
+        found = np.zeros(len(self.first))
+        sharp = np.flatnonzero(nonzero(self.directions) & (self.clearance < SHARP))
         if len(sharp):
             away = np.linalg.norm(origins[sharp] - surface.vertices[self.first[sharp]], axis=1)
             found[sharp] = away / surface.shortest_edges(self.face_points, sharp)
@@ -186,14 +195,16 @@ def weld_points(
     face_normal, area = face_normals(vertices, faces)
     sums = vertex_sums(vertices, faces, face_normal, area, weighting)
     if not area.all():
-        faces, face_normal = faces[area > 0], face_normal[area > 0]
+        faces = faces[area > 0]
+        face_normal = face_normal[area > 0]
     mean = normalize(sums)
     group = weld(vertices.astype(np.float32), faces, mean if normals is None else normals, agreement)
     first, face_points = group, np.ascontiguousarray(faces)
     if len(group) > group.max() + 1:
         first = np.empty(int(group.max()) + 1, np.int64)
         first[group[::-1]] = np.arange(len(group))[::-1]
-        face_points, mean = group.take(faces), normalize(sum_groups(group, sums))
+        face_points = group.take(faces)
+        mean = normalize(sum_groups(group, sums))
     axes, directions, clearance = outermost_normals(mean, face_points, face_normal)
     if normals is not None:
         behind = np.einsum("ij,ij->i", directions, normals[first]) < 0

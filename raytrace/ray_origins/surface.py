@@ -11,8 +11,8 @@ import numpy as np
 
 from ..bvh.bvh16 import BVH16
 from ..bvh.closest import begin, closest_on_triangle, new_stack, next_leaf
-from ..kernel.arrays import borrow
-from ..kernel.jit import bound, inline, kernel
+from ..kernel.arrays import unrefcounted_view
+from ..kernel.jit import bind, inline, kernel
 from ..kernel.simd import lowest_bit
 from ..kernel.vector import cross, length, load, load_triangle, subtract
 from ..mesh.placement import NEAR, TOUCHING, ULP
@@ -54,7 +54,7 @@ class Surface(NamedTuple):
     def of(cls, vertices: Float64s, faces: Int64s, normals: Float64s) -> Surface:
         """These faces, measured; arguments as the attributes."""
         surface = cls(vertices, faces, normals, *(np.zeros(len(faces)) for _ in range(3)))
-        run_blocks(len(faces), _BLOCK, bound(_measure, surface), thread_count(None), most=_MOST)
+        run_blocks(len(faces), _BLOCK, bind(_measure, surface), thread_count(None), most=_MOST)
         return surface
 
     def reversed(self) -> Surface:
@@ -74,16 +74,18 @@ class Surface(NamedTuple):
 
     def magnitudes(self, face_points: Int64s, count: int) -> Float64s:
         """The scale of the offset at each of `count` points (`ray_offset`), those of `face_points` (m, 3)."""
-        around, magnitude, threads = np.zeros(count), np.zeros(count), thread_count(None)
-        run_ranges(count, _POINTS, bound(_spread_flat, self.flat, face_points, around), threads)
-        run_ranges(count, _POINTS, bound(_magnitudes, self.extent, face_points, around, magnitude), threads)
+        around = np.zeros(count)
+        magnitude = np.zeros(count)
+        threads = thread_count(None)
+        run_ranges(count, _POINTS, bind(_spread_flat, self.flat, face_points, around), threads)
+        run_ranges(count, _POINTS, bind(_magnitudes, self.extent, face_points, around, magnitude), threads)
         return magnitude
 
 
 @kernel
 def _measure(surface, first, last):
     """Fill in `extent`, `flat` and `rounding` of some faces."""
-    surface = borrow(surface)
+    surface = unrefcounted_view(surface)
     for f in range(first, last):
         a, b, c = load_triangle(surface.vertices, surface.faces, f)
         across = 0.0
@@ -91,8 +93,11 @@ def _measure(surface, first, last):
             largest = max(abs(a[axis]), abs(b[axis]), abs(c[axis]))
             surface.extent[f] = max(surface.extent[f], largest)
             across += abs(surface.normals[f, axis]) * largest
-        surface.extent[f], surface.rounding[f] = min(surface.extent[f], max(NEAR, across)), TOUCHING * ULP * across
-        ab, bc, ca = subtract(b, a), subtract(c, b), subtract(a, c)
+        surface.extent[f] = min(surface.extent[f], max(NEAR, across))
+        surface.rounding[f] = TOUCHING * ULP * across
+        ab = subtract(b, a)
+        bc = subtract(c, b)
+        ca = subtract(a, c)
         slender = length(ab) * length(bc) * length(ca) / max(length(cross(ab, bc)), 1e-150)  # longest edge/sine
         surface.flat[f] = min(FLAT * slender, max(NEAR, min(_largest(a), _largest(b), _largest(c))))
 
@@ -116,7 +121,9 @@ def _spread_flat(flat, face_points, around, first, last):
 def _magnitudes(extent, face_points, around, magnitude, first, last):
     """The largest `extent` of a point's faces, and `flat` of these and of its neighbours' faces, which rays pass by."""
     for f in range(len(face_points)):
-        a, b, c = face_points[f, 0], face_points[f, 1], face_points[f, 2]
+        a = face_points[f, 0]
+        b = face_points[f, 1]
+        c = face_points[f, 2]
         if first <= a < last or first <= b < last or first <= c < last:
             largest = max(extent[f], max(around[a], around[b], around[c]))
             for point in (a, b, c):
@@ -149,7 +156,8 @@ def find_contacts(
     """
     if not (reach >= 0.0).any() or not len(surface.faces):
         return _empty(0)
-    around, most = (points, reach, face_points, numbers), float(surface.rounding.max())
+    around = (points, reach, face_points, numbers)
+    most = float(surface.rounding.max())
     if most <= _USUAL_ROUNDING:
         return _find(tree, surface, around, most)
     found, least = [], -1.0
@@ -173,7 +181,8 @@ def _find(tree: BVH16, surface: Surface, around: _Points, most: float) -> Contac
     parts: list[Contacts] = [_empty(0)] * -(-count // _SEARCHED)
 
     def search(first: int, last: int) -> None:
-        found, fill = _empty(_USUAL * _SEARCHED), bound(_search, tree, new_stack(), surface, around, most)
+        found = _empty(_USUAL * _SEARCHED)
+        fill = bind(_search, tree, new_stack(), surface, around, most)
         size = fill(first, last, found)
         if size > len(found.point):
             found = _empty(size)
@@ -181,8 +190,7 @@ def _find(tree: BVH16, surface: Surface, around: _Points, most: float) -> Contac
         parts[first // _SEARCHED] = found.only(np.arange(size))  # copies, so that the rest is let go
 
     run_blocks(count, _SEARCHED, search, thread_count(None))
-    point, face, distance = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Contacts(point, face, distance)
+    return Contacts(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 def _empty(count: int) -> Contacts:
@@ -198,13 +206,20 @@ def _beside(p, reach, a, b, c):
 @kernel
 def _search(tree, stack, surface, around, most, first, last, found):
     """Write the contacts of points from `first` to `last` into `found` as far as they fit; returns their number."""
-    tree, surface, found = borrow(tree), borrow(surface), borrow(found)
-    (points, reach, corners, numbers), count = borrow(around), 0
-    nearest = kept, distances = np.empty(_MOST_CONTACTS, np.int64), np.empty(_MOST_CONTACTS)
+    tree = unrefcounted_view(tree)
+    surface = unrefcounted_view(surface)
+    found = unrefcounted_view(found)
+    points, reach, corners, numbers = unrefcounted_view(around)
+    count = 0
+    kept = np.empty(_MOST_CONTACTS, np.int64)
+    distances = np.empty(_MOST_CONTACTS)
     for i in range(first, last):
         if reach[i] < 0.0:
             continue
-        p, number, filled, seen = load(points, i), numbers[i], 0, 0
+        p = load(points, i)
+        number = numbers[i]
+        filled = 0
+        seen = 0
         place = begin(tree, stack, p, max(reach[i], most))
         leaf, near = next_leaf(tree, stack, place)
         while near != 0 and seen < _SEEN:
@@ -213,11 +228,13 @@ def _search(tree, stack, surface, around, most, first, last, found):
                 near &= near - 1
                 seen += filled == _MOST_CONTACTS
                 if corners[f, 0] != number and corners[f, 1] != number and corners[f, 2] != number:
-                    filled = _keep(surface, f, p, max(reach[i], surface.rounding[f]), nearest, filled)
+                    filled = _keep(surface, f, p, max(reach[i], surface.rounding[f]), (kept, distances), filled)
             leaf, near = next_leaf(tree, stack, place)
         for k in range(filled):
             if count < len(found.point):
-                found.point[count], found.face[count], found.distance[count] = i, kept[k], distances[k]
+                found.point[count] = i
+                found.face[count] = kept[k]
+                found.distance[count] = distances[k]
             count += 1
     return count
 
@@ -236,7 +253,9 @@ def _keep(surface, f, p, within, nearest, filled):
         return filled
     place = min(filled, _MOST_CONTACTS - 1)
     while place > 0 and kept[place - 1] > f:
-        kept[place], distances[place] = kept[place - 1], distances[place - 1]
+        kept[place] = kept[place - 1]
+        distances[place] = distances[place - 1]
         place -= 1
-    kept[place], distances[place] = f, away
+    kept[place] = f
+    distances[place] = away
     return min(filled + 1, _MOST_CONTACTS)

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..brdf.layout import ALPHA, TWO_SIDED
+from ..brdf.material import pack_materials
 from ..bvh.bvh16 import BVH16
 from ..embree.packets import FILTER_PATH
 from ..embree.scene import EmbreeInstance, EmbreeScene, Triangles, TriangleScene
@@ -17,7 +18,6 @@ from ..image.texture import Texture
 from ..kernel.arrays import aligned, product
 from ..kernel.jit import Kernel
 from ..materials.alpha_filter import filter_hits
-from ..materials.materials import pack_materials
 from ..mesh.mesh import Mesh
 from ..mesh.normals import face_normals, normalize, vertex_sums
 from ..mesh.opacity import Opacity, PackedOpacity
@@ -96,35 +96,28 @@ class _PlacedShape(NamedTuple):
 
 def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
     space, reach = _render_space(objects)
-    centre, scale = space.centre, space.scale
-    place = _scaling(centre, scale)
-    uses: dict[int, list[Object]] = {}
-    for item in objects:
-        uses.setdefault(id(item.shape), []).append(item)
-    placed_shapes = [
-        _placed(item.shape, None if others else place @ item.transform, weighting) for item, *others in uses.values()
-    ]
+    placed_shapes, rank = _place_shapes(objects, space, weighting)
     shapes = [placed.shape for placed in placed_shapes]
-    row_of = {key: row for row, key in enumerate(uses)}
-    rank = np.array([row_of[id(item.shape)] for item in objects])
-    vertex_starts = np.cumsum([0, *(len(shape.mesh.vertices) for shape in shapes)])
-    face_starts = np.cumsum([0, *(len(shape.mesh.faces) for shape in shapes)])
-    textures = shape_textures(shapes)
-    number = {texture: row for row, texture in enumerate(textures)} | {None: -1}
+    meshes = [shape.mesh for shape in shapes]
 
-    transforms, eye = np.array([item.transform for item in objects]), np.eye(4)
+    # objects: where they are, what Embree traces, and their materials
     instanced = np.array([placed.scene is not None for placed in placed_shapes])[rank]
-    to_shape = np.array([np.linalg.inv(placed.from_shape) if placed.scene else eye for placed in placed_shapes])
-    matrices = np.where(instanced[:, None, None], place @ transforms @ to_shape[rank], eye)
+    transforms = np.array([item.transform for item in objects])
+    matrices = _to_render(transforms, space, placed_shapes, rank)
     embree, boxes = _build_embree(placed_shapes, rank, matrices)
     kinds, rows = pack_materials([shape.material for shape in shapes])
-    meshes = [shape.mesh for shape in shapes]
-    occlusions = [item.shape.occlusion for item in objects]
-    polygons = _polygons(placed_shapes)
+
+    # shapes: their vertices and faces one after the other, then polygons
+    vertex_starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    face_starts = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])
     corner_rows = [mesh.faces + start for mesh, start in zip(meshes, vertex_starts[:-1], strict=True)]
+    polygons = _polygons(placed_shapes)
+    textures = shape_textures(shapes)
+    number = {texture: row for row, texture in enumerate(textures)} | {None: -1}
+    occlusions = [item.shape.occlusion for item in objects]
     arrays = Geometry(
         handle=embree.handle,
-        farthest=8.0 * max(1.0, scale * reach),
+        farthest=8.0 * max(1.0, space.scale * reach),
         vertices=_joined([*(placed.vertices for placed in placed_shapes), polygons.centres], np.float32),
         normals=_joined([*(placed.normals for placed in placed_shapes), polygons.normals], np.float32),
         faces=_joined(corner_rows, np.int32),
@@ -152,7 +145,30 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
         boxes=pack_boxes(merged(boxes)),
         opacity=_opacity(shapes),
     )
-    return BuiltGeometry(arrays, embree, centre, scale, textures, weighting)
+    return BuiltGeometry(arrays, embree, space.centre, space.scale, textures, weighting)
+
+
+def _place_shapes(
+    objects: tuple[Object, ...], space: RenderSpace, weighting: Normals
+) -> tuple[list[_PlacedShape], Int64s]:
+    """The shapes of objects, those of one object alone in render space; and of each object (o,) its shape's row."""
+    uses: dict[int, list[Object]] = {}
+    for item in objects:
+        uses.setdefault(id(item.shape), []).append(item)
+    place = _scaling(space.centre, space.scale)
+    shapes = [
+        _placed(item.shape, None if others else place @ item.transform, weighting) for item, *others in uses.values()
+    ]
+    row_of = {key: row for row, key in enumerate(uses)}
+    return shapes, np.array([row_of[id(item.shape)] for item in objects])
+
+
+def _to_render(transforms: Float64s, space: RenderSpace, shapes: list[_PlacedShape], rank: Int64s) -> Float64s:
+    """Matrices (o, 4, 4) from objects' shapes, as they are traced, to render space. Args: rank: rows in `shapes`."""
+    from_shape = np.array([placed.from_shape if placed.scene else np.eye(4) for placed in shapes])
+    instanced = np.array([placed.scene is not None for placed in shapes])[rank]
+    matrices = _scaling(space.centre, space.scale) @ transforms @ np.linalg.inv(from_shape)[rank]
+    return np.where(instanced[:, None, None], matrices, np.eye(4))
 
 
 def _build_embree(shapes: list[_PlacedShape], rank: Int64s, matrices: Float64s) -> tuple[EmbreeScene, Float64s]:
@@ -186,7 +202,8 @@ def _polygons(shapes: list[_PlacedShape]) -> Polygons:
         own.of[own.of >= 0] += number
         own.edges[:] += vertex
         polygons.append(own._replace(normals=-own.normals) if mirrored else own)
-        vertex, number = vertex + len(mesh.vertices), number + len(own.counts)
+        vertex = vertex + len(mesh.vertices)
+        number = number + len(own.counts)
     whole = Polygons(*map(np.concatenate, zip(*polygons, strict=True)))
     return whole if len(whole.counts) else none
 
@@ -225,7 +242,8 @@ def _render_space(objects: tuple[Object, ...]) -> tuple[RenderSpace, float]:
     shapes = {id(item.shape): item.shape for item in objects}
     boxes = {key: _corners(np.array(shape.mesh.bounds)) for key, shape in shapes.items()}
     corners = [place(item, boxes[id(item.shape)]) for item in objects]
-    low, high = np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))
+    low = np.min(corners, axis=(0, 1))
+    high = np.max(corners, axis=(0, 1))
     rows = sample(sum(len(item.shape.mesh.used) for item in objects))  # the same fraction of each object
     space = RenderSpace.around(low, high, np.concatenate([place(item, item.shape.mesh.used[rows]) for item in objects]))
     return space, float(np.maximum(high - space.centre, space.centre - low).max())
@@ -277,7 +295,9 @@ def _smooth_normals(mesh: Mesh, normals: Normals) -> Float64s:
 
 def _in_render_space(geometry: Geometry) -> tuple[Float64s, Int64s, Float64s]:
     """All objects as one mesh in render space, faces wound outwards: vertices, faces, unit vertex normals."""
-    vertices, faces, normals = [], [], []
+    vertices = []
+    faces = []
+    normals = []
     begins = np.unique(geometry.first_face)
     ends = np.append(begins, len(geometry.faces))[np.searchsorted(begins, geometry.first_face) + 1]
     for item, size in enumerate(np.diff(geometry.first_w)):

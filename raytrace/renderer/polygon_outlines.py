@@ -7,7 +7,7 @@ import numpy as np
 from ..kernel.counting_sort import counting_sort
 from ..kernel.jit import inline, kernel
 from ..kernel.vector import add, cross, dot, load, load_triangle, scale, store, subtract, unit
-from ..sampling.sequences import mix
+from ..sampling.sequences import hash32
 from ..types import Float32s, Float64s, Int32s, Int64s
 
 _TURNED = 1e-5  # of twice a polygon's area: a triangle turned over by more than this is one of a fold
@@ -28,8 +28,10 @@ def mesh_polygons(vertices: Float32s, faces: Int64s, given: Int64s | None) -> Po
     _, number = np.unique(np.arange(0) if given is None else given, return_inverse=True)
     order, starts = counting_sort(number, int(number.max(initial=-1)) + 1)
     sizes = np.diff(starts)
-    most, places = int((sizes > 1).sum()), 3 * int(sizes[sizes > 1].sum())
-    of, counts = np.full(len(faces), -1, np.int32), np.empty(most, np.int32)
+    most = int((sizes > 1).sum())
+    places = 3 * int(sizes[sizes > 1].sum())
+    of = np.full(len(faces), -1, np.int32)
+    counts = np.empty(most, np.int32)
     out = Polygons(of, np.empty((most, 3)), np.empty((most, 3)), np.empty((places, 2), np.int32), counts)
     slots = np.empty((2, _slots(int(sizes.max(initial=0)))), np.int64)
     count, used = _find_polygons(vertices, faces, order, starts, slots, out)
@@ -100,7 +102,8 @@ def _folded(vertices, faces, own, newell):
 @inline
 def _half_edge(faces, own, half):
     """The two vertices of the half-edge of this number, three to a face."""
-    f, corner = own[half // 3], half % 3
+    f = own[half // 3]
+    corner = half % 3
     return faces[f, corner], faces[f, (corner + 1) % 3]
 
 
@@ -108,7 +111,7 @@ def _half_edge(faces, own, half):
 def _slot(slots, size, a, b):
     """The slot of a polygon's edge, of the first `size`; a new edge is entered."""
     key = min(a, b) << 32 | max(a, b)
-    at = np.int64(mix(mix(a) + mix(b))) & (size - 1)
+    at = np.int64(hash32(hash32(a) + hash32(b))) & (size - 1)
     while slots[0, at] >= 0 and slots[0, at] != key:
         at = (at + 1) & (size - 1)
     slots[0, at] = key

@@ -20,7 +20,7 @@ from ..settings import Settings
 from ..shade.camera_rays import place_camera
 from ..shade.film import EDGE, FIRST, TILE
 from ..shade.layout import FILM, LIGHTING, Film
-from ..shade.see_through import mark_seen
+from ..shade.transparency import mark_seen
 from ..system.checks import check_memory
 from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Int64s
@@ -106,7 +106,8 @@ def _render_tiles(picture: RenderJob, film: Film, threads: int, progress: Progre
 def rendering_bytes(scene: Scene, settings: Settings, layers: bool, threads: int | None = None) -> int:
     """Bytes that `render` takes at its peak beside the scene; fitted to measurements (`ao.memory`)."""
     meshes = {id(item.shape): item.shape.mesh for item in scene.objects}.values()
-    vertices, faces = sum(len(mesh.vertices) for mesh in meshes), sum(len(mesh.faces) for mesh in meshes)
+    vertices = sum(len(mesh.vertices) for mesh in meshes)
+    faces = sum(len(mesh.faces) for mesh in meshes)
     _, _, wide, high = whole_tiles(settings)
     film = 4 * wide * high * (FILM if layers else LAYERS["beauty"])
     film += _EDGES * -(-wide // TILE) * -(-high // TILE) * (settings.samples > FIRST)

@@ -38,7 +38,8 @@ def whole_tiles(settings: Settings) -> tuple[int, int, int, int]:
     For a crop, the tiles that it touches and their neighbours, whose pixels decide about pixels on its edges.
     """
     x, y, wide, high = settings.crop or (0, 0, settings.width, settings.height)
-    left, top = max(x // TILE - 1, 0) * TILE, max(y // TILE - 1, 0) * TILE
+    left = max(x // TILE - 1, 0) * TILE
+    top = max(y // TILE - 1, 0) * TILE
     right = min((-(-(x + wide) // TILE) + 1) * TILE, settings.width)
     bottom = min((-(-(y + high) // TILE) + 1) * TILE, settings.height)
     return left, top, right - left, bottom - top
@@ -56,12 +57,14 @@ class RenderJob:
         lit = np.zeros((0, LIGHTING)) if lit is None else lit  # vertices, if they are lit already
         self.scene = SceneArrays(self.geometry.arrays, built.w, built.bent, built.lights, self._textures.packed, lit)
         self.view = place_camera(camera, settings, self.geometry.centre, self.geometry.scale)
-        shading, form = _SHADINGS.index(settings.shading), _FORMS.index(settings.obscurance)
+        shading = _SHADINGS.index(settings.shading)
+        form = _FORMS.index(settings.obscurance)
         switches = settings.shadows, settings.terminator, layers, layers or form != layout.OFF
         self.style = Style(settings.samples, shading, form, *switches, built.background)
         self._left, self._top, self._wide, self._high = whole_tiles(settings)
         self._crop = settings.crop or (0, 0, settings.width, settings.height)
-        self.columns, self.rows = -(-self._wide // TILE), -(-self._high // TILE)  # of tiles
+        self.columns = -(-self._wide // TILE)  # of tiles
+        self.rows = -(-self._high // TILE)  # of tiles
         self.tiles = self.columns * self.rows
         first = FIRST if self.view.lens == 0 else BLURRED
         self.adaptive = settings.samples > first  # whether pixels may be retired early
@@ -93,7 +96,7 @@ class RenderJob:
             active=np.zeros(lights, np.int64),
             hidden=np.zeros(lights, np.bool_),
             layers=aligned((PACKETS if hit_filter else 0, layout.COVER + 1, WIDE), np.float32),
-            going=aligned((PACKETS, WIDE), np.int32),
+            active_rays=aligned((PACKETS, WIDE), np.int32),
             missing=np.zeros(len(self.geometry.textures), np.int64),
             counts=np.zeros(layout.COUNTERS, np.int64),
         )
@@ -121,7 +124,8 @@ class RenderJob:
         pixels, edges, counts = out
         again = around is not None
         first = max(int(numbers.min()) // self.columns - again, 0)
-        film, scratch = self.film(first, min(int(numbers.max()) // self.columns + 1 + again, self.rows)), self.scratch()
+        film = self.film(first, min(int(numbers.max()) // self.columns + 1 + again, self.rows))
+        scratch = self.scratch()
         for row, number in enumerate(numbers):
             tile = int(number) - first * self.columns
             if around is not None:
@@ -140,8 +144,10 @@ class RenderJob:
 
     def beside(self, numbers: Int64s) -> Int64s:
         """Numbers of tiles and of those left, right, above and below, (k, 5); the tile's own where there is none."""
-        left, right = numbers % self.columns > 0, (numbers + 1) % self.columns > 0
-        above, below = numbers >= self.columns, numbers + self.columns < self.tiles
+        left = numbers % self.columns > 0
+        right = (numbers + 1) % self.columns > 0
+        above = numbers >= self.columns
+        below = numbers + self.columns < self.tiles
         steps = [0 * left, -1 * left, 1 * right, -self.columns * above, self.columns * below]
         return numbers[:, None] + np.stack(steps, axis=1)
 
@@ -174,7 +180,8 @@ class RenderJob:
         parts = np.split(crop, np.cumsum([*LAYERS.values()])[:-1], axis=2)
         layers = {name: part for name, part in zip(LAYERS, parts, strict=True) if part.shape[2]}
         counts = self.counts.tolist()
-        rays, skipped = dict(zip(_TRACED, counts[:2], strict=True)), dict(zip(_SKIPPED, counts[2:], strict=True))
+        rays = dict(zip(_TRACED, counts[:2], strict=True))
+        skipped = dict(zip(_SKIPPED, counts[2:], strict=True))
         return Frame(layers, rays, skipped, seconds, self.style.background)
 
 
@@ -190,5 +197,6 @@ def paste(film: Film, numbers: Int64s, pixels: Float32s, marks: Bools | None = N
 def _part(film: Film, tile: int) -> Float32s:
     """The pixels of a tile of a film, as a view."""
     columns = -(-film.pixels.shape[1] // TILE)
-    x, y = tile % columns * TILE, tile // columns * TILE
+    x = tile % columns * TILE
+    y = tile // columns * TILE
     return film.pixels[y : y + TILE, x : x + TILE]

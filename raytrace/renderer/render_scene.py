@@ -63,7 +63,8 @@ def _rebuilt(
     objects: tuple[Object, ...], normals: Normals, w: Float64s, bent: Float32s, lights: Lights, background: Any
 ) -> RenderScene:
     """A pickled scene, its arrays padded so that kernels may read behind their ends."""
-    rows, maps = aligned(bent.shape, np.float32), aligned(lights.maps.shape, np.float32)
+    rows = aligned(bent.shape, np.float32)
+    maps = aligned(lights.maps.shape, np.float32)
     rows[:], maps[:] = bent, lights.maps
     return RenderScene(objects, build_geometry(objects, normals), w, rows, lights._replace(maps=maps), background)
 
@@ -80,8 +81,9 @@ def place_lights(lights: tuple[BaseLight, ...], centre: Float64s, scale: float) 
     overflow. Their intensity becomes what arrives at the origin.
     """
     kinds, rows = pack_lights([light for light in lights if isinstance(light, LightSource)])
-    columns = light_rows.POSITION, light_rows.RADIAL, light_rows.INTENSITY
-    position, radial, intensity = (rows[:, column : column + 3] for column in columns)
+    position = rows[:, light_rows.POSITION : light_rows.POSITION + 3]
+    radial = rows[:, light_rows.RADIAL : light_rows.RADIAL + 3]
+    intensity = rows[:, light_rows.INTENSITY : light_rows.INTENSITY + 3]
     position[:] = scale * (position - centre)
     with np.errstate(over="ignore"):  # of scenes too small for squares of their scale
         radial /= scale ** np.arange(3)
@@ -93,7 +95,8 @@ def place_lights(lights: tuple[BaseLight, ...], centre: Float64s, scale: float) 
         if kinds[j] in (light_rows.POINT, light_rows.SPOT) and hypot(*position[j]) > FAR:
             l, _, arriving = incident(int(kinds[j]), row, (0.0, 0.0, 0.0))
             row[: light_rows.DIFFUSE] = 0.0
-            intensity[j], row[light_rows.DIRECTION : light_rows.DIRECTION + 3] = arriving, np.negative(l)
+            row[light_rows.DIRECTION : light_rows.DIRECTION + 3] = np.negative(l)
+            intensity[j] = arriving
             kinds[j] = light_rows.DIRECTIONAL
     everywhere = kinds == light_rows.AMBIENT
     kept = intensity.any(axis=1) & ~everywhere

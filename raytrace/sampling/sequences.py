@@ -33,23 +33,25 @@ def _lowbias32(x):
     return np.uint32(x ^ (x >> np.uint32(16)))
 
 
-mix = inline(_lowbias32)  # of one value, in kernels
+hash32 = inline(_lowbias32)  # of one value, in kernels
 
 
-def mix_array(values: npt.ArrayLike) -> UInt32s:
+def hash32_array(values: npt.ArrayLike) -> UInt32s:
     """Bijective hash of whole numbers below 2^32, of one dimension or more, so that counters become random bits."""
     return _lowbias32(np.asarray(values, np.uint32))
 
 
 def seed_key(seed: int) -> np.uint32:
     """A 32-bit key from a seed of up to 64 bits."""
-    low, high = mix_array([seed & 0xFFFFFFFF]), np.uint32(seed >> 32)
-    return mix_array(low ^ high)[0]
+    low = hash32_array([seed & 0xFFFFFFFF])
+    high = np.uint32(seed >> 32)
+    return hash32_array(low ^ high)[0]
 
 
 def sobol(count: int) -> UInt32s:
     """The first `count` Sobol points in two dimensions as 32-bit fractions: (2, count)."""
-    index, points = np.arange(count, dtype=np.uint32), np.zeros((2, count), np.uint32)
+    index = np.arange(count, dtype=np.uint32)
+    points = np.zeros((2, count), np.uint32)
     column = np.uint32(1 << 31)
     for bit in range(32):
         on = (index >> np.uint32(bit)) & np.uint32(1)
@@ -68,7 +70,7 @@ def owen_scramble(points: UInt32s, keys: UInt32s, levels: int) -> UInt32s:
 
     def of_node(level: int, key: UInt32s) -> UInt32s:
         node = (points.astype(np.uint64) >> np.uint64(32 - level)).astype(np.uint32) | np.uint32(1 << level)
-        return mix_array(mix_array(node) ^ key)
+        return hash32_array(hash32_array(node) ^ key)
 
     scrambled = np.broadcast_to(points, (len(keys), len(points))).copy()
     for level in range(levels):
@@ -79,14 +81,17 @@ def owen_scramble(points: UInt32s, keys: UInt32s, levels: int) -> UInt32s:
 
 def _keys(sets: int, key: np.uint32) -> UInt32s:
     """Of each dimension and set: (2, sets)."""
-    return mix_array(mix_array(np.arange(2 * sets, dtype=np.uint32)) ^ key).reshape(2, sets)
+    return hash32_array(hash32_array(np.arange(2 * sets, dtype=np.uint32)) ^ key).reshape(2, sets)
 
 
 def owen_sobol(sets: int, count: int, key: np.uint32) -> tuple[Float64s, Float64s]:
     """`sets` independently scrambled Sobol sets of `count` points: two arrays (sets, count) in (0, 1)."""
-    levels, pairs = max(count - 1, 1).bit_length(), zip(sobol(count), _keys(sets, key), strict=True)
-    u, v = (np.ldexp(owen_scramble(points, keys, levels) + np.float64(0.5), -32) for points, keys in pairs)
-    return u, v
+    levels = max(count - 1, 1).bit_length()
+    points = sobol(count)
+    keys = _keys(sets, key)
+    u = owen_scramble(points[0], keys[0], levels)
+    v = owen_scramble(points[1], keys[1], levels)
+    return np.ldexp(u + np.float64(0.5), -32), np.ldexp(v + np.float64(0.5), -32)
 
 
 def shuffled_owen_sobol(sets: int, count: int, key: np.uint32) -> tuple[Float64s, Float64s]:
@@ -96,7 +101,7 @@ def shuffled_owen_sobol(sets: int, count: int, key: np.uint32) -> tuple[Float64s
     levels = max(count - 1, 1).bit_length()
     u, v = owen_sobol(sets, 1 << levels, key)
     index = np.arange(count, dtype=np.uint32) << np.uint32(32 - levels)
-    order = owen_scramble(index, _keys(sets, mix_array([key])[0])[0], levels) >> np.uint32(32 - levels)
+    order = owen_scramble(index, _keys(sets, hash32_array([key])[0])[0], levels) >> np.uint32(32 - levels)
     return np.take_along_axis(u, order, axis=1), np.take_along_axis(v, order, axis=1)
 
 
@@ -109,7 +114,7 @@ def jittered_lattice(
     """
     rank = np.arange(count)
     keys = _keys(sets, key)[:, part, None]
-    chance = np.ldexp(mix_array(mix_array(rank.astype(np.uint32)) ^ keys) + 0.5, -32)
+    chance = np.ldexp(hash32_array(hash32_array(rank.astype(np.uint32)) ^ keys) + 0.5, -32)
     u = (rank + chance[0]) / count
     v = (rank * step + chance[1] / count) % 1.0
     return u, v
@@ -117,5 +122,6 @@ def jittered_lattice(
 
 def cosine_hemisphere(u: Float64s, v: Float64s) -> Float64s:
     """Directions about +z with density cosθ/π from `u`, `v` in (0, 1), by Malley's method: (…, 3, n)."""
-    radius, azimuth = np.sqrt(u), 2 * np.pi * v
+    radius = np.sqrt(u)
+    azimuth = 2 * np.pi * v
     return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.sqrt(1 - u)], axis=-2)

@@ -9,7 +9,7 @@ from ..embree.packets import DIR_X, ORG_X, TFAR, TNEAR
 from ..kernel.jit import inline
 from ..kernel.simd import WIDE, double, pick, replace, single, store_row
 from ..kernel.vector import add, dot, scale, triple, unit
-from ..sampling.sequences import mix, mix_array, owen_sobol, seed_key, shuffled_owen_sobol
+from ..sampling.sequences import hash32, hash32_array, owen_sobol, seed_key, shuffled_owen_sobol
 from ..settings import Settings
 from ..types import Float64s
 
@@ -59,13 +59,14 @@ def place_camera(camera: Camera, settings: Settings, centre: Float64s, scale: fl
 def _offsets(samples: int, seed: int) -> Float64s:
     """Places (sets, 4, samples) under a tent filter of radius 1 pixel, one sample in its centre; and on the lens."""
     key = seed_key(seed)
-    # density 1 − |x| on (−1, 1)
-    x, y = (np.where(u < 0.5, np.sqrt(2 * u) - 1, 1 - np.sqrt(2 - 2 * u)) for u in owen_sobol(_SETS, samples, key))
+    uniform = np.stack(owen_sobol(_SETS, samples, key), axis=1)
+    xy = np.where(uniform < 0.5, np.sqrt(2 * uniform) - 1, 1 - np.sqrt(2 - 2 * uniform))  # density 1 − |x| on (−1, 1)
     if samples == 1:
-        x, y = np.zeros_like(x), np.zeros_like(y)
-    u, v = shuffled_owen_sobol(_SETS, samples, mix_array([key ^ np.uint32(0x5BD1E995)])[0])
-    radius, angle = np.sqrt(u), 2 * np.pi * v
-    return np.stack([x, y, radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+        xy = np.zeros_like(xy)
+    u, v = shuffled_owen_sobol(_SETS, samples, hash32_array([key ^ np.uint32(0x5BD1E995)])[0])
+    radius = np.sqrt(u)
+    angle = 2 * np.pi * v
+    return np.concatenate([xy, np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)], axis=1)
 
 
 @inline
@@ -79,29 +80,39 @@ def pixel_width(view, depth):
 def aim(rays, view, x, y, samples, farthest):
     """Make `rays` the viewing rays of sixteen pixels (x, y) of the whole picture, and of the samples of these numbers,
     int32 lanes; returns how far from the viewer they start, float32."""
-    film_x, film_y = double(x) + 0.5, double(y) + 0.5
-    lens_x, lens_y = 0.0 * film_x, 0.0 * film_x
+    film_x = double(x) + 0.5
+    film_y = double(y) + 0.5
+    lens_x = 0.0 * film_x
+    lens_y = 0.0 * film_x
     offsets = view.offsets
+
+    # places in the pixel and on the lens, by a hash of the pixel
     if len(offsets) > 0:
         for lane in range(WIDE):
             sample = pick(samples, lane)
-            k = mix(mix(pick(y, lane) * view.width + pick(x, lane)) ^ view.key) % np.uint32(len(offsets))
+            k = hash32(hash32(pick(y, lane) * view.width + pick(x, lane)) ^ view.key) % np.uint32(len(offsets))
             film_x = replace(film_x, lane, pick(film_x, lane) + offsets[k, 0, sample])
             film_y = replace(film_y, lane, pick(film_y, lane) + offsets[k, 1, sample])
             lens_x = replace(lens_x, lane, offsets[k, 2, sample])
             lens_y = replace(lens_y, lane, offsets[k, 3, sample])
-    right, up, forward = triple(view.right, 0), triple(view.up, 0), triple(view.forward, 0)
+    right = triple(view.right, 0)
+    up = triple(view.up, 0)
+    forward = triple(view.forward, 0)
+
+    # from the film through the lens
     a = (2.0 * film_x - view.width) * (view.half / view.height)
     b = (view.height - 2.0 * film_y) * (view.half / view.height)
     across = add(scale(a, right), scale(b, up))
     if view.orthographic:
         shift, direction = across, add(scale(0.0, across), forward)
     else:
-        shift, direction = scale(0.0, across), unit(add(forward, across))
+        shift = scale(0.0, across)
+        direction = unit(add(forward, across))
         if view.lens > 0.0:
             sharp = scale(view.focus / dot(direction, forward), direction)
             shift = add(scale(view.lens * lens_x, right), scale(view.lens * lens_y, up))
             direction = unit(add(sharp, scale(-1.0, shift)))
+
     origin = add(triple(view.eye, 0), shift)
     # the scene lies within a quarter of `farthest` of the origin of render space
     start = max(0.0, -0.25 * farthest - dot(origin, direction))

@@ -17,7 +17,10 @@ FIRST = 4  # samples before a pixel may be retired
 BLURRED = 32  # the same through a lens, by which few of a pixel's samples see something far beside it
 PACKETS = TILE * TILE * FIRST // WIDE  # lit together
 # Columns of a pixel's float64 sums: the film's, and then
-SHADED, SAMPLES, LOW, HIGH = layout.FILM, layout.FILM + 1, layout.FILM + 2, layout.FILM + 5
+SHADED = layout.FILM
+SAMPLES = layout.FILM + 1
+LOW = layout.FILM + 2
+HIGH = layout.FILM + 5
 SUMS = layout.FILM + 8
 EDGE = 7  # of a pixel on a tile's edge: LOW, HIGH, and 1 if it was retired
 AGREE = 1.0 / 256.0  # of the square root of a linear value, about one step of an 8-bit picture
@@ -98,7 +101,8 @@ def write_pixels(packet, pixels, mask, film, left, top):
         store_row(packet, layout.DEPTH, load_row(packet, layout.DEPTH) / film.scale)
         for lane in range(WIDE):
             if pick(mask, lane):
-                x, y = left + (pick(pixels, lane) & LAST), top + (pick(pixels, lane) >> BITS)
+                x = left + (pick(pixels, lane) & LAST)
+                y = top + (pick(pixels, lane) >> BITS)
                 for column in range(layout.AMBIENT, layout.FILM):
                     film.pixels[y, x, column] = packet[column, lane]
 
@@ -108,7 +112,8 @@ def sample_range(a, b):
     """Range of two pixels' samples together, the widest channel's, in square roots; a, b: sums from LOW on."""
     widest = 0.0
     for c in range(3):
-        high, low = max(a[3 + c], b[3 + c]), min(a[c], b[c])
+        high = max(a[3 + c], b[3 + c])
+        low = min(a[c], b[c])
         widest = max(widest, sqrt(np.float64(high)) - sqrt(np.float64(low)))
     return widest
 
@@ -119,7 +124,8 @@ def converged(sums, p, size):
     own = sums[p, LOW:]
     if sample_range(own, own) > AGREE:
         return False
-    x, y = p & LAST, p >> BITS
+    x = p & LAST
+    y = p >> BITS
     return not (
         (x > 0 and sample_range(own, sums[p - 1, LOW:]) > ROUGHLY)
         or (x + 1 < size[0] and sample_range(own, sums[p + 1, LOW:]) > ROUGHLY)
@@ -131,7 +137,8 @@ def converged(sums, p, size):
 @inline
 def store_edge(sums, p, size, retired, edges):
     """Store a pixel on the tile's left, right, upper or lower edge in its `edges`, float32 (4, TILE, EDGE)."""
-    x, y = p & LAST, p >> BITS
+    x = p & LAST
+    y = p >> BITS
     sides = (0, x == 0, y), (1, x == size[0] - 1, y), (2, y == 0, x), (3, y == size[1] - 1, x)
     for side, at_edge, place in sides:
         if at_edge:
@@ -143,7 +150,8 @@ def store_edge(sums, p, size, retired, edges):
 @inline
 def reopened(edges, tile, columns, p):
     """Whether a pixel was retired, but a neighbour in another tile is unlike it. Args: columns: tiles in a row."""
-    x, y = p & LAST, p >> BITS
+    x = p & LAST
+    y = p >> BITS
     return (
         (x == 0 and tile % columns > 0 and unlike(edges[tile, 0, y], edges[tile - 1, 1, y]))
         or (x == TILE - 1 and tile % columns + 1 < columns and unlike(edges[tile, 1, y], edges[tile + 1, 0, y]))

@@ -6,7 +6,7 @@ around vertices just over the horizon, whose normals point away from the viewer.
 
 import numpy as np
 
-from ..kernel.arrays import borrow
+from ..kernel.arrays import unrefcounted_view
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, gather, gather3, lane_numbers, load_row, select, single, store_row
 from ..kernel.vector import add, dot, multiply, scale
@@ -25,7 +25,10 @@ def light_vertices(scene, view, style, scratch, origins, groups):
 
     Args: origins: as `write_vertices` has them; groups: int64 (k,), where `GROUP` rows begin, or the last of an object.
     """
-    scene, view, scratch, origins = borrow(scene), borrow(view), borrow(scratch), borrow(origins)
+    scene = unrefcounted_view(scene)
+    view = unrefcounted_view(view)
+    scratch = unrefcounted_view(scratch)
+    origins = unrefcounted_view(origins)
     geometry, out = scene.geometry, scene.lit_vertices
     for begin in groups:
         shift, side = (len(scene.w), -1.0) if begin >= len(scene.w) else (0, 1.0)
@@ -33,7 +36,8 @@ def light_vertices(scene, view, style, scratch, origins, groups):
         end = min(begin + GROUP, geometry.first_w[item + 1] + shift)
         packets = -(-(end - begin) // WIDE)
         for e in range(packets):
-            packet, k = scratch.points[e], begin + e * WIDE
+            packet = scratch.points[e]
+            k = begin + e * WIDE
             mask = lane_numbers() < end - k
             at = select(mask, lane_numbers(), 0) + (k - shift)
             write_vertices(packet, scene, origins, item, mask, at, view, side)
@@ -56,7 +60,8 @@ def write_vertices(packet, scene, origins, item, mask, rows, view, side):
     ahead, behind = point, point
     if len(origins) > 0:
         above, below = (0, len(origins) - len(w)) if side > 0.0 else (len(origins) - len(w), 0)
-        ahead, behind = gather3(origins, rows + above), gather3(origins, rows + below)
+        ahead = gather3(origins, rows + above)
+        behind = gather3(origins, rows + below)
     store3(packet, layout.ORIGIN, mask, ahead)
     store3(packet, layout.BACK, mask, behind)
     store3(packet, layout.NORMAL, mask, scale(side, vertex_normal(geometry, item, vertices)))
@@ -78,24 +83,36 @@ def interpolate_lit(packet, scene, item, mask, hits, style, face_normal):
     """
     geometry, lit = scene.geometry, scene.lit_vertices
     i, j, k = corner_rows(geometry, item, mask, hits.faces)
-    n0, n1, n2 = (vertex_normal(geometry, item, i), vertex_normal(geometry, item, j), vertex_normal(geometry, item, k))
+    n0 = vertex_normal(geometry, item, i)
+    n1 = vertex_normal(geometry, item, j)
+    n2 = vertex_normal(geometry, item, k)
     behind = dot(add(add(n0, n1), n2), face_normal) < 0.0
-    width, shift = lit.shape[1], geometry.first_w[item] - geometry.first_vertex[item]
+
+    # the rows of the side that is seen, interpolated
+    width = lit.shape[1]
+    shift = geometry.first_w[item] - geometry.first_vertex[item]
     first_row = select(behind, shift + len(lit) - len(scene.w), shift)
     for column in range(width):
         at = first_row * width + column
-        a, b, c = gather(lit, i * width + at), gather(lit, j * width + at), gather(lit, k * width + at)
+        a = gather(lit, i * width + at)
+        b = gather(lit, j * width + at)
+        c = gather(lit, k * width + at)
         store1(packet, lighting_column(column), mask, single(between(a, b, c, hits.u, hits.v)))
     if len(geometry.polygons) > 0:
         polygon_light(packet, scene, item, mask, hits, first_row)
+
     if len(lit) == len(scene.w):  # backs are not lit: they reflect no lamp
         for column in range(layout.DIFFUSE, layout.EMISSION):
             store1(packet, column, mask & behind, 0.0)
         store1(packet, layout.UNSHADOWED, mask & behind, 0.0)
         store1(packet, layout.SHADOWED, mask & behind, 0.0)
-    unshadowed, shadowed = load_row(packet, layout.UNSHADOWED), load_row(packet, layout.SHADOWED)
+
+    # what is not linear between vertices
+    unshadowed = load_row(packet, layout.UNSHADOWED)
+    shadowed = load_row(packet, layout.SHADOWED)
     store1(packet, layout.SHADOW, mask, select(unshadowed > 0.0, shadowed / unshadowed, 1.0))
-    albedo, occlusion = load3(packet, layout.ALBEDO_MAP), load_row(packet, layout.OCCLUSION)
+    albedo = load3(packet, layout.ALBEDO_MAP)
+    occlusion = load_row(packet, layout.OCCLUSION)
     store3(packet, layout.AMBIENT, mask, multiply(load3(packet, layout.AMBIENT), albedo))
     store3(packet, layout.DIFFUSE, mask, multiply(load3(packet, layout.DIFFUSE), albedo))
     if style.form != OFF:

@@ -139,12 +139,16 @@ def between(a, b, c, u, v):
 @inline
 def tangents(geometry, i, j, k, edge1, edge2):
     """Unit directions in which u and v grow over the face, ∂p/∂u and ∂p/∂v; zero without texture coordinates."""
-    u0, v0 = double(gather(geometry.uv, 2 * i)), double(gather(geometry.uv, 2 * i + 1))
-    du1, dv1 = double(gather(geometry.uv, 2 * j)) - u0, double(gather(geometry.uv, 2 * j + 1)) - v0
-    du2, dv2 = double(gather(geometry.uv, 2 * k)) - u0, double(gather(geometry.uv, 2 * k + 1)) - v0
+    u0 = double(gather(geometry.uv, 2 * i))
+    v0 = double(gather(geometry.uv, 2 * i + 1))
+    du1 = double(gather(geometry.uv, 2 * j)) - u0
+    dv1 = double(gather(geometry.uv, 2 * j + 1)) - v0
+    du2 = double(gather(geometry.uv, 2 * k)) - u0
+    dv2 = double(gather(geometry.uv, 2 * k + 1)) - v0
     area = du1 * dv2 - du2 * dv1
     inverse = select(area == 0.0, 0.0, 1.0 / area)
-    edge1, edge2 = doubled(edge1), doubled(edge2)
+    edge1 = doubled(edge1)
+    edge2 = doubled(edge2)
     along_u = unit(scale(inverse, subtract(scale(dv2, edge1), scale(dv1, edge2))))
     along_v = unit(scale(inverse, subtract(scale(du1, edge2), scale(du2, edge1))))
     return rounded(along_u), rounded(along_v)
@@ -170,52 +174,73 @@ def towards_viewer(view, point):
 def write_hits(packet, scene, item, mask, hits, view, style):
     """Write what lighting needs of hits on one object, in the lanes `mask`; returns their faces' unit normals on the
     viewer's side."""
-    geometry, u, v, backward = scene.geometry, hits.u, hits.v, hits.backward
-    shift = geometry.first_w[item] - geometry.first_vertex[item]
-    i, j, k = corner_rows(geometry, item, mask, hits.faces)
-    p0, p1, p2 = corner(geometry, item, i), corner(geometry, item, j), corner(geometry, item, k)
-    edge1, edge2 = subtract(p1, p0), subtract(p2, p0)
-    point = add(p0, add(scale(u, edge1), scale(v, edge2)))
-    geometric = scale(geometry.mirrored[item], face_normal(edge1, edge2))
-    n0 = corner_normal(geometry, item, i, geometric)
-    n1 = corner_normal(geometry, item, j, geometric)
-    n2 = corner_normal(geometry, item, k, geometric)
-    side = select(dot(geometric, backward) >= 0.0, 1.0, -1.0)
-    geometric, n0, n1, n2 = scale(side, geometric), scale(side, n0), scale(side, n1), scale(side, n2)
+    geometry = scene.geometry
 
+    # the face, and its side that the viewer sees
+    vertices = corner_rows(geometry, item, mask, hits.faces)
+    i, j, k = vertices
+    p0 = corner(geometry, item, i)
+    p1 = corner(geometry, item, j)
+    p2 = corner(geometry, item, k)
+    edge1 = subtract(p1, p0)
+    edge2 = subtract(p2, p0)
+    outside = scale(geometry.mirrored[item], face_normal(edge1, edge2))
+    side = select(dot(outside, hits.backward) >= 0.0, 1.0, -1.0)
+    geometric = scale(side, outside)
+    n0 = scale(side, corner_normal(geometry, item, i, outside))
+    n1 = scale(side, corner_normal(geometry, item, j, outside))
+    n2 = scale(side, corner_normal(geometry, item, k, outside))
+
+    # what is lit: the hit, its normal interpolated, or the face's centroid
+    point = add(p0, add(scale(hits.u, edge1), scale(hits.v, edge2)))
     flat = style.shading in (CONSTANT, FLAT)
-    lit, normal = point, geometric
+    lit, normal, backward = point, geometric, hits.backward
     if flat:
         lit = centroid(p0, p1, p2)
         backward = towards_viewer(view, lit)
     elif style.shading == QUADRATIC:
-        normal = quadratic_normal(p0, p1, p2, n0, n1, n2, u, v)
+        normal = quadratic_normal(p0, p1, p2, n0, n1, n2, hits.u, hits.v)
     else:
-        normal = phong_normal(n0, n1, n2, u, v)
+        normal = phong_normal(n0, n1, n2, hits.u, hits.v)
+    store3(packet, layout.POINT, mask, lit)
+    store3(packet, layout.NORMAL, mask, normal)
+    store3(packet, layout.VIEW, mask, backward)
+    store1(packet, layout.FRONT, mask, lights_seen(geometry, item, side))
+
+    # where shadow rays start, on this side and on the other
     size = max(max(largest(p0), largest(p1)), largest(p2))
     ahead = behind = point
     if style.terminator and not flat:
         backs = scale(-1.0, n0), scale(-1.0, n1), scale(-1.0, n2)
-        ahead = smooth_origin(point, (p0, p1, p2), (n0, n1, n2), u, v)
-        behind = smooth_origin(point, (p0, p1, p2), backs, u, v)
-    store3(packet, layout.POINT, mask, lit)
+        ahead = smooth_origin(point, (p0, p1, p2), (n0, n1, n2), hits.u, hits.v)
+        behind = smooth_origin(point, (p0, p1, p2), backs, hits.u, hits.v)
     store3(packet, layout.ORIGIN, mask, lift(geometry, item, ahead, geometric, size))
     if geometry.rows[item, TWO_SIDED] == TO_LIGHT:
         store3(packet, layout.BACK, mask, lift(geometry, item, behind, scale(-1.0, geometric), size))
-    store3(packet, layout.NORMAL, mask, normal)
-    store3(packet, layout.VIEW, mask, backward)
-    store1(packet, layout.FRONT, mask, lights_seen(geometry, item, side))
-    if geometry.kinds[item] in BRUSHED:
+
+    if geometry.rows[item, BRUSHED] == 1.0:
         along_u, _ = tangents(geometry, i, j, k, edge1, edge2)
         store3(packet, layout.TANGENT, mask, along_u)
+    write_occlusion(packet, scene, item, mask, vertices, hits, style)
+    return geometric
+
+
+@inline
+def write_occlusion(packet, scene, item, mask, vertices, hits, style):
+    """Write w and the bent normals of hits, interpolated between the `vertices` of their faces."""
+    shift = scene.geometry.first_w[item] - scene.geometry.first_vertex[item]
+    i, j, k = vertices
     if style.weighted:
-        w0, w1, w2 = gather(scene.w, i + shift), gather(scene.w, j + shift), gather(scene.w, k + shift)
-        store1(packet, layout.W, mask, single(between(w0, w1, w2, u, v)))
+        w0 = gather(scene.w, i + shift)
+        w1 = gather(scene.w, j + shift)
+        w2 = gather(scene.w, k + shift)
+        store1(packet, layout.W, mask, single(between(w0, w1, w2, hits.u, hits.v)))
     store3(packet, layout.BENT, mask, (0.0, 0.0, 0.0))
     if len(scene.bent) > 0:
-        b0, b1, b2 = gather3(scene.bent, i + shift), gather3(scene.bent, j + shift), gather3(scene.bent, k + shift)
-        store3(packet, layout.BENT, mask, interpolate(b0, b1, b2, u, v))
-    return geometric
+        b0 = gather3(scene.bent, i + shift)
+        b1 = gather3(scene.bent, j + shift)
+        b2 = gather3(scene.bent, k + shift)
+        store3(packet, layout.BENT, mask, interpolate(b0, b1, b2, hits.u, hits.v))
 
 
 @inline
@@ -242,10 +267,12 @@ def write_polygons(packet, geometry, item, mask, hits, view, style, face_normal)
         store3(packet, layout.NORMAL, mask, scale(side, newell))
     elif style.shading != QUADRATIC:
         point, left = load3(packet, layout.POINT), mask
-        total, normal = 0.0 * point[0], scale(0.0, point)
+        total = 0.0 * point[0]
+        normal = scale(0.0, point)
         while some(left):  # Phong 1975: normals at the corners interpolated, renormalised
             i, j, a, b = edge_weights(geometry, item, edge, point, newell)
-            n, m = corner_normal(geometry, item, i, newell), corner_normal(geometry, item, j, newell)
+            n = corner_normal(geometry, item, i, newell)
+            m = corner_normal(geometry, item, j, newell)
             normal = choose(left, add(normal, add(scale(a, n), scale(b, m))), normal)
             total = select(left, total + a + b, total)
             left = left & (edge + 1 < end)
@@ -263,11 +290,17 @@ def edge_weights(geometry, item, edge, point, newell):
     that is not flat is seen along its Newell normal.
     Source: Hormann & Floater 2006, "Mean Value Coordinates for Arbitrary Planar Polygons".
     """
-    i, j = gather(geometry.edges, 2 * edge), gather(geometry.edges, 2 * edge + 1)
-    a, b = subtract(corner(geometry, item, i), point), subtract(corner(geometry, item, j), point)
-    a, b = subtract(a, scale(dot(a, newell), newell)), subtract(b, scale(dot(b, newell), newell))
-    near, far = max(length(a), NEAR), max(length(b), NEAR)
-    size, along, across = near * far, dot(a, b), dot(cross(a, b), newell)
+    i = gather(geometry.edges, 2 * edge)
+    j = gather(geometry.edges, 2 * edge + 1)
+    a = subtract(corner(geometry, item, i), point)
+    b = subtract(corner(geometry, item, j), point)
+    a = subtract(a, scale(dot(a, newell), newell))
+    b = subtract(b, scale(dot(b, newell), newell))
+    near = max(length(a), NEAR)
+    far = max(length(b), NEAR)
+    size = near * far
+    along = dot(a, b)
+    across = dot(cross(a, b), newell)
     across = select(abs(across) < NEAR * size, NEAR * size, across)
     tangent = select(along > 0.0, across / (size + along), (size - along) / across)
     return i, j, tangent / near, tangent / far
@@ -279,7 +312,8 @@ def polygon_light(packet, scene, item, mask, hits, first_row):
     geometry, lit = scene.geometry, scene.lit_vertices
     width = lit.shape[1]
     there, rows, edge, end = polygons_hit(geometry, item, mask, hits.faces)
-    point, newell = load3(packet, layout.POINT), vertex_normal(geometry, item, rows)
+    point = load3(packet, layout.POINT)
+    newell = vertex_normal(geometry, item, rows)
     for column in range(width):
         store1(packet, lighting_column(column), there, 0.0)
     total, left = 0.0 * point[0], there

@@ -37,7 +37,7 @@ ON_THIS_SIDE, ON_BOTH_SIDES = 1.0, 2.0
 LIGHTING = 14  # columns that lighting writes, see `lighting_column`
 # Of `Scratch.layers`, behind the film's: of a ray its transmittance and where it goes on; of a packet where its rays
 # would go on, and the alpha of what they hit.
-THROUGH, BEGIN, NEXT, COVER = np.array([26, 27, 28, 29])
+TRANSMITTANCE, BEGIN, NEXT, COVER = np.array([26, 27, 28, 29])
 
 OFF, _AMBIENT_ONLY, BOOK = range(3)  # forms of obscurance
 PRIMARY, SHADOW_RAYS, BEHIND, UNREACHED, BLACK, CULLED, UNOBSTRUCTED, BACKGROUND, RETIRED = range(9)  # counts of rays
@@ -151,7 +151,7 @@ class Scratch(NamedTuple):
     active: Int64s  # (lights,), lights that can matter
     hidden: Bools  # (lights,), whether something may stand between an active light and the points
     layers: Float32s  # (packets, COVER + 1, 16), what each viewing ray, by its number, has seen; none if all is opaque
-    going: Int32s  # (packets, 16), numbers of the rays that are traced, −1 for none: few see further layers
+    active_rays: Int32s  # (packets, 16), numbers of the rays that are traced, −1 for none: few see further layers
     missing: Int64s  # (textures,), 1 for textures that a ray has met before they were read
     counts: Int64s  # (COUNTERS,)
 

@@ -12,9 +12,9 @@ from math import acos
 
 import numpy as np
 
-from ..brdf.ashikhmin_shirley import fifth
-from ..brdf.dispatch import terms_wide
+from ..brdf.dispatch import terms_in_lanes
 from ..brdf.layout import AMBIENT, EMISSION, GLOSS, GRAZING, SLOPE
+from ..brdf.microfacet import fifth
 from ..kernel.jit import inline
 from ..kernel.simd import WIDE, count, highest, lane_numbers, load_row, lowest, pick, select, some, store_row
 from ..kernel.vector import add, choose, dot, mirror, multiply, scale, subtract, triple, unit
@@ -24,33 +24,42 @@ from ..lights.layout import DIFFUSE, SPECULAR
 from . import layout
 from .interaction import CONSTANT, FLAT, next_object
 from .layout import BEHIND, BLACK, BOOK, CULLED, OFF, UNOBSTRUCTED, UNREACHED, load3, store3
-from .see_through import transmittance
 from .shaft_culling import obstructed
+from .transparency import transmittance
 
 DARK = (0.0, 0.0, 0.0)
 
 
 @inline
 def lane_triple(packet, column, lane):
-    x, y, z = packet[column, lane], packet[column + 1, lane], packet[column + 2, lane]
+    x = packet[column, lane]
+    y = packet[column + 1, lane]
+    z = packet[column + 2, lane]
     return np.float64(x), np.float64(y), np.float64(z)
 
 
 @inline
 def reflect_environment(packet, lane, row, lights, style):
     """Write the ambient light that a point reflects, of ambient lights and of the environment."""
-    n, v = lane_triple(packet, layout.NORMAL, lane), lane_triple(packet, layout.VIEW, lane)
+    n = lane_triple(packet, layout.NORMAL, lane)
+    v = lane_triple(packet, layout.VIEW, lane)
     w, bent = 1.0, n
     if style.form != OFF:
-        w, bent = np.float64(packet[layout.W, lane]), unit(lane_triple(packet, layout.BENT, lane))
+        w = np.float64(packet[layout.W, lane])
+        bent = unit(lane_triple(packet, layout.BENT, lane))
         if dot(bent, n) <= 0.0:  # no bent normal is known, or the surface is seen from behind
             bent = n
-    arriving, reflectance = triple(lights.ambient, 0), triple(row, AMBIENT)  # I_a about the bent normal
+    arriving = triple(lights.ambient, 0)  # I_a about the bent normal
+    reflectance = triple(row, AMBIENT)
     for sky in lights.skies:
         arriving = add(arriving, sky_irradiance(sky, bent))
     if len(lights.harmonics) > 0:
         arriving = add(arriving, harmonic_irradiance(lights.harmonics, bent))
-    slope, gloss, grazing = row[SLOPE], triple(row, GLOSS), triple(row, GRAZING)
+
+    # the part that the highlight mirrors
+    slope = row[SLOPE]
+    gloss = triple(row, GLOSS)
+    grazing = triple(row, GRAZING)
     mirrored, visible, rise = triple(lights.ambient, 0), 0.0, 0.0
     glossy = style.shading != CONSTANT and max(grazing[0], grazing[1], grazing[2]) > 0.0
     if glossy:
@@ -61,8 +70,8 @@ def reflect_environment(packet, lane, row, lights, style):
             mirrored = add(mirrored, map_radiance(lights.maps, lights.frame, r, slope))
         visible = cone_visibility(w, acos(max(-1.0, min(1.0, dot(bent, r)))), slope)
         rise = fifth(1.0 - max(0.0, min(1.0, dot(n, v))))
-    for c in range(3):
-        # in single precision, as ambient light alone is reflected
+
+    for c in range(3):  # in single precision, as ambient light alone is reflected
         share = np.float32(reflectance[c]) * packet[layout.ALBEDO_MAP + c, lane]
         value = np.float32(reflectance[c] * arriving[c]) * packet[layout.ALBEDO_MAP + c, lane]
         if style.form != OFF:
@@ -95,7 +104,8 @@ def extended(box, there, p):
     """Low and high corners, lanes, extended by the points p where the mask `there` is set."""
     low, high = box
     end = np.float32(np.inf)
-    a, b = choose(there, p, (end, end, end)), choose(there, p, (-end, -end, -end))
+    a = choose(there, p, (end, end, end))
+    b = choose(there, p, (-end, -end, -end))
     lowest_yet = min(low[0], a[0]), min(low[1], a[1]), min(low[2], a[2])
     return lowest_yet, (max(high[0], b[0]), max(high[1], b[1]), max(high[2], b[2]))
 
@@ -113,23 +123,31 @@ def select_lights(geometry, lights, shading, scratch, packets):
     """Fill `active` and `hidden` of `scratch` with the lights that can matter to a point; returns how many do."""
     nowhere = select(lane_numbers() < 0, 0.0, np.inf)
     empty = (nowhere, nowhere, nowhere), scale(-1.0, (nowhere, nowhere, nowhere))
+
+    # boxes around the points, their ray origins and the ways between these
     points, origins, shifts = empty, empty, empty
     for e in range(packets):
         there = load_row(scratch.items, e) >= 0
-        point, origin = load3(scratch.points[e], layout.POINT), load3(scratch.points[e], layout.ORIGIN)
-        points, origins = extended(points, there, point), extended(origins, there, origin)
+        point = load3(scratch.points[e], layout.POINT)
+        origin = load3(scratch.points[e], layout.ORIGIN)
+        points = extended(points, there, point)
+        origins = extended(origins, there, origin)
         shifts = extended(shifts, there, subtract(origin, point))
         both = there & (load_row(scratch.points[e], layout.FRONT) > layout.ON_THIS_SIDE)
         if some(both):
             back = load3(scratch.points[e], layout.BACK)
-            origins, shifts = extended(origins, both, back), extended(shifts, both, subtract(back, point))
+            origins = extended(origins, both, back)
+            shifts = extended(shifts, both, subtract(back, point))
     low, high = corners(points)
-    start, shift = corners(origins), corners(shifts)
+    start = corners(origins)
+    shift = corners(shifts)
     if shading in (CONSTANT, FLAT):  # shadow rays end at the light itself
         shift = scale(np.float32(0.0), shift[0]), scale(np.float32(0.0), shift[1])
+
     used = 0
     for j in range(len(lights.kinds)):
-        kind, row = lights.kinds[j], lights.rows[j]
+        kind = lights.kinds[j]
+        row = lights.rows[j]
         if not cannot_matter_in(kind, row, low, high):
             scratch.active[used] = j
             scratch.hidden[used] = obstructed(geometry.boxes, geometry.farthest, start, shift, kind, row)
@@ -161,38 +179,45 @@ def light_packets(geometry, lights, style, scratch, packets):
 def light_packet(packet, items, used, geometry, lights, style, scratch):
     """Add up the first `used` active lights of sixteen points."""
     counts = scratch.counts
-    point, ahead = load3(packet, layout.POINT), load3(packet, layout.ORIGIN)
-    n, albedo = load3(packet, layout.NORMAL), load3(packet, layout.ALBEDO_MAP)
-    seen = (items >= 0) & (load_row(packet, layout.FRONT) > 0.0)
-    both = (items >= 0) & (load_row(packet, layout.FRONT) > layout.ON_THIS_SIDE)
+    point = load3(packet, layout.POINT)
+    ahead = load3(packet, layout.ORIGIN)
+    n = load3(packet, layout.NORMAL)
+    there = items >= 0
+    seen = there & (load_row(packet, layout.FRONT) > 0.0)
+    both = there & (load_row(packet, layout.FRONT) > layout.ON_THIS_SIDE)
     zero = scale(0.0, point)
     diffuse, specular, unshadowed, shadowed = zero, zero, zero[0], zero[0]
     for a in range(used):
         j = scratch.active[a]
         l, distance, intensity = incident(lights.kinds[j], lights.rows[j], point)
-        side, origin = n, ahead
+
+        # the side that the light falls on, and the points that it reaches
+        side = n
+        origin = ahead
         behind = both & (dot(n, l) < 0.0)
         if some(behind):
-            side, origin = choose(behind, scale(-1.0, n), n), choose(behind, load3(packet, layout.BACK), ahead)
+            side = choose(behind, scale(-1.0, n), n)
+            origin = choose(behind, load3(packet, layout.BACK), ahead)
         facing = seen & (dot(side, l) > 0.0)
         reached = facing & (intensity[0] + intensity[1] + intensity[2] > 0.0)
-        counts[BEHIND] += count(items >= 0) - count(facing)
+        counts[BEHIND] += count(there) - count(facing)
         counts[UNREACHED] += count(facing) - count(reached)
         if not some(reached):
             continue
+
+        # what they reflect of it without shadows
         body, highlight = reflect(packet, items, reached, side, l, geometry)
         if style.shading == CONSTANT:
             highlight = zero
-        row = lights.rows[j]
-        body = multiply(multiply(multiply(intensity, triple(row, DIFFUSE)), body), albedo)
-        if style.form == BOOK:
-            body = scale(load_row(packet, layout.W), body)
-        highlight = multiply(multiply(intensity, triple(row, SPECULAR)), highlight)
+        body, highlight = coloured(packet, intensity, lights.rows[j], body, highlight, style)
         reflected = add(body, highlight)
         brightness = reflected[0] + reflected[1] + reflected[2]
         bright = reached & (brightness > 0.0)
         counts[BLACK] += count(reached) - count(bright)
-        lit, part = bright, select(bright, 1.0, 1.0)
+
+        # the part of it that arrives
+        lit = bright
+        part = select(bright, 1.0, 1.0)
         if style.shadows and scratch.hidden[a]:
             if style.shading in (CONSTANT, FLAT):  # the light is the face's, δ(p, j) the sample's
                 l, distance = towards(lights.kinds[j], lights.rows[j], origin)
@@ -212,14 +237,26 @@ def light_packet(packet, items, used, geometry, lights, style, scratch):
 
 
 @inline
+def coloured(packet, intensity, light, body, highlight, style):
+    """Diffuse and specular RGB that points reflect, of what they reflect of unit light. Args: light: its row."""
+    body = multiply(multiply(multiply(intensity, triple(light, DIFFUSE)), body), load3(packet, layout.ALBEDO_MAP))
+    if style.form == BOOK:
+        body = scale(load_row(packet, layout.W), body)
+    return body, multiply(multiply(intensity, triple(light, SPECULAR)), highlight)
+
+
+@inline
 def reflect(packet, items, reached, n, l, geometry):
     """Diffuse and specular RGB per unit of light from `l`, each point by its own material."""
-    view, tangent = load3(packet, layout.VIEW), load3(packet, layout.TANGENT)
-    diffuse, specular = scale(0.0, n), scale(0.0, n)
+    view = load3(packet, layout.VIEW)
+    tangent = load3(packet, layout.TANGENT)
+    diffuse = scale(0.0, n)
+    specular = scale(0.0, n)
     left = reached
     while some(left):
         item, mask = next_object(items, left)
-        d, s = terms_wide(geometry.kinds[item], geometry.rows[item], n, l, view, tangent, mask)
-        diffuse, specular = choose(mask, d, diffuse), choose(mask, s, specular)
+        d, s = terms_in_lanes(geometry.kinds[item], geometry.rows[item], n, l, view, tangent, mask)
+        diffuse = choose(mask, d, diffuse)
+        specular = choose(mask, s, specular)
         left = left & ~mask
     return diffuse, specular

@@ -29,7 +29,8 @@ _BOXES = 1024  # of all objects together, about
 
 def cluster(vertices: Float32s, faces: Int64s, objects: int) -> Float64s:
     """Boxes (n, 2, 3), low and high corners, around the faces of a mesh, a share of all objects' number of boxes."""
-    low, high = vertices.min(axis=0).clip(-NEAR, NEAR), vertices.max(axis=0).clip(-NEAR, NEAR)
+    low = vertices.min(axis=0).clip(-NEAR, NEAR)
+    high = vertices.max(axis=0).clip(-NEAR, NEAR)
     longest = float((high - low).max())
     side = longest if longest > 1e-30 else 1.0
     finest = np.sqrt(min(len(faces) / _FACES, _BOXES / objects) / 5)  # a sphere goes through some 4 n² cells of n³
@@ -99,7 +100,8 @@ def obstructed(boxes, farthest, start, shift, kind, row):
     else:
         end, around = triple(row, POSITION), shift
     margin = (slack, slack, slack)
-    end_low, end_high = subtract(add(end, around[0]), margin), add(add(end, around[1]), margin)
+    end_low = subtract(add(end, around[0]), margin)
+    end_high = add(add(end, around[1]), margin)
     for box in boxes:
         begin = 0.0 * load_row(box, 0)
         end = begin + 1.0

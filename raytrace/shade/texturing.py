@@ -29,7 +29,9 @@ def map_albedo(packet, scene, item, mask, hits, view, missing):
         store3(packet, ALBEDO_MAP, mask, rounded(colour))
     if len(geometry.colours) > 0:
         i, j, k = corner_rows(geometry, item, mask, hits.faces)
-        a, b, c = gather3(geometry.colours, i), gather3(geometry.colours, j), gather3(geometry.colours, k)
+        a = gather3(geometry.colours, i)
+        b = gather3(geometry.colours, j)
+        c = gather3(geometry.colours, k)
         colour = interpolate(a, b, c, hits.u, hits.v)
         store3(packet, ALBEDO_MAP, mask, multiply(load3(packet, ALBEDO_MAP), colour))
 
@@ -38,7 +40,8 @@ def map_albedo(packet, scene, item, mask, hits, view, missing):
 def map_occlusion(packet, scene, item, mask, hits, view, missing):
     """Multiply W by the occlusion texture's 1 + strength (R − 1), stored as OCCLUSION (glTF 2.0, section 5.21)."""
     store1(packet, OCCLUSION, mask, 1.0)
-    texture, strength = scene.geometry.occlusion[item], scene.geometry.strength[item]
+    texture = scene.geometry.occlusion[item]
+    strength = scene.geometry.strength[item]
     if is_loaded(scene.textures, texture, missing):
         red, _, _ = sample_hits(scene, texture, scene.geometry.occlusion_uv, item, mask, hits, view)
         occlusion = single(1.0 + strength * (red - 1.0))
@@ -58,9 +61,11 @@ def map_grain(packet, scene, item, mask, hits, view, missing):
     _, along_v = tangents(geometry, i, j, k, edge1, edge2)
     u, v = perpendicular(load3(packet, NORMAL), load3(packet, TANGENT))
     v = scale(select(dot(v, along_v) < 0.0, -1.0, 1.0), v)
-    x, y = 2.0 * red - 1.0, 2.0 * green - 1.0
+    x = 2.0 * red - 1.0
+    y = 2.0 * green - 1.0
     somewhere = x * x + y * y > NOWHERE
-    x, y = single(select(somewhere, x, 1.0)), single(select(somewhere, y, 0.0))
+    x = single(select(somewhere, x, 1.0))
+    y = single(select(somewhere, y, 0.0))
     store3(packet, TANGENT, mask, add(scale(x, u), scale(y, v)))
 
 
@@ -78,21 +83,32 @@ def is_loaded(textures, texture, missing):
 @inline
 def sample_hits(scene, texture, uv, item, mask, hits, view):
     """Linear RGB of a texture at hits, float64 lanes, filtered over what a pixel covers; 0 where `mask` is not set."""
-    geometry, u, v = scene.geometry, hits.u, hits.v
+    geometry = scene.geometry
     i, j, k = corner_rows(geometry, item, mask, hits.faces)
-    (u0, v0), (u1, v1), (u2, v2) = texture_coordinates(uv, i), texture_coordinates(uv, j), texture_coordinates(uv, k)
+    u0, v0 = texture_coordinates(uv, i)
+    u1, v1 = texture_coordinates(uv, j)
+    u2, v2 = texture_coordinates(uv, k)
     edge1, edge2 = edges(geometry, item, i, j, k)
     across = cross(doubled(edge1), doubled(edge2))
     area = sqrt(dot(across, across))
     covered = abs((u1 - u0) * (v2 - v0) - (u2 - u0) * (v1 - v0))
     footprint = pixel_width(view, hits.depth) * single(select(area > 0.0, sqrt(covered / area), 0.0))
-    s, t = between(u0, u1, u2, u, v), between(v0, v1, v2, u, v)
+    s = between(u0, u1, u2, hits.u, hits.v)
+    t = between(v0, v1, v2, hits.u, hits.v)
+    return sample_lanes(scene.textures, texture, s, t, footprint, mask)
+
+
+@inline
+def sample_lanes(textures, texture, s, t, footprint, mask):
+    """Linear RGB of a texture at (s, t) over these widths, float64 lanes; 0 where `mask` is not set."""
     red = green = blue = double(lane_numbers() * 0)
     for lane in range(WIDE):
         if pick(mask, lane):
             width = np.float64(pick(footprint, lane))
-            r, g, b = sample_texture(scene.textures, texture, pick(s, lane), pick(t, lane), width)
-            red, green, blue = replace(red, lane, r), replace(green, lane, g), replace(blue, lane, b)
+            r, g, b = sample_texture(textures, texture, pick(s, lane), pick(t, lane), width)
+            red = replace(red, lane, r)
+            green = replace(green, lane, g)
+            blue = replace(blue, lane, b)
     return red, green, blue
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..brdf.layout import ALPHA, MODEL
 from ..embree.packets import DIR_X, TNEAR
-from ..kernel.arrays import borrow
+from ..kernel.arrays import unrefcounted_view
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, count, double, gather, lane_numbers, load_row, pick, select, single, some, store_row
 from ..kernel.vector import multiply, scale, triple
@@ -33,8 +33,8 @@ from .gouraud import interpolate_lit
 from .interaction import GOURAUD, PacketHits, next_object, write_hits, write_polygons
 from .layout import BACKGROUND, BEGIN, COVER, NEXT, PRIMARY, RETIRED, load3, store1, store3
 from .lighting import light_packets
-from .see_through import begin_layers, closest_hits, composite
 from .texturing import map_albedo, map_grain, map_occlusion
+from .transparency import begin_layers, closest_hits, composite
 
 
 @kernel
@@ -46,17 +46,23 @@ def render_tiles(scene, view, style, film, scratch, span, again):
 
     Args: again: only the pixels that need all samples after all, by the `edges` that a first call for all tiles wrote.
     """
-    scene, view, film, scratch = borrow(scene), borrow(view), borrow(film), borrow(scratch)
+    scene = unrefcounted_view(scene)
+    view = unrefcounted_view(view)
+    film = unrefcounted_view(film)
+    scratch = unrefcounted_view(scratch)
     todo, points = scratch.todo, scratch.points if scene.geometry.opacity is None else scratch.layers
     high, wide, _ = film.pixels.shape
     columns = -(-wide // TILE)
     first = FIRST if view.lens == 0.0 else BLURRED
     for tile in range(span[0], span[1]):
-        left, top = tile % columns * TILE, tile // columns * TILE
+        left = tile % columns * TILE
+        top = tile // columns * TILE
         size = min(TILE, wide - left), min(TILE, high - top)
         pending = list_pixels(scratch, size, film.edges, tile, columns, again)
         if again:
             scratch.counts[RETIRED] -= pending * (style.samples - first)
+
+        # a few samples at a time, of the pixels that want more
         for done in range(0, style.samples, FIRST):
             if pending == 0:
                 break
@@ -73,6 +79,8 @@ def render_tiles(scene, view, style, film, scratch, span, again):
                     accumulate(points[e], scratch.sums, todo[k : min(k + each, pending)], batch, style.layers)
                 if done + FIRST == first < style.samples and not again:
                     pending = remove_converged(scratch, size, pending, style.samples - first, film.edges[tile])
+
+        # all pixels that have got samples in this call
         taken = pending if again else list_pixels(scratch, size, film.edges, tile, columns, False)
         for k in range(0, taken, WIDE):
             packet = points[k // WIDE]  # with one sample a pixel, its lanes are the pixels
@@ -84,7 +92,9 @@ def render_tiles(scene, view, style, film, scratch, span, again):
 @kernel
 def mark_reopened(film, scratch, marks):
     """Mark the pixels that `render_tiles` would render again: `marks`, bool (tiles, TILE · TILE)."""
-    film, scratch, marks = borrow(film), borrow(scratch), borrow(marks)
+    film = unrefcounted_view(film)
+    scratch = unrefcounted_view(scratch)
+    marks = unrefcounted_view(marks)
     high, wide, _ = film.pixels.shape
     columns = -(-wide // TILE)
     for tile in range(len(film.edges)):
@@ -132,13 +142,14 @@ def trace_samples(scene, view, style, scratch, corner, work, samples):
         for e in range(traced):
             numbers = lane_numbers() + e * WIDE  # of viewing rays, −1 for none
             if opacity is not None:
-                numbers = load_row(scratch.going, e)
+                numbers = load_row(scratch.active_rays, e)
             turn = ((numbers & (WIDE - 1)) * (256 // batch + 1)) >> 8  # number // batch, in a packet
             place = turn + (numbers >> 4) * each
             there = (numbers >= 0) & (turn < each) & (place < pending)
             pixels = gather(scratch.todo, select(there, place, 0))
             sample = (numbers & (WIDE - 1)) - turn * batch + done
-            x, y = (pixels & LAST) + corner[0], (pixels >> BITS) + corner[1]
+            x = (pixels & LAST) + corner[0]
+            y = (pixels >> BITS) + corner[1]
             start = aim(scratch.rays, view, x, y, select(there, sample, 0), scene.geometry.farthest)
             if opacity is not None:  # rays start behind the layers that they have seen
                 for lane in range(WIDE):

@@ -48,7 +48,8 @@ def most_telling(error: ValidationError) -> ErrorDetails:
 def first_fault(error: ValidationError, kind: type, shown: Callable[[Any], Any] = lambda value: value) -> Fault:
     """The most useful fault of a validation. Args: kind: what was validated. shown: text of a value that came."""
     fault = most_telling(error)
-    location, came = fault["loc"], fault["input"]
+    location = fault["loc"]
+    came = fault["input"]
     path = path_of(location)
     if fault["type"] in _UNKNOWN:
         names = list(fields_of(declared(kind, location[:-1]).annotation))
@@ -108,8 +109,8 @@ def _expected(fault: ErrorDetails, declared: FieldInfo) -> str:
     if declared.annotation is int and {"ge", "le"} <= set(bounds):
         return f"a whole number from {bounds['ge']} to {bounds['le']}"
     if declared.annotation is float and fault["type"] in _BOUNDS and len(bounds) == 2:
-        (opening, low), (closing, high) = ((name, f"{bounds[name]:g}") for name in sorted(bounds, key=names.index))
-        interval = f"{'[' if opening == 'ge' else '('}{low}, {high}{']' if closing == 'le' else ')'}"
+        low, high = sorted(bounds, key=names.index)
+        interval = f"{'[' if low == 'ge' else '('}{bounds[low]:g}, {bounds[high]:g}{']' if high == 'le' else ')'}"
         return "a number in " + re.sub(r"e([-+])0*", lambda sign: "e" + sign[1].strip("+"), interval)
     if fault["type"] == "union_tag_invalid":
         return "one of " + fault["ctx"]["expected_tags"]

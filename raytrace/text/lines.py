@@ -78,7 +78,9 @@ def _round(mantissa, exponent):
     power = abs(exponent)
     if mantissa == 0 or power >= len(_POWERS):
         return 0.0, mantissa == 0
-    a, p, q = np.float64(mantissa), _POWERS[power, 0], _POWERS[power, 1]
+    a = np.float64(mantissa)
+    p = _POWERS[power, 0]
+    q = _POWERS[power, 1]
     if mantissa <= _EXACT and power <= _EXACT_POWER:
         return a / p if exponent < 0 else a * p, True
     rest = np.float64(np.int64(mantissa - np.uint64(a)))
@@ -97,8 +99,10 @@ def _round(mantissa, exponent):
 def _multiply(a, b):
     """a·b rounded, and what that leaves (Dekker 1971)."""
     product = a * b
-    x, y = a * _SPLIT, b * _SPLIT
-    x, y = x - (x - a), y - (y - b)
+    x = a * _SPLIT
+    y = b * _SPLIT
+    x = x - (x - a)
+    y = y - (y - b)
     return product, ((x * y - product) + x * (b - y) + (a - x) * y) + (a - x) * (b - y)
 
 
@@ -234,11 +238,16 @@ def read_faces(text, begin, end, before, sizes, indices):
     Args: before: (4, 6), the sum of the tallies of all lines before these. sizes: int64 (p,), of all faces.
         indices: int64 (1 or 3, c), of all corners' `NUMBERED`, from 1 on, or `NONE`; relative ones are made absolute.
     """
-    v, vt, vn, face = before[V, COUNT], before[VT, COUNT], before[VN, COUNT], before[F, COUNT]
+    v = before[V, COUNT]
+    vt = before[VT, COUNT]
+    vn = before[VN, COUNT]
+    face = before[F, COUNT]
     corner, valid, i = before[F, WORDS], True, begin
     while i < end:
         kind, i = _keyword(text, i)
-        v, vt, vn = v + (kind == V), vt + (kind == VT), vn + (kind == VN)
+        v = v + (kind == V)
+        vt = vt + (kind == VT)
+        vn = vn + (kind == VN)
         if kind == F:
             first = corner
             i, some = _next_word(text, i)

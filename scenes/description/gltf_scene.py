@@ -35,13 +35,24 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from raytrace import Camera, Mesh, MeshError, Object, Occlusion, OptionError, Scene, Settings, Shape, light_from_dict
-from raytrace.brdf.coefficients import eta_from_reflectance
+from raytrace import (
+    Camera,
+    Material,
+    Mesh,
+    MeshError,
+    Object,
+    Occlusion,
+    OptionError,
+    Scene,
+    Settings,
+    Shape,
+    light_from_dict,
+    material_from_dict,
+)
 from raytrace.errors import InputError, printable
 from raytrace.image.texture import texture_mean
 from raytrace.lights.sources import BaseLight
-from raytrace.materials.base import BaseMaterial
-from raytrace.materials.materials import material_from_dict
+from raytrace.materials.presets import eta_from_reflectance
 from raytrace.mesh.normals import normalize
 from raytrace.types import Float64s
 
@@ -70,7 +81,7 @@ class Materials:
     def __init__(self, textures: Textures) -> None:
         self._textures = textures
         self._asset = textures.asset
-        self._made: dict[int, BaseMaterial] = {}
+        self._made: dict[int, Material] = {}
         self._means: dict[tuple[int | None, bool], Float64s | None] = {}
         self.means: set[str] = set()
         self.left_out: set[str] = set()
@@ -81,7 +92,7 @@ class Materials:
         words += [f"left out {', '.join(sorted(self.left_out))}"] if self.left_out else []
         return (printable(f"{self._asset.path}: materials: {'; '.join(words)}"),) if words else ()
 
-    def of(self, primitive: records.Primitive, coloured: bool) -> BaseMaterial:
+    def of(self, primitive: records.Primitive, coloured: bool) -> Material:
         """The material of a primitive, whose vertices may have colours. Raises: ValueError: there is none of it."""
         number = primitive.material
         if number is None:
@@ -90,7 +101,7 @@ class Materials:
             self._made[number] = self._material(self._asset.material(primitive))
         return self._made[number]
 
-    def _material(self, stored: records.GltfMaterial) -> BaseMaterial:
+    def _material(self, stored: records.GltfMaterial) -> Material:
         self.left_out |= {name for name in stored.extensions if name not in _READ}
         self.left_out |= {"normalTexture"} & vars(stored).keys()
         emitted = np.multiply(stored.emissiveFactor, stored.emissiveStrength)

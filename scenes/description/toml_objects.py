@@ -5,9 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from raytrace import PRESETS, AlphaSurface, Object, Opacity, Shape, Texture, material_from_dict
+from raytrace import PRESETS, AlphaSurface, Material, Object, Opacity, Shape, Texture, material_from_dict
 from raytrace.errors import SceneError, nearest_name
-from raytrace.materials.base import BaseMaterial
 from raytrace.system.faults import fields_of
 
 from ..field_errors import check_keys, check_name, joined, located, shown
@@ -25,7 +24,7 @@ MAX_BUILT = 1_500_000  # triangles: 1 GiB for a picture
 MAX_OBJECTS = 100_000  # 10 s for a picture
 
 
-def named_materials(tables: Sequence[dict[str, Any]], source: object) -> dict[str, BaseMaterial]:
+def named_materials(tables: Sequence[dict[str, Any]], source: object) -> dict[str, Material]:
     """Materials by name: the presets, then `[[materials]]`. Raises: SceneError."""
     materials = {name: material_from_dict({"preset": name}) for name in PRESETS}
     own: set[str] = set()
@@ -49,7 +48,7 @@ class ObjectReader:
     Attributes: origins: by the identities of shapes, of vertices that are not their file's one by one.
     """
 
-    def __init__(self, source: Path, materials: dict[str, BaseMaterial]) -> None:
+    def __init__(self, source: Path, materials: dict[str, Material]) -> None:
         self._source = source
         self._materials = materials
         self._geometry: dict[Any, TexturedMesh] = {}
@@ -129,7 +128,7 @@ class ObjectReader:
             return self._once(solid, solid.geometry)
 
     def _gltf_pieces(
-        self, mesh: Path, table: ObjectTable, path: str, material: BaseMaterial | None, texture: Texture | None
+        self, mesh: Path, table: ObjectTable, path: str, material: Material | None, texture: Texture | None
     ) -> list[Object]:
         if mesh not in self._gltf:
             from .gltf_scene import gltf_objects
@@ -161,7 +160,7 @@ class ObjectReader:
         return self._geometry[key]
 
     def _shape(
-        self, table: ObjectTable, path: str, given: TexturedMesh, material: BaseMaterial | None, texture: Texture | None
+        self, table: ObjectTable, path: str, given: TexturedMesh, material: Material | None, texture: Texture | None
     ) -> Shape:
         grain = self._texture(table, path, "grain")
         image = self._texture(table, path, "opacity_texture")
@@ -188,7 +187,7 @@ class ObjectReader:
                 self.origins[id(self._shapes[key])] = given.origin
         return self._shapes[key]
 
-    def _material(self, given: str | dict[str, Any], path: str) -> BaseMaterial:
+    def _material(self, given: str | dict[str, Any], path: str) -> Material:
         if isinstance(given, str):
             return self._materials[check_name(self._source, path, given, sorted(self._materials))]
         with located(self._source, path):

@@ -82,9 +82,8 @@ def sound(family, inside, made):
     path = inside / content[0]
     for _ in range(5):
         for arguments, target in commands(family, path, made, chance):
-            if arguments[0] != "materials":
-                path.write_bytes(content[1])
-                yield path, arguments, target
+            path.write_bytes(content[1])
+            yield path, arguments, target
 
 
 def commands(family, path, made, rng):
@@ -97,8 +96,6 @@ def commands(family, path, made, rng):
     yield ["view", path, "-o", made / "page.html"], made / "page.html"
     picture = made / rng.choice(("picture.png", "picture.exr"))
     yield ["render", path, "-o", picture, *SMALL, *rng.choice(RENDERS)], picture
-    if family != "mesh" and rng.random() < 0.05:
-        yield ["materials", path, "--check"], None
 
 
 def checked_command(arguments, target, made):

@@ -14,8 +14,8 @@ def _tables_of_scenes():
     """The keys of every kind of table in a scene file."""
     from typing import get_args
 
+    from raytrace.brdf.registry import reflection_models
     from raytrace.lights.sources import Light
-    from raytrace.materials.materials import Material
     from raytrace.settings import Settings
     from raytrace.system.faults import fields_of
     from scenes.description import schema
@@ -29,7 +29,7 @@ def _tables_of_scenes():
     tables |= {"camera": list(schema.CameraTable.model_fields), "render": list(fields_of(Settings))}
     tables |= {"obscurance": list(schema.ObscuranceTable.model_fields)}
     tables |= {"lights": {fields_of(kind)["light"].default: list(fields_of(kind)) for kind in members(Light)}}
-    tables |= {"materials": {fields_of(kind)["model"].default: list(fields_of(kind)) for kind in members(Material)}}
+    tables |= {"materials": {fields_of(kind)["model"].default: list(fields_of(kind)) for kind in reflection_models()}}
     return tables | {"solids": {name: list(fields_of(kind)) for name, kind in SOLIDS.items()}}
 
 

@@ -156,9 +156,8 @@ def commanded(family, path, made, chance, opened):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for arguments, target in fuzz_structure.commands(family, path, made, chance):
-            measuring = arguments[0] == "materials"  # some seconds a material, by design
             size = path.stat().st_size >> 20  # a file of many megabytes may take its time
-            signal.setitimer(signal.ITIMER_PROF, 20 * SECONDS if measuring else SECONDS + size)
+            signal.setitimer(signal.ITIMER_PROF, SECONDS + size)
             reset_peak()
             before = memory()
             message, seconds = fuzz_structure.checked_command(arguments, target, made)

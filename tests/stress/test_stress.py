@@ -76,7 +76,7 @@ def test_rays_that_start_on_the_surface_fail(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_rays_that_mind_only_their_own_faces_fail(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raytrace.ray_origins.origins.turn_directions", lambda *arguments: None)
+    monkeypatch.setattr("raytrace.ray_origins.origins.resolve_contacts", lambda *arguments: None)
     edged = {name: rays.closed()[name] for name in ("cube, hard edges", "cube with T-junctions")}
     monkeypatch.setattr(rays, "closed", lambda: edged)
     monkeypatch.setattr(rays, "poses", lambda long: [Pose(turn=4)])

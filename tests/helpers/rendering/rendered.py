@@ -3,10 +3,9 @@
 import numpy as np
 import trimesh
 
-from raytrace import Mesh
+from raytrace import BlinnPhong, Lambert, Mesh, Phong
 from raytrace.camera import Camera
 from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight, SpotLight
-from raytrace.materials.materials import BlinnPhong, Lambert, Phong
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
 from scenes.geometry import primitives

@@ -5,14 +5,15 @@ import sys
 
 import numpy as np
 
+from raytrace import CookTorrance, Lambert, OrenNayar, Phong
 from raytrace.brdf import layout
 from raytrace.brdf.dispatch import evaluate, terms
+from raytrace.brdf.material import pack_materials
 from raytrace.kernel.jit import kernel
 from raytrace.kernel.vector import add, dot, load, triple
 from raytrace.lights.kernels import incident
 from raytrace.lights.layout import AMBIENT
 from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight, SpotLight, pack_lights
-from raytrace.materials.materials import CookTorrance, Lambert, OrenNayar, Phong, pack_materials
 from raytrace.materials.reflect import reflect
 
 
@@ -103,8 +104,9 @@ def test_terms_are_the_body_s_and_the_highlight_s():
 
 def test_materials_and_lights_are_declared_without_compiling():
     code = (
-        "import sys; import raytrace.materials.materials as m, raytrace.materials.reflect; "
+        "import sys; import raytrace as m, raytrace.brdf.registry, raytrace.materials.reflect; "
         "import raytrace.lights.sources, raytrace.image.write; "
+        "raytrace.brdf.registry.reflection_models(); "
         "m.CookTorrance(albedo=.5, m=.2).pack(); m.PoulinFournier(k_d=.5).pack(); "
         "print([x for x in ('numba', 'OpenImageIO', 'scipy', 'embreex') if x in sys.modules])"
     )

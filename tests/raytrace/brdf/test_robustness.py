@@ -18,10 +18,9 @@ from raytrace import (
     Strauss,
     Ward,
 )
-from raytrace.brdf import layout as rows
 from raytrace.brdf.dispatch import reflect_rows
+from raytrace.brdf.material import pack_materials
 from raytrace.errors import OptionError
-from raytrace.materials.materials import pack_materials
 from raytrace.materials.reflect import reflect
 
 TINY, NEARLY_ONE = 1e-6, float(np.nextafter(1.0, 0.0))
@@ -206,7 +205,3 @@ def test_directions_that_do_not_broadcast_are_refused():
         OptionError, match=r"n, l, v, grain: expected shapes that broadcast, got n \(2, 3\), l \(5, 3\)"
     ):
         reflect(CookTorrance(albedo=0.3, m=0.4), np.ones((2, 3)), np.ones((5, 3)), [0, 0, 1])
-
-
-def test_rows_are_wide_enough():
-    assert all(len(material._parameters()) <= rows.WIDTH - rows.MODEL for material in EXTREMES)

@@ -17,9 +17,9 @@ from raytrace import (
     Strauss,
     Ward,
 )
-from raytrace.brdf.coefficients import gaussian_constant
 from raytrace.brdf.microfacet import fresnel
-from raytrace.brdf.strauss import fresnel_like, shadowing
+from raytrace.brdf.models.cook_torrance import gaussian_constant
+from raytrace.brdf.models.strauss import fresnel_like, shadowing
 from raytrace.materials.reflect import reflect
 
 GRAIN = np.array([0.3, 0.9, -0.2])

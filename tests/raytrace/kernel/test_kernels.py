@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from raytrace.kernel import jit
-from raytrace.kernel.arrays import borrow
+from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import Kernel, inline, kernel
 from raytrace.kernel.simd import rows_at
 
@@ -189,7 +189,7 @@ class Record(NamedTuple):
 
 @inline
 def summed(record):
-    """Of the record's arrays: what helpers see of a borrowed record, which is its address."""
+    """Of the record's arrays: what helpers see of a viewed record, which is its address."""
     if record.absent is not None:
         return 0.0
     whole = record.factor * record.values.sum() + record.pair.factor * record.pair.values[1]
@@ -197,15 +197,16 @@ def summed(record):
 
 
 @kernel
-def of_a_borrowed_record(record, out):
-    record, out = borrow(record), borrow(out)
+def of_a_viewed_record(record, out):
+    record = unrefcounted_view(record)
+    out = unrefcounted_view(out)
     for k in range(len(out)):
         out[k] = summed(record) + k
     record.pair.values[0] = -1.0
 
 
-def test_a_borrowed_record_has_the_members_of_the_record():
+def test_a_viewed_record_has_the_members_of_the_record():
     values, out = np.array([3.0, 5.0]), np.empty(3)
-    of_a_borrowed_record(Record(np.array([1.0, 2.0]), 0.5, None, Pair(values, 2.0), (np.array([7.0]), 3)), out)
+    of_a_viewed_record(Record(np.array([1.0, 2.0]), 0.5, None, Pair(values, 2.0), (np.array([7.0]), 3)), out)
     np.testing.assert_array_equal(out, 0.5 * 3 + 2 * 5 + 7 * 3 + np.arange(3))
     assert values.tolist() == [-1.0, 5.0]

@@ -5,6 +5,7 @@ from math import pi
 import numpy as np
 import pytest
 
+from raytrace import Lambert, Phong
 from raytrace.camera import Camera
 from raytrace.lights.sources import (
     AmbientLight,
@@ -12,7 +13,6 @@ from raytrace.lights.sources import (
     PointLight,
     SpotLight,
 )
-from raytrace.materials.materials import Lambert, Phong
 from raytrace.mesh.mesh import Mesh
 from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape

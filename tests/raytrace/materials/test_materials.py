@@ -18,11 +18,12 @@ from raytrace import (
     PoulinFournier,
     Strauss,
     Ward,
+    material_from_dict,
 )
 from raytrace.brdf import layout as rows
+from raytrace.brdf.material import pack_materials
 from raytrace.errors import OptionError
 from raytrace.kernel.vector import triple
-from raytrace.materials.materials import material_from_dict, pack_materials
 from raytrace.materials.presets import PRESETS
 from raytrace.materials.reflect import reflect
 
@@ -136,5 +137,7 @@ def test_accessors_for_a_renderer():
 def test_pack_materials():
     kinds, table = pack_materials(ONE_OF_EACH)
     assert kinds.tolist() == [m.kind for m in ONE_OF_EACH]
-    assert table.shape == (len(ONE_OF_EACH), rows.WIDTH)
-    assert pack_materials([])[1].shape == (0, rows.WIDTH)
+    for material, row in zip(ONE_OF_EACH, table, strict=True):
+        own = material.pack().row
+        np.testing.assert_array_equal(row, np.append(own, np.zeros(table.shape[1] - len(own))))
+    assert pack_materials([])[1].shape == (0, rows.MODEL)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from newell import newell_normal
 
-from raytrace.materials.materials import BlinnPhong, Phong
+from raytrace import BlinnPhong, Phong
 from raytrace.materials.reflect import reflect
-from raytrace.mesh.analytic_normals import newell_normal
 from raytrace.mesh.interpolation import centroid, interpolate, phong_normal, quadratic_normal
 
 P = [(2.0, 2.0, 1.0), (6.0, 2.0, 1.0), (4.0, 5.0, 1.0)]

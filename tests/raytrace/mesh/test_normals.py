@@ -1,92 +1,56 @@
-"""Normals of functions, polygons and vertices."""
+"""Normals of vertices, and those that docs/normals.md computes."""
+
+import re
 
 import numpy as np
 import pytest
+from newell import newell_normal
+from project import ROOT
 
-from raytrace.errors import OptionError
-from raytrace.mesh.analytic_normals import (
-    averaged_normal,
-    corner_normals,
-    implicit_normals,
-    newell_normal,
-    newell_plane,
-    newell_sums,
-    parametric_normals,
-    plane_through,
-)
 from raytrace.mesh.normals import vertex_normals
 
 BENT = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.5]])
 
 
-def test_textbook_polygon():
-    """The slide's averaged [.18, −.23, .96] has an arithmetic slip in its third corner normal."""
-    np.testing.assert_allclose(newell_sums(BENT), [0.5, -0.5, 2], atol=1e-15)
-    np.testing.assert_allclose(newell_normal(BENT), [0.235702, -0.235702, 0.942809], atol=5e-7)
-    np.testing.assert_allclose(averaged_normal(BENT), [0.224949, -0.224949, 0.948049], atol=5e-7)
-    np.testing.assert_allclose(corner_normals(BENT)[2], np.array([0.5, 0, 1]) / np.sqrt(1.25))
+@pytest.fixture(scope="module")
+def documented():
+    """The names that the example of docs/normals.md defines."""
+    (example,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/normals.md").read_text(), re.DOTALL)
+    names = {}
+    exec(example, names)
+    return names
 
 
-def test_planes_of_polygons_and_points():
-    """The slide's polygon holds the origin: d = 0. Moved, both planes of its first three corners are one."""
-    np.testing.assert_allclose(newell_plane(BENT), [0.5, -0.5, 2, 0], atol=1e-15)
-    moved = np.add(BENT, [3, -2, 4])
-    np.testing.assert_allclose(newell_plane(moved), [0.5, -0.5, 2, -10.5], atol=1e-12)
-    for size in (1.0, 1e-30, 1e30):
-        points = size * moved[1:]
-        a, b, c, d = newell_plane(points / size)
-        np.testing.assert_allclose(plane_through(points) * size, np.array([a, b, c]) / -d, rtol=1e-12)
-        np.testing.assert_allclose(points @ plane_through(points), 1, rtol=1e-12)
-
-
-@pytest.mark.parametrize("points", [BENT[:3], [[1, 1, 1], [2, 2, 3], [3, 3, 5]], np.zeros((3, 3)), BENT + 1])
-def test_points_without_one_plane_clear_of_the_origin_are_refused(points):
-    with pytest.raises(OptionError, match="points: expected three points"):
-        plane_through(points)
-
-
-def test_newell_is_indifferent_to_start_place_and_far_origins():
+def test_the_documented_newell_normal(documented):
+    """Of the textbook's polygon, from any corner on, far from the origin; of a concave one with a repeated corner."""
+    newell = documented["newell_normal"]
+    np.testing.assert_allclose(newell(BENT), [0.235702, -0.235702, 0.942809], atol=5e-7)
+    np.testing.assert_allclose(newell(BENT), newell_normal(BENT), atol=1e-15)
     for shift in range(4):
-        np.testing.assert_allclose(newell_normal(np.roll(BENT, shift, axis=0)), newell_normal(BENT), atol=1e-15)
-    np.testing.assert_allclose(newell_normal(BENT + 1e8), newell_normal(BENT), atol=1e-7)
-    np.testing.assert_allclose(newell_normal(BENT[::-1]), -newell_normal(BENT))
-
-
-def test_newell_of_concave_and_repeated_corners():
+        np.testing.assert_allclose(newell(np.roll(BENT, shift, axis=0)), newell(BENT), atol=1e-15)
+    np.testing.assert_allclose(newell(BENT + 1e8), newell(BENT), atol=1e-7)
+    np.testing.assert_allclose(newell(BENT[::-1]), -newell(BENT))
     arrow = np.array([[0, 0, 0], [2, 1, 0], [0, 2, 0], [0.5, 1, 0], [0.5, 1, 0]])
-    np.testing.assert_allclose(newell_normal(arrow), [0, 0, 1])
-    assert newell_sums(arrow)[2] == pytest.approx(2 * 1.5)
-    assert np.isfinite(averaged_normal(arrow)).all()
+    np.testing.assert_allclose(newell(arrow), [0, 0, 1])
 
 
-def test_degenerate_polygons_have_no_normal():
-    line = np.array([[0, 0, 0], [1, 1, 1], [2, 2, 2]])
-    assert (newell_normal(line) == 0).all()
-    assert (averaged_normal(np.zeros((3, 3))) == 0).all()
-    with pytest.raises(OptionError, match="k ≥ 3"):
-        newell_normal([[0, 0, 0], [1, 0, 0]])
-
-
-def test_implicit_surfaces():
+def test_the_documented_normals_of_functions(documented):
     rng = np.random.default_rng(0)
-    p = rng.normal(size=(50, 3))
-    sphere = p / np.linalg.norm(p, axis=1)[:, None] * 3
-    np.testing.assert_allclose(implicit_normals(lambda x: np.sum(x * x, axis=-1) - 9, sphere), sphere / 3, atol=1e-9)
-    plane = np.array([1, -2, 2.0])
-    np.testing.assert_allclose(
-        implicit_normals(lambda x: x @ plane + 7, p), np.broadcast_to(plane / 3, p.shape), atol=1e-9
-    )
-
-
-def test_parametric_surfaces():
-    u, v = np.random.default_rng(0).uniform(0.2, 2.5, size=(2, 40))
+    direction = np.array([1, -2, 2.0]) / 3
+    for point in rng.normal(size=(20, 3)):
+        on_sphere = point / np.linalg.norm(point)
+        sphere = documented["gradient_normal"](lambda p: p @ p - 1, on_sphere)
+        np.testing.assert_allclose(sphere, on_sphere, atol=1e-9)
+        plane = documented["gradient_normal"](lambda p: p @ direction + 7, point)
+        np.testing.assert_allclose(plane, direction, atol=1e-9)
 
     def torus(u, v):
         ring = 3 + np.cos(v)
-        return np.stack([ring * np.cos(u), ring * np.sin(u), np.sin(v)], axis=-1)
+        return np.array([ring * np.cos(u), ring * np.sin(u), np.sin(v)])
 
-    expected = np.stack([np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v)], axis=-1)
-    np.testing.assert_allclose(parametric_normals(torus, u, v), expected, atol=1e-8)
+    for u, v in rng.uniform(0.2, 2.5, size=(20, 2)):
+        expected = [np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v)]
+        np.testing.assert_allclose(documented["parametric_normal"](torus, u, v), expected, atol=1e-8)
 
 
 CORNER = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])

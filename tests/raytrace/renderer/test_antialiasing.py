@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from rendered import CAMERA, SMALL, still_scene
 
-from raytrace import Mesh
+from raytrace import Lambert, Mesh
 from raytrace.camera import Camera
-from raytrace.materials.materials import Lambert
 from raytrace.renderer import render_job as module
 from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape

@@ -7,9 +7,9 @@ import pytest
 import trimesh
 from stress.solids import cube, inward
 
+from raytrace import Lambert
 from raytrace.camera import Camera
 from raytrace.lights.sources import PointLight
-from raytrace.materials.materials import Lambert
 from raytrace.mesh.mesh import Mesh
 from raytrace.renderer import render_job
 from raytrace.renderer.render import render

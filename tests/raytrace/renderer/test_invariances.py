@@ -10,11 +10,10 @@ from rendered import CAMERA, SMALL, grid, sphere, still_scene, white
 
 import ao
 import raytrace.renderer.geometry
-from raytrace import Mesh
+from raytrace import Mesh, Phong
 from raytrace.camera import Camera
 from raytrace.image.frame import LAYERS
 from raytrace.lights.sources import DirectionalLight, PointLight, SpotLight
-from raytrace.materials.materials import Phong
 from raytrace.renderer.render import render, seen_vertices
 from raytrace.renderer.render_scene import build, release
 from raytrace.scene import Object, Scene, Shape

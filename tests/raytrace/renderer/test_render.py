@@ -6,11 +6,10 @@ import trimesh
 from rendered import CAMERA, ONE, PLANE, box, grid, pixel, sphere, still_scene, white
 
 import ao
-from raytrace import Mesh
+from raytrace import BlinnPhong, Lambert, Mesh, Phong
 from raytrace.camera import Camera
 from raytrace.kernel import jit
 from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
-from raytrace.materials.materials import BlinnPhong, Lambert, Phong
 from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings

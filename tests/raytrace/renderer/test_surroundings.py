@@ -19,6 +19,7 @@ from raytrace import (
     SkyLight,
     render,
 )
+from raytrace.brdf.material import pack_materials
 from raytrace.image.encode import write_layers
 from raytrace.image.write import write_image
 from raytrace.lights.environment import (
@@ -29,7 +30,6 @@ from raytrace.lights.environment import (
     sky_irradiance,
     sky_radiance,
 )
-from raytrace.materials.materials import pack_materials
 from scenes.geometry.primitives import sphere
 
 BALL = sphere(0.5, 0.1)

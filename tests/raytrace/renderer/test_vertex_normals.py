@@ -8,11 +8,10 @@ import trimesh
 from command import obscurance
 from rendered import ONE, pixel, white
 
-from raytrace import Mesh
+from raytrace import EllipticalBeckmann, Mesh, PoulinFournier
 from raytrace.camera import Camera
 from raytrace.image.read import read_image
 from raytrace.lights.sources import DirectionalLight
-from raytrace.materials.materials import EllipticalBeckmann, PoulinFournier
 from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings

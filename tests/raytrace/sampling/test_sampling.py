@@ -13,7 +13,7 @@ from raytrace.sampling.sequences import (
     shuffled_owen_sobol,
     sobol,
 )
-from raytrace.sampling.sequences import mix_array as mix
+from raytrace.sampling.sequences import hash32_array as hash32
 
 
 def test_sobol_points_are_the_published_ones():
@@ -70,7 +70,7 @@ def test_seeds_and_sets_differ():
 
 
 def test_hash_is_a_bijection_on_a_sample():
-    assert len(np.unique(mix(np.arange(1 << 20)))) == 1 << 20
+    assert len(np.unique(hash32(np.arange(1 << 20)))) == 1 << 20
 
 
 def test_directions_have_density_cosine_over_pi():

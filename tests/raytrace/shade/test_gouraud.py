@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from raytrace import BlinnPhong
 from raytrace.camera import Camera
 from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
-from raytrace.materials.materials import BlinnPhong
 from raytrace.mesh.mesh import Mesh
 from raytrace.renderer.render import render
 from raytrace.scene import Object, Scene, Shape

@@ -4,15 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from newell import newell_normal
 from rendered import white
 
-from raytrace import Mesh
+from raytrace import Lambert, Mesh, Phong
 from raytrace.camera import Camera
 from raytrace.errors import MeshError
 from raytrace.lights.sources import AmbientLight, PointLight
-from raytrace.materials.materials import Lambert, Phong
 from raytrace.materials.reflect import reflect
-from raytrace.mesh.analytic_normals import newell_normal
 from raytrace.renderer.geometry import build_geometry
 from raytrace.renderer.render import render, seen_vertices
 from raytrace.scene import Object, Scene, Shape

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import trimesh
 
+from raytrace import Lambert, Phong
 from raytrace.camera import Camera
 from raytrace.embree.rays import intersect
 from raytrace.embree.scene import TriangleScene
 from raytrace.kernel.arrays import aligned
 from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight, SpotLight, pack_lights
-from raytrace.materials.materials import Lambert, Phong
 from raytrace.mesh.mesh import Mesh
 from raytrace.renderer import render_scene
 from raytrace.renderer.render import render

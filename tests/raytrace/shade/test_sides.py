@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from rendered import ONE, PLANE, grid, pixel, sphere, white
 
-from raytrace import Mesh
+from raytrace import Lambert, Mesh, OrenNayar, Phong, Strauss
 from raytrace.camera import Camera
 from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
-from raytrace.materials.materials import Lambert, OrenNayar, Phong, Strauss
 from raytrace.materials.reflect import reflect
 from raytrace.renderer import geometry as geometry_module
 from raytrace.renderer.render import render

@@ -12,9 +12,9 @@ import pytest
 from gltf_files import QUAD, TRIANGLE, Builder
 from gltf_scenes import read, textured, triangle
 
+from raytrace import CookTorrance, Lambert
 from raytrace.errors import InputError, MeshError, SceneError
 from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
-from raytrace.materials.materials import CookTorrance, Lambert
 from raytrace.materials.reflect import reflect
 from scenes.description.description import NEUTRAL
 from scenes.description.read import read_scene

@@ -9,12 +9,12 @@ from project import ROOT
 from scene_texts import PLAIN, SQUARE, scene
 
 import ao
+from raytrace import OrenNayar
 from raytrace.camera import Camera
 from raytrace.errors import MeshError, OptionError
 from raytrace.image.texture import Texture
 from raytrace.image.write import write_image
 from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
-from raytrace.materials.materials import OrenNayar
 from raytrace.settings import Settings
 from scenes.description.obscurance import with_obscurance
 from scenes.description.read import read_scene

@@ -1,18 +1,18 @@
-"""Base classes of materials: emission, ambient reflectance, packing into a row for kernels."""
+"""Base classes of materials: emission, ambient reflectance, diffuse bodies; packing into rows for kernels."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from math import pi
-from typing import ClassVar, Literal, NamedTuple
+from collections.abc import Sequence
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import model_validator
 
-from ..brdf import layout as rows
 from ..errors import OptionError
-from ..system.parameters import Direction, Exponent, Fraction, Indices, Parameters, Radiance, Reflectance, Sides
-from ..types import Float64s
+from ..system.parameters import Direction, Exponent, Parameters, Radiance, Reflectance, Sides
+from ..types import Float64s, Int64s
+from . import layout
 
 RGB = tuple[float, ...]  # of three
 BLACK: RGB = (0.0, 0.0, 0.0)
@@ -27,13 +27,13 @@ class Gloss(NamedTuple):
 
 
 class PackedMaterial(NamedTuple):
-    """A material as kernels take it: integer kind, and a float64 row of `rows.WIDTH`."""
+    """A material as kernels take it: integer kind, and a float64 row as `raytrace.brdf.layout` has it."""
 
     kind: int
     row: Float64s
 
 
-class BaseMaterial(Parameters):
+class Material(Parameters):
     """Parameters of every material: emission I_e, and the sides of a surface that reflect.
 
     `two_sided`: False: the one that the normal points away from. True: the normal turns to the light, n·l → |n·l|, so
@@ -42,7 +42,10 @@ class BaseMaterial(Parameters):
     """
 
     kind: ClassVar[int]
-    columns: ClassVar[tuple[str, ...]]  # the fields of `_parameters`, where these are no more
+    terms: ClassVar[Any]
+    terms_in_lanes: ClassVar[Any]
+    """These three by `raytrace.brdf.registry.reflection_model`."""
+    columns: ClassVar[tuple[str, ...]]  # the fields that `parameters` are, unless a class has its own
     physical: ClassVar[bool] = False
     """Whether `reflect` is BRDF·(n·l), in 1/sr, rather than an empirical model's own k_d⟨n·l⟩ + k_s S."""
     emission: Radiance = (0.0, 0.0, 0.0)
@@ -50,33 +53,43 @@ class BaseMaterial(Parameters):
 
     def pack(self) -> PackedMaterial:
         """The kind and parameter row that `raytrace.brdf.dispatch.evaluate` takes."""
-        ambient, gloss = getattr(self, "k_a", None), self._gloss()
-        side = rows.TO_VIEWER if self.two_sided == "viewer" else rows.TO_LIGHT * self.two_sided
+        k_a = getattr(self, "k_a", None)
+        gloss = self.gloss()
         grain = np.array(getattr(self, "grain", None) or BLACK)
         grain /= np.abs(grain).max() or 1.0  # squares neither overflow nor vanish
-        head = [*self.emission, *(self._ambient() if ambient is None else ambient)]
-        head += [1.0 - getattr(self, "transparency", 0.0), side, *(grain / (np.linalg.norm(grain) or 1.0))]
-        row = [*head, *gloss.normal, *gloss.grazing, gloss.slope, *self._parameters()]  # in the order of `rows`
-        return PackedMaterial(self.kind, np.array(row + [0.0] * (rows.WIDTH - len(row))))
+        parameters = self.parameters()
+
+        row = np.zeros(layout.MODEL + len(parameters))
+        row[layout.EMISSION : layout.EMISSION + 3] = self.emission
+        row[layout.AMBIENT : layout.AMBIENT + 3] = self.ambient() if k_a is None else k_a
+        row[layout.ALPHA] = 1.0 - getattr(self, "transparency", 0.0)
+        row[layout.TWO_SIDED] = layout.TO_VIEWER if self.two_sided == "viewer" else layout.TO_LIGHT * self.two_sided
+        row[layout.GRAIN : layout.GRAIN + 3] = grain / (np.linalg.norm(grain) or 1.0)
+        row[layout.GLOSS : layout.GLOSS + 3] = gloss.normal
+        row[layout.GRAZING : layout.GRAZING + 3] = gloss.grazing
+        row[layout.SLOPE] = gloss.slope
+        row[layout.BRUSHED] = isinstance(self, Brushed)
+        row[layout.MODEL :] = parameters
+        return PackedMaterial(self.kind, row)
 
     @abstractmethod
-    def _ambient(self) -> RGB:
+    def ambient(self) -> RGB:
         """k_a unless it is given."""
 
     def lobe_slope(self) -> float | None:
         """The larger RMS slope of facets that make a highlight about the halfway vector; None for other models."""
         return None
 
-    def _gloss(self) -> Gloss:
+    def gloss(self) -> Gloss:
         """The part of `k_a` that comes from the mirror direction, as much as the model's highlight reflects."""
         return Gloss(BLACK, BLACK, 1.0)
 
-    def _parameters(self) -> list[float]:
-        """The columns from `rows.MODEL` on, in the order the model's file states."""
+    def parameters(self) -> list[float]:
+        """The columns from `layout.MODEL` on, in the order the model's file states; first the diffuse colour."""
         return [*np.hstack([getattr(self, name) for name in self.columns])]
 
 
-class Brushed(BaseMaterial):
+class Brushed(Material):
     """A material that reflects differently along and across a grain.
 
     `grain`: world vector, projected into the tangent plane; left out, the surface's tangent (where u grows) is used.
@@ -85,43 +98,18 @@ class Brushed(BaseMaterial):
     grain: Direction | None = None
 
 
-class Diffuse(BaseMaterial):
+class Diffuse(Material):
     """A material with a Lambert-like body of albedo ρ; `k_a`, the ambient reflectance, is ρ unless given."""
 
     physical: ClassVar[bool] = True
     albedo: Reflectance
     k_a: Reflectance | None = None
 
-    def _ambient(self) -> RGB:
+    def ambient(self) -> RGB:
         return self.albedo
 
 
-class Microfacet(Diffuse):
-    """k_d = 1 − k_s of a Lambertian body under k_s of mirror facets.
-
-    `eta`: index per channel, ≥ 1. `colour`: specular colour at normal incidence, shifting to the light's at grazing;
-    without it each channel has its own Fresnel reflectance. `form`: "conserving", or "book", as the
-    textbook prints it, 4 times as bright.
-    """
-
-    k_s: Fraction = 1.0
-    eta: Indices = (1.5, 1.5, 1.5)
-    colour: Reflectance | None = None
-    form: Literal["conserving", "book"] = "conserving"
-
-    def _mirrored(self, slope: float) -> Gloss:
-        colour = self.colour or (1.0, 1.0, 1.0)
-        normal = np.square((np.array(self.eta) - 1) / (np.array(self.eta) + 1))
-        mirrored = self.k_s * np.multiply(colour, normal if self.colour is None else normal.mean())
-        return Gloss(tuple(mirrored), (self.k_s,) * 3, slope)
-
-    def _common(self) -> list[float]:
-        colour = self.colour or (0.0, 0.0, 0.0)
-        normalisation = 1 / (4 * pi) if self.form == "conserving" else 1 / pi
-        return [*self.albedo, self.k_s, *self.eta, float(self.colour is not None), *colour, normalisation]
-
-
-class TwoTerm(BaseMaterial):
+class TwoTerm(Material):
     """Diffuse k_d and specular k_s, k_d + k_s ≤ 1 in each channel; `k_a` is k_d unless given."""
 
     k_d: Reflectance
@@ -136,7 +124,7 @@ class TwoTerm(BaseMaterial):
                 raise OptionError(f"k_d + k_s [{channel}]", "at most 1", got, type(self).__name__)
         return self
 
-    def _ambient(self) -> RGB:
+    def ambient(self) -> RGB:
         return self.k_d
 
 
@@ -144,3 +132,12 @@ class Glossy(TwoTerm):
     """Of a highlight of an `exponent` > 0."""
 
     exponent: Exponent = 20.0
+
+
+def pack_materials(materials: Sequence[Material]) -> tuple[Int64s, Float64s]:
+    """Kinds (k,) int64 and rows (k, longest) float64 of materials, for a kernel that meets them all."""
+    packed = [material.pack() for material in materials]
+    rows = np.zeros((len(packed), max((len(material.row) for material in packed), default=layout.MODEL)))
+    for row, material in zip(rows, packed, strict=True):
+        row[: len(material.row)] = material.row
+    return np.array([material.kind for material in packed], np.int64), rows

@@ -16,7 +16,7 @@ from ..materials import alpha_filter
 from ..materials.alpha_filter import LEAST, STEP
 from . import layout
 from .camera_rays import aim
-from .layout import BEGIN, COVER, NEXT, SHADOW_RAYS, THROUGH
+from .layout import BEGIN, COVER, NEXT, SHADOW_RAYS, TRANSMITTANCE
 
 HALF = 0.5
 SHORT = 1.0 - 1e-5  # of the way to a light: what touches the light itself is no obstacle
@@ -27,11 +27,12 @@ def closest_hits(geometry, rays, valid, there):
     """The closest hits of `rays` where the mask `there` is set, past holes: rows of the objects, −1 for none, and of
     their shapes' faces, int32 lanes; barycentrics u, v and distance, float32 lanes."""
     if geometry.opacity is not None:
-        store_row(rays, alpha_filter.THROUGH, -1.0)
+        store_row(rays, alpha_filter.TRANSMITTANCE, -1.0)
     store_row(valid, 0, there)
     intersect16(geometry.handle, rays, valid)
     ids = rays.view(np.int32)
-    outer, inner = load_row(ids, INST_ID), load_row(ids, GEOM_ID)
+    outer = load_row(ids, INST_ID)
+    inner = load_row(ids, GEOM_ID)
     items = select(there, select((inner >= 0) & (outer >= 0), outer, inner), -1)
     return items, load_row(ids, PRIM_ID), load_row(rays, U), load_row(rays, V), load_row(rays, TFAR)
 
@@ -40,7 +41,8 @@ def closest_hits(geometry, rays, valid, there):
 def transmittance(geometry, scratch, wanted, origin, l, distance):
     """Which of the `wanted` shadow rays light passes along, and δ there, float32 lanes: 1 − alpha of all that they hit,
     multiplied."""
-    rays, part = scratch.rays, select(wanted, 1.0, 1.0)
+    rays = scratch.rays
+    transmitted = select(wanted, 1.0, 1.0)
     for axis in range(3):
         store_row(rays, ORG_X + axis, origin[axis])
         store_row(rays, DIR_X + axis, l[axis])
@@ -48,13 +50,13 @@ def transmittance(geometry, scratch, wanted, origin, l, distance):
     store_row(scratch.valid, 0, wanted)
     if geometry.opacity is not None:
         store_row(rays, TNEAR, 0.0)
-        store_row(rays, alpha_filter.THROUGH, 1.0)
+        store_row(rays, alpha_filter.TRANSMITTANCE, 1.0)
         store_row(rays, alpha_filter.COUNT, 0.0)
     occluded16(geometry.handle, rays, scratch.valid)
     scratch.counts[SHADOW_RAYS] += count(wanted)
     if geometry.opacity is not None:
-        part = load_row(rays, alpha_filter.THROUGH)
-    return wanted & (load_row(rays, TFAR) >= 0.0), part
+        transmitted = load_row(rays, alpha_filter.TRANSMITTANCE)
+    return wanted & (load_row(rays, TFAR) >= 0.0), transmitted
 
 
 @inline
@@ -67,24 +69,25 @@ def begin_layers(scratch, packets):
         store_row(kept, layout.W, 1.0)
         store_row(kept, layout.SHADOW, 1.0)
         store_row(kept, layout.DEPTH, np.float32(np.inf))
-        store_row(kept, THROUGH, 1.0)
+        store_row(kept, TRANSMITTANCE, 1.0)
         store_row(kept, BEGIN, 0.0)
-        store_row(scratch.going, e, lane_numbers() + e * WIDE)
+        store_row(scratch.active_rays, e, lane_numbers() + e * WIDE)
 
 
 @inline
 def composite(scratch, packets, layers):
     """Composite hits, or the background, behind earlier hits of their rays; returns the packets of rays that go on."""
-    going = 0
+    active = 0
     for e in range(packets):
         for lane in range(WIDE):
-            ray = scratch.going[e, lane]
+            ray = scratch.active_rays[e, lane]
             if ray >= 0 and composite_ray(scratch, e, lane, scratch.layers[ray // WIDE], ray % WIDE, layers):
-                scratch.going[going // WIDE, going % WIDE] = ray
-                going += 1
-    for place in range(going, -(-going // WIDE) * WIDE):
-        scratch.going[place // WIDE, place % WIDE] = -1
-    return -(-going // WIDE)
+                scratch.active_rays[active // WIDE, active % WIDE] = ray
+                active += 1
+    remaining = -(-active // WIDE)
+    for place in range(active, remaining * WIDE):
+        scratch.active_rays[place // WIDE, place % WIDE] = -1
+    return remaining
 
 
 @inline
@@ -93,18 +96,22 @@ def composite_ray(scratch, e, lane, kept, ray, layers):
 
     Layers that are no light show the first surface behind which less than half of the light passes.
     """
-    packet, noted, met = scratch.points[e], scratch.layers[e], scratch.items[e, lane] >= 0
-    through = kept[THROUGH, ray]
-    part = through * noted[COVER, lane] if met else through
+    packet = scratch.points[e]
+    noted = scratch.layers[e]
+    hit = scratch.items[e, lane] >= 0
+    before = kept[TRANSMITTANCE, ray]
+    weight = before * noted[COVER, lane] if hit else before
     for column in range(layout.AMBIENT, layout.W):
-        kept[column, ray] += part * packet[column, lane]
-    left = through - part * packet[layout.ALPHA, lane] if met else through
-    left = left if left > LEAST else np.float32(0.0)
-    if layers and met and through > HALF and left <= HALF:
+        kept[column, ray] += weight * packet[column, lane]
+    behind = before - weight * packet[layout.ALPHA, lane] if hit else before
+    behind = behind if behind > LEAST else np.float32(0.0)
+    if layers and hit and before > HALF and behind <= HALF:
         for column in range(layout.W, layout.FILM):
             kept[column, ray] = packet[column, lane]
-    kept[layout.ALPHA, ray], kept[THROUGH, ray], kept[BEGIN, ray] = np.float32(1.0) - left, left, noted[NEXT, lane]
-    return met and left > 0.0
+    kept[layout.ALPHA, ray] = np.float32(1.0) - behind
+    kept[TRANSMITTANCE, ray] = behind
+    kept[BEGIN, ray] = noted[NEXT, lane]
+    return hit and behind > 0.0
 
 
 @kernel
@@ -119,14 +126,15 @@ def mark_seen(geometry, view, columns, rows, rays, valid, seen, whole):
             pixels = lane_numbers() + x
             for sample in range(max(1, view.offsets.shape[2])):
                 aim(rays, view, pixels, 0 * pixels + y, 0 * pixels + sample, geometry.farthest)
-                there, through = pixels < right, select(pixels < right, 1.0, 1.0)
+                there = pixels < right
+                transmitted = select(there, 1.0, 1.0)
                 while some(there):
                     items, faces, _, _, distance = closest_hits(geometry, rays, valid, there)
                     mark_corners(geometry, items, faces, seen, whole)
                     there = items < items
                     if geometry.opacity is not None:
-                        through = through * (1.0 - load_row(rays, alpha_filter.STOPPED))
-                        there = (items >= 0) & (through > LEAST)
+                        transmitted = transmitted * (1.0 - load_row(rays, alpha_filter.STOPPED))
+                        there = (items >= 0) & (transmitted > LEAST)
                         store_row(rays, TNEAR, distance + STEP)
                         store_row(rays, TFAR, geometry.farthest)
 

@@ -11,13 +11,27 @@ Row: k_d (RGB), k_s (RGB), exponent m, spacing, Θ, sinΘ, cosΘ, Chebyshev doma
 Source: Poulin & Fournier 1990, "A Model for Anisotropic Reflection", added cylinders.
 """
 
-from math import asin, atan2, copysign, cos, pi, sin, sqrt
+from __future__ import annotations
 
-from ..kernel.jit import inline
-from ..kernel.vector import dot, halfway, perpendicular, scale, triple
-from .layout import MODEL, TERMS
+from math import acos, asin, atan2, copysign, cos, pi, sin, sqrt
+from typing import Literal
 
-K_S, EXPONENT, SPACING, CAP, DOMAIN, SERIES = MODEL + 3, MODEL + 6, MODEL + 7, MODEL + 8, MODEL + 11, MODEL + 12
+import numpy as np
+
+from ...kernel.jit import inline
+from ...kernel.vector import dot, halfway, perpendicular, scale, triple
+from ...system.parameters import Fraction, Spacing
+from ..layout import MODEL
+from ..material import Brushed, Glossy
+from ..registry import reflection_model
+
+TERMS = 16  # Chebyshev coefficients
+K_S = MODEL + 3
+EXPONENT = MODEL + 6
+SPACING = MODEL + 7
+CAP = MODEL + 8
+DOMAIN = MODEL + 11
+SERIES = MODEL + 12
 
 
 @inline
@@ -27,7 +41,10 @@ def visible_part(row, across, up, length):
     Returns its angle φ from the normal in the cross-section, cap angles lo, hi, and floor places x0, x1 between this
     axis, 0, and the next, `spacing`.
     """
-    spacing, cap, sin_cap, cos_cap = row[SPACING], row[CAP], row[CAP + 1], row[CAP + 2]
+    spacing = row[SPACING]
+    cap = row[CAP]
+    sin_cap = row[CAP + 1]
+    cos_cap = row[CAP + 2]
     elevation = atan2(up, abs(across))
     lo, hi = max(-cap, -elevation), cap
     x0, x1 = sin_cap, spacing - sin_cap
@@ -44,8 +61,10 @@ def visible_part(row, across, up, length):
 @inline
 def power_integral(row, a, b):
     """∫_a^b cos^(m+1) for |a|, |b| ≤ X: Clenshaw's sums over odd Chebyshev orders, both ends in step."""
-    ya, yb = a / row[DOMAIN], b / row[DOMAIN]
-    za, zb = 4.0 * ya * ya - 2.0, 4.0 * yb * yb - 2.0
+    ya = a / row[DOMAIN]
+    yb = b / row[DOMAIN]
+    za = 4.0 * ya * ya - 2.0
+    zb = 4.0 * yb * yb - 2.0
     above_a, here_a, above_b, here_b = 0.0, 0.0, 0.0, 0.0
     for k in range(TERMS):
         c = row[SERIES + k]  # highest order first
@@ -57,7 +76,8 @@ def power_integral(row, a, b):
 @inline
 def cap_highlight(row, h_across, h_up, v_across, v_up, lo, hi):
     """∫ ⟨n'·h⟩^m cos(θ − φ_v) dθ over [lo, hi], for cross-section projections of h and (unit) of v."""
-    domain, exponent = row[DOMAIN], row[EXPONENT]
+    domain = row[DOMAIN]
+    exponent = row[EXPONENT]
     angle = atan2(h_across, h_up)
     a = max(-domain, min(domain, lo - angle))
     b = max(-domain, min(domain, hi - angle))
@@ -79,16 +99,22 @@ def terms(row, n, l, v, grain):
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     _, tangent = perpendicular(n, grain)
     h = halfway(l, v)
-    l_up, l_across, v_up, v_across, h_up = dot(n, l), dot(tangent, l), dot(n, v), dot(tangent, v), dot(n, h)
+    l_up = dot(n, l)
+    l_across = dot(tangent, l)
+    v_up = dot(n, v)
+    v_across = dot(tangent, v)
+    h_up = dot(n, h)
     l_length = sqrt(l_across * l_across + l_up * l_up)
     v_length = sqrt(v_across * v_across + v_up * v_up)
     light, lit_lo, lit_hi, lit_x0, lit_x1 = visible_part(row, l_across, l_up, l_length)
     view, seen_lo, seen_hi, seen_x0, seen_x1 = visible_part(row, v_across, v_up, v_length)
     diffuse, specular = 0.0, 0.0  # averages over the visible part of a period, each in [0, 1]
 
-    lo, hi = max(lit_lo, seen_lo), min(lit_hi, seen_hi)
+    lo = max(lit_lo, seen_lo)
+    hi = min(lit_hi, seen_hi)
     if hi > lo:
-        cos_view, sin_view = v_up / v_length, v_across / v_length
+        cos_view = v_up / v_length
+        sin_view = v_across / v_length
         period = row[SPACING] * cos_view  # as wide as it looks
         width = hi - lo
         product = 0.5 * (
@@ -102,3 +128,31 @@ def terms(row, n, l, v, grain):
         diffuse += floor * l_up
         specular += floor * max(0.0, min(1.0, h_up)) ** row[EXPONENT]
     return scale(min(1.0, diffuse), triple(row, MODEL)), scale(min(1.0, specular), triple(row, K_S))
+
+
+def cap_angle(spacing: float, floor: float) -> float:
+    """Θ, radians: where a cylinder of radius 1 meets the floor, or the next cylinder if that comes first."""
+    return acos(floor) if spacing >= 2.0 else min(acos(floor), asin(spacing / 2.0))
+
+
+def power_series(exponent: float) -> tuple[float, list[float]]:
+    """Domain X and odd Chebyshev coefficients, highest first, of ∫_0^x cos^(m+1); beyond X it is constant to 1e-6."""
+    domain = min(pi / 2, float(np.arccos(1e-6 ** (1.0 / (exponent + 1.0)))))
+    integrand = np.polynomial.Chebyshev.interpolate(
+        lambda x: np.cos(x) ** (exponent + 1.0), 2 * (TERMS - 1), domain=[-domain, domain]
+    )
+    return domain, [float(c) for c in integrand.integ(lbnd=0).coef[:0:-2]]
+
+
+@reflection_model(terms)
+class PoulinFournier(Brushed, Glossy):
+    """Cylinders of radius 1 along the grain: axes `spacing` apart, the floor at height `floor` in [0, 1] above them."""
+
+    model: Literal["poulin_fournier"] = "poulin_fournier"
+    spacing: Spacing = 2.0
+    floor: Fraction = 0.0
+
+    def parameters(self) -> list[float]:
+        domain, series = power_series(self.exponent)
+        cap = cap_angle(self.spacing, self.floor)
+        return [*self.k_d, *self.k_s, self.exponent, self.spacing, cap, sin(cap), cos(cap), domain, *series]
