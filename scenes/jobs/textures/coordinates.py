@@ -1,6 +1,7 @@
 """The texture coordinates of a bake, of the file or by the optional library uvunwrap, and the size of its pages."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
@@ -61,10 +62,12 @@ def coordinates(
         areas = face_normals(mesh.vertices, mesh.faces)[1] * receive
         cramped = _cramped(mesh, uv, areas, texels)
         lost = cramped | (on_page(uv) & ~have_area(uv) & (areas > 0))
-        if sets and can_unwrap and min(texels) >= _LEAST and areas[lost].sum() > _WORTH * areas.sum():
-            new |= lost
         if new.any():
-            uv[new] = unwrap(Mesh(mesh.vertices, mesh.faces[new], source=mesh.source), min(texels))
+            uv[new] = unwrap(_some(mesh, new), min(texels))
+        if sets and can_unwrap and min(texels) >= _LEAST and areas[lost].sum() > _WORTH * areas.sum():
+            with suppress(MeshError):  # there is no room for them: they stay, and a line tells of them
+                uv[lost] = unwrap(_some(mesh, lost), min(texels))
+                new |= lost
         return Coordinates(uv, new, number, texels, int(np.count_nonzero(cramped & ~new)))
     if uv is None and wanted not in ("unwrap", "fill") and not (wanted == "auto" and into_glb and can_unwrap):
         which = f" of number {number}" if number else ""
@@ -75,8 +78,13 @@ def coordinates(
     made[receive] = [[0.0, 0.0], [share, 0.0], [0.0, share]]
     side = min(_page(mesh, made, *pages))
     old = None if uv is None else uv[receive]
-    made[receive] = unwrap(Mesh(mesh.vertices, mesh.faces[receive], source=mesh.source), side, old)
+    made[receive] = unwrap(_some(mesh, receive), side, old)
     return Coordinates(made, receive, None, (side, side))
+
+
+def _some(mesh: Mesh, faces: Bools) -> Mesh:
+    """The mesh with some of its faces alone."""
+    return Mesh(mesh.vertices, mesh.faces[faces], source=mesh.source)
 
 
 def _cramped(mesh: Mesh, uv: Float64s, areas: Float64s, size: tuple[int, int]) -> Bools:

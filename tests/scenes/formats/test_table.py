@@ -47,7 +47,7 @@ def test_first_bytes_show_the_format(content, ending):
 
 
 def test_a_format_from_outside_is_read_as_the_guide_for_contributors_says(tmp_path, monkeypatch):
-    row, reader = re.findall("```python\n(.*?)```", (ROOT / "CONTRIBUTING.md").read_text(), re.DOTALL)
+    row, reader = re.findall("```python\n(.*?)```", (ROOT / "CONTRIBUTING.md").read_text(), re.DOTALL)[:2]
     assert len((row + reader).split("\n")) <= 14
     (tmp_path / "tri_format.py").write_text(reader)
     monkeypatch.syspath_prepend(tmp_path)
