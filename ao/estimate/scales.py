@@ -57,8 +57,11 @@ def denoise_over_scales(
     predicted, error = coarser
     residual = w - predicted
     squared = np.maximum(neighbours.smooth(residual**2, _REACH), 1e-12)
-    shares = [np.clip(1 - amount * variance / squared, 0.0, 1.0) for amount in _AMOUNTS]
-    share = min(shares, key=lambda each: risk(predicted + each * residual))
+
+    def share_by(amount: float) -> Float64s:
+        return np.clip(1 - amount * variance / squared, 0.0, 1.0)
+
+    share = share_by(min(_AMOUNTS, key=lambda amount: risk(predicted + share_by(amount) * residual)))
     return predicted + share * residual, shrunk_to_mean(error + share * np.maximum(variance - error, 0.0))
 
 
