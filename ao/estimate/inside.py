@@ -142,7 +142,7 @@ def holes(mesh: Mesh) -> list[str]:
     a, b = corners.ravel(), corners[:, [1, 2, 0]].ravel()
     edge = np.unique(np.minimum(a, b) * len(mesh.vertices) + np.maximum(a, b), return_inverse=True)[1]
     open_edges = np.count_nonzero(np.bincount(edge, np.sign(b - a)))
-    text = "edges are open: where rays leave through holes, the mesh counts as thick"
+    text = "edges are open: where rays leave through holes, the mesh counts as thick; close them, or limit the distance"
     return [f"{mesh.source}: {open_edges:,} {text}"] if open_edges else []
 
 

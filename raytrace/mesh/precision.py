@@ -54,7 +54,7 @@ def precision_warnings(mesh: Mesh) -> list[str]:
     return [
         f"{mesh.source}: normals of {coarse.vertices:,} of {len(mesh.vertices):,} vertices are uncertain by"
         f" {np.degrees(coarse.tilt):.2g}° (median): {what} have steps of {coarse.spacing:.2g},"
-        " too coarse for the faces there"
+        " too coarse for the faces there: move the mesh to the origin before it is stored, or store doubles"
     ]
 
 

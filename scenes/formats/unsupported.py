@@ -22,7 +22,8 @@ def unsupported_features(target: Path, mesh_file: MeshFile, channels: Channels =
     missing = resolve_name(row.unsupported)(mesh_file, colors)
     warnings = [f"{target}: not kept from {mesh_file.path}: {', '.join(missing)}"] if missing else []
     if row.name == "PLY" and not colors and has_own_colors(mesh_file.attributes):
-        warnings.append(f"{target}: keeps the colours of {mesh_file.path}; w is in its property obscurance alone")
+        instead = "w is in its property obscurance alone, and --colors puts it in their place"
+        warnings.append(f"{target}: keeps the colours of {mesh_file.path}; {instead}")
     if channels.ramp and mesh_file.gltf:
         from .gltf.write import ramp_warnings
 

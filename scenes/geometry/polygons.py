@@ -35,7 +35,8 @@ class Triangulation(NamedTuple):
     def notes(self) -> tuple[str, ...]:
         """Warnings about the polygons."""
         who = f"{self.crossing:,} polygons cross themselves" if self.crossing > 1 else "1 polygon crosses itself"
-        return (f"{who}: no triangles between the corners fill what does",) if self.crossing else ()
+        what = "no triangles between the corners fill what does; cut it into triangles where it was made"
+        return (f"{who}: {what}",) if self.crossing else ()
 
     @property
     def polygons(self) -> Int64s | None:

@@ -180,5 +180,6 @@ def ramp_warnings(asset: Gltf, replace: bool) -> list[str]:
         lines.append(f"{of}, whose w viewers do not show; --replace-occlusion replaces them")
     highest = max((free_set(header, primitive) for primitive in taking), default=0)
     if highest >= SETS_OF_ALL_VIEWERS:
-        lines.append(f"uses the set TEXCOORD_{highest}; not every viewer reads more than {SETS_OF_ALL_VIEWERS}")
+        most = f"not every viewer reads more than {SETS_OF_ALL_VIEWERS}"
+        lines.append(f"uses the set TEXCOORD_{highest}; {most}: remove sets that are not used")
     return lines

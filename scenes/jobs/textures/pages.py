@@ -200,14 +200,18 @@ def layout_remarks(baked: ao.BakedTexture, wraps: bool, tiles: bool) -> list[str
     lines = []
     if facts.overlapping > _NOTED * facts.covered:
         mirrored = f"; {facts.mirrored:,} faces are mirrored" if facts.mirrored else ""
-        lines.append(f"faces overlap in {facts.overlapping / facts.covered:.1%} of the covered texels{mirrored}")
+        advice = "--uv pack gives each a place of its own"
+        share = f"{facts.overlapping / facts.covered:.1%} of the covered texels"
+        lines.append(f"faces overlap in {share}{mirrored}; {advice}")
     if facts.outside and wraps:
         advice = f"; {UDIM} in the output's name would keep tiles apart" if tiles and _has_tiles(baked.uv) else ""
         lines.append(f"{facts.outside:,} faces reach out of the unit square and are taken modulo 1{advice}")
     if facts.missed:
-        lines.append(f"{facts.missed:,} points are not within the cage of the fine mesh and take the closest of it")
+        outside = "points are not within the cage of the fine mesh and take the closest of it"
+        lines.append(f"{facts.missed:,} {outside}; a larger --cage reaches farther")
     if facts.flat:
-        lines.append(f"{facts.flat:,} faces whose texture coordinates have no area show texels of others")
+        flat = "faces whose texture coordinates have no area show texels of others"
+        lines.append(f"{facts.flat:,} {flat}; --uv unwrap makes new ones")
     return lines
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -21,26 +20,6 @@ _NOISY = 0.02  # RMSE of w that shows in a picture
 _OPEN, _CLOSED = 0.999, 0.05  # w of a mesh without occlusion, and of one that is inside out
 _MISSED = 2.0  # times its estimate may an error be measured
 _CLIPPED = 0.05  # of the pixels, brighter than an 8-bit picture holds
-
-_REMEDIES = (
-    (r"are uncertain by .* too coarse", "Move the mesh to the origin before it is stored, or store doubles."),
-    (r"tolerance .*is not met", "Allow more rays with --samples, or a larger --tolerance."),
-    (r"not kept from", "Choose an output of another format, or the format of the input."),
-    (r"keeps the colours of", "--colors writes w in their place."),
-    (r"keeps the occlusion textures of", "--replace-occlusion puts w in their place."),
-    (r"uses the set TEXCOORD_", "Remove unused texture coordinates from the mesh if a viewer shows no w."),
-    (r"cross(es)? (itself|themselves)", "Cut these polygons into triangles in the program that made them."),
-    (r"faces overlap in", "--uv pack gives every face a place of its own, --instances own every copy a texture."),
-    (r"would keep tiles apart", "Write one texture for each tile with <UDIM> in the output's name."),
-    (r"reach out of the unit square", "Nothing to do if the material's images repeat, too."),
-    (r"have no texture coordinates", "--uv fill makes some for these faces."),
-    (r"between the vertices w errs", "Each of these shows what the vertices alone cannot."),
-    (r"look inwards, and w is", "--flip, or turn these parts over where the mesh was made; rooms are meant so."),
-    (r"rays leave through holes", "Close them; or --max-distance, beyond which all is thick anyway."),
-    (r"not within the cage", "Make --cage larger, or move the meshes onto each other."),
-    (r"have no area in texture space", "Unwrap them, or use --uv unwrap."),
-)
-_GENERAL = "docs/bake.md and docs/reliability.md say what limits a result."
 
 _OF_FLAGS = {
     "unreferenced": ("belong to no face; w is 1 there", "They can be removed from the mesh."),
@@ -69,10 +48,6 @@ def verdict(report: Facts) -> dict[str, Any]:
     return {"good": all(each.level != "bad" for each in findings), "findings": [each._asdict() for each in findings]}
 
 
-def remedy(warning: str) -> str:
-    return next((advice for pattern, advice in _REMEDIES if re.search(pattern, warning)), _GENERAL)
-
-
 def _findings(report: Facts) -> Iterator[Finding]:
     if "w" in report:
         yield from _error(report)
@@ -90,7 +65,7 @@ def _findings(report: Facts) -> Iterator[Finding]:
         yield from _picture(report)
     for warning in report["warnings"]:
         if "is not met" not in warning:
-            yield Finding("note", warning, remedy(warning))
+            yield Finding("note", warning)
 
 
 def _error(report: Facts) -> Iterator[Finding]:
@@ -105,7 +80,7 @@ def _error(report: Facts) -> Iterator[Finding]:
         yield Finding("good", f"The tolerance of {tolerance:g} is met: the {estimate}.")
     else:
         text = f"The tolerance of {tolerance:g} is not met: the {estimate}."
-        yield Finding("bad", text, remedy("tolerance is not met"))
+        yield Finding("bad", text, "Allow more rays with --samples, or a larger --tolerance.")
     calibration = report["error_calibration"]
     for group in calibration["groups"] if calibration else ():
         if group["low"] > _MISSED * group["estimated"]:

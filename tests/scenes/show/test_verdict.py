@@ -1,4 +1,4 @@
-"""Verdicts: every warning of the project has a remedy of its own, and what is suspicious is noticed."""
+"""Verdicts: what is suspicious is noticed, and warnings are passed on."""
 
 import hashlib
 from pathlib import Path
@@ -8,58 +8,11 @@ import pytest
 from ao import Flag
 from scenes.commands.render import RENDER
 from scenes.jobs.options import BAKE, command_line
-from scenes.show.report.verdict import flags_in_words, hashed, remedy, verdict
+from scenes.show.report.verdict import flags_in_words, hashed, verdict
 
-WARNINGS = [
-    "m.ply: normals of 3 of 9 vertices are uncertain by 2° (median): its coordinates as stored have steps of 1,"
-    " too coarse for the faces there",
-    "tolerance 0.01 is not met, the estimated RMSE is 0.02",
-    "o.glb: not kept from m.obj: polygons, which become triangles",
-    "o.ply: keeps the colours of m.ply; w is in its property obscurance alone",
-    "o.glb: keeps the occlusion textures of 1 of 2 primitives, whose w viewers do not show; --replace-occlusion",
-    "o.glb: uses the set TEXCOORD_2; not every viewer reads more than 2",
-    "m.obj: 1 polygon crosses itself: no triangles between the corners fill what does",
-    "m.obj: 2 polygons cross themselves: no triangles between the corners fill what does",
-    "t.png: faces overlap in 3.0% of the covered texels",
-    "t.png: 3 faces reach out of the unit square and are taken modulo 1",
-    "t.png: 3 faces reach out of the unit square; <UDIM> in the output's name would keep tiles apart",
-    "w.ply: between the vertices w errs by 0.10, the faces are too large for it: -o NAME.png, or smaller faces",
-    "m.obj: 3 faces, of lid (steel), have no texture coordinates and get no texels; --uv fill makes some for them",
-    "t.png: 3 points are not within the cage of the fine mesh and take the closest of it",
-    "t.png: 3 faces have no area in texture space, and no texels",
-]
-PARTS = (
-    ("raytrace/mesh/precision.py", "too coarse for the faces there"),
-    ("ao/estimate/tolerance.py", "is not met, the estimated RMSE"),
-    ("scenes/formats/unsupported.py", "not kept from"),
-    ("scenes/formats/unsupported.py", "keeps the colours of"),
-    ("scenes/formats/gltf/write.py", "keeps the occlusion textures of"),
-    ("scenes/formats/gltf/write.py", "uses the set TEXCOORD_"),
-    ("scenes/geometry/polygons.py", "crosses itself"),
-    ("scenes/jobs/console.py", "between the vertices w errs by"),
-    ("scenes/jobs/textures/pages.py", "faces overlap in"),
-    ("scenes/jobs/textures/pages.py", "reach out of the unit square"),
-    ("scenes/jobs/textures/pages.py", "would keep tiles apart"),
-    ("scenes/jobs/textures/pages.py", "have no texture coordinates"),
-    ("scenes/jobs/textures/pages.py", "are not within the cage"),
-    ("scenes/jobs/textures/pages.py", "have no area in texture space"),
-)
 W = {"least": 0.1, "quantiles": {"0.5": 0.8}}
 GOOD = {"w": W, "rmse_estimate": 0.004, "options": {}, "error_calibration": None, "warnings": [], "vertices": 9}
 SEEN = {"picture": {"covered": 0.4, "brightest": 0.8, "clipped": 0.0}, "rmse_estimate": None, "warnings": []}
-
-
-@pytest.mark.parametrize("warning", WARNINGS)
-def test_every_warning_has_a_remedy_of_its_own(warning):
-    assert remedy(warning) != remedy("something else")
-
-
-@pytest.mark.parametrize(("file", "words"), PARTS)
-def test_the_warnings_are_those_of_the_code(file, words):
-    from project import ROOT
-
-    assert words in (ROOT / file).read_text()
-    assert any(words in warning for warning in WARNINGS)
 
 
 @pytest.mark.parametrize(
@@ -79,7 +32,7 @@ def test_the_warnings_are_those_of_the_code(file, words):
             "inside solids; w there is filled from",
         ),
         (GOOD, {"flagged": {"hidden": 1}}, "note", "One vertex lies inside solids"),
-        (GOOD, {"warnings": [WARNINGS[0]]}, "note", "uncertain by"),
+        (GOOD, {"warnings": ["m.ply: normals of 3 of 9 vertices are uncertain by 2°"]}, "note", "uncertain by"),
         (SEEN, {}, "good", "The picture was made"),
         (SEEN, {"picture": SEEN["picture"] | {"covered": 0.0}}, "bad", "Nothing is in view"),
         (SEEN, {"picture": SEEN["picture"] | {"brightest": 0.0}}, "bad", "black"),
