@@ -7,6 +7,7 @@ from pathlib import Path
 
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.addnodes import pending_xref
 from sphinx.util.inspect import TypeAliasForwardRef
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
@@ -58,6 +59,15 @@ def formula(translator, node):
     raise nodes.SkipNode
 
 
+def evidence_pages(app, doctree):
+    """Links to benchmarks/evidence/, whose pages the site includes in evidence/, lead to these."""
+    for link in doctree.findall(pending_xref):
+        path, _, heading = link["reftarget"].removeprefix("../").partition("#")
+        if path.startswith("benchmarks/evidence/"):
+            page = path.removeprefix("benchmarks/").removesuffix(".md")
+            link.attributes.update(refdomain="doc", reftarget=page, reftargetid=heading or link.get("reftargetid"))
+
+
 def titles_for_paths(app, doctree, page):
     """Links that show a page's path, as is best where Markdown is read as it is, show its title."""
     for link in doctree.findall(nodes.reference):
@@ -69,4 +79,5 @@ def titles_for_paths(app, doctree, page):
 def setup(app):
     app.add_html_math_renderer("mathml", (formula, None), (formula, None))
     app.connect("autodoc-process-signature", defaults_in_python)
+    app.connect("doctree-read", evidence_pages)
     app.connect("doctree-resolved", titles_for_paths)
