@@ -55,7 +55,7 @@ STAGES = (
     ("result", "ao.result assemble"),
     ("error between vertices", "ao.interpolation_error measure_interpolation"),
     ("charts", "ao.texture.shown Shown.of"),
-    ("coverage", "ao.texture.coverage cover"),
+    ("coverage", "ao.texture.coverage Page.cover"),
     ("texels", "ao.texture.texels find_texels"),
     ("seams, padding", "ao.texture.result assemble_pages"),
     ("geometry", "raytrace.renderer.render prepare_picture"),

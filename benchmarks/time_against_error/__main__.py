@@ -58,12 +58,9 @@ def main() -> None:
     form = arguments.form
     plan = QUICK if form == "quick" else FULL
     plan = replace(plan, patience=plan.patience * arguments.patience)
-    if form == "quick":
-        results_folder = ROOT / "build" / "time_against_error"
-    else:
-        results_folder = ROOT / "benchmarks" / "results"
     named = "" if form in ("full", "quick") else form
     tables_folder = ROOT / "build" / "time_against_error" / named
+    results_folder = tables_folder if form == "quick" else ROOT / "benchmarks" / "results"
     for folder in (results_folder, tables_folder):
         folder.mkdir(parents=True, exist_ok=True)
     target = results_folder / f"time_against_error{named and f'_{named}'}.json"

@@ -48,7 +48,8 @@ def write_obj(folder, faces):
 def test_a_ply_keeps_polygons_colours_and_texture_coordinates_of_an_obj(tmp_path):
     write_obj(tmp_path, NO_SEAM)
     printed = bake(tmp_path, "m.obj", "out.ply")
-    assert printed == "warning: out.ply: keeps the colours of m.obj; w is in its property obscurance alone\n"
+    expected = "w is in its property obscurance alone, and --colors puts it in their place"
+    assert printed == f"warning: out.ply: keeps the colours of m.obj; {expected}\n"
     elements, detail = columns(tmp_path / "out.ply")
     assert detail.sizes.tolist() == [4, 4]
     assert elements["vertex"]["red"].values.tolist() == [255, 0, 0, 255, 128, 128]

@@ -1,7 +1,7 @@
 """Gives damaged files to the loaders, one after the other, in a process that may not take much time or memory.
 
-    python tests/helpers/fuzz_worker.py SEED FIRST END PROGRESS     the inputs FIRST … END - 1, as `fuzzing.run` does
-    python tests/helpers/fuzz_worker.py SEED INDEX                  one input: keeps its file and reports what happens
+    python tests/helpers/fuzz/fuzz_worker.py SEED FIRST END PROGRESS  the inputs FIRST … END - 1, as `fuzzing.run` does
+    python tests/helpers/fuzz/fuzz_worker.py SEED INDEX               one input: keeps its file and reports what happens
 
 A seed is any text; with one that begins with "structure", files of `fuzz_structure` go through every command, else
 files of `fuzz_mutations` through the loaders. Findings are JSON lines on standard output.

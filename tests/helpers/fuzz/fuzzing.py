@@ -1,7 +1,7 @@
 """Runs damaged inputs through processes of their own: a crash, a hang or a lack of memory ends only such a process.
 
-python tests/helpers/fuzzing.py [COUNT [SEED]]     COUNT inputs (60,000), then a table; exit status 1 after any finding
-python tests/helpers/fuzzing.py 15000 structure    files wrong by structure, through all commands (`fuzz_worker`)
+python tests/helpers/fuzz/fuzzing.py [COUNT [SEED]]   COUNT inputs (60,000), then a table; status 1 after any finding
+python tests/helpers/fuzz/fuzzing.py 15000 structure  files wrong by structure, through all commands (`fuzz_worker`)
 """
 
 import json
@@ -14,7 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from project import HELPERS, environment
 
-WORKER = HELPERS / "fuzz_worker.py"
+WORKER = HELPERS / "fuzz" / "fuzz_worker.py"
 COUNT = 60_000
 BATCH = 2000
 SILENCE = 600  # seconds of wall time without a result: asleep
@@ -99,7 +99,7 @@ def main():
     seed = sys.argv[2] if len(sys.argv) > 2 else "0"
     findings, counts, most = run(count, seed)
     for each in findings:
-        print(f"python tests/helpers/fuzz_worker.py {seed} {each['index']}  # {each['family']}: {each['finding']}")
+        print(f"python tests/helpers/fuzz/fuzz_worker.py {seed} {each['index']}  # {each['family']}: {each['finding']}")
     print(table(counts, most))
     sys.exit(bool(findings))
 

@@ -32,7 +32,7 @@ def test_blender_has_w_and_its_pictures_darken_by_colours(tmp_path):
         done = obscurance("bake", tmp_path / "corner.obj", "-o", tmp_path / name, "--samples", 256, *options)
         assert done.returncode == 0, done.stderr
     names = [str(tmp_path / name) for name in OUTPUTS if name != "w.npy"]
-    script = ROOT / "tests" / "helpers" / "in_blender.py"
+    script = ROOT / "tests" / "helpers" / "gltf" / "in_blender.py"
     done = subprocess.run([BLENDER, script, *names], capture_output=True, text=True, check=True)
     plain, ramp, colours, ply = json.loads(done.stdout.splitlines()[-1])
 

@@ -141,7 +141,10 @@ def test_holes_are_told():
     mesh = box(1, 1, 1, steps=1)
     assert not ao.bake(mesh, samples=16, thickness=True).shortfalls  # though each face has vertices of its own
     cup = replace(mesh, faces=mesh.faces[2:], source="cup.obj")
-    said = "cup.obj: 4 edges are open: where rays leave through holes, the mesh counts as thick"
+    said = (
+        "cup.obj: 4 edges are open: where rays leave through holes, the mesh counts as thick; "
+        "close them, or limit the distance"
+    )
     assert ao.bake(cup, samples=16, thickness=True).shortfalls == (said,)
     assert not ao.bake(cup, samples=16).shortfalls
     uv = np.tile([[0, 0], [0, 1], [1, 0], [1, 1]], (6, 1))
