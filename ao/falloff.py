@@ -160,7 +160,8 @@ class Smooth(Parameters, kw_only=False, source="options"):
 
     def resolve(self, radius: float) -> Mu:
         """μ for a mesh of bounding-sphere radius `radius`."""
-        t, limit = np.linspace(0, 1, _STEPS + 1), resolve_length("max_distance", self.max_distance, radius or 1.0)
+        t = np.linspace(0, 1, _STEPS + 1)
+        limit = resolve_length("max_distance", self.max_distance, radius or 1.0)
         return Mu("smooth", limit, knots=_knots(limit * t, t * t * (3 - 2 * t)))
 
 

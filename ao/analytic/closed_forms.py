@@ -28,7 +28,8 @@ POLYNOMIALS = {"linear": {1: 1.0}, "smooth": {2: 3.0, 3: -2.0}}
 # 1e-17 (Trefethen & Weideman 2014, "The exponentially convergent trapezoidal rule", theorem 5.1).
 _STEP = 0.25
 _U = np.arange(0.0, 40.0, _STEP)
-_COSH, _WEIGHTS = np.cosh(_U), np.where(_U == 0.0, _STEP / 2, _STEP)
+_COSH = np.cosh(_U)
+_WEIGHTS = np.where(_U == 0.0, _STEP / 2, _STEP)
 
 
 def bickley(n: int, x: float) -> float:
@@ -273,7 +274,8 @@ def cylinder(radius: float, height: float, offset: float = 0.0, tau: Rate = None
     Exponential by its cross-section, a circle met at C cosγ − √(R² − C² sin²γ), γ the angle to its centre.
     """
     _require(0 < radius <= height, f"radius: expected 0 to height ({height}), got {radius}")
-    centre, towards = hypot(offset, height), atan2(height, offset)
+    centre = hypot(offset, height)
+    towards = atan2(height, offset)
     if tau is None:
         return 1.0 - radius * height / centre**2
 

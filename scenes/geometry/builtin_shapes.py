@@ -123,7 +123,8 @@ class Solid(Parameters):
 
     def triangles(self) -> float:
         """About how many triangles the mesh has; infinity is possible."""
-        (longest, area), length = self._extent(), self._length()
+        longest, area = self._extent()
+        length = self._length()
         return max(_SIDES * longest / length, 2 * area / length / length)
 
     def _length(self) -> float:

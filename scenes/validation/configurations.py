@@ -69,7 +69,8 @@ class ValidationCase:
         exact = np.broadcast_to(np.asarray(self.exact(rate, mu.max_distance), np.float64), self.points.shape)
         other = exact if self.bracket is None else np.asarray(self.bracket(rate, mu.max_distance), np.float64)
         closed = mu.binary and self.missing == 0.0 and (exact == 0.0).all()
-        target, fall = (BINARY_TARGET, BINARY_RATE) if mu.binary else (EXPONENTIAL_TARGET, EXPONENTIAL_RATE)
+        target = BINARY_TARGET if mu.binary else EXPONENTIAL_TARGET
+        fall = BINARY_RATE if mu.binary else EXPONENTIAL_RATE
         if (exact == 1.0).all():
             target, fall = 0.0, 0.0
         elif self.certain or closed:

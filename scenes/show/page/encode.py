@@ -66,7 +66,8 @@ class Values:
             ("flags", (), 0, 255, "whole numbers from 0 to 255"),
             ("bent_normals", (3,), -np.inf, np.inf, "finite numbers"),
         ):
-            values, shape = getattr(self, field), (count, *columns)
+            values = getattr(self, field)
+            shape = count, *columns
             if values is None:
                 continue
             array = numbers(values, self.name, field, f"an array of numbers, shape {shape}")

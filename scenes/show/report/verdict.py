@@ -117,8 +117,9 @@ def _picture(report: Facts) -> Iterator[Finding]:
         yield Finding("good", "The picture was made.")
     rmse = report["rmse_estimate"]
     if rmse is not None:
-        level, advice = ("note", "More samples in [bake].") if rmse > _NOISY else ("good", "")
-        yield Finding(level, f"The estimated RMSE of w at the vertices in view is {rmse:.2g}.", advice)
+        text = f"The estimated RMSE of w at the vertices in view is {rmse:.2g}."
+        noisy = rmse > _NOISY
+        yield Finding("note" if noisy else "good", text, "More samples in [bake]." if noisy else "")
 
 
 def write_report(
