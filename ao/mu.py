@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,6 @@ import numpy.typing as npt
 from raytrace.kernel.jit import inline
 from raytrace.types import Bools, Float64s, Int64s
 
-Form = Literal["binary", "exponential", "linear", "smooth", "table"]
 _NO_KNOTS = np.empty(0)
 
 
@@ -108,7 +107,7 @@ def add_losses(columns, distance, share, losses):
 class Mu:
     """A falloff whose lengths are known, in mesh units: what a bake computes with."""
 
-    form: Form
+    form: str  # "binary", "exponential", "table" or the name of a polynomial
     max_distance: float  # from which on μ is 1, or inf
     tau: float | None = None  # rate of the exponential form, None for other forms
     knots: tuple[tuple[float, float], ...] = ()  # distance and μ, linear between them; none for binary and exponential
