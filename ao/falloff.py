@@ -268,7 +268,8 @@ class Tabulated(Falloff, kw_only=False):
     @property
     def max_distance(self) -> Length:
         """The last of the distances."""
-        return self.distances[-1]
+        last: Length = self.distances[-1]
+        return last
 
     def resolve(self, radius: float) -> Mu:
         """μ for a mesh of bounding-sphere radius `radius`; its limit is the first distance with the value 1."""
@@ -316,11 +317,15 @@ def falloffs_of(given: Falloffs) -> Falloff | tuple[Falloff, ...]:
 def _falloff(given: Any) -> Falloff:
     if isinstance(given, Falloff):
         return given
-    without_arguments = {"exponential": Exponential, "binary": Binary}
+    without_arguments: dict[Any, Callable[[], Falloff]] = {
+        None: Exponential,
+        "exponential": Exponential,
+        "binary": Binary,
+    }
     if given is None or (isinstance(given, str) and given in without_arguments):
-        return without_arguments[given or "exponential"]()
+        return without_arguments[given]()
     kinds: list[type[Any]] = [*FALLOFFS.values(), Tabulated]
     classes = ", ".join(f"ao.{kind.__name__}(…)" for kind in kinds)
     expected = f'{classes}, "binary" or "exponential"'
-    near = nearest_name(given, without_arguments) if isinstance(given, str) else None
+    near = nearest_name(given, ("exponential", "binary")) if isinstance(given, str) else None
     raise OptionError("falloff", expected, repr(given), "bake", near)

@@ -121,7 +121,8 @@ class Mu:
         """μ in [0, 1] of distances (…) in mesh units."""
         x = np.asarray(distance, np.float64)
         if self.tau is not None:
-            return np.expm1(-self.tau * np.minimum(x, self.max_distance)) / np.expm1(-self.tau * self.max_distance)
+            nearer = np.expm1(-self.tau * np.minimum(x, self.max_distance))
+            return np.asarray(nearer / np.expm1(-self.tau * self.max_distance))
         if self.binary:
             return np.where(x < self.max_distance, 0.0, 1.0)
         return np.asarray(np.interp(x, *np.transpose(self.knots)))

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from ao.analytic.closed_forms import Rate
 from ao.falloff import POLYNOMIALS, Binary, Exponential, Falloff
-from ao.points.receivers import Normals
+from ao.options import Normals
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s, Int64s
 
@@ -105,7 +105,7 @@ class Configuration:
 
     def allowed(self, samples: int = SAMPLES) -> float:
         """The largest |measured − exact| that passes with `samples` rays."""
-        target = min(self.target * (SAMPLES / min(samples, MOST_SAMPLES)) ** self.rate, 1.0)
+        target: float = min(self.target * (SAMPLES / min(samples, MOST_SAMPLES)) ** self.rate, 1.0)
         return target + self.truncation + self.tessellation
 
 
