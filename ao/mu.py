@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,6 @@ import numpy.typing as npt
 from raytrace.kernel.jit import inline
 from raytrace.types import Bools, Float64s, Int64s
 
-Form = Literal["binary", "exponential", "linear", "smooth", "table"]
 _NO_KNOTS = np.empty(0)
 
 
@@ -108,7 +107,7 @@ def add_losses(columns, distance, share, losses):
 class Mu:
     """A falloff whose lengths are known, in mesh units: what a bake computes with."""
 
-    form: Form
+    form: str  # "binary", "exponential", "table" or the name of a polynomial
     max_distance: float  # from which on μ is 1, or inf
     tau: float | None = None  # rate of the exponential form, None for other forms
     knots: tuple[tuple[float, float], ...] = ()  # distance and μ, linear between them; none for binary and exponential
@@ -122,7 +121,8 @@ class Mu:
         """μ in [0, 1] of distances (…) in mesh units."""
         x = np.asarray(distance, np.float64)
         if self.tau is not None:
-            return np.expm1(-self.tau * np.minimum(x, self.max_distance)) / np.expm1(-self.tau * self.max_distance)
+            nearer = np.expm1(-self.tau * np.minimum(x, self.max_distance))
+            return np.asarray(nearer / np.expm1(-self.tau * self.max_distance))
         if self.binary:
             return np.where(x < self.max_distance, 0.0, 1.0)
         return np.asarray(np.interp(x, *np.transpose(self.knots)))

@@ -76,7 +76,7 @@ class NumberRows:
             places = self.words(self.bounds[rows]) + offset
             rows = rows[text[np.minimum(places, len(text) - 1)] | 32 == letter]
         after = text[self.words(self.bounds[rows]) + len(word)]
-        return rows[(after <= 32) | (after == 35)]
+        return np.asarray(rows[(after <= 32) | (after == 35)])
 
     def take(self, at: Int64s, ends: Int64s, sizes: int | Int64s, fault: Exception) -> Float64s:
         """So many numbers of each of some rows, which have `ends`, from places `at` on, one after the other.

@@ -121,7 +121,9 @@ def _seen_from_within(weight: Callable[[float, float], float], radius: float, in
             return weight(angle, float(tau) * (radius * cos(angle) + sqrt(within) if within > 0 else 0.0))
 
         edge = asin(inner / radius)
-        return 1.0 - quad(reached, 0, edge, epsabs=1e-11)[0] - quad(reached, edge, pi / 2, epsabs=1e-11)[0]
+        within: float = quad(reached, 0, edge, epsabs=1e-11)[0]
+        beside: float = quad(reached, edge, pi / 2, epsabs=1e-11)[0]
+        return 1.0 - within - beside
 
     return w
 

@@ -175,7 +175,8 @@ def _sorted(faces: Int64s, image: Int64s | None) -> Int64s:
     """The corners (m, 3) of the faces (m, 3), turned to begin with their least vertex, and sorted: by `image` first."""
     least = np.argmin(faces, axis=1)
     corners = 3 * np.arange(len(faces))[:, None] + (least[:, None] + np.arange(3)) % 3
-    return corners[np.lexsort([*faces.ravel()[corners].T[::-1], *(() if image is None else (image,))])]
+    order = np.lexsort([*faces.ravel()[corners].T[::-1], *(() if image is None else (image,))])
+    return np.asarray(corners[order])
 
 
 def _differences(faces: Int64s) -> Int64s:
