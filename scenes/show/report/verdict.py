@@ -58,7 +58,8 @@ def _findings(report: Facts) -> Iterator[Finding]:
             yield Finding("bad", "Nothing occludes anything: w is 1 everywhere.", advice)
         elif w["quantiles"]["0.5"] <= _CLOSED and not report["options"].get("thickness"):
             text = f"Half of w is below {_CLOSED}: the mesh may be inside out."
-            yield Finding("bad", text, "obscurance info MESH tells where its faces look inwards; --flip turns them over.")
+            advice = "obscurance info MESH tells where its faces look inwards; --flip turns them over."
+            yield Finding("bad", text, advice)
         if "flagged" in report:
             words = flags_in_words(report["flagged"], report["vertices"], report.get("rays_skipped", {}))
             yield from (Finding("note", f"{text}.", _OF_FLAGS[name][1]) for name, text in words.items())
