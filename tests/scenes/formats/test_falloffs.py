@@ -5,7 +5,7 @@ import pytest
 
 import ao
 from raytrace.errors import InputError
-from scenes.falloffs import make_falloff, read_table
+from scenes.formats.falloffs import make_falloff, read_table
 
 TABLE = ao.Tabulated([0, 0.5, 2], [0, 0.75, 1])
 TEXTS = {

@@ -11,8 +11,8 @@ import pytest
 
 import ao
 from raytrace import Mesh
+from scenes.bake.console import progress, show_picture
 from scenes.geometry.polyhedra import icosphere
-from scenes.jobs.console import progress, show_picture
 
 
 class Terminal(io.StringIO):
@@ -93,7 +93,7 @@ def test_no_bar_where_nobody_looks():
 
 def test_progress_as_json_is_a_line_for_what_is_new_and_for_the_end(monkeypatch, capsys):
     clock = iter([0.0, 1.0, 1.05, 1.2, 1.21, 2.0])
-    monkeypatch.setattr("scenes.jobs.console.time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    monkeypatch.setattr("scenes.bake.console.time", SimpleNamespace(perf_counter=lambda: next(clock)))
     with progress(True, "rays", "tiles", form="json") as (rays, tiles):
         for done in (1, 2, 3, 4):
             rays(done, 4)

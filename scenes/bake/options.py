@@ -1,25 +1,41 @@
 """THE table of the options of `bake`, `merge` and `render`: each is declared here, and acts somewhere, once.
 
-Names stand for options that `ao.bake` or `ao.bake_texture` has, too, which are declared in `ao/options.py`. Parameters
-of the command and sections of its help, what goes together, `--options`, what a part, a report and a manifest say of a
-bake, and the line of a report that repeats it are made from the rows.
+Names stand for options that `ao.bake` or `ao.bake_texture` has, too, which are declared in `ao/options.py`. The class
+`BakeOptions`, parameters of the command and sections of its help, what goes together, `--options`, what a part, a
+report and a manifest say of a bake, and the line of a report that repeats it are made from the rows.
 """
 
-import shlex
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar
 
-from ao.declared import EACH, IMAGE, Option, rows
+from ao.declared import EVERY_BAKE, IMAGE, Option, rows
 from ao.options import TextureOptions, VertexOptions
-from raytrace.errors import ConflictError, InputError, OptionError, Relation
+from raytrace.errors import ConflictError, InputError, OptionError
 
-from ..presets import HELP as PRESET_HELP
-from ..presets import PRESETS
+PRESETS: dict[str, dict[str, Any]] = {
+    "unreal": {"format": "glb", "occlusion": "texture", "bits": "8", "bent_space": "tangent-directx"},
+    "unity": {"format": "png", "occlusion": "texture", "bits": "8", "bent_space": "tangent"},
+    "godot": {"format": "glb", "occlusion": "texture", "bits": "8", "bent_space": "tangent"},
+    "blender": {"format": "glb", "colors": "rgb", "bits": "16", "bent_space": "tangent"},
+    "three": {"format": "glb", "occlusion": "ramp", "bits": "8", "bent_space": "tangent"},
+}
+"""`--preset`: values of options by program, as docs/programs.md explains them; a plan has them where they apply."""
+
+
+def _described(values: Mapping[str, Any]) -> str:
+    given = {name.replace("_", "-"): "" if value is True else f" {value}" for name, value in values.items()}
+    return " ".join(f"--{name}{value}" for name, value in given.items())
+
+
+_PRESET_HELP = "Options for a program where they apply and are not given: " + "; ".join(
+    f"{program}: {_described(values)}" for program, values in PRESETS.items()
+)  # fmt: skip
 
 REPORTS = ".json", ".html"  # endings
+T = TypeVar("T")
 Metric = Literal["flip", "rms", "max"]
 Alpha = Literal["auto", "ignore"]
 OccludedBy = Literal["all", "object", "name"]
@@ -29,7 +45,6 @@ InputFormat = Literal["ply", "obj", "stl", "off", "glb", "gltf", "3mf"]
 ProgressForm = Literal["bar", "json"]
 
 _WRITTEN = "vertices texture batch merge"
-SORTS = {"batch": "output_dir", "part": "part"}  # of bakes, and the options that ask for them
 
 _SECTIONS: dict[str, tuple[Option | str, ...]] = {
     "": (
@@ -37,11 +52,11 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
                "('meshes/*.obj'); or - for standard input.", role="input", metavar="INPUT"),
         Option("output", Path | None, None, "Output file, format by ending: .npy .npz .ply .glb of the vertices; .html "
                "to look at them; .png .exr .tif a texture, with <UDIM>, <MATERIAL>, <OBJECT> in the name one for each.",
-               EACH + " merge", "output", short="-o"),
+               EVERY_BAKE + " merge", "output", short="-o"),
         Option("output_dir", Path | None, None, "For several inputs: folder of their outputs, and of manifest.json.",
-               EACH, "run", excludes=("output",), metavar="FOLDER"),
+               EVERY_BAKE, "run", excludes=("output",), metavar="FOLDER"),
         "samples", "tolerance",
-        Option("quiet", bool, False, "No progress bar and no summary.", EACH + " merge", "run", short="-q"),
+        Option("quiet", bool, False, "No progress bar and no summary.", EVERY_BAKE + " merge", "run", short="-q"),
     ),
     "What occludes": (
         "thickness",
@@ -55,15 +70,15 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
                'that info prints of the input, as of all percentages.'),
         Option("max_distance", str, "inf", 'Ignore hits farther away: mesh units, "25%" of the radius, or inf.'),
         Option("occluder", list[Path] | None, None, "A mesh file that occludes and gets no w; several, one option for "
-               "each.", EACH, "input", excludes=("high",), metavar="MESH"),
+               "each.", EVERY_BAKE, "input", excludes=("high",), metavar="MESH"),
         Option("ground", str | None, None, "A ground plane without end: auto, just below the lowest vertex along the "
-               "up axis, or its height.", EACH, excludes=("high",), metavar="auto|HEIGHT"),
+               "up axis, or its height.", EVERY_BAKE, excludes=("high",), metavar="auto|HEIGHT"),
         Option("receive", list[str] | None, None, "Only objects of this name get w, a pattern ('body*') or all others "
-               "('!glass*'); several, one option for each.", EACH, excludes=("high",), metavar="PATTERN"),
-        Option("cast", list[str] | None, None, "Only objects of this name occlude, likewise.", EACH,
+               "('!glass*'); several, one option for each.", EVERY_BAKE, excludes=("high",), metavar="PATTERN"),
+        Option("cast", list[str] | None, None, "Only objects of this name occlude, likewise.", EVERY_BAKE,
                excludes=("high",), metavar="PATTERN"),
-        Option("exclude", list[str] | None, None, "Objects of this name neither get w nor occlude, likewise.", EACH,
-               excludes=("high",), metavar="PATTERN"),
+        Option("exclude", list[str] | None, None, "Objects of this name neither get w nor occlude, likewise.",
+               EVERY_BAKE, excludes=("high",), metavar="PATTERN"),
         Option("occluded_by", OccludedBy, "all", "By all, the own object alone, or objects of its name: as if each "
                "were in a file of its own, with occluders and ground.", "vertices texture batch",
                excludes=("high", "cluster", "profile", "resume")),
@@ -75,7 +90,7 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
     ),
     "Sampling": ("method", "denoise", "traversal", "profile", "seed", "threads"),
     "What .glb and .ply show": (
-        Option("preset", Literal[*PRESETS] | None, None, f"{PRESET_HELP}.", "vertices texture batch", "output"),
+        Option("preset", Literal[*PRESETS] | None, None, f"{_PRESET_HELP}.", "vertices texture batch", "output"),
         Option("colors", Literal["rgb", "r", "g", "b", "a"] | None, None, "Write w as vertex colours, COLOR_0 of .glb, "
                "replacing a .ply's own; or into one channel, where the others stay as they are in the input.",
                "vertices batch merge", "output", metavar="[r|g|b|a]"),
@@ -106,10 +121,10 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
         Option("error_map", Path | None, None, "Texture: also write the standard error of w.", "texture merge",
                "output", metavar="IMAGE"),
         Option("high", list[Path] | None, None, "Bake w of this finer mesh onto the input's vertices or texture; of "
-               "several as one, an option for each.", EACH, "input", metavar="MESH"),
+               "several as one, an option for each.", EVERY_BAKE, "input", metavar="MESH"),
         "cage",
         Option("match_names", bool, False, "With --high: objects NAME_low of the input show objects NAME_high alone; "
-               "all of these occlude.", EACH, needs={"high": ...}),
+               "all of these occlude.", EVERY_BAKE, needs={"high": ...}),
         Option("half", bool, False, "Texture: 16-bit floats in .exr and .tif.", "texture batch merge", "output"),
         Option("bits", Literal["8", "16"] | None, None, "Texture: of a channel of w and bent normals in .png, 16 by "
                "default.", "texture batch merge", "output"),
@@ -117,7 +132,7 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
     "More than one machine, or than its memory": (
         Option("part", str | None, None, "Trace only the K-th of N parts, into the folder --output, for obscurance "
                "merge; of a texture, if --size or --texel-size is given. With --output-dir: bake the K-th part of the "
-               "inputs.", EACH, "run", excludes=("cluster", "dry_run"), metavar="K/N"),
+               "inputs.", EVERY_BAKE, "run", excludes=("cluster", "dry_run"), metavar="K/N"),
         Option("cluster", str | None, None, "Trace by N workers on this machine, or by those of a Dask scheduler (pip "
                "install dask distributed cryptography).", "vertices texture batch", "run", excludes=("dry_run",),
                metavar="local[:N]|tls://HOST:PORT"),
@@ -126,25 +141,26 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
     ),
     "Reports, repeats, other programs": (
         Option("format", Format | None, None,
-               "Format of the outputs in --output-dir, or of -o - (standard output); by default ply.", EACH, "run"),
+               "Format of the outputs in --output-dir, or of -o - (standard output); by default ply.",
+               EVERY_BAKE, "run"),
         Option("input_format", InputFormat | None, None,
-               "With - as INPUT: its format, if its first bytes do not tell.", EACH, "run"),
+               "With - as INPUT: its format, if its first bytes do not tell.", EVERY_BAKE, "run"),
         Option("report", Path | None, None, "Also write a report, .html to read or .json.", "vertices texture merge",
                "run"),
         Option("debug_image", Path | None, None, "Also write an image that marks flagged vertices.", "vertices merge",
                "output"),
         Option("up", Up | None, None, "With --ground, --debug-image, .html, .ply or .glb: the up axis, by default "
-               "what the file says, or y.", _WRITTEN, "output", repeated=False),
-        Option("resume", bool, False, "Continue an interrupted bake, or batch, to this output.", EACH, "run"),
+               "what the file says, or y.", _WRITTEN, "output", is_setting=False),
+        Option("resume", bool, False, "Continue an interrupted bake, or batch, to this output.", EVERY_BAKE, "run"),
         Option("dry_run", bool, False, "Write nothing; tell rays, memory, time and what would be written.",
                "vertices texture batch", "run"),
         Option("progress", ProgressForm, "bar",
-               "A bar on a terminal, or lines of JSON on standard error for other programs.", EACH, "run"),
+               "A bar on a terminal, or lines of JSON on standard error for other programs.", EVERY_BAKE, "run"),
         Option("options", Path | None, None, "Options of an earlier bake, from its --report or manifest.json; those "
-               "given here override them.", EACH, "run", metavar="REPORT"),
+               "given here override them.", EVERY_BAKE, "run", metavar="REPORT"),
     ),
 }  # fmt: skip
-BAKER = {row.name: row for record in (VertexOptions, TextureOptions) for row in rows(record).values() if row.on}
+BAKER = {row.name: row for record in (VertexOptions, TextureOptions) for row in rows(record).values() if row.bake_kinds}
 """The options that `ao.bake` or `ao.bake_texture` has, too; one that the table does not name is of "Sampling"."""
 _SECTIONS["Sampling"] += tuple(name for name in BAKER if not any(name in rows for rows in _SECTIONS.values()))
 BAKE = tuple(
@@ -159,62 +175,70 @@ MERGE = (
     replace(ROWS["output"], help="Output file, as of bake; none for parts of a batch."),
     replace(ROWS["high"], help="Finer mesh files, likewise."),
     replace(ROWS["occluder"], help="Files that only occlude, likewise."),
-    *(row for row in BAKE if "merge" in row.on and row.name != "output"),
+    *(row for row in BAKE if "merge" in row.bake_kinds and row.name != "output"),
 )
 
 
-class Record:
-    """Values of options by their names, as attributes."""
+@dataclass(frozen=True)
+class OptionValues:
+    """Values of the options of a command as attributes. Its subclasses have the fields of a table."""
 
     if TYPE_CHECKING:
 
-        def __getattr__(self, name: str) -> Any: ...
+        def __init__(self, **values: Any) -> None: ...
 
-    def __init__(self, options: Mapping[str, Any]) -> None:
-        vars(self).update(options)
+        def __getattr__(self, name: str) -> Any: ...
 
     def replaced(self, **changes: Any) -> Self:
         """A copy with some values changed."""
-        copy = object.__new__(type(self))
-        vars(copy).update(vars(self), **changes)
-        return copy
+        return replace(self, **changes)
 
 
-def defaults() -> dict[str, Any]:
-    """The options of a plain bake, without the mesh."""
-    return {row.name: row.default for row in BAKE if row.default is not ...}
+def with_fields(table: Sequence[Option]) -> Callable[[type[T]], type[T]]:
+    """Make a class a frozen dataclass with a field for each row of a table, of its type and default."""
+
+    def declared(values: type[T]) -> type[T]:
+        values.__annotations__ = {row.name: row.kind for row in table}
+        for row in table:
+            if row.default is not ...:
+                setattr(values, row.name, row.default)
+        return dataclass(frozen=True, kw_only=True, eq=False)(values)
+
+    return declared
 
 
-def _given(row: Option, options: Mapping[str, Any]) -> bool:
-    return row.default is not ... and options.get(row.name, row.default) != row.default
+@with_fields(BAKE)
+class BakeOptions(OptionValues):
+    """The options of `bake`, and of `merge` those that it has."""
 
 
-_UNLIKE: dict[str, tuple[Relation, str]] = {
-    "vertices": ("needs", "an image as --output, or --occlusion texture"),
-    "texture": ("does not go with", "a texture"),
-    **{sort: ("excludes", name) for sort, name in SORTS.items()},
-}
+def _given(row: Option, options: OptionValues) -> bool:
+    return row.default is not ... and getattr(options, row.name) != row.default
 
 
-def check_sort(options: Mapping[str, Any], sort: str) -> None:
-    """Raises: ConflictError: an option is given that a bake of this sort, in the words of `Option.on`, has not."""
-    for row in BAKE:
-        if _given(row, options) and sort not in row.on.split():
-            raise ConflictError(row.name, *_UNLIKE[sort])
-
-
-def check_together(options: Mapping[str, Any], table: Iterable[Option]) -> None:
+def check_together(options: OptionValues, table: Iterable[Option]) -> None:
     """Raises: ConflictError: an option is given that needs or excludes another."""
-    rows = {row.name: row for row in table}
-    for row in rows.values():
+    known = {row.name: row for row in table}
+    for row in known.values():
         if not _given(row, options):
             continue
         for name in row.excludes:
-            if name in rows and _given(rows[name], options):
+            if name in known and _given(known[name], options):
                 raise ConflictError(row.name, "excludes", name)
         for name, value in row.needs.items():
-            if not _given(rows[name], options) if value is ... else options[name] != value:
+            if not _given(known[name], options) if value is ... else getattr(options, name) != value:
                 raise ConflictError(row.name, "needs", name if value is ... else (name, value))
+
+
+def check_kind(options: OptionValues, kind: str) -> None:
+    """Raises: ConflictError: an option is given that this kind of bake, in the words of `Option.bake_kinds`, lacks."""
+    for row in BAKE:
+        if _given(row, options) and kind not in row.bake_kinds.split():
+            if kind == "vertices":
+                raise ConflictError(row.name, "needs", "an image as --output, or --occlusion texture")
+            if kind == "texture":
+                raise ConflictError(row.name, "does not go with", "a texture")
+            raise ConflictError(row.name, "excludes", {"batch": "output_dir"}.get(kind, kind))
 
 
 def check_stored(source: Path, options: Mapping[str, Any]) -> None:
@@ -228,29 +252,6 @@ def check_stored(source: Path, options: Mapping[str, Any]) -> None:
         except ValueError:
             expected = "a list of texts" if "list" in str(kind) else f"a value of --{name.replace('_', '-')}"
             raise InputError(source, f"options.{name}", expected, repr(value)) from None
-
-
-def command_line(command: str, rows: Iterable[Option], options: Mapping[str, Any]) -> str:
-    """The line for a shell that runs a command of `obscurance` with options by their names in its report."""
-    words = ["obscurance", command]
-    for row in rows:
-        value = options.get(row.name)
-        if row.default is ...:
-            words += _streamed(str(value), "--input-format")
-        elif value is None or row.name == "threads":  # the result is the same
-            continue
-        elif not isinstance(value, bool):
-            for each in value if isinstance(value, list) else [value]:
-                words += [row.flags[0], *_streamed(str(each), "--format")]
-        elif value is not row.default:
-            words.append(row.flags[0].split("/")[not value])
-    return shlex.join(words)
-
-
-def _streamed(name: str, option: str) -> list[str]:
-    """A file's name as words of a command; that of a standard stream, "<stdin>.ply" say, as "-" and its format."""
-    stream, _, ending = name.rpartition(".")
-    return ["-", option, ending] if stream in ("<stdin>", "<stdout>") else [name]
 
 
 @contextmanager
@@ -274,12 +275,3 @@ def absolute(value: Any) -> Any:
     if isinstance(value, list):
         return [each.absolute() for each in value]
     return value.absolute() if isinstance(value, Path) else value
-
-
-def cage_of(given: str | Path | None) -> str | Path | None:
-    """`--cage` as a length, or as the mesh file that it names."""
-    try:
-        float(str(given).strip().removesuffix("%"))
-    except ValueError:
-        return Path(given) if given and Path(given).suffix else given  # no file without an ending is a mesh
-    return given

@@ -237,10 +237,6 @@ def texture_summary(baked: ao.BakedTexture, target: str) -> str:
     return f"{text}\n{facts.seam_edges:,} edges at seams, {jumps}"
 
 
-def alpha_summary(mesh: Mesh) -> str:
-    return f"\n{mesh.opacity.summary}" if mesh.opacity else ""
-
-
 def show_picture(pixels: npt.NDArray[np.float32]) -> None:
     """Print a picture, linear RGB, in the terminal's colours, at most as wide: two pixels a character, in a column.
 

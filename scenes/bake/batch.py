@@ -15,14 +15,14 @@ from raytrace.errors import printable
 from raytrace.system.checks import check_outputs, check_regular
 from raytrace.system.threads import run_blocks, thread_count
 
-from .bake import MeshBake, Outcome, bake_one, silence_tolerance_warnings
+from .cluster import Workers, cluster_checkpoint, run_remotely
 from .console import compiling, note, progress, warn
-from .inputs import MANIFEST, made
-from .manifest import Entry, Manifest, assign_shards, digest, part_manifest
-from .remote import Workers, bake_remotely, cluster_checkpoint
+from .inputs import created_folders
+from .manifest import MANIFEST, Entry, Manifest, assign_shards, digest, part_manifest
+from .plan import Plan
+from .run import Outcome, run_in_batch, silence_tolerance_warnings
 
 if TYPE_CHECKING:
-    import ao
     from ao.cluster.session import ClusterSession
 
 _LARGE = 1 << 21  # bytes of a mesh file from which on a bake keeps all cores busy by itself
@@ -31,42 +31,45 @@ _OF_ONE = ("mesh", "output", "threads")  # options that differ from one bake to 
 
 @dataclass(frozen=True)
 class Batch:
-    """Bakes with the same options, one for each input."""
+    """Plans with the same options, one for each input.
 
-    bakes: Sequence[MeshBake]
-    folder: Path  # of their outputs
-    workers: Workers | None = None  # of a cluster, to trace the rays
-    part: tuple[int, int] | None = None  # (K, N), to bake only the K-th of N parts
+    Attributes: folder: of the outputs. workers: of a cluster. part: (K, N), to bake only the K-th of N parts.
+    """
+
+    plans: Sequence[Plan]
+    folder: Path
+    workers: Workers | None = None
+    part: tuple[int, int] | None = None
 
     def run(self) -> int:
         """Bake all, going on after faults, each reported in one line. Returns: the exit status, 1 for faults."""
         if self.workers:
-            self.check(keep=False)  # before any are asked for
+            self.check_files(keep=False)  # before any are asked for
         start = time.perf_counter()
         with self.workers.session(self.folder / MANIFEST) if self.workers else nullcontext() as session:
-            falloff, manifest = self.check(), self._manifest()
+            self.check_files()
+            own, manifest = self._begin()
             try:
                 with compiling(), silence_tolerance_warnings():
-                    self._bake_all(manifest, falloff, session)
+                    self._bake_all(own, manifest, session)
             except KeyboardInterrupt:
                 note(f"interrupted: {self._summary(manifest)}; the same command with --resume bakes the others")
                 raise SystemExit(130) from None
             finally:
                 manifest.write()
-        if not self.bakes[0].quiet:
+        if not self.plans[0].options.quiet:
             print(f"{self._summary(manifest)} in {time.perf_counter() - start:.2f} s; {printable(str(manifest.path))}")
             if session:
                 print(session.summary())
         return 1 if manifest.count("failed") else 0
 
-    def check(self, keep: bool = True) -> ao.Falloff:
-        """`MeshBake.check` of all, in folders that are made, and stay if `keep`."""
-        with made((self.folder, *(bake.output.parent for bake in self.bakes)), keep):
-            falloff = self.bakes[0].check()
-            inputs = [path for bake in self.bakes for path in bake.inputs()]
-            written: dict[str, Path | None] = {f"output {bake.output}": bake.output for bake in self.bakes}
-            check_outputs({**written, "manifest": self.manifest}, inputs)
-        return falloff
+    def check_files(self, keep: bool = True) -> None:
+        """`Plan.check_files` of all, in folders that are made, and stay if `keep`."""
+        with created_folders((self.folder, *(plan.target.parent for plan in self.plans)), keep):
+            self.plans[0].check_files()
+            inputs = [path for plan in self.plans for path in plan.inputs]
+            outputs = {f"output {plan.output}": plan.output for plan in self.plans}
+            check_outputs({**outputs, "manifest": self.manifest}, inputs)
 
     @property
     def manifest(self) -> Path:
@@ -77,68 +80,66 @@ class Batch:
         text = f"{manifest.count('done'):,} of {len(manifest.entries):,} meshes baked to {printable(str(self.folder))}"
         return text + (f", {failed:,} failed" if failed else "")
 
-    def _manifest(self) -> Manifest:
+    def _begin(self) -> tuple[list[Plan], Manifest]:
+        """The plans to be run here, all or those of this part, and their manifest."""
         from ao.report import versions
 
-        options = {name: value for name, value in self.bakes[0].described().items() if name not in _OF_ONE}
+        plans = list(self.plans)
+        options = {name: value for name, value in plans[0].described().items() if name not in _OF_ONE}
         facts: dict[str, Any] = {"options": options, "versions": versions()}
         if self.part:
-            facts["part"] = {"number": self.part[0], "of": self.part[1], "inputs": [str(b.mesh) for b in self.bakes]}
-        entries = [Entry(str(b.mesh), str(b.output), sha256=digest(_read_by(b))) for b in self._own()]
+            number, of = self.part
+            facts["part"] = {"number": number, "of": of, "inputs": [str(plan.mesh) for plan in plans]}
+            shards = assign_shards([_identity(plan.mesh)[0] for plan in plans], of)
+            plans = [plan for plan, shard in zip(plans, shards, strict=True) if shard == number]
+        entries = [Entry(str(plan.mesh), str(plan.output), sha256=digest(_files_of(plan))) for plan in plans]
         manifest = Manifest(self.manifest, entries, facts)
-        if self.bakes[0].resume or (self.part and self.manifest.exists()):
+        if self.plans[0].options.resume or (self.part and self.manifest.exists()):
             manifest.resume(note)
-        return manifest
+        return plans, manifest
 
-    def _own(self) -> list[MeshBake]:
-        """The bakes to be done here: all, or this shard's."""
-        if not self.part:
-            return list(self.bakes)
-        shards = assign_shards([_identity(bake.mesh)[0] for bake in self.bakes], self.part[1])
-        return [bake for bake, shard in zip(self.bakes, shards, strict=True) if shard == self.part[0]]
-
-    def _bake_all(self, manifest: Manifest, falloff: ao.Falloff, session: ClusterSession | None) -> None:
-        bakes, first = self._own(), self.bakes[0]
-        places = [place for place, entry in enumerate(manifest.entries) if entry.status == "waiting"]
-        threads, done = thread_count(first.threads), len(bakes) - len(places)
-        vertices = [place for place in places if bakes[place].sort == "vertices"]
-        small = [place for place in vertices if _identity(bakes[place].mesh)[0] < _LARGE]
+    def _bake_all(self, plans: list[Plan], manifest: Manifest, session: ClusterSession | None) -> None:
+        options = self.plans[0].options
+        waiting = [number for number, entry in enumerate(manifest.entries) if entry.status == "waiting"]
+        threads = thread_count(options.threads)
+        done = len(plans) - len(waiting)
+        in_vertices = [number for number in waiting if plans[number].kind == "vertices"]
+        small = [number for number in in_vertices if _identity(plans[number].mesh)[0] < _LARGE]
         status = session.status if session else str
-        with progress(first.quiet, "meshes", form=first.progress, status=status) as (advance,):
+        with progress(options.quiet, "meshes", form=options.progress, status=status) as (advance,):
 
             def add(more: int) -> None:
                 nonlocal done
                 done += more
                 if advance:
-                    advance(done, len(bakes))
+                    advance(done, len(plans))
                 manifest.save()
 
-            def bake_here(place: int, threads: int) -> None:
-                entry, bake = manifest.entries[place], bakes[place]
-                before = _identity(bake.output)
-                if session:
-                    bake = bake.replaced(open_checkpoint=partial(cluster_checkpoint, session, first.resume))
+            def bake_here(number: int, threads: int) -> None:
+                entry = manifest.entries[number]
+                plan = plans[number]
+                before = _identity(plan.target)
+                open_checkpoint = partial(cluster_checkpoint, session, options.resume) if session else None
                 try:
-                    _note(entry, bake_one(bake, falloff, threads, first.resume))
+                    _note(entry, run_in_batch(plan, threads, open_checkpoint))
                 except KeyboardInterrupt:
-                    if _identity(bake.output) != before:  # it has been written, whole
+                    if _identity(plan.target) != before:  # it has been written, whole
                         entry.done()
                     raise
 
             def bake_small(start: int, stop: int) -> None:
-                for place in small[start:stop]:
-                    bake_here(place, 1)
+                for number in small[start:stop]:
+                    bake_here(number, 1)
 
             if session:
-                given = [bakes[place] for place in small]
-                for place, outcome in bake_remotely(session, given, falloff, first.resume, threads):
+                for row, outcome in run_remotely(session, [plans[number] for number in small], threads):
                     warn([], outcome.warnings)
-                    _note(manifest.entries[small[place]], outcome)
+                    _note(manifest.entries[small[row]], outcome)
                     add(1)
             else:
                 run_blocks(len(small), 1, bake_small, threads, add)
-            for place in sorted({*places} - {*small}):
-                bake_here(place, threads)
+            for number in sorted({*waiting} - {*small}):
+                bake_here(number, threads)
                 add(1)
 
 
@@ -151,12 +152,12 @@ def _note(entry: Entry, outcome: Outcome) -> None:
         entry.done()
 
 
-def _read_by(bake: MeshBake) -> list[Path]:
+def _files_of(plan: Plan) -> list[Path]:
     """The files that a bake reads: in its options, and files that a .gltf or .obj names."""
     from ..formats.gltf.asset import Gltf  # slow imports
     from ..formats.obj.mtl import named_files
 
-    files = bake.inputs()
+    files = plan.inputs
     for path in [*files]:
         with suppress(OSError, ValueError, TypeError, AttributeError, RecursionError):  # its bake will say why
             check_regular(path, "a file")

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 
-from raytrace.errors import LINE, ConflictError, InputError, OptionError, SceneError, nearest_name, printable, shortened
+from ..errors import LINE, ConflictError, InputError, OptionError, SceneError, nearest_name, printable, shortened
 
 _LONGEST = 100
 

@@ -7,23 +7,42 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Literal, cast, get_args
+from typing import TYPE_CHECKING, Any, Literal, Protocol, cast, get_args
 
 import numpy as np
+import numpy.typing as npt
 
 from raytrace.errors import ConflictError, OptionError
 from raytrace.system.atomic import check_writable, write_bytes
+from raytrace.types import AnyFloats
 
-from .formats.load import PIPED, MeshFile
-from .formats.table import Channels, endings, format_of
+from .load import MeshFile
+from .table import Channels, endings, format_of
 
 if TYPE_CHECKING:
-    from ao import Bake, BakedTexture
-
-    from .show.page.encode import Values
+    from ao import Bake, BakedTexture, Profile
 
 Occlusion = Literal["none", "ramp"]
 Colors = Literal["rgb", "r", "g", "b", "a"]
+
+
+class VertexValues(Protocol):
+    """What is known of w at n vertices: an `ao.Bake`, or like it."""
+
+    @property
+    def w(self) -> AnyFloats: ...  # (n,)
+
+    @property
+    def error(self) -> AnyFloats | None: ...  # (n,)
+
+    @property
+    def bent_normals(self) -> AnyFloats | None: ...  # (n, 3)
+
+    @property
+    def flags(self) -> npt.NDArray[Any] | None: ...  # (n,)
+
+    @property
+    def profile(self) -> Profile | None: ...
 
 
 def check_target(path: str | os.PathLike[str]) -> None:
@@ -34,7 +53,7 @@ def check_target(path: str | os.PathLike[str]) -> None:
 
 def write(
     path: str | os.PathLike[str],
-    bake: Bake | Values | BakedTexture | Sequence[Bake | BakedTexture],
+    bake: VertexValues | BakedTexture | Sequence[Bake | BakedTexture],
     mesh_file: MeshFile,
     *,
     colors: bool | Colors = False,
@@ -85,15 +104,21 @@ def write(
         several = bake if isinstance(bake, Sequence) else [cast("BakedTexture", bake)]
         _write_textures(Path(path), several, mesh_file, replace_occlusion)
         return
-    shown = channels(path, colors, occlusion, replace_occlusion, up)
+    write_vertices(
+        path, cast("VertexValues", bake), mesh_file, channels(path, colors, occlusion, replace_occlusion, up)
+    )
+
+
+def write_vertices(path: str | os.PathLike[str], bake: VertexValues, mesh_file: MeshFile, shown: Channels) -> None:
+    """Write a bake per vertex. Raises: as `write`."""
     write_bytes(path, _writer(path)(bake, mesh_file, shown))
 
 
 def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file: MeshFile, replace: bool) -> None:
     from ao.texture.result import BakedTexture
 
-    from .formats.gltf.textured import textured_glb
-    from .formats.images import is_texture, write_grey
+    from .gltf.textured import textured_glb
+    from .images import is_texture, write_grey
 
     textures = [each for each in baked if isinstance(each, BakedTexture)]
     vertices = [each.w for each in baked if not isinstance(each, BakedTexture)]
@@ -146,13 +171,13 @@ def _writer(path: str | os.PathLike[str]) -> Callable[..., bytes | memoryview]:
     return writer
 
 
-def npy(bake: Bake | Values, *_: object) -> memoryview:
+def npy(bake: VertexValues, *_: object) -> memoryview:
     content = io.BytesIO()
     np.save(content, bake.w.astype("<f4"), allow_pickle=False)
     return content.getbuffer()
 
 
-def npz(bake: Bake | Values, *_: object) -> memoryview:
+def npz(bake: VertexValues, *_: object) -> memoryview:
     content = io.BytesIO()
     kinds = {"w": "<f4", "error": "<f4", "bent_normals": "<f4", "flags": "u1"}
     arrays = {name: getattr(bake, name).astype(kind) for name, kind in kinds.items() if getattr(bake, name) is not None}
@@ -160,17 +185,3 @@ def npz(bake: Bake | Values, *_: object) -> memoryview:
         arrays |= {"profile": known.values, "half_distances": known.half_distances, "radius": np.float64(known.radius)}
     np.savez(content, **arrays)
     return content.getbuffer()
-
-
-def html(bake: Bake | Values, mesh_file: MeshFile, channels: Channels) -> bytes:
-    from shlex import quote
-
-    from .show.page.base_colour import base_colour
-    from .show.page.document import html_of_bakes
-    from .show.page.encode import Values
-
-    name = mesh_file.path.name
-    title = "standard input" if mesh_file.path.stem == PIPED else name
-    again = f"obscurance bake {quote(name)} --half-distance {{}} -o {quote(f'{mesh_file.path.stem}-baked.ply')}"
-    values = Values(bake.w, bake.error, bake.flags, bake.bent_normals, title, profile=bake.profile, permanent=again)
-    return html_of_bakes(mesh_file.mesh, [values], title, channels.up, base_colour(mesh_file))

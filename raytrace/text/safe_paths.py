@@ -4,8 +4,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path, PureWindowsPath
 
-from raytrace.errors import SceneError
-
+from ..errors import SceneError
 from .field_errors import shown
 
 
@@ -33,7 +32,7 @@ def confined(name: str, folder: Path, source: object, field: str) -> Path:
     return folder / name
 
 
-def beside(name: str, folder: Path) -> Path | None:
+def resolve_inside(name: str, folder: Path) -> Path | None:
     """The existing regular file `name` in `folder` or below, links followed, or None."""
     try:
         root = folder.resolve()

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,13 +19,16 @@ import ao
 from ao.texture.coverage import reaches_into_page, shared_texels
 from ao.texture.uv_layout import have_area, on_page
 from raytrace.errors import MeshError, OptionError
+from raytrace.text.safe_paths import file_words
 from raytrace.types import Bools, Float64s
 
-from ...formats.images import MATERIAL, OBJECT, UDIM, tile_number, udim_tiles
-from ...formats.load import MeshFile
-from ...formats.primitive_groups import PrimitiveGroup, primitive_groups
-from ...safe_paths import file_words
-from .coordinates import Coordinates
+from ..formats.images import MATERIAL, OBJECT, UDIM, tile_number, udim_tiles
+from ..formats.load import MeshFile
+from ..formats.primitive_groups import PrimitiveGroup, primitive_groups
+from .uv import Coordinates
+
+if TYPE_CHECKING:
+    from .plan import Plan
 
 _SOME = 0.01  # of the texels of the smaller of two layouts, that may overlap
 _NOTED = 1e-3  # of the covered texels, that may overlap without a word
@@ -118,36 +122,35 @@ class Layouts:
         return [replace(page, name=word, words={MATERIAL: word}) for page, word in zip(made, words, strict=True)]
 
 
-def pages_of(
-    source: MeshFile, found: Coordinates, output: Path, mixed: bool, threads: int | None, instances: str = "mean"
-) -> list[Page]:
-    """The pages of an output, each of some faces. Args: mixed: whether layouts that overlap may share a page.
+def pages_of(plan: Plan, source: MeshFile, found: Coordinates) -> list[Page]:
+    """The pages of a plan, each of some faces.
 
-    Raises: OptionError: they would share one, and may not; or tiles that have no number.
+    Raises: OptionError: layouts would share one that overlap, and may not; or tiles that have no number.
     """
     layouts = Layouts(source, found)
-    pages = _pages(source, layouts, found, output, mixed or found.number is None, threads)  # new ones do not overlap
-    if instances == "own":
+    pages = _pages(plan, source, layouts, found)
+    if plan.options.instances == "own":
         apart = layouts.by_instance(pages)
-        if len(apart) > len(pages) and output.suffix.lower() != ".glb":
-            raise OptionError("output", f"{OBJECT} in its name, or a .glb: instances have a texture each", output)
+        if len(apart) > len(pages) and plan.ending != ".glb":
+            raise OptionError("output", f"{OBJECT} in its name, or a .glb: instances have a texture each", plan.output)
         pages = apart
-    if instances == "first":
+    if plan.options.instances == "first":
         first = [replace(page, uv=_only(page.uv, layouts.instance == 0), shown=page.uv) for page in pages]
         pages = [page for page in first if on_page(page.uv).any()]
     return pages or [Page(found.uv)]
 
 
-def _pages(
-    source: MeshFile, layouts: Layouts, found: Coordinates, output: Path, mixed: bool, threads: int | None
-) -> list[Page]:
+def _pages(plan: Plan, source: MeshFile, layouts: Layouts, found: Coordinates) -> list[Page]:
     """`pages_of` by material, object and tile alone."""
-    if output.suffix.lower() == ".glb":
+    mixed = plan.options.overlap is not None or found.number is None  # new layouts do not overlap
+    threads = plan.options.threads
+    if plan.ending == ".glb":
         whole = Page(found.uv, words={MATERIAL: "all"})
         clashes = {} if mixed else layouts.clashes(whole, found.size, threads)
         sets = layouts.sets(clashes) if clashes else []
         pages = [Page(_only(found.uv, mask), name=name, words={MATERIAL: name}) for name, mask in sets]
         return [page for page in pages if on_page(page.uv).any()] or [whole]
+    output = plan.target
     pages = []
     for words, mask in _groups(layouts.all, output, len(source.mesh.faces)):
         uv = _only(found.uv, mask)
@@ -223,7 +226,7 @@ def check_area(source: MeshFile, page: Page) -> None:
         raise MeshError(source.path, f"texture coordinates{of_page}", "faces with an area on the page", "none")
 
 
-def lacking(source: MeshFile, uv: Float64s, wanted: Bools, glb: Path | None) -> list[str]:
+def lacking(source: MeshFile, uv: Float64s, wanted: Bools, keeps_uv: bool) -> list[str]:
     """The parts of a file without texture coordinates, in a line. Args: wanted: (m,), the faces that matter."""
     without = ~on_page(uv) & wanted
     if not without.any():
@@ -231,9 +234,9 @@ def lacking(source: MeshFile, uv: Float64s, wanted: Bools, glb: Path | None) -> 
     without_uv = [piece for piece in primitive_groups(source) if without[piece.faces].any()]
     names = list(dict.fromkeys(f"{piece.object.name} ({piece.material.name})" for piece in without_uv))
     more = f" and {len(names) - _LISTED:,} more" if len(names) > _LISTED else ""
-    instead = "show w of their vertices" if glb else "get no texels"
+    instead = "show w of their vertices" if keeps_uv else "get no texels"
     what = f"{without.sum():,} faces, of {', '.join(names[:_LISTED])}{more}, have no texture coordinates and {instead}"
-    return [f"{source.path}: {what}; --uv fill{'' if glb else ' with --mesh-output'} makes some for them"]
+    return [f"{source.path}: {what}; --uv fill{'' if keeps_uv else ' with --mesh-output'} makes some for them"]
 
 
 def _has_tiles(uv: Float64s) -> bool:

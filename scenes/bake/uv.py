@@ -1,10 +1,12 @@
 """The texture coordinates of a bake, of the file or by the optional library uvunwrap, and the size of its pages."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,8 +19,11 @@ from raytrace.mesh.normals import face_normals
 from raytrace.mesh.weld import connected_components
 from raytrace.types import Bools, Float64s, Int64s
 
-from ...formats.load import MeshFile
-from ...formats.objects import ObjectSelection
+from ..formats.load import MeshFile
+from ..formats.objects import ObjectSelection
+
+if TYPE_CHECKING:
+    from .plan import Plan
 
 _USED = 0.65  # of a page, that an unwrapping fills
 _PADDING = 4  # texels between charts, so that neither bilinear lookups nor one coarser level see two of them
@@ -38,26 +43,22 @@ class Coordinates:
     cramped: int = 0  # faces that share a texel with other charts, but show more than that
 
 
-def coordinates(
-    source: MeshFile,
-    wanted: str,
-    pages: tuple[str | None, str | None],
-    into_glb: bool,
-    chosen: ObjectSelection,
-    sets: bool,
-) -> Coordinates:
-    """Texture coordinates `wanted` by --uv; `pages`: --size, --texel-size; `into_glb`: new ones would be written.
-
-    Args: sets: whether there can be several textures, so that faces of no area on the page get one of their own.
+def coordinates(plan: Plan, source: MeshFile, chosen: ObjectSelection) -> Coordinates:
+    """The texture coordinates that a plan has by --uv.
 
     Raises: MeshError: there are none. OptionError: as `unwrap`, or a page too large.
     """
+    options = plan.options
+    wanted = options.uv or "auto"
+    size = plan.size or options.texel_size
+    # Where there can be several textures, faces of no area on the page get one of their own.
+    sets = plan.ending == ".glb" and not options.orm and options.overlap is None
     mesh, receive, can_unwrap = chosen.mesh, chosen.receive, find_spec("uvunwrap") is not None
     number = int(wanted) if wanted.isdecimal() else 0
     uv = None if wanted == "unwrap" else source.texture_coordinates(number)
     if uv is not None and wanted != "pack":
         uv = chosen.on_pages(uv)
-        texels = _page(mesh, uv, *pages)
+        texels = _page(mesh, uv, size)
         new = ~on_page(uv) & receive & (wanted == "fill")
         areas = face_normals(mesh.vertices, mesh.faces)[1] * receive
         cramped = _cramped(mesh, uv, areas, texels)
@@ -69,14 +70,14 @@ def coordinates(
                 uv[lost] = unwrap(_some(mesh, lost), min(texels))
                 new |= lost
         return Coordinates(uv, new, number, texels, int(np.count_nonzero(cramped & ~new)))
-    if uv is None and wanted not in ("unwrap", "fill") and not (wanted == "auto" and into_glb and can_unwrap):
+    if uv is None and wanted not in ("unwrap", "fill") and not (wanted == "auto" and plan.keeps_uv and can_unwrap):
         which = f" of number {number}" if number else ""
         advice = f"; {'' if can_unwrap else 'pip install uvunwrap and '}--uv unwrap makes some"
         raise MeshError(source.path, "texture coordinates", f"some{which} on every face", f"none{advice}")
     share = np.sqrt(2 * _USED / np.count_nonzero(receive))  # of the page's side, of each face
     made = np.full((len(receive), 3, 2), np.nan)
     made[receive] = [[0.0, 0.0], [share, 0.0], [0.0, share]]
-    side = min(_page(mesh, made, *pages))
+    side = min(_page(mesh, made, size))
     old = None if uv is None else uv[receive]
     made[receive] = unwrap(_some(mesh, receive), side, old)
     return Coordinates(made, receive, None, (side, side))
@@ -108,22 +109,11 @@ def _cramped(mesh: Mesh, uv: Float64s, areas: Float64s, size: tuple[int, int]) -
     return found
 
 
-def parse_texels(text: str) -> int | tuple[int, int]:
-    """A side, or the width and height of "WxH". Raises: OptionError."""
-    try:
-        sides = [int(part) for part in text.lower().split("x")]
-    except ValueError:
-        sides = []
-    if len(sides) not in (1, 2):
-        raise OptionError("size", "a number of texels, such as 1024, or WIDTHxHEIGHT", repr(text))
-    return sides[0] if len(sides) == 1 else (sides[0], sides[1])
-
-
-def _page(mesh: Mesh, uv: Float64s, size: str | None, texel_size: str | None) -> tuple[int, int]:
+def _page(mesh: Mesh, uv: Float64s, size: tuple[int, int] | str) -> tuple[int, int]:
     """Texels across and down."""
-    if texel_size is None:
-        return page_size(parse_texels(size or "1024"))
-    length = resolve_length("texel_size", texel_size, mesh.radius)
+    if isinstance(size, tuple):
+        return size
+    length = resolve_length("texel_size", size, mesh.radius)
     areas = face_normals(mesh.vertices, mesh.faces)[1]
     shown = on_page(uv)
     return page_size(texels_across(uv[shown], areas[shown], length))

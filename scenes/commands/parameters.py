@@ -1,6 +1,6 @@
-"""Parameters of the command from the rows of the table, its help in sections, and `bake --options`."""
+"""Parameters of a command from the rows of its table, and its help in sections."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from importlib import import_module
 from inspect import Parameter, Signature
 from itertools import pairwise
@@ -11,13 +11,11 @@ import typer
 from typer.core import TyperCommand
 
 from ao.declared import Option
-from raytrace.errors import InputError, OptionError, nearest_name
+from raytrace.errors import OptionError
 
-from ..presets import without_preset
-from .options import BAKE, ROWS, check_stored
+from ..bake.options import BAKE, ROWS
 
-_MOST = 1 << 28  # bytes; anything larger is no report
-_OLD = {f"--{no}{row.was}": f"--{no}{row.name}" for row in BAKE if row.was for no in ("", "no-")}
+_OLD = {f"--{no}{row.old_name}": f"--{no}{row.name}" for row in BAKE if row.old_name for no in ("", "no-")}
 _GONE = {"--tiles": "--part K/N, each on a machine of its own, and obscurance merge"}
 """Options that are no more, and what to do instead."""
 EXAMPLES = """\b
@@ -96,50 +94,6 @@ class TableCommand(TyperCommand):
 def _take_options(context: typer.Context, report: Path | None) -> None:
     """Let options that are not given have the values that they had in an earlier bake."""
     if report is not None:
+        from ..bake.report import saved_options
+
         context.default_map = saved_options(report)
-
-
-def saved_options(path: Path) -> dict[str, Any]:
-    """Options of an earlier bake, but for what was written and how it was run. Raises: InputError."""
-    from ao.report import SCHEMA_VERSION
-    from raytrace.system.checks import check_regular
-    from raytrace.text.strict_json import parse_json
-
-    check_regular(path, "the report of a bake")
-    try:
-        if path.stat().st_size > _MOST:
-            raise ValueError
-        report = parse_json(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
-        raise InputError(path, "content", "the report of a bake, JSON", "something else") from None
-    report = report if isinstance(report, dict) else {}
-    if (version := report.get("schema_version", SCHEMA_VERSION)) != SCHEMA_VERSION:
-        raise InputError(path, "schema_version", f"a report of schema version {SCHEMA_VERSION}", version)
-    if not isinstance(report.get("options"), dict) or "settings" in report:
-        got = "the report of a rendering" if "settings" in report else "something else"
-        raise InputError(path, "options", "the report of a bake, or the manifest of a batch", got)
-    new = {row.was: row.name for row in BAKE if row.was}
-    options = {new.get(name, name): value for name, value in report["options"].items() if value is not None}
-    if isinstance(options.get("colors"), bool):  # of earlier versions
-        options["colors"] = "rgb" if options["colors"] else None
-    names = {row.name for row in BAKE if row.role != "run"} | {"threads"}
-    for name in options.keys() - names:
-        near = nearest_name(name, names)
-        raise InputError(path, f"options.{name}", "options of this version", "one that it has not", near)
-    options = without_preset(options)
-    if options.get("occlusion") == "auto":  # of earlier versions, which tried textures
-        options["occlusion"] = "ramp"
-    if options.get("occlusion") == _usual_occlusion(report):
-        del options["occlusion"]
-    options |= {name: [options[name]] for name in ("mesh", "high") if isinstance(options.get(name), str)}
-    check_stored(path, {name: value for name, value in options.items() if "list" in str(ROWS[name].kind)})
-    kept = {name for name in options if ROWS[name].taken} | ({"up"} if options.get("ground") else set())
-    return {name: value for name, value in options.items() if name in kept}
-
-
-def _usual_occlusion(report: Mapping[str, Any]) -> str:
-    """The occlusion texture that the earlier output had unless it was asked for another."""
-    output = report["options"].get("output")
-    if output is None and isinstance(inputs := report.get("inputs"), list):
-        output = next((each.get("output") for each in inputs if isinstance(each, dict)), None)
-    return "ramp" if str(output).lower().endswith(".glb") and not report["options"].get("colors") else "none"

@@ -4,36 +4,37 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from raytrace.errors import OptionError
 from raytrace.types import Int64s
 
-from .bake import MeshBake, Outcome, bake_one, journal, silence_tolerance_warnings
 from .console import note, unprinted_warnings
-from .options import absolute
+from .options import OptionValues
+from .plan import Plan
+from .run import Outcome, journal_of, run_in_batch, silence_tolerance_warnings
 
 if TYPE_CHECKING:
-    import ao
     from ao.cluster.session import ClusterSession
     from ao.execute.checkpoint import Checkpoint
     from ao.execute.work import Tables
 
 _BYTES = 50  # of a file, a vertex
-_FILES = "mesh", "output", "high", "occluder", "cage"
 
 
 class Workers:
     """The workers that `--cluster` asks for; they see the folder `--shared`, or that of the output."""
 
-    def __init__(self, options: Mapping[str, Any]) -> None:
-        self._address, self._shared, self._threads = (options[name] for name in ("cluster", "shared", "threads"))
+    def __init__(self, options: OptionValues) -> None:
+        self._address = options.cluster
+        self._shared = options.shared
+        self._threads = options.threads
         if find_spec("distributed") is None or find_spec("cryptography") is None:
             expected = "Dask and cryptography: pip install dask distributed cryptography"
             raise OptionError("cluster", expected, "not both")
@@ -54,36 +55,34 @@ def cluster_checkpoint(session: ClusterSession, resume: bool, target: Path | Non
     """Lets workers trace what a target needs, and keeps it beside that; nothing without a target."""
     from ao.execute.checkpoint import Checkpoint
 
-    path = target and journal(target)
+    path = target and journal_of(target)
     return Checkpoint(path, resume, note, fill_spans=session.fill_spans, status=session.status)
 
 
 @dataclass(frozen=True, eq=False)
-class SharedBakes:
-    """Bakes whose files all workers see. Unpickled where they are not seen, it raises OSError."""
+class SharedPlans:
+    """Plans whose files all workers see, with absolute names. Unpickled where they are not seen, it raises OSError."""
 
-    bakes: tuple[MeshBake, ...]  # with absolute names
-    falloff: ao.Falloff
-    resume: bool
+    plans: tuple[Plan, ...]
 
-    def __reduce__(self) -> tuple[Callable[..., SharedBakes], tuple[object, ...]]:
-        files = [path for bake in self.bakes for path in bake.inputs() if path.exists()]
-        folders = {bake.output.parent for bake in self.bakes}
-        return _seen, ({*files, *folders}, self.bakes, self.falloff, self.resume)
+    def __reduce__(self) -> tuple[Callable[..., SharedPlans], tuple[object, ...]]:
+        files = [path for plan in self.plans for path in plan.inputs if path.exists()]
+        folders = [plan.target.parent for plan in self.plans]
+        return _seen, ({*files, *folders}, self.plans)
 
 
-def _seen(files: set[Path], bakes: tuple[MeshBake, ...], falloff: ao.Falloff, resume: bool) -> SharedBakes:
+def _seen(files: set[Path], plans: tuple[Plan, ...]) -> SharedPlans:
     for path in sorted(files):
         if not path.exists():
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
-    return SharedBakes(bakes, falloff, resume)
+    return SharedPlans(plans)
 
 
 @dataclass(frozen=True, eq=False)
 class WholeBakes:
     """Bakes to be done, the rows of which are their outcomes."""
 
-    numbers: Int64s  # (k,), places in `SharedBakes.bakes`
+    numbers: Int64s  # (k,), places in `SharedPlans.plans`
     rays: float  # of one, about
     block_rays: ClassVar = 1
 
@@ -96,48 +95,45 @@ class WholeBakes:
     def tables(self) -> Tables:
         return (np.empty(len(self), object),)
 
-    def writer(self, scene: SharedBakes, tables: Tables) -> Callable[[int, int], None]:
+    def writer(self, scene: SharedPlans, tables: Tables) -> Callable[[int, int], None]:
         (outcomes,) = tables
 
         def write(first: int, last: int) -> None:
             for row in range(first, last):
-                bake = scene.bakes[self.numbers[row]]
                 with unprinted_warnings(), silence_tolerance_warnings():
-                    outcomes[row] = asdict(bake_one(bake, scene.falloff, 1, scene.resume))
+                    outcomes[row] = asdict(run_in_batch(scene.plans[self.numbers[row]], 1))
 
         return write
 
 
-def bake_remotely(
-    session: ClusterSession, bakes: Sequence[MeshBake], falloff: ao.Falloff, resume: bool, threads: int
-) -> Iterator[tuple[int, Outcome]]:
-    """Bake by workers, or on threads here if it is little: the place of each bake, and what became of it."""
-    if not bakes:
+def run_remotely(session: ClusterSession, plans: Sequence[Plan], threads: int) -> Iterator[tuple[int, Outcome]]:
+    """Bake by workers, or on threads here if it is little: the row of each plan, and what became of it."""
+    if not plans:
         return
-    sizes = np.array([bake.mesh.stat().st_size if bake.mesh.is_file() else 0 for bake in bakes])
-    rays = max(sizes.mean() / _BYTES, 1) * (bakes[0].samples or 256)
-    work = WholeBakes(np.argsort(-sizes, kind="stable"), float(rays))  # the largest first, to end together
-    placed = [bake.replaced(**{name: absolute(getattr(bake, name)) for name in _FILES}) for bake in bakes]
-    scene = SharedBakes(tuple(placed), falloff, resume)
+    sizes = np.array([plan.mesh.stat().st_size if plan.mesh.is_file() else 0 for plan in plans])
+    rays = max(sizes.mean() / _BYTES, 1) * (plans[0].options.samples or 256)
+    work = WholeBakes(np.argsort(-sizes, kind="stable"), float(rays))  # the largest come before, to end together
+    scene = SharedPlans(tuple(plan.absolute() for plan in plans))
     for first, last, (outcomes,) in session.rows(work, scene, threads):
-        for place, outcome in zip(work.numbers[first:last].tolist(), outcomes, strict=True):
-            yield place, _named_as(bakes[place], _outcome(outcome))
+        for row, outcome in zip(work.numbers[first:last].tolist(), outcomes, strict=True):
+            yield row, _named_as(plans[row], _outcome(outcome))
 
 
 def _outcome(fields: Any) -> Outcome:
     """The outcome as a worker says it, each field of its type."""
+    from pydantic import TypeAdapter
+
     try:
-        status: Literal["done", "failed"] = "done" if fields["status"] == "done" else "failed"
-        return Outcome(status, float(fields["seconds"]), str(fields["message"]), list(map(str, fields["warnings"])))
-    except (TypeError, KeyError, ValueError) as reason:
-        return Outcome("failed", 0.0, f"a worker's answer is no outcome of a bake: {reason}")
+        return TypeAdapter(Outcome).validate_python(fields)
+    except ValueError:
+        return Outcome("failed", 0.0, "a worker's answer is no outcome of a bake")
 
 
-def _named_as(bake: MeshBake, outcome: Outcome) -> Outcome:
+def _named_as(plan: Plan, outcome: Outcome) -> Outcome:
     """The outcome with the names of files as they were given."""
 
     def given(text: str) -> str:
-        for path in (*bake.inputs(), bake.output):
+        for path in (*plan.inputs, plan.target):
             text = text.replace(str(path.absolute()), str(path))
         return text
 

@@ -20,8 +20,9 @@ from ao.options import Options, TextureOptions, VertexOptions
 from raytrace import Settings
 from raytrace.errors import ConflictError
 from raytrace.system.threads import MAX_THREADS
-from scenes.jobs.options import BAKE, BAKER, MERGE, ROWS, check_sort, check_together, defaults
-from scenes.jobs.run import bake_command
+from scenes.bake.options import BAKE, BAKER, MERGE, ROWS, BakeOptions, check_kind, check_together
+from scenes.bake.plan import plan_bake
+from scenes.bake.run import run
 
 ADDED = """
 import contextlib, importlib.util, inspect, io, json, pathlib, pickle, sys
@@ -33,7 +34,8 @@ assert source.count(before) == 1
 sys.modules["ao.options"] = module = importlib.util.module_from_spec(spec)
 exec(source.replace(before, added + before), vars(module))
 import ao, cli
-from scenes.jobs.run import bake_command
+from scenes.bake.options import BakeOptions
+from scenes.bake.plan import plan_bake
 
 def run(*line):
     sys.argv = ["obscurance", *line]
@@ -58,8 +60,8 @@ found["merge"] = run("merge", "parts", "-o", "merged.npy")
 run("bake", *few, *oak, "--output-dir", "out")
 found["resume"] = run("bake", *few, "--output-dir", "out", "--resume")[1]
 from pathlib import Path
-bake = bake_command({"mesh": Path("hills.obj"), "output": Path("w.npy"), "grain": "oak"})
-found["sent"] = pickle.loads(pickle.dumps(bake)).grain
+plan = plan_bake(BakeOptions(mesh=[], grain="oak"), Path("hills.obj"), Path("w.npy"))
+found["sent"] = pickle.loads(pickle.dumps(plan)).options.grain
 print(json.dumps(found))
 """
 
@@ -136,10 +138,11 @@ def within(folder, value):
 
 def identity_of(folder, **options):
     """What a journal of the bake with these options belongs to."""
-    given = {"mesh": folder / "hills.obj", "output": folder / "w.npy", "quiet": True} | options
-    bake = bake_command(given).replaced(open_checkpoint=lambda _: Identity(folder / "journal"))
+    mesh = options.get("mesh", folder / "hills.obj")
+    output = options.get("output", folder / "w.npy")
+    plan = plan_bake(BakeOptions(**({"quiet": True} | options | {"mesh": [mesh], "output": output})), mesh, output)
     with pytest.raises(Begun) as begun:
-        bake.run()
+        list(run(plan, open_checkpoint=lambda _: Identity(folder / "journal")))
     return begun.value.args[0]
 
 
@@ -194,14 +197,14 @@ def test_every_option_changes_what_a_journal_belongs_to_or_is_one_that_changes_n
     one, other = TOGETHER.get(row.name, ({}, {row.name: value}))
     assert other != {row.name: None}, "a new option needs another value here"
     paths = {row.name for row in BAKE if "Path" in str(row.kind)}
-    if "vertices" not in row.on.split():
+    if "vertices" not in row.bake_kinds.split():
         one, other = ({"output": "w.png"} | TEXTURE | options for options in (one, other))
     one, other = (
         {name: within(folder, value) if name in paths and value else value for name, value in options.items()}
         for options in (one, other)
     )
     same = identity_of(folder, **one) == identity_of(folder, **other)
-    assert same != row.rays
+    assert same != row.affects_rays
 
 
 IN_PYTHON = CHANGED | {
@@ -238,16 +241,15 @@ def test_rays_by_default_are_the_rays_that_are_given():
 
 
 def test_the_three_forms_of_conflicts():
-    plain = defaults()
     for options, said in [
         ({"cage": "2%"}, "cage needs high"),
         ({"size": "64", "texel_size": "1%"}, "texel_size and size exclude each other"),
     ]:
         with pytest.raises(ConflictError, match=f"options: {said}$"):
-            check_together(plain | options, BAKE)
-    for sort, said in {"part": "and part exclude each other", "texture": "does not go with a texture"}.items():
+            check_together(BakeOptions(mesh=[], **options), BAKE)
+    for kind, said in {"part": "and part exclude each other", "texture": "does not go with a texture"}.items():
         with pytest.raises(ConflictError, match=f"options: colors {said}$"):
-            check_sort(plain | {"colors": True}, sort)
+            check_kind(BakeOptions(mesh=[], colors=True), kind)
     with pytest.raises(ConflictError, match=r"^options: denoise=False does not go with tolerance$") as fault:
         Options(tolerance=0.1, denoise=False)
     assert (fault.value.first, fault.value.relation) == (("denoise", False), "does not go with")
@@ -257,7 +259,7 @@ def test_relations_name_options_of_the_table():
     for row in (*BAKE, *MERGE):
         for name in (*row.needs, *row.excludes):
             assert name in ROWS, f"{row.name} needs or excludes {name}"
-        assert set(row.on.split()) <= {"vertices", "texture", "part", "merge", "batch"}
+        assert set(row.bake_kinds.split()) <= {"vertices", "texture", "part", "merge", "batch"}
 
 
 def test_earlier_names_of_options_are_understood_in_python():

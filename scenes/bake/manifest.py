@@ -17,8 +17,7 @@ from raytrace.system.atomic import write_json
 from raytrace.system.checks import check_regular
 from raytrace.text.strict_json import parse_json
 
-from .inputs import MANIFEST
-
+MANIFEST = "manifest.json"
 VERSION = 1
 EVERY = 2.0  # seconds between writes while work goes on
 Status = Literal["done", "failed", "waiting"]
@@ -36,11 +35,12 @@ class Entry:
     message: str = ""  # the summary or the fault
     warnings: list[str] = field(default_factory=list)
     sha256: str = ""  # of the bytes of the input and of the files that it names
-    written: str = ""  # that of the output
+    output_sha256: str = ""
 
     def done(self) -> None:
         """Take note of an output that is whole."""
-        self.status, self.written = "done", digest([Path(self.output)])
+        self.status = "done"
+        self.output_sha256 = digest([Path(self.output)])
 
 
 def digest(files: Iterable[Path]) -> str:
@@ -102,8 +102,10 @@ class Manifest:
             return
         for place, entry in enumerate(self.entries):
             earlier = done.get(entry.input)
-            same = earlier and earlier.written and (earlier.output, earlier.sha256) == (entry.output, entry.sha256)
-            if earlier and same and digest([Path(entry.output)]) == earlier.written:
+            if not earlier or not earlier.output_sha256:
+                continue
+            is_same = (earlier.output, earlier.sha256) == (entry.output, entry.sha256)
+            if is_same and digest([Path(entry.output)]) == earlier.output_sha256:
                 self.entries[place] = earlier
 
 

@@ -9,9 +9,8 @@ from command import obscurance, refused
 from project import ROOT
 
 from raytrace.errors import ConflictError
-from scenes.jobs.options import BAKE, ROWS, defaults
-from scenes.jobs.run import bake_command
-from scenes.presets import PRESETS, with_preset
+from scenes.bake.options import BAKE, PRESETS, ROWS, BakeOptions
+from scenes.bake.plan import plan_bake
 
 FLOOR_AND_WALL = """v -1 0 0\nv 1 0 0\nv 1 2 0\nv -1 2 0\nv -1 2 .01\nv 1 2 .01\nv 1 2 1\nv -1 2 1
 vt .05 .05\nvt .95 .05\nvt .95 .45\nvt .05 .45\nvt .05 .55\nvt .95 .55\nvt .95 .95\nvt .05 .95
@@ -19,9 +18,9 @@ f 1/1 2/2 3/3 4/4\nf 5/5 6/6 7/7 8/8\n"""
 FEW = ("--samples", 64, "--size", 32)
 
 
-def made(preset, output, **given):
-    """The bake, as options of the command make it."""
-    return bake_command({**defaults(), "mesh": Path("m.obj"), "output": Path(output), "preset": preset, **given})
+def planned(preset, output, **given):
+    """The plan, as options of the command make it."""
+    return plan_bake(BakeOptions(mesh=[], preset=preset, **given), Path("m.obj"), Path(output))
 
 
 @pytest.mark.parametrize("preset", PRESETS)
@@ -46,29 +45,29 @@ def test_a_preset_sets_options_of_the_table_to_values_that_they_may_have(preset)
     ],
 )
 def test_it_applies_where_it_can(preset, output, expected):
-    bake = made(preset, output)
-    assert {name: getattr(bake, name) for name in expected} == expected
-    assert bake.described()["preset"] == preset
+    plan = planned(preset, output)
+    assert {name: getattr(plan.options, name) for name in expected} == expected
+    assert plan.described()["preset"] == preset
 
 
 def test_green_goes_down_for_unreal_alone():
-    spaces = {preset: made(preset, "m.png", bent_normals=Path("b.png")).bent_space for preset in PRESETS}
+    spaces = {preset: planned(preset, "m.png", bent_normals=Path("b.png")).options.bent_space for preset in PRESETS}
     assert {preset for preset, space in spaces.items() if space == "tangent-directx"} == {"unreal"}
     assert set(spaces.values()) == {"tangent", "tangent-directx"}
 
 
 def test_what_is_given_wins():
-    bake = made("unreal", "m.png", bits="16", bent_normals=Path("b.png"), bent_space="world")
-    assert (bake.bits, bake.bent_space) == ("16", "world")
-    assert made("unreal", "m.glb", occlusion="ramp").occlusion == "ramp"
-    assert not made("blender", "m.glb", occlusion="ramp").colors
-    assert made("unreal", "m.glb", colors="rgb").occlusion is None
+    options = planned("unreal", "m.png", bits="16", bent_normals=Path("b.png"), bent_space="world").options
+    assert (options.bits, options.bent_space) == ("16", "world")
+    assert planned("unreal", "m.glb", occlusion="ramp").options.occlusion == "ramp"
+    assert not planned("blender", "m.glb", occlusion="ramp").options.colors
+    assert planned("unreal", "m.glb", colors="rgb").options.occlusion is None
 
 
 def test_an_output_that_the_program_does_not_read_is_refused():
     for preset, output in (("unreal", "m.ply"), ("godot", "m.tif"), ("blender", "m.npz")):
         with pytest.raises(ConflictError, match=f"preset='{preset}' needs an output that ends in .glb"):
-            with_preset({**defaults(), "output": Path(output), "preset": preset})
+            planned(preset, output)
 
 
 def test_the_documents_have_the_table():
