@@ -1,5 +1,6 @@
 """The records that both methods bake from."""
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from functools import cache, partial
@@ -20,6 +21,7 @@ from raytrace.types import Bools, Int64s
 
 from .declared import Option
 from .execute.checkpoint import NOTHING_KEPT, Checkpoint
+from .execute.sample_means import SampleMeans
 from .execute.tracer import Progress, Tracer
 from .memory import vertex_bytes
 from .mu import Mu, in_render_space
@@ -175,6 +177,18 @@ class Prepared:
         reach = t_max / placement.diagonal
         below = packets_below(options.traversal, layered, normals, reach, len(points), mu)
         return Tracer(self.scene, below, mu, t_max, self.threads, total_points, self.progress, self.checkpoint)
+
+    def sample_tracer(self, means: SampleMeans, kind: str, checkpoint: Checkpoint | None) -> Tracer:
+        """A tracer of groups of samples on the mesh, and the checkpoint begun. Args: kind: of bake."""
+        points = means.samples.points
+        tracer = self.tracer(len(points))
+        tracer.means = means
+        if checkpoint:
+            digest = hashlib.blake2b(points.origins.data)
+            digest.update(points.normals.data)
+            checkpoint.begin(self.placement, self.receivers, self.mus, kind, self.options.identity, digest.hexdigest())
+            tracer.checkpoint = checkpoint
+        return tracer
 
     @property
     def key(self) -> np.uint32:
