@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from clusters import LEFT_SOCKETS, compiled_by, killed_in_mid_block, small_blocks
+from clusters import LEFT_SOCKETS, SMALL_BLOCKS, compiled_by, killed_in_mid_block
 from rendered import CAMERA, SMALL, box, still_scene
 
 from ao.cluster.pictures import render_on
@@ -25,14 +25,10 @@ from raytrace import (
 from raytrace.image.texture import Texture
 from raytrace.image.write import write_image
 
-__all__ = ["small_blocks"]
 pytestmark = LEFT_SOCKETS
 
 
-@pytest.fixture(autouse=True)
-def single_tiles(small_blocks, monkeypatch):
-    """The first blocks of each worker are one tile each, however many cores it has."""
-    monkeypatch.setattr("ao.cluster.session._FIRST_RAYS", 1)
+PACE = replace(SMALL_BLOCKS, first_rays=1)  # the first blocks of each worker are one tile each
 
 
 def image(path):
@@ -85,7 +81,7 @@ PICTURES = {
 
 def render_by(cluster, folder, *picture, **options):
     """What workers render, and what they were handed out."""
-    with ClusterSession(cluster.scheduler_address, folder, "picture.exr", pytest.fail) as session:
+    with ClusterSession(cluster.scheduler_address, folder, "picture.exr", pytest.fail, pace=PACE) as session:
         return render_on(session, *picture, **options), session.dispatch
 
 
