@@ -55,14 +55,14 @@ class Dispatch:
     Not Dask's queue: it would give workers that come later no share of what it has handed out, and all the same blocks.
 
     Attributes:
-        blocks: that came back, of each worker. rows: in them. again: blocks that were handed out once more.
+        blocks: that came back, of each worker. rows_traced: in them. again: blocks that were handed out once more.
         speed: rays a second of the workers, as far as known.
         spans: rows of the present work that no worker has. left: how many have not come back.
     """
 
     pace: Pace
     blocks: Counter[str] = field(default_factory=Counter)
-    rows: int = 0
+    rows_traced: int = 0
     again: int = 0
     speed: dict[str, float] = field(default_factory=dict)
     spans: deque[Span] = field(default_factory=deque)
@@ -94,7 +94,7 @@ class Dispatch:
     def came_back(self, worker: str, rows: int, seconds: float) -> None:
         """Take note of a traced block."""
         self.blocks[worker] += 1
-        self.rows += rows
+        self.rows_traced += rows
         self.left -= rows
         speed = rows * self._rays / min(max(1e-6, seconds), 1e9)  # whatever number it is
         self.speed[worker] = _KEPT * self.speed.get(worker, speed) + (1 - _KEPT) * speed
@@ -279,25 +279,25 @@ class ClusterSession:
         nobody, (first, last) = f"{self._address}: no worker can be used: {worker}", span
         error: InputError | ClusterError
         try:
-            sort, *contents = call.result()
-            if isinstance(sort, float):
+            kind, *contents = call.result()
+            if isinstance(kind, float):
                 tables = unpack(work[first:last], contents)
-                self.dispatch.came_back(worker, last - first, sort)
+                self.dispatch.came_back(worker, last - first, kind)
                 return tables
-            if sort == "failed":
+            if kind == "failed":
                 error = ClusterError(f"{nobody}: {contents[0]}")
             else:
-                error = InputError(*contents) if sort == "wrong" else InputError(nobody, *contents)
+                error = InputError(*contents) if kind == "wrong" else InputError(nobody, *contents)
         except Exception as fault:  # no answer of `trace_block`
             got = f"{type(fault).__name__}: {fault}"
-            sort, error = "refused", InputError(nobody, "code", "obscurance as it is here", got)
-        if sort == "wrong":
+            kind, error = "refused", InputError(nobody, "code", "obscurance as it is here", got)
+        if kind == "wrong":
             raise error
         text, self._workers[worker] = str(error).removeprefix(nobody), error
         self._notify(f"worker {worker} gets no work{text}")
         for each in self._drop(worker):
             self.dispatch.lost(each)
-        self._lost(span, _FAILURES if sort == "failed" else 0, f"a block fails on every worker{text}")
+        self._lost(span, _FAILURES if kind == "failed" else 0, f"a block fails on every worker{text}")
         return None
 
     def _lost(self, span: Span, most: int, text: str) -> None:

@@ -199,7 +199,7 @@ def trace_packet(scene, view, style, scratch, e, start, there):
         map_grain(packet, scene, item, mask, hits, view, scratch.missing)
         if style.weighted:
             map_occlusion(packet, scene, item, mask, hits, view, scratch.missing)
-        material = geometry.rows[item]
+        material = geometry.materials[item]
         store1(packet, layout.ALPHA, mask, material[ALPHA])
         if style.layers:
             store3(packet, layout.ALBEDO, mask, multiply(load3(packet, layout.ALBEDO_MAP), triple(material, MODEL)))

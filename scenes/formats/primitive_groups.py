@@ -86,7 +86,7 @@ def _groups_of_gltf(asset: Gltf, mesh_file: MeshFile, coordinates: int) -> Itera
             number,
             np.arange(part.faces.start, part.faces.stop),
             Named(index, str(name)),
-            Named(drawn.node, part.name.removesuffix(f"[{drawn.place}]")),
+            Named(drawn.node, part.name.removesuffix(f"[{drawn.primitive_number}]")),
             body=drawn.mesh,
             image=min(images, default=None),
         )

@@ -30,7 +30,7 @@ def obj_attributes(
     Args: normals: of all corners. one_each: whether no vertex has several of them.
     """
     uv = file.uv()
-    uv_is_finite = uv is None or bool(np.isfinite(uv.rows[uv.of[file.some("vt")]]).all())
+    uv_is_finite = uv is None or bool(np.isfinite(uv.values[uv.of[file.some("vt")]]).all())
     colors = file.colors
     if colors is not None and not ((colors >= 0) & (colors <= 1)).all():
         colors = None
@@ -92,7 +92,7 @@ def obj_opacity(file: ObjText, folder: Path, triangles: Triangulation) -> tuple[
     if uv is None:
         return Opacity(of, tuple(surfaces), None), notes
     # Faces without texture coordinates have the alpha of their material without its image.
-    coordinates = uv.rows[triangles.take(uv.of)]
+    coordinates = uv.values[triangles.take(uv.of)]
     lacking = np.isnan(coordinates).any(axis=(1, 2)) & (of >= 0)
     plain = [len(materials) + n if each.opacity < 1 else -1 for n, each in enumerate(materials.values())]
     of[lacking] = np.array(plain)[of[lacking]]

@@ -43,7 +43,7 @@ def test_killed_workers_lose_only_the_blocks_that_they_had(cluster, tmp_path, me
         baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial")
     assert bits(baked) == medium
     assert victims <= dispatch.again <= IN_FLIGHT * victims
-    assert dispatch.rows == MEDIUM_ROWS
+    assert dispatch.rows_traced == MEDIUM_ROWS
 
 
 def test_an_address_without_a_scheduler_is_refused(tmp_path, monkeypatch):

@@ -62,7 +62,7 @@ def test_workers_killed_at_random_moments(tmp_path, victims):
             assert killed
             assert all_bits(baked) == whole
             assert dispatch.again <= IN_FLIGHT * victims
-            assert dispatch.rows == LONG_ROWS  # came back; what was lost did not
+            assert dispatch.rows_traced == LONG_ROWS  # came back; what was lost did not
 
 
 @pytest.mark.slow
@@ -92,7 +92,7 @@ def test_a_coordinator_killed_at_random_moments_is_resumed(tmp_path):
         assert kept > 0
         if resumed_on:
             baked, dispatch = bake_on(resumed_on, LONG, path, resume=True)
-            assert dispatch.rows == LONG_ROWS - kept
+            assert dispatch.rows_traced == LONG_ROWS - kept
         else:
             with Checkpoint(path, resume=True, notify=pytest.fail) as checkpoint:
                 baked = LONG(checkpoint=checkpoint)

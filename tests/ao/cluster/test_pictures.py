@@ -97,7 +97,9 @@ def test_workers_make_the_bits_of_one_process(cluster, tmp_path, name):
     assert done == sorted(done)
     assert done[-1][0] == done[-1][1]
     assert sum(dispatch.blocks.values()) > 1
-    assert (dispatch.rows > done[-1][1]) == (settings.samples > 4)  # tiles that are rendered again for their neighbours
+    assert (dispatch.rows_traced > done[-1][1]) == (
+        settings.samples > 4
+    )  # tiles that are rendered again for their neighbours
     assert [path.name for path in tmp_path.iterdir()] == ["paint.png"]
     assert set(compiled_by(cluster)) == {()}
 
