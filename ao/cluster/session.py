@@ -222,6 +222,7 @@ class ClusterSession:
         now = time.monotonic()
         if now < self._looked + _LOOK:
             return
+        # Heartbeats: a worker without one for long is silent.
         self._looked, before = now, self._heard
         self._heard = {}
         for worker, beat in self._cluster.workers().items():
@@ -229,6 +230,7 @@ class ClusterSession:
             self._heard[worker] = beat, since if seen == beat else now
         silent = {worker for worker, (_, since) in self._heard.items() if now > since + self._pace.silence}
         present = self._heard.keys() - silent
+        # Blocks of those that have gone or are silent go to others.
         for worker in self._workers.keys() - present:
             if worker in silent:
                 self._notify(
@@ -239,6 +241,7 @@ class ClusterSession:
                 most = self._pace.losses
                 self._lost(span, most, f"{most} workers have ended with the same block: too little memory?")
         self._workers |= dict.fromkeys(present - self._workers.keys())
+        # Workers of this machine that start late, and what to do without any.
         started, count = len(self._heard), self._cluster.count
         if not self._told_late and count and started and (started >= count or now > self._begun + self._pace.silence):
             self._told_late = True

@@ -42,6 +42,7 @@ def lane_triple(packet, column, lane):
 @inline
 def reflect_environment(packet, lane, row, lights, style):
     """Write the ambient light that a point reflects, of ambient lights and of the environment."""
+    # The normal, w and the bent normal.
     n = lane_triple(packet, layout.NORMAL, lane)
     v = lane_triple(packet, layout.VIEW, lane)
     w = 1.0
@@ -51,6 +52,7 @@ def reflect_environment(packet, lane, row, lights, style):
         bent = unit(lane_triple(packet, layout.BENT, lane))
         if dot(bent, n) <= 0.0:  # no bent normal is known, or the surface is seen from behind
             bent = n
+    # What arrives from all sides.
     arriving = triple(lights.ambient, 0)  # I_a about the bent normal
     reflectance = triple(row, AMBIENT)
     for sky in lights.skies:

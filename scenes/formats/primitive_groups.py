@@ -60,6 +60,7 @@ def primitive_groups(mesh_file: MeshFile, coordinates: int = 0) -> Iterator[Prim
             object_of = np.repeat(attributes.object_of + 1, attributes.triangles.counts)
         if attributes.material_of is not None:
             material_of = np.repeat(attributes.material_of + 1, attributes.triangles.counts)
+    # Faces of one object and material, in runs.
     for number, part in enumerate(mesh_file.parts):
         order = np.lexsort((material_of[part.faces], object_of[part.faces])) + part.faces.start
         kinds = np.stack([object_of[order], material_of[order]], axis=1)

@@ -65,7 +65,8 @@ class GlbBuilder:
     ) -> None:
         """Give a primitive w of its vertices, and the profile in 16 bits, four columns an attribute.
 
-        Args: vertices: of the bake, which it has. colors: channels of `COLOR_0` that hold w, too. stored: (n, 3 or 4), of the others; None: white, 8 bits.
+        Args: vertices: of the bake, which it has. colors: channels of `COLOR_0` that hold w, too.
+            stored: (n, 3 or 4), of the other channels; None: white, 8 bits.
         """
         attributes = primitive["attributes"]
         w = bake.w[vertices]

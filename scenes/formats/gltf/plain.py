@@ -45,6 +45,7 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
     source = mesh_file.attributes
     builder = _empty_document()
     add_materials(builder, source.materials if source else ())
+    # What the document holds of each corner, and where its objects lie.
     groups = list(primitive_groups(mesh_file))
     groups_of_part = Counter(group.part for group in groups)
     is_divided = len(groups) > len(mesh_file.parts)
@@ -54,6 +55,7 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
     split_by = [values for values in (uv, normals) if values]
     drawn: list[Drawn] = []
     before = None
+    # A primitive for each group, in the node of its object.
     for group in groups:
         origin = origins[group.part]
         if group.object != before:

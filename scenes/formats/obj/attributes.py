@@ -29,6 +29,7 @@ def obj_attributes(
 
     Args: normals: of all corners. one_each: whether no vertex has several of them.
     """
+    # Texture coordinates and colours.
     uv = file.uv()
     uv_is_finite = uv is None or bool(np.isfinite(uv.values[uv.of[file.some("vt")]]).all())
     colors = file.colors
@@ -39,9 +40,11 @@ def obj_attributes(
     by_group = file.named("g")
     objects = by_group if by_object.kinds < 2 <= by_group.kinds or not by_object.names else by_object
     keeps_objects = bool(objects.names) and objects.kinds <= MAX_OBJECTS
+    # Materials.
     used = file.named("usemtl")
     known, files, missing = read_libraries(file.lines("mtllib"), folder) if used.names else ({}, [], [])
     materials = tuple(known.get(name, SourceMaterial(name)) for name in used.names)
+    # What is left out, in words.
     left_out = (
         (by_object.kinds > 1 and by_group.kinds > 1, "names of groups"),
         (objects.kinds > MAX_OBJECTS, f"its division into {objects.kinds:,} objects"),

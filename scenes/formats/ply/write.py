@@ -93,6 +93,7 @@ def _annotate(element: Element, bake: Bake, shown: str) -> Element:
 
 def _elements(mesh_file: MeshFile, attributes: SourceAttributes | None) -> tuple[Element, ...]:
     mesh = mesh_file.mesh
+    # Coordinates and normals.
     columns = [Property(axis, "f", mesh.vertices[:, number]).fitting() for number, axis in enumerate("xyz")]
     if any(column.kind == "d" for column in columns):
         columns = [replace(column, kind="d") for column in columns]
@@ -101,6 +102,7 @@ def _elements(mesh_file: MeshFile, attributes: SourceAttributes | None) -> tuple
         longest = np.abs(normals).max(axis=1, keepdims=True)
         normals = (normals / np.where(longest > _LONGEST, longest, 1.0)).astype("<f4")
         columns += [Property(axis, "f", column) for axis, column in zip(("nx", "ny", "nz"), normals.T, strict=True)]
+    # Polygons, texture coordinates and colours of another format.
     sizes = np.full(len(mesh.faces), 3)
     corners = mesh.faces.ravel()
     lists = []
