@@ -228,8 +228,8 @@ class Tabulated(Falloff, kw_only=False):
             expected = f"one for each of 2 to {MAX_KNOTS:,} distances"
             raise OptionError("values", expected, f"{values.size:,} for {distances.size:,}")
         for name, column, rises, expected in (
-            ("distances", distances, np.diff(distances) > 0, "finite lengths that ascend from 0"),
-            ("values", values, np.diff(values) >= 0, "numbers that rise from 0 to 1, or stay"),
+            ("distances", distances, distances[1:] > distances[:-1], "finite lengths that ascend from 0"),
+            ("values", values, values[1:] >= values[:-1], "numbers that rise from 0 to 1, or stay"),
         ):
             good = np.isfinite(column) & np.append(column[0] == 0, rises)
             if not good.all():

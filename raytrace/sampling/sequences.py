@@ -8,7 +8,7 @@ one stratum in either coordinate. Where a function jumps, as visibility does, it
 the jitter keeps smooth functions from being hit at the same places of every stratum.
 
 Not scipy.stats.qmc: it has no such lattice, which errs by .0168 instead of Sobol's .0199 at 64 rays, and the state of
-its generator would make bits depend on the order of work (docs/experiments.md).
+its generator would make bits depend on the order of work (evidence/experiments.md).
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""One small case for each fault in mesh files that fuzzing or its preparation found; see docs/reliability.md."""
+"""One small case for each fault in mesh files that fuzzing or its preparation found; see evidence/reliability.md."""
 
 import sys
 import time

@@ -74,6 +74,7 @@ TABLES = {
     "distances: expected finite lengths that ascend from 0, got 1 in row 3": ([0, 1, 1], [0, 0.5, 1]),
     "distances: expected finite lengths that ascend from 0, got 1 in row 1": ([1, 2], [0, 1]),
     "distances: expected finite lengths that ascend from 0, got inf in row 2": ([0, math.inf], [0, 1]),
+    "distances: expected finite lengths that ascend from 0, got -inf in row 1": ([-math.inf, -math.inf], [0, 1]),
     "values: expected numbers that rise from 0 to 1, or stay, got 0.4 in row 3": ([0, 1, 2, 3], [0, 0.5, 0.4, 1]),
     "values: expected numbers that rise from 0 to 1, or stay, got nan in row 2": ([0, 1, 2], [0, math.nan, 1]),
     "values: expected numbers that rise from 0 to 1, or stay, got 0.1 in row 1": ([0, 1], [0.1, 1]),

@@ -20,6 +20,8 @@ from ao.execute.checkpoint import Checkpoint
 from raytrace.mesh.mesh import Mesh
 from raytrace.system.atomic import atomic_write
 
+HEADER = 100  # bytes of a journal without rows, at most
+
 
 def bake_to(target, make, options, **settings):
     """What `obscurance bake` does, with a file that holds every bit of the result."""
@@ -48,6 +50,13 @@ def forked(work):
     return child
 
 
+def wait_for_rows(journal, longest):
+    """Wait until there is something to continue, so that some kills leave it however fast the machine is."""
+    end = time.monotonic() + longest
+    while time.monotonic() < end and not (journal.exists() and journal.stat().st_size > HEADER):
+        time.sleep(0.001)
+
+
 def main(kills, seed, make, options, folder):
     chance = random.Random(seed)
     reference, target = folder / "reference", folder / "target"
@@ -63,9 +72,11 @@ def main(kills, seed, make, options, folder):
         child = forked(lambda: bake_to(target, make, options, resume=True, after=0, every=0))
         if seen["killed"] < kills:
             time.sleep(chance.uniform(0, took))
+            if seen["killed"] % 2:
+                wait_for_rows(journal, took)
             os.kill(child, signal.SIGKILL)
         status = os.waitpid(child, 0)[1]
-        seen["continued"] += held > 100
+        seen["continued"] += held > HEADER
         if os.WIFSIGNALED(status):
             seen["killed"] += 1
         seen["failed"] += os.WIFEXITED(status) and os.WEXITSTATUS(status) != 0

@@ -15,12 +15,14 @@ from functools import cache
 
 import fuzz_gltf
 import fuzz_meshes
+import fuzz_options
 import fuzz_seeds
 import fuzz_toml
+import numpy as np
 from command import obscurance
 from fuzz_mutations import toml_text
 
-MAKERS = {"gltf": fuzz_gltf, "mesh": fuzz_meshes, "toml": fuzz_toml}
+MAKERS = {"gltf": fuzz_gltf.spoiled, "mesh": fuzz_meshes.spoiled, "toml": fuzz_toml.spoiled, **fuzz_options.MAKERS}
 FAMILIES = tuple(MAKERS)
 
 
@@ -33,7 +35,7 @@ def spoiled(family, rng):
     usual = sys.getrecursionlimit()
     sys.setrecursionlimit(100_000)  # copies of deeply nested trees
     try:
-        return MAKERS[family].spoiled(rng)
+        return MAKERS[family](rng)
     finally:
         sys.setrecursionlimit(usual)
 
@@ -52,6 +54,7 @@ def _big_png():
 def companions():
     """What the files may refer to: name to content."""
     return fuzz_seeds.companions() | {
+        **fuzz_options.sound(),
         "sky.png": fuzz_seeds.image("png", 16, 8),
         "alpha.png": fuzz_seeds.image("png", 40, 30, 4),
         "huge.png": _big_png(),
@@ -71,9 +74,26 @@ BAKES = (
 RENDERS = ((), (), ("--obscurance", "off"), ("--shading", "gouraud"), ("--alpha", "ignore"), ("--no-own-occlusion",))
 
 
+SOUND = {
+    "table": ["table.csv"],
+    "beside": ["hills.obj"],
+    "named": ["hills.obj"],
+    "part": ["vertex/part-1-of-1.part", "surface/part-1-of-1.part"],
+    "profile": ["profile.npz", "profile.ply", "profile.glb"],
+    "stored": ["report.json", "batch/manifest-1-of-1.json"],
+}
+
+
 def sound(family, inside, made):
-    """Every command on a file as it should be, so that all is compiled: its path, arguments, target."""
+    """Every command on a file as it should be, so that all is compiled: its arguments and target."""
     chance = random.Random(0)
+    if family in fuzz_options.MAKERS:
+        for name in SOUND[family]:
+            for _ in range(8):
+                for arguments, target in commands(family, inside / name, made, chance):
+                    (inside / name).write_bytes(fuzz_options.sound()[name])
+                    yield arguments, target
+        return
     content = {
         "gltf": ("m.glb", fuzz_seeds.quad_glb()),
         "mesh": ("m.obj", fuzz_meshes.write_obj(*fuzz_meshes.ball(5), chance)),
@@ -83,11 +103,14 @@ def sound(family, inside, made):
     for _ in range(5):
         for arguments, target in commands(family, path, made, chance):
             path.write_bytes(content[1])
-            yield path, arguments, target
+            yield arguments, target
 
 
 def commands(family, path, made, rng):
     """What is done with a file: the arguments of each command, and the file that it is to make or None."""
+    if family in fuzz_options.MAKERS:
+        yield from fuzz_options.commands(family, path, made, rng)
+        return
     if family != "toml":
         bake = [str(made / word) if word.startswith("made.") else word for word in rng.choice(BAKES)]
         target = made / next((os.path.basename(word) for word in bake if "made." in word), "none")
@@ -110,11 +133,16 @@ def checked_command(arguments, target, made):
         raise Finding(f"{line}left {left}")
     if target is not None and (result.returncode == 0) != target.exists() and "--dry-run" not in arguments:
         raise Finding(f"{line}{target.name} is there: {target.exists()}")
-    if result.returncode == 2 and (result.stdout or result.stderr.count("\n") != 1 + result.stderr.count("warning:")):
+    said = len(re.findall(r"^(?:warning|note): ", result.stderr, re.MULTILINE))
+    if result.returncode == 2 and (result.stdout or result.stderr.count("\n") != 1 + said):
         raise Finding(f"{line}no one line: {result.stdout[-300:]}{result.stderr[-1000:]}")
     for text in result.stderr.splitlines():
         if not text.isprintable() or len(text) > 1200:
             raise Finding(f"{line}not a line for people: {text[:1500]!r}")
     if target is not None:
+        if target.exists() and target.suffix == ".npz":
+            w = np.load(target)["w"]
+            if not ((w >= 0) & (w <= 1)).all():
+                raise Finding(f"{line}w is not in [0, 1]")
         target.unlink(missing_ok=True)
     return result.stderr if result.returncode else None, time.process_time() - start

@@ -170,7 +170,7 @@ def commanded(family, path, made, chance, opened):
                 seen = sorted(set(opened))
                 opened.clear()
                 raise Finding(f"{arguments[0]}: opened {seen}")
-            accepted |= message is None and arguments[0] in ("bake", "render")
+            accepted |= message is None and arguments[0] in ("bake", "render", "merge", "falloff")
             first, highest, longest = first or message, max(highest, peak), max(longest, seconds)
     return None if accepted else first, highest, longest
 
@@ -239,9 +239,10 @@ def warm(inside, made, structure=False):
     """Everything imported and compiled, all threads started."""
     if structure:
         for family in fuzz_structure.FAMILIES:
-            for path, arguments, target in fuzz_structure.sound(family, inside, made):
+            for arguments, target in fuzz_structure.sound(family, inside, made):
                 fuzz_structure.checked_command(arguments, target, made)
-                path.unlink(missing_ok=True)
+        for name in ("m.glb", "m.obj", "m.toml"):
+            (inside / name).unlink()
         return
     for family, files in fuzz_seeds.seeds().items():
         for name, content in files:
