@@ -228,7 +228,7 @@ def test_a_ply_takes_no_ramp_for_texture_coordinates(tmp_path):
     assert source.attributes.uv is None
     written(tmp_path, SAMPLES["textured"]())
     source = load(tmp_path / "out.glb", tmp_path / "m.ply")
-    np.testing.assert_array_equal(source.attributes.uv.rows, np.stack([UV[:, 0], 1 - UV[:, 1]], axis=1))
+    np.testing.assert_array_equal(source.attributes.uv.values, np.stack([UV[:, 0], 1 - UV[:, 1]], axis=1))
     assert "TEXCOORD_1" not in source.unread
 
 
