@@ -54,7 +54,7 @@ class Plan:
         arguments: the options of `ao.bake` or `ao.bake_texture`, checked.
         channels: where a file of vertices holds w for viewers.
         ground: the height of the ground plane, None just below the mesh.
-        size: texels across and down of a texture, None as `texel_size` says.
+        size: texels across and down of a texture, None if `texel_size` says so.
     """
 
     kind: Kind
@@ -178,7 +178,7 @@ def plan_bake(options: BakeOptions, mesh: Path, output: Path | None) -> Plan:
     shown = Channels()
     if kind == "vertices" and output is not None:
         shown = channels(output, options.colors, options.occlusion, options.replace_occlusion)
-    size = None if options.texel_size else _texels(options.size or "1024")
+    size = None if kind == "vertices" or options.texel_size else _texels(options.size or "1024")
     plan = Plan(kind, mesh, output, options, arguments, shown, _ground_height(options.ground), size)
     if kind == "vertices":
         _check_vertices(plan)
