@@ -87,4 +87,4 @@ def merged_plan(parts: list[PartFile], mesh: Path | None, options: BakeOptions) 
         raise OptionError("output", expected, output)
     for name, paths in files.items():
         values[name] = getattr(options, name) or [Path(path) for path in paths]
-    return plan_bake(options.replaced(**values), mesh or Path(stored["mesh"]), output)
+    return plan_bake(options.replaced(**values, mesh=[mesh or Path(stored["mesh"])]))

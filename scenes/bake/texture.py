@@ -94,7 +94,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
     bakes: list[BakedPage] = []
     with ExitStack() as journals:
         for page in layout.pages:
-            target = page.path(plan.target)
+            target = page.path(plan.output)
             journal = Path(f"{plan.output}.{len(bakes) + 1}") if page.name and bakes else target
             baked = trace_page(plan, inputs, layout, page, journals.enter_context(open_checkpoint(journal)))
             title = f"{target}{f', {page.name}' if page.name else ''}"
