@@ -66,9 +66,9 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
 
         values = fit_to_surface(prepared)
     else:
-        from .texture.projection import sample_fine_mesh
+        from .fine_mesh import sample_fine_mesh
 
-        prepared, values = sample_fine_mesh(prepared, solid, mesh, options)
+        prepared, values = sample_fine_mesh(prepared, mesh, options)
     build = prepared.receivers.tree_seconds
     baked = assemble(prepared, mesh, values)
     if high is None and (only is None or options.denoise):

@@ -133,7 +133,7 @@ def pages_of(plan: Plan, source: MeshFile, found: Coordinates) -> list[Page]:
         apart = layouts.by_instance(pages)
         if len(apart) > len(pages) and plan.ending != ".glb":
             raise OptionError("output", f"{OBJECT} in its name, or a .glb: instances have a texture each", plan.output)
-        return apart
+        pages = apart
     if plan.options.instances == "first":
         first = [replace(page, uv=_only(page.uv, layouts.instance == 0), shown=page.uv) for page in pages]
         pages = [page for page in first if on_page(page.uv).any()]
@@ -221,7 +221,7 @@ def layout_remarks(baked: ao.BakedTexture, wraps: bool, tiles: bool) -> list[str
 def check_area(source: MeshFile, page: Page) -> None:
     """Raises: MeshError: no face of the page has an area on it, so that nothing would be written of it."""
     if not have_area(page.uv).any():
-        name = page.name or page.words.get(OBJECT, "")
+        name = page.name or " ".join(page.words.values())
         of_page = f" of {name}" if name else ""
         raise MeshError(source.path, f"texture coordinates{of_page}", "faces with an area on the page", "none")
 

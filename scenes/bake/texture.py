@@ -70,8 +70,8 @@ class Layout:
         source = inputs.source
         remarks = lacking(source, self.found.uv, inputs.chosen.receive, plan.keeps_uv)
         if self.found.cramped:
-            texels = f"{self.found.cramped:,} faces show texels of others, for their charts are smaller"
-            remarks.append(f"{source.path}: {texels}")
+            smaller = f"{self.found.cramped:,} faces show texels of others, for their charts are smaller"
+            remarks.append(f"{source.path}: {smaller}; a larger --size or --uv unwrap gives them texels")
         return warn(inputs.meshes, [*inputs.notes, *remarks], plan.falloff)
 
 

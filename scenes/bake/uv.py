@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ao.falloff import resolve_length
-from ao.texture.shown import corner_places
 from ao.texture.uv_layout import MAX_SIDE, corner_uv, doubled_areas, have_area, on_page, page_size, texels_across
+from ao.texture.uv_surface import corner_places
 from raytrace.errors import MeshError, OptionError
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.normals import face_normals

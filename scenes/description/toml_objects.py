@@ -162,6 +162,7 @@ class ObjectReader:
     def _shape(
         self, table: ObjectTable, path: str, given: TexturedMesh, material: Material | None, texture: Texture | None
     ) -> Shape:
+        # Images and alpha of the entry.
         grain = self._texture(table, path, "grain")
         image = self._texture(table, path, "opacity_texture")
         alpha = None
@@ -171,11 +172,13 @@ class ObjectReader:
         for field, used in (("texture", texture), ("grain", grain), ("opacity_texture", image)):
             if used is not None and given.uv is None:
                 raise SceneError(self._source, joined(path, field), "a mesh with texture coordinates", "one without")
+        # Colours of vertices, and the material.
         colours = given.colours if _wants_colours(table) else None
         if table.vertex_colors and colours is None:
             field = joined(path, "vertex_colors")
             raise SceneError(self._source, field, "a mesh with colours of vertices", "one without")
         material = material or (NEUTRAL if colours is None else WHITE)
+        # A shape that the same entry has made before, or a new one.
         key = (given, material, texture, grain, table.own_normals, colours is None, alpha, table.material is None)
         if key not in self._shapes:
             mesh = given.mesh if table.own_normals else replace(given.mesh, normals=None)

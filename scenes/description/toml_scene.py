@@ -66,6 +66,7 @@ def _load(path: Path) -> dict[str, Any]:
         raise SceneError(path, "file", "a readable file", reason.strerror or reason) from None
     if not content.strip():
         raise SceneError(path, "content", "a TOML scene", "an empty file")
+    # Text without what takes the parser very long.
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as reason:
@@ -73,6 +74,7 @@ def _load(path: Path) -> dict[str, Any]:
         raise SceneError(path, f"line {line}", "UTF-8", f"byte {content[reason.start]:#04x}") from None
     if _LONG_KEY.search(text):
         raise SceneError(path, "content", f"keys of fewer than {_PARTS} parts", "a longer one")
+    # Its tables.
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as reason:

@@ -45,6 +45,7 @@ def _read(kind: Any, value: Any, path: _Path) -> Any:
     form, inner = _form(kind)
     if form is JsonObject:
         return None if value is None and len(inner) > 1 else _record(inner[0], value, path)
+    # Lists and tables of values.
     if form is list or form is tuple:
         if not isinstance(value, list):
             _refuse(path, "a list", value)
@@ -55,6 +56,7 @@ def _read(kind: Any, value: Any, path: _Path) -> Any:
         return form([_read(inner[0], each, (path, number)) for number, each in enumerate(value)])
     if form is dict:
         return {key: _read(inner[1], each, (path, key)) for key, each in _table(value, path).items()}
+    # Single values.
     if form is Literal:
         return value if value in inner else _refuse(path, "one of " + ", ".join(inner), value)
     if form is int:
