@@ -293,6 +293,7 @@ def _check_texture(plan: Plan) -> None:
         check_ending("mesh_output", options.mesh_output, ".glb")
     is_one_page = plan.ending != ".glb" and UDIM not in plan.output.name
     in_png = plan.ending == ".png" or (options.bent_normals and options.bent_normals.suffix.lower() == ".png")
+    holds_profile = plan.is_part or plan.ending == ".exr"
     against: Relation = "does not go with"
     conflicts: list[tuple[object, Term, Relation, Term]] = [
         (options.mesh_output and not is_one_page, "mesh_output", "needs", "an image of one page as --output"),
@@ -304,12 +305,7 @@ def _check_texture(plan: Plan) -> None:
         (options.uv in ("unwrap", "fill", "pack") and not plan.keeps_uv, ("uv", options.uv), "needs", "mesh_output"),
         (options.half and not plan.images, "half", "needs", "images that end in .exr or .tif"),
         (options.bits and not in_png, "bits", "needs", "w or bent normals in an image that ends in .png"),
-        (
-            options.profile and not plan.is_part and plan.ending != ".exr",
-            "profile",
-            "needs",
-            "a texture that holds one: .exr",
-        ),
+        (options.profile and not holds_profile, "profile", "needs", "a texture that holds one: .exr"),
     ]
     for is_conflict, term, relation, other in conflicts:
         if is_conflict:

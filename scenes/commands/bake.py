@@ -66,18 +66,19 @@ def _run_one(options: BakeOptions) -> int:
     plan = plan_bake(options.replaced(mesh=[read], output=output))
     workers = Workers(options) if options.cluster else None
     plan.check_files()  # before any workers are asked for, and before anything is read from a pipe
+    content = None
+    if mesh == STANDARD:
+        piped, content = standard_input(options.input_format)
+        plan = plan.with_options(mesh=[piped])
     if options.dry_run:
-        return dry_run([plan])
+        return dry_run([plan], content=content)
     if workers:
         with workers.session(plan.output) as session:
             _run(plan, open_checkpoint=partial(cluster_checkpoint, session, options.resume))
         if not options.quiet:
             print(session.summary())
-    elif mesh == STANDARD:
-        piped, content = standard_input(options.input_format)
-        _run(plan.with_options(mesh=[piped]), content)
     else:
-        _run(plan)
+        _run(plan, content)
     return 0
 
 
