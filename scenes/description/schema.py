@@ -12,9 +12,8 @@ from raytrace.errors import OptionError, SceneError
 from raytrace.image.texture import wrap_modes
 from raytrace.system.faults import first_fault
 from raytrace.system.parameters import Radiance, Whole, triple
+from raytrace.text.field_errors import joined, shown
 from raytrace.types import Float64s
-
-from ..field_errors import joined, shown
 
 
 def _name_or_table(value: Any) -> Any:

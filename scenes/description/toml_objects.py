@@ -8,14 +8,14 @@ from typing import Any
 from raytrace import PRESETS, AlphaSurface, Material, Object, Opacity, Shape, Texture, material_from_dict
 from raytrace.errors import SceneError, nearest_name
 from raytrace.system.faults import fields_of
+from raytrace.text.field_errors import check_keys, check_name, joined, located, shown
+from raytrace.text.safe_paths import confined
 
-from ..field_errors import check_keys, check_name, joined, located, shown
 from ..formats.load import mesh_errors
 from ..formats.table import format_of
 from ..geometry.builtin_shapes import SOLIDS
 from ..geometry.instances import check_copies
 from ..geometry.primitives import Origin, TexturedMesh
-from ..safe_paths import confined
 from .description import NEUTRAL, WHITE
 from .schema import ObjectTable, Transform
 from .textured import read_mesh

@@ -15,11 +15,11 @@ from raytrace.errors import OptionError, SceneError
 from raytrace.mesh.up import FROM, UP
 from raytrace.system.checks import check_regular
 from raytrace.system.faults import fields_of
+from raytrace.text.field_errors import check_keys, located, shown
+from raytrace.text.safe_paths import confined
 
-from ..falloffs import Scales, make_falloff, make_scales, table_of
-from ..field_errors import check_keys, located, shown
+from ..formats.falloffs import Scales, make_falloff, make_scales, table_of
 from ..formats.stored_w import ENDINGS
-from ..safe_paths import confined
 from .description import SceneDescription, Source, three_lights
 from .schema import CameraTable, Document, ObscuranceTable, parse_document
 from .toml_objects import ObjectReader, named_materials

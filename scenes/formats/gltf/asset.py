@@ -17,10 +17,10 @@ from urllib.parse import unquote
 import numpy as np
 
 from raytrace.errors import MeshError
+from raytrace.text.safe_paths import resolve_inside
 from raytrace.text.strict_json import parse_json
 from raytrace.types import Float64s
 
-from ...safe_paths import beside
 from . import records
 from .parse import parse
 from .records import GltfGeometry, GltfMaterial, GltfMaterials, GltfTexture, Node, Primitive, Sampler
@@ -75,7 +75,7 @@ class Gltf:
         buffers = self.geometry.buffers
         images = self.geometry.images
         names = dict.fromkeys([*(each.uri or "" for each in buffers), *(each.uri for each in images)])
-        found = [beside(unquote(name), self.path.parent) for name in names if not name.startswith("data:")]
+        found = [resolve_inside(unquote(name), self.path.parent) for name in names if not name.startswith("data:")]
         return self.path, *(path for path in found if path)
 
     @property
@@ -187,7 +187,7 @@ def referenced(uri: str, folder: Path, read: Callable[[Path], bytes] = Path.read
     try:
         if uri.startswith("data:"):
             return base64.b64decode(uri.partition("base64,")[2])
-        target = beside(unquote(uri), folder)
+        target = resolve_inside(unquote(uri), folder)
         return read(target) if target else None
     except (OSError, ValueError):
         return None

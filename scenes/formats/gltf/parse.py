@@ -9,8 +9,7 @@ from types import UnionType
 from typing import Annotated, Any, Literal, NoReturn, TypeVar, get_args, get_origin, get_type_hints
 
 from raytrace.errors import MeshError
-
-from ...field_errors import joined, shown
+from raytrace.text.field_errors import joined, shown
 
 T = TypeVar("T")
 _Path = tuple[Any, ...]  # () for the whole, or the path of what holds a value, and its key or index there

@@ -13,7 +13,7 @@ from mesh_files import ply
 from raytrace.errors import MeshError, OptionError
 from scenes.formats.load import load
 from scenes.formats.unsupported import unsupported_features
-from scenes.write_bake import channels, write
+from scenes.formats.write import channels, write
 
 EXACT = 1 / 512
 SEAMS = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
