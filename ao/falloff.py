@@ -324,7 +324,7 @@ def _falloff(given: Any) -> Falloff:
     }
     if given is None or (isinstance(given, str) and given in without_arguments):
         return without_arguments[given]()
-    names = [kind.__name__ for kind in FALLOFFS.values()]
+    names = sorted(kind.__name__ for kind in FALLOFFS.values())
     classes = ", ".join(f"ao.{name}(…)" for name in (*names, "Tabulated"))
     expected = f'{classes}, "binary" or "exponential"'
     near = nearest_name(given, ("exponential", "binary")) if isinstance(given, str) else None
