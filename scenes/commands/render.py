@@ -15,7 +15,7 @@ from ao.declared import Option
 from ao.options import Normals
 from raytrace.errors import ConflictError, OptionError, printable
 
-from ..bake.console import compiling, progress, show_picture, warn
+from ..bake.console import compiling, progress, warn
 from ..bake.options import REPORTS, ROWS, OptionValues, check_together, plain, with_fields
 from ..bake.report import command_line
 
@@ -126,6 +126,8 @@ def _render(given: RenderOptions, output: Path, workers: Workers | None) -> None
                 write_frame(output, picture.frame, _metadata(given.scene, description.settings), given.half)
                 picture.seconds["write"] = time.perf_counter() - start
     if given.show:
+        from ..show.terminal import show_picture
+
         show_picture(picture.frame.layers["beauty"])
     if given.report:
         _write_report(given, description.settings, picture, threads, inputs, warnings)
