@@ -18,6 +18,18 @@ from ..types import Float32s
 from .srgb import encode_srgb
 
 FORMATS = {".exr": "openexr", ".png": "png", ".tif": "tiff", ".tiff": "tiff", ".jpg": "jpeg", ".jpeg": "jpeg"}
+LAYERS = {
+    "beauty": 4, "ambient": 3, "diffuse": 3, "specular": 3, "emission": 3,
+    "obscurance": 1, "shadow": 1, "depth": 1, "normal": 3, "albedo": 3, "object_id": 1,
+}  # fmt: skip
+"""Channels of each layer.
+
+beauty is RGBA, linear, colour premultiplied by coverage; its RGB is ((ambient + diffuse) + specular) + emission in
+float32. The background counts as emission, also what shows of it through transparent surfaces. shadow is the part of
+the light that δ lets through (1 lit); depth the distance to the camera, inf where nothing was hit; normal a world
+vector; object_id the object's row plus 1, 0 for none. depth, normal and object_id are the nearest sample's of a pixel,
+all others means.
+"""
 NAMESPACE = "obscurance:"
 CHANNELS = {"normal": "XYZ", "depth": "Z", "object_id": ("ID",)}
 _BY_COUNT = {1: "Y", 2: "YA", 3: "RGB", 4: "RGBA"}
