@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from numbers import Real
 from typing import Annotated, Any, TypeGuard
 
@@ -19,13 +19,11 @@ from raytrace.errors import ConflictError, OptionError, nearest_name, numbers
 from raytrace.system.parameters import Parameters
 from raytrace.types import Float64s
 
+from .function_knots import MAX_KNOTS, ROUNDING, STEPS, Function, function_knots
 from .mu import Mu
 
 Length = float | str
 DEFAULT_HALF_DISTANCE = "50%"
-MAX_KNOTS = 1 << 16
-_STEPS = 1024  # of functions that are sampled
-_ROUNDING = 1e-6  # by which a function may miss 0, 1 and monotony
 
 
 def resolve_length(field: str, length: Length, radius: float) -> float:
@@ -160,7 +158,7 @@ class Smooth(Parameters, kw_only=False, source="options"):
 
     def resolve(self, radius: float) -> Mu:
         """μ for a mesh of bounding-sphere radius `radius`."""
-        t, limit = np.linspace(0, 1, _STEPS + 1), resolve_length("max_distance", self.max_distance, radius or 1.0)
+        t, limit = np.linspace(0, 1, STEPS + 1), resolve_length("max_distance", self.max_distance, radius or 1.0)
         return Mu("smooth", limit, knots=_knots(limit * t, t * t * (3 - 2 * t)))
 
 
@@ -197,31 +195,30 @@ class Tabulated(Parameters, kw_only=False, source="options"):
             raise OptionError("values", "1 at the last distance", f"{values[-1]:g}")
 
     @classmethod
-    def of(cls, function: Callable[[float], float], max_distance: Length) -> Tabulated:
-        """`function` at 1,025 distances, denser towards 0: the k-th is D (k/1024)².
-
-        Between them μ errs by at most `D²/(2·1024²) · max |x/D · μ''(x)|`, such as 1e-5 for 1 − e^(−τx) with D = 40/τ.
+    def of(cls, function: Function, max_distance: Length | None = None) -> Tabulated:
+        """`function` at 1,025 distances, denser towards 0, and between them until linear interpolation errs by at most
+        1e-6 in the middle between any two, or there are 65,536.
 
         Args:
             function: μ of one distance, in mesh units, or in percent of the radius if `max_distance` is; 0 at 0, 1 at
                 `max_distance` (both within 1e-6), nowhere falling.
-            max_distance: D, a finite length in mesh units or "P%" of the bounding-sphere radius.
+            max_distance: D, a finite length in mesh units or "P%" of the bounding-sphere radius; None: where `function`
+                comes within 1e-6 of 1.
 
         Raises:
             OptionError: `max_distance` is no such length, or `function` no such function.
         """
-        limit = _resolve_finite("max_distance", max_distance)
-        distances = (limit * np.linspace(0, 1, _STEPS + 1) ** 2).tolist()
-        values = numbers([function(x) for x in distances], "options", "function", "a number at every distance")
+        limit = None if max_distance is None else _resolve_finite("max_distance", max_distance)
+        distances, values = function_knots(function, limit)
         rising = np.clip(np.maximum.accumulate(values), 0, 1)
         rising[[0, -1]] = 0, 1
-        wrong = ~(np.abs(rising - values) <= _ROUNDING)
+        wrong = ~(np.abs(rising - values) <= ROUNDING)
         if wrong.any():
             row = int(np.argmax(wrong))
             expected = "values that rise from 0 at distance 0 to 1 at max_distance, or stay"
             raise OptionError("function", expected, f"{values[row]:g} at distance {distances[row]:g}")
         unit = "%" if isinstance(max_distance, str) and max_distance.strip().endswith("%") else ""
-        return cls([f"{x!r}%" for x in distances] if unit else distances, rising)
+        return cls([f"{x!r}%" for x in distances.tolist()] if unit else distances, rising)
 
     @property
     def max_distance(self) -> Length:
@@ -253,18 +250,18 @@ def _in_one_unit(distances: Sequence[Any]) -> tuple[Float64s, bool]:
 
 
 Falloff = Binary | Exponential | Linear | Smooth | Tabulated
-Falloffs = Falloff | str | Sequence[Falloff | str] | None
+Falloffs = Falloff | str | Function | Sequence[Falloff | str | Function] | None
 
 
 def falloffs_of(given: Falloffs) -> Falloff | tuple[Falloff, ...]:
-    """A falloff or a list's falloffs, also by their names; the exponential one for None.
+    """A falloff or a list's falloffs, also by their names or functions; the exponential one for None.
 
     Raises: OptionError: neither a falloff nor the name of one, or the list is empty.
     """
     if given is None or isinstance(given, str | Falloff):
         return _falloff(given)
     try:
-        listed = tuple(map(_falloff, given))
+        listed = tuple(map(_falloff, given))  # type: ignore[arg-type]
     except TypeError:
         return _falloff(given)  # for its message
     if not listed:
@@ -278,6 +275,10 @@ def _falloff(given: Any) -> Falloff:
     named = {None: Exponential, "binary": Binary, "exponential": Exponential}
     if given is None or (isinstance(given, str) and given in named):
         return named[given]()
-    expected = 'ao.Binary(…), .Exponential(…), .Linear(…), .Smooth(…), .Tabulated(…), "binary" or "exponential"'
+    expected = (
+        'ao.Binary(…), .Exponential(…), .Linear(…), .Smooth(…), .Tabulated(…), a function, "binary", "exponential"'
+    )
+    if callable(given) and not isinstance(given, type):
+        return Tabulated.of(given)
     near = nearest_name(given, ("binary", "exponential")) if isinstance(given, str) else None
     raise OptionError("falloff", expected, repr(given), "bake", near)

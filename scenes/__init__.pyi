@@ -17,5 +17,7 @@ from .jobs.textures.coordinates import unwrap as unwrap
 from .library.catalogue import BUILTIN as BUILTIN
 from .library.catalogue import builtin_toml as builtin_toml
 from .library.catalogue import write_builtin as write_builtin
+from .pictures import render as render
+from .pictures import view as view
 from .show.page.document import html_page as html_page
 from .write_bake import write as write

@@ -7,14 +7,14 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Literal, cast, get_args
+from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 
 import numpy as np
 
 from raytrace.errors import ConflictError, OptionError
 from raytrace.system.atomic import check_writable, write_bytes
 
-from .formats.load import PIPED, MeshFile
+from .formats.load import PIPED, MeshFile, load
 from .formats.table import Channels, endings, format_of
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def check_target(path: str | os.PathLike[str]) -> None:
 def write(
     path: str | os.PathLike[str],
     bake: Bake | Values | BakedTexture | Sequence[Bake | BakedTexture],
-    mesh_file: MeshFile,
+    mesh_file: MeshFile | str | os.PathLike[str] | Any = None,
     *,
     colors: bool | Colors = False,
     occlusion: Occlusion | None = None,
@@ -62,7 +62,8 @@ def write(
         path: the target, replaced if it exists.
         bake: per vertex of `mesh_file.mesh`, or a texture of its faces. For a .glb also a list of textures of
             different faces; a bake per vertex among them is for faces on none.
-        mesh_file: what was baked.
+        mesh_file: what was baked, with what else it holds: of `load` for this target, or the file's path; or a mesh in
+            any form that `ao.bake` takes; None: the mesh of the bake alone.
         colors: "rgb" (or True): give a .glb the vertex colours `COLOR_0` = w, and a .ply the grey, in place of the
             source's colours; "r", "g", "b" or "a": w in that channel alone, the others as in the source, 1 without.
         occlusion: "ramp" gives a .glb's materials an occlusion texture that shows w, "none" does not; None is "ramp",
@@ -73,20 +74,31 @@ def write(
             vertices stay what they are.
 
     Raises:
-        OptionError: unknown ending, options that exclude each other, coordinates that a .glb cannot hold, or a
-            texture of another mesh.
+        OptionError: unknown ending, options that exclude each other, coordinates that a .glb cannot hold, or a bake
+            of another mesh.
         MeshError: materials of a glTF source are malformed.
         OutputError: the file cannot be written; an existing one is untouched.
     """
+    several = bake if isinstance(bake, Sequence) else [cast("Bake | BakedTexture", bake)]
+    source = _source(path, getattr(several[0], "mesh", None) if mesh_file is None else mesh_file)
     if isinstance(bake, Sequence) or bake.w.ndim == 2:  # texels, not vertices
         for name, value in {"colors": colors, "occlusion": occlusion, "up": up}.items():
             if value:
                 raise ConflictError(name, "does not go with", "a texture")
-        several = bake if isinstance(bake, Sequence) else [cast("BakedTexture", bake)]
-        _write_textures(Path(path), several, mesh_file, replace_occlusion)
+        _write_textures(Path(path), several, source, replace_occlusion)
         return
+    count = len(source.mesh.vertices)
+    if len(bake.w) != count:
+        raise OptionError("bake", f"w of the {count:,} vertices of {source.path}", f"{len(bake.w):,}")
     shown = channels(path, colors, occlusion, replace_occlusion, up)
-    write_bytes(path, _writer(path)(bake, mesh_file, shown))
+    write_bytes(path, _writer(path)(bake, source, shown))
+
+
+def _source(target: str | os.PathLike[str], given: Any) -> MeshFile:
+    """What was baked, in any form that `write` takes."""
+    if isinstance(given, str | os.PathLike):
+        return load(given, target)
+    return given if isinstance(given, MeshFile) else MeshFile.of(given)
 
 
 def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file: MeshFile, replace: bool) -> None:

@@ -69,6 +69,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     width, height = page_size(options.size)
     high = options.high
     mesh, walls = mesh_of(mesh, "bake_texture"), occluding(options.occluders, high)
+    given = mesh
     corners = corner_uv(options.uv, mesh)
     solid = mesh if high is None else mesh_of(high, "high")
     uv = corners
@@ -143,6 +144,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
         uv=uv,
         seconds={"build": build, "bake": time.perf_counter() - start - build - compiled, "compile": compiled},
         mu=prepared.mu,
+        mesh=given,
         calibration=estimated.calibration,
         **of_columns(prepared, [np.stack(each, axis=-1) for each in zip(*more, strict=True)]),
         shortfalls=shortfalls(options, max(rmses), estimated.samples, "texel", solid, prepared.placement.vertices),

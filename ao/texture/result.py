@@ -10,6 +10,7 @@ import numpy as np
 from raytrace.image.encode import linear_png
 from raytrace.image.fill import fill_holes
 from raytrace.kernel.jit import bind, kernel
+from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import normalize
 from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Float64s
@@ -57,7 +58,7 @@ class BakedTexture(Columns):
         rmse: estimated root mean square of `error` over the covered texels.
         facts: of the texture coordinates and seams.
         uv: float64 (m, 3, 2), the texture coordinates that it is for, NaN of faces that are not on the page.
-        seconds, mu, shortfalls, calibration: as `ao.Bake` has them.
+        seconds, mu, mesh, shortfalls, calibration: as `ao.Bake` has them.
         others, rmses, profile, profile_errors: see `ao.result.Columns`.
     """
 
@@ -72,6 +73,7 @@ class BakedTexture(Columns):
     uv: Float64s
     seconds: dict[str, float] = field(compare=False)
     mu: Mu
+    mesh: Mesh
     shortfalls: tuple[str, ...] = ()
     calibration: Calibration | None = None
 

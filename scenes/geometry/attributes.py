@@ -26,6 +26,8 @@ class SourceMaterial:
     metallic: float = 0.0
     roughness: float = 1.0
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    specular: tuple[float, float, float] = (0.0, 0.0, 0.0)  # and `exponent`, of Blinn–Phong; glTF has `roughness`
+    exponent: float = 0.0
     texture: Path | None = None  # an existing PNG or JPEG, multiplied into `colour`; coordinates as the file has them
     opacity_texture: Path | None = None  # an existing image, multiplied into `opacity`, see `opacity_map`
 

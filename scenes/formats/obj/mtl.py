@@ -1,4 +1,4 @@
-"""Material libraries of OBJ files, as far as glTF's metallic-roughness materials hold them.
+"""Material libraries of OBJ files, as far as glTF's metallic-roughness materials and Blinn–Phong hold them.
 
 `Kd` with `map_Kd`, `d` or `Tr` with `map_d`, `Ke`, and `Pm`, `Pr` or else `Ks` with `Ns`, whose Blinn–Phong exponent
 becomes the roughness (2 / (Ns + 2))^¼ (Walter et al. 2007: α² = 2 / (Ns + 2); glTF: α = roughness²). `Tr`, which the
@@ -29,6 +29,7 @@ _MAPS = "map_Kd", "map_d"
 _UNREAD = "map_", "bump", "disp", "decal", "refl", "norm"
 _PICTURES = (b"\x89PNG", b"\xff\xd8\xff")
 _LARGEST = 1 << 24  # bytes of a library
+_STEEPEST = 1e6  # exponent of a highlight
 _OPTION = r"(?i)-(?:mm\s+\S+\s+\S+|[ost](?:\s+[-+.\de]+(?=\s)){1,3}|[a-z]+\s+\S+)\s+"
 _IDLE = (  # options at their defaults, and options of filters and bumps
     r"(?i)-(?:s(\s+1(\.0*)?)+|[ot](\s+0(\.0*)?)+|mm\s+0(\.0*)?\s+1(\.0*)?|(clamp|cc)\s+off"
@@ -172,6 +173,8 @@ def _material(name: str, given: dict[str, Any]) -> SourceMaterial:
         metallic=fraction("Pm", 0.0),
         roughness=roughness,
         emission=colour("Ke", 0.0),
+        specular=colour("Ks", 0.0),
+        exponent=float(np.clip(given["Ns"][0], 0, _STEEPEST)) if given.get("Ns") else 0.0,
         texture=colour_texture,
         opacity_texture=opacity_texture,
     )
