@@ -44,6 +44,12 @@ class SourceMaterial:
         return texture_alpha(Texture(self.opacity_texture), grey=self.opacity_texture != self.texture)
 
 
+def is_picture(path: Path) -> bool:
+    """Whether a file begins as a PNG or a JPEG, which glTF and browsers show."""
+    with path.open("rb") as file:
+        return file.read(8).startswith((b"\x89PNG", b"\xff\xd8\xff"))
+
+
 def is_opacity_map(path: Path, colour: Path | None) -> bool:
     """Whether an image, read wholly, can be an opacity map; one that is the `colour`, too, needs an alpha channel."""
     from raytrace.image.texture import Texture, texture_codes

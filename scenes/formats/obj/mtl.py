@@ -16,7 +16,7 @@ import numpy as np
 
 from raytrace.errors import printable
 
-from ...geometry.attributes import SourceMaterial, is_opacity_map
+from ...geometry.attributes import SourceMaterial, is_opacity_map, is_picture
 from ...safe_paths import beside
 from .text import joined_lines
 
@@ -27,7 +27,6 @@ MATERIAL_WORDS = ("texture of", LIBRARY, OPAQUE, OPTION)  # how what is missing 
 _COUNTS = {"Kd": 3, "Ke": 3, "Ks": 3, "d": 1, "Tr": 1, "Ns": 1, "Pm": 1, "Pr": 1}  # numbers of a statement
 _MAPS = "map_Kd", "map_d"
 _UNREAD = "map_", "bump", "disp", "decal", "refl", "norm"
-_PICTURES = (b"\x89PNG", b"\xff\xd8\xff")
 _LARGEST = 1 << 24  # bytes of a library
 _STEEPEST = 1e6  # exponent of a highlight
 _OPTION = r"(?i)-(?:mm\s+\S+\s+\S+|[ost](?:\s+[-+.\de]+(?=\s)){1,3}|[a-z]+\s+\S+)\s+"
@@ -102,7 +101,7 @@ def read_mtl(path: Path, find: Callable[[str], Path | None]) -> tuple[dict[str, 
             picture, options = _picture(rest)
             own[key] = find(picture)
             left += [f"{OPTION} {option} of {key} ({picture})" for option in options if own[key]]
-            if not own[key] or (key == "map_Kd" and not _starts(own[key]).startswith(_PICTURES)):
+            if not own[key] or (key == "map_Kd" and not is_picture(own[key])):
                 left.append(f"texture of {key} ({rest or 'no name'})")
                 del own[key]
         elif key.startswith(_UNREAD):
@@ -144,11 +143,6 @@ def _numbers(text: str, count: int) -> tuple[float, ...] | None:
     if len(values) == 1:
         values *= count
     return tuple(values) if len(values) == count and np.isfinite(values).all() else None
-
-
-def _starts(path: Path) -> bytes:
-    with path.open("rb") as file:
-        return file.read(8)
 
 
 def _material(name: str, given: dict[str, Any]) -> SourceMaterial:

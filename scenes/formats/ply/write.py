@@ -72,7 +72,7 @@ def unsupported_features(mesh_file: MeshFile, colors: str) -> list[str]:
         missing.append("normals of vertices that have several")
     if attributes and attributes.uv and not np.isfinite(attributes.uv.rows).all():
         missing.append("texture coordinates, which some corners lack")
-    if attributes and attributes.materials:
+    if attributes and attributes.materials and not attributes.elements:
         missing.append("materials")
     return missing
 
