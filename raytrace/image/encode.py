@@ -15,6 +15,7 @@ import numpy.typing as npt
 from ..errors import OptionError, OutputError, printable
 from ..system.atomic import atomic_path
 from ..types import Float32s
+from .dither import dithered
 from .srgb import encode_srgb
 
 FORMATS = {".exr": "openexr", ".png": "png", ".tif": "tiff", ".tiff": "tiff", ".jpg": "jpeg", ".jpeg": "jpeg"}
@@ -77,7 +78,7 @@ def write_layers(
 def write_picture(
     path: str | os.PathLike[str], pixels: Float32s, metadata: Mapping[str, str], opaque: bool = False
 ) -> None:
-    """Write linear `pixels`, (height, width, channels), sRGB-encoded, without their alpha if `opaque`."""
+    """Write linear `pixels`, (height, width, channels), sRGB-encoded, without their alpha if `opaque`; PNG dithered."""
     import OpenImageIO as oiio
 
     has_alpha = pixels.shape[2] == 4
@@ -94,13 +95,17 @@ def write_picture(
         spec.attribute("Compression", "jpeg:95")
         spec.attribute("jpeg:subsampling", "4:4:4")
 
-    def rows(first: int, end: int) -> Float32s:
+    def rows(first: int, end: int) -> npt.NDArray[Any]:
         block = pixels[first:end]
-        if not straight:
-            return encode_srgb(block)
         alpha = block[..., 3:]
-        colour = np.divide(block[..., :3], alpha, out=np.zeros_like(block[..., :3]), where=alpha > 0)
-        return np.concatenate([encode_srgb(colour), alpha.clip(0.0, 1.0)], axis=2)
+        colour = block
+        if straight:
+            colour = np.divide(block[..., :3], alpha, out=np.zeros_like(block[..., :3]), where=alpha > 0)
+        encoded = encode_srgb(colour)
+        if file_format(path) != "png":
+            return np.concatenate([encoded, alpha.clip(0.0, 1.0)], axis=2)
+        coverage = np.rint(255 * alpha.clip(0.0, 1.0)).astype(np.uint8)
+        return np.concatenate([dithered(encoded, first), coverage], axis=2)
 
     _write(path, spec, metadata, rows)
 

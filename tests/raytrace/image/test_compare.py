@@ -73,7 +73,7 @@ def test_formats_may_differ(tmp_path):
     picture.save(tmp_path / "a.exr")
     picture.save(tmp_path / "a.png")
     found = compare(tmp_path / "a.exr", tmp_path / "a.png")
-    assert found.max_error < 0.0046  # half a code where the transfer is steepest: 2.4 / 1.055 / 2 / 255
+    assert found.max_error < 0.0091  # a code where the transfer is steepest: 2.4 / 1.055 / 255
     assert found.flip < 0.02
 
 
