@@ -1,7 +1,8 @@
 """Pictures on disk: a frame's layers, or plain pixels, in the format that the name's ending asks for.
 
 EXR holds all layers, linear. PNG (8 bits, dithered), TIFF (16) and JPEG (8, quality 95) hold one layer of colours or
-fractions, sRGB-encoded. Every file appears whole or not at all, and the same picture gives the same bytes: no time stamps.
+fractions, sRGB-encoded. Every file appears whole or not at all, and the same picture gives the same bytes: no time
+stamps.
 """
 
 import os
