@@ -321,8 +321,8 @@ def _falloff(given: Any) -> Falloff:
     }
     if given is None or (isinstance(given, str) and given in without_arguments):
         return without_arguments[given]()
-    kinds: list[type[Any]] = [*FALLOFFS.values(), Tabulated]
-    classes = ", ".join(f"ao.{kind.__name__}(…)" for kind in kinds)
+    names = sorted(kind.__name__ for kind in FALLOFFS.values())
+    classes = ", ".join(f"ao.{name}(…)" for name in (*names, "Tabulated"))
     expected = f'{classes}, a function, "binary" or "exponential"'
     if callable(given) and not isinstance(given, type):
         return Tabulated.of(given)

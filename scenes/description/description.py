@@ -13,7 +13,7 @@ from raytrace.lights.sources import AmbientLight, BaseLight, DirectionalLight
 from raytrace.mesh.up import TO_Y_UP, UP, up_axis
 from raytrace.types import Int64s
 
-from ..falloffs import Scales
+from ..formats.falloffs import Scales
 from ..geometry.primitives import Origin
 
 Source = Literal["bake", "off"] | Path

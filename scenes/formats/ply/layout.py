@@ -13,12 +13,12 @@ import numpy.typing as npt
 
 from raytrace.image.srgb import encode_srgb
 from raytrace.mesh.up import UP
+from raytrace.text.safe_paths import resolve_inside
 from raytrace.types import AnyInts, Float32s, Float64s, Int64s
 
 from ...geometry.attributes import Element, Property, SourceAttributes, SourceMaterial, is_picture
 from ...geometry.corners import PerCorner
 from ...geometry.polygons import Triangulation
-from ...safe_paths import beside
 
 if TYPE_CHECKING:
     from ao import Profile
@@ -157,7 +157,7 @@ def ply_attributes(
     }
     kept = tuple(line for line in comments if not line.startswith(("comment obscurance: ", PROFILE_COMMENT)))
     names = [line.removeprefix(_TEXTURE).strip() for line in comments if line.startswith(_TEXTURE)] if uv else []
-    pictures = [beside(name, folder) for name in names]
+    pictures = [resolve_inside(name, folder) for name in names]
     shown = [picture if picture and is_picture(picture) else None for picture in pictures]
     number = face["texnumber"].values if "texnumber" in face else np.zeros(len(sizes))
     material_of = np.where((number >= 0) & (number < len(names)), number, -1).astype(np.int64)
