@@ -20,8 +20,7 @@ from raytrace.errors import ConflictError, OptionError, nearest_name, numbers
 from raytrace.system.parameters import Parameters
 from raytrace.types import Float64s
 
-from .function_knots import MAX_KNOTS, ROUNDING, STEPS, Function, function_knots
-from .mu import Mu
+from .mu import MAX_KNOTS, ROUNDING, STEPS, Function, Mu, function_knots
 
 Length = float | str
 DEFAULT_HALF_DISTANCE = "50%"

@@ -15,13 +15,13 @@ from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.vector import dot, load, store
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import normalized
+from raytrace.system.entry_points import offered
 from raytrace.system.threads import run_blocks
 from raytrace.types import AnyFloats, Float32s, Float64s, Int64s, UInt8s
 
 from .estimate.calibration import Calibration
 from .estimate.tolerance import Estimate
 from .mu import Mu
-from .offered import offered
 from .options import OCTAVES
 from .points.receivers import Flag
 from .prepared import Prepared

@@ -13,7 +13,7 @@ ORDER = [
     *("raytrace.ray_origins", "raytrace.lights", "raytrace.brdf", "raytrace.materials", "raytrace.camera"),
     "raytrace.scene",
     *("raytrace.shade", "raytrace.renderer"),
-    *("ao.mu", "ao.offered", "ao.function_knots", "ao.falloff", "ao.profile", "ao.declared", "ao.options", "ao.memory"),
+    *("ao.mu", "ao.falloff", "ao.profile", "ao.declared", "ao.options", "ao.memory"),
     *("ao.points", "ao.rays", "ao.execute", "ao.estimate", "ao.prepared", "ao.least_squares"),
     *("ao.result", "ao.surface_method", "ao.fine_mesh", "ao.texture"),
     *("ao.interpolation_error", "ao.baking", "ao.report", "ao.cluster", "ao.analytic"),

@@ -14,10 +14,10 @@ from project import ROOT
 import ao
 import obscurance
 import scenes
-from ao import offered
 from raytrace import AmbientLight, Camera, Lambert, Mesh, Object, OptionError, Scene, Settings, Shape
 from raytrace.errors import SceneError
 from raytrace.image.read import read_image
+from raytrace.system.entry_points import offered
 
 BOXES = two_boxes()
 SMALL = Settings(width=48, height=32, samples=4)
@@ -92,7 +92,7 @@ def test_a_texture_saves_itself(tmp_path):
 
 def test_saving_needs_somebody_who_writes_files(baked, tmp_path, monkeypatch):
     monkeypatch.setattr("importlib.metadata.entry_points", lambda group: [])
-    assert offered.offered("obscurance.save") is None
+    assert offered("obscurance.save") is None
     with pytest.raises(OptionError, match="save: expected the package obscurance, installed"):
         baked.save(tmp_path / "x.ply")
 

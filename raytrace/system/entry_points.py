@@ -1,4 +1,4 @@
-"""What packages above this one do for results, without being imported here: they offer it by entry points."""
+"""What packages above do for results of those below, which do not import them: they offer it by entry points."""
 
 from collections.abc import Callable
 from typing import Any
