@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from pkgutil import resolve_name
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from ao import Bake, BakedTexture, Profile
 
 Occlusion = Literal["none", "ramp"]
+_PLY_NAME = r"(?!(n?[xyz]|[stuv]|red|green|blue|alpha|texture_.|obscurance\w*)$)[A-Za-z_]\w*"
 Colors = Literal["rgb", "r", "g", "b", "a"]
 
 
@@ -60,6 +62,7 @@ def write(
     occlusion: Occlusion | None = None,
     replace_occlusion: bool = False,
     up: str | None = None,
+    ply_name: str | None = None,
 ) -> None:
     """Write a bake in the format of the ending, whole or not at all; the same input gives the same bytes.
 
@@ -69,6 +72,8 @@ def write(
     - `.ply`: `obscurance`, and w as the grey `red green blue`, sRGB-encoded as Blender and three.js take the colours of
       a PLY (`scenes.formats.ply.write.ply`). Coordinates are float where that loses nothing, double otherwise.
     - `.glb`: `_OBSCURANCE` (`scenes.formats.gltf.write.glb`), and what viewers show: a ramp or colours.
+    - `.obj`: w as the grey `v x y z r g b`, sRGB-encoded (`scenes.formats.obj.write`).
+    - `.vtp`: `obscurance`, and `error`, `flags`, `bent_normals` as far as they are known (`scenes.formats.vtp.write`).
     - `.html`: a page for a browser, everything in it (`scenes.show.page.document`).
     - `.png` `.exr` `.tif`, of a texture: w, linear, PNG of 16 bits, else float32.
 
@@ -91,6 +96,7 @@ def write(
         up: "x", "y", "z", "-x", "-y" or "-z", the axis that is up, in place of `Mesh.up`: a page stands so, a .ply says
             so in its header (`comment up z`), and what was no glTF is turned by a root node of a .glb, where y is up;
             vertices stay what they are.
+        ply_name: of a further property of a .ply that holds w, such as "quality", which MeshLab shows.
 
     Raises:
         OptionError: unknown ending, options that exclude each other, coordinates that a .glb cannot hold, or a bake
@@ -109,7 +115,8 @@ def write(
     count = len(source.mesh.vertices)
     if len(bake.w) != count:
         raise OptionError("bake", f"w of the {count:,} vertices of {source.path}", f"{len(bake.w):,}")
-    write_vertices(path, cast("VertexValues", bake), source, channels(path, colors, occlusion, replace_occlusion, up))
+    shown = channels(path, colors, occlusion, replace_occlusion, up, ply_name)
+    write_vertices(path, cast("VertexValues", bake), source, shown)
 
 
 def _source(target: str | os.PathLike[str], given: Any) -> MeshFile:
@@ -150,6 +157,7 @@ def channels(
     occlusion: Occlusion | None,
     replace_occlusion: bool,
     up: str | None = None,
+    ply_name: str | None = None,
 ) -> Channels:
     """The channels of w for viewers. Raises: OptionError: options that exclude each other, or the ending."""
     ending = Path(path).suffix.lower()
@@ -167,7 +175,11 @@ def channels(
     ramp = ending == ".glb" and (occlusion == "ramp" if occlusion else not colors)
     if replace_occlusion and not ramp:
         raise ConflictError("replace_occlusion", "needs", "an occlusion texture to write")
-    return Channels(replaced, ramp, replace_occlusion, up)
+    if ply_name and ending != ".ply":
+        raise ConflictError("ply_name", "needs", "a .ply output")
+    if ply_name and not re.fullmatch(_PLY_NAME, ply_name):
+        raise OptionError("ply_name", "a word other than those of coordinates and colours, such as quality", ply_name)
+    return Channels(replaced, ramp, replace_occlusion, up, ply_name)
 
 
 ENDINGS = endings("write")  # of the names of files that `write` makes
