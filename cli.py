@@ -19,7 +19,7 @@ from raytrace.errors import InputError, ObscuranceError, OptionError, OutputErro
 from scenes.commands.render import RENDER, run_render
 from scenes.commands.usage import fault_in_words
 from scenes.jobs import options as choices
-from scenes.jobs.console import columns, compiling, note, output_failed, readable_output, reopen_streams
+from scenes.jobs.console import columns, note, output_failed, readable_output, reopen_streams
 from scenes.jobs.options import BAKE, MERGE, ROWS
 from scenes.jobs.parameters import EXAMPLES, TableCommand, name_of, parameter, parameters
 
@@ -134,8 +134,7 @@ def validate(
         note(f"validate: stress tests and random meshes are test suites: {where}")
         raise typer.Exit(2)
     Options(samples=samples, seed=seed, threads=threads)
-    with compiling():
-        results = run_validation(samples=samples, seed=seed, threads=threads)
+    results = run_validation(samples=samples, seed=seed, threads=threads)
     print(validation_table(results))
     raise typer.Exit(0 if all(result.ok for result in results) else 1)
 

@@ -8,8 +8,6 @@ from typing import Annotated, Any
 import numpy as np
 
 from raytrace.errors import OptionError
-from raytrace.kernel.jit import compiling_seconds
-from raytrace.kernel.notice import compiling
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import opacity_bytes
 from raytrace.system.checks import check_memory
@@ -51,7 +49,6 @@ class TextureArguments(TextureOptions, _Layout):
 
 
 @taking(TextureArguments)
-@compiling()
 def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     """Obscurance w, as `ao.bake` has it, of every texel that shows a part of `mesh`: the mean over that part.
 
@@ -82,7 +79,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     needed += opacity_bytes([each.opacity for each in (solid, *walls) if each.opacity])
     check_memory(mesh.source, needed, f"to bake {width * height:,} texels of {faces:,} faces")
 
-    start, compiled = time.perf_counter(), sum(compiling_seconds)
+    start = time.perf_counter()
     prepared = Prepared.of(solid, options, options.progress, None, walls, mesh.radius)
     on_pages = corners
     if walls:
@@ -123,7 +120,6 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     (w, error, bent_normals, covered), jumps = pages_of(estimated.rows, estimated.variance, frames)
     more = [pages_of(each.rows, each.variance)[0][:2] for each in others]
     rmses = tuple(float(np.sqrt(np.mean(each.variance))) for each in (estimated, *others))
-    compiled = sum(compiling_seconds) - compiled
     build, layout = prepared.receivers.tree_seconds, shown.layout
     mirrored = layout.mirrored
     if options.thickness and high is None:
@@ -141,7 +137,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
             reached, overlapping, filled, len(missed), mirrored, layout.flat, layout.outside, shown.seams.edges, *jumps
         ),
         uv=uv,
-        seconds={"build": build, "bake": time.perf_counter() - start - build - compiled, "compile": compiled},
+        seconds={"build": build, "bake": time.perf_counter() - start - build},
         mu=prepared.mu,
         calibration=estimated.calibration,
         **of_columns(prepared, [np.stack(each, axis=-1) for each in zip(*more, strict=True)]),

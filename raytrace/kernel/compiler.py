@@ -1,17 +1,21 @@
-"""Kernels to object files, by Numba: imported when one is compiled and never otherwise.
+"""Kernels to object files, by Numba: imported where kernels are compiled and never otherwise.
 
 Numba's own dispatchers make for each function, inlined or not, machine code and two wrappers with Python's types. Here
-a kernel and all that it calls become one object file with one entry, which takes the addresses of NumPy's arrays.
+a kernel and all that it calls become one object file with one entry, which takes the addresses of NumPy's arrays. It is
+position-independent, for a level of processors rather than for this one, and calls C functions by pointers.
 """
 
 import ctypes
 import gc
 import inspect
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from itertools import count
 from typing import Any
 
+import llvmlite.binding as llvm
 import numba
 from llvmlite import ir
 from numba.core import cgutils
@@ -23,11 +27,8 @@ from numba.np.arrayobj import make_array, populate_array
 
 from . import lanes as lanes  # Numba knows the type and its operators from then on
 from .jit import types
+from .library import ABOUT, ARM, BUILT, POINTER, about, level, levels, pointers
 
-if numba.config.DISABLE_JIT:
-    from ..errors import OptionError
-
-    raise OptionError("NUMBA_DISABLE_JIT", "0 or nothing: kernels run as machine code alone", 1, "environment")
 _WORD = ir.IntType(64)
 _BYTE = ir.IntType(8)
 _POINTER = _BYTE.as_pointer()
@@ -74,11 +75,6 @@ def type_of(function: Callable[..., Any], inlined: bool) -> Any:
     return types.Dispatcher(_kept[-1])
 
 
-def external(name: str, count: int) -> Any:
-    """Numba's type of a C function that takes `count` addresses and returns nothing."""
-    return types.ExternalFunction(name, types.void(*(types.uintp,) * count))
-
-
 def intrinsic(signature: Callable[..., Any], emit: Callable[..., Any]) -> Any:
     """Numba's type of a function that writes LLVM's code, as `raytrace.kernel.jit.intrinsic` has it."""
 
@@ -106,24 +102,43 @@ def _compiling() -> Iterator[None]:
     with global_compiler_lock:
         rtsys.initialize(_context)
         codegen = _context.codegen()
-        kept = codegen._engine, codegen._library_class
-        codegen._engine, codegen._library_class = Idle(), _Library
+        kept = codegen._engine, codegen._library_class, codegen._tm
+        codegen._engine, codegen._library_class, codegen._tm = Idle(), _Library, _machine(levels()[0])
         collecting = gc.isenabled()
         gc.disable()
         try:
             yield
         finally:
-            codegen._engine, codegen._library_class = kept
+            codegen._engine, codegen._library_class, codegen._tm = kept
             if collecting:
                 gc.enable()
 
 
-def kernel_code(name: str, function: Callable[..., Any], arguments: tuple[Any, ...], path: tuple[int, ...]) -> bytes:
-    """The formats of its results, as `struct` has them, a tuple's in brackets; a newline; an object file.
+@cache
+def _machine(level: str) -> llvm.TargetMachine:
+    """LLVM's machine for processors of a level."""
+    of_arm = "apple-m1" if sys.platform == "darwin" else "generic"
+    target = llvm.Target.from_triple(llvm.get_process_triple())
+    machine = target.create_target_machine(
+        cpu=of_arm if level == ARM else level, opt=numba.config.OPT, reloc="pic", codemodel="default"
+    )
+    return machine
 
-    Its function `name` takes the address of one word for each number and array of the arguments, tuples being taken
+
+def object_files(
+    symbol: str,
+    function: Callable[..., Any],
+    identity: str,
+    arguments: tuple[Any, ...],
+    path: tuple[int, ...],
+    levels: Iterable[str],
+) -> list[bytes]:
+    """A kernel for arguments of certain types as object files, one for each level.
+
+    Its function `symbol` takes the address of one word for each number and array of the arguments, tuples being taken
     apart: a number's value, with double precision if it is no whole number, or the address of the array's Python
     object. To a second address it writes the results, a word each. It returns 0, or 1 if it ran out of memory.
+    Its text holds the formats of the results, as `struct` has them, a tuple's in brackets.
 
     Args: path: of a `Kernel.callback`, which takes one address and finds the words from there; its first argument.
     """
@@ -132,8 +147,8 @@ def kernel_code(name: str, function: Callable[..., Any], arguments: tuple[Any, .
         dispatcher = _Dispatcher(function, False)
         dispatcher.compile(given)
         compiled = dispatcher.overloads[given]
-        module = _context.create_module(name)
-        entry = ir.Function(module, ir.FunctionType(ir.IntType(32), [_POINTER, _POINTER]), name)
+        module = _context.create_module(symbol)
+        entry = ir.Function(module, ir.FunctionType(ir.IntType(32), [_POINTER, _POINTER]), symbol)
         builder = ir.IRBuilder(entry.append_basic_block())
         words = builder.bitcast(entry.args[0], _WORD.as_pointer())
         results = builder.bitcast(entry.args[1], _WORD.as_pointer())
@@ -149,7 +164,46 @@ def kernel_code(name: str, function: Callable[..., Any], arguments: tuple[Any, .
             builder.ret(ir.IntType(32)(1))
         formats = _store(builder, compiled.signature.return_type, found, results, count())
         builder.ret(ir.IntType(32)(0))
-        return formats.encode() + b"\n" + _object_file(compiled.library, module, name)
+        _text(module, symbol + ABOUT, f"{formats}\n{identity}")
+        return _emitted(compiled.library, module, symbol, levels)
+
+
+def shared_object_file(names: Iterable[str], level: str) -> bytes:
+    """What a library has once: pointers to the C functions `names`, and by what it was built."""
+    module = ir.Module("shared")
+    module.triple = llvm.get_process_triple()
+    for name in names:
+        pointer = ir.GlobalVariable(module, _POINTER, POINTER + name)
+        pointer.initializer = _POINTER(None)
+    _text(module, BUILT, f"Numba {numba.__version__}, LLVM {'.'.join(map(str, llvm.llvm_version_info))}")
+    code: bytes = _machine(level).emit_object(llvm.parse_assembly(str(module)))
+    return code
+
+
+def _text(module: ir.Module, name: str, text: str) -> None:
+    content = bytearray(text.encode() + b"\0")
+    constant = ir.GlobalVariable(module, ir.ArrayType(_BYTE, len(content)), name)
+    constant.initializer = ir.Constant(constant.value_type, content)
+    constant.global_constant = True
+
+
+@cache
+def _engine() -> llvm.ExecutionEngine:
+    machine = _machine(level())
+    return llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+
+
+def linked_here(
+    symbol: str, function: Callable[..., Any], identity: str, arguments: tuple[Any, ...], path: tuple[int, ...]
+) -> tuple[str, int]:
+    """The formats of a kernel's results and the address of its code, which LLVM links in this process."""
+    (code,) = object_files(symbol, function, identity, arguments, path, [level()])
+    for name, address in pointers().items():
+        llvm.add_symbol(name, address)
+    _engine().add_object_file(llvm.ObjectFileRef.from_data(code))
+    _engine().finalize_object()
+    formats, _ = about(_engine().get_global_value_address(symbol + ABOUT))
+    return formats, _engine().get_function_address(symbol)
 
 
 def _kind(value: Any) -> Any:
@@ -215,8 +269,8 @@ def _store(builder: Any, kind: Any, value: Any, results: Any, rows: Iterator[int
     return letter
 
 
-def _object_file(library: Any, module: Any, name: str) -> bytes:
-    """The entry `name` in `module` with all that it calls in `library`."""
+def _emitted(library: Any, module: Any, symbol: str, levels: Iterable[str]) -> list[bytes]:
+    """The entry and the text of `symbol` in `module`, with all that they call in `library`, for each level."""
     library.add_ir_module(module)
     library.add_ir_module(_memory())
     whole, libraries = library._final_module, [library]
@@ -225,15 +279,28 @@ def _object_file(library: Any, module: Any, name: str) -> bytes:
     for linked in libraries[1:]:
         whole.link_in(linked._final_module, preserve=True)
     for defined in (*whole.functions, *whole.global_variables):
-        if not defined.is_declaration and defined.name != name:
+        if not defined.is_declaration and defined.name not in (symbol, symbol + ABOUT):
             defined.linkage = "internal"
-    library._optimize_final_module()
     whole.verify()
-    missing = [each.name for each in whole.functions if each.is_declaration and each.name.startswith(_OF_NUMBA)]
-    if missing:
-        raise TypeError(f"{name}: expected no lists, texts or NumPy's sort, which need Numba's {', '.join(missing)}")
-    code: bytes = _context.codegen()._tm.emit_object(whole)
-    return code
+    bitcode = whole.as_bitcode()
+    return [_optimized(library, bitcode, symbol, level) for level in levels]
+
+
+def _optimized(library: Any, bitcode: bytes, symbol: str, level: str) -> bytes:
+    codegen = _context.codegen()
+    of_all = codegen._tm
+    codegen._tm = _machine(level)
+    try:
+        library._final_module = llvm.parse_bitcode(bitcode)
+        library._optimize_final_module()
+        whole = library._final_module
+        missing = [each.name for each in whole.functions if each.is_declaration and each.name.startswith(_OF_NUMBA)]
+        if missing:
+            raise TypeError(f"{symbol}: expected no lists, texts or NumPy's sort, which need Numba's {missing}")
+        code: bytes = codegen._tm.emit_object(whole)
+        return code
+    finally:
+        codegen._tm = of_all
 
 
 def _memory() -> Any:

@@ -11,7 +11,6 @@ from ..embree.packets import new_packet
 from ..errors import OptionError, check_type
 from ..image.frame import LAYERS, Frame
 from ..image.texture import texture_bytes
-from ..kernel.notice import compiling
 from ..kernel.simd import WIDE
 from ..lights.sources import EnvironmentLight, SkyLight
 from ..mesh.opacity import opacity_bytes
@@ -36,7 +35,6 @@ _EDGES = 4 * 4 * TILE * EDGE  # bytes of what tiles know of one another, each
 _BASE, _VERTEX, _FACE, _POLYGON = 50 << 20, 64, 104, 104  # bytes, `rendering_bytes`
 
 
-@compiling()
 def render(
     scene: Scene,
     camera: Camera,

@@ -12,7 +12,7 @@ from raytrace.types import Float64s
 
 from ..formats.load import MeshFile
 from ..geometry.builtin_shapes import temple
-from ..jobs.console import bake_summary, compiling, progress
+from ..jobs.console import bake_summary, progress
 from ..write_bake import write
 
 _HALF = rt.Settings(width=720, height=560)
@@ -30,7 +30,7 @@ def make_demo(folder: Path, quiet: bool = False) -> None:
     mesh_target = folder / "temple.ply"
     image_target = folder / "temple.png"
     check_outputs({"temple.ply": mesh_target, "temple.png": image_target})
-    with progress(quiet, "rays") as (advance,), compiling(84):
+    with progress(quiet, "rays") as (advance,):
         mesh = temple()
         baked = ao.bake(mesh, progress=advance)
         shape = rt.Shape(mesh, _STONE)

@@ -15,7 +15,7 @@ from ao.declared import Option
 from ao.options import Normals
 from raytrace.errors import ConflictError, OptionError, printable
 
-from ..jobs.console import compiling, progress, show_picture, warn
+from ..jobs.console import progress, show_picture, warn
 from ..jobs.options import REPORTS, ROWS, Record, check_together, command_line, plain
 
 if TYPE_CHECKING:
@@ -105,21 +105,20 @@ def _render(given: Record, output: Path, workers: Workers | None) -> None:
     if given.baked:
         check_stored(given.baked)
     scales = None if given.half_distance is None else make_scales(given.half_distance, given.power)
-    with compiling():
-        # The scene as the options have it.
-        read = read_scene(given.scene, size, given.up, given.view)
-        description = _adjusted(read, given.replaced(crop=crop), scales)
-        check_outputs({"--output": output, "--report": given.report}, [given.scene, *description.files])
-        inputs = hashed([given.scene, *description.files]) if given.report else []
-        warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
-        # Its picture.
-        with workers.session(output) if workers else nullcontext() as session:
-            status = session.status if session else str
-            with progress(given.quiet, "rays", "tiles", form=given.progress, status=status) as bars:
-                picture = _picture(given.scene, description, layers is None, threads, bars, session)
-                start = time.perf_counter()
-                write_frame(output, picture.frame, _metadata(given.scene, description.settings), given.half)
-                picture.seconds["write"] = time.perf_counter() - start
+    # The scene as the options have it.
+    read = read_scene(given.scene, size, given.up, given.view)
+    description = _adjusted(read, given.replaced(crop=crop), scales)
+    check_outputs({"--output": output, "--report": given.report}, [given.scene, *description.files])
+    inputs = hashed([given.scene, *description.files]) if given.report else []
+    warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
+    # Its picture.
+    with workers.session(output) if workers else nullcontext() as session:
+        status = session.status if session else str
+        with progress(given.quiet, "rays", "tiles", form=given.progress, status=status) as bars:
+            picture = _picture(given.scene, description, layers is None, threads, bars, session)
+            start = time.perf_counter()
+            write_frame(output, picture.frame, _metadata(given.scene, description.settings), given.half)
+            picture.seconds["write"] = time.perf_counter() - start
     if given.show:
         show_picture(picture.frame.layers["beauty"])
     if given.report:

@@ -21,7 +21,7 @@ from raytrace.system.threads import thread_count
 from ..falloffs import make_falloff, table_of
 from ..formats.load import MeshFile, load
 from ..show.report.verdict import Pictures, hashed, write_report
-from .console import compiling, note
+from .console import note
 from .inputs import Sources
 from .options import BAKER, REPORTS, ROWS, Record, command_line, plain
 
@@ -60,7 +60,7 @@ class MeshBake(Record, ABC):
     def run(self) -> int:
         """Bake, write, and print a summary. Returns: the exit status, 0. Raises: as `check`, `ao.bake` and writers."""
         falloff = self.check()
-        with compiling(), silence_tolerance_warnings():
+        with silence_tolerance_warnings():
             for summary, _ in self.bake(falloff):
                 if not self.quiet:
                     print(summary, file=sys.stderr if is_standard_output(self.output) else sys.stdout)

@@ -16,7 +16,7 @@ from raytrace.system.checks import check_outputs, check_regular
 from raytrace.system.threads import run_blocks, thread_count
 
 from .bake import MeshBake, Outcome, bake_one, silence_tolerance_warnings
-from .console import compiling, note, progress, warn
+from .console import note, progress, warn
 from .inputs import MANIFEST, made
 from .manifest import Entry, Manifest, assign_shards, digest, part_manifest
 from .remote import Workers, bake_remotely, cluster_checkpoint
@@ -46,7 +46,7 @@ class Batch:
         with self.workers.session(self.folder / MANIFEST) if self.workers else nullcontext() as session:
             falloff, manifest = self.check(), self._manifest()
             try:
-                with compiling(), silence_tolerance_warnings():
+                with silence_tolerance_warnings():
                     self._bake_all(manifest, falloff, session)
             except KeyboardInterrupt:
                 note(f"interrupted: {self._summary(manifest)}; the same command with --resume bakes the others")

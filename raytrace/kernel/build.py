@@ -1,0 +1,156 @@
+"""Building the library of kernels: each kernel of a recorded list becomes an object file, by several processes.
+
+The list, `kernels.txt`, has what the documents' commands and the tests load: they append it to a file that the variable
+`OBSCURANCE_KERNELS` names, and `python -m raytrace.kernel.build record FILE` makes the list of it. Object files stay in
+a folder of the build, by names that hold what they are made of, so that only what was edited is compiled again.
+"""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any, NamedTuple
+
+from . import jit
+from .identity import PACKAGES, ROOT
+from .jit import Kernel
+from .library import ABOUT, BUILT, POINTER, identity_of
+from .signature import Signature, example
+
+LIST = Path(__file__).with_name("kernels.txt")
+_OURS = (*PACKAGES, "scenes")
+_GONE = LookupError, AttributeError, ImportError, TypeError, ValueError
+"""What an entry raises whose kernel, or a type of whose arguments, the sources have no longer."""
+Progress = Callable[[int, int], None]
+
+
+class Entry(NamedTuple):
+    """A line of the list, and what it stands for in the sources as they are."""
+
+    line: str
+    symbol: str
+    identity: str
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...]
+    path: tuple[int, ...]
+
+    @classmethod
+    def of(cls, line: str) -> "Entry":
+        """Raises: LookupError, AttributeError, ImportError, TypeError, ValueError: it stands for nothing."""
+        kernel, path, arguments = example(line)
+        if not isinstance(kernel, Kernel):
+            raise TypeError(f"{line}: expected a kernel")
+        signature: Signature = kernel.signature(arguments, path)
+        return cls(line, signature.symbol, identity_of(kernel.function), kernel.function, arguments, path)
+
+    def file(self, folder: Path, level: str) -> Path:
+        """Where its object file for a level is."""
+        import numba
+
+        return folder / f"{self.symbol}.{self.identity}.{numba.__version__}.{level}.o"
+
+
+def entries() -> list[Entry]:
+    """What the list has of the sources as they are."""
+    found = []
+    for line in LIST.read_text().splitlines():
+        with suppress(*_GONE):
+            found.append(Entry.of(line))
+    return found
+
+
+def objects(folder: Path, levels: Sequence[str], progress: Progress) -> dict[str, list[Path]]:
+    """The object files of a library for each level, in `folder`; those of earlier builds that are not among them go.
+
+    Raises: RuntimeError: a kernel cannot be compiled.
+    """
+    from .compiler import shared_object_file
+
+    folder.mkdir(parents=True, exist_ok=True)
+    listed = entries()
+    missing = [entry.line for entry in listed if not all(entry.file(folder, level).exists() for level in levels)]
+    _compile(missing, folder, levels, progress)
+    made: dict[str, list[Path]] = {}
+    for level in levels:
+        shared = folder / f"shared.{level}.o"
+        shared.write_bytes(shared_object_file(sorted(set(jit.externals)), level))
+        made[level] = [shared, *(entry.file(folder, level) for entry in listed)]
+    for file in set(folder.glob("*.o")).difference(*made.values()):
+        file.unlink()
+    return made
+
+
+def exported() -> list[str]:
+    """The names that a library shows."""
+    symbols = [entry.symbol for entry in entries()]
+    return [*symbols, *(symbol + ABOUT for symbol in symbols), *(POINTER + name for name in jit.externals), BUILT]
+
+
+def _compile(lines: list[str], folder: Path, levels: Sequence[str], progress: Progress) -> None:
+    """Make the object files of kernels, in as many processes as there are cores."""
+    waiting: SimpleQueue[str] = SimpleQueue()
+    for line in lines:
+        waiting.put(line)
+    done: list[str] = []
+
+    def work(_: int) -> None:
+        command = [sys.executable, "-m", __name__, "compile", str(folder), *levels]
+        with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as worker:
+            assert worker.stdin
+            assert worker.stdout
+            with suppress(Empty):
+                while True:
+                    line = waiting.get_nowait()
+                    print(line, file=worker.stdin, flush=True)
+                    if worker.stdout.readline() != "done\n":
+                        raise RuntimeError(f"cannot compile the kernel {line}")
+                    done.append(line)
+                    progress(len(done), len(lines))
+            worker.stdin.close()
+
+    if lines:
+        count = min(len(lines), os.cpu_count() or 1)
+        with ThreadPoolExecutor(count) as pool:
+            list(pool.map(work, range(count)))
+
+
+def _compile_as_told(folder: Path, levels: Sequence[str]) -> None:
+    """Make the object files of each kernel that standard input names, and say so."""
+    from .compiler import object_files
+
+    for line in sys.stdin:
+        entry = Entry.of(line.rstrip("\n"))
+        codes = object_files(entry.symbol, entry.function, entry.identity, entry.arguments, entry.path, levels)
+        for level, code in zip(levels, codes, strict=True):
+            target = entry.file(folder, level)
+            partial = target.with_suffix(".partial")
+            partial.write_bytes(code)
+            partial.replace(target)
+        print("done", flush=True)
+
+
+def _record(loaded: Path) -> None:
+    """Make the list of the kernels that were loaded, but for those that are no part of the package."""
+    lines = sorted(set(loaded.read_text().splitlines()))
+    kept = [line for line in lines if line.startswith(tuple(f"{package}." for package in _OURS)) and _is_entry(line)]
+    LIST.write_text("".join(f"{line}\n" for line in kept))
+
+
+def _is_entry(line: str) -> bool:
+    try:
+        Entry.of(line)
+    except _GONE:
+        return False
+    return True
+
+
+if __name__ == "__main__":
+    match sys.argv[1:]:
+        case ["compile", folder, *levels]:
+            _compile_as_told(Path(folder), levels)
+        case ["record", loaded]:
+            _record(Path(loaded))
