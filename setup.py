@@ -1,4 +1,4 @@
-"""Builds the libraries of kernels, which are no extension modules of Python but stand beside one another as such.
+"""Builds the libraries of kernels, which are no extension modules of Python but are packaged as such.
 
 A wheel has one for each level of processors; `build_ext --inplace`, for the source tree, makes that of this machine.
 """
@@ -9,8 +9,10 @@ from pathlib import Path
 
 from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
+from setuptools.errors import LinkError, PlatformError
 
 ROOT = Path(__file__).resolve().parent
+LIBRARIES = ["m"] if os.name == "posix" else []
 
 
 class BuildKernels(build_ext):
@@ -19,20 +21,25 @@ class BuildKernels(build_ext):
     def run(self) -> None:
         if self.editable_mode:
             return  # the source tree's is made by `make install`, which shows how far that is
-        from distutils.ccompiler import new_compiler
-        from distutils.sysconfig import customize_compiler
-
         sys.path.insert(0, str(ROOT))
         from raytrace.kernel import build, library
 
         levels = (library.level(),) if self.inplace else library.levels()
-        made = build.objects(Path(self.build_temp).resolve(), levels, _show)
+        folder = ROOT if self.inplace else Path(self.build_lib)
+        for level, objects in build.objects(Path(self.build_temp).resolve(), levels, _show).items():
+            target = folder / library.file_of(level).relative_to(ROOT)
+            self._link(list(map(str, objects)), str(target), build.exported())
+
+    def _link(self, objects: list[str], target: str, names: list[str]) -> None:
+        from distutils.ccompiler import new_compiler
+        from distutils.sysconfig import customize_compiler
+
         linker = new_compiler(compiler=self.compiler)
         customize_compiler(linker)
-        folder = ROOT if self.inplace else Path(self.build_lib)
-        for level, objects in made.items():
-            target = folder / library.file_of(level).relative_to(ROOT)
-            linker.link_shared_object([*map(str, objects)], str(target), libraries=["m"] if os.name == "posix" else [], export_symbols=build.exported())
+        try:
+            linker.link_shared_object(objects, target, libraries=LIBRARIES, export_symbols=names)
+        except (LinkError, PlatformError) as failure:
+            raise SystemExit(f"kernels: expected a linker, such as gcc's, clang's or MSVC's, got: {failure}") from None
 
 
 def _show(done: int, total: int) -> None:

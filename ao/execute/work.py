@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from raytrace.embree import library as embree
 from raytrace.kernel.identity import results_identity
-from raytrace.kernel.library import built_by, cpu_features, level
+from raytrace.kernel.library import built_by, cpu_features
 from raytrace.system.processor import model
 from raytrace.system.threads import granted, run_blocks, shares
 
@@ -93,7 +93,7 @@ def machine() -> dict[str, str]:
         "code": results_identity(),
         "Embree": embree.version(),
         "NumPy": np.__version__,
-        "kernels": f"{level()}, {built_by()}",
+        "kernels": built_by(),
         "C library": " ".join(platform.libc_ver()) or platform.system(),
         "processor": model(),
         "instructions": hashlib.sha256(features.encode()).hexdigest()[:8],

@@ -42,7 +42,8 @@ class Called:
 def results_identity() -> str:
     """Hash of every source that results may depend on, and of NumPy's and Python's versions: 16 hex digits."""
     paths = [path.relative_to(ROOT).as_posix() for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
-    return _digest([np.__version__, sys.version, *(path + _source(path) for path in sorted(paths) if not path.startswith(_NO_RESULTS))])
+    deciding = (path for path in sorted(paths) if not path.startswith(_NO_RESULTS))
+    return _digest([np.__version__, sys.version, *(path + _source(path) for path in deciding)])
 
 
 def kernel_identity(function: Any) -> str:

@@ -8,6 +8,7 @@ import ctypes
 import hashlib
 import platform
 from functools import cache
+from importlib import import_module
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 
@@ -43,8 +44,7 @@ def level() -> str:
 @cache
 def cpu_features() -> frozenset[str]:
     """The instructions that this machine's processor has, by NumPy's names."""
-    from numpy._core import _multiarray_umath as numpys
-
+    numpys = import_module("numpy._core._multiarray_umath")
     return frozenset(name for name, has in numpys.__cpu_features__.items() if has)
 
 
@@ -102,11 +102,10 @@ def _compiler_identity() -> str:
 
 
 def built_by() -> str:
-    """The compiler of the library."""
+    """The library's level, and what compiled it, such as "x86-64-v3 by Numba 0.68.1, LLVM 20.1.8"."""
     library = _library()
-    if library is None:
-        return "none"
-    return ctypes.string_at(ctypes.addressof(ctypes.c_char.in_dll(library, BUILT))).decode()
+    compiler = ctypes.string_at(ctypes.addressof(ctypes.c_char.in_dll(library, BUILT))) if library else b"none"
+    return f"{level()} by {compiler.decode()}"
 
 
 def provide(name: str, address: int) -> None:

@@ -28,16 +28,8 @@ DOORS = {
     "dask": {"ao.cluster.dask_cluster"},
     "distributed": {"ao.cluster.dask_cluster"},
     "embreex": {"raytrace.embree.library"},
-    "llvmlite": {
-        "raytrace.kernel.cache",
-        "raytrace.kernel.jit",
-        "raytrace.system.processor",
-        "raytrace.kernel.lanes",
-        "raytrace.kernel.compiler",
-        "raytrace.embree.library",
-        "ao.execute.work",
-    },
-    "numba": {"raytrace.kernel.lanes", "raytrace.kernel.compiler"},
+    "llvmlite": {"raytrace.kernel.lanes", "raytrace.kernel.compiler"},
+    "numba": {"raytrace.kernel.lanes", "raytrace.kernel.compiler", "raytrace.kernel.build"},
     "uvunwrap": {"scenes.jobs.textures.coordinates"},
     "OpenImageIO": {f"raytrace.image.{name}" for name in ("encode", "fill", "read", "compare", "texture")},
 }

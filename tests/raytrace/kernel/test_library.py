@@ -43,7 +43,8 @@ except KernelError as missing:
     print(missing)
 """
 PROJECT = '[project]\nname = "small"\nversion = "1"\n[tool.setuptools]\npackages = []\n'
-LISTED = "raytrace.loop.answer\nraytrace.loop.gone <i8\nraytrace.no_module.f\nraytrace.loop.answer raytrace.loop.Gone( )\n"
+GONE = ("raytrace.loop.gone <i8", "raytrace.no_module.f", "raytrace.loop.answer raytrace.loop.Gone( )")
+LISTED = "\n".join(("raytrace.loop.answer", *GONE))
 
 
 def run(folder, code, **environment):
