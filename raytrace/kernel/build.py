@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from itertools import groupby
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, NamedTuple
@@ -91,10 +92,12 @@ def exported() -> list[str]:
 
 
 def _compile(lines: list[str], folder: Path, levels: Sequence[str], progress: Progress) -> None:
-    """Make the object files of kernels, in as many processes as there are cores."""
-    waiting: SimpleQueue[str] = SimpleQueue()
-    for line in lines:
-        waiting.put(line)
+    """Make the object files of kernels, in as many processes as there are cores, each module's in one: they share much
+    of what is compiled into them."""
+    waiting: SimpleQueue[list[str]] = SimpleQueue()
+    modules = [list(group) for _, group in groupby(lines, _module)]
+    for group in sorted(modules, key=len, reverse=True):
+        waiting.put(group)
     done: list[str] = []
 
     def work(_: int) -> None:
@@ -104,18 +107,22 @@ def _compile(lines: list[str], folder: Path, levels: Sequence[str], progress: Pr
             assert worker.stdout
             with suppress(Empty):
                 while True:
-                    line = waiting.get_nowait()
-                    print(line, file=worker.stdin, flush=True)
-                    if worker.stdout.readline() != "done\n":
-                        raise RuntimeError(f"cannot compile the kernel {line}")
-                    done.append(line)
-                    progress(len(done), len(lines))
+                    for line in waiting.get_nowait():
+                        print(line, file=worker.stdin, flush=True)
+                        if worker.stdout.readline() != "done\n":
+                            raise RuntimeError(f"cannot compile the kernel {line}")
+                        done.append(line)
+                        progress(len(done), len(lines))
             worker.stdin.close()
 
     if lines:
-        count = min(len(lines), os.cpu_count() or 1)
+        count = min(len(modules), os.cpu_count() or 1)
         with ThreadPoolExecutor(count) as pool:
             list(pool.map(work, range(count)))
+
+
+def _module(line: str) -> str:
+    return line.split(" ")[0].rpartition(".")[0]
 
 
 def _compile_as_told(folder: Path, levels: Sequence[str]) -> None:

@@ -177,7 +177,8 @@ def test_every_level_that_this_processor_has_bakes_alike(installed, tmp_path):
     (tmp_path / "hills.obj").write_bytes(obj(*hills(20)))
     baked = []
     for level in library.levels()[: library.levels().index(library.level()) + 1]:
-        code = f"from raytrace.kernel import library; library.level = lambda: {level!r}; import obscurance.cli as c; c.main()"
+        code = f"from raytrace.kernel import library; library.level = lambda: {level!r}; "
+        code += "import obscurance.cli; obscurance.cli.main()"
         target = tmp_path / f"{level}.npy"
         done = run(installed / "python", "-c", code, "bake", "hills.obj", "-o", target, folder=tmp_path)
         assert done.returncode == 0, done.stderr
