@@ -78,8 +78,8 @@ class PreparedMesh(Mesh):
         """Receivers of which a bake may change the flags and release the scene. Raises: OptionError: other normals."""
         if options.normals != self.axes:
             raise OptionError("normals", f'"{self.axes}", by which the mesh was prepared', repr(options.normals))
-        kept, faces = self.receivers, self.receivers.faces
-        alone = partial(TriangleScene, self.placement.vertices, faces)
+        kept = self.receivers
+        alone = partial(TriangleScene, self.placement.vertices, kept.faces)
         embree = cache(kept.embree if options.method == "vertex" else alone)
         return replace(kept, flags=kept.flags.copy(), embree=embree, tree_seconds=0.0)
 
@@ -125,7 +125,8 @@ class Prepared:
 
         Raises: OptionError: `options.only` is not one truth value a vertex; as `find_receivers`, `Checkpoint.begin`.
         """
-        count, asked = len(mesh.vertices), options.only
+        count = len(mesh.vertices)
+        asked = options.only
         if asked is not None and (asked.shape != (count,) or asked.dtype != np.bool_):
             raise OptionError("only", f"bool ({count},)", f"{asked.dtype} {asked.shape}")
         checkpoint = checkpoint or NOTHING_KEPT
@@ -134,7 +135,8 @@ class Prepared:
         mus = options.mus(mesh.radius if radius is None else radius)
         mesh = joined([mesh, *occluders])
         if isinstance(mesh, PreparedMesh):
-            placement, receivers = mesh.placement, mesh.receivers_for(options)
+            placement = mesh.placement
+            receivers = mesh.receivers_for(options)
         else:
             placement = Placement.of(mesh)
             receivers = find_receivers(mesh, placement, options.normals)
@@ -152,7 +154,8 @@ class Prepared:
 
     @property
     def scene(self) -> RayScene:
-        receivers, opacity = self.receivers, self.receivers.opacity
+        receivers = self.receivers
+        opacity = receivers.opacity
         if self.options.back_faces == "ignore":
             opacity = (opacity or PackedOpacity(np.full(len(receivers.faces), -1)))._replace(one_sided=np.int64(1))
         hierarchies = receivers.tree, receivers.embree
@@ -160,11 +163,14 @@ class Prepared:
 
     def tracer(self, total_points: int) -> Tracer:
         """A tracer of up to `total_points` points, for a mesh all of its points, wanted or not."""
-        options, placement, receivers = self.options, self.placement, self.receivers
+        options = self.options
+        placement = self.placement
         mu = in_render_space(self.mus, placement.scale)
         t_max = min(mu.limit, placement.diagonal)
-        points, layered = receivers.points, self.scene.opacity is not None
-        normals, reach = points.normals[tried(len(points))], t_max / placement.diagonal
+        points = self.receivers.points
+        layered = self.scene.opacity is not None
+        normals = points.normals[tried(len(points))]
+        reach = t_max / placement.diagonal
         below = packets_below(options.traversal, layered, normals, reach, len(points), mu)
         return Tracer(self.scene, below, mu, t_max, self.threads, total_points, self.progress, self.checkpoint)
 

@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import ao
-from ao.falloff import MAX_KNOTS, Length
+from ao.falloff import FALLOFFS, MAX_KNOTS, Length
 from raytrace.errors import ConflictError, InputError, OptionError, nearest_name
 from raytrace.system.checks import check_regular
 from raytrace.types import Float64s
 
-FORMS = {"exponential": ao.Exponential, "binary": ao.Binary, "linear": ao.Linear, "smooth": ao.Smooth}
+FORMS = FALLOFFS
 _TABLE = "table:"
 _ENDINGS = ".csv", ".txt", ".npy"
 _MOST = 1 << 24  # bytes of a table's file

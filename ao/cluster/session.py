@@ -61,13 +61,15 @@ class Dispatch:
 
     def begin(self, work: Work, spans: Sequence[Span]) -> None:
         """Hand out the rows `spans` of `work` from now on, and none of the last work."""
-        self.spans, self.left = deque(spans), sum(last - first for first, last in spans)
+        self.spans = deque(spans)
+        self.left = sum(last - first for first, last in spans)
         self._rays = max(work.rays, 1e-9)
         self._most_rows = max(_MOST_BYTES // sum(table.nbytes for table in work[:1].tables()), 1)
 
     def take(self, worker: str) -> Span:
         """A block for `worker`, of a few seconds, less where little is left."""
-        wanted, speed = float(_FIRST_RAYS), self.speed.get(worker)
+        wanted = float(_FIRST_RAYS)
+        speed = self.speed.get(worker)
         if speed:
             waiting = self._rays * sum(last - first for first, last in self.spans)
             seconds = waiting / sum(self.speed.values()) / _ENDGAME
@@ -107,8 +109,12 @@ class ClusterSession:
     def __init__(
         self, address: str, shared: Path, name: str, notify: Callable[[str], object], threads: int | None = None
     ) -> None:
-        self.dispatch, self._cluster = Dispatch(), DaskCluster(address, threads)
-        self._address, self._shared, self._name, self._notify = address, shared, name, notify
+        self.dispatch = Dispatch()
+        self._cluster = DaskCluster(address, threads)
+        self._address = address
+        self._shared = shared
+        self._name = name
+        self._notify = notify
         self._scene: Callable[[], object] = lambda: None  # a weak reference: it may be large
         self._file: SceneFile | None = None
         self._calls: dict[Future[Any], tuple[str, Span]] = {}
@@ -116,7 +122,8 @@ class ClusterSession:
         self._workers: dict[str, InputError | ClusterError | None] = {}  # why they get no work, if they do not
         self._lost_before: Counter[tuple[int, int]] = Counter()  # how often, by first row and by what ends the bake
         self._begun = self._looked = self._alone_since = time.monotonic()
-        self._told_late, self._told_alone = not self._cluster.count, False
+        self._told_late = not self._cluster.count
+        self._told_alone = False
 
     def __enter__(self) -> Self:
         if not self._cluster.count:
@@ -188,7 +195,8 @@ class ClusterSession:
         """What the cluster did, in a line."""
         done = self.dispatch
         again = f", {done.again:,} of them once more, for workers that were lost" if done.again else ""
-        blocks, workers = _plural(done.blocks.total(), "block"), _plural(len(done.blocks), "worker")
+        blocks = _plural(done.blocks.total(), "block")
+        workers = _plural(len(done.blocks), "worker")
         return f"{self._address}: {blocks} traced by {workers}{again}"
 
     def _look(self) -> None:

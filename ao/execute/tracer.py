@@ -134,9 +134,12 @@ class Tracer:
             self._traced[samples, int(key)] = numbers, rows
         return rows[np.searchsorted(numbers, points.numbers), self.column]
 
-    def gather_again(self, points: Points, samples: int, key: np.uint32) -> Float64s:
-        """`gather` by a `key` of its own, for what the other rows err by; of what points stand for, elsewhere in it."""
-        return self.gather(points, samples, key)
+    def gather_elsewhere(self, points: Points, samples: int, key: np.uint32, here: Float64s) -> Float64s:
+        """`gather` elsewhere in what each of the `points` stands for, by a `key` that no other rows have.
+
+        Args: here: rows of the points themselves by independent rays, which are what vertices have elsewhere, too.
+        """
+        return here
 
     @property
     def columns(self) -> int:

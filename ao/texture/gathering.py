@@ -30,15 +30,14 @@ class TexelTracer(Tracer):
     texels: Texels
     elsewhere: Callable[[Int64s], Texels] | None  # with other points of the texels (j,), or without any of some of them
 
-    def gather_again(self, points: Points, samples: int, key: np.uint32) -> Float64s:
+    def gather_elsewhere(self, points: Points, samples: int, key: np.uint32, here: Float64s) -> Float64s:
         if self.elsewhere is None:
-            return self.gather(points, samples, key)
-        own, numbers = self.texels, points.numbers.astype(np.int64)
+            return here
+        texels, numbers, rows = self.texels, points.numbers.astype(np.int64), here.copy()
         self.texels = self.elsewhere(numbers)
-        there, rows = self.texels.counts[numbers] > 0, np.empty((len(points), COLUMNS))
+        there = self.texels.counts[numbers] > 0
         rows[there] = self.gather(points[there], samples, key)
-        self.texels = own
-        rows[~there] = self.gather(points[~there], samples, key)
+        self.texels = texels
         return rows
 
     def _trace(self, points: Points, samples: int, key: np.uint32, leap: int = 1) -> Float64s:

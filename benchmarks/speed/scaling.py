@@ -35,7 +35,7 @@ from benchmarks.time_against_error.machine import machine
 from raytrace.system import threads as threads_module
 from raytrace.system.atomic import write_json
 
-TARGET, PAGE = RESULTS / "scaling.json", ROOT / "docs" / "benchmarks"
+TARGET, PAGE = RESULTS / "scaling.json", ROOT / "build" / "scaling"
 CORES = (2, 4, 8, 16, 32)
 STAGES = (
     ("mesh bounds", "raytrace.mesh.placement Placement.of"),
@@ -55,7 +55,7 @@ STAGES = (
     ("result", "ao.result assemble"),
     ("error between vertices", "ao.interpolation_error measure_interpolation"),
     ("charts", "ao.texture.shown Shown.of"),
-    ("coverage", "ao.texture.coverage cover"),
+    ("coverage", "ao.texture.coverage Page.cover"),
     ("texels", "ao.texture.texels find_texels"),
     ("seams, padding", "ao.texture.result assemble_pages"),
     ("geometry", "raytrace.renderer.render prepare_picture"),

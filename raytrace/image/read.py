@@ -158,7 +158,7 @@ def _silenced() -> Iterator[None]:
 
 @contextmanager
 def _limited(oiio: Any, file: Path, stored: int) -> Iterator[None]:
-    """Have OpenImageIO refuse a JPEG 2000 by its header, all of which it decodes to open it, in 14 times the memory."""
+    """Have OpenImageIO refuse a JPEG2000 by its header, all of which it decodes to open it, in 14 times the memory."""
     with file.open("rb") as opened:
         if not opened.read(12).startswith(_JPEG_2000):
             yield

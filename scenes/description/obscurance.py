@@ -69,7 +69,7 @@ def _vertices_to_bake(description: SceneDescription, threads: int | None) -> Boo
     objects = description.scene.objects
     seen = seen_vertices(description.scene, description.camera, description.settings, threads)
     textured = [item.shape.occlusion is not None for item in objects]
-    return seen & ~np.repeat(textured, [len(item.shape.mesh.vertices) for item in objects])
+    return np.asarray(seen & ~np.repeat(textured, [len(item.shape.mesh.vertices) for item in objects]))
 
 
 def _stored_w(description: SceneDescription, path: Path) -> Float64s:

@@ -1,4 +1,4 @@
-"""One small case for each fault of the glTF reader that fuzzing or its preparation found; see docs/reliability.md."""
+"""One small case for each fault of the glTF reader that fuzzing or its preparation found: evidence/reliability.md."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""One small case for each fault in scenes and images that fuzzing or its preparation found; see docs/reliability.md."""
+"""One small case for each fault in scenes and images that fuzzing or its preparation found: evidence/reliability.md."""
 
 import struct
 import time

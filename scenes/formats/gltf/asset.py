@@ -1,7 +1,7 @@
 """A glTF asset: its JSON header as records, the bytes of its buffers, and what its default scene draws.
 
 An own reader, beside trimesh's and pygltflib, because an output keeps all of a file that it does not change, references
-stay in the file's folder, and memory is bounded: 256 times the bytes of a file + 64 MiB at most (docs/reliability.md).
+stay in the file's folder, and memory is bounded: 256 times the bytes of a file + 64 MiB (evidence/reliability.md).
 Format: Khronos glTF 2.0 specification, sections 3.5 (scenes), 3.6 (buffers) and 3.7 (meshes), chapter 4 (GLB).
 """
 

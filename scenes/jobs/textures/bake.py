@@ -65,9 +65,8 @@ class TextureCommand(MeshBake):
         inputs, glb = self.hashed(sources.files), self._glb()
         remarks = lacking(source, found.uv, sources.chosen.receive, glb)
         if found.cramped:
-            remarks.append(
-                f"{source.path}: {found.cramped:,} faces show texels of others, for their charts are smaller"
-            )
+            smaller = f"{found.cramped:,} faces show texels of others, for their charts are smaller"
+            remarks.append(f"{source.path}: {smaller}; a larger --size or --uv unwrap gives them texels")
         warnings = warn(sources.meshes, [*sources.notes, *remarks], falloff)
         falloff = sources.chosen.absolute(falloff)
         bakes: list[BakedPage] = []

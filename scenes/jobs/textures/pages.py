@@ -131,7 +131,7 @@ def pages_of(
         apart = layouts.by_instance(pages)
         if len(apart) > len(pages) and output.suffix.lower() != ".glb":
             raise OptionError("output", f"{OBJECT} in its name, or a .glb: instances have a texture each", output)
-        return apart
+        pages = apart
     if instances == "first":
         first = [replace(page, uv=_only(page.uv, layouts.instance == 0), shown=page.uv) for page in pages]
         pages = [page for page in first if on_page(page.uv).any()]
@@ -218,7 +218,7 @@ def layout_remarks(baked: ao.BakedTexture, wraps: bool, tiles: bool) -> list[str
 def check_area(source: MeshFile, page: Page) -> None:
     """Raises: MeshError: no face of the page has an area on it, so that nothing would be written of it."""
     if not have_area(page.uv).any():
-        name = page.name or page.words.get(OBJECT, "")
+        name = page.name or " ".join(page.words.values())
         of_page = f" of {name}" if name else ""
         raise MeshError(source.path, f"texture coordinates{of_page}", "faces with an area on the page", "none")
 
