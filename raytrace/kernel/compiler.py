@@ -23,19 +23,15 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher, cpu_target
 from numba.core.runtime import rtsys
-from numba.np.arrayobj import make_array, populate_array
 
 from . import lanes as lanes  # Numba knows the type and its operators from then on
 from .jit import types
-from .library import ABOUT, ARM, BUILT, POINTER, about, level, levels, pointers
+from .library import ABOUT, ARM, BUILT, POINTER, levels
+from .words import load_argument, store_results, type_of_value
 
 _WORD = ir.IntType(64)
 _BYTE = ir.IntType(8)
 _POINTER = _BYTE.as_pointer()
-_HEAD = object.__basicsize__ // 8  # words before an array's own: data, number of axes, lengths, strides
-_DATA = _HEAD
-_SHAPE = _HEAD + 2
-_STRIDES = _HEAD + 3
 _INFO = 48  # bytes before Numba's arrays: count of references, destructor, its argument, data, size, allocator
 _OF_NUMBA = ("NRT_", "numba_", "Py", "_Py")  # functions that a process without Numba has not
 _context = cpu_target.target_context
@@ -103,7 +99,7 @@ def _compiling() -> Iterator[None]:
         rtsys.initialize(_context)
         codegen = _context.codegen()
         kept = codegen._engine, codegen._library_class, codegen._tm
-        codegen._engine, codegen._library_class, codegen._tm = Idle(), _Library, _machine(levels()[0])
+        codegen._engine, codegen._library_class, codegen._tm = Idle(), _Library, machine_of(levels()[0])
         collecting = gc.isenabled()
         gc.disable()
         try:
@@ -115,11 +111,11 @@ def _compiling() -> Iterator[None]:
 
 
 @cache
-def _machine(level: str) -> llvm.TargetMachine:
+def machine_of(level: str) -> llvm.TargetMachine:
     """LLVM's machine for processors of a level."""
     of_arm = "apple-m1" if sys.platform == "darwin" else "generic"
     target = llvm.Target.from_triple(llvm.get_process_triple())
-    machine = target.create_target_machine(
+    machine = target.create_targetmachine_of(
         cpu=of_arm if level == ARM else level, opt=numba.config.OPT, reloc="pic", codemodel="default"
     )
     return machine
@@ -143,7 +139,7 @@ def object_files(
     Args: path: of a `Kernel.callback`, which takes one address and finds the words from there; its first argument.
     """
     with _compiling():
-        given = tuple(map(_kind, arguments))
+        given = tuple(map(type_of_value, arguments))
         dispatcher = _Dispatcher(function, False)
         dispatcher.compile(given)
         compiled = dispatcher.overloads[given]
@@ -156,13 +152,13 @@ def object_files(
             pointer = builder.load(cgutils.gep_inbounds(builder, words, place))
             words = builder.inttoptr(pointer, _WORD.as_pointer())
         rows = count()
-        values = [_argument(builder, words, rows, kind) for kind in given]
+        values = [load_argument(builder, words, rows, kind) for kind in given]
         if path:
             values[0] = builder.ptrtoint(entry.args[0], _WORD)
         status, found = _context.call_internal_no_propagate(builder, compiled.fndesc, compiled.signature, values)
         with builder.if_then(status.is_error):
             builder.ret(ir.IntType(32)(1))
-        formats = _store(builder, compiled.signature.return_type, found, results, count())
+        formats = store_results(builder, compiled.signature.return_type, found, results, count())
         builder.ret(ir.IntType(32)(0))
         _text(module, symbol + ABOUT, f"{formats}\n{identity}")
         return _emitted(compiled.library, module, symbol, levels)
@@ -176,7 +172,7 @@ def shared_object_file(names: Iterable[str], level: str) -> bytes:
         pointer = ir.GlobalVariable(module, _POINTER, POINTER + name)
         pointer.initializer = _POINTER(None)
     _text(module, BUILT, f"Numba {numba.__version__}, LLVM {'.'.join(map(str, llvm.llvm_version_info))}")
-    code: bytes = _machine(level).emit_object(llvm.parse_assembly(str(module)))
+    code: bytes = machine_of(level).emit_object(llvm.parse_assembly(str(module)))
     return code
 
 
@@ -185,88 +181,6 @@ def _text(module: ir.Module, name: str, text: str) -> None:
     constant = ir.GlobalVariable(module, ir.ArrayType(_BYTE, len(content)), name)
     constant.initializer = ir.Constant(constant.value_type, content)
     constant.global_constant = True
-
-
-@cache
-def _engine() -> llvm.ExecutionEngine:
-    machine = _machine(level())
-    return llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
-
-
-def linked_here(
-    symbol: str, function: Callable[..., Any], identity: str, arguments: tuple[Any, ...], path: tuple[int, ...]
-) -> tuple[str, int]:
-    """The formats of a kernel's results and the address of its code, which LLVM links in this process."""
-    (code,) = object_files(symbol, function, identity, arguments, path, [level()])
-    for name, address in pointers().items():
-        llvm.add_symbol(name, address)
-    _engine().add_object_file(llvm.ObjectFileRef.from_data(code))
-    _engine().finalize_object()
-    formats, _ = about(_engine().get_global_value_address(symbol + ABOUT))
-    return formats, _engine().get_function_address(symbol)
-
-
-def _kind(value: Any) -> Any:
-    """Numba's type of an argument; that of a read-only array is as if it were writable."""
-    if isinstance(value, tuple):
-        return types.BaseTuple.from_types(tuple(map(_kind, value)), type(value))
-    kind = numba.typeof(value)
-    return kind.copy(readonly=False) if isinstance(kind, types.Array) else kind
-
-
-def _argument(builder: Any, words: Any, rows: Iterator[int], kind: Any) -> Any:
-    """A value of a Numba type, made of the next words."""
-    if isinstance(kind, types.BaseTuple):
-        members = [_argument(builder, words, rows, member) for member in kind.types]
-        return _context.make_tuple(builder, kind, members)
-    if kind == types.none:
-        return _context.get_dummy_value()
-    word = builder.load(cgutils.gep_inbounds(builder, words, next(rows)))
-    if isinstance(kind, types.Array):
-        return _array(builder, word, kind)
-    if isinstance(kind, types.Float):
-        number = builder.bitcast(word, ir.DoubleType())
-        return builder.fptrunc(number, ir.FloatType()) if kind.bitwidth < 64 else number
-    if isinstance(kind, types.Boolean):
-        return builder.icmp_unsigned("!=", word, _WORD(0))
-    if isinstance(kind, types.Integer):
-        return builder.trunc(word, ir.IntType(kind.bitwidth)) if kind.bitwidth < 64 else word
-    raise TypeError(f"argument of a kernel: expected arrays, numbers and tuples of them, got {kind}")
-
-
-def _array(builder: Any, word: Any, kind: Any) -> Any:
-    """The array whose Python object is at an address; it is kept by who calls."""
-
-    def words(address: Any, places: Iterable[int]) -> list[Any]:
-        pointer = builder.inttoptr(address, _WORD.as_pointer())
-        return [builder.load(cgutils.gep_inbounds(builder, pointer, place)) for place in places]
-
-    data, lengths, steps = words(word, (_DATA, _SHAPE, _STRIDES))
-    shape = words(lengths, range(kind.ndim))
-    strides = words(steps, range(kind.ndim))
-    array = make_array(kind)(_context, builder)
-    size = _context.get_abi_sizeof(_context.get_data_type(kind.dtype))
-    populate_array(array, builder.inttoptr(data, array.data.type), shape, strides, _WORD(size), None)
-    return array._getvalue()
-
-
-def _store(builder: Any, kind: Any, value: Any, results: Any, rows: Iterator[int]) -> str:
-    """Write a value to where results are wanted, a word each number; returns their formats."""
-    if kind == types.none:
-        return ""
-    if isinstance(kind, types.BaseTuple):
-        members = [builder.extract_value(value, place) for place in range(len(kind))]
-        return "(" + "".join(_store(builder, *each, results, rows) for each in zip(kind, members, strict=True)) + ")"
-    if isinstance(kind, types.Float):
-        word, letter = builder.bitcast(builder.fpext(value, ir.DoubleType()), _WORD), "d"
-    elif isinstance(kind, types.Integer | types.Boolean):
-        signed = isinstance(kind, types.Integer) and kind.signed
-        word, letter = (builder.sext(value, _WORD), "q") if signed else (builder.zext(value, _WORD), "Q")
-        letter = "?7x" if isinstance(kind, types.Boolean) else letter
-    else:
-        raise TypeError(f"result of a kernel: expected numbers and tuples of them, got {kind}")
-    builder.store(word, cgutils.gep_inbounds(builder, results, next(rows)))
-    return letter
 
 
 def _emitted(library: Any, module: Any, symbol: str, levels: Iterable[str]) -> list[bytes]:
@@ -289,7 +203,7 @@ def _emitted(library: Any, module: Any, symbol: str, levels: Iterable[str]) -> l
 def _optimized(library: Any, bitcode: bytes, symbol: str, level: str) -> bytes:
     codegen = _context.codegen()
     of_all = codegen._tm
-    codegen._tm = _machine(level)
+    codegen._tm = machine_of(level)
     try:
         library._final_module = llvm.parse_bitcode(bitcode)
         library._optimize_final_module()

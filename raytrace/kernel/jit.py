@@ -54,6 +54,7 @@ cgutils = _Deferred("numba.core.cgutils")
 arrayobj = _Deferred("numba.np.arrayobj")
 lanes = _Deferred("raytrace.kernel.lanes")
 compiler = _Deferred("raytrace.kernel.compiler")
+link = _Deferred("raytrace.kernel.link")
 
 
 class _Loaded(NamedTuple):
@@ -136,7 +137,7 @@ def _code(signature: Signature, function: Callable[..., Any], arguments: tuple[A
         logging.getLogger("obscurance").info("compiling kernel %s", signature.line)
         compiled.append(signature.line)
         identity = library.identity_of(function)
-        found = compiler.linked_here(signature.symbol, function, identity, arguments, signature.path)
+        found = link.linked_here(signature.symbol, function, identity, arguments, signature.path)
     return found
 
 

@@ -27,7 +27,7 @@ POINTER = "pointer_to_"
 """Beginning of the name of a pointer."""
 BUILT = "built_by"
 _HOW_TO_BUILD = "in the source folder `python -m pip install .`, or `make install`, builds them"
-_COMPILER = ("compiler.py", "lanes.py")
+_COMPILER = ("compiler.py", "words.py", "lanes.py")
 _pointers: dict[str, ctypes.c_void_p] = {}
 _compares = [(ROOT / "pyproject.toml").is_file()]  # whether sources may be others than the library was built of
 

@@ -28,8 +28,8 @@ DOORS = {
     "dask": {"ao.cluster.dask_cluster"},
     "distributed": {"ao.cluster.dask_cluster"},
     "embreex": {"raytrace.embree.library"},
-    "llvmlite": {"raytrace.kernel.lanes", "raytrace.kernel.compiler"},
-    "numba": {"raytrace.kernel.lanes", "raytrace.kernel.compiler", "raytrace.kernel.build"},
+    "llvmlite": {f"raytrace.kernel.{name}" for name in ("lanes", "compiler", "words", "link")},
+    "numba": {f"raytrace.kernel.{name}" for name in ("lanes", "compiler", "words", "build")},
     "uvunwrap": {"scenes.jobs.textures.coordinates"},
     "OpenImageIO": {f"raytrace.image.{name}" for name in ("encode", "fill", "read", "compare", "texture")},
 }
