@@ -11,7 +11,7 @@ from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import opacity_bytes
 from raytrace.system.checks import NEGLIGIBLE, check_memory
 
-from .declared import taking
+from .declared import with_option_parameters
 from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids
 from .estimate.tolerance import Estimate, shortfalls
@@ -29,7 +29,7 @@ class VertexArguments(VertexOptions, Inputs):
     """Arguments of `ao.bake`."""
 
 
-@taking(VertexArguments)
+@with_option_parameters(VertexArguments)
 def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex of `mesh`.
 
@@ -63,9 +63,9 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
 
         values = fit_to_surface(prepared)
     else:
-        from .texture.projection import sample_fine_mesh
+        from .fine_mesh import sample_fine_mesh
 
-        prepared, values = sample_fine_mesh(prepared, solid, mesh, options)
+        prepared, values = sample_fine_mesh(prepared, mesh, options)
     build = prepared.receivers.tree_seconds
     baked = assemble(prepared, mesh, values)
     if high is None and (only is None or options.denoise):

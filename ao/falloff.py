@@ -324,8 +324,8 @@ def _falloff(given: Any) -> Falloff:
     }
     if given is None or (isinstance(given, str) and given in without_arguments):
         return without_arguments[given]()
-    kinds: list[type[Any]] = [*FALLOFFS.values(), Tabulated]
-    classes = ", ".join(f"ao.{kind.__name__}(…)" for kind in kinds)
+    names = sorted(kind.__name__ for kind in FALLOFFS.values())
+    classes = ", ".join(f"ao.{name}(…)" for name in (*names, "Tabulated"))
     expected = f'{classes}, "binary" or "exponential"'
     near = nearest_name(given, ("exponential", "binary")) if isinstance(given, str) else None
     raise OptionError("falloff", expected, repr(given), "bake", near)

@@ -1,5 +1,6 @@
 """The records that both methods bake from."""
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from functools import cache, partial
@@ -19,6 +20,7 @@ from raytrace.types import Bools, Int64s
 
 from .declared import Option
 from .execute.checkpoint import NOTHING_KEPT, Checkpoint
+from .execute.sample_means import SampleMeans
 from .execute.tracer import Progress, Tracer
 from .memory import vertex_bytes
 from .mu import Mu, in_render_space
@@ -34,23 +36,23 @@ from .rays.traverse import packets_below, tried
 class Inputs:
     """Arguments of `ao.bake` and `ao.bake_texture` beside their `Options`."""
 
-    mesh: Annotated[Mesh | Any, Option(on="", role="input", help=
+    mesh: Annotated[Mesh | Any, Option(bake_kinds="", role="input", help=
         "The surface, a `raytrace.Mesh`, a pair (vertices, faces), a mesh of trimesh, PyVista, meshio or Open3D, or "
         "what `ao.prepare` returns.")]
     _: KW_ONLY
-    progress: Annotated[Progress | None, Option(on="", role="run", help=
+    progress: Annotated[Progress | None, Option(bake_kinds="", role="run", help=
         "Called with (rays traced, rays in all) as the work goes on.")] = None
-    checkpoint: Annotated[Checkpoint | None, Option(on="", role="run", help=
+    checkpoint: Annotated[Checkpoint | None, Option(bake_kinds="", role="run", help=
         "Keeps what is traced, and is asked for what an interrupted run traced; the bits are the same.")] = None
-    high: Annotated[Mesh | Any | None, Option(on="", role="input", help=
+    high: Annotated[Mesh | Any | None, Option(bake_kinds="", role="input", help=
         "A finer mesh, of which w is baked instead: where it lies outwards or inwards along the smooth normals of "
         "`mesh`, which itself occludes nothing. The hemisphere is that of the fine mesh there, less what lies below "
         "its face; estimates are denoised, and predicted, over `mesh`. Not by the surface method, nor with `only`.")
         ] = None
-    groups: Annotated[tuple[Int64s, Int64s] | None, Option(on="", role="input", help=
+    groups: Annotated[tuple[Int64s, Int64s] | None, Option(bake_kinds="", role="input", help=
         "Numbers of groups of the vertices of `mesh` (n,) and of those of `high`, by which their faces are of a group, "
         "too: points are found on faces of their own group alone. All faces of `high` occlude.")] = None
-    occluders: Annotated[Sequence[Mesh | Any], Option(on="", role="input", help=
+    occluders: Annotated[Sequence[Mesh | Any], Option(bake_kinds="", role="input", help=
         "Meshes that only occlude: w is what it would be if they were part of `mesh`. Per cent are of the radius of "
         "`mesh` alone. Not with `high`.")] = ()
 # fmt: on
@@ -173,6 +175,18 @@ class Prepared:
         reach = t_max / placement.diagonal
         below = packets_below(options.traversal, layered, normals, reach, len(points), mu)
         return Tracer(self.scene, below, mu, t_max, self.threads, total_points, self.progress, self.checkpoint)
+
+    def sample_tracer(self, means: SampleMeans, kind: str, checkpoint: Checkpoint | None) -> Tracer:
+        """A tracer of groups of samples on the mesh, and the checkpoint begun. Args: kind: of bake."""
+        points = means.samples.points
+        tracer = self.tracer(len(points))
+        tracer.means = means
+        if checkpoint:
+            digest = hashlib.blake2b(points.origins.data)
+            digest.update(points.normals.data)
+            checkpoint.begin(self.placement, self.receivers, self.mus, kind, self.options.identity, digest.hexdigest())
+            tracer.checkpoint = checkpoint
+        return tracer
 
     @property
     def key(self) -> np.uint32:

@@ -43,6 +43,7 @@ def report(
     Args: options: every effective one of the command, `seed` among them. seconds: `load` and `write`; the bake adds
         `build` and `bake`. warnings: what limits the result, see `raytrace.mesh.precision`.
     """
+    # What texels have, or vertices.
     if isinstance(bake, BakedTexture):
         height, width = bake.w.shape
         has_value: Any = bake.covered

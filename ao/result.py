@@ -183,6 +183,7 @@ class PointValues:
 
 def assemble(prepared: Prepared, mesh: Mesh, values: PointValues) -> Bake:
     """Spread values at points over the vertices of `mesh`, the first of the wanted ones."""
+    # w, errors and bent normals of each vertex, by its point.
     count = len(mesh.vertices)
     only = prepared.options.only
     point = prepared.wanted.of_vertex[:count]
@@ -195,6 +196,7 @@ def assemble(prepared: Prepared, mesh: Mesh, values: PointValues) -> Bake:
         np.append(each, np.full((1, each.shape[1]), outside), axis=0)[point]
         for each, outside in zip(values.others, (1.0, 0.0), strict=False)
     ]
+    # Root mean squares over the vertices asked for, and rays not traced, by reason.
     wanted = len(point) if only is None else int(np.count_nonzero(only))
     errors = [error, *(column for each in spread[1:] for column in each.T)]
     rmses = tuple(float(np.sqrt(np.sum(each**2) / max(wanted, 1))) for each in errors)

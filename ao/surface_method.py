@@ -26,6 +26,7 @@ def fit_to_surface(prepared: Prepared) -> PointValues:
     options = prepared.options
     tolerance = options.tolerance
     vertices = _unknowns(prepared)
+    # Few rays at first, where a tolerance says how many are enough.
     rays = most = options.rays_in_all(vertices)
     if tolerance is not None:
         rays = min(max(_FIRST * vertices, _LEAST), most)
@@ -38,6 +39,7 @@ def fit_to_surface(prepared: Prepared) -> PointValues:
         rays = min(int(rays * np.clip((rmse / (_AIM * tolerance)) ** 2, 2.0, 16.0)), most)
         fit, more = _fit(prepared, rays)
         counts += more
+    # The values at the points asked for.
     rows = receivers.of_vertex[wanted.first_vertex]
     return PointValues(
         w=fit.w[rows],

@@ -125,10 +125,12 @@ def solve(
     Args: start: (n,), where to begin. free: bool (n,), the unknowns to solve for; fixed unknowns keep their start.
         near: the preconditioned residual, in the units of x, at any unknown or, if `mean`, by the diagonal's weights.
     """
+    # The preconditioner: blocks of the diagonal, inverted.
     x = start.copy()
     free = np.ones(len(x), np.bool_) if free is None else free
     inverse = np.empty((len(x), _GROUP))
     _run_rows(len(x), _BLOCK, bind(_invert, *_arrays(matrix), free, inverse), threads)
+    # Kernels over the rows, which share these arrays.
     residual = right - multiply(matrix, x, threads)
     step = np.zeros(len(x))
     image = np.zeros(len(x))  # of the step by the matrix, then the preconditioned residual
@@ -149,6 +151,7 @@ def solve(
         _run_rows(len(x), _BLOCK, work_and_add, threads)
         return math.fsum(sums)
 
+    # Steps along conjugate directions until the preconditioned residual is small.
     size = dot_after(partial(descend, 0.0), residual, image)
     step += image
     most = (1 if mean else _GROUP) * near**2 * float(matrix.diagonal().sum())

@@ -130,7 +130,7 @@ def _build_problem(patch: Patch, moments: Float64s, laplacian: Float64s, threads
     number = np.argsort(np.argsort(first_corner, kind="stable"))
     # The matrices, all of one sparsity pattern.
     face_points = number[patch.face_points].astype(np.int32)
-    hinges = find_hinges(face_points[: patch.own], patch.normals[: patch.own], CREASE, patch.unknowns)
+    hinges = find_hinges(face_points[: patch.mesh_faces], patch.normals[: patch.mesh_faces], CREASE, patch.unknowns)
     stencil = Stencil.of(face_points, hinges, patch.unknowns)
     even = _normal_equations(stencil, moments[:, :HALF])
     odd = _normal_equations(stencil, moments[:, HALF:BENT])

@@ -44,7 +44,7 @@ class Patch:
     face_points: Int32s  # (m, 3), unknowns: rows in `Receivers.points`, or behind them for vertices without a point
     axes: Float32s  # (m, 3, 3), unit normals of the corners' points, or 0
     unknowns: int  # their number
-    own: int  # number of faces that are the mesh's
+    mesh_faces: int  # number of faces that are the mesh's
     cover: Float64s  # (m,), the share of each face's area that it stands for: half in rectangles
 
     @classmethod

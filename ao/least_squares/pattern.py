@@ -117,6 +117,7 @@ def add_jumps(stencil, hinges, corners, areas, values):
     slope = np.empty(6)
     for h in range(len(hinges)):
         weight = areas[hinges[h, 0] // 3] + areas[hinges[h, 1] // 3]
+        # How much the slope at the edge changes with the value at each point of the two faces.
         count = 0
         for side in range(2):
             f = hinges[h, side] // 3
@@ -137,6 +138,7 @@ def add_jumps(stencil, hinges, corners, areas, values):
                     slope[at] = 0.0
                     count += 1
                 slope[at] += product / (2 * areas[f] * np.sqrt(squared))
+        # Its square.
         for a in range(count):
             for b in range(count):
                 values[entry(starts, indices, points[a], points[b])] += weight * slope[a] * slope[b]

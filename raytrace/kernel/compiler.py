@@ -115,7 +115,7 @@ def machine_of(level: str) -> llvm.TargetMachine:
     """LLVM's machine for processors of a level."""
     of_arm = "apple-m1" if sys.platform == "darwin" else "generic"
     target = llvm.Target.from_triple(llvm.get_process_triple())
-    machine = target.create_targetmachine_of(
+    machine = target.create_target_machine(
         cpu=of_arm if level == ARM else level, opt=numba.config.OPT, reloc="pic", codemodel="default"
     )
     return machine

@@ -1,8 +1,8 @@
 """The types of a kernel's arguments: as text for the list of kernels that a library is built of, and as its symbol.
 
-A line of the list has the kernel's name and its arguments' types, such as `raytrace.f |b1 <f8:2C ( None )`: numbers and
+A line of the list has the kernel's name and its arguments' types, such as raytrace.f |b1 <f8:2C ( None ): numbers and
 arrays by NumPy's names, an array's with the number of its axes and C, F or A (any) for its layout, tuples in
-brackets, `raytrace.mesh.Named( … )` if they have a type of their own. A callback's name has its path, `f@2@1`.
+brackets, after the type's name if they have one of their own. A callback's name has its path, `f@2@1`.
 """
 
 from collections.abc import Iterator

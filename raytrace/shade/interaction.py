@@ -166,7 +166,7 @@ def tangents(geometry, i, j, k, edge1, edge2):
 @inline
 def lights_seen(geometry, item, side):
     """The column FRONT of points that are seen from their own side (`side` > 0) or from behind."""
-    turns_to = geometry.rows[item, TWO_SIDED]
+    turns_to = geometry.materials[item, TWO_SIDED]
     front = layout.ON_BOTH_SIDES if turns_to == TO_LIGHT else layout.ON_THIS_SIDE
     return select(side > 0.0, front, front if turns_to != 0.0 else 0.0)
 
@@ -225,10 +225,10 @@ def write_hits(packet, scene, item, mask, hits, view, style):
     if style.terminator and not flat:
         ahead, behind = smooth_origins(point, (p0, p1, p2), (n0, n1, n2), hits.u, hits.v)
     store3(packet, layout.ORIGIN, mask, lift(geometry, item, ahead, geometric, size))
-    if geometry.rows[item, TWO_SIDED] == TO_LIGHT:
+    if geometry.materials[item, TWO_SIDED] == TO_LIGHT:
         store3(packet, layout.BACK, mask, lift(geometry, item, behind, scale(-1.0, geometric), size))
 
-    if geometry.rows[item, BRUSHED] == 1.0:
+    if geometry.materials[item, BRUSHED] == 1.0:
         store3(packet, layout.TANGENT, mask, tangents(geometry, i, j, k, edge1, edge2)[0])
     write_occlusion(packet, scene, item, mask, vertices, hits, style)
     return geometric

@@ -42,6 +42,7 @@ def lane_triple(packet, column, lane):
 @inline
 def reflect_environment(packet, lane, row, lights, style):
     """Write the ambient light that a point reflects, of ambient lights and of the environment."""
+    # The normal, w and the bent normal.
     n = lane_triple(packet, layout.NORMAL, lane)
     v = lane_triple(packet, layout.VIEW, lane)
     w = 1.0
@@ -51,6 +52,7 @@ def reflect_environment(packet, lane, row, lights, style):
         bent = unit(lane_triple(packet, layout.BENT, lane))
         if dot(bent, n) <= 0.0:  # no bent normal is known, or the surface is seen from behind
             bent = n
+    # What arrives from all sides.
     arriving = triple(lights.ambient, 0)  # I_a about the bent normal
     reflectance = triple(row, AMBIENT)
     for sky in lights.skies:
@@ -94,7 +96,7 @@ def add_undirected(packet, items, geometry, ambient, form):
     w = load_row(packet, layout.W)
     while some(left):
         item, mask = next_object(items, left)
-        material = geometry.rows[item]
+        material = geometry.materials[item]
         reflected = multiply(multiply(triple(material, AMBIENT), triple(ambient, 0)), albedo)
         if form != OFF:
             reflected = scale(w, reflected)
@@ -153,7 +155,7 @@ def select_lights(geometry, lights, shading, scratch, packets):
     used = 0
     for j in range(len(lights.kinds)):
         kind = lights.kinds[j]
-        row = lights.rows[j]
+        row = lights.parameters[j]
         if not cannot_matter_in(kind, row, low, high):
             scratch.active[used] = j
             scratch.hidden[used] = obstructed(geometry.boxes, geometry.farthest, start, shift, kind, row)
@@ -171,7 +173,7 @@ def light_packets(geometry, lights, style, scratch, packets):
         if len(lights.skies) + len(lights.harmonics) > 0:
             for lane in range(WIDE):
                 if pick(items, lane) >= 0:
-                    reflect_environment(scratch.points[e], lane, geometry.rows[pick(items, lane)], lights, style)
+                    reflect_environment(scratch.points[e], lane, geometry.materials[pick(items, lane)], lights, style)
         points += count(items >= 0)
     used = select_lights(geometry, lights, style.shading, scratch, packets) if points > 0 else 0
     scratch.counts[CULLED] += (len(lights.kinds) - used) * points
@@ -194,7 +196,7 @@ def light_packet(packet, items, used, geometry, lights, style, scratch):
     sums = zero, zero, zero[0], zero[0]  # diffuse and specular light, and brightness without and with shadows
     for a in range(used):
         j = scratch.active[a]
-        l, distance, intensity = incident(lights.kinds[j], lights.rows[j], point)
+        l, distance, intensity = incident(lights.kinds[j], lights.parameters[j], point)
 
         # the side that the light falls on, and the points that it reaches
         side, origin = facing_side(packet, n, l, both)
@@ -209,7 +211,7 @@ def light_packet(packet, items, used, geometry, lights, style, scratch):
         body, highlight = reflect(packet, items, reached, side, l, geometry)
         if style.shading == CONSTANT:
             highlight = zero
-        body, highlight = coloured(packet, intensity, lights.rows[j], body, highlight, style)
+        body, highlight = coloured(packet, intensity, lights.parameters[j], body, highlight, style)
         bright = reached & (brightness(body, highlight) > 0.0)
         counts[BLACK] += count(reached) - count(bright)
 
@@ -218,7 +220,7 @@ def light_packet(packet, items, used, geometry, lights, style, scratch):
         part = select(bright, 1.0, 1.0)
         if style.shadows and scratch.hidden[a]:
             if style.shading in (CONSTANT, FLAT):  # the light is the face's, δ(p, j) the sample's
-                l, distance = towards(lights.kinds[j], lights.rows[j], origin)
+                l, distance = towards(lights.kinds[j], lights.parameters[j], origin)
             lit, part = transmittance(geometry, scratch, bright, origin, l, distance)
         elif style.shadows:
             counts[UNOBSTRUCTED] += count(bright)
@@ -290,7 +292,7 @@ def reflect(packet, items, reached, n, l, geometry):
     left = reached
     while some(left):
         item, mask = next_object(items, left)
-        d, s = terms_in_lanes(geometry.kinds[item], geometry.rows[item], n, l, view, tangent, mask)
+        d, s = terms_in_lanes(geometry.kinds[item], geometry.materials[item], n, l, view, tangent, mask)
         diffuse = choose(mask, d, diffuse)
         specular = choose(mask, s, specular)
         left = left & ~mask

@@ -146,6 +146,7 @@ def trace_samples(scene, view, style, scratch, corner, work, samples):
             numbers = lane_numbers() + e * WIDE  # of viewing rays, −1 for none
             if opacity is not None:
                 numbers = load_row(scratch.active_rays, e)
+            # The pixel and the sample of each ray.
             turn = ((numbers & (WIDE - 1)) * (256 // batch + 1)) >> 8  # number // batch, in a packet
             row = turn + (numbers >> 4) * of_packet  # of the pixel on the list
             there = (numbers >= 0) & (turn < of_packet) & (row < pending)
@@ -153,6 +154,7 @@ def trace_samples(scene, view, style, scratch, corner, work, samples):
             sample = (numbers & (WIDE - 1)) - turn * batch + done
             x = (pixels & LAST) + corner[0]
             y = (pixels >> BITS) + corner[1]
+            # The rays, and what they hit.
             start = aim(scratch.rays, view, x, y, select(there, sample, 0), scene.geometry.farthest)
             if opacity is not None:  # rays start behind the layers that they have seen
                 for lane in range(WIDE):
@@ -178,12 +180,14 @@ def trace_packet(scene, view, style, scratch, e, start, there):
     if geometry.opacity is not None:  # where the rays would go on, and the alpha of what they hit
         store_row(scratch.layers[e], NEXT, distance + STEP)
         store_row(scratch.layers[e], COVER, load_row(rays, MET_ALPHA))
+    # What a ray that hits nothing leaves: the background, fully lit.
     for column in range(layout.BEAUTY, layout.FILM if style.layers else layout.W):
         store_row(packet, column, 1.0 if layout.W <= column <= layout.SHADOW else 0.0)
     for c in range(3):
         store_row(packet, layout.EMISSION + c, style.background[c])
     store_row(packet, layout.UNSHADOWED, 0.0)
     store_row(packet, layout.SHADOWED, 0.0)
+    # The hits, object by object.
     left = items >= 0
     depth = start + distance
     hits = PacketHits(faces, u, v, depth, scale(-1.0, load3(rays, DIR_X)))
@@ -199,7 +203,7 @@ def trace_packet(scene, view, style, scratch, e, start, there):
         map_grain(packet, scene, item, mask, hits, view, scratch.missing)
         if style.weighted:
             map_occlusion(packet, scene, item, mask, hits, view, scratch.missing)
-        material = geometry.rows[item]
+        material = geometry.materials[item]
         store1(packet, layout.ALPHA, mask, material[ALPHA])
         if style.layers:
             store3(packet, layout.ALBEDO, mask, multiply(load3(packet, layout.ALBEDO_MAP), triple(material, MODEL)))

@@ -69,6 +69,7 @@ def run_blocks(
             if progress:
                 progress(stop - start)
         return
+    # Other threads take blocks beside this one, which alone reports what is finished.
     call = _Call(parts, work)
     try:
         _team.ask(call, threads - 1)

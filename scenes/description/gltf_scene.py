@@ -54,9 +54,9 @@ from raytrace.image.texture import texture_mean
 from raytrace.lights.sources import BaseLight
 from raytrace.materials.presets import eta_from_reflectance
 from raytrace.mesh.normals import normalize
+from raytrace.text.field_errors import located
 from raytrace.types import Float64s
 
-from ..field_errors import located
 from ..formats.gltf import records
 from ..formats.gltf.asset import DrawnPrimitive, Gltf, entry
 from ..formats.gltf.parse import JsonObject, parse

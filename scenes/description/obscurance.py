@@ -36,12 +36,14 @@ def with_obscurance(
     occlusion texture. w from a file stands in place of such textures. Args: checkpoint: as `ao.bake` takes it.
     """
     scene = description.scene
+    # w that is known without a bake.
     if description.w_from == "off":
         return scene, None
     if isinstance(description.w_from, Path):
         return scene.without_occlusion().with_obscurance(_stored_w(description, description.w_from)), None
     if all(item.shape.occlusion for item in scene.objects):
         return scene, None
+    # Bake what can be seen, without the geometry of the picture where both do not fit.
     only = _vertices_to_bake(description, threads)
     mesh = scene.flattened()
     room = available()

@@ -9,10 +9,10 @@ from command import obscurance, refused
 from mesh_files import obj
 from meshes import hills
 
-from ao.falloff import Binary
-from scenes.jobs.manifest import assign_shards
-from scenes.jobs.remote import SharedBakes
-from scenes.jobs.run import bake_command
+from scenes.bake.cluster import SharedPlans
+from scenes.bake.manifest import assign_shards
+from scenes.bake.options import BakeOptions
+from scenes.bake.plan import plan_bake
 
 __all__ = ["left_sockets", "small_blocks"]
 pytestmark = LEFT_SOCKETS
@@ -50,7 +50,7 @@ def same_files(folder, one, other):
 
 @pytest.mark.usefixtures("small_blocks")
 def test_a_batch_by_a_cluster_is_that_of_one_machine_and_can_be_resumed(folder, monkeypatch):
-    monkeypatch.setattr("scenes.jobs.batch._LARGE", (folder / "hill4.obj").stat().st_size)
+    monkeypatch.setattr("scenes.bake.batch._LARGE", (folder / "hill4.obj").stat().st_size)
     whole = bake("whole")
     with scheduler(1) as cluster:
         done = bake("out", "--cluster", cluster.scheduler_address)
@@ -72,9 +72,9 @@ def test_a_batch_by_a_cluster_is_that_of_one_machine_and_can_be_resumed(folder, 
 
 
 def test_files_that_a_worker_does_not_see_are_named(folder):
-    bakes = bake_command({"mesh": folder / "hill0.obj", "output": folder / "w.npz", "falloff": "binary"})
-    stored = pickle.dumps(SharedBakes((bakes,), Binary(), False))
-    assert [vars(bake) for bake in pickle.loads(stored).bakes] == [vars(bakes)]
+    plan = plan_bake(BakeOptions(mesh=[], falloff="binary"), folder / "hill0.obj", folder / "w.npz")
+    stored = pickle.dumps(SharedPlans((plan,)))
+    assert [shared.described() for shared in pickle.loads(stored).plans] == [plan.described()]
     (folder / "hill0.obj").unlink()
     with pytest.raises(FileNotFoundError) as fault:
         pickle.loads(stored)

@@ -18,8 +18,8 @@ try:
     cli.main()
 except SystemExit:
     from raytrace.kernel import jit
-    heavy = ("numba", "llvmlite", "scipy", "trimesh", "OpenImageIO", "rich", "PIL", "lxml", "pydantic.v1")
-    heavy = (*heavy, "asyncio", "scenes.formats.gltf.asset", "scenes.formats.gltf.occlusion")
+    heavy = ("numba", "llvmlite", "scipy", "trimesh", "OpenImageIO", "rich", "PIL", "lxml", "pydantic.v1", "asyncio")
+    heavy = (*heavy, "scenes.formats.gltf.asset", "scenes.formats.gltf.occlusion")
     print(json.dumps([[name for name in heavy if name in sys.modules], len(jit.loaded), jit.compiled]))
 """
 
@@ -92,7 +92,7 @@ runpy.run_path({cli!r}, run_name="__main__")
 """
 
 
-MODULES = ["typer", "scenes.jobs.parameters", "scenes.jobs.run", "numpy", "raytrace.kernel.library"]
+MODULES = ["typer", "scenes.commands.parameters", "scenes.commands.bake", "numpy", "raytrace.kernel.library"]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")

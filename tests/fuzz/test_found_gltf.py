@@ -13,7 +13,7 @@ from scenes.commands.info import describe
 from scenes.formats.gltf.asset import decode
 from scenes.formats.gltf.builder import encode_glb
 from scenes.formats.load import load
-from scenes.write_bake import write
+from scenes.formats.write import write
 
 
 def test_one_gltf_array_is_not_placed_without_end(tmp_path, monkeypatch):

@@ -16,8 +16,8 @@ from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import Placement
 from scenes.commands.info import describe
 from scenes.formats.load import MeshFile, load
+from scenes.formats.write import write
 from scenes.geometry.polygons import triangulate
-from scenes.write_bake import write
 
 
 def model(**replaced):

@@ -45,10 +45,10 @@ def folder(tmp_path, monkeypatch):
         (tmp_path / f"{name}.obj").write_bytes(textured)
         (tmp_path / f"{name}.ply").write_bytes(ply(vertices, faces))
     (tmp_path / "demo").mkdir()
-    (tmp_path / "demo" / "temple.ply").write_bytes(ply(vertices, faces))
     (tmp_path / "sponge.ply").write_bytes(ply(vertices, faces))
     shutil.copy(ROOT / "scenes" / "library" / "still_life.toml", tmp_path / "ball.toml")
     monkeypatch.chdir(tmp_path)
+    assert obscurance("bake", "m.obj", "-o", "demo/temple.ply", "--samples", 16).returncode == 0
     return tmp_path
 
 

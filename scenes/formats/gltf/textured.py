@@ -47,6 +47,7 @@ def textured_glb(
 
     Raises: InputError: malformed materials or values; coordinates too large for float32.
     """
+    # The document without textures, and what puts these into its materials.
     builder, drawn = document(mesh_file, None)
     asset = Gltf(mesh_file.path, builder.header, [bytes(builder.binary)])
     packing = OrmTextures(builder, mesh_file.gltf, [page.w for page in pages], replace) if orm else None
@@ -54,6 +55,7 @@ def textured_glb(
     numbers = list(range(len(pages))) if orm else [textures.add_page(page.w) for page in pages]
     on_no_page: list[Drawn] = []
     kept = 0
+    # Each primitive: kept, on no page, or divided by its pages.
     for (primitive, vertices), group in zip(drawn, primitive_groups(mesh_file), strict=True):
         on_pages = np.array([on_page(page.uv[group.faces]) for page in pages])
         if not textures.materials(primitive):

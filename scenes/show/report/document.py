@@ -151,6 +151,7 @@ def _calibration(report: Report) -> str:
     text += (
         " Whether they are larger where errors are larger shows below, for groups of points: both agree on the line."
     )
+    # A chart of the groups: error bars of what was measured over what was estimated.
     top = 1.1 * max(max(group["estimated"], group["high"]) for group in groups)
     side = _HEIGHT + 50
     marks = ""

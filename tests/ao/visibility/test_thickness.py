@@ -13,8 +13,10 @@ from ao.options import Options
 from ao.result import Interpolation
 from raytrace import AlphaSurface, Mesh, Opacity
 from raytrace.errors import ConflictError
+from scenes.bake.options import BakeOptions
+from scenes.bake.plan import plan_bake
+from scenes.bake.run import run
 from scenes.geometry.polyhedra import icosphere, join
-from scenes.jobs.run import bake_command
 
 FALLOFFS = {
     "binary": (ao.Binary(0.7), None, 0.7),
@@ -158,10 +160,9 @@ def test_solids_that_mark_are_refused(interior):
 
 
 def test_thickness_is_no_occlusion_of_a_glb_unless_asked(tmp_path):
-    thick = {"mesh": tmp_path / "ball.obj", "output": tmp_path / "ball.glb", "thickness": True}
-    assert bake_command(thick | {"thickness": False}).occlusion is None
-    assert bake_command(thick).occlusion == "none"
-    assert bake_command(thick | {"occlusion": "ramp"}).occlusion == "ramp"
+    for given, expected in (({"thickness": False}, None), ({}, "none"), ({"occlusion": "ramp"}, "ramp")):
+        options = BakeOptions(mesh=[], **({"thickness": True} | given))
+        assert plan_bake(options, tmp_path / "ball.obj", tmp_path / "ball.glb").options.occlusion == expected
 
 
 def test_a_thin_mesh_is_not_taken_for_one_inside_out(tmp_path):
@@ -169,8 +170,8 @@ def test_a_thin_mesh_is_not_taken_for_one_inside_out(tmp_path):
     lines = [*("v {} {} {}".format(*each) for each in vertices), *("f {} {} {}".format(*each) for each in faces + 1)]
     mesh, report = tmp_path / "ball.obj", tmp_path / "report.json"
     mesh.write_text("\n".join(lines))
-    options = {"thickness": True, "falloff": "binary", "samples": 16, "quiet": True}
-    bake_command({"mesh": mesh, "output": tmp_path / "w.npy", "report": report} | options).run()
+    options = BakeOptions(mesh=[], thickness=True, falloff="binary", samples=16, quiet=True, report=report)
+    list(run(plan_bake(options, mesh, tmp_path / "w.npy")))
     found = json.loads(report.read_text())
     assert found["w"]["most"] == 0
     assert "inside out" not in json.dumps(found["verdict"])

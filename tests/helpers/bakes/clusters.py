@@ -18,7 +18,7 @@ from uv_meshes import grid_charts
 
 import ao
 from ao.cluster.dask_cluster import CONFIG, LOCAL
-from ao.cluster.session import ClusterSession
+from ao.cluster.session import ClusterSession, Pace
 from ao.execute.checkpoint import Checkpoint
 from raytrace import Mesh
 
@@ -101,18 +101,19 @@ def left_sockets():
     gc.collect()
 
 
+SMALL_BLOCKS = Pace(few_rays=0, first_rays=1 << 12, block_seconds=0.1, least_seconds=0.02)
+
+
 @pytest.fixture
 def small_blocks(monkeypatch):
-    monkeypatch.setattr("ao.cluster.session._FEW", 0)
-    monkeypatch.setattr("ao.cluster.session._FIRST_RAYS", 1 << 12)
-    monkeypatch.setattr("ao.cluster.session._SECONDS", 0.1)
-    monkeypatch.setattr("ao.cluster.session._LEAST_SECONDS", 0.02)
+    """Of the sessions of commands; others have a `pace`."""
+    monkeypatch.setattr("ao.cluster.session.PACE", SMALL_BLOCKS)
 
 
-def bake_on(address, make, path, notify=pytest.fail, progress=None, **settings):
+def bake_on(address, make, path, notify=pytest.fail, progress=None, pace=SMALL_BLOCKS, **settings):
     """What `make` makes with a cluster, and what that handed out."""
     with (
-        ClusterSession(address, path.parent, path.stem, notify) as session,
+        ClusterSession(address, path.parent, path.stem, notify, pace=pace) as session,
         Checkpoint(path, notify=notify, fill_spans=session.fill_spans, status=session.status, **settings) as checkpoint,
     ):
         return make(checkpoint=checkpoint, progress=progress), session.dispatch

@@ -20,10 +20,13 @@ from meshes import hills
 
 import ao.baking  # noqa: F401
 import cli
+import scenes.bake.batch
+import scenes.bake.parts
+import scenes.bake.run
+import scenes.bake.texture
+import scenes.bake.vertices
+import scenes.commands.bake
 import scenes.commands.render
-import scenes.jobs.bake
-import scenes.jobs.batch
-import scenes.jobs.vertices
 import scenes.show.page.document
 import scenes.show.report.document  # noqa: F401
 

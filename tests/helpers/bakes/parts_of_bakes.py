@@ -3,7 +3,7 @@
 import pytest
 from interrupted_bakes import bits, bits_of, of_profile
 
-from ao.execute.parts import Merge, PartTraced, ShardCheckpoint, read_parts
+from ao.execute.parts import Merge, ShardCheckpoint, read_parts
 
 DESCRIPTION = {"mesh": "hills", "options": {"seed": 0}}
 
@@ -11,8 +11,8 @@ DESCRIPTION = {"mesh": "hills", "options": {"seed": 0}}
 def trace_part(make, folder, number, of, **options):
     """The part, after `make` has traced it."""
     folder.mkdir(exist_ok=True)
-    with pytest.raises(PartTraced), ShardCheckpoint(folder, number, of, DESCRIPTION, pytest.fail) as part:
-        make(checkpoint=part, **options)
+    part = ShardCheckpoint(folder, number, of, DESCRIPTION, pytest.fail)
+    part.trace(lambda: make(checkpoint=part, **options))
     return part
 
 

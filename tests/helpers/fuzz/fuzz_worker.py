@@ -59,7 +59,7 @@ def consume(family, path, made, index):
     from scenes.description.read import read_scene
     from scenes.formats.load import load
     from scenes.formats.unsupported import unsupported_features
-    from scenes.write_bake import write
+    from scenes.formats.write import write
 
     if family == "array":
         scene = path.with_name("m.toml")

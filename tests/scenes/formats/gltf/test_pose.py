@@ -16,7 +16,7 @@ from scenes.description.read import read_scene
 from scenes.formats.gltf.textured import textured_glb
 from scenes.formats.load import load
 from scenes.formats.stored_w import read_w
-from scenes.write_bake import write
+from scenes.formats.write import write
 
 FACES = [[0, 1, 2], [0, 2, 3]]
 UP = np.tile([0.0, 0, 1], (4, 1))

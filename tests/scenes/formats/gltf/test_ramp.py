@@ -13,7 +13,7 @@ from mesh_files import ply
 from raytrace.errors import MeshError, OptionError
 from scenes.formats.load import load
 from scenes.formats.unsupported import unsupported_features
-from scenes.write_bake import channels, write
+from scenes.formats.write import channels, write
 
 EXACT = 1 / 512
 SEAMS = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
@@ -228,7 +228,7 @@ def test_a_ply_takes_no_ramp_for_texture_coordinates(tmp_path):
     assert source.attributes.uv is None
     written(tmp_path, SAMPLES["textured"]())
     source = load(tmp_path / "out.glb", tmp_path / "m.ply")
-    np.testing.assert_array_equal(source.attributes.uv.rows, np.stack([UV[:, 0], 1 - UV[:, 1]], axis=1))
+    np.testing.assert_array_equal(source.attributes.uv.values, np.stack([UV[:, 0], 1 - UV[:, 1]], axis=1))
     assert "TEXCOORD_1" not in source.unread
 
 

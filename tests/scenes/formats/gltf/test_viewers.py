@@ -13,8 +13,8 @@ from benchmarks.pictures import browser
 from raytrace import AmbientLight, Camera, Scene, Settings, render
 from scenes.description.gltf_scene import gltf_objects
 from scenes.formats.load import MeshFile, load
+from scenes.formats.write import write
 from scenes.geometry.builtin_shapes import SOLIDS
-from scenes.write_bake import write
 
 validated = pytest.mark.skipif(validator.missing() is not None, reason=str(validator.missing()))
 shown = pytest.mark.skipif(browser.missing() is not None, reason=str(browser.missing()))

@@ -11,7 +11,7 @@ from gltf_files import QUAD, TRIANGLE, Builder, check_glb, values
 from mesh_files import mesh_file, random_bake
 
 from scenes.formats.load import load
-from scenes.write_bake import write
+from scenes.formats.write import write
 
 
 def textured(tmp_path):
