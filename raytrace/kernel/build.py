@@ -23,9 +23,7 @@ from .library import ABOUT, BUILT, POINTER, identity_of
 from .signature import Signature, example
 
 LIST = Path(__file__).with_name("kernels.txt")
-_OURS = (*PACKAGES, "scenes")
-_GONE = LookupError, AttributeError, ImportError, TypeError, ValueError
-"""What an entry raises whose kernel, or a type of whose arguments, the sources have no longer."""
+_OURS = tuple(f"{package}." for package in (*PACKAGES, "scenes"))
 Progress = Callable[[int, int], None]
 
 
@@ -57,11 +55,22 @@ class Entry(NamedTuple):
 
 def entries() -> list[Entry]:
     """What the list has of the sources as they are."""
-    found = []
-    for line in LIST.read_text().splitlines():
-        with suppress(*_GONE):
-            found.append(Entry.of(line))
-    return found
+    return [entry for line in LIST.read_text().splitlines() if (entry := _entry(line))]
+
+
+def _entry(line: str) -> Entry | None:
+    """What a line stands for; None if the sources have no longer the kernel, or a type of its arguments.
+
+    Raises: ModuleNotFoundError: a library that the sources import is not there.
+    """
+    try:
+        return Entry.of(line)
+    except ModuleNotFoundError as missing:
+        if not f"{missing.name}.".startswith(_OURS):
+            raise
+    except (LookupError, AttributeError, ImportError, TypeError, ValueError):
+        pass
+    return None
 
 
 def objects(folder: Path, levels: Sequence[str], progress: Progress) -> dict[str, list[Path]]:
@@ -143,16 +152,7 @@ def _compile_as_told(folder: Path, levels: Sequence[str]) -> None:
 def _record(loaded: Path) -> None:
     """Make the list of the kernels that were loaded, but for those that are no part of the package."""
     lines = sorted(set(loaded.read_text().splitlines()))
-    kept = [line for line in lines if line.startswith(tuple(f"{package}." for package in _OURS)) and _is_entry(line)]
-    LIST.write_text("".join(f"{line}\n" for line in kept))
-
-
-def _is_entry(line: str) -> bool:
-    try:
-        Entry.of(line)
-    except _GONE:
-        return False
-    return True
+    LIST.write_text("".join(f"{line}\n" for line in lines if line.startswith(_OURS) and _entry(line)))
 
 
 if __name__ == "__main__":

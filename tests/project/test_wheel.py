@@ -7,6 +7,7 @@ import site
 import subprocess
 import sys
 import sysconfig
+import tomllib
 import zipfile
 from importlib.machinery import EXTENSION_SUFFIXES
 
@@ -52,6 +53,12 @@ def test_the_wheel_holds_every_file_of_the_packages(tmp_path):
     wanted = {path.relative_to(ROOT).as_posix() for path in held if "__pycache__" not in path.parts}
     wanted = {name for name in wanted if not name.endswith(tuple(EXTENSION_SUFFIXES))}
     assert packed == wanted | {"obscurance/command/cli.py"}, listed.stderr
+
+
+def test_building_needs_what_running_and_compiling_need_in_the_same_versions():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    known = project["project"]["dependencies"] + project["project"]["optional-dependencies"]["develop"]
+    assert set(project["build-system"]["requires"]) <= set(known)
 
 
 QUIET = ("-m", "pip", "--quiet", "--disable-pip-version-check")
