@@ -73,31 +73,39 @@ def _entry(line: str) -> Entry | None:
     return None
 
 
-def objects(folder: Path, levels: Sequence[str], progress: Progress) -> dict[str, list[Path]]:
-    """The object files of a library for each level, in `folder`; those of earlier builds that are not among them go.
+class Objects(NamedTuple):
+    """What libraries are linked of."""
 
-    Raises: RuntimeError: a kernel cannot be compiled.
-    """
+    files: dict[str, list[Path]]
+    """The object files of each level."""
+    names: list[str]
+    """What a library shows."""
+    stale: list[str]
+    """Lines of the list whose types the sources do not compile for any more."""
+
+
+def objects(folder: Path, levels: Sequence[str], progress: Progress) -> Objects:
+    """The object files of libraries for some levels, in `folder`, from which those of earlier builds go."""
     from .compiler import shared_object_file
 
     folder.mkdir(parents=True, exist_ok=True)
     listed = entries()
-    missing = [entry.line for entry in listed if not all(entry.file(folder, level).exists() for level in levels)]
-    _compile(missing, folder, levels, progress)
-    made: dict[str, list[Path]] = {}
+    _compile([entry.line for entry in listed if not _is_built(entry, folder, levels)], folder, levels, progress)
+    built = [entry for entry in listed if _is_built(entry, folder, levels)]
+    files: dict[str, list[Path]] = {}
     for level in levels:
         shared = folder / f"shared.{level}.o"
         shared.write_bytes(shared_object_file(sorted(set(jit.externals)), level))
-        made[level] = [shared, *(entry.file(folder, level) for entry in listed)]
-    for file in set(folder.glob("*.o")).difference(*made.values()):
+        files[level] = [shared, *(entry.file(folder, level) for entry in built)]
+    for file in set(folder.glob("*.o")).difference(*files.values()):
         file.unlink()
-    return made
+    names = [name for entry in built for name in (entry.symbol, entry.symbol + ABOUT)]
+    names += [BUILT, *(POINTER + name for name in jit.externals)]
+    return Objects(files, names, [entry.line for entry in listed if entry not in built])
 
 
-def exported() -> list[str]:
-    """The names that a library shows."""
-    symbols = [entry.symbol for entry in entries()]
-    return [*symbols, *(symbol + ABOUT for symbol in symbols), *(POINTER + name for name in jit.externals), BUILT]
+def _is_built(entry: Entry, folder: Path, levels: Sequence[str]) -> bool:
+    return all(entry.file(folder, level).exists() for level in levels)
 
 
 def _compile(lines: list[str], folder: Path, levels: Sequence[str], progress: Progress) -> None:
@@ -118,8 +126,8 @@ def _compile(lines: list[str], folder: Path, levels: Sequence[str], progress: Pr
                 while True:
                     for line in waiting.get_nowait():
                         print(line, file=worker.stdin, flush=True)
-                        if worker.stdout.readline() != "done\n":
-                            raise RuntimeError(f"cannot compile the kernel {line}")
+                        if not worker.stdout.readline():
+                            raise RuntimeError(f"the compiler ended at the kernel {line}")
                         done.append(line)
                         progress(len(done), len(lines))
             worker.stdin.close()
@@ -135,13 +143,18 @@ def _module(line: str) -> str:
 
 
 def _compile_as_told(folder: Path, levels: Sequence[str]) -> None:
-    """Make the object files of each kernel that standard input names, and say so."""
+    """Make the object files of each kernel that standard input names, and say so; of none that Numba refuses."""
+    from numba.core.errors import NumbaError
+
     from .compiler import object_files
 
     for line in sys.stdin:
         entry = Entry.of(line.rstrip("\n"))
-        codes = object_files(entry.symbol, entry.function, entry.identity, entry.arguments, entry.path, levels)
-        for level, code in zip(levels, codes, strict=True):
+        try:
+            codes = object_files(entry.symbol, entry.function, entry.identity, entry.arguments, entry.path, levels)
+        except (NumbaError, TypeError):
+            codes = []
+        for level, code in zip(levels, codes, strict=False):
             target = entry.file(folder, level)
             partial = target.with_suffix(".partial")
             partial.write_bytes(code)

@@ -131,6 +131,18 @@ def test_building_again_compiles_what_was_edited_alone(project):
     assert len(list((project / "build").rglob("*answer*.o"))) == 1
 
 
+def test_a_line_of_the_list_that_does_not_compile_any_more_is_left_out(project):
+    """Types that a kernel was called with before it was edited."""
+    loop = project / "raytrace" / "loop.py"
+    loop.write_text(KERNEL + "\n@kernel\ndef length(pair):\n    return pair[2]\n")
+    with (project / "raytrace" / "kernel" / "kernels.txt").open("a") as file:
+        file.write("\nraytrace.loop.length ( <f8 <f8 )\nraytrace.loop.length ( <f8 <f8 <f8 )\n")
+    said = build_in(project)
+    assert "kernels: 1 of the list are stale: run `make kernels`" in said
+    assert run(project, "from raytrace.loop import length" + ANSWER) == "1 0 False"
+    assert run(project, ANSWER + "from raytrace.loop import length; print(length((1.0, 2.0, 3.0)))").endswith("3.0")
+
+
 def test_what_is_installed_is_not_compared_with_its_sources(project):
     """An interpreter of a later patch may have other instructions for the same source."""
     (project / "raytrace" / "helper.py").write_text(HELPER.format(value=2))
