@@ -97,8 +97,8 @@ def objects(folder: Path, levels: Sequence[str], progress: Progress) -> Objects:
         shared = folder / f"shared.{level}.o"
         shared.write_bytes(shared_object_file(sorted(set(jit.externals)), level))
         files[level] = [shared, *(entry.file(folder, level) for entry in built)]
-    for file in set(folder.glob("*.o")).difference(*files.values()):
-        file.unlink()
+        for file in set(folder.glob(f"*.{level}.o")).difference(files[level]):
+            file.unlink()
     names = [name for entry in built for name in (entry.symbol, entry.symbol + ABOUT)]
     names += [BUILT, *(POINTER + name for name in jit.externals)]
     return Objects(files, names, [entry.line for entry in listed if entry not in built])
