@@ -12,6 +12,7 @@ from raytrace.image.fill import fill_holes
 from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.vector import dot, load, store
+from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import normalized
 from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Float64s
@@ -59,7 +60,7 @@ class BakedTexture(Columns):
         rmse: estimated root mean square of `error` over the covered texels.
         facts: of the texture coordinates and seams.
         uv: float64 (m, 3, 2), the texture coordinates that it is for, NaN of faces that are not on the page.
-        seconds, mu, shortfalls, calibration: as `ao.Bake` has them.
+        seconds, mu, mesh, shortfalls, calibration: as `ao.Bake` has them.
         others, rmses, profile, profile_errors: see `ao.result.Columns`.
     """
 
@@ -74,6 +75,7 @@ class BakedTexture(Columns):
     uv: Float64s
     seconds: dict[str, float] = field(compare=False)
     mu: Mu
+    mesh: Mesh
     shortfalls: tuple[str, ...] = ()
     calibration: Calibration | None = None
 

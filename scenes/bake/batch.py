@@ -16,7 +16,7 @@ from raytrace.system.checks import check_outputs, check_regular
 from raytrace.system.threads import run_blocks, thread_count
 
 from .cluster import Workers, cluster_checkpoint, run_remotely
-from .console import compiling, note, progress, warn
+from .console import note, progress, warn
 from .inputs import created_folders
 from .manifest import MANIFEST, Entry, Manifest, assign_shards, digest, part_manifest
 from .plan import Plan
@@ -50,7 +50,7 @@ class Batch:
             self.check_files()
             own, manifest = self._begin()
             try:
-                with compiling(), silence_tolerance_warnings():
+                with silence_tolerance_warnings():
                     self._bake_all(own, manifest, session)
             except KeyboardInterrupt:
                 note(f"interrupted: {self._summary(manifest)}; the same command with --resume bakes the others")

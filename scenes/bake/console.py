@@ -10,13 +10,12 @@ import threading
 import time
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from raytrace.errors import LINE, printable
-from raytrace.kernel import notice
 
 from .options import ProgressForm
 
@@ -99,7 +98,7 @@ _quiet: list[bool] = []
 
 @contextmanager
 def quietly(quiet: bool) -> Iterator[None]:
-    """Print neither warnings about results nor that kernels are being compiled while this lasts, if `quiet`."""
+    """Print no warnings about results while this lasts, if `quiet`."""
     _quiet[:] = [quiet] if quiet else []
     try:
         yield
@@ -129,12 +128,6 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff
     return warnings
 
 
-def compiling(expected: int = 42) -> AbstractContextManager[None]:
-    """Say, wherever standard error goes, that about so many kernels are being compiled, but not `quietly`."""
-    return notice.compiling(expected, always=True, quiet=bool(_quiet))
-
-
-_LONG = 0.5  # seconds of compiling that a summary tells
 _EVERY = 0.1  # seconds between lines of progress
 Advance = Callable[[int, int], None]
 
@@ -218,9 +211,7 @@ def bake_summary(baked: ao.Bake, target: Path) -> str:
 
 
 def _took(baked: ao.Bake | ao.BakedTexture) -> str:
-    compiling = baked.seconds.get("compile", 0.0)
-    besides = f" and {compiling:.0f} s of compiling kernels" if compiling >= _LONG else ""
-    return f"in {baked.seconds['bake']:.2f} s{besides}"
+    return f"in {baked.seconds['bake']:.2f} s"
 
 
 def texture_summary(baked: ao.BakedTexture, target: str) -> str:

@@ -29,13 +29,14 @@ Kind = Literal["vertices", "texture"]
 OpenCheckpoint = Callable[[Path], AbstractContextManager["Checkpoint"]]
 """From the path of an output to what keeps the rays of it, or of one page."""
 _RECORDS: dict[Kind, type[Options]] = {"vertices": VertexOptions, "texture": TextureOptions}
-_MEANT = {".obj": ".ply", ".stl": ".ply", ".gltf": ".glb", ".jpg": ".png", ".jpeg": ".png"}  # which can hold w
+_MEANT = {".stl": ".ply", ".gltf": ".glb", ".jpg": ".png", ".jpeg": ".png"}  # which can hold w
 _READS = {
     "unreal": (".glb", ".png", ".exr", ".tif"),
     "unity": (".glb", ".png", ".exr", ".tif"),
     "godot": (".glb", ".png", ".exr"),
     "blender": (".glb", ".ply", ".png", ".exr", ".tif"),
     "three": (".glb", ".ply", ".png", ".exr"),
+    "meshlab": (".ply", ".obj", ".png"),
 }
 """The endings of outputs that a preset's program reads."""
 _CHEAP_PROFILE = {
@@ -183,7 +184,8 @@ def plan_bake(options: BakeOptions) -> Plan:
         raise OptionError("cage", "a finite length", options.cage)
     shown = Channels()
     if kind == "vertices" and output is not None:
-        shown = channels(output, options.colors, options.occlusion, options.replace_occlusion)
+        replaced = options.replace_occlusion
+        shown = channels(output, options.colors, options.occlusion, replaced, ply_name=options.ply_name)
     size = None if kind == "vertices" or options.texel_size else _texels(options.size or "1024")
     plan = Plan(kind, options, arguments, shown, _ground_height(options.ground), size)
     if kind == "vertices":
@@ -216,6 +218,7 @@ def _with_preset(options: BakeOptions, ending: str) -> BakeOptions:
         "occlusion": ending == ".glb" and not options.colors,
         "bits": ending == ".png" or (bent and bent.suffix.lower() == ".png"),
         "bent_space": bent is not None,
+        "ply_name": ending == ".ply",
     }
     values = PRESETS[preset].items()
     chosen = {name: value for name, value in values if applies.get(name) and not getattr(options, name)}

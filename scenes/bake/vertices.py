@@ -15,7 +15,7 @@ from raytrace.system.checks import check_outputs
 from ..formats.unsupported import unsupported_features
 from ..formats.write import write_vertices
 from .console import COARSE, bake_summary, progress, warn
-from .report import OutputSummary, WorkSize, hashed_inputs, write_bake_report
+from .report import OutputSummary, WorkSize, command_again, hashed_inputs, write_bake_report
 
 if TYPE_CHECKING:
     from ao.execute.checkpoint import Checkpoint
@@ -58,7 +58,8 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
             lines.append(f"{plan.output}: {missed:,} {outside}")
         warnings += warn([], lines)
         traced = time.perf_counter()
-        write_vertices(plan.output, baked, inputs.source, plan.channels)
+        shown = plan.channels._replace(again=command_again(plan, inputs.source))
+        write_vertices(plan.output, baked, inputs.source, shown)
         if baked.coarse and baked.interpolation is not None:
             fit = "" if plan.arguments.method == "surface" else "--method surface, "
             text = f"{COARSE} {baked.interpolation.rmse:.2f}, the faces are too large for it"

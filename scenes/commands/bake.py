@@ -14,7 +14,7 @@ from raytrace.system.atomic import is_standard_output, standard_output
 
 from ..bake.batch import Batch
 from ..bake.cluster import Workers, cluster_checkpoint
-from ..bake.console import compiling, quietly
+from ..bake.console import quietly
 from ..bake.inputs import expand, is_pattern, outputs_in
 from ..bake.manifest import is_batch_of_parts, merge_batch
 from ..bake.options import BAKE, BakeOptions, Format, check_kind, check_together
@@ -84,7 +84,7 @@ def _run_one(options: BakeOptions) -> int:
 
 def _run(plan: Plan, content: bytes | None = None, open_checkpoint: OpenCheckpoint | None = None) -> None:
     """Run a plan and print its summaries."""
-    with compiling(), silence_tolerance_warnings():
+    with silence_tolerance_warnings():
         for summary in run(plan, content, open_checkpoint):
             if not plan.options.quiet:
                 print(summary.text, file=sys.stderr if is_standard_output(plan.output) else sys.stdout)
@@ -96,7 +96,7 @@ def _trace_part(options: BakeOptions) -> int:
     number, of = part_numbers(options.part)
     _check_folder("output", options.output)
     plan = plan_bake(options.replaced(output=None))
-    with compiling(), silence_tolerance_warnings():
+    with silence_tolerance_warnings():
         line = trace_part(plan, options.output, number, of)
     if not options.quiet:
         print(line)

@@ -174,6 +174,7 @@ TOGETHER = {
         {"high": ["other.obj"], "cage": "200%", "match_names": True},
     ),
     "colors": ({"output": "w.ply"}, {"output": "w.ply", "colors": True}),
+    "ply_name": ({"output": "w.ply"}, {"output": "w.ply", "ply_name": "quality"}),
     "up": ({"output": "w.ply"}, {"output": "w.ply", "up": "z"}),
     "preset": ({"output": "w.glb"}, {"output": "w.glb", "preset": "three"}),
     "occlusion": ({"output": "w.glb"}, {"output": "w.glb", "occlusion": "ramp"}),
