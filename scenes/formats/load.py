@@ -222,6 +222,9 @@ def mesh_errors(path: Path) -> Iterator[None]:
         raise MeshError(path, "file", "a readable file", reason.strerror or reason) from None
     except MemoryError:
         raise MeshError(path, "content", "sizes that fit into memory", "larger ones") from None
+    except ModuleNotFoundError as missing:
+        expected = f"{missing.name}, to read it: `python -m pip install 'obscurance[formats]'`"
+        raise MeshError(path, "format", expected, f"no {missing.name}") from None
     except Exception as reason:
         begin = {ValueError: "", KeyError: "no "}.get(type(reason), f"{type(reason).__name__}: ")
         said = " ".join(f"{begin}{reason}".split())[:160]

@@ -27,16 +27,8 @@ DOORS = {
     "dask": {"ao.cluster.dask_cluster"},
     "distributed": {"ao.cluster.dask_cluster"},
     "embreex": {"raytrace.embree.library"},
-    "llvmlite": {
-        "raytrace.kernel.cache",
-        "raytrace.kernel.jit",
-        "raytrace.system.processor",
-        "raytrace.kernel.lanes",
-        "raytrace.kernel.compiler",
-        "raytrace.embree.library",
-        "ao.execute.work",
-    },
-    "numba": {"raytrace.kernel.lanes", "raytrace.kernel.compiler"},
+    "llvmlite": {f"raytrace.kernel.{name}" for name in ("lanes", "compiler", "words", "link")},
+    "numba": {f"raytrace.kernel.{name}" for name in ("lanes", "compiler", "words", "build")},
     "uvunwrap": {"scenes.bake.uv"},
     "OpenImageIO": {f"raytrace.image.{name}" for name in ("encode", "fill", "read", "compare", "texture")},
 }
