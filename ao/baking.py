@@ -13,7 +13,7 @@ from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import opacity_bytes
 from raytrace.system.checks import NEGLIGIBLE, check_memory
 
-from .declared import taking
+from .declared import with_option_parameters
 from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids
 from .estimate.tolerance import Estimate, shortfalls
@@ -31,7 +31,7 @@ class VertexArguments(VertexOptions, Inputs):
     """Arguments of `ao.bake`."""
 
 
-@taking(VertexArguments)
+@with_option_parameters(VertexArguments)
 @compiling()
 def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex of `mesh`.

@@ -183,15 +183,20 @@ class PointValues:
 
 def assemble(prepared: Prepared, mesh: Mesh, values: PointValues) -> Bake:
     """Spread values at points over the vertices of `mesh`, the first of the wanted ones."""
-    count, only = len(mesh.vertices), prepared.options.only
-    point, flags = prepared.wanted.of_vertex[:count], prepared.wanted.flags[:count]
-    normals, bent = prepared.wanted.points.normals, np.zeros((count, 3))
+    # w, errors and bent normals of each vertex, by its point.
+    count = len(mesh.vertices)
+    only = prepared.options.only
+    point = prepared.wanted.of_vertex[:count]
+    flags = prepared.wanted.flags[:count]
+    normals = prepared.wanted.points.normals
+    bent = np.zeros((count, 3))
     run_blocks(count, _BLOCK, bind(_bent_normals, point, values.bent, normals, bent), prepared.threads)
     error = np.append(values.error, 0.0)[point]  # −1, for no point, is the last row
     spread = [
         np.append(each, np.full((1, each.shape[1]), outside), axis=0)[point]
         for each, outside in zip(values.others, (1.0, 0.0), strict=False)
     ]
+    # Root mean squares over the vertices asked for, and rays not traced, by reason.
     wanted = len(point) if only is None else int(np.count_nonzero(only))
     errors = [error, *(column for each in spread[1:] for column in each.T)]
     rmses = tuple(float(np.sqrt(np.sum(each**2) / max(wanted, 1))) for each in errors)
@@ -235,6 +240,7 @@ def of_columns(prepared: Prepared, columns: Sequence[AnyFloats]) -> dict[str, An
     found: dict[str, Any] = {"others": tuple(each[..., :listed] for each in columns)} if listed else {}
     if prepared.options.profile:
         lengths = np.array([math.log(2) / (mu.tau or math.inf) for mu in prepared.mus[1 + listed :]])
-        values, errors = (each[..., listed:].astype(np.float32) for each in columns)
-        found |= {"profile": Profile(lengths, values, lengths[0] / OCTAVES[0]), "profile_errors": errors}
+        values, errors = columns
+        found["profile"] = Profile(lengths, values[..., listed:].astype(np.float32), lengths[0] / OCTAVES[0])
+        found["profile_errors"] = errors[..., listed:].astype(np.float32)
     return found

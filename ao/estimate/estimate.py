@@ -41,16 +41,19 @@ def traced_twice(
     """
     calibration = _calibration_subset(len(points))
     tracer.expected = tracer.rays + samples * (len(points) + len(calibration)) + later
-    rows = tracer.gather(points, samples, key)
-    again = tracer.gather_again(points[calibration], samples, hash32_array([key ^ np.uint32(0xA5A5A5A5)])[0])[:, W]
+    rows, twice = tracer.gather(points, samples, key), points[calibration]
+    other_key = hash32_array([key ^ np.uint32(0xA5A5A5A5)])[0]
+    here = tracer.gather(twice, samples, other_key)
+    again = tracer.gather_elsewhere(twice, samples, derive(other_key, 1), here)[:, W]
     rays = tracer.rays
 
     def estimated(neighbours: Neighbours | None) -> Estimate:
         w, spread = rows[:, W], rows[:, BATCH_VARIANCE]
-        level = sampling_variance(w[calibration], again, samples)
+        level = sampling_variance(w[calibration], here[:, W], samples)
+        within = max(sampling_variance(w[calibration], again, samples) - level, 0.0)  # what points stand for
         if len(points) and not spread.any() and (w == w[0]).all():  # of n rays that agree, the next may not (Laplace)
             level = min(level, rays**-2.0)
-        variance, before = shrunk_to_mean(distribute_variance(spread, level)), (w[calibration] - again) ** 2
+        variance, before = shrunk_to_mean(distribute_variance(spread, level)) + within, (w[calibration] - again) ** 2
         checked = Calibration(variance[calibration], before / 2)
         raw = Estimate(rows[:, VALUES], variance, samples, calibration=checked)
         if neighbours is None:
@@ -63,6 +66,7 @@ def traced_twice(
         after = (denoised[calibration] - again) ** 2
         if float(np.sum(after - before)) >= 0:
             return raw
+        error += within
         error *= calibration_factor(error[calibration], after - before / 2, error)
         checked = Calibration(error[calibration], after - before / 2)
         return Estimate(np.column_stack([denoised, rows[:, BENT:]]), error, samples, calibration=checked)

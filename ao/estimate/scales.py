@@ -47,10 +47,10 @@ def denoise_over_scales(
 
     Args: level: mean square error of w in `rows` (k, COLUMNS). risk: chooses how much larger cells are trusted.
     """
+    w, variance = denoise(neighbours, points, rows, level)
     rows = rows.copy()
     rows[:, BATCH_VARIANCE] = distribute_variance(rows[:, BATCH_VARIANCE], level)
     points_alone = _Cells(neighbours, points, rows, np.ones(len(points)))
-    w, variance = denoise(neighbours, points, rows, level)
     coarser = _from_above(points_alone, _LEVELS) if level > 0 else None
     if coarser is None:
         return w, variance

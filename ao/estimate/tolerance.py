@@ -24,7 +24,6 @@ from .one_ring import Neighbours
 from .sampling_error import RATE, TYPICAL, derive, sampling_variance, stratified_rows, variance_factor
 from .scales import denoise_over_scales
 
-_AIM = 0.9  # of the tolerance: its square is the goal, for the measured error is uncertain
 _MET = 1.08  # times the goal is near enough
 _FIRST = 0.064  # rays at first, times the tolerance
 _BATCH = 8  # rays are added in multiples of these
@@ -35,11 +34,11 @@ _UNEXPLAINED = 0.06  # part of the squared distance from a neighbours' mean that
 _GAINED = 0.7  # of what shrinking all alike would gain: roughness is not the same everywhere
 _FALL = 1.08  # the mean square error of denoised values falls as n^−1.08 with n rays a point, or faster
 _WORK = 0.6  # the time that n rays of a point take grows as n^.6, for they share their walk
-_STEPS = np.array([0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128])  # batches that a round may add
+_STEPS = np.array([0, 1, *(k << power for power in range(16) for k in (2, 3))])  # batches that a round may add
 _SAMPLED = 1 << 14  # points by which rays are planned
-_PROBED, _FEWEST_PROBES, _MOST_PROBES = 16, 128, 1536  # one point in how many is probed, at least and at most
+_PROBED, _FEWEST_PROBES, _MOST_PROBES = 16, 128, 1024  # one point in how many is probed, at least and at most
+_SCATTER = 5.0  # variance of a squared error that two estimates with as large an error measure, relative to its square
 _PRIOR = 64  # probes that what is expected of their noise is worth
-_PROBE_NOISE = 0.1  # of the goal, that the measured error may be off by their noise
 
 
 class ToleranceWarning(UserWarning):
@@ -87,8 +86,8 @@ def estimate_to(
     Of several falloffs all meet it, by the same rays.
     """
     if not tracer.planned:
-        goal = (_AIM * tolerance) ** 2
-        probes = _Probes(tracer, points, goal, max_samples, key)
+        probes = _Probes(tracer, points, tolerance, max_samples, key)
+        goal = tolerance**2 / (1 + probes.doubt)
         rays, worth = np.zeros(len(points), np.int64), np.zeros(len(points))
         more = np.full(len(points), min(_first_rays(tolerance, len(points)), max_samples))
         gathered = [np.zeros((len(points), COLUMNS)) for _ in range(tracer.columns)]
@@ -206,27 +205,40 @@ def _rays_to_add(error: Float64s, worth: Float64s, most: int, goal: float, fall:
 class _Probes:
     """Points at which the error is measured: `rows` (j,), each by two independent estimates for every falloff."""
 
-    def __init__(self, tracer: Tracer, points: Points, goal: float, max_samples: int, key: np.uint32) -> None:
+    def __init__(self, tracer: Tracer, points: Points, tolerance: float, max_samples: int, key: np.uint32) -> None:
         count = int(np.clip(len(points) // _PROBED, _FEWEST_PROBES, _MOST_PROBES))
         self.rows = stratified_rows(len(points), count)
-        enough = (2 * TYPICAL / (_PROBE_NOISE * goal * np.sqrt(len(self.rows)))) ** (1 / RATE)
+        enough = (TYPICAL / tolerance**2) ** (1 / RATE)  # more would not make up for fewer probes: both err by as much
         self._samples = int(min(_BATCH * max(round(enough / _BATCH), 1), max(max_samples, _BATCH)))
         probed = points[self.rows]
 
-        def traced(salt: int) -> list[Float64s]:
-            return tracer.each_column(lambda: tracer.gather_again(probed, self._samples, derive(key, salt))[:, W])
+        def traced(salt: int) -> tuple[Float64s, Float64s]:
+            here = tracer.gather(probed, self._samples, derive(key, salt))
+            elsewhere = tracer.gather_elsewhere(probed, self._samples, derive(key, salt + 2), here)
+            return here[:, W], elsewhere[:, W]
 
-        self._first, self._second = traced(4), traced(5)
+        pairs = tracer.each_column(lambda: (traced(4), traced(5)))
+        self._here = [(first[0], second[0]) for first, second in pairs]
+        self._elsewhere = [(first[1], second[1]) for first, second in pairs]
+
+    @property
+    def doubt(self) -> float:
+        """Standard error of the mean square error that is measured, relative to it."""
+        return float(np.sqrt(_SCATTER / len(self.rows)))
 
     def squared(self, w: Float64s, column: int) -> Float64s:
         """Unbiased squared errors (j,) at the probes of `w` (k,) of all points, as the estimates are independent."""
+        return self._products(w, self._elsewhere[column])
+
+    def _products(self, w: Float64s, estimates: tuple[Float64s, Float64s]) -> Float64s:
         probed = w[self.rows]
-        return (probed - self._first[column]) * (probed - self._second[column])
+        return (probed - estimates[0]) * (probed - estimates[1])
 
     def level(self, raw: Float64s, worth: Float64s, column: int) -> float:
         """Mean square error of values `raw` (k,) by rays alone, `worth` (k,) of them: as measured, and, where there are
         few probes, as the noise of the probes' own rays lets expect."""
-        own = sampling_variance(self._first[column], self._second[column], self._samples)
+        first, second = self._here[column]
+        own = sampling_variance(first, second, self._samples)
         expected = own * float(np.mean((self._samples / worth) ** RATE))
-        measured = max(float(np.sum(self.squared(raw, column))), 0.0)
+        measured = max(float(np.sum(self._products(raw, (first, second)))), 0.0)
         return (measured + _PRIOR * expected) / (len(self.rows) + _PRIOR)

@@ -29,10 +29,10 @@ class SampleMeans:
     samples: SurfaceSamples
     elsewhere: Callable[[Int64s], SurfaceSamples] | None = None  # with other samples of some groups (j,), by numbers
 
-    def moved(self, points: Points) -> SampleMeans:
+    def moved(self, points: Points) -> SampleMeans | None:
         """The same with samples elsewhere in the groups of some `points`, if there are any."""
         if self.elsewhere is None:
-            return self
+            return None
         return replace(self, samples=self.elsewhere(points.numbers.astype(np.int64)))
 
     def rows(self, tracer: Tracer, points: Points, rays: int, key: np.uint32) -> Float64s:

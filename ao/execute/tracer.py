@@ -103,8 +103,8 @@ class Means(Protocol):
     def rows(self, tracer: "Tracer", points: Points, rays: int, key: np.uint32) -> Float64s:
         """Rows (k, …, COLUMNS) of what the points stand for, by about so many `rays` each."""
 
-    def moved(self, points: Points) -> "Means":
-        """The same with other samples of what some `points` stand for."""
+    def moved(self, points: Points) -> "Means | None":
+        """The same with other samples of what some `points` stand for, if there are others."""
 
 
 @dataclass(eq=False)
@@ -145,10 +145,16 @@ class Tracer:
             self._traced[samples, int(key)] = numbers, rows
         return rows[np.searchsorted(numbers, points.numbers), self.column]
 
-    def gather_again(self, points: Points, samples: int, key: np.uint32) -> Float64s:
-        """`gather` by a `key` of its own, for what the other rows err by; of what points stand for, elsewhere in it."""
+    def gather_elsewhere(self, points: Points, samples: int, key: np.uint32, here: Float64s) -> Float64s:
+        """`gather` elsewhere in what each of the `points` stands for, by a `key` that no other rows have.
+
+        Args: here: rows of the points themselves by independent rays, which are what vertices have elsewhere, too.
+        """
         means = self.means
-        self.means = means and means.moved(points)
+        moved = means and means.moved(points)
+        if moved is None:
+            return here
+        self.means = moved
         rows = self.gather(points, samples, key)
         self.means = means
         return rows

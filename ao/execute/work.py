@@ -57,8 +57,10 @@ def fill(work: Work, scene: Any, threads: int) -> Tables:
 
 def fill_spans(work: Work, scene: Any, spans: Sequence[Span], tables: Tables, threads: int, finished: Finished) -> None:
     """Make the rows of `spans` on threads. Args: finished: called on this one, with a first and a last row."""
-    write, rows = work.writer(scene, tables), sum(last - first for first, last in spans)
-    threads, block = granted(threads), max(int(work.block_rays / max(work.rays, 1e-9)), 1)
+    write = work.writer(scene, tables)
+    rows = sum(last - first for first, last in spans)
+    threads = granted(threads)
+    block = max(int(work.block_rays / max(work.rays, 1e-9)), 1)
     size = max(min(block, rows // (_EACH * threads)), -(-block // 4))
     most = int(_MOST_RAYS / (size * max(work.rays, 1)))
     blocks = [(first + a, first + b) for first, last in spans for a, b in shares(last - first, size, threads, most)]

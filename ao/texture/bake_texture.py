@@ -15,7 +15,7 @@ from raytrace.mesh.opacity import opacity_bytes
 from raytrace.system.checks import check_memory
 from raytrace.types import Float64s
 
-from ..declared import Option, taking
+from ..declared import Option, with_option_parameters
 from ..estimate.estimate import estimate
 from ..estimate.tolerance import Estimate, shortfalls
 from ..execute.sample_means import SampleMeans
@@ -39,10 +39,10 @@ from .uv_surface import UVSurface
 # fmt: off
 @dataclass(frozen=True, eq=False, repr=False)
 class _Layout(Inputs):
-    uv: Annotated[Any, Option(on="", role="input", help=
+    uv: Annotated[Any, Option(bake_kinds="", role="input", help=
         "Texture coordinates, v upwards: (n, 2) by vertex or (m, 3, 2) by face and corner. Faces for which they are "
         "NaN are not on the page, such as faces of another material; they occlude.")]
-    size: Annotated[int | tuple[int, int], Option(on="", help=
+    size: Annotated[int | tuple[int, int], Option(bake_kinds="", help=
         "Texels across and down, one number for a square; 1 to 16384.")] = 1024
 # fmt: on
 
@@ -52,7 +52,7 @@ class TextureArguments(TextureOptions, _Layout):
     """Arguments of `ao.bake_texture`."""
 
 
-@taking(TextureArguments)
+@with_option_parameters(TextureArguments)
 @compiling()
 def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     """Obscurance w, as `ao.bake` has it, of every texel that shows a part of `mesh`: the mean over that part.

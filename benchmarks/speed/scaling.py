@@ -35,7 +35,7 @@ from benchmarks.time_against_error.machine import machine
 from raytrace.system import threads as threads_module
 from raytrace.system.atomic import write_json
 
-TARGET, PAGE = RESULTS / "scaling.json", ROOT / "docs" / "benchmarks"
+TARGET, PAGE = RESULTS / "scaling.json", ROOT / "build" / "scaling"
 CORES = (2, 4, 8, 16, 32)
 STAGES = (
     ("mesh bounds", "raytrace.mesh.placement Placement.of"),

@@ -140,6 +140,7 @@ def _write(
 ) -> None:
     import OpenImageIO as oiio
 
+    # The metadata, as each format can hold them.
     format_name = file_format(path)
     spec.attribute("DateTime", "")  # or OpenImageIO puts in the present time
     if format_name in ("openexr", "png"):
@@ -147,6 +148,7 @@ def _write(
             spec.attribute(NAMESPACE + name, printable(text))
     elif metadata:
         spec.attribute("ImageDescription", json.dumps(dict(metadata)))
+    # The rows, into a file beside the target that replaces it when all is there.
     with atomic_path(path) as scratch:
         if format_name != "openexr":
             _reserve(scratch, spec.image_bytes() + _SPARE)

@@ -68,6 +68,7 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
     """
     import OpenImageIO as oiio
 
+    # A file that can be read and opened.
     name = os.fspath(path)
     file = Path(path) if content is None else content
     try:
@@ -87,6 +88,7 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
         if _TOO_LARGE in said:
             raise InputError(name, "size", f"pixels that {stored:,} bytes can hold", said.partition(_TOO_LARGE)[0])
         raise InputError(name, "content", "an image", said)
+    # Pixels that its bytes can hold, few enough, and flat.
     spec = image.spec()
     size = f"{spec.width}×{spec.height}"
     if max(spec.width, spec.height) > max_side:
@@ -158,7 +160,7 @@ def _silenced() -> Iterator[None]:
 
 @contextmanager
 def _limited(oiio: Any, file: Path, stored: int) -> Iterator[None]:
-    """Have OpenImageIO refuse a JPEG 2000 by its header, all of which it decodes to open it, in 14 times the memory."""
+    """Have OpenImageIO refuse a JPEG2000 by its header, all of which it decodes to open it, in 14 times the memory."""
     with file.open("rb") as opened:
         if not opened.read(12).startswith(_JPEG_2000):
             yield

@@ -159,7 +159,7 @@ class RenderJob:
         shadows = self.style.shadows and len(lights.kinds)
         origins = self.geometry.vertex_origins if shadows else aligned((0, 3), np.float32)
         surrounded = len(lights.skies) + len(lights.harmonics) > 0
-        sides = 2 if surrounded or self.scene.geometry.rows[:, TWO_SIDED].any() else 1
+        sides = 2 if surrounded or self.scene.geometry.materials[:, TWO_SIDED].any() else 1
         self.scene = self.scene._replace(lit_vertices=np.zeros((sides * rows, LIGHTING)))
         finished: list[Int64s] = []
         objects = itertools.pairwise(self.scene.geometry.first_w.tolist())

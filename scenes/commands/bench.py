@@ -14,9 +14,9 @@ from raytrace.system.atomic import write_json
 from raytrace.system.checks import check_ending, check_outputs
 from raytrace.system.threads import thread_count
 
+from ..bake.console import compiling
 from ..formats.load import load
 from ..geometry.builtin_shapes import temple
-from ..jobs.console import compiling
 from ..validation.reference import RAYS, Errors, reference
 from ..validation.table import text_table
 

@@ -12,7 +12,7 @@ from raytrace.errors import OptionError, nearest_name
 from raytrace.lights.sources import AmbientLight, BaseLight, DirectionalLight
 from raytrace.mesh.up import TO_Y_UP, UP, up_axis
 
-from ..falloffs import Scales
+from ..formats.falloffs import Scales
 from ..geometry.primitives import Origin
 
 Source = Literal["bake", "off"] | Path

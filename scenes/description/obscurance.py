@@ -36,12 +36,14 @@ def with_obscurance(
     occlusion texture. w from a file stands in place of such textures. Args: checkpoint: as `ao.bake` takes it.
     """
     scene = description.scene
+    # w that is known without a bake.
     if description.w_from == "off":
         return scene, None
     if isinstance(description.w_from, Path):
         return scene.without_occlusion().with_obscurance(_stored_w(description, description.w_from)), None
     if all(item.shape.occlusion for item in scene.objects):
         return scene, None
+    # Bake what can be seen, without the geometry of the picture where both do not fit.
     only = _vertices_to_bake(description, threads)
     mesh = scene.flattened()
     room = available()
@@ -69,7 +71,7 @@ def _vertices_to_bake(description: SceneDescription, threads: int | None) -> Boo
     objects = description.scene.objects
     seen = seen_vertices(description.scene, description.camera, description.settings, threads)
     textured = [item.shape.occlusion is not None for item in objects]
-    return seen & ~np.repeat(textured, [len(item.shape.mesh.vertices) for item in objects])
+    return np.asarray(seen & ~np.repeat(textured, [len(item.shape.mesh.vertices) for item in objects]))
 
 
 def _stored_w(description: SceneDescription, path: Path) -> Float64s:

@@ -107,8 +107,8 @@ def select_objects(
     excluded = _named(source, "exclude", exclude, lenient) if exclude else ~every
     received = (_named(source, "receive", receive) if receive else every) & ~excluded
     if not received.any():
-        name, given = ("receive", receive) if receive else ("exclude", exclude)
-        raise OptionError(name, "patterns that leave an object to bake", " ".join(given), source.path)
+        name = "receive" if receive else "exclude"
+        raise OptionError(name, "patterns that leave an object to bake", " ".join(receive or exclude), source.path)
     if excluded.any():
         mesh = _without(mesh, excluded)
     if cast:

@@ -30,7 +30,7 @@ ENDINGS = endings("holds", "w")
 if TYPE_CHECKING:
     from ao import Profile
 
-    from ..falloffs import Scales
+    from .falloffs import Scales
     from .gltf.asset import Gltf
 
 _ARRAYS = {"profile", "half_distances", "radius"}

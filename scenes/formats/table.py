@@ -86,7 +86,7 @@ def sniffed_format(content: bytes | bytearray) -> str | None:
 
 
 register(  # what no folder reads
-    FileFormat(".npy", "NumPy", write="scenes.write_bake:npy", holds=("w",)),
-    FileFormat(".npz", "NumPy", write="scenes.write_bake:npz", holds=("w",)),
-    FileFormat(".html", "HTML", write="scenes.write_bake:html"),
+    FileFormat(".npy", "NumPy", write="scenes.formats.write:npy", holds=("w",)),
+    FileFormat(".npz", "NumPy", write="scenes.formats.write:npz", holds=("w",)),
+    FileFormat(".html", "HTML", write="scenes.show.page.baked:html"),
 )

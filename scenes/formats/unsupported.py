@@ -11,7 +11,7 @@ from .table import Channels, format_of
 
 
 def unsupported_features(target: Path, mesh_file: MeshFile, channels: Channels = Channels()) -> list[str]:
-    """Losses of `write_bake.write`, and unexpected changes: lines for the user, mostly none.
+    """Losses of `scenes.write`, and unexpected changes: lines for the user, mostly none.
 
     Raises: OptionError: coordinates that the format does not hold. MeshError: colours to be kept are malformed.
     """

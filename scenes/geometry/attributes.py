@@ -111,14 +111,14 @@ class SourceAttributes:
 
     def of_triangles(self, values: PerCorner) -> PerCorner:
         """Values of the triangles' corners, from those of the polygons'."""
-        return PerCorner(values.rows, self.triangles.take(values.of).ravel())
+        return PerCorner(values.values, self.triangles.take(values.of).ravel())
 
     def corner_uv(self) -> Float64s | None:
         """Texture coordinates (m, 3, 2) of the triangles, v upwards, NaN where a corner of one has none; None if there
         are none."""
         if self.uv is None:
             return None
-        found = self.uv.rows[self.triangles.take(self.uv.of)]
+        found = self.uv.values[self.triangles.take(self.uv.of)]
         return np.where(np.isnan(found).any(axis=(1, 2), keepdims=True), np.nan, found)
 
 
@@ -134,7 +134,7 @@ def reversed_attributes(attributes: SourceAttributes) -> SourceAttributes:
         corners=attributes.corners[order],
         triangles=triangles,
         uv=attributes.uv and attributes.uv._replace(of=attributes.uv.of[order]),
-        normals=attributes.normals and PerCorner(-attributes.normals.rows, attributes.normals.of[order]),
+        normals=attributes.normals and PerCorner(-attributes.normals.values, attributes.normals.of[order]),
         elements=tuple(_reversed_element(element, sizes, order) for element in attributes.elements),
     )
 

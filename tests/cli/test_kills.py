@@ -14,7 +14,7 @@ KINDS = ("npy", "ply", "glb", "texture", "textured", "batch", "textures", "pictu
 
 
 def killed(folder, kills, kind):
-    command = [sys.executable, HELPERS / "killed_commands.py", str(kills), "1", kind, folder]
+    command = [sys.executable, HELPERS / "bakes" / "killed_commands.py", str(kills), "1", kind, folder]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with started(command, env=environment(), **pipes) as running:  # it forks: the commands are to end with it
         output, errors = running.communicate(timeout=3600)

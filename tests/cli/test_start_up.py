@@ -185,7 +185,7 @@ runpy.run_path({cli!r}, run_name="__main__")
 """
 
 
-MODULES = ["typer", "scenes.jobs.parameters", "scenes.jobs.run", "numpy", "llvmlite.binding"]
+MODULES = ["typer", "scenes.commands.parameters", "scenes.commands.bake", "numpy", "llvmlite.binding"]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")

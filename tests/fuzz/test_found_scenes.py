@@ -1,4 +1,4 @@
-"""One small case for each fault in scenes and images that fuzzing or its preparation found; see docs/reliability.md."""
+"""One small case for each fault in scenes and images that fuzzing or its preparation found: evidence/reliability.md."""
 
 import struct
 import time
@@ -15,6 +15,7 @@ from mesh_files import obj
 import scenes.formats.threemf
 import scenes.geometry.builtin_shapes
 import scenes.geometry.instances
+from raytrace import CookTorrance
 from raytrace.errors import LINE, InputError, SceneError
 from raytrace.image.read import read_image
 from raytrace.image.texture import Texture, pack_textures
@@ -153,3 +154,12 @@ def test_an_image_without_pixels(tmp_path):
     (tmp_path / "m.tga").write_bytes(content)
     with pytest.raises(InputError, match=r"m\.tga: "):
         pack_textures([Texture(tmp_path / "m.tga")])
+
+
+@pytest.mark.parametrize("distribution", ["beckmann", "gaussian"])
+def test_the_material_of_very_many_copies_is_no_burden(distribution):
+    material = CookTorrance(albedo=0.5, m=0.15, distribution=distribution)
+    start = time.process_time()
+    for _ in range(4000):
+        material.pack()
+    assert time.process_time() - start < 1.5

@@ -17,9 +17,8 @@ ORDER = [
     *("ao.points", "ao.rays", "ao.execute", "ao.estimate", "ao.prepared", "ao.least_squares"),
     *("ao.result", "ao.surface_method", "ao.fine_mesh", "ao.texture"),
     *("ao.interpolation_error", "ao.baking", "ao.report", "ao.cluster", "ao.analytic"),
-    *("scenes.falloffs", "scenes.field_errors", "scenes.presets", "scenes.safe_paths"),
-    *("scenes.geometry", "scenes.formats", "scenes.description", "scenes.show", "scenes.write_bake"),
-    *("scenes.library", "scenes.validation", "scenes.jobs", "scenes.commands"),
+    *("scenes.geometry", "scenes.formats", "scenes.description", "scenes.show"),
+    *("scenes.library", "scenes.validation", "scenes.bake", "scenes.commands"),
     "cli",
 ]
 """Every folder and every file outside folders: each may import what stands before it."""
@@ -38,7 +37,7 @@ DOORS = {
         "ao.execute.work",
     },
     "numba": {"raytrace.kernel.lanes", "raytrace.kernel.compiler"},
-    "uvunwrap": {"scenes.jobs.textures.coordinates"},
+    "uvunwrap": {"scenes.bake.uv"},
     "OpenImageIO": {f"raytrace.image.{name}" for name in ("encode", "fill", "read", "compare", "texture")},
 }
 MODULES = {

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from raytrace.errors import printable
+from raytrace.text.safe_paths import resolve_inside
 
 from ...geometry.attributes import SourceMaterial, is_opacity_map
-from ...safe_paths import beside
 from .text import joined_lines
 
 _NAMES, _NAME = 3, 60  # of libraries or materials that a message lists, and letters of each
@@ -82,7 +82,7 @@ def _libraries(lines: Iterable[str], find: Callable[[str], Path | None]) -> Iter
 
 def _resolve_inside(folder: Path, name: str) -> Path | None:
     """A file in a folder or below it, or None."""
-    return beside(name.strip().strip('"').replace("\\", "/"), folder)
+    return resolve_inside(name.strip().strip('"').replace("\\", "/"), folder)
 
 
 def read_mtl(path: Path, find: Callable[[str], Path | None]) -> tuple[dict[str, SourceMaterial], list[str]]:

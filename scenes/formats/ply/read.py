@@ -1,7 +1,7 @@
 """PLY, text and binary.
 
 An own reader, beside trimesh's and plyfile, because properties, polygons and the order of vertices are kept for the
-output, and memory stays bounded: 7.5 times the bytes of a file, where trimesh takes 22 times (docs/reliability.md).
+output, and memory stays bounded: 7.5 times the bytes of a file, where trimesh takes 22 times (evidence/reliability.md).
 Format: Greg Turk, The PLY polygon file format, 1994. No count is trusted: rows are looked for in the bytes.
 """
 

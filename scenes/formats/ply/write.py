@@ -70,7 +70,7 @@ def unsupported_features(mesh_file: MeshFile, colors: str) -> list[str]:
         missing += [words for words in mesh_file.unread if not words.startswith(MATERIAL_WORDS)]
     if attributes and attributes.normals:
         missing.append("normals of vertices that have several")
-    if attributes and attributes.uv and not np.isfinite(attributes.uv.rows).all():
+    if attributes and attributes.uv and not np.isfinite(attributes.uv.values).all():
         missing.append("texture coordinates, which some corners lack")
     if attributes and attributes.materials:
         missing.append("materials")
@@ -93,6 +93,7 @@ def _annotate(element: Element, bake: Bake, shown: str) -> Element:
 
 def _elements(mesh_file: MeshFile, attributes: SourceAttributes | None) -> tuple[Element, ...]:
     mesh = mesh_file.mesh
+    # Coordinates and normals.
     columns = [Property(axis, "f", mesh.vertices[:, number]).fitting() for number, axis in enumerate("xyz")]
     if any(column.kind == "d" for column in columns):
         columns = [replace(column, kind="d") for column in columns]
@@ -101,16 +102,17 @@ def _elements(mesh_file: MeshFile, attributes: SourceAttributes | None) -> tuple
         longest = np.abs(normals).max(axis=1, keepdims=True)
         normals = (normals / np.where(longest > _LONGEST, longest, 1.0)).astype("<f4")
         columns += [Property(axis, "f", column) for axis, column in zip(("nx", "ny", "nz"), normals.T, strict=True)]
+    # Polygons, texture coordinates and colours of another format.
     sizes = np.full(len(mesh.faces), 3)
     corners = mesh.faces.ravel()
     lists = []
     if attributes:
         sizes = attributes.sizes
         corners = attributes.corners
-        if attributes.uv and np.isfinite(attributes.uv.rows).all():
+        if attributes.uv and np.isfinite(attributes.uv.values).all():
             uv = attributes.uv.at_vertices(corners, len(mesh.vertices))
             if uv is None:
-                uv = attributes.uv.rows[attributes.uv.of]
+                uv = attributes.uv.values[attributes.uv.of]
                 lists = [Property("texcoord", "f", uv.astype("<f4").ravel(), "B", 2 * sizes)]
             else:
                 columns += [Property(name, "f", uv[:, n].astype("<f4")) for n, name in enumerate("st")]

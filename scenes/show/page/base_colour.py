@@ -156,7 +156,7 @@ def block_means(image: AnyFloats, high: int, wide: int) -> AnyFloats:
     starts = [np.arange(size) * side // size for size, side in sides]
     sums = np.add.reduceat(np.add.reduceat(image, starts[0], axis=0), starts[1], axis=1)
     counts = [np.maximum(np.diff(start, append=side), 1) for start, (_, side) in zip(starts, sides, strict=True)]
-    return (sums.T / np.outer(*counts).T).T
+    return np.asarray((sums.T / np.outer(*counts).T).T)
 
 
 def _image(texture: Texture, most: int) -> bytes:
