@@ -154,9 +154,12 @@ def _add_rays(
 
         for rows, new in zip(gathered, tracer.each_column(added), strict=True):
             before = rows[which]
-            mixed = kept * before + (1 - kept) * new
-            mixed[:, BATCH_VARIANCE] = (kept**2 * before + (1 - kept) ** 2 * new)[:, BATCH_VARIANCE]
-            rows[which] = mixed
+            spread = kept[:, 0] ** 2 * before[:, BATCH_VARIANCE] + (1 - kept[:, 0]) ** 2 * new[:, BATCH_VARIANCE]
+            before -= new
+            before *= kept
+            before += new
+            before[:, BATCH_VARIANCE] = spread
+            rows[which] = before
 
 
 def _estimated(
