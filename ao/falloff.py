@@ -20,13 +20,10 @@ from raytrace.errors import ConflictError, OptionError, nearest_name, numbers
 from raytrace.system.parameters import Parameters
 from raytrace.types import Float64s
 
-from .mu import Mu
+from .mu import MAX_KNOTS, ROUNDING, STEPS, Function, Mu, function_knots
 
 Length = float | str
 DEFAULT_HALF_DISTANCE = "50%"
-MAX_KNOTS = 1 << 16
-_STEPS = 1024  # of functions that are sampled
-_ROUNDING = 1e-6  # by which a function may miss 0, 1 and monotony
 
 
 def resolve_length(field: str, length: Length, radius: float) -> float:
@@ -181,7 +178,7 @@ class Polynomial(Falloff, kw_only=False):
         limit = resolve_length("max_distance", self.max_distance, radius or 1.0)
         lowest = min(self.coefficients)
         highest = max(self.coefficients)
-        t = np.linspace(0, 1, 2 if highest == 1 else _STEPS + 1)
+        t = np.linspace(0, 1, 2 if highest == 1 else STEPS + 1)
         values = np.zeros_like(t)
         for power in range(highest, lowest - 1, -1):  # Horner's scheme
             values = values * t + self.coefficients.get(power, 0.0)
@@ -239,31 +236,30 @@ class Tabulated(Falloff, kw_only=False):
             raise OptionError("values", "1 at the last distance", f"{values[-1]:g}")
 
     @classmethod
-    def of(cls, function: Callable[[float], float], max_distance: Length) -> Tabulated:
-        """`function` at 1,025 distances, denser towards 0: the k-th is D (k/1024)².
-
-        Between them μ errs by at most `D²/(2·1024²) · max |x/D · μ''(x)|`, such as 1e-5 for 1 − e^(−τx) with D = 40/τ.
+    def of(cls, function: Function, max_distance: Length | None = None) -> Tabulated:
+        """`function` at 1,025 distances, denser towards 0, and between them until linear interpolation errs by at most
+        1e-6 in the middle between any two, or there are 65,536.
 
         Args:
             function: μ of one distance, in mesh units, or in percent of the radius if `max_distance` is; 0 at 0, 1 at
                 `max_distance` (both within 1e-6), nowhere falling.
-            max_distance: D, a finite length in mesh units or "P%" of the bounding-sphere radius.
+            max_distance: D, a finite length in mesh units or "P%" of the bounding-sphere radius; None: where `function`
+                comes within 1e-6 of 1.
 
         Raises:
             OptionError: `max_distance` is no such length, or `function` no such function.
         """
-        limit = _resolve_finite("max_distance", max_distance)
-        distances = (limit * np.linspace(0, 1, _STEPS + 1) ** 2).tolist()
-        values = numbers([function(x) for x in distances], "options", "function", "a number at every distance")
+        limit = None if max_distance is None else _resolve_finite("max_distance", max_distance)
+        distances, values = function_knots(function, limit)
         rising = np.clip(np.maximum.accumulate(values), 0, 1)
         rising[[0, -1]] = 0, 1
-        wrong = ~(np.abs(rising - values) <= _ROUNDING)
+        wrong = ~(np.abs(rising - values) <= ROUNDING)
         if wrong.any():
             row = int(np.argmax(wrong))
             expected = "values that rise from 0 at distance 0 to 1 at max_distance, or stay"
             raise OptionError("function", expected, f"{values[row]:g} at distance {distances[row]:g}")
         unit = "%" if isinstance(max_distance, str) and max_distance.strip().endswith("%") else ""
-        return cls([f"{x!r}%" for x in distances] if unit else distances, rising)
+        return cls([f"{x!r}%" for x in distances.tolist()] if unit else distances, rising)
 
     @property
     def max_distance(self) -> Length:
@@ -295,18 +291,18 @@ def _in_one_unit(distances: Sequence[Any]) -> tuple[Float64s, bool]:
     return found, bool(relative.any())
 
 
-Falloffs = Falloff | str | Sequence[Falloff | str] | None
+Falloffs = Falloff | str | Function | Sequence[Falloff | str | Function] | None
 
 
 def falloffs_of(given: Falloffs) -> Falloff | tuple[Falloff, ...]:
-    """A falloff or a list's falloffs, also by their names; the exponential one for None.
+    """A falloff or a list's falloffs, also by their names or functions; the exponential one for None.
 
     Raises: OptionError: neither a falloff nor the name of one, or the list is empty.
     """
     if given is None or isinstance(given, str | Falloff):
         return _falloff(given)
     try:
-        listed = tuple(map(_falloff, given))
+        listed = tuple(map(_falloff, given))  # type: ignore[arg-type]
     except TypeError:
         return _falloff(given)  # for its message
     if not listed:
@@ -326,6 +322,8 @@ def _falloff(given: Any) -> Falloff:
         return without_arguments[given]()
     names = sorted(kind.__name__ for kind in FALLOFFS.values())
     classes = ", ".join(f"ao.{name}(…)" for name in (*names, "Tabulated"))
-    expected = f'{classes}, "binary" or "exponential"'
+    expected = f'{classes}, a function, "binary" or "exponential"'
+    if callable(given) and not isinstance(given, type):
+        return Tabulated.of(given)
     near = nearest_name(given, ("exponential", "binary")) if isinstance(given, str) else None
     raise OptionError("falloff", expected, repr(given), "bake", near)

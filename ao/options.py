@@ -44,7 +44,8 @@ class Options:
 
     falloff: Annotated["Falloffs", Option(bake_kinds="", role="input", help=
         'μ, `Exponential(…)` (the default), `Binary(…)`, `Linear(…)`, `Smooth(…)` or `Tabulated(…)`; or "binary" or '
-        '"exponential"; or, by the vertex method, a list of them, for `values` of the result by each from the same '
+        '"exponential"; or a function of the distance in mesh units, which becomes a `Tabulated`; or, by the vertex '
+        'method, a list of them, for `values` of the result by each from the same '
         "rays, which are as long as the farthest needs.")] = None
     samples: Annotated[int | None, Option(bounds=(1, MAX_SAMPLES), help=
         "Rays per vertex or texel, 256 by default; with --tolerance the most, by default 16384.", python_help=

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from raytrace.errors import OptionError
 from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.vector import dot, load, store
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import normalized
+from raytrace.system.entry_points import offered
 from raytrace.system.threads import run_blocks
 from raytrace.types import AnyFloats, Float32s, Float64s, Int64s, UInt8s
 
@@ -84,6 +87,21 @@ class Columns:
         """The standard errors (…, k) of `values`."""
         return np.concatenate([self.error[..., None], *(self.others or ())[1:]], axis=-1)
 
+    def save(self, path: str | os.PathLike[str], mesh_file: Any = None, **options: Any) -> None:
+        """Write the result in the format of the ending, with what is baked, as `scenes.write` does.
+
+        Args:
+            path: the target, replaced if it exists, whole or not at all.
+            mesh_file: the file that the mesh was loaded from, `scenes.load(…)` or its path, to keep what else it holds.
+            options: of `scenes.write`.
+
+        Raises: OptionError: no package that writes files is installed. Others as `scenes.write`.
+        """
+        write = offered("obscurance.save")
+        if write is None:
+            raise OptionError("save", "the package obscurance, installed", "its folders alone: use scenes.write")
+        write(path, self, mesh_file, **options)
+
 
 @dataclass(frozen=True, eq=False)
 class Bake(Columns):
@@ -129,12 +147,8 @@ class Bake(Columns):
 
     def _repr_html_(self) -> str | None:
         """HTML for notebooks, by a package with an entry point of the group `obscurance.html`."""
-        from importlib.metadata import entry_points
-
-        for offer in entry_points(group="obscurance.html"):
-            html: str | None = offer.load()(self)
-            return html
-        return None
+        to_html = offered("obscurance.html")
+        return to_html(self) if to_html else None
 
     def _repr_png_(self) -> bytes:
         """A picture for notebooks: w on the mesh in ambient light, as it stands (`Mesh.up`)."""

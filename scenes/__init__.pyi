@@ -19,3 +19,5 @@ from .library.catalogue import BUILTIN as BUILTIN
 from .library.catalogue import builtin_toml as builtin_toml
 from .library.catalogue import write_builtin as write_builtin
 from .show.page.document import html_page as html_page
+from .show.pictures import render as render
+from .show.pictures import view as view

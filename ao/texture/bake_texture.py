@@ -112,6 +112,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
         uv=scene.uv,
         seconds=_seconds(start, prepared),
         mu=prepared.mu,
+        mesh=scene.mesh,
         calibration=estimates[0].calibration,
         **of_columns(prepared, [np.stack(each, axis=-1) for each in zip(*others, strict=True)]),
         shortfalls=shortfalls(

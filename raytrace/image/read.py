@@ -28,7 +28,7 @@ _ORDER = {name: place for place, name in enumerate("RGBXYZA")}
 
 
 def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Float32s], dict[str, str]]:
-    """Read a picture: its layers, and the metadata that `write_frame` stored.
+    """Read a picture: its layers, and the metadata that `Frame.save` stored.
 
     Values of 8- and 16-bit files are taken as sRGB unless the file says that they are linear; straight alpha becomes
     premultiplied. Of a file with several parts the first is read.
@@ -36,7 +36,7 @@ def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Float32s], dict[
     Returns:
         layers: float32 (h, w, channels), linear, row 0 at the top, by name; channels that belong to no layer, which
             are all of a PNG or JPEG, are "beauty": grey, grey and alpha, RGB or RGBA, premultiplied.
-        metadata: as given to `write_frame`; empty for files from elsewhere.
+        metadata: as given to `Frame.save`; empty for files from elsewhere.
 
     Raises:
         InputError: `path` is missing, a folder, not an image, damaged, or more than 32768 pixels wide or high.

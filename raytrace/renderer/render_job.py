@@ -10,7 +10,8 @@ import numpy as np
 from ..brdf.layout import TWO_SIDED
 from ..camera import Camera
 from ..embree.packets import new_packet
-from ..image.frame import LAYERS, Frame
+from ..image.encode import LAYERS
+from ..image.frame import Frame
 from ..image.texture import LazyTextures
 from ..kernel.arrays import aligned
 from ..kernel.simd import WIDE

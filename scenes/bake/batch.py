@@ -65,7 +65,7 @@ class Batch:
 
     def check_files(self, keep: bool = True) -> None:
         """`Plan.check_files` of all, in folders that are made, and stay if `keep`."""
-        with created_folders((self.folder, *(plan.target.parent for plan in self.plans)), keep):
+        with created_folders((self.folder, *(plan.output.parent for plan in self.plans)), keep):
             self.plans[0].check_files()
             inputs = [path for plan in self.plans for path in plan.inputs]
             outputs = {f"output {plan.output}": plan.output for plan in self.plans}
@@ -118,12 +118,12 @@ class Batch:
             def bake_here(number: int, threads: int) -> None:
                 entry = manifest.entries[number]
                 plan = plans[number]
-                before = _identity(plan.target)
+                before = _identity(plan.output)
                 open_checkpoint = partial(cluster_checkpoint, session, options.resume) if session else None
                 try:
                     _note(entry, run_in_batch(plan, threads, open_checkpoint))
                 except KeyboardInterrupt:
-                    if _identity(plan.target) != before:  # it has been written, whole
+                    if _identity(plan.output) != before:  # it has been written, whole
                         entry.done()
                     raise
 

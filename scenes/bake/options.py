@@ -21,6 +21,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     "godot": {"format": "glb", "occlusion": "texture", "bits": "8", "bent_space": "tangent"},
     "blender": {"format": "glb", "colors": "rgb", "bits": "16", "bent_space": "tangent"},
     "three": {"format": "glb", "occlusion": "ramp", "bits": "8", "bent_space": "tangent"},
+    "meshlab": {"format": "ply", "ply_name": "quality"},
 }
 """`--preset`: values of options by program, as docs/programs.md explains them; a plan has them where they apply."""
 
@@ -40,7 +41,7 @@ Metric = Literal["flip", "rms", "max"]
 Alpha = Literal["auto", "ignore"]
 OccludedBy = Literal["all", "object", "name"]
 Up = Literal["x", "y", "z", "-x", "-y", "-z"]
-Format = Literal["npy", "npz", "ply", "glb", "html", "png", "exr", "tif"]
+Format = Literal["npy", "npz", "ply", "glb", "obj", "vtp", "html", "png", "exr", "tif"]
 InputFormat = Literal["ply", "obj", "stl", "off", "glb", "gltf", "3mf"]
 ProgressForm = Literal["bar", "json"]
 
@@ -50,8 +51,9 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
     "": (
         Option("mesh", list[Path], ..., "A mesh file: PLY, OBJ, STL, OFF, GLB, glTF, 3MF, ...; several; a pattern "
                "('meshes/*.obj'); or - for standard input.", role="input", metavar="INPUT"),
-        Option("output", Path | None, None, "Output file, format by ending: .npy .npz .ply .glb of the vertices; .html "
-               "to look at them; .png .exr .tif a texture, with <UDIM>, <MATERIAL>, <OBJECT> in the name one for each.",
+        Option("output", Path | None, None, "Output file, format by ending: .npy .npz .ply .glb .obj .vtp of the "
+               "vertices; .html to look at them; .png .exr .tif a texture, with <UDIM>, <MATERIAL>, <OBJECT> in the "
+               "name one for each.",
                EVERY_BAKE + " merge", "output", short="-o"),
         Option("output_dir", Path | None, None, "For several inputs: folder of their outputs, and of manifest.json.",
                EVERY_BAKE, "run", excludes=("output",), metavar="FOLDER"),
@@ -94,6 +96,8 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
         Option("colors", Literal["rgb", "r", "g", "b", "a"] | None, None, "Write w as vertex colours, COLOR_0 of .glb, "
                "replacing a .ply's own; or into one channel, where the others stay as they are in the input.",
                "vertices batch merge", "output", metavar="[r|g|b|a]"),
+        Option("ply_name", str | None, None, "A further property of .ply that holds w: quality, which MeshLab shows.",
+               "vertices batch merge", "output", metavar="NAME"),
         Option("occlusion", Literal["none", "ramp", "texture"] | None, None, "Occlusion texture of .glb materials, for "
                "viewers: ramp (w of the vertices, default without --colors), texture (of texels) or none.", _WRITTEN,
                "output"),

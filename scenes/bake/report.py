@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ao.declared import Option
 from raytrace.errors import InputError, nearest_name
 
-from ..formats.falloffs import table_of
-from .options import BAKE, PRESETS, ROWS, check_stored
+from .options import BAKE, PRESETS, ROWS, check_stored, plain
 
 if TYPE_CHECKING:
+    from ..formats.load import MeshFile
     from ..show.report.verdict import Pictures
     from .inputs import BakeInputs
     from .plan import Plan
 
+_OF_FALLOFF = "falloff", "tau", "max_distance", "profile"
 _MOST = 1 << 28  # bytes; anything larger is no report
 
 
@@ -38,6 +39,7 @@ class WorkSize(NamedTuple):
 
 def hashed_inputs(plan: Plan, inputs: BakeInputs) -> list[dict[str, Any]]:
     """Files that were read, as a report has them."""
+    from ..formats.falloffs import table_of
     from ..show.report.verdict import hashed
 
     return hashed([*inputs.files, *table_of(plan.options.falloff)], {plan.mesh: inputs.content})
@@ -67,6 +69,20 @@ def command_line(command: str, table: Iterable[Option], options: Mapping[str, An
         elif value is not row.default:
             words.append(row.flags[0].split("/")[not value])
     return shlex.join(words)
+
+
+def command_again(plan: Plan, source: MeshFile) -> str:
+    """The command that bakes to vertices again by another half-distance, "{}", into a file that keeps what is there."""
+    attributes = source.attributes
+    is_painted = source.gltf or (attributes and (attributes.uv or attributes.materials))
+    changed = {
+        name: value
+        for name, value in plan.described().items()
+        if ROWS[name].role != "output" and name not in _OF_FALLOFF and value != plain(ROWS[name].default)
+    }
+    target = f"{plan.mesh.stem}-baked{'.glb' if is_painted else '.ply'}"
+    line = command_line("bake", BAKE, changed | {"output": target, "half_distance": "{}"})
+    return line.replace("'{}'", "{}")
 
 
 def _streamed(name: str, option: str) -> list[str]:

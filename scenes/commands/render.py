@@ -15,7 +15,7 @@ from ao.declared import Option
 from ao.options import Normals
 from raytrace.errors import ConflictError, OptionError, printable
 
-from ..bake.console import progress, show_picture, warn
+from ..bake.console import progress, warn
 from ..bake.options import REPORTS, ROWS, OptionValues, check_together, plain, with_fields
 from ..bake.report import command_line
 
@@ -94,7 +94,7 @@ def _render(given: RenderOptions, output: Path, workers: Workers | None) -> None
         raise OptionError("show", "a terminal as standard output", "a file or a pipe")
     size = None if given.width is None else (given.width, given.height)
     crop = None if given.crop is None else _crop(given.crop)
-    from raytrace.image.write import check_image_target, write_frame
+    from raytrace.image.write import check_image_target
     from raytrace.system.checks import check_ending, check_outputs
     from raytrace.system.threads import thread_count
 
@@ -122,9 +122,11 @@ def _render(given: RenderOptions, output: Path, workers: Workers | None) -> None
         with progress(given.quiet, "rays", "tiles", form=given.progress, status=status) as bars:
             picture = _picture(given.scene, description, layers is None, threads, bars, session)
             start = time.perf_counter()
-            write_frame(output, picture.frame, _metadata(given.scene, description.settings), given.half)
+            picture.frame.save(output, _metadata(given.scene, description.settings), given.half)
             picture.seconds["write"] = time.perf_counter() - start
     if given.show:
+        from ..show.terminal import show_picture
+
         show_picture(picture.frame.layers["beauty"])
     if given.report:
         _write_report(given, description.settings, picture, threads, inputs, warnings)

@@ -76,11 +76,6 @@ def _vertices_to_bake(description: SceneDescription, threads: int | None) -> Boo
 
 def _stored_w(description: SceneDescription, path: Path) -> Float64s:
     """w of all vertices of the scene, from a file that has one for each, or one for each vertex of its mesh files."""
-    counts = [len(item.shape.mesh.vertices) for item in description.scene.objects]
-    origins = description.origins or (None,) * len(counts)
-    of_files = [origin.total if origin else count for origin, count in zip(origins, counts, strict=True)]
-    w = read_w(path, sum(of_files), sum(counts), scales=description.scales)
-    if len(w) != sum(of_files):
-        return w
-    parts = np.split(w, np.cumsum(of_files)[:-1])
-    return np.concatenate([part[origin.of] if origin else part for origin, part in zip(origins, parts, strict=True)])
+    file_vertices, total = description.file_vertices()
+    w = read_w(path, total, len(file_vertices), scales=description.scales)
+    return w[file_vertices] if len(w) == total else w

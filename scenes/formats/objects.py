@@ -78,7 +78,8 @@ class ObjectSelection(NamedTuple):
                 own = corners.reshape(-1, 3)
                 opacity = mesh.opacity and mesh.opacity.only(rows)
                 made = Mesh(mesh.vertices[vertices], own, normals, source=mesh.source, up=mesh.up, opacity=opacity)
-                yield vertices, made
+                polygons = None if mesh.polygons is None else mesh.polygons[rows]
+                yield vertices, replace(made, polygons=polygons)
 
 
 def select_objects(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from pkgutil import resolve_name
@@ -16,13 +17,14 @@ from raytrace.errors import ConflictError, OptionError
 from raytrace.system.atomic import check_writable, write_bytes
 from raytrace.types import AnyFloats
 
-from .load import MeshFile
+from .load import MeshFile, load
 from .table import Channels, endings, format_of
 
 if TYPE_CHECKING:
     from ao import Bake, BakedTexture, Profile
 
 Occlusion = Literal["none", "ramp"]
+_PLY_NAME = r"(?!(n?[xyz]|[stuv]|red|green|blue|alpha|texture_.|obscurance\w*)$)[A-Za-z_]\w*"
 Colors = Literal["rgb", "r", "g", "b", "a"]
 
 
@@ -54,12 +56,13 @@ def check_target(path: str | os.PathLike[str]) -> None:
 def write(
     path: str | os.PathLike[str],
     bake: VertexValues | BakedTexture | Sequence[Bake | BakedTexture],
-    mesh_file: MeshFile,
+    mesh_file: MeshFile | str | os.PathLike[str] | Any = None,
     *,
     colors: bool | Colors = False,
     occlusion: Occlusion | None = None,
     replace_occlusion: bool = False,
     up: str | None = None,
+    ply_name: str | None = None,
 ) -> None:
     """Write a bake in the format of the ending, whole or not at all; the same input gives the same bytes.
 
@@ -69,6 +72,8 @@ def write(
     - `.ply`: `obscurance`, and w as the grey `red green blue`, sRGB-encoded as Blender and three.js take the colours of
       a PLY (`scenes.formats.ply.write.ply`). Coordinates are float where that loses nothing, double otherwise.
     - `.glb`: `_OBSCURANCE` (`scenes.formats.gltf.write.glb`), and what viewers show: a ramp or colours.
+    - `.obj`: w as the grey `v x y z r g b`, sRGB-encoded (`scenes.formats.obj.write`).
+    - `.vtp`: `obscurance`, and `error`, `flags`, `bent_normals` as far as they are known (`scenes.formats.vtp.write`).
     - `.html`: a page for a browser, everything in it (`scenes.show.page.document`).
     - `.png` `.exr` `.tif`, of a texture: w, linear, PNG of 16 bits, else float32.
 
@@ -81,7 +86,8 @@ def write(
         path: the target, replaced if it exists.
         bake: per vertex of `mesh_file.mesh`, or a texture of its faces. For a .glb also a list of textures of
             different faces; a bake per vertex among them is for faces on none.
-        mesh_file: what was baked.
+        mesh_file: what was baked, with what else it holds: of `load` for this target, or the file's path; or a mesh in
+            any form that `ao.bake` takes; None: the mesh of the bake alone.
         colors: "rgb" (or True): give a .glb the vertex colours `COLOR_0` = w, and a .ply the grey, in place of the
             source's colours; "r", "g", "b" or "a": w in that channel alone, the others as in the source, 1 without.
         occlusion: "ramp" gives a .glb's materials an occlusion texture that shows w, "none" does not; None is "ramp",
@@ -90,23 +96,34 @@ def write(
         up: "x", "y", "z", "-x", "-y" or "-z", the axis that is up, in place of `Mesh.up`: a page stands so, a .ply says
             so in its header (`comment up z`), and what was no glTF is turned by a root node of a .glb, where y is up;
             vertices stay what they are.
+        ply_name: of a further property of a .ply that holds w, such as "quality", which MeshLab shows.
 
     Raises:
-        OptionError: unknown ending, options that exclude each other, coordinates that a .glb cannot hold, or a
-            texture of another mesh.
+        OptionError: unknown ending, options that exclude each other, coordinates that a .glb cannot hold, or a bake
+            of another mesh.
         MeshError: materials of a glTF source are malformed.
         OutputError: the file cannot be written; an existing one is untouched.
     """
+    several = bake if isinstance(bake, Sequence) else [cast("Bake | BakedTexture", bake)]
+    source = _source(path, getattr(several[0], "mesh", None) if mesh_file is None else mesh_file)
     if isinstance(bake, Sequence) or bake.w.ndim == 2:  # texels, not vertices
         for name, value in {"colors": colors, "occlusion": occlusion, "up": up}.items():
             if value:
                 raise ConflictError(name, "does not go with", "a texture")
-        several = bake if isinstance(bake, Sequence) else [cast("BakedTexture", bake)]
-        _write_textures(Path(path), several, mesh_file, replace_occlusion)
+        _write_textures(Path(path), several, source, replace_occlusion)
         return
-    write_vertices(
-        path, cast("VertexValues", bake), mesh_file, channels(path, colors, occlusion, replace_occlusion, up)
-    )
+    count = len(source.mesh.vertices)
+    if len(bake.w) != count:
+        raise OptionError("bake", f"w of the {count:,} vertices of {source.path}", f"{len(bake.w):,}")
+    shown = channels(path, colors, occlusion, replace_occlusion, up, ply_name)
+    write_vertices(path, cast("VertexValues", bake), source, shown)
+
+
+def _source(target: str | os.PathLike[str], given: Any) -> MeshFile:
+    """What was baked, in any form that `write` takes."""
+    if isinstance(given, str | os.PathLike):
+        return load(given, target)
+    return given if isinstance(given, MeshFile) else MeshFile.of(given)
 
 
 def write_vertices(path: str | os.PathLike[str], bake: VertexValues, mesh_file: MeshFile, shown: Channels) -> None:
@@ -140,6 +157,7 @@ def channels(
     occlusion: Occlusion | None,
     replace_occlusion: bool,
     up: str | None = None,
+    ply_name: str | None = None,
 ) -> Channels:
     """The channels of w for viewers. Raises: OptionError: options that exclude each other, or the ending."""
     ending = Path(path).suffix.lower()
@@ -157,7 +175,11 @@ def channels(
     ramp = ending == ".glb" and (occlusion == "ramp" if occlusion else not colors)
     if replace_occlusion and not ramp:
         raise ConflictError("replace_occlusion", "needs", "an occlusion texture to write")
-    return Channels(replaced, ramp, replace_occlusion, up)
+    if ply_name and ending != ".ply":
+        raise ConflictError("ply_name", "needs", "a .ply output")
+    if ply_name and not re.fullmatch(_PLY_NAME, ply_name):
+        raise OptionError("ply_name", "a word other than those of coordinates and colours, such as quality", ply_name)
+    return Channels(replaced, ramp, replace_occlusion, up, ply_name)
 
 
 ENDINGS = endings("write")  # of the names of files that `write` makes

@@ -26,6 +26,8 @@ class SourceMaterial:
     metallic: float = 0.0
     roughness: float = 1.0
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    specular: tuple[float, float, float] = (0.0, 0.0, 0.0)  # and `exponent`, of Blinn–Phong; glTF has `roughness`
+    exponent: float = 0.0
     texture: Path | None = None  # an existing PNG or JPEG, multiplied into `colour`; coordinates as the file has them
     opacity_texture: Path | None = None  # an existing image, multiplied into `opacity`, see `opacity_map`
 
@@ -40,6 +42,12 @@ class SourceMaterial:
         if self.opacity_texture is None:
             return None
         return texture_alpha(Texture(self.opacity_texture), grey=self.opacity_texture != self.texture)
+
+
+def is_picture(path: Path) -> bool:
+    """Whether a file begins as a PNG or a JPEG, which glTF and browsers show."""
+    with path.open("rb") as file:
+        return file.read(8).startswith((b"\x89PNG", b"\xff\xd8\xff"))
 
 
 def is_opacity_map(path: Path, colour: Path | None) -> bool:

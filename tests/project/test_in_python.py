@@ -35,7 +35,7 @@ def test_a_falloff_by_its_name(bake, name, falloff):
 @pytest.mark.parametrize("bake", [ao.bake, partial(ao.bake, method="surface")])
 @pytest.mark.parametrize("wrong", ["linear", "Binary", ao.Binary, 3, 0.5])
 def test_what_is_no_falloff_is_refused(bake, wrong):
-    with pytest.raises(OptionError, match=r'falloff: expected ao\.Exponential\(…\), .*"exponential", got '):
+    with pytest.raises(OptionError, match=r'falloff: expected ao\.Binary\(…\), .*"exponential", got '):
         bake(BALL, wrong)
 
 

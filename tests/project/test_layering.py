@@ -97,3 +97,11 @@ def test_folders_hold_about_a_dozen_files():
     for path in MODULES.values():
         files[path.parent] += 1
     assert max(files.values()) <= 14, max(files, key=files.get)
+
+
+def test_folders_of_tests_do_so_too():
+    files = defaultdict(int)
+    for path in (ROOT / "tests").rglob("*.py"):
+        files[path.parent] += 1
+    del files[ROOT / "tests" / "cli"]
+    assert max(files.values()) <= 14, max(files, key=files.get)

@@ -47,7 +47,9 @@ def read_ply(given: MeshInput) -> list[Instance]:
     made = Instance(given.name, vertices, triangles.take(corners), normals, notes=triangles.notes, up=header.up)
     if given.keep:
         kept = list(map(_declared, elements, header.elements)) if header.text else elements
-        made = replace(made, attributes=ply_attributes(tuple(kept), header.comments, corners, sizes, triangles))
+        folder = given.path.parent
+        attributes = ply_attributes(tuple(kept), header.comments, corners, sizes, triangles, folder)
+        made = replace(made, attributes=attributes)
     w = vertex.get("obscurance")
     profile = header.profile(vertex)
     return [replace(made, w=w, profile=profile, polygons=triangles.polygons)]

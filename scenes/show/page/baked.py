@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from shlex import quote
 from typing import TYPE_CHECKING
 
 from ...formats.load import PIPED, MeshFile
@@ -19,6 +18,7 @@ def html(bake: Bake | Values, mesh_file: MeshFile, channels: Channels) -> bytes:
     """The page, everything in it."""
     name = mesh_file.path.name
     title = "standard input" if mesh_file.path.stem == PIPED else name
-    again = f"obscurance bake {quote(name)} --half-distance {{}} -o {quote(f'{mesh_file.path.stem}-baked.ply')}"
-    values = Values(bake.w, bake.error, bake.flags, bake.bent_normals, title, profile=bake.profile, permanent=again)
+    values = Values(
+        bake.w, bake.error, bake.flags, bake.bent_normals, title, profile=bake.profile, permanent=channels.again
+    )
     return html_of_bakes(mesh_file.mesh, [values], title, channels.up, base_colour(mesh_file))

@@ -11,7 +11,7 @@ import numpy as np
 import ao
 from ao.analytic.closed_forms import wall
 from raytrace import Mesh
-from scenes.falloffs import make_falloff
+from scenes.formats.falloffs import make_falloff
 from scenes.geometry.polyhedra import join, patches, polygon
 
 falloff = make_falloff("smoother", max_distance="50%")
