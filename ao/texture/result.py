@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -21,9 +21,11 @@ from ..estimate.calibration import Calibration
 from ..estimate.tolerance import Estimate
 from ..mu import Mu
 from ..result import Columns
-from .seams import Seams
 from .texels import Texels
 from .uv_layout import UVLayout
+
+if TYPE_CHECKING:
+    from .seams import Seams
 
 _BLOCK, _SHARE = 1 << 12, 16  # texels, and blocks at once
 _ROWS = 1 << 4  # of the page
