@@ -76,9 +76,16 @@ def write_layers(
 
 
 def write_picture(
-    path: str | os.PathLike[str], pixels: Float32s, metadata: Mapping[str, str], opaque: bool = False
+    path: str | os.PathLike[str],
+    pixels: Float32s,
+    metadata: Mapping[str, str],
+    opaque: bool = False,
+    corner: tuple[int, int] = (0, 0),
 ) -> None:
-    """Write linear `pixels`, (height, width, channels), sRGB-encoded, without their alpha if `opaque`; PNG dithered."""
+    """Write linear `pixels`, (height, width, channels), sRGB-encoded, without their alpha if `opaque`; PNG dithered.
+
+    Args: corner: column and row of the first pixel in the whole picture that this is a part of.
+    """
     import OpenImageIO as oiio
 
     has_alpha = pixels.shape[2] == 4
@@ -87,6 +94,7 @@ def write_picture(
     straight = has_alpha and not (opaque or file_format(path) == "jpeg" or has_background)
     if has_alpha and not straight:
         pixels = pixels[..., :3]
+    left, top = corner
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, "uint16" if file_format(path) == "tiff" else "uint8")
     spec.attribute("oiio:ColorSpace", "srgb_rec709_scene")
@@ -105,7 +113,7 @@ def write_picture(
         if file_format(path) != "png":
             return np.concatenate([encoded, alpha.clip(0.0, 1.0)], axis=2)
         coverage = np.rint(255 * alpha.clip(0.0, 1.0)).astype(np.uint8)
-        return np.concatenate([dithered(encoded, first), coverage], axis=2)
+        return np.concatenate([dithered(encoded, left, top + first), coverage], axis=2)
 
     _write(path, spec, metadata, rows)
 

@@ -19,6 +19,7 @@ class Frame:
         rays: traced, by kind: primary, shadow.
         rays_skipped: shadow rays not traced, by reason.
         seconds: build, render.
+        corner: column and row of the first pixel in the whole picture, of a crop.
         background: linear RGB that is in the beauty already wherever the coverage is below 1.
     """
 
@@ -27,6 +28,7 @@ class Frame:
     rays_skipped: dict[str, int]
     seconds: dict[str, float]
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    corner: tuple[int, int] = (0, 0)
 
     def __repr__(self) -> str:
         height, width = self.layers["beauty"].shape[:2]
@@ -35,7 +37,7 @@ class Frame:
 
     def _repr_png_(self) -> bytes:
         """The beauty as a PNG: what notebooks show."""
-        return written("frame.png", write_picture, self.layers["beauty"], {}, any(self.background))
+        return written("frame.png", write_picture, self.layers["beauty"], {}, any(self.background), self.corner)
 
     def save(
         self,
@@ -70,4 +72,4 @@ class Frame:
             write_layers(path, {name: self.layers[name] for name in names}, facts, half)
         else:
             (name,) = chosen or ("beauty",)
-            write_picture(path, self.layers[name], facts, opaque=any(self.background))
+            write_picture(path, self.layers[name], facts, any(self.background), self.corner)

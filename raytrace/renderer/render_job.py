@@ -183,7 +183,7 @@ class RenderJob:
         counts = self.counts.tolist()
         rays = dict(zip(_TRACED, counts[:2], strict=True))
         skipped = dict(zip(_SKIPPED, counts[2:], strict=True))
-        return Frame(layers, rays, skipped, seconds, self.style.background)
+        return Frame(layers, rays, skipped, seconds, self.style.background, (x, y))
 
 
 def paste(film: Film, numbers: Int64s, pixels: Float32s, marks: Bools | None = None) -> None:

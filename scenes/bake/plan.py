@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import ao
 from ao.falloff import resolve_length
-from ao.options import Options, TextureOptions, VertexOptions
+from ao.options import DEFAULT_SAMPLES, Options, TextureOptions, VertexOptions
 from raytrace.errors import ConflictError, OptionError, Relation, Term
 from raytrace.system.checks import check_ending, check_outputs
 from raytrace.system.threads import thread_count
@@ -173,13 +173,16 @@ def plan_bake(options: BakeOptions) -> Plan:
     if options.occlusion == "texture" and ending != ".glb" and ending not in IMAGES:
         raise ConflictError(("occlusion", "texture"), "needs", "a .glb output")
     kind: Kind = "texture" if ending in IMAGES or options.occlusion == "texture" else "vertices"
-    if output is None and (options.size or options.texel_size):
-        kind = "texture"
+    if output is None:
+        options = options.replaced(samples=options.samples or DEFAULT_SAMPLES)
+        if options.size or options.texel_size:
+            kind = "texture"
     check_kind(options, kind)
     falloff = make_falloff(options.falloff, options.tau, options.half_distance, options.max_distance)
     of_kind = {row.name: getattr(options, row.name) for row in BAKER.values() if kind in row.bake_kinds.split()}
     given = {name: value for name, value in of_kind.items() if not isinstance(value, Path | None)}
     arguments = _RECORDS[kind](falloff=falloff, **given)
+    options = options.replaced(tolerance=arguments.tolerance)
     if isinstance(options.cage, str) and resolve_length("cage", options.cage, 1.0) == float("inf"):
         raise OptionError("cage", "a finite length", options.cage)
     shown = Channels()

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 from frames import plain
+from meshes import two_boxes
 
+from raytrace import AmbientLight, Camera, Lambert, Object, Scene, Settings, Shape, render
 from raytrace.image import encode
 from raytrace.image.dither import dithered
 from raytrace.image.read import open_image
@@ -47,6 +49,14 @@ def test_rows_go_on_from_block_to_block(tmp_path, monkeypatch):
     encode.write_picture(tmp_path / "a.jpg", ramp, {})
     plain((0.5, 0.5, 0.5, 0.5)).save(tmp_path / "half.png")
     assert (codes(tmp_path / "half.png")[..., 3] == 128).all()
+
+
+def test_a_crop_has_the_pixels_of_the_whole(tmp_path):
+    scene = Scene((Object(Shape(two_boxes(), Lambert(albedo=0.8))),), (AmbientLight(),), (0.1, 0.2, 0.3))
+    camera = Camera.framing(two_boxes(), aspect=1.5)
+    for name, crop in (("whole", None), ("part", (30, 17, 40, 21))):
+        render(scene, camera, Settings(width=96, height=64, samples=4, crop=crop)).save(tmp_path / f"{name}.png")
+    np.testing.assert_array_equal(codes(tmp_path / "whole.png")[17:38, 30:70], codes(tmp_path / "part.png"))
 
 
 def test_w_of_8_bits_is_dithered_and_of_16_is_not(tmp_path):
