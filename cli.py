@@ -16,12 +16,12 @@ from typer.exceptions import TyperException
 from typer.main import get_command
 
 from raytrace.errors import InputError, ObscuranceError, OptionError, OutputError
-from scenes.commands.render import RENDER, run_render
+from scenes.bake import options as choices
+from scenes.bake.console import columns, note, output_failed, readable_output, reopen_streams
+from scenes.bake.options import BAKE, MERGE, ROWS, BakeOptions
+from scenes.commands.parameters import EXAMPLES, TableCommand, name_of, parameter, parameters
+from scenes.commands.render import RENDER, RenderOptions, run_render
 from scenes.commands.usage import fault_in_words
-from scenes.jobs import options as choices
-from scenes.jobs.console import columns, compiling, note, output_failed, readable_output, reopen_streams
-from scenes.jobs.options import BAKE, MERGE, ROWS
-from scenes.jobs.parameters import EXAMPLES, TableCommand, name_of, parameter, parameters
 
 interrupts.all_imported()
 
@@ -44,18 +44,18 @@ def bake(**options: Any) -> None:
 
     The result is w, one number for each vertex or texel: 1 where it is open, 0 where it is closed.
     """
-    from scenes.jobs.run import run_bake
+    from scenes.commands.bake import run_bake
 
-    raise typer.Exit(run_bake(options))
+    raise typer.Exit(run_bake(BakeOptions(**options)))
 
 
 @app.command(cls=TableCommand)
 @parameters(MERGE)
-def merge(parts: Path, **options: Any) -> None:
+def merge(parts: Path, mesh: Path | None, **options: Any) -> None:
     """Write the output of a bake, or a batch, traced in parts."""
-    from scenes.jobs.run import run_merge
+    from scenes.commands.bake import run_merge
 
-    raise typer.Exit(run_merge(parts, options))
+    raise typer.Exit(run_merge(parts, mesh, options))
 
 
 @app.command()
@@ -93,7 +93,7 @@ def falloff(
 ) -> None:
     """Change the falloff of a bake that has a profile, without rays."""
     from scenes.commands.falloff import change_falloff
-    from scenes.falloffs import make_scales
+    from scenes.formats.falloffs import make_scales
 
     summary = change_falloff(baked, make_scales(half_distance, power), output, mesh)
     if not quiet:
@@ -134,8 +134,7 @@ def validate(
         note(f"validate: stress tests and random meshes are test suites: {where}")
         raise typer.Exit(2)
     Options(samples=samples, seed=seed, threads=threads)
-    with compiling():
-        results = run_validation(samples=samples, seed=seed, threads=threads)
+    results = run_validation(samples=samples, seed=seed, threads=threads)
     print(validation_table(results))
     raise typer.Exit(0 if all(result.ok for result in results) else 1)
 
@@ -144,7 +143,7 @@ def validate(
 @parameters(RENDER)
 def render(**options: Any) -> None:
     """Render a scene to an image; an .exr holds every layer."""
-    run_render(options)
+    run_render(RenderOptions(**options))
 
 
 @app.command()
@@ -221,7 +220,7 @@ def bench(
     """Measure bake time against error on this machine."""
     options = {name: choices.plain(value) for name, value in locals().items() if name != "report"}
     from scenes.commands.bench import bench_file
-    from scenes.falloffs import make_falloff
+    from scenes.formats.falloffs import make_falloff
 
     bench_file(mesh, make_falloff(falloff, None, None, max_distance), seed, threads, report, options)
 

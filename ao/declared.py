@@ -17,7 +17,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 T = TypeVar("T")
 Role = Literal["input", "output", "result", "run"]
-EACH = "vertices texture part batch"
+EVERY_BAKE = "vertices texture part batch"
 IMAGE = "texture part batch"
 SAME: Any = object()  # as the field has it
 
@@ -30,7 +30,7 @@ class Option:
     kind: Any = SAME  # its type, or its choices
     default: Any = SAME  # `...` of an argument that is needed
     help: str = ""  # in one line
-    on: str = EACH  # sorts of bakes that take it, of vertices, texture, part, merge and batch; none: Python alone
+    bake_kinds: str = EVERY_BAKE  # that take it: vertices, texture, part, merge, batch; none: Python alone
     role: Role = "result"  # a file that is read, what is written, what is computed, or how that is run
     needs: Mapping[str, Any] = field(
         default_factory=dict
@@ -39,11 +39,11 @@ class Option:
     metavar: str | None = None
     short: str | None = None
     section: str = ""  # of the help
-    was: str | None = None  # its earlier name
+    old_name: str | None = None
     words: tuple[str, ...] = ()  # for completion
-    repeated: bool = True  # whether `--options` takes it over, if it is no file that is written
+    is_setting: bool = True  # whether `--options` takes it over, if it is no file that is written
     bounds: tuple[float, float] | None = None  # of a number
-    more: str = ""  # what there is to say of it in Python beside `help`
+    python_help: str = ""  # what there is to say of it in Python beside `help`
 
     @property
     def flags(self) -> list[str]:
@@ -54,14 +54,14 @@ class Option:
         return [flag + off, *([self.short] if self.short else [])]
 
     @property
-    def rays(self) -> bool:
+    def affects_rays(self) -> bool:
         """Whether it can change what a journal, a part or a worker has traced."""
         return self.role in ("input", "result")
 
     @property
-    def taken(self) -> bool:
+    def reusable(self) -> bool:
         """Whether `--options` takes it over."""
-        return self.repeated and self.role != "run" and not (self.role == "output" and self.kind == Path | None)
+        return self.is_setting and self.role != "run" and not (self.role == "output" and self.kind == Path | None)
 
 
 def rows(record: Any) -> dict[str, Option]:
@@ -119,15 +119,15 @@ def _checked(kind: Any, row: Option) -> Any:
     return found | None if plain is not kind and found is not Any else found
 
 
-def taking(record: Callable[P, T]) -> Callable[[Callable[[Any, T], R]], Callable[P, R]]:
+def with_option_parameters(record: Callable[P, T]) -> Callable[[Callable[[Any, T], R]], Callable[P, R]]:
     """Let a function of a mesh and a record take the record's fields, some by earlier names too, and describe them."""
     declared: list[Field[Any]] = sorted(fields(record), key=lambda each: bool(each.kw_only))  # type: ignore[arg-type]
-    present = {row.was: name for name, row in rows(record).items() if row.was}
+    new_names = {row.old_name: name for name, row in rows(record).items() if row.old_name}
 
     def with_fields(function: Callable[[Any, T], R]) -> Callable[P, R]:
         @wraps(function)
         def called(*unnamed: P.args, **named: P.kwargs) -> R:
-            values: Any = {present.get(name, name): value for name, value in named.items()}
+            values: Any = {new_names.get(name, name): value for name, value in named.items()}
             try:
                 signature.bind(*unnamed, **values)
             except TypeError as fault:
@@ -138,10 +138,24 @@ def taking(record: Callable[P, T]) -> Callable[[Callable[[Any, T], R]], Callable
         before, raises, after = cleandoc(function.__doc__ or "").partition("\n\nRaises:")
         called.__doc__ = "\n".join([before, "", "Args:", *map(_described, declared)]) + raises + after
         signature = Signature([*map(_parameter, declared)], return_annotation=function.__annotations__["return"])
-        called.__signature__ = signature  # type: ignore[attr-defined]
+        vars(called).update(__signature__=signature, record=record)
         return called
 
     return with_fields
+
+
+def call_checked(function: Callable[..., R], options: object, mesh: object, **inputs: Any) -> R:
+    """Call a function `with_option_parameters` with options that have been checked, and are not checked again.
+
+    Args: options: of a record that the function's has as a base, or shares one with. inputs: what depends on files, in
+        place of what the options have.
+    """
+    known = vars(function)
+    arguments = object.__new__(known["record"])
+    values = {each.name: each.default for each in fields(arguments)} | vars(options) | {"mesh": mesh} | inputs
+    vars(arguments).update(values)
+    called: Callable[[object, object], R] = known["__wrapped__"]
+    return called(mesh, arguments)
 
 
 def _parameter(each: Field[Any]) -> Parameter:
@@ -155,5 +169,5 @@ def _described(each: Field[Any]) -> str:
     """A field under "Args:", its help in the names of Python."""
     row = _declaration(each)[1]
     text = re.sub("--([a-z-]+)", lambda flag: f"`{flag[1].replace('-', '_')}`", row.help)
-    line = f"{each.name}: {text} {row.more}".strip()
+    line = f"{each.name}: {text} {row.python_help}".strip()
     return fill(line, 116, initial_indent=" " * 4, subsequent_indent=" " * 8, break_on_hyphens=False)

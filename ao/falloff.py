@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Sequence
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from numbers import Real
-from typing import Annotated, Any, TypeGuard
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeGuard
 
 import numpy as np
 from pydantic import Field, PlainValidator, ValidationInfo
@@ -19,13 +20,10 @@ from raytrace.errors import ConflictError, OptionError, nearest_name, numbers
 from raytrace.system.parameters import Parameters
 from raytrace.types import Float64s
 
-from .mu import Mu
+from .mu import MAX_KNOTS, ROUNDING, STEPS, Function, Mu, function_knots
 
 Length = float | str
 DEFAULT_HALF_DISTANCE = "50%"
-MAX_KNOTS = 1 << 16
-_STEPS = 1024  # of functions that are sampled
-_ROUNDING = 1e-6  # by which a function may miss 0, 1 and monotony
 
 
 def resolve_length(field: str, length: Length, radius: float) -> float:
@@ -77,30 +75,36 @@ def _listed(values: Any) -> tuple[Any, ...]:
         raise ValueError("a list of numbers") from None
 
 
+FALLOFFS: dict[str, type[Any]] = {}
+"""The classes of `Falloff` that have a name, by it; they take a `max_distance`."""
+POLYNOMIALS: dict[str, Mapping[int, float]] = {}
+"""Coefficients of μ by powers of x/D, of each `Polynomial` by its name."""
 Rate = Annotated[float, Field(strict=True, gt=0, lt=math.inf, description="a finite rate above 0")]
 Limit = Annotated[Length, PlainValidator(_length)]
 Reach = Annotated[Length, PlainValidator(_finite_length)]
 Row = Annotated[Any, PlainValidator(_listed), Field(description="a list of numbers")]
 
 
-class Binary(Parameters, kw_only=False, source="options"):
-    """μ = 0 for a hit nearer than `max_distance`, else 1: cosine-weighted ambient visibility.
+class Falloff(Parameters, kw_only=False, source="options"):
+    """Base class of falloffs. A subclass with a `name` is known by it in options and scene files."""
 
-    Args:
-        max_distance: where occlusion ends; a length in mesh units, "P%" of the bounding-sphere radius, or inf.
+    if TYPE_CHECKING:  # a field or a property of every subclass
 
-    Raises:
-        OptionError: `max_distance` is not a length above 0.
-    """
+        @property
+        def max_distance(self) -> Length:
+            """From which on μ is 1: a length in mesh units, "P%" of the bounding-sphere radius, or inf."""
 
-    max_distance: Limit = math.inf
+    def __init_subclass__(cls, kw_only: bool = False, name: str = "") -> None:
+        super().__init_subclass__(kw_only, "options")
+        if name:
+            FALLOFFS[name] = cls
 
+    @abstractmethod
     def resolve(self, radius: float) -> Mu:
         """μ for a mesh of bounding-sphere radius `radius`."""
-        return Mu("binary", resolve_length("max_distance", self.max_distance, radius or 1.0))
 
 
-class Exponential(Parameters, kw_only=False, source="options"):
+class Exponential(Falloff, kw_only=False, name="exponential"):
     """μ(x) = (1 − e^(−τx)) / (1 − e^(−τD)) for x < D, 1 beyond (12.74, with the limit D = `max_distance`).
 
     Args:
@@ -132,39 +136,74 @@ class Exponential(Parameters, kw_only=False, source="options"):
         return Mu("exponential", resolve_length("max_distance", self.max_distance, radius or 1.0), tau)
 
 
-class Linear(Parameters, kw_only=False, source="options"):
-    """μ(x) = x/D for x < D, 1 beyond: linear attenuation, the limit of the exponential form for τ → 0.
+class Binary(Falloff, kw_only=False, name="binary"):
+    """μ = 0 for a hit nearer than `max_distance`, else 1: cosine-weighted ambient visibility.
+
+    Args:
+        max_distance: where occlusion ends; a length in mesh units, "P%" of the bounding-sphere radius, or inf.
+
+    Raises:
+        OptionError: `max_distance` is not a length above 0.
+    """
+
+    max_distance: Limit = math.inf
+
+    def resolve(self, radius: float) -> Mu:
+        """μ for a mesh of bounding-sphere radius `radius`."""
+        return Mu("binary", resolve_length("max_distance", self.max_distance, radius or 1.0))
+
+
+class Polynomial(Falloff, kw_only=False):
+    """Base class of forms that are polynomials in t = x/D for x < D, 1 beyond: linear between 1,025 values.
+
+    A subclass has a `name` and `coefficients`, by powers of t: from 0 at t = 0 to 1 at t = 1, nowhere falling.
 
     Args: max_distance: D, a finite length in mesh units or "P%" of the bounding-sphere radius.
 
     Raises: OptionError: `max_distance` is not a finite length above 0.
     """
 
+    coefficients: ClassVar[Mapping[int, float]]
     max_distance: Reach
+
+    def __init_subclass__(cls, kw_only: bool = False, name: str = "") -> None:
+        super().__init_subclass__(kw_only, name)
+        cls.form = name
+        POLYNOMIALS[name] = cls.coefficients
+
+    form: ClassVar[str]
 
     def resolve(self, radius: float) -> Mu:
         """μ for a mesh of bounding-sphere radius `radius`."""
         limit = resolve_length("max_distance", self.max_distance, radius or 1.0)
-        return Mu("linear", limit, knots=((0.0, 0.0), (limit, 1.0)))
+        lowest = min(self.coefficients)
+        highest = max(self.coefficients)
+        t = np.linspace(0, 1, 2 if highest == 1 else STEPS + 1)
+        values = np.zeros_like(t)
+        for power in range(highest, lowest - 1, -1):  # Horner's scheme
+            values = values * t + self.coefficients.get(power, 0.0)
+        return Mu(self.form, limit, knots=_knots(limit * t, t**lowest * values))
 
 
-class Smooth(Parameters, kw_only=False, source="options"):
-    """μ(x) = 3t² − 2t³ with t = x/D for x < D, 1 beyond: the smooth step, by 1,025 knots exact to 1e-6.
+class Linear(Polynomial, kw_only=False, name="linear"):
+    """μ(x) = x/D for x < D, 1 beyond: linear attenuation, the limit of the exponential form for τ → 0.
 
-    Args: max_distance: D, as in `Linear`.
-
-    Raises: OptionError: as `Linear`.
+    Args, Raises: as `Polynomial`.
     """
 
-    max_distance: Reach
-
-    def resolve(self, radius: float) -> Mu:
-        """μ for a mesh of bounding-sphere radius `radius`."""
-        t, limit = np.linspace(0, 1, _STEPS + 1), resolve_length("max_distance", self.max_distance, radius or 1.0)
-        return Mu("smooth", limit, knots=_knots(limit * t, t * t * (3 - 2 * t)))
+    coefficients = {1: 1.0}  # noqa: RUF012
 
 
-class Tabulated(Parameters, kw_only=False, source="options"):
+class Smooth(Polynomial, kw_only=False, name="smooth"):
+    """μ(x) = 3t² − 2t³ with t = x/D for x < D, 1 beyond: the smooth step, by 1,025 knots exact to 1e-6.
+
+    Args, Raises: as `Polynomial`.
+    """
+
+    coefficients = {2: 3.0, 3: -2.0}  # noqa: RUF012
+
+
+class Tabulated(Falloff, kw_only=False):
     """Any monotone μ (12.73): values at ascending distances, linear between them, 1 beyond the last.
 
     Args:
@@ -186,8 +225,8 @@ class Tabulated(Parameters, kw_only=False, source="options"):
             expected = f"one for each of 2 to {MAX_KNOTS:,} distances"
             raise OptionError("values", expected, f"{values.size:,} for {distances.size:,}")
         for name, column, rises, expected in (
-            ("distances", distances, np.diff(distances) > 0, "finite lengths that ascend from 0"),
-            ("values", values, np.diff(values) >= 0, "numbers that rise from 0 to 1, or stay"),
+            ("distances", distances, distances[1:] > distances[:-1], "finite lengths that ascend from 0"),
+            ("values", values, values[1:] >= values[:-1], "numbers that rise from 0 to 1, or stay"),
         ):
             good = np.isfinite(column) & np.append(column[0] == 0, rises)
             if not good.all():
@@ -197,36 +236,36 @@ class Tabulated(Parameters, kw_only=False, source="options"):
             raise OptionError("values", "1 at the last distance", f"{values[-1]:g}")
 
     @classmethod
-    def of(cls, function: Callable[[float], float], max_distance: Length) -> Tabulated:
-        """`function` at 1,025 distances, denser towards 0: the k-th is D (k/1024)².
-
-        Between them μ errs by at most `D²/(2·1024²) · max |x/D · μ''(x)|`, such as 1e-5 for 1 − e^(−τx) with D = 40/τ.
+    def of(cls, function: Function, max_distance: Length | None = None) -> Tabulated:
+        """`function` at 1,025 distances, denser towards 0, and between them until linear interpolation errs by at most
+        1e-6 in the middle between any two, or there are 65,536.
 
         Args:
             function: μ of one distance, in mesh units, or in percent of the radius if `max_distance` is; 0 at 0, 1 at
                 `max_distance` (both within 1e-6), nowhere falling.
-            max_distance: D, a finite length in mesh units or "P%" of the bounding-sphere radius.
+            max_distance: D, a finite length in mesh units or "P%" of the bounding-sphere radius; None: where `function`
+                comes within 1e-6 of 1.
 
         Raises:
             OptionError: `max_distance` is no such length, or `function` no such function.
         """
-        limit = _resolve_finite("max_distance", max_distance)
-        distances = (limit * np.linspace(0, 1, _STEPS + 1) ** 2).tolist()
-        values = numbers([function(x) for x in distances], "options", "function", "a number at every distance")
+        limit = None if max_distance is None else _resolve_finite("max_distance", max_distance)
+        distances, values = function_knots(function, limit)
         rising = np.clip(np.maximum.accumulate(values), 0, 1)
         rising[[0, -1]] = 0, 1
-        wrong = ~(np.abs(rising - values) <= _ROUNDING)
+        wrong = ~(np.abs(rising - values) <= ROUNDING)
         if wrong.any():
             row = int(np.argmax(wrong))
             expected = "values that rise from 0 at distance 0 to 1 at max_distance, or stay"
             raise OptionError("function", expected, f"{values[row]:g} at distance {distances[row]:g}")
         unit = "%" if isinstance(max_distance, str) and max_distance.strip().endswith("%") else ""
-        return cls([f"{x!r}%" for x in distances] if unit else distances, rising)
+        return cls([f"{x!r}%" for x in distances.tolist()] if unit else distances, rising)
 
     @property
     def max_distance(self) -> Length:
         """The last of the distances."""
-        return self.distances[-1]
+        last: Length = self.distances[-1]
+        return last
 
     def resolve(self, radius: float) -> Mu:
         """μ for a mesh of bounding-sphere radius `radius`; its limit is the first distance with the value 1."""
@@ -252,19 +291,18 @@ def _in_one_unit(distances: Sequence[Any]) -> tuple[Float64s, bool]:
     return found, bool(relative.any())
 
 
-Falloff = Binary | Exponential | Linear | Smooth | Tabulated
-Falloffs = Falloff | str | Sequence[Falloff | str] | None
+Falloffs = Falloff | str | Function | Sequence[Falloff | str | Function] | None
 
 
 def falloffs_of(given: Falloffs) -> Falloff | tuple[Falloff, ...]:
-    """A falloff or a list's falloffs, also by their names; the exponential one for None.
+    """A falloff or a list's falloffs, also by their names or functions; the exponential one for None.
 
     Raises: OptionError: neither a falloff nor the name of one, or the list is empty.
     """
     if given is None or isinstance(given, str | Falloff):
         return _falloff(given)
     try:
-        listed = tuple(map(_falloff, given))
+        listed = tuple(map(_falloff, given))  # type: ignore[arg-type]
     except TypeError:
         return _falloff(given)  # for its message
     if not listed:
@@ -275,9 +313,17 @@ def falloffs_of(given: Falloffs) -> Falloff | tuple[Falloff, ...]:
 def _falloff(given: Any) -> Falloff:
     if isinstance(given, Falloff):
         return given
-    named = {None: Exponential, "binary": Binary, "exponential": Exponential}
-    if given is None or (isinstance(given, str) and given in named):
-        return named[given]()
-    expected = 'ao.Binary(…), .Exponential(…), .Linear(…), .Smooth(…), .Tabulated(…), "binary" or "exponential"'
-    near = nearest_name(given, ("binary", "exponential")) if isinstance(given, str) else None
+    without_arguments: dict[Any, Callable[[], Falloff]] = {
+        None: Exponential,
+        "exponential": Exponential,
+        "binary": Binary,
+    }
+    if given is None or (isinstance(given, str) and given in without_arguments):
+        return without_arguments[given]()
+    names = sorted(kind.__name__ for kind in FALLOFFS.values())
+    classes = ", ".join(f"ao.{name}(…)" for name in (*names, "Tabulated"))
+    expected = f'{classes}, a function, "binary" or "exponential"'
+    if callable(given) and not isinstance(given, type):
+        return Tabulated.of(given)
+    near = nearest_name(given, ("exponential", "binary")) if isinstance(given, str) else None
     raise OptionError("falloff", expected, repr(given), "bake", near)

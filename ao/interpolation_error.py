@@ -14,11 +14,12 @@ from .estimate.inside import inside_solids
 from .estimate.sampling_error import derive
 from .execute.tracer import Tracer
 from .points.points import Points
+from .points.smooth_surface import SmoothSurface
+from .points.surface_samples import with_alpha
 from .prepared import Prepared
-from .rays.below_face import leave_out_below, with_alpha
+from .rays.below_face import leave_out_below
 from .rays.gather import W
 from .result import NOWHERE, Interpolation
-from .texture.surface_points import Faces
 
 _FEWEST, _MOST = 256, 1024  # points
 _SHARE = 20  # vertices for each point between, so that these take few of a bake's rays
@@ -82,7 +83,7 @@ def _on_faces(corners: Float64s, normals: Float64s, axes: Float32s, weights: Flo
     each = np.repeat(rows[:, None], 3, axis=1)
     surface = Surface.of(corners.reshape(-1, 3), alone, normals)
     magnitude = surface.magnitudes(each, count)
-    faces = Faces(axes.reshape(-1, 3).astype(np.float64), surface)
+    faces = SmoothSurface(axes.reshape(-1, 3).astype(np.float64), surface)
     places, sides, hemispheres = faces.points_at(rows, weights, 1)
     origins = places + ray_offset(sides, magnitude, np.ones(count))[:, None] * sides
     points = Points(origins.astype(np.float32), hemispheres.astype(np.float32), rows.astype(np.uint32))

@@ -1,6 +1,6 @@
 """Estimates of the memory that a bake takes beside its mesh, from counts.
 
-The coefficients are fitted to peaks of the whole command, of .1 to 5 million triangles (docs/reliability.md, Memory):
+The coefficients are fitted to peaks of the whole command, of .1 to 5 million triangles (evidence/reliability.md):
 spheres, loose triangles, an STL's unshared vertices. Threads and rays add next to nothing.
 """
 

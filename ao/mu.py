@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from raytrace.errors import OptionError, numbers
 from raytrace.kernel.jit import inline
 from raytrace.types import Bools, Float64s, Int64s
 
-Form = Literal["binary", "exponential", "linear", "smooth", "table"]
 _NO_KNOTS = np.empty(0)
+MAX_KNOTS = 1 << 16
+STEPS = 1024
+ROUNDING = 1e-6  # by which knots may miss a function, and that 0, 1 and monotony
+Function = Callable[[float], float]
 
 
 class KernelColumns(NamedTuple):
@@ -69,13 +73,15 @@ def faded(distance, falloff):
 
 @inline
 def _between_knots(distance, distances, values, first, last):
+    """μ at a distance by the knots from `first` to `last`, linear between them."""
     while last - first > 1:
         middle = (first + last) >> 1
         if distances[middle] <= distance:
             first = middle
         else:
             last = middle
-    start, low = distances[first], values[first]
+    start = distances[first]
+    low = values[first]
     slope = (values[last] - low) / (distances[last] - start)
     return min(low + slope * (distance - start), 1.0)
 
@@ -95,7 +101,8 @@ def add_losses(columns, distance, share, losses):
                 power = 1.0 + below
             mu = -below * columns.scales[c]
         elif distance < columns.limits[c] and columns.starts[c] < columns.starts[c + 1]:
-            first, last = columns.starts[c], columns.starts[c + 1] - 1
+            first = columns.starts[c]
+            last = columns.starts[c + 1] - 1
             mu = _between_knots(distance, columns.distances, columns.values, first, last)
         if distance < columns.limits[c]:
             losses[c] += share * (1.0 - mu)
@@ -105,7 +112,7 @@ def add_losses(columns, distance, share, losses):
 class Mu:
     """A falloff whose lengths are known, in mesh units: what a bake computes with."""
 
-    form: Form
+    form: str  # "binary", "exponential", "table" or the name of a polynomial
     max_distance: float  # from which on μ is 1, or inf
     tau: float | None = None  # rate of the exponential form, None for other forms
     knots: tuple[tuple[float, float], ...] = ()  # distance and μ, linear between them; none for binary and exponential
@@ -119,14 +126,16 @@ class Mu:
         """μ in [0, 1] of distances (…) in mesh units."""
         x = np.asarray(distance, np.float64)
         if self.tau is not None:
-            return np.expm1(-self.tau * np.minimum(x, self.max_distance)) / np.expm1(-self.tau * self.max_distance)
+            nearer = np.expm1(-self.tau * np.minimum(x, self.max_distance))
+            return np.asarray(nearer / np.expm1(-self.tau * self.max_distance))
         if self.binary:
             return np.where(x < self.max_distance, 0.0, 1.0)
         return np.asarray(np.interp(x, *np.transpose(self.knots)))
 
     def in_render_space(self, scale: float) -> KernelMu:
         """The same for lengths that are multiplied by `scale`."""
-        tau, limit = (self.tau or 0.0) / scale, self.max_distance * scale
+        tau = (self.tau or 0.0) / scale
+        limit = self.max_distance * scale
         if not self.knots:
             return KernelMu(tau, limit, -1.0 / math.expm1(-tau * limit) if tau > 0 else 1.0)
         distances, values = np.array(self.knots).T.copy()
@@ -135,12 +144,50 @@ class Mu:
 
 def in_render_space(mus: Sequence[Mu], scale: float) -> KernelMu:
     """One falloff, or columns of several, for lengths that are multiplied by `scale`."""
-    each = [mu.in_render_space(scale) for mu in mus]
-    if len(each) == 1:
-        return each[0]
-    taus, limits, scales = np.array([[mu.tau, mu.limit, mu.scale] for mu in each]).T.copy()
+    placed = [mu.in_render_space(scale) for mu in mus]
+    if len(placed) == 1:
+        return placed[0]
+    taus, limits, scales = np.array([[mu.tau, mu.limit, mu.scale] for mu in placed]).T.copy()
     squares = np.array([*(tau == 2 * after > 0 for tau, after in pairwise(taus)), False])
-    starts = np.cumsum([0, *(len(mu.values) for mu in each)])
-    knots = (np.concatenate([getattr(mu, name) for mu in each]) for name in ("distances", "values"))
-    columns = KernelColumns(taus, limits, scales, squares, starts, *knots)
+    starts = np.cumsum([0, *(len(mu.values) for mu in placed)])
+    distances = np.concatenate([mu.distances for mu in placed])
+    values = np.concatenate([mu.values for mu in placed])
+    columns = KernelColumns(taus, limits, scales, squares, starts, distances, values)
     return KernelMu(0.0, float(limits.max()), 1.0, columns=columns)
+
+
+def function_knots(function: Function, limit: float | None) -> tuple[Float64s, Float64s]:
+    """Distances (k,) from 0 to `limit`, or else to where the function comes within a rounding of 1, and its values.
+
+    The first 1,025 are denser towards 0; then the middle between two joins them while the function is not there what
+    linear interpolation says.
+
+    Raises: OptionError: it is no number somewhere, or never reaches 1.
+    """
+    largest = _reach(function) if limit is None else limit
+    distances = largest * np.linspace(0, 1, STEPS + 1) ** 2
+    values = _sampled(function, distances)
+    while True:
+        middles = (distances[1:] + distances[:-1]) / 2
+        between = _sampled(function, middles)
+        is_bent = ~(np.abs(between - (values[1:] + values[:-1]) / 2) <= ROUNDING)
+        is_bent &= (distances[:-1] < middles) & (middles < distances[1:])
+        if not is_bent.any() or len(distances) + np.count_nonzero(is_bent) > MAX_KNOTS:
+            return distances, values
+        after = np.flatnonzero(is_bent) + 1
+        distances = np.insert(distances, after, middles[is_bent])
+        values = np.insert(values, after, between[is_bent])
+
+
+def _sampled(function: Function, distances: Float64s) -> Float64s:
+    values = [function(distance) for distance in distances.tolist()]
+    return numbers(values, "options", "function", "a number at every distance")
+
+
+def _reach(function: Function) -> float:
+    """Of distances from 1e-12 to 1e12, in steps of 1 %, the first at which a function is 1 within a rounding."""
+    for distance in 1.01 ** np.arange(-2777.0, 2778.0):
+        if _sampled(function, np.array([distance]))[0] >= 1 - ROUNDING:
+            return float(distance)
+    expected = "values that reach 1, or ao.Tabulated.of(function, max_distance)"
+    raise OptionError("function", expected, "values below 1 up to a distance of 1e12")

@@ -1,5 +1,6 @@
 """The records that both methods bake from."""
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from functools import cache, partial
@@ -9,7 +10,6 @@ import numpy as np
 
 from raytrace.embree.scene import TriangleScene
 from raytrace.errors import ConflictError, OptionError
-from raytrace.kernel.notice import compiling
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import PackedOpacity
 from raytrace.mesh.placement import Placement
@@ -20,6 +20,7 @@ from raytrace.types import Bools, Int64s
 
 from .declared import Option
 from .execute.checkpoint import NOTHING_KEPT, Checkpoint
+from .execute.sample_means import SampleMeans
 from .execute.tracer import Progress, Tracer
 from .memory import vertex_bytes
 from .mu import Mu, in_render_space
@@ -35,23 +36,23 @@ from .rays.traverse import packets_below, tried
 class Inputs:
     """Arguments of `ao.bake` and `ao.bake_texture` beside their `Options`."""
 
-    mesh: Annotated[Mesh | Any, Option(on="", role="input", help=
+    mesh: Annotated[Mesh | Any, Option(bake_kinds="", role="input", help=
         "The surface, a `raytrace.Mesh`, a pair (vertices, faces), a mesh of trimesh, PyVista, meshio or Open3D, or "
         "what `ao.prepare` returns.")]
     _: KW_ONLY
-    progress: Annotated[Progress | None, Option(on="", role="run", help=
+    progress: Annotated[Progress | None, Option(bake_kinds="", role="run", help=
         "Called with (rays traced, rays in all) as the work goes on.")] = None
-    checkpoint: Annotated[Checkpoint | None, Option(on="", role="run", help=
+    checkpoint: Annotated[Checkpoint | None, Option(bake_kinds="", role="run", help=
         "Keeps what is traced, and is asked for what an interrupted run traced; the bits are the same.")] = None
-    high: Annotated[Mesh | Any | None, Option(on="", role="input", help=
+    high: Annotated[Mesh | Any | None, Option(bake_kinds="", role="input", help=
         "A finer mesh, of which w is baked instead: where it lies outwards or inwards along the smooth normals of "
         "`mesh`, which itself occludes nothing. The hemisphere is that of the fine mesh there, less what lies below "
         "its face; estimates are denoised, and predicted, over `mesh`. Not by the surface method, nor with `only`.")
         ] = None
-    groups: Annotated[tuple[Int64s, Int64s] | None, Option(on="", role="input", help=
+    groups: Annotated[tuple[Int64s, Int64s] | None, Option(bake_kinds="", role="input", help=
         "Numbers of groups of the vertices of `mesh` (n,) and of those of `high`, by which their faces are of a group, "
         "too: points are found on faces of their own group alone. All faces of `high` occlude.")] = None
-    occluders: Annotated[Sequence[Mesh | Any], Option(on="", role="input", help=
+    occluders: Annotated[Sequence[Mesh | Any], Option(bake_kinds="", role="input", help=
         "Meshes that only occlude: w is what it would be if they were part of `mesh`. Per cent are of the radius of "
         "`mesh` alone. Not with `high`.")] = ()
 # fmt: on
@@ -79,13 +80,12 @@ class PreparedMesh(Mesh):
         """Receivers of which a bake may change the flags and release the scene. Raises: OptionError: other normals."""
         if options.normals != self.axes:
             raise OptionError("normals", f'"{self.axes}", by which the mesh was prepared', repr(options.normals))
-        kept, faces = self.receivers, self.receivers.faces
-        alone = partial(TriangleScene, self.placement.vertices, faces)
+        kept = self.receivers
+        alone = partial(TriangleScene, self.placement.vertices, kept.faces)
         embree = cache(kept.embree if options.method == "vertex" else alone)
         return replace(kept, flags=kept.flags.copy(), embree=embree, tree_seconds=0.0)
 
 
-@compiling()
 def prepare(mesh: Mesh | Any, normals: Normals = "angle") -> PreparedMesh:
     """A mesh that `ao.bake` and `ao.bake_texture` take without placing it or building its hierarchy again.
 
@@ -127,7 +127,8 @@ class Prepared:
 
         Raises: OptionError: `options.only` is not one truth value a vertex; as `find_receivers`, `Checkpoint.begin`.
         """
-        count, asked = len(mesh.vertices), options.only
+        count = len(mesh.vertices)
+        asked = options.only
         if asked is not None and (asked.shape != (count,) or asked.dtype != np.bool_):
             raise OptionError("only", f"bool ({count},)", f"{asked.dtype} {asked.shape}")
         checkpoint = checkpoint or NOTHING_KEPT
@@ -136,7 +137,8 @@ class Prepared:
         mus = options.mus(mesh.radius if radius is None else radius)
         mesh = joined([mesh, *occluders])
         if isinstance(mesh, PreparedMesh):
-            placement, receivers = mesh.placement, mesh.receivers_for(options)
+            placement = mesh.placement
+            receivers = mesh.receivers_for(options)
         else:
             placement = Placement.of(mesh)
             receivers = find_receivers(mesh, placement, options.normals)
@@ -154,7 +156,8 @@ class Prepared:
 
     @property
     def scene(self) -> RayScene:
-        receivers, opacity = self.receivers, self.receivers.opacity
+        receivers = self.receivers
+        opacity = receivers.opacity
         if self.options.back_faces == "ignore":
             opacity = (opacity or PackedOpacity(np.full(len(receivers.faces), -1)))._replace(one_sided=np.int64(1))
         hierarchies = receivers.tree, receivers.embree
@@ -162,13 +165,28 @@ class Prepared:
 
     def tracer(self, total_points: int) -> Tracer:
         """A tracer of up to `total_points` points, for a mesh all of its points, wanted or not."""
-        options, placement, receivers = self.options, self.placement, self.receivers
+        options = self.options
+        placement = self.placement
         mu = in_render_space(self.mus, placement.scale)
         t_max = min(mu.limit, placement.diagonal)
-        points, layered = receivers.points, self.scene.opacity is not None
-        normals, reach = points.normals[tried(len(points))], t_max / placement.diagonal
+        points = self.receivers.points
+        layered = self.scene.opacity is not None
+        normals = points.normals[tried(len(points))]
+        reach = t_max / placement.diagonal
         below = packets_below(options.traversal, layered, normals, reach, len(points), mu)
         return Tracer(self.scene, below, mu, t_max, self.threads, total_points, self.progress, self.checkpoint)
+
+    def sample_tracer(self, means: SampleMeans, kind: str, checkpoint: Checkpoint | None) -> Tracer:
+        """A tracer of groups of samples on the mesh, and the checkpoint begun. Args: kind: of bake."""
+        points = means.samples.points
+        tracer = self.tracer(len(points))
+        tracer.means = means
+        if checkpoint:
+            digest = hashlib.blake2b(points.origins.data)
+            digest.update(points.normals.data)
+            checkpoint.begin(self.placement, self.receivers, self.mus, kind, self.options.identity, digest.hexdigest())
+            tracer.checkpoint = checkpoint
+        return tracer
 
     @property
     def key(self) -> np.uint32:

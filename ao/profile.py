@@ -75,9 +75,9 @@ class Profile:
     @property
     def range(self) -> str:
         """The least and the largest half-distance, in words."""
-        ends = self.half_distances[[0, -1]]
-        units, percents = (" to ".join(f"{end:.4g}" for end in part) for part in (ends, 100 * ends / self.radius))
-        return f"{units} ({percents} % of the radius)"
+        least, largest = self.half_distances[[0, -1]]
+        percent = 100 / self.radius
+        return f"{least:.4g} to {largest:.4g} ({percent * least:.4g} to {percent * largest:.4g} % of the radius)"
 
     def length(self, half_distance: Length) -> float:
         """A half-distance in mesh units. Raises: OptionError: it is no length, or outside the profile."""
@@ -94,12 +94,14 @@ class Profile:
 
         Raises: OptionError: as `length`.
         """
-        tau, taus = math.log(2) / self.length(half_distance), math.log(2) / self.half_distances
+        tau = math.log(2) / self.length(half_distance)
+        taus = math.log(2) / self.half_distances
         d = np.append(np.geomspace(self.half_distances[0] / 100, self.half_distances[-1] * 100, _DISTANCES), np.inf)
         weight = np.append(np.ones(_DISTANCES), _DISTANCES / 4)  # a miss stays 1: the weights' sum is 1
-        columns, target = (-np.expm1(-t * d) * weight for t in (taus[:, None], tau))
-        found = np.linalg.lstsq(columns.T, target, rcond=_RCOND)[0]
-        return np.asarray(found / found.sum())  # which is off by 4e-6 at most: what is open stays exactly 1
+        columns = -np.expm1(-taus[:, None] * d) * weight
+        target = -np.expm1(-tau * d) * weight
+        solution = np.linalg.lstsq(columns.T, target, rcond=_RCOND)[0]
+        return np.asarray(solution / solution.sum())  # which is off by 4e-6 at most: what is open stays exactly 1
 
     def at(self, half_distance: Length) -> Float64s:
         """w (…,), in [0, 1], at a half-distance in mesh units or as "P%" of the radius.

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from raytrace.embree import library as embree
+from raytrace.kernel.library import built_by
 from raytrace.types import AnyFloats
 
 from .estimate.calibration import Calibration
@@ -25,8 +26,8 @@ _BINS = 40
 
 def versions() -> dict[str, str]:
     """Versions of everything that can change a result."""
-    packages = {"python": platform.python_version(), "embree": embree.version()}
-    for package in ("obscurance", "embreex", "numba", "numpy", "scipy", "trimesh", "mapbox_earcut"):
+    packages = {"python": platform.python_version(), "embree": embree.version(), "kernels": built_by()}
+    for package in ("obscurance", "embreex", "numpy", "scipy", "trimesh", "mapbox_earcut"):
         try:
             packages[package] = version(package)
         except PackageNotFoundError:
@@ -42,16 +43,20 @@ def report(
     Args: options: every effective one of the command, `seed` among them. seconds: `load` and `write`; the bake adds
         `build` and `bake`. warnings: what limits the result, see `raytrace.mesh.precision`.
     """
+    # What texels have, or vertices.
     if isinstance(bake, BakedTexture):
         height, width = bake.w.shape
-        shown: Any = bake.covered
-        size, of_vertices = {"width": width, "height": height, "texture": asdict(bake.facts)}, {}
+        has_value: Any = bake.covered
+        size = {"width": width, "height": height, "texture": asdict(bake.facts)}
+        of_vertices = {}
     else:
-        shown, size, between = ..., {"vertices": len(bake.w)}, bake.interpolation
-        rows = {str(flag.name).lower(): np.flatnonzero(bake.flags & flag)[:LISTED].tolist() for flag in Flag}
+        has_value = ...
+        size = {"vertices": len(bake.w)}
+        between = bake.interpolation
+        flagged = {str(flag.name).lower(): np.flatnonzero(bake.flags & flag)[:LISTED].tolist() for flag in Flag}
         of_vertices = {
             "flagged": bake.flagged,
-            "flagged_vertices": {name: found for name, found in rows.items() if found},
+            "flagged_vertices": {name: vertices for name, vertices in flagged.items() if vertices},
             "flagged_vertices_at_most": LISTED,
             "interpolation": between and {"rmse": between.rmse, "at_least": between.at_least},
         }
@@ -66,8 +71,8 @@ def report(
         "error_calibration": calibration_facts(bake.calibration),
         **of_vertices,
         "warnings": list(warnings),
-        "w": _summary(bake.w[shown], 1.0),
-        "error": _summary(bake.error[shown]),
+        "w": _summary(bake.w[has_value], 1.0),
+        "error": _summary(bake.error[has_value]),
         "falloff": {
             "form": bake.mu.form,
             "tau": bake.mu.tau,

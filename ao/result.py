@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from raytrace.errors import OptionError
 from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.vector import dot, load, store
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import normalized
+from raytrace.system.entry_points import offered
 from raytrace.system.threads import run_blocks
 from raytrace.types import AnyFloats, Float32s, Float64s, Int64s, UInt8s
 
@@ -84,6 +87,21 @@ class Columns:
         """The standard errors (…, k) of `values`."""
         return np.concatenate([self.error[..., None], *(self.others or ())[1:]], axis=-1)
 
+    def save(self, path: str | os.PathLike[str], mesh_file: Any = None, **options: Any) -> None:
+        """Write the result in the format of the ending, with what is baked, as `scenes.write` does.
+
+        Args:
+            path: the target, replaced if it exists, whole or not at all.
+            mesh_file: the file that the mesh was loaded from, `scenes.load(…)` or its path, to keep what else it holds.
+            options: of `scenes.write`.
+
+        Raises: OptionError: no package that writes files is installed. Others as `scenes.write`.
+        """
+        write = offered("obscurance.save")
+        if write is None:
+            raise OptionError("save", "the package obscurance, installed", "its folders alone: use scenes.write")
+        write(path, self, mesh_file, **options)
+
 
 @dataclass(frozen=True, eq=False)
 class Bake(Columns):
@@ -129,12 +147,8 @@ class Bake(Columns):
 
     def _repr_html_(self) -> str | None:
         """HTML for notebooks, by a package with an entry point of the group `obscurance.html`."""
-        from importlib.metadata import entry_points
-
-        for offer in entry_points(group="obscurance.html"):
-            html: str | None = offer.load()(self)
-            return html
-        return None
+        to_html = offered("obscurance.html")
+        return to_html(self) if to_html else None
 
     def _repr_png_(self) -> bytes:
         """A picture for notebooks: w on the mesh in ambient light, as it stands (`Mesh.up`)."""
@@ -183,15 +197,20 @@ class PointValues:
 
 def assemble(prepared: Prepared, mesh: Mesh, values: PointValues) -> Bake:
     """Spread values at points over the vertices of `mesh`, the first of the wanted ones."""
-    count, only = len(mesh.vertices), prepared.options.only
-    point, flags = prepared.wanted.of_vertex[:count], prepared.wanted.flags[:count]
-    normals, bent = prepared.wanted.points.normals, np.zeros((count, 3))
+    # w, errors and bent normals of each vertex, by its point.
+    count = len(mesh.vertices)
+    only = prepared.options.only
+    point = prepared.wanted.of_vertex[:count]
+    flags = prepared.wanted.flags[:count]
+    normals = prepared.wanted.points.normals
+    bent = np.zeros((count, 3))
     run_blocks(count, _BLOCK, bind(_bent_normals, point, values.bent, normals, bent), prepared.threads)
     error = np.append(values.error, 0.0)[point]  # −1, for no point, is the last row
     spread = [
         np.append(each, np.full((1, each.shape[1]), outside), axis=0)[point]
         for each, outside in zip(values.others, (1.0, 0.0), strict=False)
     ]
+    # Root mean squares over the vertices asked for, and rays not traced, by reason.
     wanted = len(point) if only is None else int(np.count_nonzero(only))
     errors = [error, *(column for each in spread[1:] for column in each.T)]
     rmses = tuple(float(np.sqrt(np.sum(each**2) / max(wanted, 1))) for each in errors)
@@ -235,6 +254,7 @@ def of_columns(prepared: Prepared, columns: Sequence[AnyFloats]) -> dict[str, An
     found: dict[str, Any] = {"others": tuple(each[..., :listed] for each in columns)} if listed else {}
     if prepared.options.profile:
         lengths = np.array([math.log(2) / (mu.tau or math.inf) for mu in prepared.mus[1 + listed :]])
-        values, errors = (each[..., listed:].astype(np.float32) for each in columns)
-        found |= {"profile": Profile(lengths, values, lengths[0] / OCTAVES[0]), "profile_errors": errors}
+        values, errors = columns
+        found["profile"] = Profile(lengths, values[..., listed:].astype(np.float32), lengths[0] / OCTAVES[0])
+        found["profile_errors"] = errors[..., listed:].astype(np.float32)
     return found

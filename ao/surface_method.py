@@ -21,8 +21,12 @@ _AIM = 0.8  # of the tolerance
 
 def fit_to_surface(prepared: Prepared) -> PointValues:
     """Fit w over the faces of every point that is wanted: once, or from ever more rays until a tolerance is met."""
-    receivers, wanted, options = prepared.receivers, prepared.wanted, prepared.options
-    tolerance, vertices = options.tolerance, _unknowns(prepared)
+    receivers = prepared.receivers
+    wanted = prepared.wanted
+    options = prepared.options
+    tolerance = options.tolerance
+    vertices = _unknowns(prepared)
+    # Few rays at first, where a tolerance says how many are enough.
     rays = most = options.rays_in_all(vertices)
     if tolerance is not None:
         rays = min(max(_FIRST * vertices, _LEAST), most)
@@ -33,8 +37,9 @@ def fit_to_surface(prepared: Prepared) -> PointValues:
         if rmse <= tolerance:
             break
         rays = min(int(rays * np.clip((rmse / (_AIM * tolerance)) ** 2, 2.0, 16.0)), most)
-        fit, found = _fit(prepared, rays)
-        counts += found
+        fit, more = _fit(prepared, rays)
+        counts += more
+    # The values at the points asked for.
     rows = receivers.of_vertex[wanted.first_vertex]
     return PointValues(
         w=fit.w[rows],
@@ -47,10 +52,12 @@ def fit_to_surface(prepared: Prepared) -> PointValues:
 
 
 def _wanted(prepared: Prepared) -> Bools:
+    """The vertices (n,) that are to get w."""
     return np.ones(len(prepared.wanted.flags), np.bool_) if prepared.asked is None else prepared.asked
 
 
 def _unknowns(prepared: Prepared) -> int:
+    """How many values a fit has: points and vertices without one, of all faces that have a wanted vertex."""
     receivers = prepared.receivers
     faces = receivers.faces[_wanted(prepared)[receivers.faces].any(axis=1)]
     points = receivers.of_vertex[faces]
@@ -58,8 +65,9 @@ def _unknowns(prepared: Prepared) -> int:
 
 
 def _fit(prepared: Prepared, rays: int) -> tuple[Fit, Int64s]:
-    """A fit from so many `rays`, and counts (3,), see `gather_faces`; room for it is made of all that may go."""
-    receivers, checkpoint = prepared.receivers, prepared.checkpoint
+    """A fit from so many `rays`, and counts (3,), see `gather_faces`; arrays that are used up are freed before it."""
+    receivers = prepared.receivers
+    checkpoint = prepared.checkpoint
     patch = Patch.of(prepared.placement, receivers, _wanted(prepared))
     moments, counts = gather_moments(prepared, patch, rays)
     totals = counts.sum(axis=0)
@@ -70,7 +78,7 @@ def _fit(prepared: Prepared, rays: int) -> tuple[Fit, Int64s]:
     problem, trial = build_problems(patch, moments, prepared.threads)
     del patch, moments, counts
 
-    def once(name: str, compute: Callable[[], Float64s]) -> Float64s:
-        return checkpoint.once(f"{name}, {rays} rays", compute)
+    def cached(name: str, compute: Callable[[], Float64s]) -> Float64s:
+        return checkpoint.cached(f"{name}, {rays} rays", compute)
 
-    return fit_values(problem, trial, once), totals
+    return fit_values(problem, trial, cached), totals

@@ -1,5 +1,6 @@
 """The site: Sphinx reads the pages of docs/ as MyST Markdown, and docstrings of the public names; `make site`."""
 
+import re
 import sys
 from importlib import import_module
 from importlib.metadata import version as installed
@@ -7,6 +8,7 @@ from pathlib import Path
 
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.addnodes import pending_xref
 from sphinx.util.inspect import TypeAliasForwardRef
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
@@ -58,6 +60,16 @@ def formula(translator, node):
     raise nodes.SkipNode
 
 
+def included_pages(app, doctree):
+    """Links to files beside docs/ that a page of the site includes lead to that page."""
+    for link in doctree.findall(pending_xref):
+        path, _, heading = link["reftarget"].partition("#")
+        page = re.sub(r"(?:.*/)?benchmarks/evidence/(\w+)(?:\.md)?", r"evidence/\1", path)
+        page = re.sub(r"(?:.*/)?(CONTRIBUTING|CHANGELOG)(?:\.md)?", lambda name: name[1].lower(), page)
+        if page != path:
+            link.attributes.update(refdomain="doc", reftarget=page, reftargetid=heading or link.get("reftargetid"))
+
+
 def titles_for_paths(app, doctree, page):
     """Links that show a page's path, as is best where Markdown is read as it is, show its title."""
     for link in doctree.findall(nodes.reference):
@@ -69,4 +81,5 @@ def titles_for_paths(app, doctree, page):
 def setup(app):
     app.add_html_math_renderer("mathml", (formula, None), (formula, None))
     app.connect("autodoc-process-signature", defaults_in_python)
+    app.connect("doctree-read", included_pages)
     app.connect("doctree-resolved", titles_for_paths)

@@ -1,7 +1,11 @@
-"""The command, as `obscurance.cli`, by a name that is this project's own: `python -m obscurance`.
+"""One face of the three packages `ao`, `raytrace` and `scenes`, whose names are imported when they are first used:
 
-Its file is `cli.py` beside this folder in the source tree, and in the folder `command` of a wheel, lest another
-package's `cli.py` replace it.
+    import obscurance
+    baked = obscurance.bake(obscurance.load("duck.glb").mesh)
+    obscurance.write("duck_ao.glb", baked, "duck.glb")
+
+The command is `obscurance.cli`, by a name that is this project's own: `python -m obscurance`. Its file is `cli.py`
+beside this folder in the source tree, and in the folder `command` of a wheel, lest another package's replace it.
 """
 
 import os.path
@@ -9,3 +13,24 @@ import os.path
 _folder = os.path.dirname(__file__)
 _in_wheel = os.path.join(_folder, "command")
 __path__.append(_in_wheel if os.path.isdir(_in_wheel) else os.path.dirname(_folder))
+_PACKAGES = {
+    "bake": "ao",
+    "bake_texture": "ao",
+    "load": "scenes",
+    "render": "scenes",
+    "view": "scenes",
+    "write": "scenes",
+}
+__all__ = list(_PACKAGES)
+
+
+def __getattr__(name: str) -> object:
+    if name not in _PACKAGES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(_PACKAGES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(_PACKAGES)

@@ -1,10 +1,12 @@
 # The public names, imported when first used; type checkers read them here, and so does the package.
+from .bake.uv import unwrap as unwrap
 from .description.description import SceneDescription as SceneDescription
 from .description.read import read_scene as read_scene
 from .formats.load import MeshFile as MeshFile
 from .formats.load import load as load
 from .formats.objects import select_objects as select_objects
 from .formats.stored_w import read_w as read_w
+from .formats.write import write as write
 from .geometry.builtin_shapes import SOLIDS as SOLIDS
 from .geometry.builtin_shapes import Box as Box
 from .geometry.builtin_shapes import Cylinder as Cylinder
@@ -13,9 +15,9 @@ from .geometry.builtin_shapes import Solid as Solid
 from .geometry.builtin_shapes import Sphere as Sphere
 from .geometry.builtin_shapes import Sponge as Sponge
 from .geometry.builtin_shapes import Temple as Temple
-from .jobs.textures.coordinates import unwrap as unwrap
 from .library.catalogue import BUILTIN as BUILTIN
 from .library.catalogue import builtin_toml as builtin_toml
 from .library.catalogue import write_builtin as write_builtin
 from .show.page.document import html_page as html_page
-from .write_bake import write as write
+from .show.pictures import render as render
+from .show.pictures import view as view

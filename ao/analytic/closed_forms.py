@@ -3,8 +3,8 @@
 Every function returns w as a float, 1 = open. `tau` is the rate τ > 0, in 1/length, of μ(x) = 1 − e^(−τx) (12.74), or
 None for the binary μ (0 on a hit). Lengths share one unit. p lies on a plane, normal up, unless said otherwise.
 Scenes of planes, where a limit D is offered, take it as `max_distance`: μ(x) = (1 − e^(−τx))/(1 − e^(−τD)) below D
-and 1 beyond; with it `tau` may also be "linear", μ = x/D, or "smooth", μ = 3(x/D)² − 2(x/D)³. Where no antiderivative
-exists, one adaptive quadrature is left, good to 1e-10.
+and 1 beyond; with it `tau` may also be the name of a polynomial of `ao.falloff`, such as "linear", μ = x/D. Where no
+antiderivative exists, one adaptive quadrature is left, good to 1e-10.
 
 All follow from one transform of a scene, L(τ, D) = (1/π) ∫_{d<D} e^(−τd) cosθ dω, as w = 1 − L(0, D) when binary and
 w = 1 − [L(τ, D) − e^(−τD) L(0, D)]/(1 − e^(−τD)) when exponential; and from its moments
@@ -15,20 +15,20 @@ outside their range raise ValueError.
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from math import acos, asin, atan2, cos, exp, expm1, hypot, inf, isinf, log, pi, radians, sin, sqrt, tan
-from typing import Literal
 
 import numpy as np
 from scipy.integrate import quad
 from scipy.special import expn
 
-Rate = float | Literal["linear", "smooth"] | None
-POLYNOMIALS = {"linear": {1: 1.0}, "smooth": {2: 3.0, 3: -2.0}}
-"""Coefficients of μ by powers of x/D."""
+from ..falloff import POLYNOMIALS
+
+Rate = float | str | None  # τ, a name in `POLYNOMIALS`, or None: binary
 # With cosθ = 1/cosh u the integrand of Ki is analytic for |Im u| < π/2, so the trapezoidal rule errs by e^(−π²/step) ≈
 # 1e-17 (Trefethen & Weideman 2014, "The exponentially convergent trapezoidal rule", theorem 5.1).
 _STEP = 0.25
 _U = np.arange(0.0, 40.0, _STEP)
-_COSH, _WEIGHTS = np.cosh(_U), np.where(_U == 0.0, _STEP / 2, _STEP)
+_COSH = np.cosh(_U)
+_WEIGHTS = np.where(_U == 0.0, _STEP / 2, _STEP)
 
 
 def bickley(n: int, x: float) -> float:
@@ -45,7 +45,7 @@ def shell(tau: float, near: float, far: float, power: int = 0) -> float:
 
     Args:
         tau: τ ≥ 0; 0 leaves ½(1 − near²/far²). far: where the plane, or the search, ends; ≥ near > 0, ∞ allowed.
-        power: n, 0 to 3; above 0 with τ = 0 and a finite `far` only. For 0: E3(τ near) − (near/far)² E3(τ far).
+        power: n ≥ 0; above 0 with τ = 0 and a finite `far` only. For 0: E3(τ near) − (near/far)² E3(τ far).
     """
     if power == 2:
         return near**2 * log(far / near)
@@ -78,7 +78,7 @@ def _obscurance(transform: Callable[..., float], tau: Rate, max_distance: float 
 
 def _integral(integrand: Callable[[float], float], low: float, high: float, breaks: Sequence[float] = ()) -> float:
     edges = [low, *sorted(b for b in breaks if low < b < high), high]
-    return sum(quad(integrand, a, b, epsabs=1e-11, epsrel=1e-11, limit=200)[0] for a, b in pairwise(edges))
+    return sum(float(quad(integrand, a, b, epsabs=1e-11, epsrel=1e-11, limit=200)[0]) for a, b in pairwise(edges))
 
 
 def _upright(
@@ -273,7 +273,8 @@ def cylinder(radius: float, height: float, offset: float = 0.0, tau: Rate = None
     Exponential by its cross-section, a circle met at C cosγ − √(R² − C² sin²γ), γ the angle to its centre.
     """
     _require(0 < radius <= height, f"radius: expected 0 to height ({height}), got {radius}")
-    centre, towards = hypot(offset, height), atan2(height, offset)
+    centre = hypot(offset, height)
+    towards = atan2(height, offset)
     if tau is None:
         return 1.0 - radius * height / centre**2
 

@@ -52,8 +52,9 @@ class Tiles:
     def writer(self, scene: RenderJob, tables: Tables) -> Callable[[int, int], None]:
         def write(first: int, last: int) -> None:
             around = None if self.around is None else self.around[first:last]
-            pixels, edges, counts = (table[first:last] for table in tables)
-            scene.render_numbered(self.numbers[first:last], around, (pixels, edges, counts))
+            pixels, edges, counts = tables
+            outputs = pixels[first:last], edges[first:last], counts[first:last]
+            scene.render_numbered(self.numbers[first:last], around, outputs)
 
         return write
 
@@ -73,7 +74,8 @@ def render_on(
 
     Raises: as `raytrace.render`, and as `ClusterSession.trace`.
     """
-    workers, start = thread_count(threads), time.perf_counter()
+    workers = thread_count(threads)
+    start = time.perf_counter()
     picture = prepare_picture(scene, camera, settings, layers)
     built = time.perf_counter()
     picture.light_vertices(workers)

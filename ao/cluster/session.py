@@ -21,21 +21,31 @@ from ..execute.work import Finished, Span, Tables, Work, fill, fill_spans, machi
 from .dask_cluster import DaskCluster, unguarded
 from .worker import SceneFile, trace_block, unpack, write_scene
 
-_FEW = 1 << 19  # rays that are traced here: to send them takes as long
 _LOOK = 0.2  # seconds between looks at who is there
-_PATIENCE = 10.0  # seconds without any worker until a message says so
-_SILENCE = 30.0  # seconds without a heartbeat, after which others get a worker's blocks
-_START = 120.0  # seconds without any worker on this machine, after which none is waited for
 _FAILURES = 3  # of one block, after which it is the block's fault
-_LOSSES = 10  # of workers with the same block, likewise: out of memory, for instance
 IN_FLIGHT = 3  # blocks that a worker has at once: one traced, the others on their way
-_SECONDS, _LEAST_SECONDS = 3.0, 0.25  # of a block
 _ENDGAME = 4  # blocks to each worker that what is left is cut into at least
-_FIRST_RAYS = 1 << 20  # while nothing is known of a worker
 _MOST_BYTES = 10 << 20  # of a block's tables
 _KEPT = 0.5  # of what was known of a worker's speed, when a block comes back
 
 Found = tuple[int, int, Tables]
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How large blocks are, and how long workers are waited for."""
+
+    few_rays: float = 1 << 19  # that are traced here: to send them takes as long
+    first_rays: float = 1 << 20  # of a block while nothing is known of a worker
+    block_seconds: float = 3.0
+    least_seconds: float = 0.25  # of a block near the end
+    patience: float = 10.0  # seconds without any worker until a message says so
+    silence: float = 30.0  # seconds without a heartbeat, after which others get a worker's blocks
+    start: float = 120.0  # seconds without any worker on this machine, after which none is waited for
+    losses: int = 10  # of workers with the same block, after which it is the block's fault: out of memory, for instance
+
+
+PACE = Pace()
 
 
 @dataclass
@@ -45,13 +55,14 @@ class Dispatch:
     Not Dask's queue: it would give workers that come later no share of what it has handed out, and all the same blocks.
 
     Attributes:
-        blocks: that came back, of each worker. rows: in them. again: blocks that were handed out once more.
+        blocks: that came back, of each worker. rows_traced: in them. again: blocks that were handed out once more.
         speed: rays a second of the workers, as far as known.
         spans: rows of the present work that no worker has. left: how many have not come back.
     """
 
+    pace: Pace
     blocks: Counter[str] = field(default_factory=Counter)
-    rows: int = 0
+    rows_traced: int = 0
     again: int = 0
     speed: dict[str, float] = field(default_factory=dict)
     spans: deque[Span] = field(default_factory=deque)
@@ -61,17 +72,19 @@ class Dispatch:
 
     def begin(self, work: Work, spans: Sequence[Span]) -> None:
         """Hand out the rows `spans` of `work` from now on, and none of the last work."""
-        self.spans, self.left = deque(spans), sum(last - first for first, last in spans)
+        self.spans = deque(spans)
+        self.left = sum(last - first for first, last in spans)
         self._rays = max(work.rays, 1e-9)
         self._most_rows = max(_MOST_BYTES // sum(table.nbytes for table in work[:1].tables()), 1)
 
     def take(self, worker: str) -> Span:
         """A block for `worker`, of a few seconds, less where little is left."""
-        wanted, speed = float(_FIRST_RAYS), self.speed.get(worker)
+        wanted = self.pace.first_rays
+        speed = self.speed.get(worker)
         if speed:
             waiting = self._rays * sum(last - first for first, last in self.spans)
             seconds = waiting / sum(self.speed.values()) / _ENDGAME
-            wanted = speed * min(max(seconds, _LEAST_SECONDS), _SECONDS)
+            wanted = speed * min(max(seconds, self.pace.least_seconds), self.pace.block_seconds)
         first, last = self.spans.popleft()
         end = min(first + min(max(int(wanted / self._rays), 1), self._most_rows), last)
         if end < last:
@@ -81,7 +94,7 @@ class Dispatch:
     def came_back(self, worker: str, rows: int, seconds: float) -> None:
         """Take note of a traced block."""
         self.blocks[worker] += 1
-        self.rows += rows
+        self.rows_traced += rows
         self.left -= rows
         speed = rows * self._rays / min(max(1e-6, seconds), 1e9)  # whatever number it is
         self.speed[worker] = _KEPT * self.speed.get(worker, speed) + (1 - _KEPT) * speed
@@ -99,16 +112,27 @@ class ClusterSession:
         address: `local`, `local:N` or a scheduler's, `tls://host:port`.
         shared: a folder that all workers see under this name, for scenes. name: of their files, the output's.
         notify: called with a line for the user.
-        threads: of all workers on this machine together; None: all cores.
+        threads: of all workers on this machine together; None: all cores. pace: None: `PACE`.
 
     Raises: OptionError: when the block is entered: there is no scheduler at the address.
     """
 
     def __init__(
-        self, address: str, shared: Path, name: str, notify: Callable[[str], object], threads: int | None = None
+        self,
+        address: str,
+        shared: Path,
+        name: str,
+        notify: Callable[[str], object],
+        threads: int | None = None,
+        pace: Pace | None = None,
     ) -> None:
-        self.dispatch, self._cluster = Dispatch(), DaskCluster(address, threads)
-        self._address, self._shared, self._name, self._notify = address, shared, name, notify
+        self._pace = pace or PACE
+        self.dispatch = Dispatch(self._pace)
+        self._cluster = DaskCluster(address, threads)
+        self._address = address
+        self._shared = shared
+        self._name = name
+        self._notify = notify
         self._scene: Callable[[], object] = lambda: None  # a weak reference: it may be large
         self._file: SceneFile | None = None
         self._calls: dict[Future[Any], tuple[str, Span]] = {}
@@ -116,7 +140,8 @@ class ClusterSession:
         self._workers: dict[str, InputError | ClusterError | None] = {}  # why they get no work, if they do not
         self._lost_before: Counter[tuple[int, int]] = Counter()  # how often, by first row and by what ends the bake
         self._begun = self._looked = self._alone_since = time.monotonic()
-        self._told_late, self._told_alone = not self._cluster.count, False
+        self._told_late = not self._cluster.count
+        self._told_alone = False
 
     def __enter__(self) -> Self:
         if not self._cluster.count:
@@ -135,7 +160,7 @@ class ClusterSession:
         self, work: Work, scene: Any, spans: Sequence[Span], tables: Tables, threads: int, finished: Finished
     ) -> None:
         """As `ao.execute.work.fill_spans`, by workers unless that is little. Errors as `trace`."""
-        if sum(last - first for first, last in spans) * work.rays < _FEW:
+        if sum(last - first for first, last in spans) * work.rays < self._pace.few_rays:
             fill_spans(work, scene, spans, tables, threads, finished)
             return
         for first, last, found in self.trace(work, scene, spans):
@@ -145,7 +170,7 @@ class ClusterSession:
 
     def rows(self, work: Work, scene: Any, threads: int) -> Iterator[Found]:
         """All rows of `work` in blocks, by workers or, if they are few, by so many threads here. Errors as `trace`."""
-        if len(work) * work.rays >= _FEW:
+        if len(work) * work.rays >= self._pace.few_rays:
             yield from self.trace(work, scene, [(0, len(work))])
         else:
             yield 0, len(work), fill(work, scene, threads)
@@ -188,7 +213,8 @@ class ClusterSession:
         """What the cluster did, in a line."""
         done = self.dispatch
         again = f", {done.again:,} of them once more, for workers that were lost" if done.again else ""
-        blocks, workers = _plural(done.blocks.total(), "block"), _plural(len(done.blocks), "worker")
+        blocks = _plural(done.blocks.total(), "block")
+        workers = _plural(len(done.blocks), "worker")
         return f"{self._address}: {blocks} traced by {workers}{again}"
 
     def _look(self) -> None:
@@ -196,29 +222,35 @@ class ClusterSession:
         now = time.monotonic()
         if now < self._looked + _LOOK:
             return
+        # Heartbeats: a worker without one for long is silent.
         self._looked, before = now, self._heard
         self._heard = {}
         for worker, beat in self._cluster.workers().items():
             seen, since = before.get(worker, (None, now))
             self._heard[worker] = beat, since if seen == beat else now
-        silent = {worker for worker, (_, since) in self._heard.items() if now > since + _SILENCE}
+        silent = {worker for worker, (_, since) in self._heard.items() if now > since + self._pace.silence}
         present = self._heard.keys() - silent
+        # Blocks of those that have gone or are silent go to others.
         for worker in self._workers.keys() - present:
             if worker in silent:
-                self._notify(f"worker {worker} has not been heard of for {_SILENCE:.0f} s; others get its blocks")
+                self._notify(
+                    f"worker {worker} has not been heard of for {self._pace.silence:.0f} s; others get its blocks"
+                )
             del self._workers[worker]
             for span in self._drop(worker):
-                self._lost(span, _LOSSES, f"{_LOSSES} workers have ended with the same block: too little memory?")
+                most = self._pace.losses
+                self._lost(span, most, f"{most} workers have ended with the same block: too little memory?")
         self._workers |= dict.fromkeys(present - self._workers.keys())
+        # Workers of this machine that start late, and what to do without any.
         started, count = len(self._heard), self._cluster.count
-        if not self._told_late and count and started and (started >= count or now > self._begun + _SILENCE):
+        if not self._told_late and count and started and (started >= count or now > self._begun + self._pace.silence):
             self._told_late = True
             if started < count:
-                late = f"{started} of {count} workers have started within {_SILENCE:.0f} s"
+                late = f"{started} of {count} workers have started within {self._pace.silence:.0f} s"
                 self._notify(f"{self._address}: {late}; going on without the rest")
         if None in self._workers.values():
             self._alone_since, self._told_alone = now, False
-        elif now > self._alone_since + _PATIENCE:
+        elif now > self._alone_since + self._pace.patience:
             self._alone(now - self._alone_since)
 
     def _alone(self, seconds: float) -> None:
@@ -226,9 +258,9 @@ class ClusterSession:
         for reason in filter(None, self._workers.values()):
             raise reason
         local = self._cluster.count
-        if local and (seconds > _START or self._cluster.none_starts()):
+        if local and (seconds > self._pace.start or self._cluster.none_starts()):
             raise ClusterError(f"{self._address}: no worker has started within {seconds:.0f} s")
-        if not self._told_alone and seconds > (_SILENCE if local else _PATIENCE):
+        if not self._told_alone and seconds > (self._pace.silence if local else self._pace.patience):
             self._notify(f"{self._address}: no workers; waiting for some to join")
             self._told_alone = True
 
@@ -250,25 +282,25 @@ class ClusterSession:
         nobody, (first, last) = f"{self._address}: no worker can be used: {worker}", span
         error: InputError | ClusterError
         try:
-            sort, *contents = call.result()
-            if isinstance(sort, float):
+            kind, *contents = call.result()
+            if isinstance(kind, float):
                 tables = unpack(work[first:last], contents)
-                self.dispatch.came_back(worker, last - first, sort)
+                self.dispatch.came_back(worker, last - first, kind)
                 return tables
-            if sort == "failed":
+            if kind == "failed":
                 error = ClusterError(f"{nobody}: {contents[0]}")
             else:
-                error = InputError(*contents) if sort == "wrong" else InputError(nobody, *contents)
+                error = InputError(*contents) if kind == "wrong" else InputError(nobody, *contents)
         except Exception as fault:  # no answer of `trace_block`
             got = f"{type(fault).__name__}: {fault}"
-            sort, error = "refused", InputError(nobody, "code", "obscurance as it is here", got)
-        if sort == "wrong":
+            kind, error = "refused", InputError(nobody, "code", "obscurance as it is here", got)
+        if kind == "wrong":
             raise error
         text, self._workers[worker] = str(error).removeprefix(nobody), error
         self._notify(f"worker {worker} gets no work{text}")
         for each in self._drop(worker):
             self.dispatch.lost(each)
-        self._lost(span, _FAILURES if sort == "failed" else 0, f"a block fails on every worker{text}")
+        self._lost(span, _FAILURES if kind == "failed" else 0, f"a block fails on every worker{text}")
         return None
 
     def _lost(self, span: Span, most: int, text: str) -> None:

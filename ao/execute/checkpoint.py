@@ -134,17 +134,18 @@ class Checkpoint:
 
     def restored(self, work: KeptWork, tables: Tables) -> Bools:
         """Which rows of the work are kept, bool (k,); they are copied into `tables`."""
-        taken, name = np.zeros(len(work), np.bool_), work.name
+        is_kept = np.zeros(len(work), np.bool_)
+        name = work.name
         if self._journal:
             for block in self._journal.blocks:
                 if block[0] == name:
-                    restore(block, self._journal.content(block), work, tables, taken)
-        return taken
+                    restore(block, self._journal.content(block), work, tables, is_kept)
+        return is_kept
 
     def all_traced(self) -> None:
         """No more rows will be asked for."""
 
-    def once(self, name: str, compute: Callable[[], Float64s]) -> Float64s:
+    def cached(self, name: str, compute: Callable[[], Float64s]) -> Float64s:
         """What `compute` returns, (k,), unless it is kept."""
         block = hashlib.blake2b(name.encode(), digest_size=16).digest(), 0, 0
         if self._journal and block in self._journal.blocks:
@@ -202,10 +203,11 @@ def restore(block: Block, content: bytes, work: KeptWork, tables: Tables, restor
     rows = last - first
     if not 0 <= first < last <= len(restored) or len(content) != sum(table[:1].nbytes for table in tables) * rows:
         return
-    begin, stored = 0, []
+    begin = 0
+    stored = []
     for table in tables:
-        shape, size = (rows, *table.shape[1:]), table[first:last].size
-        stored.append(np.frombuffer(content, table.dtype, size, begin).reshape(shape))
+        size = table[first:last].size
+        stored.append(np.frombuffer(content, table.dtype, size, begin).reshape(rows, *table.shape[1:]))
         begin += stored[-1].nbytes
     if work.could_make(tuple(stored)):
         for table, values in zip(tables, stored, strict=True):

@@ -1,7 +1,7 @@
 """An append-only file of finished blocks of work, locked by one process and readable after any crash.
 
 Not SQLite or HDF5: blocks are only ever appended, and a file that a crash has cut is to be used as far as it is whole.
-100 kills of each of three bakes lost nothing (docs/reliability.md).
+100 kills of each of three bakes lost nothing (evidence/reliability.md).
 """
 
 import os

@@ -4,6 +4,7 @@ import hashlib
 import json
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 from types import TracebackType
@@ -27,11 +28,8 @@ DESCRIPTION: Block = hashlib.blake2b(b"description", digest_size=16).digest(), 0
 WHOLE: Block = hashlib.blake2b(b"whole", digest_size=16).digest(), 0, 0
 
 
-class PartTraced(ObscuranceError):
-    """All rays of a part are traced: the bake of it ends here, since all that follows needs rows of the other parts.
-
-    An exception, or every step between the rays and the written file would have to know of a bake without values.
-    """
+class _AllTraced(Exception):
+    """Leaves a bake between its rays and its values, which need rows of the other parts; no further than `trace`."""
 
 
 def assign_shards(count: int, of: int) -> Int64s:
@@ -51,7 +49,7 @@ def digest_of(placement: Placement, receivers: Receivers) -> str:
 class ShardCheckpoint(Checkpoint):
     """A checkpoint that traces one of several parts of a bake and keeps its journal, for `Merge`.
 
-    The bake raises `PartTraced` when its `rays` are traced, those by an earlier run of the same part among them.
+    `rays` are those of the part, those traced by an earlier run of it among them.
 
     Args: number, of: which part, from 1, of how many. description: what is baked, JSON-ready, for who merges the parts.
 
@@ -82,16 +80,24 @@ class ShardCheckpoint(Checkpoint):
         return missing & own
 
     def all_traced(self) -> None:
-        """Raises: PartTraced."""
+        """End the bake within `trace`."""
         self._pending.append(record(WHOLE, b"whole"))
         self._write()
-        raise PartTraced(f"{self.path}: traced")
+        raise _AllTraced
+
+    def trace(self, bake: Callable[[], object]) -> None:
+        """Let a bake with this checkpoint trace the rays of the part; it returns when they are in the journal.
+
+        Raises: what `bake` raises.
+        """
+        with suppress(_AllTraced), self:
+            bake()
 
     def _give_up(self, reason: OutputError) -> None:
         raise OutputError(f"{reason}; the same command continues from what is there")
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
-        if kind is not None and not issubclass(kind, ObscuranceError):
+        if kind is not None and not issubclass(kind, ObscuranceError | _AllTraced):
             self._write()
             if self._journal:
                 self.notify(f"{self.path} keeps what is done; the same command continues from it")

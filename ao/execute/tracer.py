@@ -4,7 +4,7 @@ import hashlib
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Self, TypeVar
+from typing import Any, ClassVar, Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -97,6 +97,16 @@ class Hemispheres:
         return by_streams
 
 
+class Means(Protocol):
+    """What points stand for that are traced by samples elsewhere; see `SampleMeans`."""
+
+    def rows(self, tracer: "Tracer", points: Points, rays: int, key: np.uint32) -> Float64s:
+        """Rows (k, …, COLUMNS) of what the points stand for, by about so many `rays` each."""
+
+    def moved(self, points: Points) -> "Means | None":
+        """The same with other samples of what some `points` stand for, if there are others."""
+
+
 @dataclass(eq=False)
 class Tracer:
     """Gathers hemispheres in a scene."""
@@ -112,13 +122,14 @@ class Tracer:
     expected: int = 0  # rays in all, 0 while none are planned
     rays: int = 0  # traced
     column: int = 0  # of several falloffs the one whose rows are gathered
+    means: Means | None = None  # over samples; None: hemispheres at the points themselves
     planned: list[Any] = field(default_factory=list)  # estimates to a tolerance, of each falloff
     _traced: dict[tuple[int, int], tuple[Int64s, Float64s]] = field(default_factory=dict)
 
     def gather(self, points: Points, samples: int, key: np.uint32) -> Float64s:
         """Rows (k, COLUMNS) of `gather_hemispheres`: of `points`, by `samples` rays each, directions drawn by `key`."""
         if self.mu.columns is None:
-            return self._trace(points, samples, key)
+            return self._rows(points, samples, key)
         nothing = np.zeros(0, np.int64), np.zeros((0, *self.mu.shape, COLUMNS))
         numbers, rows = self._traced.get((samples, int(key)), nothing)  # by number, ascending
         if np.array_equal(numbers, points.numbers):
@@ -126,7 +137,7 @@ class Tracer:
         missing = np.append(numbers, -1)[np.searchsorted(numbers, points.numbers)] != points.numbers
         if missing.any():
             numbers = np.append(numbers, points.numbers[missing].astype(np.int64))
-            found = self._trace(points[missing], samples, key)
+            found = self._rows(points[missing], samples, key)
             rows = np.concatenate([rows, found]) if len(rows) else found
             if (np.diff(numbers) < 0).any():
                 order = np.argsort(numbers, kind="stable")
@@ -139,7 +150,14 @@ class Tracer:
 
         Args: here: rows of the points themselves by independent rays, which are what vertices have elsewhere, too.
         """
-        return here
+        means = self.means
+        moved = means and means.moved(points)
+        if moved is None:
+            return here
+        self.means = moved
+        rows = self.gather(points, samples, key)
+        self.means = means
+        return rows
 
     @property
     def columns(self) -> int:
@@ -155,7 +173,10 @@ class Tracer:
         self.column = before
         return found
 
-    def _trace(self, points: Points, samples: int, key: np.uint32, leap: int = 1) -> Float64s:
+    def _rows(self, points: Points, samples: int, key: np.uint32) -> Float64s:
+        return self.means.rows(self, points, samples, key) if self.means else self.trace(points, samples, key)
+
+    def trace(self, points: Points, samples: int, key: np.uint32, leap: int = 1) -> Float64s:
         """Rows (k, COLUMNS), or with several falloffs (k, c, COLUMNS). Args: leap: see `DirectionTable`."""
         work = Hemispheres(points, samples, key, self.total_points, self.mu, self.t_max, self.packets_below, leap)
 

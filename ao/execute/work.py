@@ -7,13 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any, Protocol, Self
 
-import llvmlite.binding
 import numpy as np
 import numpy.typing as npt
 
 from raytrace.embree import library as embree
-from raytrace.kernel.cache import numba_settings
 from raytrace.kernel.identity import results_identity
+from raytrace.kernel.library import built_by, cpu_features
+from raytrace.system.processor import model
 from raytrace.system.threads import granted, run_blocks, shares
 
 Tables = tuple[npt.NDArray[Any], ...]
@@ -57,8 +57,10 @@ def fill(work: Work, scene: Any, threads: int) -> Tables:
 
 def fill_spans(work: Work, scene: Any, spans: Sequence[Span], tables: Tables, threads: int, finished: Finished) -> None:
     """Make the rows of `spans` on threads. Args: finished: called on this one, with a first and a last row."""
-    write, rows = work.writer(scene, tables), sum(last - first for first, last in spans)
-    threads, block = granted(threads), max(int(work.block_rays / max(work.rays, 1e-9)), 1)
+    write = work.writer(scene, tables)
+    rows = sum(last - first for first, last in spans)
+    threads = granted(threads)
+    block = max(int(work.block_rays / max(work.rays, 1e-9)), 1)
     size = max(min(block, rows // (_EACH * threads)), -(-block // 4))
     most = int(_MOST_RAYS / (size * max(work.rays, 1)))
     blocks = [(first + a, first + b) for first, last in spans for a, b in shares(last - first, size, threads, most)]
@@ -88,16 +90,15 @@ def machine() -> dict[str, str]:
 
     The C library counts for its sines, and NumPy and Embree choose instructions by what the processor has.
     """
-    features = llvmlite.binding.get_host_cpu_features().flatten()
+    features = " ".join(sorted(cpu_features()))
     return {
         "code": results_identity(),
         "Embree": embree.version(),
         "NumPy": np.__version__,
-        "llvmlite": llvmlite.__version__,
+        "kernels": built_by(),
         "C library": " ".join(platform.libc_ver()) or platform.system(),
-        "processor": llvmlite.binding.get_host_cpu_name(),
+        "processor": model(),
         "instructions": hashlib.sha256(features.encode()).hexdigest()[:8],
-        "Numba's settings": numba_settings() or "none",
     }
 
 

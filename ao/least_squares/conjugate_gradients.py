@@ -19,7 +19,7 @@ _ROUNDS, _STEADY = 50, 4
 _GROUP = 8  # consecutive unknowns that the preconditioner solves for exactly
 _FLOOR = 1e-12  # of a pivot, as a part of the diagonal
 _BLOCK, _MOST = 1 << 14, 4  # rows, and blocks at once
-_TURNED = 1 << 17  # rows, of which to wake a thread for fewer takes longer
+_STEPPED = 1 << 17  # rows, of which to wake a thread for fewer takes longer
 
 
 def dot(a: Float64s, b: Float64s) -> float:
@@ -28,8 +28,9 @@ def dot(a: Float64s, b: Float64s) -> float:
 
 
 def multiply(matrix: csr_array, x: Float64s, threads: int) -> Float64s:
+    """matrix · x, (n,)."""
     out = np.empty(len(x))
-    _each(len(x), _BLOCK, bind(_multiply, *_arrays(matrix), x, out), threads)
+    _run_rows(len(x), _BLOCK, bind(_multiply, *_arrays(matrix), x, out), threads)
     return out
 
 
@@ -37,7 +38,7 @@ def _arrays(matrix: csr_array) -> tuple[UInt32s, UInt32s, Float64s]:
     return matrix.indptr.view(np.uint32), matrix.indices.view(np.uint32), matrix.data  # no sign to be minded
 
 
-def _each(count: int, block: int, work: Callable[[int, int], None], threads: int) -> None:
+def _run_rows(count: int, block: int, work: Callable[[int, int], None], threads: int) -> None:
     """`run_blocks` of rows, unless there are few: a product of a small mesh takes as long as handing it over."""
     if threads == 1 or count <= block:
         work(0, count)
@@ -93,7 +94,8 @@ def _descend(step, inverse, x, residual, image, length, first, last):
 
 
 @kernel
-def _turn(step, scaled, ratio, first, last):
+def _next_step(step, scaled, ratio, first, last):
+    """The next direction of descent: the preconditioned residual, conjugate to the step before."""
     for i in range(first, last):
         step[i] = step[i] * ratio + scaled[i]
 
@@ -123,12 +125,19 @@ def solve(
     Args: start: (n,), where to begin. free: bool (n,), the unknowns to solve for; fixed unknowns keep their start.
         near: the preconditioned residual, in the units of x, at any unknown or, if `mean`, by the diagonal's weights.
     """
-    x, image, inverse = start.copy(), np.zeros(len(start)), np.empty((len(start), _GROUP))
+    # The preconditioner: blocks of the diagonal, inverted.
+    x = start.copy()
     free = np.ones(len(x), np.bool_) if free is None else free
-    _each(len(x), _BLOCK, bind(_invert, *_arrays(matrix), free, inverse), threads)
-    residual, step = right - multiply(matrix, x, threads), np.zeros(len(x))
-    product, turn = bind(_multiply, *_arrays(matrix), step, image), bind(_turn, step, image)
-    descend, sums = bind(_descend, step, inverse, x, residual, image), [0.0] * -(-len(x) // _BLOCK)
+    inverse = np.empty((len(x), _GROUP))
+    _run_rows(len(x), _BLOCK, bind(_invert, *_arrays(matrix), free, inverse), threads)
+    # Kernels over the rows, which share these arrays.
+    residual = right - multiply(matrix, x, threads)
+    step = np.zeros(len(x))
+    image = np.zeros(len(x))  # of the step by the matrix, then the preconditioned residual
+    product = bind(_multiply, *_arrays(matrix), step, image)
+    descend = bind(_descend, step, inverse, x, residual, image)
+    next_step = bind(_next_step, step, image)
+    sums = [0.0] * -(-len(x) // _BLOCK)
 
     def dot_after(work: Callable[[int, int], None], a: Float64s, b: Float64s) -> float:
         """Σ a_i b_i after `work`: of the sums of blocks, so that it is the same for any number of threads."""
@@ -139,9 +148,10 @@ def solve(
                 end = min(begin + _BLOCK, last)
                 sums[begin // _BLOCK] = dot(a[begin:end], b[begin:end])
 
-        _each(len(x), _BLOCK, work_and_add, threads)
+        _run_rows(len(x), _BLOCK, work_and_add, threads)
         return math.fsum(sums)
 
+    # Steps along conjugate directions until the preconditioned residual is small.
     size = dot_after(partial(descend, 0.0), residual, image)
     step += image
     most = (1 if mean else _GROUP) * near**2 * float(matrix.diagonal().sum())
@@ -152,8 +162,9 @@ def solve(
         if curvature <= 0:  # by rounding, where the matrix is singular
             break
         length = size / curvature
-        size, before = dot_after(partial(descend, length), residual, image), size
-        _each(len(x), _TURNED, partial(turn, size / before), threads)
+        before = size
+        size = dot_after(partial(descend, length), residual, image)
+        _run_rows(len(x), _STEPPED, partial(next_step, size / before), threads)
     return x
 
 
@@ -165,18 +176,27 @@ def solve_within(
     Args: as `solve`; near: one of the stages, 1e-2 to FINE.
     Source: Hintermüller, Ito & Kunisch 2002, The primal-dual active set strategy as a semismooth Newton method.
     """
-    x, low, high, chance = start, start <= 0, start >= 1, np.random.default_rng(0)
+    x = start
+    low = start <= 0
+    high = start >= 1
+    chance = np.random.default_rng(0)
     diagonal = matrix.diagonal()
     for accuracy in _STAGES[: _STAGES.index(near) + 1]:
         for number in range(_ROUNDS if accuracy == near < COARSE else _STEADY):
-            held, slack = low | high, _SLACK * accuracy * diagonal
+            # Solve for the unknowns that no bound holds.
+            held = low | high
             x = solve(matrix, right, np.where(held, high, np.clip(x, 0, 1)), ~held, accuracy, threads, mean)
+            # Unknowns whose gradient pulls them off their bound are freed, others that leave the bounds are held.
             pull = right - multiply(matrix, x, threads)
-            freed, below, above = (low & (pull > slack)) | (high & (pull < -slack)), x < -accuracy, x > 1 + accuracy
+            slack = _SLACK * accuracy * diagonal
+            freed = (low & (pull > slack)) | (high & (pull < -slack))
+            below = x < -accuracy
+            above = x > 1 + accuracy
             wrong = freed | ~held & (below | above)
             if not wrong.any():
                 break
             if number >= _STEADY:  # some of them, so that none turn to and fro together
                 wrong &= chance.random(len(x)) < 0.5
-            low, high = np.where(wrong, below, low), np.where(wrong, above, high)
+            low = np.where(wrong, below, low)
+            high = np.where(wrong, above, high)
     return np.clip(x, 0, 1)

@@ -22,8 +22,9 @@ from ..rays.ray_packet import aim, backs, mu_of, passed_of, start_from, trace
 
 HIDDEN = 1e-4  # weight of a sample that sees backs of faces; not 0, so that hidden faces have a value too
 _MOSTLY = 0.5
-SQUARES, MATRIX, RIGHT, HALF = 0, 1, 7, 10  # of either half of the samples
-BENT, MOMENTS = 2 * HALF, 2 * HALF + 9
+SQUARES, MATRIX, RIGHT, HALF = 0, 1, 7, 10  # columns of either half of the samples, and their number
+BENT = 2 * HALF
+MOMENTS = BENT + 9
 TRACED, BELOW, SEEN = 0, 1, 2
 
 _GOLDEN = 0.6180339887498949
@@ -38,7 +39,6 @@ class Samples(NamedTuple):
     Between 0 and `count`, sample k lies at k + shift, which determines its face and, within it, one coordinate; the
     other is the fractional part of k/golden ratio. So samples are evenly spread on each face, whatever their number,
     and over neighbouring faces that hold less than one each.
-
     """
 
     shift: float  # in [0, 1)
@@ -71,7 +71,7 @@ def lattices(rays: int, cone: float) -> Float32s:
 
 
 @inline
-def place(k, shift, begin, end):
+def sample_barycentric(k, shift, begin, end):
     """Barycentric coordinates of sample `k` on the face that extends from `begin` to `end` (Turk 1990)."""
     s = np.sqrt(min(max((k + shift - begin) / (end - begin), 0.0), 1.0))
     v = (k * _GOLDEN) % 1.0
@@ -79,17 +79,25 @@ def place(k, shift, begin, end):
 
 
 @inline
-def _draw(k, key):
-    """Sample `k`'s lattice and turn in radians: neighbours complement one another, even and odd are independent."""
+def _draw_rays(k, drawn, n):
+    """Sample `k`'s lattice of directions about +z, and the frame about a normal that they are turned into.
+
+    Neighbours complement one another, even and odd samples are independent. Args: drawn: as of `gather_faces`.
+    """
+    directions, key = drawn
     chance = np.uint32(key + np.uint32(k & 1))
-    first, second = hash32(chance) / 4294967296.0, hash32(hash32(chance)) / 4294967296.0
+    shift_of_lattice = hash32(chance) / 4294967296.0
+    shift_of_turn = hash32(hash32(chance)) / 4294967296.0
     rank = k >> 1
-    lattice = int((rank * _PLASTIC + first) % 1.0 * _SHIFTS)
-    return lattice, 2.0 * np.pi * ((rank * (_PLASTIC * _PLASTIC) + second) % 1.0)
+    lattice = int((rank * _PLASTIC + shift_of_lattice) % 1.0 * _SHIFTS)
+    turn = 2.0 * np.pi * ((rank * (_PLASTIC * _PLASTIC) + shift_of_turn) % 1.0)
+    t, u = turned_frame(n, turn)
+    return directions[lattice], (t, u, n)
 
 
 @inline
 def _shading_normal(axes, b, g):
+    """The unit normal interpolated between the corners' `axes` by barycentrics `b`, or the face's `g` where it is 0."""
     n = add(add(scale(b[0], load(axes, 0)), scale(b[1], load(axes, 1))), scale(b[2], load(axes, 2)))
     size = length(n)
     return (g[0], g[1], g[2]) if size < 1e-6 else divide(n, size)
@@ -108,53 +116,73 @@ def gather_faces(packet, faces, samples, drawn, falloff, reach, moments, counts)
     packet = unrefcounted_view(packet)
     samples = unrefcounted_view(samples)
     corners, normals, axes = unrefcounted_view(faces)
-    directions, key = unrefcounted_view(drawn)
-    starts, ends, weights = samples.starts, samples.ends, samples.weights
+    drawn = unrefcounted_view(drawn)
     falloff = unrefcounted_view(falloff)
     moments = unrefcounted_view(moments)
     counts = unrefcounted_view(counts)
     passed = passed_of(packet.opacity)
-    values, b, side, origin = np.zeros(4), np.zeros(3), np.zeros(3), np.zeros(3)
+    values = np.zeros(4)
+    b = np.zeros(3)
+    side = np.zeros(3)
     for f in range(len(corners)):
         g = normals[f]
-        largest = 0.0
-        for corner in range(3):
-            for axis in range(3):
-                largest = max(largest, abs(corners[f, corner, axis]))
-        lift = OFFSET_ULPS * ULP * (abs(g[0]) + abs(g[1]) + abs(g[2])) * largest
-        for k in range(starts[f], starts[f + 1]):
-            b[0], b[1], b[2] = place(k, samples.shift, ends[f], ends[f + 1])
+        lift = _offset(corners[f], g)
+        for k in range(samples.starts[f], samples.starts[f + 1]):
+            # The sample's point, lifted off the face on the side of its shading normal.
+            b[0], b[1], b[2] = sample_barycentric(k, samples.shift, samples.ends[f], samples.ends[f + 1])
             n = _shading_normal(axes[f], b, g)
-            front = 1.0 if n[0] * g[0] + n[1] * g[1] + n[2] * g[2] >= 0.0 else -1.0
-            for axis in range(3):
-                side[axis] = front * g[axis]
-                at = b[0] * corners[f, 0, axis] + b[1] * corners[f, 1, axis] + b[2] * corners[f, 2, axis]
-                origin[axis] = at + lift * side[axis]
-            start_from(packet.rays, origin)
-            chosen, turn = _draw(k, key)
-            t, u = turned_frame(n, turn)
-            traced, behind = _trace_above(packet, passed, directions[chosen], (t, u, n), side, falloff, reach, values)
+            _start_on(packet.rays, corners[f], b, n, g, lift, side)
+            # Its rays, less those below the face.
+            local, frame = _draw_rays(k, drawn, n)
+            traced, behind = _trace_above(packet, passed, local, frame, side, falloff, reach, values)
             counts[f, TRACED] += traced
-            counts[f, BELOW] += directions.shape[2] - traced
+            counts[f, BELOW] += local.shape[1] - traced
             if traced == 0:
                 continue
+            # What they are part of: a sample that mostly sees backs of faces is hidden, and counts for little.
             hidden = behind > _MOSTLY * traced
             counts[f, SEEN] += not hidden
             values /= traced
-            _add_moments(moments[f], (k & 1) * HALF, weights[f] * HIDDEN if hidden else weights[f], b, values)
+            weight = samples.weights[f] * HIDDEN if hidden else samples.weights[f]
+            _add_moments(moments[f], (k & 1) * HALF, weight, b, values)
+
+
+@inline
+def _offset(corners, g):
+    """How far origins are lifted off a face, along its normal `g`, so that no ray meets the face itself."""
+    largest = 0.0
+    for corner in range(3):
+        for axis in range(3):
+            largest = max(largest, abs(corners[corner, axis]))
+    return OFFSET_ULPS * ULP * (abs(g[0]) + abs(g[1]) + abs(g[2])) * largest
+
+
+@inline
+def _start_on(rays, corners, b, n, g, lift, side):
+    """Let rays start at barycentrics `b` of a face; `side` becomes its normal `g` on the side of `n`."""
+    front = 1.0 if n[0] * g[0] + n[1] * g[1] + n[2] * g[2] >= 0.0 else -1.0
+    for axis in range(3):
+        side[axis] = front * g[axis]
+    x = b[0] * corners[0, 0] + b[1] * corners[1, 0] + b[2] * corners[2, 0]
+    y = b[0] * corners[0, 1] + b[1] * corners[1, 1] + b[2] * corners[2, 1]
+    z = b[0] * corners[0, 2] + b[1] * corners[1, 2] + b[2] * corners[2, 2]
+    start_from(rays, (x + lift * side[0], y + lift * side[1], z + lift * side[2]))
 
 
 @inline
 def _trace_above(packet, passed, local, frame, side, falloff, reach, values):
     """Trace rays above a face, seen from `side`: how many, and how many hit backs; `values`: Σ 1 − μ, Σ μ·direction."""
-    rays, valid, (t, u, n) = packet.rays, packet.valid, frame
+    rays = packet.rays
+    valid = packet.valid
+    t, u, n = frame
     values[:] = 0.0
-    traced, behind = 0, 0.0
+    traced = 0
+    behind = 0.0
     for start in range(0, local.shape[1], LANES):
         aim(rays, local, start, t, u, n, reach)
         for lane in range(LANES):
-            x, y, z = rays[DIR_X, lane], rays[DIR_Y, lane], rays[DIR_Z, lane]
-            valid[lane] = -1 if x * side[0] + y * side[1] + z * side[2] > 0.0 else 0
+            height = rays[DIR_X, lane] * side[0] + rays[DIR_Y, lane] * side[1] + rays[DIR_Z, lane] * side[2]
+            valid[lane] = -1 if height > 0.0 else 0
             traced -= valid[lane]
         trace(packet, True, falloff, reach, passed)
         for lane in range(LANES):

@@ -18,7 +18,8 @@ from .face_moments import BENT, HALF, MATRIX, MOMENTS, RIGHT, SQUARES
 from .patch import Patch
 from .pattern import Stencil, add_faces, add_jumps, add_laplacian, find_hinges, right_side
 
-Once = Callable[[str, Callable[[], Float64s]], Float64s]
+Cached = Callable[[str, Callable[[], Float64s]], Float64s]
+"""What returns the values of a name: kept ones, or what the function that it is called with computes."""
 
 _LAPLACIAN_WEIGHT = 1e-7
 _RELAXED = 1 / 16
@@ -28,7 +29,7 @@ _SMOOTHEST, _ROUGHEST = 4, -10
 _RUNS, _RUN = 32, 1 << 13  # stretches of faces in Morton order, and faces in each, that stand for all of many more
 
 
-class Half(NamedTuple):
+class NormalEquations(NamedTuple):
     """Σ_s dA_s (b_s·x − f_s)² over some samples, as xᵀ matrix x − 2 x·right + squares."""
 
     values: Float64s  # (z,), of the matrix
@@ -41,14 +42,14 @@ class Problem:
     """The normal equations of x from either half of the samples, and the regularisation."""
 
     stencil: Stencil  # of all matrices
-    halves: tuple[Half, Half]  # of the samples, independent
+    halves: tuple[NormalEquations, NormalEquations]  # of the samples, independent
     smoothness: Float64s  # (z,), of R
     laplacian: Float64s  # (m,), weights of the faces in `add_laplacian`
     bent: Float64s  # (3, n), right sides of other fits, of all samples
     threads: int
     number: Int64s  # (n,), of each of the patch's unknowns: by their faces, so that those that meet are near
 
-    def fit(self, half: Half, alpha: float, start: Float64s) -> Float64s:
+    def fit(self, half: NormalEquations, alpha: float, start: Float64s) -> Float64s:
         """x from one half of the samples, roughly."""
         return solve(self.system(half.values, alpha), half.right, start, near=_NEAR, threads=self.threads, mean=True)
 
@@ -59,7 +60,7 @@ class Problem:
         add_laplacian(self.stencil, self.laplacian, values)
         return self.stencil.matrix(values)
 
-    def residual(self, half: Half, x: Float64s) -> float:
+    def residual(self, half: NormalEquations, x: Float64s) -> float:
         """Sum of squared residuals of `x` (n,) at one half of the samples."""
         image = multiply(self.stencil.matrix(half.values), x, self.threads)
         return dot(x, image) - 2 * dot(x, half.right) + half.squares
@@ -68,8 +69,8 @@ class Problem:
 class Fit(NamedTuple):
     """Values at the points of a patch."""
 
-    w: Float64s
-    error: Float64s
+    w: Float64s  # (k,)
+    error: Float64s  # (k,), standard errors
     bent: Float64s  # (k, 3), mean of μ·direction
 
 
@@ -86,8 +87,8 @@ def build_problems(patch: Patch, moments: Float64s, threads: int) -> tuple[Probl
     return whole, _build_problem(patch.part(rows), moments[rows], laplacian[rows], threads)
 
 
-def fit_values(problem: Problem, trial: Problem, once: Once) -> Fit:
-    """Fit 1 − w, so that where nothing is closed w is exactly 1; `once` is called with what is long to compute."""
+def fit_values(problem: Problem, trial: Problem, cached: Cached) -> Fit:
+    """Fit 1 − w, so that where nothing is closed w is exactly 1; `cached` is called with what is long to compute."""
 
     def fit_halves() -> Float64s:
         alpha, fits = cross_validated(trial, _constant_fit(trial))
@@ -95,39 +96,53 @@ def fit_values(problem: Problem, trial: Problem, once: Once) -> Fit:
             fits = [problem.fit(half, alpha, _constant_fit(problem)) for half in problem.halves]
         return np.concatenate([[alpha], *fits])
 
-    alpha, first, second = np.split(once("halves", fit_halves), [1, 1 + problem.bent.shape[1]])
-    stencil, threads, (even, odd) = problem.stencil, problem.threads, problem.halves
-    right, data = even.right + odd.right, even.values + odd.values
-    variance = _local_mean(stencil, data, (np.clip(first, 0, 1) - np.clip(second, 0, 1)) ** 2 / 4, threads)
+    # The fits to either half of the samples: their difference measures the noise of the fit to both.
+    alpha, of_even, of_odd = np.split(cached("halves", fit_halves), [1, 1 + problem.bent.shape[1]])
+    even, odd = problem.halves
+    data = even.values + odd.values
+    threads = problem.threads
+    squared = (np.clip(of_even, 0, 1) - np.clip(of_odd, 0, 1)) ** 2 / 4
+    variance = _local_mean(problem.stencil, data, squared, threads)
 
-    matrix, zeros = problem.system(data, alpha[0]), np.zeros(len(right))
-    closed = once("closed", lambda: solve_within(matrix, right, (first + second) / 2, threads=threads))
-    bent = once(
-        "bent", lambda: np.concatenate([solve(matrix, each, zeros, None, COARSE, threads) for each in problem.bent])
+    # The fit to all samples, of 1 − w and of bent normals.
+    right = even.right + odd.right
+    zeros = np.zeros(len(right))
+    matrix = problem.system(data, alpha[0])
+    closed = cached("closed", lambda: solve_within(matrix, right, (of_even + of_odd) / 2, threads=threads))
+    bent = cached(
+        "bent", lambda: np.concatenate([solve(matrix, axis, zeros, None, COARSE, threads) for axis in problem.bent])
     )
     del matrix  # to make room for the next
+
+    # With less regularisation: how far it moves values counts as their bias.
     matrix = problem.system(data, alpha[0] * _RELAXED)
-    relaxed = once("relaxed", lambda: solve_within(matrix, right, closed, COARSE, threads))
-    w, error = 1 - closed, np.sqrt(variance + (closed - relaxed) ** 2)
+    relaxed = cached("relaxed", lambda: solve_within(matrix, right, closed, COARSE, threads))
+    w = 1 - closed
+    error = np.sqrt(variance + (closed - relaxed) ** 2)
     return Fit(w[problem.number], error[problem.number], bent.reshape(3, -1).T[problem.number])
 
 
 def _build_problem(patch: Patch, moments: Float64s, laplacian: Float64s, threads: int) -> Problem:
-    first, corners = np.full(patch.unknowns, patch.face_points.size), patch.face_points.ravel()
-    first[corners[::-1]] = np.arange(len(corners))[::-1]
-    number = np.argsort(np.argsort(first, kind="stable"))
+    # Unknowns are numbered by the first corner that has each.
+    corners = patch.face_points.ravel()
+    first_corner = np.full(patch.unknowns, len(corners))
+    first_corner[corners[::-1]] = np.arange(len(corners))[::-1]
+    number = np.argsort(np.argsort(first_corner, kind="stable"))
+    # The matrices, all of one sparsity pattern.
     face_points = number[patch.face_points].astype(np.int32)
-    hinges = find_hinges(face_points[: patch.own], patch.normals[: patch.own], CREASE, patch.unknowns)
+    hinges = find_hinges(face_points[: patch.mesh_faces], patch.normals[: patch.mesh_faces], CREASE, patch.unknowns)
     stencil = Stencil.of(face_points, hinges, patch.unknowns)
-    halves = moments[:, :HALF], moments[:, HALF:BENT]
-    matrices = (stencil.sum(add_faces, half[:, MATRIX:RIGHT]) for half in halves)
-    even, odd = (
-        Half(values, right_side(stencil, half[:, RIGHT:]), float(half[:, SQUARES].sum()))
-        for values, half in zip(matrices, halves, strict=True)
-    )
+    even = _normal_equations(stencil, moments[:, :HALF])
+    odd = _normal_equations(stencil, moments[:, HALF:BENT])
     bent = np.stack([right_side(stencil, moments[:, a : a + 3]) for a in range(BENT, MOMENTS, 3)])
     smoothness = stencil.sum(add_jumps, hinges, patch.corners, patch.areas)
     return Problem(stencil, (even, odd), smoothness, laplacian, bent, threads, number)
+
+
+def _normal_equations(stencil: Stencil, moments: Float64s) -> NormalEquations:
+    """The equations of half of the samples. Args: moments: (m, HALF), of each face."""
+    matrix = stencil.sum(add_faces, moments[:, MATRIX:RIGHT])
+    return NormalEquations(matrix, right_side(stencil, moments[:, RIGHT:]), float(moments[:, SQUARES].sum()))
 
 
 def _constant_fit(problem: Problem) -> Float64s:
@@ -139,7 +154,8 @@ def _constant_fit(problem: Problem) -> Float64s:
 def _local_mean(stencil: Stencil, data: Float64s, values: Float64s, threads: int) -> Float64s:
     """Means of `values` (k,) over each vertex and its neighbours, shrunk towards that of all by a tenth."""
     weights = stencil.matrix(data)
-    mass, sums = (multiply(weights, x, threads) for x in (np.ones(len(values)), values))
+    mass = multiply(weights, np.ones(len(values)), threads)
+    sums = multiply(weights, values, threads)
     local = np.where(mass > 0, sums / np.where(mass > 0, mass, 1.0), values)
     return 0.9 * local + 0.1 * float(values[mass > 0].mean() if mass.any() else 0.0)
 
@@ -150,13 +166,19 @@ def cross_validated(problem: Problem, start: Float64s) -> tuple[float, list[Floa
     Tried are powers of four of the ratio of the two matrices' traces, down from where both weigh alike as long as the
     prediction improves, and up if it does not at once.
     """
-    halves, trace = problem.halves, lambda values: float(problem.stencil.matrix(values).diagonal().sum())
-    data, rough = sum(trace(half.values) for half in halves), trace(problem.smoothness)
+
+    def trace(values: Float64s) -> float:
+        return float(problem.stencil.matrix(values).diagonal().sum())
+
+    even, odd = problem.halves
+    data = trace(even.values) + trace(odd.values)
+    rough = trace(problem.smoothness)
     unit = data / rough if rough > 0 else 0.0
 
     def attempt(power: int, starts: list[Float64s]) -> tuple[float, int, list[Float64s]]:
-        x, y = (problem.fit(half, unit * _STEP**power, at) for half, at in zip(halves, starts, strict=True))
-        return problem.residual(halves[1], x) + problem.residual(halves[0], y), power, [x, y]
+        of_even = problem.fit(even, unit * _STEP**power, starts[0])
+        of_odd = problem.fit(odd, unit * _STEP**power, starts[1])
+        return problem.residual(odd, of_even) + problem.residual(even, of_odd), power, [of_even, of_odd]
 
     best = attempt(0, [start, start])
     for way, last in ((-1, _ROUGHEST), (1, _SMOOTHEST)):

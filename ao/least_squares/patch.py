@@ -44,7 +44,7 @@ class Patch:
     face_points: Int32s  # (m, 3), unknowns: rows in `Receivers.points`, or behind them for vertices without a point
     axes: Float32s  # (m, 3, 3), unit normals of the corners' points, or 0
     unknowns: int  # their number
-    own: int  # number of faces that are the mesh's
+    mesh_faces: int  # number of faces that are the mesh's
     cover: Float64s  # (m,), the share of each face's area that it stands for: half in rectangles
 
     @classmethod
@@ -53,7 +53,8 @@ class Patch:
         vertices = placement.vertices.astype(np.float64)
         faces = receivers.faces[wanted[receivers.faces].any(axis=1)]
         faces = faces[fine_morton_order(vertices[faces].mean(axis=1))]
-        unknown, normals = receivers.of_vertex.copy(), receivers.points.normals
+        unknown = receivers.of_vertex.copy()
+        normals = receivers.points.normals
         without = np.flatnonzero(unknown < 0)
         unknown[without] = len(normals) + np.arange(len(without))
         axes = np.concatenate([normals, np.zeros((len(without), 3), np.float32)])
@@ -64,31 +65,40 @@ class Patch:
 
     def _with_rectangles(self) -> Patch:
         """With both cuts of every rectangle that two faces form; each cut has half the samples."""
+        # Pairs of faces at a smooth edge, their diagonal: the corners opposite to it, and its ends.
         hinges = find_hinges(self.face_points, self.normals, CREASE, self.unknowns).astype(np.int64)
-        first, last = hinges.T
-        at, face, corner = self.corners.reshape(-1, 3), first // 3, first % 3
-        one, other = 3 * face + (corner + 1) % 3, 3 * face + (corner + 2) % 3  # the ends of the diagonal
-        diagonal, across = at[one] - at[other], at[first] - at[last]
-        length = np.linalg.norm(diagonal, axis=1)
-        crooked = np.linalg.norm(at[first] + at[last] - at[one] - at[other], axis=1)
-        square = np.abs(np.linalg.norm(across, axis=1) - length) <= _SQUARE * length
-        cut = np.flatnonzero(square & (crooked <= _SQUARE * length))
-        turned = np.stack([first, one, last, first, last, other], axis=1)[cut].reshape(-1, 3)
+        opposite, across = hinges.T
+        face = opposite // 3
+        start = 3 * face + (opposite + 1) % 3
+        end = 3 * face + (opposite + 2) % 3
+        # Those of four right angles: both diagonals have one middle and one length.
+        at = self.corners.reshape(-1, 3)
+        length = np.linalg.norm(at[start] - at[end], axis=1)
+        other_length = np.linalg.norm(at[opposite] - at[across], axis=1)
+        crooked = np.linalg.norm(at[opposite] + at[across] - at[start] - at[end], axis=1)
+        is_square = np.abs(other_length - length) <= _SQUARE * length
+        cut = np.flatnonzero(is_square & (crooked <= _SQUARE * length))
+        # Two faces more of each, by the other diagonal.
+        turned = np.stack([opposite, start, across, opposite, across, end], axis=1)[cut].reshape(-1, 3)
         face = np.repeat(face[cut], 2)
         cover = np.ones(len(self.normals) + len(face))
         cover[hinges[cut] // 3] = cover[len(self.normals) :] = 0.5
-        corners, normals, areas, face_points, axes = (np.concatenate(pair) for pair in (
-            (self.corners, at[turned]), (self.normals, self.normals[face]), (self.areas, self.areas[face]),
-            (self.face_points, self.face_points.ravel()[turned]), (self.axes, self.axes.reshape(-1, 3)[turned]),
-        ))  # fmt: skip
-        return Patch(corners, normals, areas, face_points, axes, self.unknowns, self.own, cover)
+        return replace(
+            self,
+            corners=np.concatenate([self.corners, at[turned]]),
+            normals=np.concatenate([self.normals, self.normals[face]]),
+            areas=np.concatenate([self.areas, self.areas[face]]),
+            face_points=np.concatenate([self.face_points, self.face_points.ravel()[turned]]),
+            axes=np.concatenate([self.axes, self.axes.reshape(-1, 3)[turned]]),
+            cover=cover,
+        )
 
     def part(self, faces: Int64s) -> Patch:
         """A patch of some faces, with unknowns of their own."""
-        own, face_points = np.unique(self.face_points[faces], return_inverse=True)
-        local = face_points.reshape(-1, 3).astype(np.int32)
-        arrays = self.corners[faces], self.normals[faces], self.areas[faces], local, self.axes[faces]
-        return Patch(*arrays, len(own), len(faces), self.cover[faces])
+        unknowns, renumbered = np.unique(self.face_points[faces], return_inverse=True)
+        face_points = renumbered.reshape(-1, 3).astype(np.int32)
+        arrays = self.corners[faces], self.normals[faces], self.areas[faces], face_points, self.axes[faces]
+        return Patch(*arrays, len(unknowns), len(faces), self.cover[faces])
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,12 +144,15 @@ class Moments:
         return bool((np.abs(moments) <= 4).all() and ((counts >= 0) & (counts <= most)).all())
 
     def writer(self, scene: RayScene, tables: Tables) -> Callable[[int, int], None]:
-        embree, drawn, (moments, counts) = scene.embree(), (lattices(self.rays_of_sample, scene.cone), self.key), tables
+        embree = scene.embree()
+        drawn = lattices(self.rays_of_sample, scene.cone), self.key
+        moments, counts = tables
 
         def write(first: int, last: int) -> None:
-            subset = self[first:last]
-            packet, found = RayPacket.of(embree, scene.opacity), (moments[first:last], counts[first:last])
-            gather_faces(packet, subset.faces, subset.samples, drawn, self.mu, self.reach, *found)
+            faces = self[first:last]
+            packet = RayPacket.of(embree, scene.opacity)
+            outputs = moments[first:last], counts[first:last]
+            gather_faces(packet, faces.faces, faces.samples, drawn, self.mu, self.reach, *outputs)
 
         return write
 
@@ -150,15 +163,18 @@ def gather_moments(prepared: Prepared, patch: Patch, total: int) -> tuple[Float6
     Hidden samples count next to nothing beside visible ones of the same vertex, but fully on faces of which no vertex
     has one: a room whose walls face outwards has none but hidden ones.
     """
-    placement, key, progress = prepared.placement, prepared.key, prepared.progress
+    placement = prepared.placement
+    key = prepared.key
+    progress = prepared.progress
     if not len(patch.face_points):
         return np.zeros((0, MOMENTS)), np.zeros((0, 3), np.int64)
     rays = int(np.clip(prepared.options.rays // 2 // LANES * LANES, LANES, _MOST_RAYS))
     count = max(total // rays, 1)
     shift = float(np.ldexp(hash32_array([key])[0], -32))
-    faces, mu = (patch.corners, patch.normals, patch.axes), prepared.mu.in_render_space(placement.scale)
-    spread = Samples.spread(patch.areas * patch.cover, count, shift)
-    work = Moments(faces, spread, patch.face_points, rays, count, key, mu, placement.diagonal)
+    faces = patch.corners, patch.normals, patch.axes
+    mu = prepared.mu.in_render_space(placement.scale)
+    samples = Samples.spread(patch.areas * patch.cover, count, shift)
+    work = Moments(faces, samples, patch.face_points, rays, count, key, mu, placement.diagonal)
     done = 0
 
     def advance(finished: int) -> None:

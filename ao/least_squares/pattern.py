@@ -22,12 +22,15 @@ class Stencil(NamedTuple):
     @classmethod
     def of(cls, face_points: Int32s, hinges: Int32s, count: int) -> Self:
         """Args: hinges: of `find_hinges`. count: how many unknowns there are."""
-        corners, own = face_points.ravel(), np.arange(count, dtype=np.int32)
+        corners = face_points.ravel()
+        ahead = face_points[:, [1, 2, 0]].ravel()
+        behind = face_points[:, [2, 0, 1]].ravel()
         one, other = corners[hinges].T
-        ahead, behind = (face_points[:, turn].ravel() for turn in ([1, 2, 0], [2, 0, 1]))
-        pairs = np.concatenate([corners, corners, one, other, own]), np.concatenate([ahead, behind, other, one, own])
-        pattern = coo_array((np.ones(len(pairs[0]), np.bool_), pairs), shape=(count, count)).tocsr()
-        return cls(face_points, *(each.astype(np.int32, copy=False) for each in (pattern.indptr, pattern.indices)))
+        diagonal = np.arange(count, dtype=np.int32)
+        rows = np.concatenate([corners, corners, one, other, diagonal])
+        columns = np.concatenate([ahead, behind, other, one, diagonal])
+        pattern = coo_array((np.ones(len(rows), np.bool_), (rows, columns)), shape=(count, count)).tocsr()
+        return cls(face_points, pattern.indptr.astype(np.int32), pattern.indices.astype(np.int32))
 
     def matrix(self, values: Float64s) -> csr_array:
         """The matrix (n, n) with `values` (z,), which it keeps."""
@@ -46,14 +49,19 @@ def shared_edges(face_points: AnyInts, count: int) -> Int64s:
 
     Args: face_points: (m, 3), below `count`; edges with a negative one are left out.
     """
-    one, other = face_points[:, [1, 2, 0]].ravel(), face_points[:, [2, 0, 1]].ravel()
-    low, high = np.minimum(one, other), np.maximum(one, other)
+    # Edges as pairs of points, ordered: those of the same two points come together.
+    one = face_points[:, [1, 2, 0]].ravel()
+    other = face_points[:, [2, 0, 1]].ravel()
+    low = np.minimum(one, other)
+    high = np.maximum(one, other)
     order = counting_sort(high, count)[0]
     order = order[counting_sort(low[order], count)[0]]
-    low, high = low[order], high[order]
+    low = low[order]
+    high = high[order]
+    # Those that come exactly twice.
     ends = np.concatenate([[True], (low[1:] != low[:-1]) | (high[1:] != high[:-1]), [True]])
-    first = np.flatnonzero(ends[:-2] & ~ends[1:-1] & ends[2:] & (low != high)[:-1])
-    return np.stack([order[first], order[first + 1]], axis=1)
+    pairs = np.flatnonzero(ends[:-2] & ~ends[1:-1] & ends[2:] & (low != high)[:-1])
+    return np.stack([order[pairs], order[pairs + 1]], axis=1)
 
 
 def find_hinges(face_points: Int32s, normals: Float64s, agreement: float, count: int) -> Int32s:
@@ -88,7 +96,8 @@ def add_laplacian(stencil, weights, values):
     face_points, starts, indices = stencil.face_points, stencil.starts, stencil.indices
     for f in range(len(face_points)):
         for a in range(3):
-            i, j = face_points[f, a], face_points[f, (a + 1) % 3]
+            i = face_points[f, a]
+            j = face_points[f, (a + 1) % 3]
             values[entry(starts, indices, i, i)] += weights[f]
             values[entry(starts, indices, j, j)] += weights[f]
             values[entry(starts, indices, i, j)] -= weights[f]
@@ -104,12 +113,15 @@ def add_jumps(stencil, hinges, corners, areas, values):
     """
     stencil = unrefcounted_view(stencil)
     face_points, starts, indices = stencil.face_points, stencil.starts, stencil.indices
-    place, slope = np.empty(6, np.int32), np.empty(6)
+    points = np.empty(6, np.int32)  # of the two faces, and by how much the slope changes with the value at each
+    slope = np.empty(6)
     for h in range(len(hinges)):
         weight = areas[hinges[h, 0] // 3] + areas[hinges[h, 1] // 3]
+        # How much the slope at the edge changes with the value at each point of the two faces.
         count = 0
         for side in range(2):
-            f, k = hinges[h, side] // 3, hinges[h, side] % 3
+            f = hinges[h, side] // 3
+            k = hinges[h, side] % 3
             squared = 0.0
             for axis in range(3):
                 squared += (corners[f, (k + 2) % 3, axis] - corners[f, (k + 1) % 3, axis]) ** 2
@@ -119,21 +131,24 @@ def add_jumps(stencil, hinges, corners, areas, values):
                     edge = corners[f, (k + 2) % 3, axis] - corners[f, (k + 1) % 3, axis]
                     product += edge * (corners[f, (c + 2) % 3, axis] - corners[f, (c + 1) % 3, axis])
                 at = 0
-                while at < count and place[at] != face_points[f, c]:
+                while at < count and points[at] != face_points[f, c]:
                     at += 1
                 if at == count:
-                    place[at], slope[at] = face_points[f, c], 0.0
+                    points[at] = face_points[f, c]
+                    slope[at] = 0.0
                     count += 1
                 slope[at] += product / (2 * areas[f] * np.sqrt(squared))
+        # Its square.
         for a in range(count):
             for b in range(count):
-                values[entry(starts, indices, place[a], place[b])] += weight * slope[a] * slope[b]
+                values[entry(starts, indices, points[a], points[b])] += weight * slope[a] * slope[b]
 
 
 @inline
 def entry(starts, indices, i, j):
     """The place of column `j` in row `i`, which must have it."""
-    low, high = starts[i], starts[i + 1] - 1
+    low = starts[i]
+    high = starts[i + 1] - 1
     while low < high:
         middle = (low + high) // 2
         if indices[middle] < j:

@@ -106,8 +106,9 @@ def find_corner_samples(
     normals = surface.normals[face][of]
     origins, _ = ray_origins(tree, surface, positions, normals, np.ones(len(of)), number, of, magnitude[of])
     weights = angle / np.repeat(np.add.reduceat(angle, starts[:-1]), np.diff(starts)) / SPREAD
-    numbers = first + np.arange(len(of), dtype=np.uint32)
-    samples = Points(origins.astype(np.float32), normals.astype(np.float32), numbers)
+    samples = Points(
+        origins.astype(np.float32), normals.astype(np.float32), first + np.arange(len(of), dtype=np.uint32)
+    )
     return CornerSamples(rows, SPREAD * starts, samples, np.repeat(weights, SPREAD))
 
 

@@ -10,21 +10,11 @@ import numpy as np
 from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import kernel
 from raytrace.kernel.vector import dot
-from raytrace.mesh.opacity import PackedOpacity, alphas
-from raytrace.types import AnyFloats, Float32s, Int64s
 
 from .directions import choose, turned_frame
 from .gather import BATCH_VARIANCE, BENT, COLUMNS, W
 
 _NOTHING = 1e-9  # of the rays lost: rounding
-
-
-def with_alpha(sides: AnyFloats, opacity: PackedOpacity | None, faces: Int64s, weights: Float32s) -> Float32s:
-    """Normals (k, 3) of `faces`, and alpha at barycentric places (k, 3) on them: float32 (k, 4)."""
-    alpha = np.ones(len(faces))
-    if opacity is not None:
-        alphas(opacity, faces, weights[:, 1:].astype(np.float64), alpha)
-    return np.column_stack([sides, alpha]).astype(np.float32)
 
 
 @kernel

@@ -6,7 +6,7 @@ Near the point a node lies in the way of many rays: its children are opened by t
 
 Few rays a point take less time in packets through Embree. The ratio grows as a power of their number, a lower one
 where surfaces lie along the axes, as walls do, whose boxes are tight and whose cones are loose, and where more points
-are in reach (measured: docs/benchmarks.md).
+are in reach (measured: evidence/speed.md).
 """
 
 from __future__ import annotations

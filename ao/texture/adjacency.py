@@ -5,44 +5,53 @@ import numpy as np
 from raytrace.kernel.jit import bind, kernel
 from raytrace.mesh.weld import connected_components
 from raytrace.system.threads import run_blocks
-from raytrace.types import Float64s, Int64s
+from raytrace.types import Float64s, Int32s, Int64s
 
 from ..estimate.one_ring import Neighbours
-from .shown import Shown, corner_places
 from .texels import Texels
 from .uv_layout import doubled_areas
+from .uv_surface import UVSurface, corner_places
 
 _NEAR = 3.0  # times the size of a texel on the surface that a neighbour may be away: more is another part of the chart
 _BLOCK, _SHARE = 1 << 12, 16  # texels, and blocks at once
 
 
-def texel_neighbours(shown: Shown, texels: Texels, most: float, threads: int) -> Neighbours:
+def texel_neighbours(surface: UVSurface, texels: Texels, most: float, threads: int) -> Neighbours:
     """The one-ring of every texel. Args: most: how far a texel reaches on a face at most, in render space."""
-    count, layout, points = len(texels), shown.layout, texels.first_points
-    corners = corner_places(layout.uv, shown.points_of_faces)
-    charts = connected_components(corners, int(corners.max()) + 1)[corners[:, 0]]
-    del corners
-    sizes = _texel_sizes(layout.uv, shown.vertices, shown.receivers.faces, most)
+    count, layout, points = len(texels), surface.layout, texels.samples.first_points
     row_of = np.full(layout.width * layout.height, -1, np.int32)
     row_of[texels.texels] = np.arange(count)
-    face = texels.shown
+    charts = _charts(surface)[texels.page_face].astype(np.int32)
+    sizes = _texel_sizes(layout.uv, surface.vertices, surface.receivers.faces, most)[texels.page_face]
     beside, starts = np.empty((count, 4), np.int32), np.zeros(count + 1, np.int64)
     page = row_of, layout.width, layout.wraps
-    surface = charts[face].astype(np.int32), sizes[face].astype(np.float32), points.origins
-    run_blocks(count, _BLOCK, bind(_find_beside, texels.texels, page, surface, beside, starts), threads, most=_SHARE)
-    sides = shown.seams.sides
-    nearest = np.take_along_axis(sides.texels, sides.weights.argmax(axis=2)[..., None], axis=2)[..., 0]
-    left, right = row_of[nearest].astype(np.int64).T
-    usable = (left >= 0) & (right >= 0) & (left != right)
-    left, right = left[usable], right[usable]
-    pairs = np.unique(np.concatenate([left, right]) * count + np.concatenate([right, left]))
-    here, there = np.divmod(pairs, count)  # on both sides of seams, both ways, each once
+    places = charts, sizes.astype(np.float32), points.origins
+    run_blocks(count, _BLOCK, bind(_find_beside, texels.texels, page, places, beside, starts), threads, most=_SHARE)
+    here, there = _across_seams(surface, row_of, count)
     across = np.zeros(count + 1, np.int64)
     np.cumsum(np.bincount(here, minlength=count), out=across[1:])
     starts = np.cumsum(starts) + across
     indices = np.empty(starts[-1], np.int32)
     run_blocks(count, _BLOCK, bind(_list, starts, beside, across, there, indices), threads, most=_SHARE)
     return Neighbours.weighted(starts, indices, np.ones(len(indices), np.float32), points.normals, threads)
+
+
+def _charts(surface: UVSurface) -> Int64s:
+    """The chart (m,) of each face: those that hang together on the page."""
+    corners = corner_places(surface.layout.uv, surface.face_points)
+    return connected_components(corners, int(corners.max()) + 1)[corners[:, 0]]
+
+
+def _across_seams(surface: UVSurface, row_of: Int32s, count: int) -> tuple[Int64s, Int64s]:
+    """Texels on both sides of seams, both ways, each pair once, sorted. Args: row_of: of the page's texels."""
+    sides = surface.seams.sides
+    nearest = np.take_along_axis(sides.texels, sides.weights.argmax(axis=2)[..., None], axis=2)[..., 0]
+    left, right = row_of[nearest].astype(np.int64).T
+    usable = (left >= 0) & (right >= 0) & (left != right)
+    left, right = left[usable], right[usable]
+    pairs = np.unique(np.concatenate([left, right]) * count + np.concatenate([right, left]))
+    here, there = np.divmod(pairs, count)
+    return here, there
 
 
 def _texel_sizes(uv: Float64s, vertices: Float64s, faces: Int64s, most: float) -> Float64s:

@@ -3,44 +3,44 @@
 import time
 from dataclasses import dataclass
 from functools import cache, partial
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from raytrace.errors import OptionError
-from raytrace.kernel.jit import compiling_seconds
-from raytrace.kernel.notice import compiling
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import opacity_bytes
 from raytrace.system.checks import check_memory
-from raytrace.types import Int64s
+from raytrace.types import Float64s
 
-from ..declared import Option, taking
+from ..declared import Option, with_option_parameters
 from ..estimate.estimate import estimate
 from ..estimate.tolerance import Estimate, shortfalls
+from ..execute.sample_means import SampleMeans
+from ..execute.tracer import Tracer
 from ..memory import column_bytes, texture_bytes
-from ..options import TextureOptions
+from ..options import BentSpace, TextureOptions
 from ..points.corners import CornerSamples
 from ..points.occluders import occluding
+from ..points.projection import cage_of
 from ..prepared import Inputs, Prepared
 from ..result import of_columns
 from .adjacency import texel_neighbours
 from .coverage import Page
-from .gathering import begin_tracing
-from .projection import cage_of
-from .result import BakedTexture, TextureFacts, assemble_pages
-from .shown import Shown, tangent_frames
-from .texels import Texels, find_texels, points_elsewhere
-from .uv_layout import corner_uv, on_page, page_size
+from .result import BakedTexture, PageAssembly, TextureFacts
+from .tangents import tangent_frames
+from .texels import Cage, Texels, TexelSampler
+from .uv_layout import UVLayout, corner_uv, on_page, page_size
+from .uv_surface import UVSurface
 
 
 # fmt: off
 @dataclass(frozen=True, eq=False, repr=False)
 class _Layout(Inputs):
-    uv: Annotated[Any, Option(on="", role="input", help=
+    uv: Annotated[Any, Option(bake_kinds="", role="input", help=
         "Texture coordinates, v upwards: (n, 2) by vertex or (m, 3, 2) by face and corner. Faces for which they are "
         "NaN are not on the page, such as faces of another material; they occlude.")]
-    size: Annotated[int | tuple[int, int], Option(on="", help=
+    size: Annotated[int | tuple[int, int], Option(bake_kinds="", help=
         "Texels across and down, one number for a square; 1 to 16384.")] = 1024
 # fmt: on
 
@@ -50,8 +50,7 @@ class TextureArguments(TextureOptions, _Layout):
     """Arguments of `ao.bake_texture`."""
 
 
-@taking(TextureArguments)
-@compiling()
+@with_option_parameters(TextureArguments)
 def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     """Obscurance w, as `ao.bake` has it, of every texel that shows a part of `mesh`: the mean over that part.
 
@@ -66,84 +65,126 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     Warns:
         ToleranceWarning: the `tolerance` is not met.
     """
-    width, height = page_size(options.size)
-    high = options.high
-    mesh, walls = mesh_of(mesh, "bake_texture"), occluding(options.occluders, high)
-    corners = corner_uv(options.uv, mesh)
-    solid = mesh if high is None else mesh_of(high, "high")
-    uv = corners
-    if options.thickness:
-        solid = solid.reversed()
-        mesh, corners = (solid, corners[:, ::-1]) if high is None else (mesh, corners)
-    cage = None if high is None else cage_of(options.cage, mesh)
-    vertices, faces = (sum(len(getattr(each, name)) for each in (solid, *walls)) for name in ("vertices", "faces"))
-    needed = texture_bytes(width * height, vertices, faces, options.rays)
-    needed += column_bytes(width * height, options.columns)
-    needed += opacity_bytes([each.opacity for each in (solid, *walls) if each.opacity])
-    check_memory(mesh.source, needed, f"to bake {width * height:,} texels of {faces:,} faces")
+    size = page_size(options.size)
+    scene = _scene(mesh_of(mesh, "bake_texture"), options)
+    _check_memory(scene, size, options)
 
-    start, compiled = time.perf_counter(), sum(compiling_seconds)
-    prepared = Prepared.of(solid, options, options.progress, None, walls, mesh.radius)
-    on_pages = corners
-    if walls:
-        mesh, nowhere = prepared.mesh, np.full((faces - len(corners), 3, 2), np.nan)
-        on_pages = np.append(corners, nowhere, axis=0)
-    shown = Shown.of(mesh, on_pages, prepared, (width, height), options.wrap)
-    sheet = Page.of(shown.layout, shown.areas)
-    page = sheet.cover(options.overlap, prepared.threads)
-    overlapping = int(np.count_nonzero(page.overlapping))
+    start = time.perf_counter()
+    prepared = Prepared.of(scene.solid, options, options.progress, None, scene.occluders, scene.mesh.radius)
+    surface = _surface(scene, prepared, size, options.wrap)
+    sampler = TexelSampler(Page.of(surface.layout, surface.areas), surface, prepared, options, scene.cage)
+    coverage = sampler.page.cover(options.overlap, prepared.threads)
+    reached, overlapping = len(coverage.texels), int(np.count_nonzero(coverage.overlapping))
     if options.overlap == "refuse" and overlapping:
         expected = "faces that do not overlap on the page"
-        raise OptionError("overlap", expected, f"{overlapping:,} texels with several", mesh.source)
-    reached, coverage, missed = len(page.texels), page, np.zeros(0, np.int64)
-    if cage is not None:
-        coverage, missed = shown.project(page, prepared, cage, options.groups)
-    texels, filled = find_texels(coverage, page, prepared, options.interior)
-    del coverage, page
-
-    def elsewhere(rows: Int64s) -> Texels:
-        found = sheet.cover_again(np.sort(texels.texels[rows]), options.overlap, prepared.threads)
-        if cage is not None:
-            found, _ = shown.project(found, prepared, cage, options.groups)
-        return points_elsewhere(texels, rows, found, prepared, options.interior)
-
-    tracer = begin_tracing(prepared, texels, "texture", options.checkpoint, elsewhere)
-
-    neighbours = cache(lambda: texel_neighbours(shown, texels, prepared.placement.diagonal, prepared.threads))
-
-    def by_falloff() -> Estimate:
-        return estimate(tracer, texels.first_points, CornerSamples.none(), lambda _: neighbours(), prepared.options)
-
-    estimated, *others = tracer.each_column(by_falloff)
-    neighbours.cache_clear()
-    frames = None if options.bent_space == "world" else tangent_frames(shown, texels)
-    if frames is not None and options.bent_space == "tangent-directx":
-        frames[:, 1] *= -1
-    pages_of = partial(assemble_pages, shown.layout, texels, shown.seams, options.close_seams, prepared.threads)
-    (w, error, bent_normals, covered), jumps = pages_of(estimated.rows, estimated.variance, frames)
-    more = [pages_of(each.rows, each.variance)[0][:2] for each in others]
-    rmses = tuple(float(np.sqrt(np.mean(each.variance))) for each in (estimated, *others))
-    compiled = sum(compiling_seconds) - compiled
-    build, layout = prepared.receivers.tree_seconds, shown.layout
-    mirrored = layout.mirrored
-    if options.thickness and high is None:
-        mirrored = int(np.count_nonzero(on_page(corners))) - layout.flat - mirrored
+        raise OptionError("overlap", expected, f"{overlapping:,} texels with several", scene.mesh.source)
+    texels, filled, missed = sampler.find(coverage)
+    del coverage
+    tracer = prepared.sample_tracer(
+        SampleMeans(texels.samples, partial(sampler.elsewhere, texels)), "texture", options.checkpoint
+    )
+    estimates = _estimates(tracer, surface, texels, prepared)
+    assembly = PageAssembly(surface.layout, texels, surface.seams, options.close_seams, prepared.threads)
+    pages = assembly.assemble(estimates[0], _frames(options.bent_space, surface, texels))
+    others = [assembly.assemble(estimate)[:2] for estimate in estimates[1:]]
+    rmses = tuple(float(np.sqrt(np.mean(estimate.variance))) for estimate in estimates)
     return BakedTexture(
-        w=w,
-        error=error,
-        bent_normals=bent_normals,
-        covered=covered,
+        w=pages.w,
+        error=pages.error,
+        bent_normals=pages.bent_normals,
+        covered=pages.covered,
         rays=tracer.rays,
-        rays_skipped=estimated.skipped(filled),
+        rays_skipped=estimates[0].skipped(filled),
         rmse=rmses[0],
         rmses=rmses,
         facts=TextureFacts(
-            reached, overlapping, filled, len(missed), mirrored, layout.flat, layout.outside, shown.seams.edges, *jumps
+            covered=reached,
+            overlapping=overlapping,
+            hidden=filled,
+            missed=missed,
+            mirrored=_mirrored(scene, surface.layout),
+            flat=surface.layout.flat,
+            outside=surface.layout.outside,
+            seam_edges=surface.seams.edges,
+            seam_jump=pages.jump,
+            seam_jump_before=pages.jump_before,
         ),
-        uv=uv,
-        seconds={"build": build, "bake": time.perf_counter() - start - build - compiled, "compile": compiled},
+        uv=scene.uv,
+        seconds=_seconds(start, prepared),
         mu=prepared.mu,
-        calibration=estimated.calibration,
-        **of_columns(prepared, [np.stack(each, axis=-1) for each in zip(*more, strict=True)]),
-        shortfalls=shortfalls(options, max(rmses), estimated.samples, "texel", solid, prepared.placement.vertices),
-    )  # fmt: skip
+        mesh=scene.mesh,
+        calibration=estimates[0].calibration,
+        **of_columns(prepared, [np.stack(each, axis=-1) for each in zip(*others, strict=True)]),
+        shortfalls=shortfalls(
+            options, max(rmses), estimates[0].samples, "texel", scene.solid, prepared.placement.vertices
+        ),
+    )
+
+
+class _Scene(NamedTuple):
+    """What a texture shows, and what is baked."""
+
+    mesh: Mesh  # on the page
+    uv: Float64s  # (m, 3, 2), of its faces
+    solid: Mesh  # that is baked: the mesh itself, or a fine one; reversed for thickness
+    cage: Cage | None  # about the mesh, if there is a fine one
+    occluders: list[Mesh]
+
+
+def _scene(mesh: Mesh, options: TextureArguments) -> _Scene:
+    occluders, uv = occluding(options.occluders, options.high), corner_uv(options.uv, mesh)
+    solid = mesh if options.high is None else mesh_of(options.high, "high")
+    cage = None if options.high is None else Cage(cage_of(options.cage, mesh), options.groups)
+    return _Scene(mesh, uv, solid.reversed() if options.thickness else solid, cage, occluders)
+
+
+def _check_memory(scene: _Scene, size: tuple[int, int], options: TextureArguments) -> None:
+    """Raises: MemoryLimitError: the bake of a page of `size` would not fit into memory."""
+    texels, solids = size[0] * size[1], [scene.solid, *scene.occluders]
+    vertices, faces = (sum(len(getattr(solid, name)) for solid in solids) for name in ("vertices", "faces"))
+    needed = texture_bytes(texels, vertices, faces, options.rays) + column_bytes(texels, options.columns)
+    needed += opacity_bytes([solid.opacity for solid in solids if solid.opacity])
+    check_memory(scene.mesh.source, needed, f"to bake {texels:,} texels of {faces:,} faces")
+
+
+def _surface(scene: _Scene, prepared: Prepared, size: tuple[int, int], wrap: bool) -> UVSurface:
+    """The mesh on the page, with faces that only occlude behind it, which are not on the page."""
+    if scene.cage:
+        return UVSurface.of(scene.mesh, scene.uv, prepared, size, wrap)
+    uv = scene.uv if scene.solid is scene.mesh else scene.uv[:, ::-1]  # reversed
+    nowhere = np.full((len(prepared.mesh.faces) - len(uv), 3, 2), np.nan)
+    return UVSurface.of(prepared.mesh, np.append(uv, nowhere, axis=0), prepared, size, wrap)
+
+
+def _mirrored(scene: _Scene, layout: UVLayout) -> int:
+    """How many faces are turned over on the page, as the mesh has them."""
+    if scene.cage or scene.solid is scene.mesh:
+        return layout.mirrored
+    return int(np.count_nonzero(on_page(scene.uv))) - layout.flat - layout.mirrored
+
+
+def _estimates(tracer: Tracer, surface: UVSurface, texels: Texels, prepared: Prepared) -> list[Estimate]:
+    """Estimates at the texels by each falloff."""
+    neighbours = cache(lambda _: texel_neighbours(surface, texels, prepared.placement.diagonal, prepared.threads))
+    points = texels.samples.first_points
+
+    def by_falloff() -> Estimate:
+        return estimate(tracer, points, CornerSamples.none(), lambda _: neighbours(None), prepared.options)
+
+    return tracer.each_column(by_falloff)
+
+
+def _frames(space: BentSpace, surface: UVSurface, texels: Texels) -> Float64s | None:
+    """The frames (k, 3, 3) of bent normals in a space; None: the mesh's own."""
+    if space == "world":
+        return None
+    frames = tangent_frames(surface, texels)
+    if space == "tangent-directx":
+        frames[:, 1] *= -1
+    return frames
+
+
+def _seconds(start: float, prepared: Prepared) -> dict[str, float]:
+    """How long a bake took that began at `start`, by stages."""
+    build = prepared.receivers.tree_seconds
+    return {"build": build, "bake": time.perf_counter() - start - build}

@@ -1,118 +1,160 @@
-"""The texels that faces cover, and points in them: rays straight down on the page through Embree, four a texel.
+"""The texels that faces cover, and samples in them, by scan conversion and exact clipping.
 
-Every texel that a face reaches into is covered, however little of it, and all points lie on faces: nothing is ever
+Every texel that a face reaches into is covered, however little of it, and all samples lie on faces: nothing is ever
 extrapolated over the edge of a chart, which is what dark seams come from.
 """
 
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Iterator
 from itertools import combinations, pairwise
 from typing import NamedTuple, Self
 
 import numpy as np
 
-from raytrace.bvh.bvh16 import BVH16
-from raytrace.embree.scene import TriangleScene
-from raytrace.sampling.sequences import hash32_array
 from raytrace.system.threads import run_blocks, thread_count
-from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
+from raytrace.types import Float64s, Int32s, Int64s
 
 from ..options import Overlap
-from ..rays.ray_packet import RayPacket
-from .page_rays import GRID, SLOTS, find_hits, find_layers, layer_counts, look_down
-from .slivers import PageTree, find_slivers, is_crowded
+from ..points.smooth_surface import PointGroups, SurfacePoints
+from .covered_texels import REGULAR, Coverage, Places
+from .partial_texels import LAYERS, MOST, NOT_SOUGHT, PartialTexels, find_partial, sample_partial
+from .raster import SLOTS, Lists, Marks, Window, count_bands, list_bands, scan_convert
 from .uv_layout import UVLayout, doubled_areas
 
-_HIGHEST = 0.5  # triangles lie at heights up to this, so that one ray can meet overlapping ones
-_STEP = 2.0**-22
-_ROUNDED = 1e-6  # of coordinates, in single precision
-_BAND = 1 << 13  # texels that a thread covers at once
-_BLOCK, _SHARE = 1 << 10, 16  # texels, and blocks at once
-
-
-@dataclass(frozen=True, eq=False)
-class Coverage:
-    """The covered texels of a page, ascending, with points on faces, rows of `UVLayout.uv`, by barycentrics."""
-
-    texels: Int64s  # (k,), row · width + column
-    face: Int32s  # (k, SLOTS), that each point lies on
-    barycentric: Float32s  # (k, SLOTS, 3)
-    centre_face: Int32s  # (k,), at the centre, where faces that do not overlap cover the texel as a whole; else −1
-    centre: Float32s  # (k, 3)
-    overlapping: Bools  # (k,), whether several faces lie over one another
-    layers: Int64s  # (k,), points of texels with faces over one another, with parts of several, or much surface; else 0
-    layer_face: Int32s  # (j,), of all these points, texel by texel
-    layer_barycentric: Float32s  # (j, 3)
-
-    @classmethod
-    def of_points(cls, texels: Int64s, face: Int32s, barycentric: Float32s) -> Self:
-        """Coverage without centres and layers."""
-        centres = np.full(len(texels), -1, np.int32), np.zeros((len(texels), 3), np.float32)
-        none = np.zeros(len(texels), np.bool_), np.zeros(len(texels), np.int64)
-        return cls(texels, face, barycentric, *centres, *none, np.zeros(0, np.int32), np.zeros((0, 3), np.float32))
+_BAND = 1 << 14  # texels that are scanned at once, about
+_BANDS = 64  # of a page, at least, so that all threads have some
+_LISTED, _SAMPLED = 1 << 20, 1 << 12  # triangles in lists, and texels, at once
 
 
 class Page(NamedTuple):
-    """Faces on a page, for rays down on it."""
+    """Faces on a page."""
 
     layout: UVLayout
-    faces: PageTree
-    scene: TriangleScene  # of the faces at heights of their own, the first on top
-    step: float  # between these
+    crowding: Float64s  # (t,), how many texels of an even layout show as much of the surface as one of each triangle
+    rows: int  # of a band
+    starts: Int64s  # (b + 1,), of each band in `listed`
+    listed: Int64s  # triangles, ascending, of band after band
 
     @classmethod
     def of(cls, layout: UVLayout, areas: Float64s | None = None) -> Self:
-        """Args: areas: (m,), of the faces' surface, so that texels which show much of it have more points.
-
-        Raises: EmbreeError: Embree failed, out of memory for instance.
-        """
-        count, crowding = len(layout.face), np.zeros(len(layout.face))
-        step = min(_STEP, _HIGHEST / max(count, 1))
-        heights = np.floor(np.arange(count)[::-1] * step / 2.0**-24) * 2.0**-24
-        vertices = np.empty((count, 3, 3), np.float32)
-        vertices[:, :, :2], vertices[:, :, 2] = layout.corners, heights[:, None]
-        triangles = vertices.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)
+        """Args: areas: (m,), of the faces' surface, so that texels which show much of it have more samples."""
+        crowding = np.zeros(len(layout.face))
         if areas is not None:
             even = areas[np.unique(layout.face)].sum() / (layout.width * layout.height)
             crowding = areas[layout.face] / (even * np.abs(doubled_areas(layout.corners)) / 2)
-        radius = 0.5 + _ROUNDED * (0.5 + float(np.abs(vertices).max()))
-        return cls(
-            layout, PageTree(layout.corners, crowding, BVH16.of(*triangles), radius), TriangleScene(*triangles), step
-        )
+        rows = max(min(_BAND // layout.width, layout.height // _BANDS), 1)
+        counts = np.zeros(-(-layout.height // rows), np.int64)
+        count_bands(layout.corners, layout.height, rows, counts)
+        starts = np.concatenate([[0], np.cumsum(counts)])
+        listed = np.empty(starts[-1], np.int64)
+        list_bands(layout.corners, layout.height, rows, starts[:-1].copy(), listed)
+        return cls(layout, crowding, rows, starts, listed)
 
     def cover(self, overlap: Overlap, threads: int) -> Coverage:
-        """The texels that faces cover; where these overlap, points lie on all of them ("mean"), or on the first."""
-        found: dict[int, Coverage] = {}
-
-        def work(first: int, last: int) -> None:
-            found[first] = _cover(self, np.arange(first, last), _REGULAR, overlap == "mean", threads)
-
-        run_blocks(self.layout.width * self.layout.height, _BAND, work, threads)
-        bands = [band for _, band in sorted(found.items())]
-        columns = (np.concatenate([getattr(band, name) for band in bands]) for name in Coverage.__dataclass_fields__)
-        return Coverage(*columns)
+        """The texels that faces cover; where these overlap, samples lie on all of them ("mean"), or on the first."""
+        return self._cover(None, overlap == "mean", threads)
 
     def cover_again(self, texels: Int64s, overlap: Overlap, threads: int) -> Coverage:
-        """`cover` of some `texels`, ascending, with points elsewhere in them, by chance."""
-        return _cover(self, texels, _Places.by_chance(texels), overlap == "mean", threads)
+        """`cover` of some `texels`, ascending, with samples elsewhere in them, by chance."""
+        return self._cover(texels, overlap == "mean", threads)
+
+    def _cover(self, texels: Int64s | None, layered: bool, threads: int) -> Coverage:
+        size = self.rows * self.layout.width
+        bands: dict[int, Coverage] = {}
+
+        def work(first: int, last: int) -> None:
+            window = Window(self.layout.width, first, last)
+            triangles = self.listed[self.starts[first // size] : self.starts[first // size + 1]]
+            bands[first] = _Band.of(self, window, triangles, texels, layered).cover()
+
+        run_blocks(self.layout.height * self.layout.width, size, work, threads)
+        return Coverage.joined([band for _, band in sorted(bands.items())])
 
 
-class _Places(NamedTuple):
-    """Where points of texels lie, for each (k,) or for all (1,)."""
+class _Band(NamedTuple):
+    """Texels that are covered at once."""
 
-    grid: Float64s  # (…, SLOTS, 2), in a texel; their mean is the centre, as is that of two of them on a diagonal
-    offsets: Float64s  # (…, 2), of `find_slivers`
+    page: Page
+    window: Window
+    triangles: Int64s  # that may reach into it
+    asked: Int32s | None  # (n,), the row in `places` of each texel, −1 to leave it out; None: all have the first
+    places: Places
+    layered: bool  # whether all faces share a texel
 
     @classmethod
-    def by_chance(cls, texels: Int64s) -> Self:
-        """Of each of the texels its own, from their numbers."""
-        numbers = hash32_array(texels)[:, None] + np.arange(6, dtype=np.uint32)
-        random: Float64s = hash32_array(numbers).astype(np.float64) * 2.0**-32
-        first = GRID[:2] + random[:, :4].reshape(-1, 2, 2) / SLOTS - 1 / (2 * SLOTS)
-        return cls(np.concatenate([first, 1 - first[:, ::-1]], axis=1), random[:, 4:])
+    def of(cls, page: Page, window: Window, triangles: Int64s, texels: Int64s | None, layered: bool) -> Self:
+        """Args: texels: those that are asked for, ascending; None: all."""
+        if texels is None:
+            return cls(page, window, triangles, None, REGULAR, layered)
+        some = texels[np.searchsorted(texels, window.first) : np.searchsorted(texels, window.last)]
+        asked = np.full(window.size, -1, np.int32)
+        asked[some - window.first] = np.arange(len(some))
+        return cls(page, window, triangles, asked, Places.by_chance(some), layered)
+
+    def cover(self) -> Coverage:
+        layout, marks, how = self.page.layout, Marks.of(self.window.size), np.empty(self.window.size, np.int64)
+        scan_convert(self.triangles, layout.corners, self.window, self.asked, self.places.points, marks, None)
+        find_partial(marks, self.page.crowding, self.layered, how)
+        partial = np.flatnonzero(how != NOT_SOUGHT)
+        counts, listed = self._sample(partial, how[partial], marks.reaching)
+        listed_of = np.zeros(len(how), np.int64)
+        listed_of[partial] = counts
+        all_count = (how == LAYERS) | (listed_of > SLOTS)
+        covered = np.flatnonzero((marks.triangle[:, 0] >= 0) | (listed_of > 0))
+        starts = np.concatenate([[0], np.cumsum(listed_of[covered])])
+        return Coverage(
+            layout=layout,
+            texels=self.window.first + covered,
+            places=self._places_of(covered),
+            triangle=marks.triangle[covered],
+            overlapping=marks.overlapping[covered],
+            listed=PointGroups(starts, *listed),
+            all_count=all_count[covered],
+        )
+
+    def _places_of(self, texels: Int64s) -> Places:
+        return self.places if self.asked is None else Places(*(column[self.asked[texels]] for column in self.places))
+
+    def _sample(self, partial: Int64s, how: Int64s, reaching: Int32s) -> tuple[Int64s, SurfacePoints]:
+        """How many samples each of the texels `partial` (h,), numbers in the window, has, and these."""
+        layout = self.page.layout
+        counts = np.zeros(len(partial), np.int64)
+        found = [SurfacePoints(np.zeros(0, np.int32), np.zeros((0, 3), np.float32))]
+        for first, last in _portions(reaching[partial]):
+            texels = partial[first:last]
+            lists = self._lists(texels, reaching)
+            sought = PartialTexels(self.window.first + texels, how[first:last], *self._places_of(texels))
+            triangle = np.empty((len(texels), MOST), np.int32)
+            barycentric = np.empty((len(texels), MOST, 3), np.float32)
+            triangles = layout.corners, self.page.crowding
+            out = counts[first:last], triangle, barycentric
+            sample_partial(triangles, layout.width, self.layered, sought, lists, out)
+            there = np.arange(MOST) < counts[first:last, None]
+            found.append(SurfacePoints(layout.face[triangle[there]].astype(np.int32), barycentric[there]))
+        return counts, SurfacePoints(*map(np.concatenate, zip(*found, strict=True)))
+
+    def _lists(self, texels: Int64s, reaching: Int32s) -> Lists:
+        """The triangles that reach into `texels`, numbers in the window, ascending."""
+        begin, end = int(texels[0]), int(texels[-1]) + 1
+        list_of = np.full(end - begin, -1, np.int32)
+        list_of[texels - begin] = np.arange(len(texels))
+        starts = np.concatenate([[0], np.cumsum(reaching[texels], dtype=np.int64)])
+        lists = Lists(starts, np.zeros(len(texels), np.int64), np.empty(starts[-1], np.int32))
+        window = Window(self.window.width, self.window.first + begin, self.window.first + end)
+        scan_convert(self.triangles, self.page.layout.corners, window, list_of, REGULAR.points, None, lists)
+        return lists
 
 
-_REGULAR = _Places(GRID[None], np.array([[0.5, 1 / 128]]))
+def _portions(reaching: Int32s) -> Iterator[tuple[int, int]]:
+    """Parts [first, last) of texels whose lists of triangles, `reaching` (h,) long, are made at once."""
+    total = np.cumsum(reaching, dtype=np.int64)
+    first = 0
+    while first < len(total):
+        listed = total[first - 1] if first else 0
+        last = int(np.searchsorted(total, listed + _LISTED, "right"))
+        last = min(max(last, first + 1), first + _SAMPLED)
+        yield first, last
+        first = last
 
 
 def reaches_into_page(uv: Float64s, source: object) -> bool:
@@ -128,98 +170,13 @@ def shared_texels(
     Args: groups: (m,), from 0, of the faces, which do not overlap where they share an edge. Others: as `UVLayout.of`.
     """
     coverage = Page.of(UVLayout.of(uv, size, wraps, source)).cover("mean", thread_count(threads))
-    count, rows = int(groups.max()) + 1, np.arange(len(coverage.texels))
-    at = np.repeat(rows, coverage.layers)
-    listed = groups[coverage.layer_face] + count * at
-    covering = np.union1d(groups[coverage.face] + count * rows[:, None], listed) % count
-    several, alike = np.divmod(np.unique(listed[coverage.overlapping[at]]), count)
+    samples = coverage.every_sample(thread_count(threads))
+    count = int(groups.max()) + 1
+    texel = np.repeat(np.arange(len(coverage.texels)), np.diff(samples.starts))
+    texel, group = np.divmod(np.unique(groups[samples.face] + count * texel), count)
+    overlapping = coverage.overlapping[texel]
+    overlap, alike = texel[overlapping], group[overlapping].tolist()
     shared = Counter[tuple[int, int]]()
-    for first, last in pairwise([*np.flatnonzero(np.diff(several, prepend=-1)).tolist(), len(several)]):
-        shared.update(combinations(alike[first:last].tolist(), 2))
-    return dict(shared), np.bincount(covering, minlength=count)
-
-
-def _cover(page: Page, texels: Int64s, places: _Places, layered: bool, threads: int) -> Coverage:
-    """`cover` of some texels. Args: layered: whether all faces share a texel."""
-    layout, faces, scene, step = page
-    shape, width = (len(texels), SLOTS), layout.width
-    corner = np.stack([texels % width, texels // width], axis=1)
-    triangle, barycentric = np.full(shape, -1), np.zeros((*shape, 3), np.float32)
-    overlapping = np.zeros(len(texels), np.bool_)
-
-    def work(first: int, last: int) -> None:
-        block = slice(first, last)
-        found, grid = (triangle[block], barycentric[block], overlapping[block]), _of(places.grid, block)
-        find_hits(RayPacket.of(scene), texels[block], grid, width, step, *found)
-
-    run_blocks(len(texels), _BLOCK, work, threads, most=_SHARE)
-    hit = triangle >= 0
-    crowded = is_crowded(np.append(faces.crowding, 0)[triangle].max(axis=1)) & (layered | ~overlapping)
-    layers = np.zeros(len(texels), np.int64)
-    shared = np.flatnonzero(overlapping & ~crowded) if layered else np.zeros(0, np.int64)
-    points = scene, texels[shared], _of(places.grid, shared), width, step, threads
-    layers[shared], layer_triangle, layer_place = _points_on_layers(*points)
-    whole = np.flatnonzero(hit.all(axis=1) & ~overlapping)
-    centre_face, centre = np.full(len(texels), -1), np.zeros((len(texels), 3), np.float32)
-    centre_face[whole] = triangle[whole, 0]
-    centre[whole] = barycentric[whole].sum(axis=1) / np.float32(SLOTS)
-    several = whole[(triangle[whole] != triangle[whole, :1]).any(axis=1)]
-    hits = look_down(scene, corner[several] + 0.5, threads)
-    centre_face[several], centre[several] = hits.face, hits.barycentric
-    parts = np.flatnonzero(~hit.all(axis=1) & ~overlapping | crowded)
-    counts, sliver, where = find_slivers(faces, texels[parts], width, _of(places.offsets, parts), threads)
-    if not layered:
-        first = look_down(scene, np.einsum("kc,kcd->kd", where, layout.corners[sliver]), threads)
-        there = first.face >= 0
-        sliver[there], where[there] = first.face[there], first.barycentric[there]
-    begins, met = np.cumsum(counts) - counts, counts > 0
-    few = begins[met, None] + counts[met, None] * (2 * np.arange(SLOTS) + 1) // (2 * SLOTS)
-    found = parts[met]
-    triangle[found], barycentric[found] = sliver[few], where[few]
-    hit[found] = True
-    more = np.where(counts > SLOTS, counts, 0)
-    layers[parts] += more
-    rows = np.append(np.repeat(shared, layers[shared]), np.repeat(parts, more))
-    listed = np.repeat(counts > SLOTS, counts)
-    order = np.argsort(rows, kind="stable")
-    layer_triangle = np.append(layer_triangle, sliver[listed])[order]
-    layer_place = np.append(layer_place, where[listed], axis=0)[order]
-    some = np.flatnonzero(hit.any(axis=1) & ~hit.all(axis=1))
-    hits_first = np.argsort(~hit[some], axis=1, kind="stable")
-    source = np.take_along_axis(hits_first, np.arange(SLOTS) % hit[some].sum(axis=1)[:, None], axis=1)
-    for table in (triangle, barycentric):  # what the points have that met a face, in turn
-        table[some] = table[some[:, None], source]
-    covered = triangle[:, 0] >= 0
-    number = np.append(layout.face, -1).astype(np.int32)
-    face, centre_face = number[triangle[covered]], number[centre_face[covered]]
-    return Coverage(
-        texels[covered], face, barycentric[covered], centre_face, centre[covered], overlapping[covered],
-        layers[covered], number[layer_triangle], layer_place,
-    )  # fmt: skip
-
-
-def _of(places: Float64s, rows: Int64s | slice) -> Float64s:
-    return places[rows] if len(places) > 1 else places
-
-
-def _points_on_layers(
-    scene: TriangleScene, texels: Int64s, places: Float64s, width: int, step: float, threads: int
-) -> tuple[Int64s, Int64s, Float32s]:
-    """Of texels (k,) in which faces overlap: how many points they have (k,), and their triangles and barycentrics."""
-    depths, counts = np.zeros((len(texels), SLOTS), np.int64), np.zeros(len(texels), np.int64)
-
-    def count(first: int, last: int) -> None:
-        grid = _of(places, slice(first, last))
-        find_layers(RayPacket.of(scene), texels[first:last], grid, width, step, depths[first:last], None)
-        layer_counts(texels[first:last], depths[first:last], counts[first:last])
-
-    run_blocks(len(texels), _BLOCK, count, threads, most=_SHARE)
-    starts = np.concatenate([[0], np.cumsum(counts)])
-    triangle, place = np.empty(starts[-1], np.int64), np.empty((starts[-1], 3), np.float32)
-
-    def find(first: int, last: int) -> None:
-        points, grid = (starts[first : last + 1], triangle, place), _of(places, slice(first, last))
-        find_layers(RayPacket.of(scene), texels[first:last], grid, width, step, depths[first:last], points)
-
-    run_blocks(len(texels), _BLOCK, find, threads, most=_SHARE)
-    return counts, triangle, place
+    for first, last in pairwise([*np.flatnonzero(np.diff(overlap, prepend=-1)).tolist(), len(overlap)]):
+        shared.update(combinations(alike[first:last], 2))
+    return dict(shared), np.bincount(group, minlength=count)

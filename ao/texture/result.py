@@ -1,20 +1,24 @@
-"""A baked texture, assembled from estimates at covered texels."""
+"""A baked texture, and its pages from estimates at texels: spread, seams closed, the rest filled."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from raytrace.image.encode import linear_png
 from raytrace.image.fill import fill_holes
+from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import bind, kernel
-from raytrace.mesh.normals import normalize
+from raytrace.kernel.vector import dot, load, store
+from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.normals import normalized
 from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Float64s
 
 from ..estimate.calibration import Calibration
+from ..estimate.tolerance import Estimate
 from ..mu import Mu
 from ..result import Columns
 from .texels import Texels
@@ -25,6 +29,7 @@ if TYPE_CHECKING:
 
 _BLOCK, _SHARE = 1 << 12, 16  # texels, and blocks at once
 _ROWS = 1 << 4  # of the page
+_CLEAR = 1e-18  # least square of a mean direction that is one
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +62,7 @@ class BakedTexture(Columns):
         rmse: estimated root mean square of `error` over the covered texels.
         facts: of the texture coordinates and seams.
         uv: float64 (m, 3, 2), the texture coordinates that it is for, NaN of faces that are not on the page.
-        seconds, mu, shortfalls, calibration: as `ao.Bake` has them.
+        seconds, mu, mesh, shortfalls, calibration: as `ao.Bake` has them.
         others, rmses, profile, profile_errors: see `ao.result.Columns`.
     """
 
@@ -72,6 +77,7 @@ class BakedTexture(Columns):
     uv: Float64s
     seconds: dict[str, float] = field(compare=False)
     mu: Mu
+    mesh: Mesh
     shortfalls: tuple[str, ...] = ()
     calibration: Calibration | None = None
 
@@ -85,50 +91,81 @@ class BakedTexture(Columns):
         return linear_png((255 * self.w[..., None] + 0.5).astype(np.uint8))
 
 
-def assemble_pages(
-    layout: UVLayout,
-    texels: Texels,
-    seams: Seams,
-    close: bool,
-    threads: int,
-    rows: Float64s,
-    variance: Float64s,
-    frames: Float64s | None = None,
-) -> tuple[tuple[Float32s, Float32s, Float32s, Bools], tuple[float, float]]:
-    """Spread estimates of texels over the page, close seams, and fill the rest of it.
+class Pages(NamedTuple):
+    """`BakedTexture.w`, `error`, `bent_normals` and `covered`; the largest jumps at seams, as they are and before."""
 
-    Args: rows: (k, 4), w and the mean of μ·direction. variance: (k,), of w. frames: (k, 3, 3), of bent normals.
-    Returns: `BakedTexture.w`, `error`, `bent_normals`, `covered`; the largest jumps at seams, as they are and before.
-    """
-    shape = layout.height, layout.width
-    covered = np.zeros(shape, np.bool_)
-    w, error, bent = np.zeros(shape), np.zeros(shape, np.float32), np.zeros((*shape, 3), np.float32)
-    axes = texels.first_points.normals
+    w: Float32s
+    error: Float32s
+    bent_normals: Float32s
+    covered: Bools
+    jump: float
+    jump_before: float
 
-    def spread(first: int, last: int) -> None:
-        block = slice(first, last)
-        at, mean = texels.texels[block], rows[block, 1:]
-        covered.ravel()[at], w.ravel()[at] = True, rows[block, 0].clip(0.0, 1.0)
-        error.ravel()[at] = np.sqrt(variance[block])
-        clear = np.einsum("ij,ij->i", mean, mean) > 1e-18
-        directions = np.where(clear[:, None], normalize(mean), axes[block])
+
+@dataclass(frozen=True, eq=False)
+class PageAssembly:
+    """What pages are assembled by."""
+
+    layout: UVLayout
+    texels: Texels
+    seams: Seams
+    close: bool  # whether seams are closed
+    threads: int
+
+    def assemble(self, estimate: Estimate, frames: Float64s | None = None) -> Pages:
+        """Pages of estimates at the texels (k,). Args: frames: (k, 3, 3), of bent normals."""
+        shape = self.layout.height, self.layout.width
+        w, error = np.zeros(shape), np.zeros(shape, np.float32)
+        bent, covered = np.zeros((*shape, 3), np.float32), np.zeros(shape, np.bool_)
+        values = estimate.rows, estimate.variance, self.texels.samples.first_points.normals
+        flat = w.ravel(), error.ravel(), bent.reshape(-1, 3), covered.ravel()
+        spread = bind(_spread, self.texels.texels, values, frames, flat)
+        run_blocks(len(self.texels), _BLOCK, spread, self.threads, most=_SHARE)
+        w, known, before = self._closed(w, covered)
+        page = fill_holes(w.astype(np.float32)[:, :, None], known, self.threads)[:, :, 0].clip(0.0, 1.0)
+        jump = self.seams.jump(page.ravel())
+        bent = fill_holes(bent, covered, self.threads)
+        run_blocks(w.size, _BLOCK, bind(_normalize, bent.reshape(-1, 3)), self.threads, most=_SHARE)
+        return Pages(page, error, bent, covered, jump, before)
+
+    def _closed(self, w: Float64s, covered: Bools) -> tuple[Float64s, Bools, float]:
+        """The page with closed seams, if they are to be; which of its texels are known; the largest jump before."""
+        beside = np.zeros(w.shape, np.bool_)
+        extend = bind(_extend, w, covered, self.layout.wraps, beside)
+        run_blocks(self.layout.height, _ROWS, extend, self.threads)
+        seams = self.seams.within((covered | beside).ravel())
+        before = seams.jump(w.ravel())
+        if not self.close:
+            return w, covered, before
+        return seams.close(w.ravel(), covered.ravel(), self.threads).reshape(w.shape), covered | beside, before
+
+
+@kernel
+def _spread(texels, values, frames, pages, first, last):
+    """Write w, its error and bent normals of texels to flat `pages`. Args: values: rows, variance and axes."""
+    rows, variance, axes = unrefcounted_view(values)
+    w, error, bent, covered = unrefcounted_view(pages)
+    turned = unrefcounted_view(frames)
+    for i in range(first, last):
+        to = texels[i]
+        covered[to] = True
+        w[to] = min(max(rows[i, 0], 0.0), 1.0)
+        error[to] = np.sqrt(variance[i])
+        direction = (rows[i, 1], rows[i, 2], rows[i, 3])
+        direction = normalized(direction) if dot(direction, direction) > _CLEAR else load(axes, i)
         if frames is not None:
-            directions = np.einsum("kij,kj->ki", frames[block], directions)
-        bent.reshape(-1, 3)[at] = directions
+            frame = turned[i]
+            direction = (
+                dot(load(frame, 0), direction), dot(load(frame, 1), direction), dot(load(frame, 2), direction)
+            )  # fmt: skip
+        store(bent, to, direction)
 
-    run_blocks(len(texels), _BLOCK, spread, threads, most=_SHARE)
-    beside = np.zeros(shape, np.bool_)
-    run_blocks(layout.height, _ROWS, bind(_extend, w, covered, layout.wraps, beside), threads)
-    known = covered | beside
-    seams = seams.within(known.ravel())
-    before = seams.jump(w.ravel())
-    if close:
-        w = seams.close(w.ravel(), covered.ravel(), threads).reshape(shape)
-    else:
-        known = covered
-    page = fill_holes(w.astype(np.float32)[:, :, None], known, threads)[:, :, 0].clip(0.0, 1.0)
-    whole = normalize(fill_holes(bent, covered, threads).astype(np.float64)).astype(np.float32)
-    return (page, error, whole, covered), (seams.jump(page.ravel().astype(np.float64)), before)
+
+@kernel
+def _normalize(vectors, first, last):
+    """Make vectors unit ones in place."""
+    for i in range(first, last):
+        store(vectors, i, normalized(load(vectors, i)))
 
 
 @kernel

@@ -18,8 +18,10 @@ import scenes
 from benchmarks import ROOT
 from benchmarks.pictures.browser import missing, shown
 from raytrace.image.write import write_image
+from scenes.bake.options import BakeOptions
+from scenes.bake.plan import plan_bake
+from scenes.bake.run import run
 from scenes.description.description import framing
-from scenes.jobs.run import bake_command
 
 TARGET = ROOT / "docs" / "textures" / "instances.png"
 SIZE = 480, 220
@@ -66,8 +68,10 @@ def main() -> None:
         for way, options in WAYS.items():
             files.append(Path(name) / f"{way}.glb")
             size = "1024" if way == "packed" else "256"
-            line = {"mesh": source, "output": files[-1], "occlusion": "texture", "size": size, "falloff": "binary"}
-            bake_command(line | options).run()
+            names = {"mesh": [source], "output": files[-1]}
+            given = BakeOptions(**names, occlusion="texture", size=size, falloff="binary", **options)
+            for summary in run(plan_bake(given)):
+                print(summary.text)
         camera = framing(scenes.load(source).mesh, None, *SIZE, "-0.1,0.3,1")
         pictures = [shown([file], camera, SIZE, ambient=0.9, background=(0.2, 0.25, 0.3))[0] for file in files]
     rows = [np.concatenate(pictures[first : first + 2], axis=1) for first in (0, 2)]

@@ -22,8 +22,8 @@ from raytrace.types import Float32s
 from scenes.description.description import framing
 from scenes.description.gltf_scene import gltf_objects
 from scenes.formats.load import MeshFile
+from scenes.formats.write import write
 from scenes.geometry.builtin_shapes import Temple
-from scenes.write_bake import write
 
 TARGET = ROOT / "docs" / "textures" / "viewers.png"
 WIDTH, HEIGHT = 320, 240

@@ -23,11 +23,11 @@ from raytrace.image.compare import compare
 from raytrace.image.write import write_image
 from raytrace.mesh.up import UP, up_axis
 from scenes.formats.load import MeshFile, load
+from scenes.formats.write import write
 from scenes.geometry.builtin_shapes import temple
 from scenes.show.look import FIELD_OF_VIEW, clay_scene, clay_settings
 from scenes.show.page.document import html_of_bakes
 from scenes.show.page.encode import Values
-from scenes.write_bake import write
 
 _PANEL = 250  # pixels that a page's panel takes
 _SIZE = 960, 640

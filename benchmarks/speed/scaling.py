@@ -35,7 +35,7 @@ from benchmarks.time_against_error.machine import machine
 from raytrace.system import threads as threads_module
 from raytrace.system.atomic import write_json
 
-TARGET, PAGE = RESULTS / "scaling.json", ROOT / "docs" / "benchmarks"
+TARGET, PAGE = RESULTS / "scaling.json", ROOT / "build" / "scaling"
 CORES = (2, 4, 8, 16, 32)
 STAGES = (
     ("mesh bounds", "raytrace.mesh.placement Placement.of"),
@@ -47,17 +47,17 @@ STAGES = (
     ("Embree's hierarchy", "raytrace.embree.scene TriangleScene.__init__"),
     ("interior", "ao.estimate.inside inside_solids"),
     ("rays", "ao.execute.tracer Tracer.gather"),
-    ("rays", "ao.texture.gathering TexelTracer._trace"),
+    ("rays", "ao.execute.sample_means SampleMeans.rows"),
     ("neighbours", "ao.estimate.one_ring Neighbours.of"),
     ("neighbours", "ao.texture.adjacency texel_neighbours"),
     ("denoising", "ao.estimate.shrinkage denoise"),
     ("planning", "ao.estimate.tolerance estimate_to"),
     ("result", "ao.result assemble"),
     ("error between vertices", "ao.interpolation_error measure_interpolation"),
-    ("charts", "ao.texture.shown Shown.of"),
-    ("coverage", "ao.texture.coverage cover"),
-    ("texels", "ao.texture.texels find_texels"),
-    ("seams, padding", "ao.texture.result assemble_pages"),
+    ("charts", "ao.texture.uv_surface UVSurface.of"),
+    ("coverage", "ao.texture.coverage Page.cover"),
+    ("texels", "ao.texture.texels TexelSampler.find"),
+    ("seams, padding", "ao.texture.result PageAssembly.assemble"),
     ("geometry", "raytrace.renderer.render prepare_picture"),
     ("pixels", "raytrace.renderer.render _render_tiles"),
 )

@@ -8,7 +8,7 @@ from typing import Any
 HEAD = """# More cores
 
 Made by `python -m benchmarks.speed.scaling` on {machine}, load {load:.1f} before the start.
-[Benchmarks](../benchmarks.md#more-cores) says what it does. A join costs {joins}.
+benchmarks/evidence/speed.md says what it does. A join costs {joins}.
 
 ![How many times as fast on 2 to 32 cores, by the model](scaling.png)
 
@@ -47,6 +47,7 @@ def write_page(results: dict[str, Any], folder: Path) -> None:
     on = f"{machine['cpu']}, {machine['threads']} threads"
     head = HEAD.format(machine=on, load=machine["load"], joins=joins)
     sections = [head, *(table(name, found) for name, found in results["cases"].items())]
+    folder.mkdir(parents=True, exist_ok=True)
     (folder / "scaling.md").write_text("\n".join(sections), encoding="utf-8")
     _plot(results["cases"], folder / "scaling.png")
 

@@ -4,9 +4,9 @@
 
 The full form leaves out meshes of 500,000 vertices and more; --dense measures these about the errors wanted, against
 Mitsuba alone; --processes times whole processes from their start to their end. Results go to benchmarks/results/
-time_against_error.json (…_dense.json, …_processes.json), tables and plots to docs/benchmarks (…/dense, …/processes);
-with --quick both go to build/time_against_error. A peer runs by its own interpreter, the one given or the
-one that `make peers` has made; those without are left out. docs/benchmarks.md tells how it is measured and why.
+time_against_error.json (…_dense.json, …_processes.json), tables and plots to build/time_against_error;
+with --quick both go there. A peer runs by its own interpreter, the one given or the
+one that `make peers` has made; those without are left out. benchmarks/evidence/speed.md says how it is measured.
 """
 
 from __future__ import annotations
@@ -58,13 +58,10 @@ def main() -> None:
     form = arguments.form
     plan = QUICK if form == "quick" else FULL
     plan = replace(plan, patience=plan.patience * arguments.patience)
-    if form == "quick":
-        results_folder = docs_folder = ROOT / "build" / "time_against_error"
-    else:
-        results_folder, docs_folder = ROOT / "benchmarks" / "results", ROOT / "docs" / "benchmarks"
     named = "" if form in ("full", "quick") else form
-    docs_folder /= named
-    for folder in (results_folder, docs_folder):
+    tables_folder = ROOT / "build" / "time_against_error" / named
+    results_folder = tables_folder if form == "quick" else ROOT / "benchmarks" / "results"
+    for folder in (results_folder, tables_folder):
         folder.mkdir(parents=True, exist_ok=True)
     target = results_folder / f"time_against_error{named and f'_{named}'}.json"
     with open_programs(dict(arguments.peer), form == "processes") as (programs, missing):
@@ -90,7 +87,7 @@ def main() -> None:
             results["runs"] += runs
             results["minutes"] = (time.perf_counter() - start) / 60
             write_results(target, results)
-    print(f"\n{present(results, docs_folder)}\n{target}, {docs_folder}: {results['minutes']:.1f} minutes")
+    print(f"\n{present(results, tables_folder)}\n{target}, {tables_folder}: {results['minutes']:.1f} minutes")
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
     python -m benchmarks.time_against_error.agreement [--samples 4096] [--meshes FOLDER] [--peer NAME=PYTHON …]
 
-Writes docs/benchmarks/agreement.md. With estimators of the same quantity the mean difference (the bias) is lost in
+Writes build/agreement.md. With estimators of the same quantity the mean difference (the bias) is lost in
 its standard error, and the RMSE is what that many rays of the method's kind leave.
 """
 
@@ -23,7 +23,7 @@ from .references import cached_reference
 from .suite import Specimen, builtin, falloffs, from_folder
 from .tables import markdown
 
-DOCS = Path(__file__).parent.parent.parent / "docs" / "benchmarks"
+FOLDER = Path(__file__).parent.parent.parent / "build"
 VERTICES = 8192
 LIMITED_RAYS = {"blender": 256}
 HEAD = ["mesh", "falloff", "method", "rays", "bias", "± its standard error", "RMSE", "99th percentile", "largest"]
@@ -67,8 +67,8 @@ def main() -> None:
     versions = ", ".join(program.version for name, program in programs.items() if name != OURS)
     notes = [f"{name} is missing: {reason}" for name, reason in missing.items()]
     text = f"# Agreement with the reference\n\n{versions}; reference of {RAYS:,} rays. {' '.join(notes)}".rstrip()
-    DOCS.mkdir(exist_ok=True)
-    (DOCS / "agreement.md").write_text(f"{text}\n\n{markdown(HEAD, rows)}\n")
+    FOLDER.mkdir(exist_ok=True)
+    (FOLDER / "agreement.md").write_text(f"{text}\n\n{markdown(HEAD, rows)}\n")
 
 
 if __name__ == "__main__":

@@ -36,9 +36,9 @@ class PackedMaterial(NamedTuple):
 class Material(Parameters):
     """Parameters of every material: emission I_e, and the sides of a surface that reflect.
 
-    `two_sided`: False: the one that the normal points away from. True: the normal turns to the light, n·l → |n·l|, so
-    light on either side is seen from both, as through paper. "viewer": it turns to the viewer, so each side reflects
-    what falls on it, as an opaque sheet does.
+    `two_sided`: False: the one that the normal points away from. True: the normal turns to the light, so that n·l is
+    positive: light on either side is seen from both, as through paper. "viewer": it turns to the viewer, so each
+    side reflects what falls on it, as an opaque sheet does.
     """
 
     kind: ClassVar[int]

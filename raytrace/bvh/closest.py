@@ -72,6 +72,7 @@ def closest_on_triangle(p, a, b, c):
     va = d3 * d6 - d5 * d4
     vb = d5 * d2 - d1 * d6
     vc = d1 * d4 - d3 * d2
+    # A corner is closest, a point of an edge, or one within.
     u = v = 0.0
     if d1 <= 0.0 and d2 <= 0.0:
         near = a

@@ -104,6 +104,7 @@ def _enclose(triangles, span, axes, boxes, first, last):
         high = np.full(3, -np.inf)
         centre = np.zeros(3)
         along = np.zeros(3)
+        # The bounds of all corners along the axes.
         for leaf in range(k * span, min((k + 1) * span, len(triangles))):
             for place in range(3 * WIDE):
                 corner = 3 * (place // WIDE)
@@ -116,6 +117,7 @@ def _enclose(triangles, span, axes, boxes, first, last):
                         x += np.float64(axes[node, 3 * axis + j, lane]) * triangles[leaf, corner + j, at]
                     low[axis] = min(x, low[axis])
                     high[axis] = max(x, high[axis])
+        # The centre, rounded as it is stored, and where that lies along the axes.
         for axis in range(3):
             for j in range(3):
                 centre[j] += 0.5 * (low[axis] + high[axis]) * axes[node, 3 * axis + j, lane]
@@ -123,6 +125,7 @@ def _enclose(triangles, span, axes, boxes, first, last):
             boxes[node, j, lane] = centre[j]
             for axis in range(3):
                 along[axis] += np.float64(axes[node, 3 * axis + j, lane]) * boxes[node, j, lane]
+        # Half extents about it, larger by the rounding of a ray in the frame.
         half = 0.0
         for axis in range(3):
             half += max(high[axis] - along[axis], along[axis] - low[axis])

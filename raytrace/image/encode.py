@@ -15,9 +15,22 @@ import numpy.typing as npt
 from ..errors import OptionError, OutputError, printable
 from ..system.atomic import atomic_path
 from ..types import Float32s
+from .dither import dithered
 from .srgb import encode_srgb
 
 FORMATS = {".exr": "openexr", ".png": "png", ".tif": "tiff", ".tiff": "tiff", ".jpg": "jpeg", ".jpeg": "jpeg"}
+LAYERS = {
+    "beauty": 4, "ambient": 3, "diffuse": 3, "specular": 3, "emission": 3,
+    "obscurance": 1, "shadow": 1, "depth": 1, "normal": 3, "albedo": 3, "object_id": 1,
+}  # fmt: skip
+"""Channels of each layer.
+
+beauty is RGBA, linear, colour premultiplied by coverage; its RGB is ((ambient + diffuse) + specular) + emission in
+float32. The background counts as emission, also what shows of it through transparent surfaces. shadow is the part of
+the light that δ lets through (1 lit); depth the distance to the camera, inf where nothing was hit; normal a world
+vector; object_id the object's row plus 1, 0 for none. depth, normal and object_id are the nearest sample's of a pixel,
+all others means.
+"""
 NAMESPACE = "obscurance:"
 CHANNELS = {"normal": "XYZ", "depth": "Z", "object_id": ("ID",)}
 _BY_COUNT = {1: "Y", 2: "YA", 3: "RGB", 4: "RGBA"}
@@ -63,9 +76,16 @@ def write_layers(
 
 
 def write_picture(
-    path: str | os.PathLike[str], pixels: Float32s, metadata: Mapping[str, str], opaque: bool = False
+    path: str | os.PathLike[str],
+    pixels: Float32s,
+    metadata: Mapping[str, str],
+    opaque: bool = False,
+    corner: tuple[int, int] = (0, 0),
 ) -> None:
-    """Write linear `pixels`, (height, width, channels), sRGB-encoded, without their alpha if `opaque`."""
+    """Write linear `pixels`, (height, width, channels), sRGB-encoded, without their alpha if `opaque`; PNG dithered.
+
+    Args: corner: column and row of the first pixel in the whole picture that this is a part of.
+    """
     import OpenImageIO as oiio
 
     has_alpha = pixels.shape[2] == 4
@@ -74,6 +94,7 @@ def write_picture(
     straight = has_alpha and not (opaque or file_format(path) == "jpeg" or has_background)
     if has_alpha and not straight:
         pixels = pixels[..., :3]
+    left, top = corner
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, "uint16" if file_format(path) == "tiff" else "uint8")
     spec.attribute("oiio:ColorSpace", "srgb_rec709_scene")
@@ -82,13 +103,17 @@ def write_picture(
         spec.attribute("Compression", "jpeg:95")
         spec.attribute("jpeg:subsampling", "4:4:4")
 
-    def rows(first: int, end: int) -> Float32s:
+    def rows(first: int, end: int) -> npt.NDArray[Any]:
         block = pixels[first:end]
-        if not straight:
-            return encode_srgb(block)
         alpha = block[..., 3:]
-        colour = np.divide(block[..., :3], alpha, out=np.zeros_like(block[..., :3]), where=alpha > 0)
-        return np.concatenate([encode_srgb(colour), alpha.clip(0.0, 1.0)], axis=2)
+        colour = block
+        if straight:
+            colour = np.divide(block[..., :3], alpha, out=np.zeros_like(block[..., :3]), where=alpha > 0)
+        encoded = encode_srgb(colour)
+        if file_format(path) != "png":
+            return np.concatenate([encoded, alpha.clip(0.0, 1.0)], axis=2)
+        coverage = np.rint(255 * alpha.clip(0.0, 1.0)).astype(np.uint8)
+        return np.concatenate([dithered(encoded, left, top + first), coverage], axis=2)
 
     _write(path, spec, metadata, rows)
 
@@ -140,6 +165,7 @@ def _write(
 ) -> None:
     import OpenImageIO as oiio
 
+    # The metadata, as each format can hold them.
     format_name = file_format(path)
     spec.attribute("DateTime", "")  # or OpenImageIO puts in the present time
     if format_name in ("openexr", "png"):
@@ -147,6 +173,7 @@ def _write(
             spec.attribute(NAMESPACE + name, printable(text))
     elif metadata:
         spec.attribute("ImageDescription", json.dumps(dict(metadata)))
+    # The rows, into a file beside the target that replaces it when all is there.
     with atomic_path(path) as scratch:
         if format_name != "openexr":
             _reserve(scratch, spec.image_bytes() + _SPARE)

@@ -28,7 +28,7 @@ _ORDER = {name: place for place, name in enumerate("RGBXYZA")}
 
 
 def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Float32s], dict[str, str]]:
-    """Read a picture: its layers, and the metadata that `write_frame` stored.
+    """Read a picture: its layers, and the metadata that `Frame.save` stored.
 
     Values of 8- and 16-bit files are taken as sRGB unless the file says that they are linear; straight alpha becomes
     premultiplied. Of a file with several parts the first is read.
@@ -36,7 +36,7 @@ def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Float32s], dict[
     Returns:
         layers: float32 (h, w, channels), linear, row 0 at the top, by name; channels that belong to no layer, which
             are all of a PNG or JPEG, are "beauty": grey, grey and alpha, RGB or RGBA, premultiplied.
-        metadata: as given to `write_frame`; empty for files from elsewhere.
+        metadata: as given to `Frame.save`; empty for files from elsewhere.
 
     Raises:
         InputError: `path` is missing, a folder, not an image, damaged, or more than 32768 pixels wide or high.
@@ -68,6 +68,7 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
     """
     import OpenImageIO as oiio
 
+    # A file that can be read and opened.
     name = os.fspath(path)
     file = Path(path) if content is None else content
     try:
@@ -87,6 +88,7 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
         if _TOO_LARGE in said:
             raise InputError(name, "size", f"pixels that {stored:,} bytes can hold", said.partition(_TOO_LARGE)[0])
         raise InputError(name, "content", "an image", said)
+    # Pixels that its bytes can hold, few enough, and flat.
     spec = image.spec()
     size = f"{spec.width}×{spec.height}"
     if max(spec.width, spec.height) > max_side:
@@ -158,7 +160,7 @@ def _silenced() -> Iterator[None]:
 
 @contextmanager
 def _limited(oiio: Any, file: Path, stored: int) -> Iterator[None]:
-    """Have OpenImageIO refuse a JPEG 2000 by its header, all of which it decodes to open it, in 14 times the memory."""
+    """Have OpenImageIO refuse a JPEG2000 by its header, all of which it decodes to open it, in 14 times the memory."""
     with file.open("rb") as opened:
         if not opened.read(12).startswith(_JPEG_2000):
             yield

@@ -136,7 +136,8 @@ def _levels(image: Texture) -> list[tuple[int, int]]:
     """Width and height of a pyramid's levels, halved to one texel; none of a bad file, which perhaps no ray meets."""
     try:
         with _opened(image) as file:
-            width, height = file.spec().width, file.spec().height
+            width = file.spec().width
+            height = file.spec().height
     except InputError:
         return []
     return [(max(width >> level, 1), max(height >> level, 1)) for level in range(max(width, height).bit_length())]

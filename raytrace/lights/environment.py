@@ -81,9 +81,8 @@ def irradiance_harmonics(image: Float64s, frame: Float64s) -> Float64s:
     local = np.broadcast_arrays(sine * np.sin(phi), sine * np.cos(phi), np.cos(theta)[:, None])
     x, y, z = np.moveaxis(np.stack(local, -1) @ frame, -1, 0)
     basis = np.stack([np.ones_like(x), y, z, x, x * y, y * z, 3 * z * z - 1, x * z, x * x - y * y])
-    return (
-        np.einsum("khw,hwc->kc", basis * (bands * 2 * np.pi / MAP_WIDTH)[:, None], image) * (_COSINE / _NORMS)[:, None]
-    )
+    weighted = basis * (bands * 2 * np.pi / MAP_WIDTH)[:, None]
+    return np.asarray(np.einsum("khw,hwc->kc", weighted, image) * (_COSINE / _NORMS)[:, None])
 
 
 def _latitudes() -> tuple[Float64s, Float64s]:

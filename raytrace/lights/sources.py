@@ -200,7 +200,8 @@ def light_from_dict(data: dict[str, Any]) -> BaseLight:
 
     Raises: OptionError naming the light, the field, what is accepted and what came.
     """
-    return made_of(data, get_args(Light), "light", "light")
+    light: BaseLight = made_of(data, get_args(Light), "light", "light")
+    return light
 
 
 def pack_lights(lights: Sequence[LightSource]) -> tuple[Int64s, Float64s]:

@@ -18,7 +18,7 @@ from ..system.parameters import made_of
 def eta_from_reflectance(reflectance: float) -> float:
     """Index η of the dielectric that reflects `reflectance` in [0, 1) at normal incidence (Cook & Torrance 1982)."""
     root = reflectance**0.5
-    return (1.0 + root) / (1.0 - root)
+    return float((1.0 + root) / (1.0 - root))
 
 
 def _metal(f0: tuple[float, float, float], **slopes: Any) -> dict[str, Any]:

@@ -149,11 +149,14 @@ class Mesh:
 def mesh_of(given: Mesh | Any, source: str) -> Mesh:
     """A mesh, made of anything else that has one; vertices keep their order and number. Raises: MeshError.
 
-    Args: given: a `Mesh`; a pair of arrays, vertices (n, 3) and faces (m, 3); or a mesh of trimesh, of PyVista, of
-        meshio, triangles or quads, or of Open3D, legacy or tensor. Polygons are cut into triangles.
+    Args: given: a `Mesh`, or what has one as its `mesh`, of `scenes.load` for instance; a pair of arrays, vertices
+        (n, 3) and faces (m, 3); or a mesh of trimesh, of PyVista, of meshio, triangles or quads, or of Open3D, legacy
+        or tensor. Polygons are cut into triangles.
     """
     if isinstance(given, Mesh):
         return given
+    if isinstance(getattr(given, "mesh", None), Mesh):
+        return given.mesh
     if isinstance(given, tuple | list) and len(given) == 2:
         return Mesh(*given, source=source)
     if hasattr(given, "vertices") and hasattr(given, "faces"):
@@ -174,7 +177,7 @@ def mesh_of(given: Mesh | Any, source: str) -> Mesh:
     methods = "extract_surface", "combine", "to_mesh"
     nearest = next((f"its {name}()" for name in methods if hasattr(given, name)), None)
     if isinstance(given, str | os.PathLike):
-        nearest = f'scenes.load("{os.fspath(given)}").mesh'
+        nearest = f'scenes.load("{os.fspath(given)}")'
     expected = "a raytrace.Mesh, a pair (vertices, faces), or a mesh of trimesh, PyVista, meshio or Open3D"
     raise MeshError(source, "mesh", expected, " ".join(repr(given).split()), nearest=nearest)
 

@@ -37,7 +37,7 @@ def normalize(vectors: Float64s) -> Float64s:
 def nonzero(vectors: Float64s | Bools) -> Bools:
     """Whether each of the `vectors` (n, 3) is other than zero, (n,)."""
     x, y, z = vectors.T
-    return (x != 0) | (y != 0) | (z != 0)
+    return np.asarray((x != 0) | (y != 0) | (z != 0))
 
 
 def face_normals(vertices: Float64s, faces: AnyInts) -> tuple[Float64s, Float64s]:

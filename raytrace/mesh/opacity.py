@@ -171,6 +171,7 @@ class Opacity:
         images = np.zeros((len(self.surfaces), 5), np.int64)
         cutoff = np.array([_BLEND if each.cutoff is None else each.cutoff for each in self.surfaces])
         stored: dict[tuple[Texture, bool], tuple[int, int, int, float]] = {}
+        # Each surface with faces: its image, once for all that share it, and the least alpha it has.
         for number, surface in enumerate(self.surfaces):
             faces = self.of == number
             if not faces.any():
@@ -186,6 +187,7 @@ class Opacity:
                 *place, lowest = stored[key]
                 images[number] = *place, *(WRAPS.index(mode) for mode in surface.texture.wrap)
                 least *= lowest
+            # Faces that are opaque wherever one looks.
             if least >= (1.0 if surface.cutoff is None else surface.cutoff):
                 of[faces] = -1
         if (of < 0).all():

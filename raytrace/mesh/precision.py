@@ -84,7 +84,7 @@ def _spacing(vertices: Float64s, kind: type[np.floating]) -> Float64s:
     """Distance (n,) of neighbouring numbers of a kind at each vertex's largest coordinate."""
     with np.errstate(over="ignore"):
         largest = np.abs(vertices).max(axis=1).astype(kind)
-    return np.spacing(np.minimum(largest, np.finfo(kind).max / 2)).astype(np.float64)
+    return np.asarray(np.spacing(np.minimum(largest, np.finfo(kind).max / 2)), np.float64)
 
 
 @kernel

@@ -60,4 +60,4 @@ def _through(outside: Float64s, carriers: Float64s) -> tuple[Float64s, float, Fl
 
 def _squares(offsets: Float64s) -> Float64s:
     """Squared lengths (…) of vectors (…, 3)."""
-    return np.einsum("...i,...i->...", offsets, offsets)
+    return np.asarray(np.einsum("...i,...i->...", offsets, offsets))

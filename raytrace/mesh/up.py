@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import numpy as np
+
 from ..errors import OptionError
 
 Vector = tuple[float, float, float]
@@ -20,8 +22,8 @@ _FROM = (0.55, 0.4, 1.0)
 
 
 def _turned_back(rows: tuple[Vector, Vector, Vector]) -> Vector:
-    x, y, z = (sum(row[axis] * value for row, value in zip(rows, _FROM, strict=True)) for axis in range(3))
-    return x, y, z
+    x, y, z = np.array(_FROM) @ rows
+    return float(x), float(y), float(z)
 
 
 FROM = {rows[1]: _turned_back(rows) for rows in TO_Y_UP.values()}

@@ -6,6 +6,8 @@ look opposite ways cannot both be obeyed: the one that surrounds the point with 
 over the foot of a box that stands on it, and the point's own in a tie, as in a sheet with two sides.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..kernel.arrays import unrefcounted_view
@@ -21,6 +23,14 @@ from .surface import Contacts, Surface
 _SAME_PLANE = 0.9999
 _RISE = 1e-3
 _BLOCK, _MOST = 1 << 7, 16  # points, and blocks at once
+
+
+class PointFaces(NamedTuple):
+    """Faces at each of k points."""
+
+    faces: Int64s  # of all points one after another, ascending at each
+    starts: Int64s  # (k,), where those of a point begin, and where they end
+    ends: Int64s
 
 
 def resolve_contacts(
@@ -44,37 +54,33 @@ def resolve_contacts(
     kept = np.where(needed, np.cumsum(needed) - 1, -1)
     corners, starts = counting_sort(kept[face_points], int(np.count_nonzero(needed)))
     at = kept[numbers[rows]]
-    own = (corners // 3, starts[at], starts[at + 1])
-    others = (touched.face, first, np.append(first, len(touched.point))[1:])
+    own = PointFaces(corners // 3, starts[at], starts[at + 1])
+    others = PointFaces(touched.face, first, np.append(first, len(touched.point))[1:])
     work = bind(_turn, surface, points, found, rows, own, others)
     run_blocks(len(rows), _BLOCK, work, thread_count(None), most=_MOST)
 
 
 @kernel
 def _turn(surface, points, found, rows, own_faces, touched_faces, first, last):
-    """`resolve_contacts` of the points rows[first:last], from faces that they are a corner of, or touch, ascending, and
-    where those of each row begin and end."""
+    """`resolve_contacts` of the points rows[first:last], from the `PointFaces` that they are a corner of, or touch."""
     surface = unrefcounted_view(surface)
     directions, clearance, ambiguous = unrefcounted_view(found)
     rows = unrefcounted_view(rows)
-    own, own_starts, own_ends = unrefcounted_view(own_faces)
-    touched, touched_starts, touched_ends = unrefcounted_view(touched_faces)
+    own = unrefcounted_view(own_faces)
+    touched = unrefcounted_view(touched_faces)
     largest = 0
     for k in range(first, last):
-        largest = max(largest, own_ends[k] - own_starts[k] + touched_ends[k] - touched_starts[k])
-    normals = np.empty((largest, 3))  # of the faces at a point
-    front = np.empty((largest, 3))  # of those that it is in front of
-    angles = np.empty(largest)
-    is_own = np.empty(largest, np.bool_)
+        largest = max(largest, own.ends[k] - own.starts[k] + touched.ends[k] - touched.starts[k])
+    listed = np.empty((largest, 3)), np.empty(largest), np.empty(largest, np.bool_)  # see `_list_faces`
+    front = np.empty((largest, 3))  # normals of the faces that a point is in front of
     for k in range(first, last):
         row = rows[k]
-        p = load(points, row)
         direction = load(directions, row)
-        own_here = own[own_starts[k] : own_ends[k]]
-        touched_here = touched[touched_starts[k] : touched_ends[k]]
-        count, decides = _list_faces(p, direction, surface, own_here, touched_here, (normals, angles, is_own))
+        own_here = own.faces[own.starts[k] : own.ends[k]]
+        touched_here = touched.faces[touched.starts[k] : touched.ends[k]]
+        count, decides = _list_faces(load(points, row), direction, surface, own_here, touched_here, listed)
         ambiguous[row] |= decides
-        start, fronts = _mean_in_front(count, (normals, angles, is_own), direction, front)
+        start, fronts = _mean_in_front(count, listed, direction, front)
         turned, least = outermost_normal(start, front[:fronts])
         if least > 0.0:
             store(directions, row, turned)
@@ -93,9 +99,9 @@ def _list_faces(p, direction, surface, own, touched, listed):
     i = 0
     j = 0
     count = len(own) + len(touched)
-    for place in range(count):
-        is_own[place] = j == len(touched) or (i < len(own) and own[i] < touched[j])
-        if is_own[place]:
+    for row in range(count):
+        is_own[row] = j == len(touched) or (i < len(own) and own[i] < touched[j])
+        if is_own[row]:
             f = own[i]
             i += 1
             n = load(surface.normals, f)
@@ -106,8 +112,8 @@ def _list_faces(p, direction, surface, own, touched, listed):
             j += 1
             n = load(surface.normals, f)
             decides |= dot(n, direction) < -_SAME_PLANE or _rises(p, direction, surface, f)
-        store(normals, place, n)
-        angles[place] = _angle_about(p, surface.vertices, surface.faces, f)
+        store(normals, row, n)
+        angles[row] = _angle_about(p, surface.vertices, surface.faces, f)
     return count, decides
 
 
@@ -131,7 +137,8 @@ def _mean_in_front(count, listed, direction, front):
 @inline
 def _rises(p, direction, surface, f):
     """Whether a face that a point touches rises above the plane through the point across a direction."""
-    height, size = 0.0, 0.0
+    height = 0.0
+    size = 0.0
     for k in range(3):
         away = subtract(load(surface.vertices, surface.faces[f, k]), p)
         height = max(height, dot(away, direction))
@@ -142,7 +149,8 @@ def _rises(p, direction, surface, f):
 @inline
 def _is_in_front(i, normals, angles, is_own):
     """Whether a point is taken to be in front of its i-th face; see the module on faces that look opposite ways."""
-    balance, opposed = 0.0, False
+    balance = 0.0
+    opposed = False
     n = load(normals, i)
     step = 1 + len(normals) // MANY
     for j in range(i % step, len(normals), step):

@@ -216,6 +216,7 @@ def _search(tree, stack, surface, around, most, first, last, found):
     for i in range(first, last):
         if reach[i] < 0.0:
             continue
+        # The nearest faces that the point is no corner of, leaf by leaf.
         p = load(points, i)
         number = numbers[i]
         filled = 0
@@ -230,6 +231,7 @@ def _search(tree, stack, surface, around, most, first, last, found):
                 if corners[f, 0] != number and corners[f, 1] != number and corners[f, 2] != number:
                     filled = _keep(surface, f, p, max(reach[i], surface.rounding[f]), (kept, distances), filled)
             leaf, near = next_leaf(tree, stack, place)
+        # They are counted even where they do not fit.
         for k in range(filled):
             if count < len(found.point):
                 found.point[count] = i

@@ -58,7 +58,7 @@ class BuiltGeometry:
         surface = points.surface(vertices + away)
         tree = BVH16.of(surface.vertices.astype(np.float32), surface.faces)
         sides = [points.ray_origins(tree, surface)[0][points.group]]
-        if self.arrays.rows[:, TWO_SIDED].any():
+        if self.arrays.materials[:, TWO_SIDED].any():
             sides.append(points.reversed().ray_origins(tree, surface.reversed())[0][points.group])
         return _joined([side - away for side in sides], np.float32)
 
@@ -66,7 +66,7 @@ class BuiltGeometry:
     def hit_filter(self) -> tuple[int, Int64s] | None:
         """`raytrace.materials.alpha_filter.filter_hits` for `new_packet`, None where all is opaque."""
         of, callback = self.arrays, cast(Kernel, filter_hits).callback
-        return of.opacity and callback(FILTER_PATH, of.opacity, of.first_face, of.rows)
+        return of.opacity and callback(FILTER_PATH, of.opacity, of.first_face, of.materials)
 
 
 _built: WeakValueDictionary[Any, BuiltGeometry] = WeakValueDictionary()
@@ -141,7 +141,7 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
         grain=np.array([number[item.shape.grain] for item in objects]),
         strength=np.array([each.strength if each else 0.0 for each in occlusions]),
         kinds=kinds[rank],
-        rows=rows[rank],
+        materials=rows[rank],
         boxes=pack_boxes(merged(boxes)),
         opacity=_opacity(shapes),
     )

@@ -61,6 +61,7 @@ def _find_polygons(vertices, faces, order, starts, slots, out):
             newell = add(newell, _twice_area(vertices, faces, f))
         if len(own) < 2 or _folded(vertices, faces, own, newell):
             continue
+        # Count the directed edges of its triangles.
         size = _slots(len(own))
         slots[0, :size], slots[1, :size] = -1, 0
         for half in range(3 * len(own)):  # the two sides of a diagonal cancel
@@ -73,6 +74,7 @@ def _find_polygons(vertices, faces, order, starts, slots, out):
                 out.edges[used, 0], out.edges[used, 1] = a, b
                 centre = add(centre, load(vertices, a))
                 used += 1
+        # Record the polygon.
         for f in own:
             out.of[f] = count
         store(out.centres, count, scale(1.0 / (used - first), centre))

@@ -9,9 +9,9 @@ import numpy as np
 from ..camera import Camera
 from ..embree.packets import new_packet
 from ..errors import OptionError, check_type
-from ..image.frame import LAYERS, Frame
+from ..image.encode import LAYERS
+from ..image.frame import Frame
 from ..image.texture import texture_bytes
-from ..kernel.notice import compiling
 from ..kernel.simd import WIDE
 from ..lights.sources import EnvironmentLight, SkyLight
 from ..mesh.opacity import opacity_bytes
@@ -36,7 +36,6 @@ _EDGES = 4 * 4 * TILE * EDGE  # bytes of what tiles know of one another, each
 _BASE, _VERTEX, _FACE, _POLYGON = 50 << 20, 64, 104, 104  # bytes, `rendering_bytes`
 
 
-@compiling()
 def render(
     scene: Scene,
     camera: Camera,
@@ -48,7 +47,7 @@ def render(
     """Cast rays, light what they hit, and return the picture.
 
     Args:
-        layers: make every layer of `raytrace.image.frame.LAYERS`; False: beauty alone, a sixth of the memory.
+        layers: make every layer of `raytrace.image.encode.LAYERS`; False: beauty alone, a sixth of the memory.
         threads: None for all cores; the picture is the same bits for any number.
         progress: called with (tiles done, tiles in all).
 

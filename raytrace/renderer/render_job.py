@@ -10,7 +10,8 @@ import numpy as np
 from ..brdf.layout import TWO_SIDED
 from ..camera import Camera
 from ..embree.packets import new_packet
-from ..image.frame import LAYERS, Frame
+from ..image.encode import LAYERS
+from ..image.frame import Frame
 from ..image.texture import LazyTextures
 from ..kernel.arrays import aligned
 from ..kernel.simd import WIDE
@@ -159,7 +160,7 @@ class RenderJob:
         shadows = self.style.shadows and len(lights.kinds)
         origins = self.geometry.vertex_origins if shadows else aligned((0, 3), np.float32)
         surrounded = len(lights.skies) + len(lights.harmonics) > 0
-        sides = 2 if surrounded or self.scene.geometry.rows[:, TWO_SIDED].any() else 1
+        sides = 2 if surrounded or self.scene.geometry.materials[:, TWO_SIDED].any() else 1
         self.scene = self.scene._replace(lit_vertices=np.zeros((sides * rows, LIGHTING)))
         finished: list[Int64s] = []
         objects = itertools.pairwise(self.scene.geometry.first_w.tolist())
@@ -182,7 +183,7 @@ class RenderJob:
         counts = self.counts.tolist()
         rays = dict(zip(_TRACED, counts[:2], strict=True))
         skipped = dict(zip(_SKIPPED, counts[2:], strict=True))
-        return Frame(layers, rays, skipped, seconds, self.style.background)
+        return Frame(layers, rays, skipped, seconds, self.style.background, (x, y))
 
 
 def paste(film: Film, numbers: Int64s, pixels: Float32s, marks: Bools | None = None) -> None:

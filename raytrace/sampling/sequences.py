@@ -8,7 +8,7 @@ one stratum in either coordinate. Where a function jumps, as visibility does, it
 the jitter keeps smooth functions from being hit at the same places of every stratum.
 
 Not scipy.stats.qmc: it has no such lattice, which errs by .0168 instead of Sobol's .0199 at 64 rays, and the state of
-its generator would make bits depend on the order of work (docs/experiments.md).
+its generator would make bits depend on the order of work (evidence/experiments.md).
 """
 
 import numpy as np
@@ -38,14 +38,14 @@ hash32 = inline(_lowbias32)  # of one value, in kernels
 
 def hash32_array(values: npt.ArrayLike) -> UInt32s:
     """Bijective hash of whole numbers below 2^32, of one dimension or more, so that counters become random bits."""
-    return _lowbias32(np.asarray(values, np.uint32))
+    return np.asarray(_lowbias32(np.asarray(values, np.uint32)))
 
 
 def seed_key(seed: int) -> np.uint32:
     """A 32-bit key from a seed of up to 64 bits."""
     low = hash32_array([seed & 0xFFFFFFFF])
     high = np.uint32(seed >> 32)
-    return hash32_array(low ^ high)[0]
+    return np.uint32(hash32_array(low ^ high)[0])
 
 
 def sobol(count: int) -> UInt32s:

@@ -31,7 +31,9 @@ def light_vertices(scene, view, style, scratch, origins, groups):
     origins = unrefcounted_view(origins)
     geometry, out = scene.geometry, scene.lit_vertices
     for begin in groups:
-        shift, side = (len(scene.w), -1.0) if begin >= len(scene.w) else (0, 1.0)
+        seen_from_behind = begin >= len(scene.w)
+        shift = len(scene.w) if seen_from_behind else 0
+        side = -1.0 if seen_from_behind else 1.0
         item = np.searchsorted(geometry.first_w, begin - shift, side="right") - 1
         end = min(begin + GROUP, geometry.first_w[item + 1] + shift)
         packets = -(-(end - begin) // WIDE)
@@ -53,15 +55,18 @@ def light_vertices(scene, view, style, scratch, origins, groups):
 def write_vertices(packet, scene, origins, item, mask, rows, view, side):
     """Write a packet of vertices, `rows` of `scene.w`, seen from where their normals point, or if `side` is −1.0 from
     behind. Args: origins: of `BuiltGeometry.vertex_origins`, or none where no shadow is looked for."""
-    geometry, w, bent = scene.geometry, scene.w, scene.bent
+    geometry = scene.geometry
+    w = scene.w
+    bent = scene.bent
     vertices = rows + (geometry.first_vertex[item] - geometry.first_w[item])
     point = corner(geometry, item, vertices)
     store3(packet, layout.POINT, mask, point)
-    ahead, behind = point, point
-    if len(origins) > 0:
-        above, below = (0, len(origins) - len(w)) if side > 0.0 else (len(origins) - len(w), 0)
-        ahead = gather3(origins, rows + above)
-        behind = gather3(origins, rows + below)
+    ahead = point
+    behind = point
+    if len(origins) > 0:  # those of vertices seen from behind come last
+        last = len(origins) - len(w)
+        ahead = gather3(origins, rows + (0 if side > 0.0 else last))
+        behind = gather3(origins, rows + (last if side > 0.0 else 0))
     store3(packet, layout.ORIGIN, mask, ahead)
     store3(packet, layout.BACK, mask, behind)
     store3(packet, layout.NORMAL, mask, scale(side, vertex_normal(geometry, item, vertices)))

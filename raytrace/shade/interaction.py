@@ -106,6 +106,7 @@ def rounded(a):
 
 @inline
 def largest(p):
+    """The largest of the absolute coordinates of points."""
     return max(max(abs(p[0]), abs(p[1])), abs(p[2]))
 
 
@@ -128,6 +129,14 @@ def smooth_origin(p, corners, normals, u, v):
     d2 = min(0.0, dot(subtract(p, corners[2]), n2))
     rise = add(add(scale((1.0 - u - v) * d0, n0), scale(u * d1, n1)), scale(v * d2, n2))
     return subtract(p, rise)
+
+
+@inline
+def smooth_origins(p, corners, normals, u, v):
+    """`smooth_origin` on the side of the normals, and on the other."""
+    n0, n1, n2 = normals
+    opposite = scale(-1.0, n0), scale(-1.0, n1), scale(-1.0, n2)
+    return smooth_origin(p, corners, normals, u, v), smooth_origin(p, corners, opposite, u, v)
 
 
 @inline
@@ -157,7 +166,7 @@ def tangents(geometry, i, j, k, edge1, edge2):
 @inline
 def lights_seen(geometry, item, side):
     """The column FRONT of points that are seen from their own side (`side` > 0) or from behind."""
-    turns_to = geometry.rows[item, TWO_SIDED]
+    turns_to = geometry.materials[item, TWO_SIDED]
     front = layout.ON_BOTH_SIDES if turns_to == TO_LIGHT else layout.ON_THIS_SIDE
     return select(side > 0.0, front, front if turns_to != 0.0 else 0.0)
 
@@ -194,7 +203,9 @@ def write_hits(packet, scene, item, mask, hits, view, style):
     # what is lit: the hit, its normal interpolated, or the face's centroid
     point = add(p0, add(scale(hits.u, edge1), scale(hits.v, edge2)))
     flat = style.shading in (CONSTANT, FLAT)
-    lit, normal, backward = point, geometric, hits.backward
+    lit = point
+    normal = geometric
+    backward = hits.backward
     if flat:
         lit = centroid(p0, p1, p2)
         backward = towards_viewer(view, lit)
@@ -209,18 +220,16 @@ def write_hits(packet, scene, item, mask, hits, view, style):
 
     # where shadow rays start, on this side and on the other
     size = max(max(largest(p0), largest(p1)), largest(p2))
-    ahead = behind = point
+    ahead = point
+    behind = point
     if style.terminator and not flat:
-        backs = scale(-1.0, n0), scale(-1.0, n1), scale(-1.0, n2)
-        ahead = smooth_origin(point, (p0, p1, p2), (n0, n1, n2), hits.u, hits.v)
-        behind = smooth_origin(point, (p0, p1, p2), backs, hits.u, hits.v)
+        ahead, behind = smooth_origins(point, (p0, p1, p2), (n0, n1, n2), hits.u, hits.v)
     store3(packet, layout.ORIGIN, mask, lift(geometry, item, ahead, geometric, size))
-    if geometry.rows[item, TWO_SIDED] == TO_LIGHT:
+    if geometry.materials[item, TWO_SIDED] == TO_LIGHT:
         store3(packet, layout.BACK, mask, lift(geometry, item, behind, scale(-1.0, geometric), size))
 
-    if geometry.rows[item, BRUSHED] == 1.0:
-        along_u, _ = tangents(geometry, i, j, k, edge1, edge2)
-        store3(packet, layout.TANGENT, mask, along_u)
+    if geometry.materials[item, BRUSHED] == 1.0:
+        store3(packet, layout.TANGENT, mask, tangents(geometry, i, j, k, edge1, edge2)[0])
     write_occlusion(packet, scene, item, mask, vertices, hits, style)
     return geometric
 
@@ -266,7 +275,8 @@ def write_polygons(packet, geometry, item, mask, hits, view, style, face_normal)
         store3(packet, layout.VIEW, mask, towards_viewer(view, centre))
         store3(packet, layout.NORMAL, mask, scale(side, newell))
     elif style.shading != QUADRATIC:
-        point, left = load3(packet, layout.POINT), mask
+        point = load3(packet, layout.POINT)
+        left = mask
         total = 0.0 * point[0]
         normal = scale(0.0, point)
         while some(left):  # Phong 1975: normals at the corners interpolated, renormalised
@@ -309,14 +319,16 @@ def edge_weights(geometry, item, edge, point, newell):
 @inline
 def polygon_light(packet, scene, item, mask, hits, first_row):
     """Gouraud 1971: the light of polygons' vertices, from `first_row` of `scene.lit_vertices` on, interpolated."""
-    geometry, lit = scene.geometry, scene.lit_vertices
+    geometry = scene.geometry
+    lit = scene.lit_vertices
     width = lit.shape[1]
     there, rows, edge, end = polygons_hit(geometry, item, mask, hits.faces)
     point = load3(packet, layout.POINT)
     newell = vertex_normal(geometry, item, rows)
     for column in range(width):
         store1(packet, lighting_column(column), there, 0.0)
-    total, left = 0.0 * point[0], there
+    total = 0.0 * point[0]
+    left = there
     while some(left):
         i, j, a, b = edge_weights(geometry, item, edge, point, newell)
         for column in range(width):

@@ -1,7 +1,7 @@
 """What kernels of shading read and write: packets of points, a scene, options, a thread's memory, the film.
 
 A packet is a float32 array (WIDTH, 16) of sixteen points; its first `FILM` rows are the layers of
-`raytrace.image.frame`. Positions are in render space. Shapes: o objects, v vertices and f faces of their shapes.
+`raytrace.image.encode`. Positions are in render space. Shapes: o objects, v vertices and f faces of their shapes.
 """
 
 from typing import Any, NamedTuple
@@ -97,7 +97,7 @@ class Geometry(NamedTuple):
     grain: Int64s
     strength: Float64s  # (o,), of `occlusion`
     kinds: Int64s  # (o,), of materials packed as `raytrace.brdf.layout` has them
-    rows: Float64s  # (o, …)
+    materials: Float64s  # (o, …), see `raytrace.brdf.layout`
     boxes: Float32s  # around all that casts shadows, of `raytrace.shade.shaft_culling.pack_boxes`
     opacity: PackedOpacity | None  # of the shapes' faces; None if all is opaque, materials included
 
@@ -106,7 +106,7 @@ class Lights(NamedTuple):
     """Packed lights in render space."""
 
     kinds: Int64s  # (k,), of lights that come from somewhere
-    rows: Float64s  # (k, …), see `raytrace.lights.layout`
+    parameters: Float64s  # (k, …), see `raytrace.lights.layout`
     ambient: Float64s  # (3,), the sum of ambient lights
     skies: Float64s  # (s, SKY_WIDTH), gradients
     harmonics: Float64s  # (9, 3), of an image, or (0, 3)

@@ -32,6 +32,7 @@ DARK = (0.0, 0.0, 0.0)
 
 @inline
 def lane_triple(packet, column, lane):
+    """Three columns of one lane, from `column` on, in double precision."""
     x = packet[column, lane]
     y = packet[column + 1, lane]
     z = packet[column + 2, lane]
@@ -41,14 +42,17 @@ def lane_triple(packet, column, lane):
 @inline
 def reflect_environment(packet, lane, row, lights, style):
     """Write the ambient light that a point reflects, of ambient lights and of the environment."""
+    # The normal, w and the bent normal.
     n = lane_triple(packet, layout.NORMAL, lane)
     v = lane_triple(packet, layout.VIEW, lane)
-    w, bent = 1.0, n
+    w = 1.0
+    bent = n
     if style.form != OFF:
         w = np.float64(packet[layout.W, lane])
         bent = unit(lane_triple(packet, layout.BENT, lane))
         if dot(bent, n) <= 0.0:  # no bent normal is known, or the surface is seen from behind
             bent = n
+    # What arrives from all sides.
     arriving = triple(lights.ambient, 0)  # I_a about the bent normal
     reflectance = triple(row, AMBIENT)
     for sky in lights.skies:
@@ -60,7 +64,9 @@ def reflect_environment(packet, lane, row, lights, style):
     slope = row[SLOPE]
     gloss = triple(row, GLOSS)
     grazing = triple(row, GRAZING)
-    mirrored, visible, rise = triple(lights.ambient, 0), 0.0, 0.0
+    mirrored = triple(lights.ambient, 0)
+    visible = 0.0
+    rise = 0.0
     glossy = style.shading != CONSTANT and max(grazing[0], grazing[1], grazing[2]) > 0.0
     if glossy:
         r = mirror(n, v)
@@ -90,7 +96,7 @@ def add_undirected(packet, items, geometry, ambient, form):
     w = load_row(packet, layout.W)
     while some(left):
         item, mask = next_object(items, left)
-        material = geometry.rows[item]
+        material = geometry.materials[item]
         reflected = multiply(multiply(triple(material, AMBIENT), triple(ambient, 0)), albedo)
         if form != OFF:
             reflected = scale(w, reflected)
@@ -125,7 +131,9 @@ def select_lights(geometry, lights, shading, scratch, packets):
     empty = (nowhere, nowhere, nowhere), scale(-1.0, (nowhere, nowhere, nowhere))
 
     # boxes around the points, their ray origins and the ways between these
-    points, origins, shifts = empty, empty, empty
+    points = empty
+    origins = empty
+    shifts = empty
     for e in range(packets):
         there = load_row(scratch.items, e) >= 0
         point = load3(scratch.points[e], layout.POINT)
@@ -147,7 +155,7 @@ def select_lights(geometry, lights, shading, scratch, packets):
     used = 0
     for j in range(len(lights.kinds)):
         kind = lights.kinds[j]
-        row = lights.rows[j]
+        row = lights.parameters[j]
         if not cannot_matter_in(kind, row, low, high):
             scratch.active[used] = j
             scratch.hidden[used] = obstructed(geometry.boxes, geometry.farthest, start, shift, kind, row)
@@ -165,7 +173,7 @@ def light_packets(geometry, lights, style, scratch, packets):
         if len(lights.skies) + len(lights.harmonics) > 0:
             for lane in range(WIDE):
                 if pick(items, lane) >= 0:
-                    reflect_environment(scratch.points[e], lane, geometry.rows[pick(items, lane)], lights, style)
+                    reflect_environment(scratch.points[e], lane, geometry.materials[pick(items, lane)], lights, style)
         points += count(items >= 0)
     used = select_lights(geometry, lights, style.shading, scratch, packets) if points > 0 else 0
     scratch.counts[CULLED] += (len(lights.kinds) - used) * points
@@ -180,24 +188,18 @@ def light_packet(packet, items, used, geometry, lights, style, scratch):
     """Add up the first `used` active lights of sixteen points."""
     counts = scratch.counts
     point = load3(packet, layout.POINT)
-    ahead = load3(packet, layout.ORIGIN)
     n = load3(packet, layout.NORMAL)
     there = items >= 0
     seen = there & (load_row(packet, layout.FRONT) > 0.0)
     both = there & (load_row(packet, layout.FRONT) > layout.ON_THIS_SIDE)
     zero = scale(0.0, point)
-    diffuse, specular, unshadowed, shadowed = zero, zero, zero[0], zero[0]
+    sums = zero, zero, zero[0], zero[0]  # diffuse and specular light, and brightness without and with shadows
     for a in range(used):
         j = scratch.active[a]
-        l, distance, intensity = incident(lights.kinds[j], lights.rows[j], point)
+        l, distance, intensity = incident(lights.kinds[j], lights.parameters[j], point)
 
         # the side that the light falls on, and the points that it reaches
-        side = n
-        origin = ahead
-        behind = both & (dot(n, l) < 0.0)
-        if some(behind):
-            side = choose(behind, scale(-1.0, n), n)
-            origin = choose(behind, load3(packet, layout.BACK), ahead)
+        side, origin = facing_side(packet, n, l, both)
         facing = seen & (dot(side, l) > 0.0)
         reached = facing & (intensity[0] + intensity[1] + intensity[2] > 0.0)
         counts[BEHIND] += count(there) - count(facing)
@@ -209,10 +211,8 @@ def light_packet(packet, items, used, geometry, lights, style, scratch):
         body, highlight = reflect(packet, items, reached, side, l, geometry)
         if style.shading == CONSTANT:
             highlight = zero
-        body, highlight = coloured(packet, intensity, lights.rows[j], body, highlight, style)
-        reflected = add(body, highlight)
-        brightness = reflected[0] + reflected[1] + reflected[2]
-        bright = reached & (brightness > 0.0)
+        body, highlight = coloured(packet, intensity, lights.parameters[j], body, highlight, style)
+        bright = reached & (brightness(body, highlight) > 0.0)
         counts[BLACK] += count(reached) - count(bright)
 
         # the part of it that arrives
@@ -220,20 +220,57 @@ def light_packet(packet, items, used, geometry, lights, style, scratch):
         part = select(bright, 1.0, 1.0)
         if style.shadows and scratch.hidden[a]:
             if style.shading in (CONSTANT, FLAT):  # the light is the face's, δ(p, j) the sample's
-                l, distance = towards(lights.kinds[j], lights.rows[j], origin)
+                l, distance = towards(lights.kinds[j], lights.parameters[j], origin)
             lit, part = transmittance(geometry, scratch, bright, origin, l, distance)
         elif style.shadows:
             counts[UNOBSTRUCTED] += count(bright)
-        diffuse = add(diffuse, choose(lit, scale(part, body), DARK))
-        specular = add(specular, choose(lit, scale(part, highlight), DARK))
-        unshadowed += select(bright, brightness, 0.0)
-        shadowed += select(lit, part * brightness, 0.0)
+        sums = add_light(sums, bright, body, highlight, lit, part)
+    store_light(packet, sums)
+
+
+@inline
+def store_light(packet, sums):
+    """Write the sums of `light_packet`, and the part of the light that shadows leave."""
+    diffuse, specular, unshadowed, shadowed = sums
     for c in range(3):
         store_row(packet, layout.DIFFUSE + c, diffuse[c])
         store_row(packet, layout.SPECULAR + c, specular[c])
     store_row(packet, layout.UNSHADOWED, unshadowed)
     store_row(packet, layout.SHADOWED, shadowed)
     store_row(packet, layout.SHADOW, select(unshadowed > 0.0, shadowed / unshadowed, 1.0))
+
+
+@inline
+def brightness(body, highlight):
+    """R + G + B of light that points reflect, diffuse and specular."""
+    reflected = add(body, highlight)
+    return reflected[0] + reflected[1] + reflected[2]
+
+
+@inline
+def add_light(sums, bright, body, highlight, lit, part):
+    """The sums of `light_packet` with one light more: of the `bright` points, and the `part` of it where `lit`."""
+    diffuse, specular, unshadowed, shadowed = sums
+    diffuse = add(diffuse, choose(lit, scale(part, body), DARK))
+    specular = add(specular, choose(lit, scale(part, highlight), DARK))
+    whole = brightness(body, highlight)
+    return diffuse, specular, unshadowed + select(bright, whole, 0.0), shadowed + select(lit, part * whole, 0.0)
+
+
+@inline
+def facing_side(packet, n, l, both):
+    """Normals of points on the side that light from `l` falls on, and where shadow rays start there.
+
+    Args: both: the points that can be lit from behind, too.
+    """
+    ahead = load3(packet, layout.ORIGIN)
+    side = n
+    origin = ahead
+    behind = both & (dot(n, l) < 0.0)
+    if some(behind):
+        side = choose(behind, scale(-1.0, n), n)
+        origin = choose(behind, load3(packet, layout.BACK), ahead)
+    return side, origin
 
 
 @inline
@@ -255,7 +292,7 @@ def reflect(packet, items, reached, n, l, geometry):
     left = reached
     while some(left):
         item, mask = next_object(items, left)
-        d, s = terms_in_lanes(geometry.kinds[item], geometry.rows[item], n, l, view, tangent, mask)
+        d, s = terms_in_lanes(geometry.kinds[item], geometry.materials[item], n, l, view, tangent, mask)
         diffuse = choose(mask, d, diffuse)
         specular = choose(mask, s, specular)
         left = left & ~mask

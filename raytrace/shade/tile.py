@@ -50,14 +50,14 @@ def render_tiles(scene, view, style, film, scratch, span, again):
     view = unrefcounted_view(view)
     film = unrefcounted_view(film)
     scratch = unrefcounted_view(scratch)
-    todo, points = scratch.todo, scratch.points if scene.geometry.opacity is None else scratch.layers
-    high, wide, _ = film.pixels.shape
-    columns = -(-wide // TILE)
-    first = FIRST if view.lens == 0.0 else BLURRED
+    todo = scratch.todo
+    points = scratch.points if scene.geometry.opacity is None else scratch.layers
+    columns = -(-film.pixels.shape[1] // TILE)
+    first = FIRST if view.lens == 0.0 else BLURRED  # samples of every pixel
     for tile in range(span[0], span[1]):
         left = tile % columns * TILE
         top = tile // columns * TILE
-        size = min(TILE, wide - left), min(TILE, high - top)
+        size = min(TILE, film.pixels.shape[1] - left), min(TILE, film.pixels.shape[0] - top)
         pending = list_pixels(scratch, size, film.edges, tile, columns, again)
         if again:
             scratch.counts[RETIRED] -= pending * (style.samples - first)
@@ -67,16 +67,16 @@ def render_tiles(scene, view, style, film, scratch, span, again):
             if pending == 0:
                 break
             batch = min(FIRST, style.samples - done)
-            each = WIDE // batch  # pixels a packet, all samples of a pixel on end
-            packets = -(-pending // each)
+            of_packet = WIDE // batch  # pixels a packet, all samples of a pixel on end
+            packets = -(-pending // of_packet)
             corner = film.left + left, film.top + top
             trace_samples(scene, view, style, scratch, corner, (pending, packets), (done, batch))
             if style.samples > 1:
                 if done == 0:
                     clear(scratch.sums)
                 for e in range(packets):
-                    k = e * each
-                    accumulate(points[e], scratch.sums, todo[k : min(k + each, pending)], batch, style.layers)
+                    k = e * of_packet
+                    accumulate(points[e], scratch.sums, todo[k : min(k + of_packet, pending)], batch, style.layers)
                 if done + FIRST == first < style.samples and not again:
                     pending = remove_converged(scratch, size, pending, style.samples - first, film.edges[tile])
 
@@ -134,8 +134,11 @@ def trace_samples(scene, view, style, scratch, corner, work, samples):
 
     Args: work: number of pixels, and of packets for them. samples: the first, and how many of each pixel.
     """
-    (pending, packets), (done, batch) = work, samples
-    opacity, each, traced = scene.geometry.opacity, WIDE // batch, packets
+    pending, packets = work
+    done, batch = samples
+    of_packet = WIDE // batch
+    opacity = scene.geometry.opacity
+    traced = packets
     if opacity is not None:
         begin_layers(scratch, packets)
     while traced > 0:  # once, where all surfaces are opaque
@@ -143,13 +146,15 @@ def trace_samples(scene, view, style, scratch, corner, work, samples):
             numbers = lane_numbers() + e * WIDE  # of viewing rays, −1 for none
             if opacity is not None:
                 numbers = load_row(scratch.active_rays, e)
+            # The pixel and the sample of each ray.
             turn = ((numbers & (WIDE - 1)) * (256 // batch + 1)) >> 8  # number // batch, in a packet
-            place = turn + (numbers >> 4) * each
-            there = (numbers >= 0) & (turn < each) & (place < pending)
-            pixels = gather(scratch.todo, select(there, place, 0))
+            row = turn + (numbers >> 4) * of_packet  # of the pixel on the list
+            there = (numbers >= 0) & (turn < of_packet) & (row < pending)
+            pixels = gather(scratch.todo, select(there, row, 0))
             sample = (numbers & (WIDE - 1)) - turn * batch + done
             x = (pixels & LAST) + corner[0]
             y = (pixels >> BITS) + corner[1]
+            # The rays, and what they hit.
             start = aim(scratch.rays, view, x, y, select(there, sample, 0), scene.geometry.farthest)
             if opacity is not None:  # rays start behind the layers that they have seen
                 for lane in range(WIDE):
@@ -168,17 +173,21 @@ def trace_samples(scene, view, style, scratch, corner, work, samples):
 def trace_packet(scene, view, style, scratch, e, start, there):
     """Trace the viewing rays `scratch.rays`, `start` from the viewer, where the mask `there` is set; the hits become
     packet e. Returns the rows of the objects hit, −1 for none."""
-    geometry, rays, packet = scene.geometry, scratch.rays, scratch.points[e]
+    geometry = scene.geometry
+    rays = scratch.rays
+    packet = scratch.points[e]
     items, faces, u, v, distance = closest_hits(geometry, rays, scratch.valid, there)
     if geometry.opacity is not None:  # where the rays would go on, and the alpha of what they hit
         store_row(scratch.layers[e], NEXT, distance + STEP)
         store_row(scratch.layers[e], COVER, load_row(rays, MET_ALPHA))
+    # What a ray that hits nothing leaves: the background, fully lit.
     for column in range(layout.BEAUTY, layout.FILM if style.layers else layout.W):
         store_row(packet, column, 1.0 if layout.W <= column <= layout.SHADOW else 0.0)
     for c in range(3):
         store_row(packet, layout.EMISSION + c, style.background[c])
     store_row(packet, layout.UNSHADOWED, 0.0)
     store_row(packet, layout.SHADOWED, 0.0)
+    # The hits, object by object.
     left = items >= 0
     depth = start + distance
     hits = PacketHits(faces, u, v, depth, scale(-1.0, load3(rays, DIR_X)))
@@ -194,7 +203,7 @@ def trace_packet(scene, view, style, scratch, e, start, there):
         map_grain(packet, scene, item, mask, hits, view, scratch.missing)
         if style.weighted:
             map_occlusion(packet, scene, item, mask, hits, view, scratch.missing)
-        material = geometry.rows[item]
+        material = geometry.materials[item]
         store1(packet, layout.ALPHA, mask, material[ALPHA])
         if style.layers:
             store3(packet, layout.ALBEDO, mask, multiply(load3(packet, layout.ALBEDO_MAP), triple(material, MODEL)))

@@ -113,6 +113,6 @@ def _expected(fault: ErrorDetails, declared: FieldInfo) -> str:
         interval = f"{'[' if low == 'ge' else '('}{bounds[low]:g}, {bounds[high]:g}{']' if high == 'le' else ')'}"
         return "a number in " + re.sub(r"e([-+])0*", lambda sign: "e" + sign[1].strip("+"), interval)
     if fault["type"] == "union_tag_invalid":
-        return "one of " + fault["ctx"]["expected_tags"]
+        return f"one of {fault['ctx']['expected_tags']}"
     message = fault["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
     return _EXPECTATIONS.get(fault["type"], message[:1].lower() + message[1:])

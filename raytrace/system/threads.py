@@ -2,7 +2,7 @@
 
 Threads stay for later calls: to start one takes five times as long as to wake one, and a bake has some forty calls.
 Not concurrent.futures, whose pool fails where the system grants fewer threads than asked for: here the calling thread
-works too, so one is enough, and an interrupt waits for no more than the blocks at work (docs/reliability.md).
+works too, so one is enough, and an interrupt waits for no more than the blocks at work (evidence/reliability.md).
 """
 
 import os
@@ -69,6 +69,7 @@ def run_blocks(
             if progress:
                 progress(stop - start)
         return
+    # Other threads take blocks beside this one, which alone reports what is finished.
     call = _Call(parts, work)
     try:
         _team.ask(call, threads - 1)

@@ -188,6 +188,7 @@ def survey(text, begin, end, tally, rest):
         line = i
         kind, i = _keyword(text, i)
         words = 0
+        # A vertex, one of its vt and vn, or a face: its words are counted.
         if kind < REST:
             i, some = _next_word(text, i)
             while some:
@@ -203,6 +204,7 @@ def survey(text, begin, end, tally, rest):
             tally[kind, WORDS] += words
             running = False
         i = _skip_line(text, i)
+        # Another statement begins a run, or is part of one.
         if kind == REST:
             if not running:
                 rest[runs, 0], rest[runs, 2] = line, tally[F, COUNT]
@@ -251,6 +253,7 @@ def read_faces(text, begin, end, before, sizes, indices):
         if kind == F:
             first = corner
             i, some = _next_word(text, i)
+            # Each corner: up to three indices with slashes between them.
             while some:
                 for part in range(len(indices)):
                     indices[part, corner] = NONE

@@ -16,7 +16,6 @@ from raytrace.system.threads import thread_count
 
 from ..formats.load import load
 from ..geometry.builtin_shapes import temple
-from ..jobs.console import compiling
 from ..validation.reference import RAYS, Errors, reference
 from ..validation.table import text_table
 
@@ -90,8 +89,7 @@ def bench_file(
         check_outputs({"--report": report}, [path] if path else [])
     Options(seed=seed, threads=threads)
     mesh = temple(_FINENESS) if path is None else load(path).mesh
-    with compiling():
-        rows = run_bench(mesh, falloff, seed=seed, threads=threads)
+    rows = run_bench(mesh, falloff, seed=seed, threads=threads)
     print(f"{mesh.source}: {len(mesh.vertices):,} vertices, {len(mesh.faces):,} faces")
     print(bench_table(rows))
     if report:

@@ -6,15 +6,15 @@ from raytrace.errors import ConflictError, OptionError, SceneError, printable
 from raytrace.system.atomic import write_bytes
 from raytrace.system.checks import check_ending, check_outputs
 
-from ..falloffs import Scales
+from ..bake.console import warn
+from ..formats.falloffs import Scales
 from ..formats.images import check_texture_target, write_grey
 from ..formats.load import load
 from ..formats.stored_w import checked_profile, find_profile, read_beside_w
 from ..formats.table import endings
 from ..formats.unsupported import unsupported_features
-from ..jobs.console import warn
+from ..formats.write import channels, check_target, npy, npz, write
 from ..show.page.encode import Values
-from ..write_bake import channels, check_target, npy, npz, write
 
 
 def change_falloff(baked: Path, scales: Scales, output: Path, mesh: Path | None) -> str:

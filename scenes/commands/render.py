@@ -15,8 +15,9 @@ from ao.declared import Option
 from ao.options import Normals
 from raytrace.errors import ConflictError, OptionError, printable
 
-from ..jobs.console import compiling, progress, show_picture, warn
-from ..jobs.options import REPORTS, ROWS, Record, check_together, command_line, plain
+from ..bake.console import progress, warn
+from ..bake.options import REPORTS, ROWS, OptionValues, check_together, plain, with_fields
+from ..bake.report import command_line
 
 if TYPE_CHECKING:
     import ao
@@ -24,9 +25,9 @@ if TYPE_CHECKING:
     from ao.execute.tracer import Progress
     from raytrace import Frame, Settings
 
+    from ..bake.cluster import Workers
     from ..description.description import SceneDescription
-    from ..falloffs import Scales
-    from ..jobs.remote import Workers
+    from ..formats.falloffs import Scales
     from ..show.report.pictures import Picture
 
 _SETTINGS = ("samples", "shading", "normals", "obscurance", "shadows", "seed")
@@ -63,15 +64,19 @@ RENDER = (
 )  # fmt: skip
 
 
-def run_render(options: dict[str, Any]) -> None:
+@with_fields(RENDER)
+class RenderOptions(OptionValues):
+    """The options of `render`."""
+
+
+def run_render(given: RenderOptions) -> None:
     """Read a scene, render it, write the image and a report, and print a summary. Raises: ObscuranceError."""
-    check_together(options, RENDER)
-    given = Record(options)
+    check_together(given, RENDER)
     workers = None
     if given.cluster:
-        from ..jobs.remote import Workers
+        from ..bake.cluster import Workers
 
-        workers = Workers(options)
+        workers = Workers(given)
     if given.output is not None:
         _render(given, given.output, workers)
         return
@@ -83,13 +88,13 @@ def run_render(options: dict[str, Any]) -> None:
         _render(given.replaced(quiet=True), Path(folder) / "shown.png", workers)
 
 
-def _render(given: Record, output: Path, workers: Workers | None) -> None:
+def _render(given: RenderOptions, output: Path, workers: Workers | None) -> None:
     # Everything that can be wrong without the scene.
     if given.show and not sys.stdout.isatty():
         raise OptionError("show", "a terminal as standard output", "a file or a pipe")
     size = None if given.width is None else (given.width, given.height)
     crop = None if given.crop is None else _crop(given.crop)
-    from raytrace.image.write import check_image_target, write_frame
+    from raytrace.image.write import check_image_target
     from raytrace.system.checks import check_ending, check_outputs
     from raytrace.system.threads import thread_count
 
@@ -98,29 +103,30 @@ def _render(given: Record, output: Path, workers: Workers | None) -> None:
     if given.report:
         check_ending("--report", given.report, *REPORTS)
     from ..description.read import read_scene
-    from ..falloffs import make_scales
+    from ..formats.falloffs import make_scales
     from ..formats.stored_w import check_stored
     from ..show.report.verdict import hashed
 
     if given.baked:
         check_stored(given.baked)
     scales = None if given.half_distance is None else make_scales(given.half_distance, given.power)
-    with compiling():
-        # The scene as the options have it.
-        read = read_scene(given.scene, size, given.up, given.view)
-        description = _adjusted(read, given.replaced(crop=crop), scales)
-        check_outputs({"--output": output, "--report": given.report}, [given.scene, *description.files])
-        inputs = hashed([given.scene, *description.files]) if given.report else []
-        warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
-        # Its picture.
-        with workers.session(output) if workers else nullcontext() as session:
-            status = session.status if session else str
-            with progress(given.quiet, "rays", "tiles", form=given.progress, status=status) as bars:
-                picture = _picture(given.scene, description, layers is None, threads, bars, session)
-                start = time.perf_counter()
-                write_frame(output, picture.frame, _metadata(given.scene, description.settings), given.half)
-                picture.seconds["write"] = time.perf_counter() - start
+    # The scene as the options have it.
+    read = read_scene(given.scene, size, given.up, given.view)
+    description = _adjusted(read, given.replaced(crop=crop), scales)
+    check_outputs({"--output": output, "--report": given.report}, [given.scene, *description.files])
+    inputs = hashed([given.scene, *description.files]) if given.report else []
+    warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
+    # Its picture.
+    with workers.session(output) if workers else nullcontext() as session:
+        status = session.status if session else str
+        with progress(given.quiet, "rays", "tiles", form=given.progress, status=status) as bars:
+            picture = _picture(given.scene, description, layers is None, threads, bars, session)
+            start = time.perf_counter()
+            picture.frame.save(output, _metadata(given.scene, description.settings), given.half)
+            picture.seconds["write"] = time.perf_counter() - start
     if given.show:
+        from ..show.terminal import show_picture
+
         show_picture(picture.frame.layers["beauty"])
     if given.report:
         _write_report(given, description.settings, picture, threads, inputs, warnings)
@@ -139,7 +145,7 @@ def _crop(text: str) -> tuple[int, int, int, int]:
     return x, y, width, height
 
 
-def _adjusted(description: SceneDescription, given: Record, scales: Scales | None) -> SceneDescription:
+def _adjusted(description: SceneDescription, given: RenderOptions, scales: Scales | None) -> SceneDescription:
     """The description as the options have it; a preview: a quarter as wide and high, few rays. Raises: OptionError."""
     # Settings, where w comes from, and the bake.
     changes = {name: getattr(given, name) for name in ("crop", *_SETTINGS) if getattr(given, name) is not None}
@@ -212,7 +218,7 @@ def _picture(
     if session:
         from ao.cluster.pictures import render_on
 
-        from ..jobs.remote import cluster_checkpoint
+        from ..bake.cluster import cluster_checkpoint
 
         renderer = partial(render_on, session)
         checkpoint = cluster_checkpoint(session, False, None)
@@ -235,7 +241,7 @@ def _metadata(source: Path, settings: Settings) -> dict[str, str]:
 
 
 def _write_report(
-    given: Record, settings: Settings, picture: RenderedPicture, threads: int, inputs: Sequence[dict[str, Any]],
+    given: RenderOptions, settings: Settings, picture: RenderedPicture, threads: int, inputs: Sequence[dict[str, Any]],
     warnings: Sequence[str],
 ) -> None:  # fmt: skip
     from ..show.report.verdict import write_report

@@ -11,8 +11,9 @@ from raytrace import Camera, Lambert, Mesh, Scene, Settings
 from raytrace.errors import OptionError, nearest_name
 from raytrace.lights.sources import AmbientLight, BaseLight, DirectionalLight
 from raytrace.mesh.up import TO_Y_UP, UP, up_axis
+from raytrace.types import Int64s
 
-from ..falloffs import Scales
+from ..formats.falloffs import Scales
 from ..geometry.primitives import Origin
 
 Source = Literal["bake", "off"] | Path
@@ -45,6 +46,21 @@ class SceneDescription:
     notes: tuple[str, ...] = ()
     origins: tuple[Origin | None, ...] = ()
     scales: Scales | None = None
+
+    def file_vertices(self) -> tuple[Int64s, int]:
+        """For each vertex of the scene the one of the mesh files, all after one another, and how many these have."""
+        places = []
+        start = 0
+        total = 0
+        for number, item in enumerate(self.scene.objects):
+            count = len(item.shape.mesh.vertices)
+            origin = self.origins[number] if self.origins else None
+            size = origin.total if origin else count
+            if size:
+                start = total
+                total += size
+            places.append(start + (origin.of if origin else np.arange(count)))
+        return np.concatenate(places), total
 
 
 Vector = tuple[float, float, float]

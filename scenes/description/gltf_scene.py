@@ -54,9 +54,9 @@ from raytrace.image.texture import texture_mean
 from raytrace.lights.sources import BaseLight
 from raytrace.materials.presets import eta_from_reflectance
 from raytrace.mesh.normals import normalize
+from raytrace.text.field_errors import located
 from raytrace.types import Float64s
 
-from ..field_errors import located
 from ..formats.gltf import records
 from ..formats.gltf.asset import DrawnPrimitive, Gltf, entry
 from ..formats.gltf.parse import JsonObject, parse
@@ -69,7 +69,8 @@ _FLOAT32_RIGHT_ANGLE = 1.5707964
 DIELECTRIC_F0 = 0.04
 _LEAST_SLOPE = 0.02  # sharper highlights of lights without extent are smaller than a pixel
 _FACETS = 0.1
-_WHITE, _NO_METAL = np.ones(4), np.array([1.0, 1.0, 0.0, 1.0])
+_WHITE = np.ones(4)
+_NO_METAL = np.array([1.0, 1.0, 0.0, 1.0])
 _READ = {"KHR_materials_emissive_strength", "KHR_materials_unlit", "KHR_materials_pbrSpecularGlossiness"}
 T = TypeVar("T")
 Surface = tuple[list[float], float, float, Float64s]  # base colour, roughness, metallic, F0

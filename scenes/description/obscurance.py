@@ -36,12 +36,14 @@ def with_obscurance(
     occlusion texture. w from a file stands in place of such textures. Args: checkpoint: as `ao.bake` takes it.
     """
     scene = description.scene
+    # w that is known without a bake.
     if description.w_from == "off":
         return scene, None
     if isinstance(description.w_from, Path):
         return scene.without_occlusion().with_obscurance(_stored_w(description, description.w_from)), None
     if all(item.shape.occlusion for item in scene.objects):
         return scene, None
+    # Bake what can be seen, without the geometry of the picture where both do not fit.
     only = _vertices_to_bake(description, threads)
     mesh = scene.flattened()
     room = available()
@@ -69,16 +71,11 @@ def _vertices_to_bake(description: SceneDescription, threads: int | None) -> Boo
     objects = description.scene.objects
     seen = seen_vertices(description.scene, description.camera, description.settings, threads)
     textured = [item.shape.occlusion is not None for item in objects]
-    return seen & ~np.repeat(textured, [len(item.shape.mesh.vertices) for item in objects])
+    return np.asarray(seen & ~np.repeat(textured, [len(item.shape.mesh.vertices) for item in objects]))
 
 
 def _stored_w(description: SceneDescription, path: Path) -> Float64s:
     """w of all vertices of the scene, from a file that has one for each, or one for each vertex of its mesh files."""
-    counts = [len(item.shape.mesh.vertices) for item in description.scene.objects]
-    origins = description.origins or (None,) * len(counts)
-    of_files = [origin.total if origin else count for origin, count in zip(origins, counts, strict=True)]
-    w = read_w(path, sum(of_files), sum(counts), scales=description.scales)
-    if len(w) != sum(of_files):
-        return w
-    parts = np.split(w, np.cumsum(of_files)[:-1])
-    return np.concatenate([part[origin.of] if origin else part for origin, part in zip(origins, parts, strict=True)])
+    file_vertices, total = description.file_vertices()
+    w = read_w(path, total, len(file_vertices), scales=description.scales)
+    return w[file_vertices] if len(w) == total else w

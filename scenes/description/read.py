@@ -1,17 +1,14 @@
 """Any file that can be rendered, as a scene."""
 
 import os
-from dataclasses import replace
 from pathlib import Path
 
-from raytrace import Object, OptionError, Scene, Settings, Shape
+from raytrace import OptionError, Settings
 
 from ..formats.load import load
 from ..formats.table import format_of
-from ..geometry.corners import split_creases
-from ..geometry.primitives import Origin
-from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, three_lights
-from .textured import colours_left_out, linear_colours
+from .description import SceneDescription
+from .mesh_scene import mesh_scene
 from .toml_scene import read_toml
 
 
@@ -20,8 +17,9 @@ def read_scene(
 ) -> SceneDescription:
     """A scene by the file's ending: `.toml` (docs/scenes.md), `.glb` or `.gltf`, or any other mesh alone.
 
-    A mesh alone is matt, in the colours of its vertices or grey, framed whole, under three lights; what is up in it
-    (`Mesh.up`) is up. Without normals it has those of `raytrace.mesh.normals`. One baked file of the mesh fits it.
+    A mesh alone is in its materials and textures, in the colours of its vertices, or a matt grey, framed whole, under
+    three lights; what is up in it (`Mesh.up`) is up. Without normals it has those of `raytrace.mesh.normals`. One baked
+    file of the mesh fits it.
 
     Args:
         path: the file.
@@ -47,17 +45,4 @@ def read_scene(
         from .gltf_scene import read_gltf
 
         return read_gltf(path, settings, up, view)
-    source = load(path, names=True)
-    colours = linear_colours(source.attributes)
-    mesh = source.mesh
-    origin = None
-    if mesh.normals is None:
-        rows, faces, normals, _ = split_creases(mesh)
-        origin = Origin(rows, len(mesh.vertices))
-        mesh = replace(mesh, vertices=mesh.vertices[rows], faces=faces, normals=normals)
-        colours = None if colours is None else colours[rows]
-    objects = (Object(Shape(mesh, NEUTRAL if colours is None else WHITE, colours=colours), name=path.stem),)
-    camera = framing(source.mesh, up, settings.width, settings.height, view)
-    lit = Scene(objects, three_lights(camera), BACKGROUND)
-    notes = (*source.notes, *colours_left_out(path, source.unread))
-    return SceneDescription(lit, camera, settings, files=source.files, notes=notes, origins=(origin,))
+    return mesh_scene(load(path, names=True), settings, up, view)

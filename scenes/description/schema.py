@@ -12,9 +12,10 @@ from raytrace.errors import OptionError, SceneError
 from raytrace.image.texture import wrap_modes
 from raytrace.system.faults import first_fault
 from raytrace.system.parameters import Radiance, Whole, triple
+from raytrace.text.field_errors import joined, shown
 from raytrace.types import Float64s
 
-from ..field_errors import joined, shown
+from ..geometry.rotations import about, about_axes
 
 
 def _name_or_table(value: Any) -> Any:
@@ -70,6 +71,7 @@ class Transform(Table):
         def fault(key: str, expected: str, got: object) -> SceneError:
             return SceneError(source, joined(path, key), expected, got)
 
+        # A matrix stands alone.
         if self.matrix is not None:
             others = [key for key in Transform.model_fields if key != "matrix" and getattr(self, key) is not None]
             if others:
@@ -78,24 +80,23 @@ class Transform(Table):
             if not np.linalg.det(matrix[:3, :3]):
                 raise fault("matrix", "an invertible matrix", shown(self.matrix))
             return matrix
+        # Keys that exclude or need each other.
         if self.scale is not None and 0 in self.scale:
             raise fault("scale", "numbers other than 0", list(self.scale))
         if (self.axis is None) != (self.angle is None):
             raise fault("axis" if self.axis is None else "angle", "axis and angle together", "one alone")
         if self.axis is not None and self.rotate is not None:
             raise fault("rotate", "either rotate, or axis and angle", "both")
+        # The rotation, then the scale before it, then the translation.
         matrix = np.eye(4)
         if self.axis is not None or self.rotate is not None:
-            from scipy.spatial.transform import Rotation  # loads for a fifth of a second
-
             if self.axis is not None and self.angle is not None:
                 length = np.linalg.norm(self.axis)
                 if not length > 0:
                     raise fault("axis", "a vector other than zero", list(self.axis))
-                turn = Rotation.from_rotvec(np.radians(self.angle) * np.array(self.axis) / length)
-            else:
-                turn = Rotation.from_euler("xyz", self.rotate, degrees=True)
-            matrix[:3, :3] = turn.as_matrix()
+                matrix[:3, :3] = about(self.axis, self.angle)
+            elif self.rotate is not None:
+                matrix[:3, :3] = about_axes(self.rotate)
         if self.scale is not None:
             matrix[:3, :3] *= self.scale
             if not np.linalg.det(matrix[:3, :3]):

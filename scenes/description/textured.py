@@ -35,17 +35,17 @@ def read_mesh(path: Path, textured: bool) -> tuple[TexturedMesh, list[str]]:
     if attributes is None or attributes.uv is None or not textured:
         return TexturedMesh(mesh, colours=colours), notes
     uv = attributes.uv
-    if np.isnan(uv.rows[uv.of]).any():
+    if np.isnan(uv.values[uv.of]).any():
         return TexturedMesh(mesh, colours=colours), notes
     split_by = [values for values in (uv, attributes.normals) if values]
     places = attributes.triangles.take(np.arange(len(attributes.corners)))
     vertices, faces, like = split_corners(attributes.corners, places, split_by, len(mesh.vertices))
     normals = None if mesh.normals is None else mesh.normals[vertices]
     if attributes.normals:
-        normals = attributes.normals.rows[attributes.normals.of[like]]
+        normals = attributes.normals.values[attributes.normals.of[like]]
     split = replace(mesh, vertices=mesh.vertices[vertices], faces=faces, normals=normals)
     origin = Origin(vertices, len(mesh.vertices))
-    return TexturedMesh(split, uv.rows[uv.of[like]], origin, None if colours is None else colours[vertices]), notes
+    return TexturedMesh(split, uv.values[uv.of[like]], origin, None if colours is None else colours[vertices]), notes
 
 
 def linear_colours(attributes: SourceAttributes | None) -> Float64s | None:

@@ -8,14 +8,14 @@ from typing import Any
 from raytrace import PRESETS, AlphaSurface, Material, Object, Opacity, Shape, Texture, material_from_dict
 from raytrace.errors import SceneError, nearest_name
 from raytrace.system.faults import fields_of
+from raytrace.text.field_errors import check_keys, check_name, joined, located, shown
+from raytrace.text.safe_paths import confined
 
-from ..field_errors import check_keys, check_name, joined, located, shown
 from ..formats.load import mesh_errors
 from ..formats.table import format_of
 from ..geometry.builtin_shapes import SOLIDS
 from ..geometry.instances import check_copies
 from ..geometry.primitives import Origin, TexturedMesh
-from ..safe_paths import confined
 from .description import NEUTRAL, WHITE
 from .schema import ObjectTable, Transform
 from .textured import read_mesh
@@ -162,6 +162,7 @@ class ObjectReader:
     def _shape(
         self, table: ObjectTable, path: str, given: TexturedMesh, material: Material | None, texture: Texture | None
     ) -> Shape:
+        # Images and alpha of the entry.
         grain = self._texture(table, path, "grain")
         image = self._texture(table, path, "opacity_texture")
         alpha = None
@@ -171,11 +172,13 @@ class ObjectReader:
         for field, used in (("texture", texture), ("grain", grain), ("opacity_texture", image)):
             if used is not None and given.uv is None:
                 raise SceneError(self._source, joined(path, field), "a mesh with texture coordinates", "one without")
+        # Colours of vertices, and the material.
         colours = given.colours if _wants_colours(table) else None
         if table.vertex_colors and colours is None:
             field = joined(path, "vertex_colors")
             raise SceneError(self._source, field, "a mesh with colours of vertices", "one without")
         material = material or (NEUTRAL if colours is None else WHITE)
+        # A shape that the same entry has made before, or a new one.
         key = (given, material, texture, grain, table.own_normals, colours is None, alpha, table.material is None)
         if key not in self._shapes:
             mesh = given.mesh if table.own_normals else replace(given.mesh, normals=None)

@@ -15,11 +15,11 @@ from raytrace.errors import OptionError, SceneError
 from raytrace.mesh.up import FROM, UP
 from raytrace.system.checks import check_regular
 from raytrace.system.faults import fields_of
+from raytrace.text.field_errors import check_keys, located, shown
+from raytrace.text.safe_paths import confined
 
-from ..falloffs import Scales, make_falloff, make_scales, table_of
-from ..field_errors import check_keys, located, shown
+from ..formats.falloffs import Scales, make_falloff, make_scales, table_of
 from ..formats.stored_w import ENDINGS
-from ..safe_paths import confined
 from .description import SceneDescription, Source, three_lights
 from .schema import CameraTable, Document, ObscuranceTable, parse_document
 from .toml_objects import ObjectReader, named_materials
@@ -66,6 +66,7 @@ def _load(path: Path) -> dict[str, Any]:
         raise SceneError(path, "file", "a readable file", reason.strerror or reason) from None
     if not content.strip():
         raise SceneError(path, "content", "a TOML scene", "an empty file")
+    # Text without what takes the parser very long.
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as reason:
@@ -73,6 +74,7 @@ def _load(path: Path) -> dict[str, Any]:
         raise SceneError(path, f"line {line}", "UTF-8", f"byte {content[reason.start]:#04x}") from None
     if _LONG_KEY.search(text):
         raise SceneError(path, "content", f"keys of fewer than {_PARTS} parts", "a longer one")
+    # Its tables.
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as reason:
@@ -127,7 +129,7 @@ def _obscurance(
     locate = partial(confined, folder=path.parent, source=path, field="obscurance.falloff")
     with located(path, "obscurance"):
         falloff = make_falloff(table.falloff, table.tau, table.half_distance, table.max_distance, locate)
-        options = Options(falloff=falloff, samples=table.samples, seed=table.seed or 0)
+        options = Options(falloff=falloff, samples=table.samples, seed=table.seed or 0, denoise=False)
     return "bake", options, None, table_of(table.falloff, locate)
 
 

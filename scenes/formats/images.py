@@ -6,12 +6,14 @@ import os
 from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ao.texture.uv_layout import tile_ranges
 from raytrace.errors import OptionError, OutputError, is_utf8, printable
+from raytrace.image.dither import dithered
 from raytrace.image.encode import write_data
 from raytrace.system.atomic import check_writable
 from raytrace.types import Float32s, Float64s
@@ -70,8 +72,9 @@ def write_grey(
     bits: int = 16,
     profile: Profile | None = None,
 ) -> None:
-    """Write w or its error (h, w), linear: PNG of 8 or 16 bits, EXR and TIFF of floats; in EXR a profile as a layer."""
-    layers = [values[:, :, None]]
+    """Write w or its error (h, w), linear: PNG of 16 bits, or 8 dithered; EXR, with a profile as a layer, and TIFF."""
+    whole = values[:, :, None]
+    layers: list[npt.NDArray[Any]] = [dithered(whole) if path.suffix.lower() == ".png" and bits == 8 else whole]
     names = ["Y"]
     if profile and path.suffix.lower() == ".exr":
         layers.append(profile.values)

@@ -63,6 +63,7 @@ def _collada(file: BinaryIO, path: Path) -> list[Instance]:
     rows = 0
     for placed in content.scene.objects("geometry") if content.scene else ():
         shape = placed.original
+        # Primitives that share vertices are one mesh.
         sets: dict[int, list[Any]] = {}
         for piece in shape.primitives:
             if isinstance(piece, Polylist | TriangleSet) and piece.vertex is not None:

@@ -76,7 +76,7 @@ class NumberRows:
             places = self.words(self.bounds[rows]) + offset
             rows = rows[text[np.minimum(places, len(text) - 1)] | 32 == letter]
         after = text[self.words(self.bounds[rows]) + len(word)]
-        return rows[(after <= 32) | (after == 35)]
+        return np.asarray(rows[(after <= 32) | (after == 35)])
 
     def take(self, at: Int64s, ends: Int64s, sizes: int | Int64s, fault: Exception) -> Float64s:
         """So many numbers of each of some rows, which have `ends`, from places `at` on, one after the other.
@@ -88,8 +88,8 @@ class NumberRows:
             raise fault
         stride = int(at[1] - at[0]) if len(at) > 1 else 0
         if len(at) and not np.ptp(counts) and (np.diff(at) == stride).all():
-            shape, strides = (len(at), int(counts[0])), (8 * stride, 8)
-            values = np.lib.stride_tricks.as_strided(self.numbers[at[0] :], shape, strides).ravel()
+            shape = len(at), int(counts[0])
+            values = np.lib.stride_tricks.as_strided(self.numbers[at[0] :], shape, (8 * stride, 8)).ravel()
         else:
             first = np.repeat(at - np.cumsum(counts) + counts, counts)
             values = self.numbers[first + np.arange(len(first))]

@@ -78,7 +78,8 @@ class ObjectSelection(NamedTuple):
                 own = corners.reshape(-1, 3)
                 opacity = mesh.opacity and mesh.opacity.only(rows)
                 made = Mesh(mesh.vertices[vertices], own, normals, source=mesh.source, up=mesh.up, opacity=opacity)
-                yield vertices, made
+                polygons = None if mesh.polygons is None else mesh.polygons[rows]
+                yield vertices, replace(made, polygons=polygons)
 
 
 def select_objects(
@@ -107,8 +108,8 @@ def select_objects(
     excluded = _named(source, "exclude", exclude, lenient) if exclude else ~every
     received = (_named(source, "receive", receive) if receive else every) & ~excluded
     if not received.any():
-        name, given = ("receive", receive) if receive else ("exclude", exclude)
-        raise OptionError(name, "patterns that leave an object to bake", " ".join(given), source.path)
+        name = "receive" if receive else "exclude"
+        raise OptionError(name, "patterns that leave an object to bake", " ".join(receive or exclude), source.path)
     if excluded.any():
         mesh = _without(mesh, excluded)
     if cast:

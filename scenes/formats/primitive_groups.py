@@ -60,6 +60,7 @@ def primitive_groups(mesh_file: MeshFile, coordinates: int = 0) -> Iterator[Prim
             object_of = np.repeat(attributes.object_of + 1, attributes.triangles.counts)
         if attributes.material_of is not None:
             material_of = np.repeat(attributes.material_of + 1, attributes.triangles.counts)
+    # Faces of one object and material, in runs.
     for number, part in enumerate(mesh_file.parts):
         order = np.lexsort((material_of[part.faces], object_of[part.faces])) + part.faces.start
         kinds = np.stack([object_of[order], material_of[order]], axis=1)
@@ -86,7 +87,7 @@ def _groups_of_gltf(asset: Gltf, mesh_file: MeshFile, coordinates: int) -> Itera
             number,
             np.arange(part.faces.start, part.faces.stop),
             Named(index, str(name)),
-            Named(drawn.node, part.name.removesuffix(f"[{drawn.place}]")),
+            Named(drawn.node, part.name.removesuffix(f"[{drawn.primitive_number}]")),
             body=drawn.mesh,
             image=min(images, default=None),
         )

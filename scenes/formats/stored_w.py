@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 import zipfile
 from collections.abc import Iterator, Sequence
@@ -30,7 +31,7 @@ ENDINGS = endings("holds", "w")
 if TYPE_CHECKING:
     from ao import Profile
 
-    from ..falloffs import Scales
+    from .falloffs import Scales
     from .gltf.asset import Gltf
 
 _ARRAYS = {"profile", "half_distances", "radius"}
@@ -45,21 +46,22 @@ def check_stored(path: Path) -> None:
         raise OptionError("--baked", "an existing file", path)
 
 
-def read_w(path: Path, *counts: int, scales: Scales | None = None) -> Float64s:
-    """w (n,), n being one of `counts`: a `.npy` file, the array `w` of a `.npz` file, or that of a mesh's vertices.
+def read_w(path: str | os.PathLike[str], *counts: int, scales: Scales | None = None) -> Float64s:
+    """w (n,): a `.npy` file, the array `w` of a `.npz` file, or that of a mesh's vertices.
 
     Primitives of a glTF that a bake has left nothing in have what their occlusion texture is at the vertices.
 
-    Args: scales: half-distances to look up in the file's profile, in place of its w.
+    Args: counts: what n may be, by default anything: in a `.glb` also vertices that it repeats, after all others.
+        scales: half-distances to look up in the file's profile, in place of its w.
 
     Raises: SceneError: the file cannot be read, or has none for so many vertices. OptionError: as `Scales.of`.
     """
+    path = Path(path)
     try:
         w = _of_mesh(path, counts, scales) if format_of(path).read else _of_array(path, counts)
         if scales and not format_of(path).read:
             w = scales.of(checked_profile(path, find_profile(path)))
-            if len(w) not in counts:
-                raise _other_count(path, "w", counts, f"{len(w):,}")
+            _check_count(path, counts, len(w))
     except MeshError as fault:
         raise SceneError(fault.source, fault.field, fault.expected, fault.got) from None
     if not ((w >= 0) & (w <= 1)).all():
@@ -101,19 +103,24 @@ def _of_mesh(path: Path, counts: tuple[int, ...], scales: Scales | None) -> Floa
     stored = [(each, w) for each, w in zip(instances, found, strict=True) if w is not None]
     if not stored or len(stored) < len(instances):
         raise SceneError(path, "w", "obscurance at every vertex, as obscurance bake writes it", "none")
-    if asset and sum(len(w) for _, w in stored) not in counts:  # pictures leave out what nodes flatten to nothing
+    total = sum(len(w) for _, w in stored)
+    if asset and counts and total not in counts:  # pictures leave out what nodes flatten to nothing
         stored = [(each, w) for each, w in stored if not each.is_flattened]
     w = np.concatenate([np.empty(0), *(w for _, w in stored)]).astype(np.float64)
     if len(stored) == 1 and asset:
         w = w[: unrepeated(stored[0][0].vertices, counts)]
-    if len(w) not in counts:
-        raise _other_count(path, "w", counts, f"{len(w):,}")
+    _check_count(path, counts, len(w))
     return w
+
+
+def _check_count(path: Path, counts: tuple[int, ...], count: int) -> None:
+    if counts and count not in counts:
+        raise _other_count(path, "w", counts, f"{count:,}")
 
 
 def _other_count(path: Path, name: str, counts: tuple[int, ...], got: str) -> SceneError:
     """Args: counts: of the vertices of mesh files, and of the scene."""
-    expected = f"{counts[0]:,} values, one a vertex of the scene"
+    expected = f"{counts[0]:,} values, one a vertex of the scene" if counts else "an array (n,), one value a vertex"
     if len(set(counts)) > 1:
         expected += f"'s files, or {counts[1]:,}, one a vertex of the scene"
     return SceneError(path, name, expected, got)
@@ -166,7 +173,7 @@ def _of_array(path: Path, counts: tuple[int, ...], name: str = "w", columns: tup
         version = np.lib.format.read_magic(file)
         headers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
         shape, by_columns, kind = headers[version](file)
-        if shape[1:] != columns or len(shape) != 1 + len(columns) or shape[0] not in counts:
+        if shape[1:] != columns or len(shape) != 1 + len(columns) or (counts and shape[0] not in counts):
             got = f"{shape[0]:,}" if len(shape) == 1 and not columns else f"shape {shape}"
             raise _other_count(path, name, counts, got)
         if kind.kind not in "fiu" or kind.itemsize > 16:

@@ -31,6 +31,8 @@ class Channels(NamedTuple):
     ramp: bool = False  # also in the materials' occlusion textures (`scenes.formats.gltf.write`)
     replace: bool = False  # in place of occlusion textures of the source, too
     up: str | None = None  # the axis that is up, in place of `Mesh.up`
+    ply_name: str | None = None  # a further property of a PLY that holds w
+    again: str = 'baked.profile.at("{}")'  # how a page says to bake another half-distance, "{}"
 
 
 class FileFormat(NamedTuple):
@@ -86,7 +88,7 @@ def sniffed_format(content: bytes | bytearray) -> str | None:
 
 
 register(  # what no folder reads
-    FileFormat(".npy", "NumPy", write="scenes.write_bake:npy", holds=("w",)),
-    FileFormat(".npz", "NumPy", write="scenes.write_bake:npz", holds=("w",)),
-    FileFormat(".html", "HTML", write="scenes.write_bake:html"),
+    FileFormat(".npy", "NumPy", write="scenes.formats.write:npy", holds=("w",)),
+    FileFormat(".npz", "NumPy", write="scenes.formats.write:npz", holds=("w",)),
+    FileFormat(".html", "HTML", write="scenes.show.page.baked:html"),
 )

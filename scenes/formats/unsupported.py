@@ -7,11 +7,18 @@ from raytrace.errors import printable
 
 from .load import MeshFile
 from .ply.write import has_own_colors
+from .ply.write import unsupported_features as unsupported_of_ply
 from .table import Channels, format_of
 
 
+def left_out(mesh_file: MeshFile, _: str = "") -> list[str]:
+    """What of a mesh file a format lacks that holds w, polygons, texture coordinates and normals alone, in words."""
+    numbers = mesh_file.attributes.numbers if mesh_file.attributes else ()
+    return [*unsupported_of_ply(mesh_file, "rgb"), *(f"{name} of vertices" for name in numbers)]
+
+
 def unsupported_features(target: Path, mesh_file: MeshFile, channels: Channels = Channels()) -> list[str]:
-    """Losses of `write_bake.write`, and unexpected changes: lines for the user, mostly none.
+    """Losses of `scenes.write`, and unexpected changes: lines for the user, mostly none.
 
     Raises: OptionError: coordinates that the format does not hold. MeshError: colours to be kept are malformed.
     """
@@ -24,6 +31,8 @@ def unsupported_features(target: Path, mesh_file: MeshFile, channels: Channels =
     if row.name == "PLY" and not colors and has_own_colors(mesh_file.attributes):
         instead = "w is in its property obscurance alone, and --colors puts it in their place"
         warnings.append(f"{target}: keeps the colours of {mesh_file.path}; {instead}")
+    if channels.ply_name and mesh_file.attributes and channels.ply_name in mesh_file.attributes.numbers:
+        warnings.append(f"{target}: w takes the place of {channels.ply_name} of {mesh_file.path}")
     if channels.ramp and mesh_file.gltf:
         from .gltf.write import ramp_warnings
 

@@ -26,6 +26,8 @@ class SourceMaterial:
     metallic: float = 0.0
     roughness: float = 1.0
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    specular: tuple[float, float, float] = (0.0, 0.0, 0.0)  # and `exponent`, of Blinn–Phong; glTF has `roughness`
+    exponent: float = 0.0
     texture: Path | None = None  # an existing PNG or JPEG, multiplied into `colour`; coordinates as the file has them
     opacity_texture: Path | None = None  # an existing image, multiplied into `opacity`, see `opacity_map`
 
@@ -40,6 +42,12 @@ class SourceMaterial:
         if self.opacity_texture is None:
             return None
         return texture_alpha(Texture(self.opacity_texture), grey=self.opacity_texture != self.texture)
+
+
+def is_picture(path: Path) -> bool:
+    """Whether a file begins as a PNG or a JPEG, which glTF and browsers show."""
+    with path.open("rb") as file:
+        return file.read(8).startswith((b"\x89PNG", b"\xff\xd8\xff"))
 
 
 def is_opacity_map(path: Path, colour: Path | None) -> bool:
@@ -111,14 +119,14 @@ class SourceAttributes:
 
     def of_triangles(self, values: PerCorner) -> PerCorner:
         """Values of the triangles' corners, from those of the polygons'."""
-        return PerCorner(values.rows, self.triangles.take(values.of).ravel())
+        return PerCorner(values.values, self.triangles.take(values.of).ravel())
 
     def corner_uv(self) -> Float64s | None:
         """Texture coordinates (m, 3, 2) of the triangles, v upwards, NaN where a corner of one has none; None if there
         are none."""
         if self.uv is None:
             return None
-        found = self.uv.rows[self.triangles.take(self.uv.of)]
+        found = self.uv.values[self.triangles.take(self.uv.of)]
         return np.where(np.isnan(found).any(axis=(1, 2), keepdims=True), np.nan, found)
 
 
@@ -134,7 +142,7 @@ def reversed_attributes(attributes: SourceAttributes) -> SourceAttributes:
         corners=attributes.corners[order],
         triangles=triangles,
         uv=attributes.uv and attributes.uv._replace(of=attributes.uv.of[order]),
-        normals=attributes.normals and PerCorner(-attributes.normals.rows, attributes.normals.of[order]),
+        normals=attributes.normals and PerCorner(-attributes.normals.values, attributes.normals.of[order]),
         elements=tuple(_reversed_element(element, sizes, order) for element in attributes.elements),
     )
 

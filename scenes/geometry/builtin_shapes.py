@@ -69,7 +69,7 @@ def _squares(solid: Bools, side: int, cuts: int) -> Int64s:
     first = (cells + np.array([int(side > 0), 0, 0])) * cuts
     parts = np.stack([np.zeros(cuts * cuts, np.int64), *np.indices((cuts, cuts)).reshape(2, -1)], axis=-1)
     turn = np.array([[0, 0, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1]])[::side]
-    return (first[:, None, None] + parts[None, :, None] + turn).reshape(-1, 4, 3)
+    return np.reshape(first[:, None, None] + parts[None, :, None] + turn, (-1, 4, 3))
 
 
 def temple(fineness: float = 0.07) -> Mesh:
@@ -123,7 +123,8 @@ class Solid(Parameters):
 
     def triangles(self) -> float:
         """About how many triangles the mesh has; infinity is possible."""
-        (longest, area), length = self._extent(), self._length()
+        longest, area = self._extent()
+        length = self._length()
         return max(_SIDES * longest / length, 2 * area / length / length)
 
     def _length(self) -> float:

@@ -12,28 +12,28 @@ from raytrace.types import Float64s, Int64s
 
 
 class PerCorner(NamedTuple):
-    """Values of the polygons' corners: `rows` (k, w), and for each corner (c,) which of them it has."""
+    """Values of the polygons' corners: `values` (k, w), and for each corner (c,) which of them it has."""
 
-    rows: Float64s
+    values: Float64s
     of: Int64s
 
     def at_vertices(self, corners: Int64s, count: int, elsewhere: float = 0.0) -> Float64s | None:
         """The values by vertex (count, w), `elsewhere` where no corner is; None if some vertex has several."""
-        values = np.full((count, self.rows.shape[1]), elsewhere)
-        own = self.rows[self.of]
-        values[corners] = own
-        return values if np.array_equal(values[corners], own, equal_nan=True) else None
+        at_corners = self.values[self.of]
+        by_vertex = np.full((count, self.values.shape[1]), elsewhere)
+        by_vertex[corners] = at_corners
+        return by_vertex if np.array_equal(by_vertex[corners], at_corners, equal_nan=True) else None
 
 
 def unique_rows(columns: Sequence[Int64s]) -> tuple[Int64s, Int64s]:
     """The first row (k,) of each kind, in ascending order of the columns (n,), and the kind (n,) of each row."""
-    rows = np.stack(columns, axis=1)
-    alike = first_alike(rows)
-    first = np.flatnonzero(alike == np.arange(len(rows)))
-    first = first[np.lexsort(rows[first].T[::-1])]
-    number = np.empty(len(rows), np.int64)
-    number[first] = np.arange(len(first))
-    return first, number[alike]
+    keys = np.stack(columns, axis=1)
+    alike = first_alike(keys)
+    first_of_kind = np.flatnonzero(alike == np.arange(len(keys)))
+    first_of_kind = first_of_kind[np.lexsort(keys[first_of_kind].T[::-1])]
+    kind = np.empty(len(keys), np.int64)
+    kind[first_of_kind] = np.arange(len(first_of_kind))
+    return first_of_kind, kind[alike]
 
 
 def split_corners(
@@ -63,8 +63,8 @@ def split_creases(mesh: Mesh, more: Sequence[PerCorner] = ()) -> tuple[Int64s, I
 
     Returns: vertices (k,), the mesh's first, faces (m, 3), normals (k, 3), and a corner like each vertex (k,).
     """
-    rows, of = creased_normals(mesh)
-    own = PerCorner(rows, of.ravel())
-    places = np.arange(of.size).reshape(-1, 3)
-    vertices, faces, like = split_corners(mesh.faces.ravel(), places, [own, *more], len(mesh.vertices))
-    return vertices, faces, rows[own.of[like]], like
+    normals = PerCorner(*creased_normals(mesh))
+    normals = normals._replace(of=normals.of.ravel())
+    places = np.arange(normals.of.size).reshape(-1, 3)
+    vertices, faces, like = split_corners(mesh.faces.ravel(), places, [normals, *more], len(mesh.vertices))
+    return vertices, faces, normals.values[normals.of[like]], like

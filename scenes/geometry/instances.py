@@ -83,6 +83,7 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Sub
             only.vertices, only.faces, only.normals, source=source, opacity=only.opacity, polygons=only.polygons, up=up
         )
         return mesh, parts
+    # Each instance in its place.
     vertices = np.empty((parts[-1].vertices.stop if parts else 0, 3))
     faces = np.empty((parts[-1].faces.stop if parts else 0, 3), np.int64)
     has_normals = any(placed.normals is not None for placed in instances)

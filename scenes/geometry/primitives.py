@@ -16,7 +16,10 @@ from raytrace.types import Float64s, Int64s
 
 
 class Origin(NamedTuple):
-    """The vertex of its file, of `total`, that each vertex of a mesh comes from: `of`, int64 (n,)."""
+    """The vertex of its file, of `total`, that each vertex of a mesh comes from: `of`, int64 (n,).
+
+    `total` is 0 for a further object of the same file.
+    """
 
     of: Int64s
     total: int

@@ -19,8 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ao.analytic.closed_forms import Rate
-from ao.falloff import Binary, Exponential, Falloff
-from ao.points.receivers import Normals
+from ao.falloff import POLYNOMIALS, Binary, Exponential, Falloff
+from ao.options import Normals
 from raytrace.mesh.mesh import Mesh
 from raytrace.types import Float64s, Int64s
 
@@ -65,11 +65,12 @@ class ValidationCase:
 
     def _with(self, falloff: Falloff) -> Configuration:
         mu = falloff.resolve(self.mesh.radius)
-        rate: Rate = mu.form if mu.form == "linear" or mu.form == "smooth" else mu.tau
+        rate: Rate = mu.form if mu.form in POLYNOMIALS else mu.tau
         exact = np.broadcast_to(np.asarray(self.exact(rate, mu.max_distance), np.float64), self.points.shape)
         other = exact if self.bracket is None else np.asarray(self.bracket(rate, mu.max_distance), np.float64)
         closed = mu.binary and self.missing == 0.0 and (exact == 0.0).all()
-        target, fall = (BINARY_TARGET, BINARY_RATE) if mu.binary else (EXPONENTIAL_TARGET, EXPONENTIAL_RATE)
+        target = BINARY_TARGET if mu.binary else EXPONENTIAL_TARGET
+        fall = BINARY_RATE if mu.binary else EXPONENTIAL_RATE
         if (exact == 1.0).all():
             target, fall = 0.0, 0.0
         elif self.certain or closed:
@@ -104,7 +105,7 @@ class Configuration:
 
     def allowed(self, samples: int = SAMPLES) -> float:
         """The largest |measured − exact| that passes with `samples` rays."""
-        target = min(self.target * (SAMPLES / min(samples, MOST_SAMPLES)) ** self.rate, 1.0)
+        target: float = min(self.target * (SAMPLES / min(samples, MOST_SAMPLES)) ** self.rate, 1.0)
         return target + self.truncation + self.tessellation
 
 

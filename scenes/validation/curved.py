@@ -121,7 +121,9 @@ def _seen_from_within(weight: Callable[[float, float], float], radius: float, in
             return weight(angle, float(tau) * (radius * cos(angle) + sqrt(within) if within > 0 else 0.0))
 
         edge = asin(inner / radius)
-        return 1.0 - quad(reached, 0, edge, epsabs=1e-11)[0] - quad(reached, edge, pi / 2, epsabs=1e-11)[0]
+        within: float = quad(reached, 0, edge, epsabs=1e-11)[0]
+        beside: float = quad(reached, edge, pi / 2, epsabs=1e-11)[0]
+        return 1.0 - within - beside
 
     return w
 
@@ -131,7 +133,8 @@ def _inside_sphere(sphere: RawMesh, thickness: bool = False) -> ValidationCase:
     outwards = 1 if thickness else -1
     inner = radius * inscribed_radius(sphere)
     points = np.arange(0, len(sphere[0]), len(sphere[0]) // 16)
-    part, normals = (radius * sphere[0], sphere[1][:, ::outwards]), outwards * sphere[0][points]
+    part = radius * sphere[0], sphere[1][:, ::outwards]
+    normals = outwards * sphere[0][points]
     least = _seen_from_within(lambda a, depth: exp(-depth) * 2 * sin(a) * cos(a), radius, inner)
     about = (points, normals), (closed_form(analytic.inside_sphere, (radius,)), least), (*BOTH, Exponential(tau=5.0))
     return _case("thickness of a ball" if thickness else "inside a sphere", 34, part, *about, thickness=thickness)
@@ -151,7 +154,8 @@ def _inside_cylinder() -> ValidationCase:
     inner = radius * cos(pi / SIDES)
     points = SIDES + np.arange(0, SIDES, SIDES // 16)
     vertices, faces = prism(SIDES, LENGTH / radius, 3)
-    part, normals = (radius * vertices, faces[:, ::-1]), -vertices[points]
+    part = radius * vertices, faces[:, ::-1]
+    normals = -vertices[points]
     least = _seen_from_within(lambda a, depth: 4 / pi * cos(a) * bickley(3, depth), radius, inner)
     about = (points, normals), (closed_form(analytic.inside_cylinder, (radius,)), least), (*BOTH, Exponential(tau=5.0))
     return _case("inside a cylinder", 35, part, *about, missing=_missing(2 * radius))
@@ -164,5 +168,6 @@ def _cylinder() -> ValidationCase:
     far = height + radius + max(map(abs, offsets))
     name, falloffs = "cylinder parallel to a plane", (Binary(), Exponential(tau=3.0))
     bounds = [closed_form(analytic.cylinder, *((r, height, x) for x in offsets)) for r in (radius, inner)]
-    raised, points = (radius * vertices + [0, 0, height], faces), [(x, 0.0, 0.0) for x in offsets]
+    raised = radius * vertices + [0, 0, height], faces
+    points = [(x, 0.0, 0.0) for x in offsets]
     return _above_plane(name, 36, points, raised, bounds, falloffs, missing=_missing(far))

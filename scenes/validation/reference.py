@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ao.mu import Mu
-from ao.points.receivers import Points, find_receivers
+from ao.points.points import Points
+from ao.points.receivers import find_receivers
 from raytrace.embree.rays import intersect
 from raytrace.embree.scene import TriangleScene
 from raytrace.mesh.mesh import Mesh

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from meshes import soup_over_floor
 
 import ao
 from raytrace import Camera, DirectionalLight, Lambert, Mesh, Object, Scene, Settings, Shape, render
 from raytrace.mesh.precision import outlier_warnings
-from tests.helpers.meshes import soup_over_floor
 
 VERTICES, FACES = soup_over_floor(3, 6)
 COUNT = len(VERTICES)

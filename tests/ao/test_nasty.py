@@ -1,9 +1,9 @@
 """Small nasty meshes against a slow caster in double precision: no vertex is off but where surfaces are in contact.
 
 Slivers, faces that coincide, T-junctions, fans, folded sheets, needles: drawn by seed. The caster of
-`tests.helpers.reference` shares nothing with the fast one, nor does it know the rules of docs/reliability.md. Left out
-are vertices that these decide: flagged ones, which have a face beside them of which they are no corner or no common
-hemisphere, and vertices that are in contact with a face.
+`tests/helpers/reference.py` shares nothing with the fast one, nor does it know the rules of evidence/reliability.md.
+Left out are vertices that these decide: flagged ones, which have a face beside them of which they are no corner or no
+common hemisphere, and vertices that are in contact with a face.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ import math
 
 import numpy as np
 import pytest
+import reference
 
 import ao
 from raytrace import Mesh
 from scenes.geometry.polyhedra import generic_rotation, join
-from tests.helpers import reference
 
 EXPLAINED = ao.Flag.CONTACT | ao.Flag.FOLDED | ao.Flag.OPPOSED | ao.Flag.DEGENERATE
 RAYS, SAMPLES = 1024, 4096
 SIGMAS, ROUNDING = 6.0, 2e-3  # the fast baker's own error is a fraction of the caster's
-CONTACT = 4e-7  # of the size of a mesh, as docs/reliability.md says
+CONTACT = 4e-7  # of the size of a mesh, as evidence/reliability.md says
 
 
 def fan(rng):

@@ -37,7 +37,7 @@ def manifest(folder):
 
 @pytest.mark.parametrize("largest", [1, 1200, 1 << 21])
 def test_every_output_is_the_one_of_a_bake_of_its_own(folder, monkeypatch, largest):
-    monkeypatch.setattr("scenes.jobs.batch._LARGE", largest)
+    monkeypatch.setattr("scenes.bake.batch._LARGE", largest)
     options = (*SAMPLES, "--falloff", "binary", "--seed", 3)
     done = obscurance("bake", "hill*.obj", "--output-dir", "out", "--format", "npz", "--threads", 3, *options)
     assert done.returncode == 0, done.stderr
@@ -200,7 +200,7 @@ def test_an_interrupt_leaves_whole_files_and_says_how_far_it_was(folder):
     for number in range(60):
         (folder / f"more{number}.obj").write_bytes(obj(*hills(30)))
     command = ["bake", "more*.obj", "--output-dir", "out", "--samples", "1024", "--threads", "2"]
-    code = [sys.executable, "-c", BEGUN.format(module="scenes.jobs.batch"), *command]
+    code = [sys.executable, "-c", BEGUN.format(module="scenes.bake.batch"), *command]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     with started(code, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
         assert run.stdout.readline() == "begun\n"

@@ -55,7 +55,7 @@ def test_mistakes_with_pictures_are_reported_in_a_line(tmp_path, mesh, monkeypat
     refused(obscurance(*render, "--cluster", "here"), "render --cluster: expected local, local:N or the address")
     refused(obscurance(*render, "--shared", tmp_path), "render: --shared needs --cluster")
     refused(obscurance(*render, "--cluster", "local", "--shared", mesh), "render --shared: expected a folder")
-    monkeypatch.setattr("scenes.jobs.remote.find_spec", lambda _: None)
+    monkeypatch.setattr("scenes.bake.cluster.find_spec", lambda _: None)
     refused(obscurance(*render, "--cluster", "local"), "render --cluster: expected Dask")
     assert [path.name for path in tmp_path.iterdir()] == ["hills.ply"]
 
@@ -66,7 +66,7 @@ def test_mistakes_are_reported_in_a_line(tmp_path, mesh, monkeypatch):
     refused(obscurance(*bake, "--cluster", "local", "--part", "1/2"), "bake: --cluster and --part exclude each other")
     refused(obscurance(*bake, "--shared", tmp_path), "bake: --shared needs --cluster")
     refused(obscurance(*bake, "--cluster", "local", "--shared", mesh), "bake --shared: expected a folder")
-    monkeypatch.setattr("scenes.jobs.remote.find_spec", lambda _: None)
+    monkeypatch.setattr("scenes.bake.cluster.find_spec", lambda _: None)
     refused(
         obscurance(*bake, "--cluster", "local"),
         "bake --cluster: expected Dask",

@@ -12,7 +12,7 @@ from raytrace.image.read import read_image
 from scenes.formats.images import write_grey
 from scenes.formats.load import MeshFile, load
 from scenes.formats.stored_w import find_profile, read_w
-from scenes.write_bake import write
+from scenes.formats.write import write
 
 
 @pytest.fixture(scope="module")

@@ -62,8 +62,12 @@ def test_a_ply_keeps_its_properties_and_has_its_normals_negated(tmp_path):
     report = tmp_path / "r.json"
     arguments = "bake", tmp_path / "box.ply", "-o", tmp_path / "w.ply", "--samples", 4, "--report", report
     assert "look inwards, and w is that of the inside: --flip" in obscurance(*arguments).stderr
-    assert any("look inwards" in line for line in json.loads(report.read_text())["warnings"])
+    found = json.loads(report.read_text())
+    assert any("look inwards" in line for line in found["warnings"])
+    assert not found["verdict"]["good"]
+    assert "look inwards" in found["verdict"]["findings"][0]["what"]
     assert obscurance(*arguments, "--flip").stderr == ""
+    assert "look inwards" not in report.read_text()
     assert np.array_equal(load(tmp_path / "w.ply").mesh.faces, mesh.faces)
     assert "look inwards" in obscurance("info", tmp_path / "box.ply").stdout
 

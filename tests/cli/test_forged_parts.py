@@ -102,7 +102,7 @@ def test_forged_parts_of_the_surface_method_are_refused_in_a_line(folder, value)
 
 
 ENTRY = {"input": "a", "output": "b", "status": "done", "seconds": 1.0, "message": "", "warnings": []}
-ENTRY |= {"sha256": "", "written": ""}
+ENTRY |= {"sha256": "", "output_sha256": ""}
 MANIFEST = {"manifest_version": 1, "options": {}, "versions": {}, "waiting": 0}
 MANIFEST |= {"part": {"number": 1, "of": 1, "inputs": ["a"]}, "inputs": [ENTRY]}
 MANIFESTS = {

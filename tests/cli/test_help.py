@@ -7,7 +7,7 @@ from command import obscurance, process
 from typer.main import get_command
 
 from cli import app
-from scenes.jobs.options import BAKE
+from scenes.bake.options import BAKE
 
 
 @pytest.mark.parametrize("arguments", [(), ("-h",), ("--help",)])

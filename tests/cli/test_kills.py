@@ -10,11 +10,12 @@ from command import started
 from project import HELPERS, environment
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
-KINDS = ("npy", "ply", "glb", "texture", "textured", "batch", "textures", "picture", "parts", "page", "report")
+KINDS = ("npy", "npz", "ply", "glb", "texture", "images", "textured", "batch", "textures", "falloff", "picture",
+         "parts", "page", "report")  # fmt: skip
 
 
 def killed(folder, kills, kind):
-    command = [sys.executable, HELPERS / "killed_commands.py", str(kills), "1", kind, folder]
+    command = [sys.executable, HELPERS / "bakes" / "killed_commands.py", str(kills), "1", kind, folder]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with started(command, env=environment(), **pipes) as running:  # it forks: the commands are to end with it
         output, errors = running.communicate(timeout=3600)

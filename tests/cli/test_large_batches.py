@@ -9,14 +9,14 @@ from command import obscurance, refused
 from mesh_files import obj
 from meshes import hills
 
-from ao.falloff import Binary
-from scenes.jobs.manifest import assign_shards
-from scenes.jobs.remote import SharedBakes
-from scenes.jobs.run import bake_command
+from scenes.bake.cluster import SharedPlans
+from scenes.bake.manifest import assign_shards
+from scenes.bake.options import BakeOptions
+from scenes.bake.plan import plan_bake
 
 __all__ = ["left_sockets", "small_blocks"]
 pytestmark = LEFT_SOCKETS
-OPTIONS = "--samples", 16, "--format", "npz"
+OPTIONS = "--samples", 64, "--format", "npz"
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def same_files(folder, one, other):
 
 @pytest.mark.usefixtures("small_blocks")
 def test_a_batch_by_a_cluster_is_that_of_one_machine_and_can_be_resumed(folder, monkeypatch):
-    monkeypatch.setattr("scenes.jobs.batch._LARGE", (folder / "hill4.obj").stat().st_size)
+    monkeypatch.setattr("scenes.bake.batch._LARGE", (folder / "hill4.obj").stat().st_size)
     whole = bake("whole")
     with scheduler(1) as cluster:
         done = bake("out", "--cluster", cluster.scheduler_address)
@@ -66,15 +66,15 @@ def test_a_batch_by_a_cluster_is_that_of_one_machine_and_can_be_resumed(folder, 
         (folder / "out" / "hill0.npz").unlink()
         (folder / "noise.obj").write_bytes(obj(*hills(4)))
         again = bake("out", "--cluster", cluster.scheduler_address, "--resume")
-    assert (again.returncode, again.stderr.count("\n")) == (0, 1)  # of hill0
+    assert (again.returncode, again.stderr.count("\n")) == (0, 2)  # of hill0 and of what was noise
     assert (folder / "out" / "hill1.npz").stat().st_mtime_ns == before
     assert manifest(folder / "out")[1]["done"] == 6
 
 
 def test_files_that_a_worker_does_not_see_are_named(folder):
-    bakes = bake_command({"mesh": folder / "hill0.obj", "output": folder / "w.npz", "falloff": "binary"})
-    stored = pickle.dumps(SharedBakes((bakes,), Binary(), False))
-    assert [vars(bake) for bake in pickle.loads(stored).bakes] == [vars(bakes)]
+    plan = plan_bake(BakeOptions(mesh=[folder / "hill0.obj"], output=folder / "w.npz", falloff="binary"))
+    stored = pickle.dumps(SharedPlans((plan,)))
+    assert [shared.described() for shared in pickle.loads(stored).plans] == [plan.described()]
     (folder / "hill0.obj").unlink()
     with pytest.raises(FileNotFoundError) as fault:
         pickle.loads(stored)
@@ -127,7 +127,6 @@ def test_mistakes_are_reported_in_a_line(folder, monkeypatch):
     refused(bake("out", "--part", "4/3"), "bake --part: expected K/N")
     refused(bake("out", "--part", "1/3", "--cluster", "local"), "bake: --part and --cluster exclude each other")
     refused(bake("out", "--part", "1/3", "--dry-run"), "bake: --part and --dry-run exclude each other")
-    refused(bake("out", "--cluster", "local", "--tiles", "2x2x2"), "bake: --output-dir and --tiles exclude each other")
     refused(bake("out", "--shared", "."), "bake: --shared needs --cluster")
     refused(obscurance("merge", "out"), "merge --output: expected a file")
     pytest.importorskip("distributed", reason="pip install '.[cluster]'")

@@ -59,16 +59,16 @@ COMMANDS = [
         "bake INPUT: expected a pattern that matches files, got n*.ply, which matches none",
     ),
     ("bake a.ply --output-dir out --report r.json", "bake: --report and --output-dir exclude each other"),
-    ("bake a.ply --output-dir out --format obj", "bake --format: expected one of npy, npz, ply, glb", "got obj"),
+    ("bake a.ply --output-dir out --format stl", "bake --format: expected one of npy, npz, ply, glb", "got stl"),
     ("bake a.ply --output-dir out --samples 0", "bake --samples"),
     ("bake a.ply -o", "bake -o: expected a value, got nothing"),
     (
         "bake a.ply -o w",
         "bake --output: expected a name ending in .glb,",
-        ".html, .npy, .npz, .ply, .png, .exr,",
+        ".html, .npy, .npz, .obj, .ply, .vtp, .png, .exr,",
         "got w;",
     ),
-    ("bake a.ply -o c.obj", "got c.obj; did you mean c.ply?"),
+    ("bake a.ply -o c.stl", "got c.stl; did you mean c.ply?"),
     ("bake a.ply -o c.JPG", "got c.JPG; did you mean c.png?"),
     ("bake a.ply -o c.gltf", "got c.gltf; did you mean c.glb?"),
     ("bake a.ply -o w.npy.txt", "got w.npy.txt"),
@@ -239,7 +239,7 @@ def test_memory_that_runs_out_after_the_estimate_is_reported_in_a_line(tmp_path,
 
     mesh = tmp_path / "hills.ply"
     mesh.write_bytes(ply(*hills(4)))
-    monkeypatch.setattr("ao.bake", run_out)
+    monkeypatch.setattr("scenes.bake.vertices.call_checked", run_out)
     refused(obscurance("bake", mesh, "-o", tmp_path / "w.npz"), "out of memory: the system or a limit, ulimit -v")
     assert not (tmp_path / "w.npz").exists()
 

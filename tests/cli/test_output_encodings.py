@@ -10,7 +10,7 @@ import trimesh
 from command import obscurance, process, refused
 from project import ROOT
 
-from scenes.jobs.console import readable_output
+from scenes.bake.console import readable_output
 
 PLAIN = [
     {"PYTHONIOENCODING": "ascii"},

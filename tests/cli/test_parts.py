@@ -8,7 +8,7 @@ from mesh_files import ply
 from meshes import hills, two_boxes
 from uv_meshes import grid_charts
 
-from scenes.jobs.run import part_numbers
+from scenes.bake.parts import part_numbers
 
 
 @pytest.fixture

@@ -24,9 +24,9 @@ def give(monkeypatch, content, terminal=False):
 
 def test_a_pipe_gives_the_bytes_of_a_file(tmp_path):
     (tmp_path / "hills.obj").write_bytes(obj(*hills(6)))
-    single = obscurance("bake", tmp_path / "hills.obj", "-o", tmp_path / "w.ply", "--samples", 16)
+    single = obscurance("bake", tmp_path / "hills.obj", "-o", tmp_path / "w.ply", "--samples", 64)
     assert single.returncode == 0
-    command = [*COMMAND, "bake", "-", "-o", "-", "--format", "ply", "--samples", "16"]
+    command = [*COMMAND, "bake", "-", "-o", "-", "--format", "ply", "--samples", "64"]
     done = subprocess.run(command, input=obj(*hills(6)), capture_output=True, cwd=tmp_path, check=True)
     assert done.stdout == (tmp_path / "w.ply").read_bytes()
     *warnings, summary = done.stderr.decode().splitlines()

@@ -204,13 +204,20 @@ FLAT = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n"
 
 @pytest.mark.parametrize("corners", ["1/1 2 3", "1/1 2/1 3/1"])
 @pytest.mark.parametrize(
-    "output", ["-o n.png", "-o n.png --dry-run", "-o n.png --report r.json", "-o n.glb --occlusion texture --orm"]
+    "output",
+    [
+        "-o n.png",
+        "-o n.png --dry-run",
+        "-o n.png --instances own",
+        "-o n.png --report r.json",
+        "-o n.glb --occlusion texture --orm",
+    ],
 )
 def test_a_texture_without_any_face_is_refused(tmp_path, monkeypatch, corners, output):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "n.obj").write_text(f"{FLAT}f {corners}\n")
-    words = "n.obj: texture coordinates: expected faces with an area on the page, got none"
-    refused(obscurance("bake", "n.obj", *output.split()), words)
+    words = "expected faces with an area on the page, got none"
+    refused(obscurance("bake", "n.obj", *output.split()), "n.obj: texture coordinates", words)
     assert [path.name for path in tmp_path.iterdir()] == ["n.obj"]
     batch = obscurance("bake", "n.obj", "--output-dir", "out", "--format", "png")
     assert (batch.returncode, words in batch.stderr) == (1, True)
@@ -228,7 +235,7 @@ def test_faces_without_area_on_the_page_get_charts_of_their_own_in_a_glb(tmp_pat
     assert len(json.loads((tmp_path / "r.json").read_text())["pages"]) == 2
     found = load(made)
     sets = [found.texture_coordinates(number) for number in range(2)]
-    assert [drawn.place for drawn in found.gltf.drawn] == [0, 1]
+    assert [drawn.primitive_number for drawn in found.gltf.drawn] == [0, 1]
     old, new = (part.faces for part in found.parts)
     assert np.allclose(sets[0][old], load(path, "kept.glb").uv[:2], atol=1e-6)
     assert np.ptp(sets[1][new], axis=1).min() > 0.1
@@ -293,4 +300,6 @@ def test_an_object_without_area_on_its_page_is_refused_before_others_are_written
     (tmp_path / "two.obj").write_text(f"{FLAT[:-7]}{good}o flat\nf 3/1 2/1 1/1\n")
     words = "two.obj: texture coordinates of flat: expected faces with an area on the page, got none"
     refused(obscurance("bake", "two.obj", "-o", "<OBJECT>.png", "--size", 8), words)
+    (tmp_path / "two.obj").write_text((tmp_path / "two.obj").read_text().replace("o flat", "usemtl flat"))
+    refused(obscurance("bake", "two.obj", "-o", "<MATERIAL>.png", "--size", 8), words)
     assert [path.name for path in tmp_path.iterdir()] == ["two.obj"]

@@ -1,4 +1,4 @@
-"""One small case for each fault of the glTF reader that fuzzing or its preparation found; see docs/reliability.md."""
+"""One small case for each fault of the glTF reader that fuzzing or its preparation found: evidence/reliability.md."""
 
 import json
 
@@ -13,7 +13,7 @@ from scenes.commands.info import describe
 from scenes.formats.gltf.asset import decode
 from scenes.formats.gltf.builder import encode_glb
 from scenes.formats.load import load
-from scenes.write_bake import write
+from scenes.formats.write import write
 
 
 def test_one_gltf_array_is_not_placed_without_end(tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""One small case for each fault in scenes and images that fuzzing or its preparation found; see docs/reliability.md."""
+"""One small case for each fault in scenes and images that fuzzing or its preparation found: evidence/reliability.md."""
 
 import struct
 import time
@@ -15,10 +15,10 @@ from mesh_files import obj
 import scenes.formats.threemf
 import scenes.geometry.builtin_shapes
 import scenes.geometry.instances
+from raytrace import CookTorrance
 from raytrace.errors import LINE, InputError, SceneError
 from raytrace.image.read import read_image
 from raytrace.image.texture import Texture, pack_textures
-from raytrace.system import checks
 from scenes.description.obscurance import with_obscurance
 from scenes.description.read import read_scene
 
@@ -81,8 +81,8 @@ def test_built_in_shapes_are_counted_before_they_are_made(tmp_path, monkeypatch,
     assert f"m.toml: {expected}" in scene_mistake(tmp_path, text)
 
 
-def test_built_in_shapes_that_do_not_fit_into_memory_are_not_made(tmp_path, monkeypatch):
-    monkeypatch.setattr(checks, "available", lambda: 100 << 20)
+def test_built_in_shapes_that_do_not_fit_into_memory_are_not_made(tmp_path, available_memory):
+    available_memory(100 << 20)
     text = toml_text({"objects": [{"builtin": "sphere", "fineness": 0.003}]})
     assert "memory: expected at most 100 MiB, what is available, got about 209 MiB to make" in scene_mistake(
         tmp_path, text
@@ -153,3 +153,12 @@ def test_an_image_without_pixels(tmp_path):
     (tmp_path / "m.tga").write_bytes(content)
     with pytest.raises(InputError, match=r"m\.tga: "):
         pack_textures([Texture(tmp_path / "m.tga")])
+
+
+@pytest.mark.parametrize("distribution", ["beckmann", "gaussian"])
+def test_the_material_of_very_many_copies_is_no_burden(distribution):
+    material = CookTorrance(albedo=0.5, m=0.15, distribution=distribution)
+    start = time.process_time()
+    for _ in range(4000):
+        material.pack()
+    assert time.process_time() - start < 1.5

@@ -1,6 +1,6 @@
 """Damaged files of every format are refused in one line or accepted: no crash, hang, traceback, or stray file.
 
-Each finding prints its number; `python tests/helpers/fuzz_worker.py SEED INDEX` repeats it alone.
+Each finding prints its number; `python tests/helpers/fuzz/fuzz_worker.py SEED INDEX` repeats it alone.
 """
 
 import subprocess

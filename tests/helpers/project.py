@@ -9,5 +9,6 @@ ROOT = HELPERS.parent.parent
 
 def environment(**variables):
     """This process's environment with these folders on the path of imports, and `variables`."""
-    path = [str(ROOT), str(HELPERS), str(HELPERS / "rendering"), *filter(None, [os.environ.get("PYTHONPATH")])]
+    folders = [folder for folder in HELPERS.iterdir() if folder.is_dir() and folder.name != "__pycache__"]
+    path = [*map(str, (ROOT, HELPERS, *sorted(folders))), *filter(None, [os.environ.get("PYTHONPATH")])]
     return {**os.environ, "PYTHONPATH": os.pathsep.join(path), **variables}

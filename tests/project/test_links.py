@@ -7,7 +7,9 @@ import pytest
 from project import ROOT
 
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
+EVIDENCE = ROOT / "benchmarks" / "evidence"
+BESIDE = [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "CONTRIBUTING.md", *sorted(EVIDENCE.glob("*.md"))]
+PAGES = [*BESIDE, *sorted(DOCS.rglob("*.md"))]
 CODE = re.compile(r"^(`{3,}).*?^\1`*$|`[^`\n]*`", re.DOTALL | re.MULTILINE)
 
 

@@ -9,6 +9,7 @@ Source: Cook & Torrance 1982; (12.34–12.52).
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import atan2, exp, pi
 from typing import Literal
 
@@ -41,6 +42,7 @@ def terms(row, n, l, v, grain):
     return coated(row, n, l, v, h, distribution)
 
 
+@lru_cache
 def gaussian_constant(m: float) -> float:
     """c with ∫ c exp(−(θ/m)²) cosθ dω = π over the hemisphere, the norm of the Beckmann distribution as printed."""
     end = min(pi / 2, 8.0 * m)
@@ -68,8 +70,10 @@ class CookTorrance(Microfacet):
         return self.mirrored(self.m)
 
     def parameters(self) -> list[float]:
-        gaussian = gaussian_constant(self.m) if self.gaussian_c is None else self.gaussian_c
-        return [*self.interface(), self.m, 0.0 if self.distribution == "beckmann" else gaussian]
+        constant = 0.0
+        if self.distribution == "gaussian":
+            constant = gaussian_constant(self.m) if self.gaussian_c is None else self.gaussian_c
+        return [*self.interface(), self.m, constant]
 
     @model_validator(mode="after")
     def _c_is_used(self) -> CookTorrance:

@@ -25,6 +25,7 @@ SIGMA = MODEL + 3
 @inline
 def fitted_orders(sigma, n, l, v):
     """(A, B) of f n·l = (ρ/π)(A + ρB): the first- and the second-order reflection."""
+    # Angles of light and viewer to the normal, and between their azimuths.
     nl = min(1.0, dot(n, l))
     nv = min(1.0, max(0.0, dot(n, v)))
     l_flat = subtract(l, scale(dot(n, l), n))

@@ -97,6 +97,7 @@ def cap_highlight(row, h_across, h_up, v_across, v_up, lo, hi):
 def terms(row, n, l, v, grain):
     if dot(n, v) <= 0.0:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    # In the plane across the cylinders: what light and viewer see of one period.
     _, tangent = perpendicular(n, grain)
     h = halfway(l, v)
     l_up = dot(n, l)
@@ -110,6 +111,7 @@ def terms(row, n, l, v, grain):
     view, seen_lo, seen_hi, seen_x0, seen_x1 = visible_part(row, v_across, v_up, v_length)
     diffuse, specular = 0.0, 0.0  # averages over the visible part of a period, each in [0, 1]
 
+    # The arc that both see.
     lo = max(lit_lo, seen_lo)
     hi = min(lit_hi, seen_hi)
     if hi > lo:
@@ -123,6 +125,7 @@ def terms(row, n, l, v, grain):
         diffuse = max(0.0, product / period)
         specular = cap_highlight(row, dot(tangent, h), h_up, sin_view, cos_view, lo, hi) / period
 
+    # The floor between the cylinders that both see.
     floor = (min(lit_x1, seen_x1) - max(lit_x0, seen_x0)) / row[SPACING]
     if floor > 0.0:
         diffuse += floor * l_up

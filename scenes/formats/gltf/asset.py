@@ -1,7 +1,7 @@
 """A glTF asset: its JSON header as records, the bytes of its buffers, and what its default scene draws.
 
 An own reader, beside trimesh's and pygltflib, because an output keeps all of a file that it does not change, references
-stay in the file's folder, and memory is bounded: 256 times the bytes of a file + 64 MiB at most (docs/reliability.md).
+stay in the file's folder, and memory is bounded: 256 times the bytes of a file + 64 MiB (evidence/reliability.md).
 Format: Khronos glTF 2.0 specification, sections 3.5 (scenes), 3.6 (buffers) and 3.7 (meshes), chapter 4 (GLB).
 """
 
@@ -17,10 +17,11 @@ from urllib.parse import unquote
 import numpy as np
 
 from raytrace.errors import MeshError
+from raytrace.text.safe_paths import resolve_inside
 from raytrace.text.strict_json import parse_json
 from raytrace.types import Float64s
 
-from ...safe_paths import beside
+from ...geometry.rotations import of_quaternion
 from . import records
 from .parse import parse
 from .records import GltfGeometry, GltfMaterial, GltfMaterials, GltfTexture, Node, Primitive, Sampler
@@ -38,7 +39,7 @@ class DrawnPrimitive(NamedTuple):
 
     node: int
     mesh: int
-    place: int  # among the mesh's primitives
+    primitive_number: int  # among the mesh's primitives
     primitive: Primitive
     stored: dict[str, Any]  # the same as the header has it
     skin: int | None
@@ -47,7 +48,7 @@ class DrawnPrimitive(NamedTuple):
     @property
     def shape(self) -> tuple[int, int, int | None, tuple[float, ...]]:
         """Equal of primitives that are one shape."""
-        return self.mesh, self.place, self.skin, self.weights
+        return self.mesh, self.primitive_number, self.skin, self.weights
 
 
 @dataclass(eq=False)
@@ -75,7 +76,7 @@ class Gltf:
         buffers = self.geometry.buffers
         images = self.geometry.images
         names = dict.fromkeys([*(each.uri or "" for each in buffers), *(each.uri for each in images)])
-        found = [beside(unquote(name), self.path.parent) for name in names if not name.startswith("data:")]
+        found = [resolve_inside(unquote(name), self.path.parent) for name in names if not name.startswith("data:")]
         return self.path, *(path for path in found if path)
 
     @property
@@ -143,12 +144,12 @@ class Gltf:
                 continue
             whole = entry(self.geometry.meshes, mesh, "meshes")
             weights = tuple(node.weights or whole.weights)
-            for place, primitive in enumerate(whole.primitives):
+            for number_in_mesh, primitive in enumerate(whole.primitives):
                 if primitive.mode == records.TRIANGLE_FAN:
                     raise ValueError(f"mesh {mesh} is a triangle fan, which is not supported")
                 if primitive.mode in (records.TRIANGLES, records.TRIANGLE_STRIP):
-                    stored = self.header["meshes"][mesh]["primitives"][place]
-                    made.append(DrawnPrimitive(number, mesh, place, primitive, stored, node.skin, weights))
+                    stored = self.header["meshes"][mesh]["primitives"][number_in_mesh]
+                    made.append(DrawnPrimitive(number, mesh, number_in_mesh, primitive, stored, node.skin, weights))
         return made
 
     def material(self, primitive: Primitive) -> GltfMaterial:
@@ -167,9 +168,7 @@ def _local(node: Node) -> Float64s:
         return np.array(node.matrix).reshape(4, 4).T
     made = np.eye(4)
     if node.rotation is not None:
-        from scipy.spatial.transform import Rotation  # loads for a fifth of a second
-
-        made[:3, :3] = Rotation.from_quat(node.rotation).as_matrix()
+        made[:3, :3] = of_quaternion(node.rotation)
     made[:3, :3] *= node.scale
     made[:3, 3] = node.translation
     return made
@@ -187,7 +186,7 @@ def referenced(uri: str, folder: Path, read: Callable[[Path], bytes] = Path.read
     try:
         if uri.startswith("data:"):
             return base64.b64decode(uri.partition("base64,")[2])
-        target = beside(unquote(uri), folder)
+        target = resolve_inside(unquote(uri), folder)
         return read(target) if target else None
     except (OSError, ValueError):
         return None

@@ -61,14 +61,15 @@ class GlbBuilder:
         return offset
 
     def annotate(
-        self, primitive: dict[str, Any], bake: Bake, rows: Int64s, colors: str, stored: npt.NDArray[Any] | None
+        self, primitive: dict[str, Any], bake: Bake, vertices: Int64s, colors: str, stored: npt.NDArray[Any] | None
     ) -> None:
-        """Give a primitive w of its vertices, `rows` of a bake, and the profile in 16 bits, four columns an attribute.
+        """Give a primitive w of its vertices, and the profile in 16 bits, four columns an attribute.
 
-        Args: colors: channels of `COLOR_0` that hold w, too. stored: (n, 3 or 4), of the others; None: white, 8 bits.
+        Args: vertices: of the bake, which it has. colors: channels of `COLOR_0` that hold w, too.
+            stored: (n, 3 or 4), of the other channels; None: white, 8 bits.
         """
         attributes = primitive["attributes"]
-        w = bake.w[rows]
+        w = bake.w[vertices]
         profile = bake.profile
         for name in [name for name in attributes if name.startswith(PROFILE)]:
             del attributes[name]
@@ -77,9 +78,9 @@ class GlbBuilder:
             attributes["COLOR_0"] = self._colors(w, colors, stored)
         if profile is None:
             return
-        for number, first in enumerate(range(0, len(profile.half_distances), 4)):
-            columns = profile.values[rows, first : first + 4]
-            codes = np.zeros((len(rows), 4), "<u2")
+        for number, start in enumerate(range(0, len(profile.half_distances), 4)):
+            columns = profile.values[vertices, start : start + 4]
+            codes = np.zeros((len(vertices), 4), "<u2")
             codes[:, : columns.shape[1]] = np.rint(columns * np.float32(65535))
             attributes[f"{PROFILE}{number}"] = self.accessor(codes, normalized=True)
         known = {"half_distances": profile.half_distances.tolist(), "radius": profile.radius}

@@ -9,8 +9,7 @@ from types import UnionType
 from typing import Annotated, Any, Literal, NoReturn, TypeVar, get_args, get_origin, get_type_hints
 
 from raytrace.errors import MeshError
-
-from ...field_errors import joined, shown
+from raytrace.text.field_errors import joined, shown
 
 T = TypeVar("T")
 _Path = tuple[Any, ...]  # () for the whole, or the path of what holds a value, and its key or index there
@@ -46,6 +45,7 @@ def _read(kind: Any, value: Any, path: _Path) -> Any:
     form, inner = _form(kind)
     if form is JsonObject:
         return None if value is None and len(inner) > 1 else _record(inner[0], value, path)
+    # Lists and tables of values.
     if form is list or form is tuple:
         if not isinstance(value, list):
             _refuse(path, "a list", value)
@@ -56,6 +56,7 @@ def _read(kind: Any, value: Any, path: _Path) -> Any:
         return form([_read(inner[0], each, (path, number)) for number, each in enumerate(value)])
     if form is dict:
         return {key: _read(inner[1], each, (path, key)) for key, each in _table(value, path).items()}
+    # Single values.
     if form is Literal:
         return value if value in inner else _refuse(path, "one of " + ", ".join(inner), value)
     if form is int:

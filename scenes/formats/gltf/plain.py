@@ -45,6 +45,7 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
     source = mesh_file.attributes
     builder = _empty_document()
     add_materials(builder, source.materials if source else ())
+    # What the document holds of each corner, and where its objects lie.
     groups = list(primitive_groups(mesh_file))
     groups_of_part = Counter(group.part for group in groups)
     is_divided = len(groups) > len(mesh_file.parts)
@@ -54,6 +55,7 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
     split_by = [values for values in (uv, normals) if values]
     drawn: list[Drawn] = []
     before = None
+    # A primitive for each group, in the node of its object.
     for group in groups:
         origin = origins[group.part]
         if group.object != before:
@@ -63,9 +65,9 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
         vertices, faces, like = _group_vertices(mesh, part, group.faces, split_by, groups_of_part[group.part] == 1)
         attributes = {"POSITION": _add_positions(builder, mesh.vertices[vertices], origin)}
         smooth = None if mesh.normals is None else mesh.normals[vertices]
-        _add_normals(builder, attributes, normals.rows[normals.of[like]] if normals else smooth)
+        _add_normals(builder, attributes, normals.values[normals.of[like]] if normals else smooth)
         if uv:
-            _add_uv(builder, attributes, uv.rows[uv.of[like]])
+            _add_uv(builder, attributes, uv.values[uv.of[like]])
         _add_columns(builder, attributes, source, vertices, colors)
         indices = builder.accessor(faces.astype("<u4").ravel(), ELEMENT_ARRAY_BUFFER)
         if is_divided and fits_float(vertices):

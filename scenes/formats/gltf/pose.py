@@ -37,7 +37,7 @@ class Poses:
 
     def posed(self, drawn: DrawnPrimitive, stored: Instance) -> Instance:
         """A primitive, given in its own frame, posed: there, or with a skin in the world, mirrored if its joints do."""
-        at = f"meshes[{drawn.mesh}].primitives[{drawn.place}]"
+        at = f"meshes[{drawn.mesh}].primitives[{drawn.primitive_number}]"
         targets = drawn.primitive.targets
         weights = drawn.weights
         if weights and len(weights) != len(targets):

@@ -70,7 +70,7 @@ def _opacity_reader(asset: Gltf) -> Callable[[Primitive, Int64s], Opacity | None
 def _name(asset: Gltf, drawn: DrawnPrimitive) -> str:
     mesh = asset.geometry.meshes[drawn.mesh]
     name = asset.geometry.nodes[drawn.node].name or mesh.name or f"node {drawn.node}"
-    return f"{name}[{drawn.place}]" if len(mesh.primitives) > 1 else name
+    return f"{name}[{drawn.primitive_number}]" if len(mesh.primitives) > 1 else name
 
 
 def _shape(asset: Gltf, primitive: Primitive) -> Instance:

@@ -1,7 +1,7 @@
 """A binary glTF with baked textures as its materials' occlusion textures, by the coordinates they were baked for."""
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -47,6 +47,7 @@ def textured_glb(
 
     Raises: InputError: malformed materials or values; coordinates too large for float32.
     """
+    # The document without textures, and what puts these into its materials.
     builder, drawn = document(mesh_file, None)
     asset = Gltf(mesh_file.path, builder.header, [bytes(builder.binary)])
     packing = OrmTextures(builder, mesh_file.gltf, [page.w for page in pages], replace) if orm else None
@@ -54,47 +55,55 @@ def textured_glb(
     numbers = list(range(len(pages))) if orm else [textures.add_page(page.w) for page in pages]
     on_no_page: list[Drawn] = []
     kept = 0
+    # Each primitive: kept, on no page, or divided by its pages.
     for (primitive, vertices), group in zip(drawn, primitive_groups(mesh_file), strict=True):
-        shown = np.array([on_page(page.uv[group.faces]) for page in pages])
+        on_pages = np.array([on_page(page.uv[group.faces]) for page in pages])
         if not textures.materials(primitive):
             kept += 1
-        elif not shown.any(axis=0).all():
+        elif not on_pages.any(axis=0).all():
             on_no_page.append((primitive, vertices))
         else:
             record = parse(Primitive, primitive, asset.path)
             faces = triangles(asset, record, len(vertices)).astype(np.int64)
-            texture_of = shown.argmax(axis=0)
-            used = np.unique(texture_of)
             is_turned = not np.array_equal(vertices[faces], mesh_file.mesh.faces[group.faces])  # mirrored: turned over
-            for texture, each in zip(used, _copies(builder, primitive, len(used)), strict=True):
-                rows = np.flatnonzero(texture_of == texture)
-                uv = pages[texture].uv[group.faces[rows], :: -1 if is_turned else 1]
+            for page, rows, piece in _by_page(builder, primitive, on_pages.argmax(axis=0)):
+                uv = pages[page].uv[group.faces[rows], :: -1 if is_turned else 1]
                 number = _set_of(asset, record, faces[rows], uv)
                 if number is None:
-                    number = free_set(builder.header, each)
-                    split_vertices(builder, asset, each, number, faces[rows], uv)
-                elif len(used) > 1:
-                    _draw(builder, each, faces[rows])
-                textures.give(each, numbers[texture], number)
+                    number = free_set(builder.header, piece)
+                    split_vertices(builder, asset, piece, number, faces[rows], uv)
+                elif len(rows) < len(faces):
+                    _draw(builder, piece, faces[rows])
+                textures.give(piece, numbers[page], number)
     textures.apply()
     if w is not None:
         write_ramp(builder, [(primitive, w[vertices]) for primitive, vertices in on_no_page], replace)
+    return builder.encode(), _warnings(kept, len(packing.apart) if packing else 0)
+
+
+def _warnings(kept: int, apart: int) -> list[str]:
+    """Lines on `kept` occlusion textures, and on images of w `apart` from metallic-roughness textures."""
     lines = []
     if kept:
         advice = "whose w viewers do not show; --replace-occlusion replaces them"
         lines.append(f"keeps the occlusion textures of {kept:,} primitives, {advice}")
-    if packing and packing.apart:
+    if apart:
         reason = "by other coordinates than the bake, moved by KHR_texture_transform, or no PNG or JPEG"
-        lines.append(f"has w in an image apart from {len(packing.apart):,} metallic-roughness textures, {reason}")
-    return builder.encode(), lines
+        lines.append(f"has w in an image apart from {apart:,} metallic-roughness textures, {reason}")
+    return lines
 
 
-def _copies(builder: GlbBuilder, primitive: dict[str, Any], count: int) -> list[dict[str, Any]]:
-    """The primitive and, in its mesh, `count` − 1 copies of it."""
-    mesh = next(each for each in builder.header["meshes"] if any(own is primitive for own in each["primitives"]))
-    made = [copy.deepcopy(primitive) for _ in range(count - 1)]
-    mesh["primitives"] += made
-    return [primitive, *made]
+def _by_page(
+    builder: GlbBuilder, primitive: dict[str, Any], page_of: Int64s
+) -> Iterator[tuple[int, Int64s, dict[str, Any]]]:
+    """The pages of a primitive's faces, the rows of the faces on each, and a primitive for them: itself, or a copy that
+    is added to its mesh. Args: page_of: (t,)."""
+    mesh = next(mesh for mesh in builder.header["meshes"] if any(each is primitive for each in mesh["primitives"]))
+    used = np.unique(page_of).tolist()
+    pieces = [primitive, *(copy.deepcopy(primitive) for _ in used[1:])]
+    mesh["primitives"] += pieces[1:]
+    for page, piece in zip(used, pieces, strict=True):
+        yield page, np.flatnonzero(page_of == page), piece
 
 
 def _draw(builder: GlbBuilder, primitive: dict[str, Any], corners: Int64s) -> None:

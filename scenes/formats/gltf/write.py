@@ -72,7 +72,7 @@ def _stored(asset: Gltf, parts: tuple[Submesh, ...]) -> tuple[GlbBuilder, list[D
             meshes.append(copy.deepcopy(meshes[each.mesh]))
             node["mesh"] = len(meshes) - 1
         rows = np.arange(part.vertices.start, part.vertices.stop)
-        drawn.append((meshes[node["mesh"]]["primitives"][each.place], rows))
+        drawn.append((meshes[node["mesh"]]["primitives"][each.primitive_number], rows))
     return builder, drawn
 
 

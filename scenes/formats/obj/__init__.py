@@ -1,4 +1,4 @@
-"""Wavefront OBJ with its material libraries."""
+"""Wavefront OBJ with its material libraries; out with w as vertex colours."""
 
 from ..table import FileFormat, register
 
@@ -9,6 +9,8 @@ register(
         read="scenes.formats.obj.read:read_obj",
         peak=9.0,
         begins=rb"(\s*(#[^\n]*)?\n)*\s*(v|vn|vt|o|g|mtllib|usemtl|s)\s",
+        write="scenes.formats.obj.write:obj",
+        unsupported="scenes.formats.unsupported:left_out",
         holds=("uv",),
     )
 )

@@ -29,8 +29,9 @@ def obj_attributes(
 
     Args: normals: of all corners. one_each: whether no vertex has several of them.
     """
+    # Texture coordinates and colours.
     uv = file.uv()
-    uv_is_finite = uv is None or bool(np.isfinite(uv.rows[uv.of[file.some("vt")]]).all())
+    uv_is_finite = uv is None or bool(np.isfinite(uv.values[uv.of[file.some("vt")]]).all())
     colors = file.colors
     if colors is not None and not ((colors >= 0) & (colors <= 1)).all():
         colors = None
@@ -39,9 +40,11 @@ def obj_attributes(
     by_group = file.named("g")
     objects = by_group if by_object.kinds < 2 <= by_group.kinds or not by_object.names else by_object
     keeps_objects = bool(objects.names) and objects.kinds <= MAX_OBJECTS
+    # Materials.
     used = file.named("usemtl")
     known, files, missing = read_libraries(file.lines("mtllib"), folder) if used.names else ({}, [], [])
     materials = tuple(known.get(name, SourceMaterial(name)) for name in used.names)
+    # What is left out, in words.
     left_out = (
         (by_object.kinds > 1 and by_group.kinds > 1, "names of groups"),
         (objects.kinds > MAX_OBJECTS, f"its division into {objects.kinds:,} objects"),
@@ -92,7 +95,7 @@ def obj_opacity(file: ObjText, folder: Path, triangles: Triangulation) -> tuple[
     if uv is None:
         return Opacity(of, tuple(surfaces), None), notes
     # Faces without texture coordinates have the alpha of their material without its image.
-    coordinates = uv.rows[triangles.take(uv.of)]
+    coordinates = uv.values[triangles.take(uv.of)]
     lacking = np.isnan(coordinates).any(axis=(1, 2)) & (of >= 0)
     plain = [len(materials) + n if each.opacity < 1 else -1 for n, each in enumerate(materials.values())]
     of[lacking] = np.array(plain)[of[lacking]]

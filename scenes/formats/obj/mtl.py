@@ -1,4 +1,4 @@
-"""Material libraries of OBJ files, as far as glTF's metallic-roughness materials hold them.
+"""Material libraries of OBJ files, as far as glTF's metallic-roughness materials and Blinn–Phong hold them.
 
 `Kd` with `map_Kd`, `d` or `Tr` with `map_d`, `Ke`, and `Pm`, `Pr` or else `Ks` with `Ns`, whose Blinn–Phong exponent
 becomes the roughness (2 / (Ns + 2))^¼ (Walter et al. 2007: α² = 2 / (Ns + 2); glTF: α = roughness²). `Tr`, which the
@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from raytrace.errors import printable
+from raytrace.text.safe_paths import resolve_inside
 
-from ...geometry.attributes import SourceMaterial, is_opacity_map
-from ...safe_paths import beside
+from ...geometry.attributes import SourceMaterial, is_opacity_map, is_picture
 from .text import joined_lines
 
 _NAMES, _NAME = 3, 60  # of libraries or materials that a message lists, and letters of each
@@ -27,8 +27,8 @@ MATERIAL_WORDS = ("texture of", LIBRARY, OPAQUE, OPTION)  # how what is missing 
 _COUNTS = {"Kd": 3, "Ke": 3, "Ks": 3, "d": 1, "Tr": 1, "Ns": 1, "Pm": 1, "Pr": 1}  # numbers of a statement
 _MAPS = "map_Kd", "map_d"
 _UNREAD = "map_", "bump", "disp", "decal", "refl", "norm"
-_PICTURES = (b"\x89PNG", b"\xff\xd8\xff")
 _LARGEST = 1 << 24  # bytes of a library
+_STEEPEST = 1e6  # exponent of a highlight
 _OPTION = r"(?i)-(?:mm\s+\S+\s+\S+|[ost](?:\s+[-+.\de]+(?=\s)){1,3}|[a-z]+\s+\S+)\s+"
 _IDLE = (  # options at their defaults, and options of filters and bumps
     r"(?i)-(?:s(\s+1(\.0*)?)+|[ot](\s+0(\.0*)?)+|mm\s+0(\.0*)?\s+1(\.0*)?|(clamp|cc)\s+off"
@@ -82,7 +82,7 @@ def _libraries(lines: Iterable[str], find: Callable[[str], Path | None]) -> Iter
 
 def _resolve_inside(folder: Path, name: str) -> Path | None:
     """A file in a folder or below it, or None."""
-    return beside(name.strip().strip('"').replace("\\", "/"), folder)
+    return resolve_inside(name.strip().strip('"').replace("\\", "/"), folder)
 
 
 def read_mtl(path: Path, find: Callable[[str], Path | None]) -> tuple[dict[str, SourceMaterial], list[str]]:
@@ -101,7 +101,7 @@ def read_mtl(path: Path, find: Callable[[str], Path | None]) -> tuple[dict[str, 
             picture, options = _picture(rest)
             own[key] = find(picture)
             left += [f"{OPTION} {option} of {key} ({picture})" for option in options if own[key]]
-            if not own[key] or (key == "map_Kd" and not _starts(own[key]).startswith(_PICTURES)):
+            if not own[key] or (key == "map_Kd" and not is_picture(own[key])):
                 left.append(f"texture of {key} ({rest or 'no name'})")
                 del own[key]
         elif key.startswith(_UNREAD):
@@ -145,11 +145,6 @@ def _numbers(text: str, count: int) -> tuple[float, ...] | None:
     return tuple(values) if len(values) == count and np.isfinite(values).all() else None
 
 
-def _starts(path: Path) -> bytes:
-    with path.open("rb") as file:
-        return file.read(8)
-
-
 def _material(name: str, given: dict[str, Any]) -> SourceMaterial:
     def fraction(key: str, otherwise: float) -> float:
         return float(np.clip(given[key][0], 0, 1)) if given.get(key) else otherwise
@@ -172,6 +167,8 @@ def _material(name: str, given: dict[str, Any]) -> SourceMaterial:
         metallic=fraction("Pm", 0.0),
         roughness=roughness,
         emission=colour("Ke", 0.0),
+        specular=colour("Ks", 0.0),
+        exponent=float(np.clip(given["Ns"][0], 0, _STEEPEST)) if given.get("Ns") else 0.0,
         texture=colour_texture,
         opacity_texture=opacity_texture,
     )

@@ -1,7 +1,7 @@
 """Wavefront OBJ: geometry over exactly the file's own `v` lines.
 
 trimesh's reader splits, repeats or drops vertices, takes index 0 for 1 and wraps negative ones. Memory is estimated at
-9 times the bytes of a file, where what trimesh reads takes 22 times (docs/reliability.md).
+9 times the bytes of a file, where what trimesh reads takes 22 times (evidence/reliability.md).
 """
 
 from dataclasses import replace

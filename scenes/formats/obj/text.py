@@ -57,18 +57,21 @@ class ObjText:
 
     def __init__(self, data: bytes, source: str) -> None:
         """Raises: MeshError: too few coordinates or corners, an index of nothing. ValueError: text that is none."""
+        # The lines, continued ones joined.
         data = data.removeprefix(b"\xef\xbb\xbf")
         if b"\\" in data:
             for end in (b"\r\n", b"\r", b"\n"):
                 data = data.replace(b"\\" + end, b" ")
         self._source, (self._data, self._text, self._blocks) = source, line_blocks(data)
         self._survey()
+        # Vertices and their colours.
         numbers = self._numbers("v")
         if short := int(self._before[-1, V, COUNT] - self._before[-1, V, USABLE]):
             raise MeshError(source, "v", "three coordinates on every line", f"fewer on {short} of them")
         self.vertices = np.ascontiguousarray(numbers[:, :3])
         self.colors = numbers[:, 3:] if numbers.shape[1] == 6 else None
         self.has_colors = bool((self._tallies[:, V, LEAST : MOST + 1] == 6).any())
+        # Faces, and the indices of their corners.
         self.sizes, (own, *others), valid = self._faces()
         if (self.sizes < 3).any():
             field = f"face {int(np.argmax(self.sizes < 3)) + 1}"

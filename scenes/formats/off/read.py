@@ -1,7 +1,7 @@
 """OFF, text: vertices, then polygons (Geomview manual, "OFF Files": OFF, COFF, NOFF, STOFF and their combinations).
 
 An own reader because the variants' extra columns must not pass for coordinates, counts are not to be trusted, and
-concave polygons and the order of vertices are kept, all in bounded memory (docs/reliability.md).
+concave polygons and the order of vertices are kept, all in bounded memory (evidence/reliability.md).
 """
 
 import re

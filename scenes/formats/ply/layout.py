@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,9 +13,10 @@ import numpy.typing as npt
 
 from raytrace.image.srgb import encode_srgb
 from raytrace.mesh.up import UP
+from raytrace.text.safe_paths import resolve_inside
 from raytrace.types import AnyInts, Float32s, Float64s, Int64s
 
-from ...geometry.attributes import Element, Property, SourceAttributes
+from ...geometry.attributes import Element, Property, SourceAttributes, SourceMaterial, is_picture
 from ...geometry.corners import PerCorner
 from ...geometry.polygons import Triangulation
 
@@ -37,6 +39,7 @@ UP_COMMENT = "comment up "  # of files of ours, and an axis
 PROFILE = "obscurance_"  # and two digits: columns of a profile
 PROFILE_COMMENT = "comment obscurance profile: "  # of files of ours, the radius and the half-distances
 RGB = ("red", "green", "blue")
+_TEXTURE = "comment TextureFile "  # of MeshLab and others, and a name
 UV = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 _MESH = ("x", "y", "z", "nx", "ny", "nz")
 
@@ -136,9 +139,14 @@ def write_header(elements: Iterable[PlyElement], comments: Iterable[str]) -> byt
 
 
 def ply_attributes(
-    elements: tuple[Element, ...], comments: tuple[str, ...], corners: Int64s, sizes: AnyInts, triangles: Triangulation
+    elements: tuple[Element, ...],
+    comments: tuple[str, ...],
+    corners: Int64s,
+    sizes: AnyInts,
+    triangles: Triangulation,
+    folder: Path,
 ) -> SourceAttributes:
-    """All of a PLY file. Args: corners, sizes: of its polygons."""
+    """All of a PLY file. Args: corners, sizes: of its polygons. folder: where it is, and textures that it names."""
     vertex = columns_of(elements, "vertex")
     face = columns_of(elements, "face")
     uv, used = _coordinates(vertex, face, corners, sizes)
@@ -148,8 +156,23 @@ def ply_attributes(
         name: c.values for name, c in vertex.items() if c.sizes is None and name not in known and not is_profile(name)
     }
     kept = tuple(line for line in comments if not line.startswith(("comment obscurance: ", PROFILE_COMMENT)))
+    names = [line.removeprefix(_TEXTURE).strip() for line in comments if line.startswith(_TEXTURE)] if uv else []
+    pictures = [resolve_inside(name, folder) for name in names]
+    shown = [picture if picture and is_picture(picture) else None for picture in pictures]
+    number = face["texnumber"].values if "texnumber" in face else np.zeros(len(sizes))
+    material_of = np.where((number >= 0) & (number < len(names)), number, -1).astype(np.int64)
     return SourceAttributes(
-        corners, np.asarray(sizes, np.int64), triangles, uv, None, colors, numbers, elements=elements, comments=kept
+        corners,
+        np.asarray(sizes, np.int64),
+        triangles,
+        uv,
+        colors=colors,
+        numbers=numbers,
+        materials=tuple(SourceMaterial(name, texture=each) for name, each in zip(names, shown, strict=True)),
+        material_of=material_of if names else None,
+        elements=elements,
+        comments=kept,
+        files=tuple(filter(None, shown)),
     )
 
 

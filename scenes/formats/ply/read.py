@@ -1,7 +1,7 @@
 """PLY, text and binary.
 
 An own reader, beside trimesh's and plyfile, because properties, polygons and the order of vertices are kept for the
-output, and memory stays bounded: 7.5 times the bytes of a file, where trimesh takes 22 times (docs/reliability.md).
+output, and memory stays bounded: 7.5 times the bytes of a file, where trimesh takes 22 times (evidence/reliability.md).
 Format: Greg Turk, The PLY polygon file format, 1994. No count is trusted: rows are looked for in the bytes.
 """
 
@@ -47,7 +47,9 @@ def read_ply(given: MeshInput) -> list[Instance]:
     made = Instance(given.name, vertices, triangles.take(corners), normals, notes=triangles.notes, up=header.up)
     if given.keep:
         kept = list(map(_declared, elements, header.elements)) if header.text else elements
-        made = replace(made, attributes=ply_attributes(tuple(kept), header.comments, corners, sizes, triangles))
+        folder = given.path.parent
+        attributes = ply_attributes(tuple(kept), header.comments, corners, sizes, triangles, folder)
+        made = replace(made, attributes=attributes)
     w = vertex.get("obscurance")
     profile = header.profile(vertex)
     return [replace(made, w=w, profile=profile, polygons=triangles.polygons)]

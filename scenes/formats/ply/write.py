@@ -28,8 +28,8 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     A PLY source keeps all its elements, properties, polygons and comments, of others the polygons, normals, colours
     and texture coordinates are kept (`s t` of vertices, or `texcoord` of faces where a vertex has several).
 
-    With `channels.colors` "rgb" the grey also replaces the source's own colours; with one letter w replaces only that
-    channel. A comment says which axis but y is up.
+    `channels.ply_name` is another property with w. With `channels.colors` "rgb" the grey also replaces the source's own
+    colours; with one letter w replaces only that channel. A comment says which axis but y is up.
     """
     attributes = mesh_file.attributes
     profile = bake.profile
@@ -44,7 +44,8 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     if profile:
         numbers = [profile.radius, *profile.half_distances.tolist()]
         comments.insert(1, layout.PROFILE_COMMENT + " ".join(map(repr, numbers)))
-    annotated = [_annotate(element, bake, shown) if element.name == "vertex" else element for element in elements]
+    further = channels.ply_name
+    annotated = [_annotate(each, bake, shown, further) if each.name == "vertex" else each for each in elements]
     fitting = [replace(each, properties=tuple(column.fitting() for column in each.properties)) for each in annotated]
     layouts = [PlyElement(e.name, e.count, {c.name: (c.kind, c.counted) for c in e.properties}) for e in fitting]
     return b"".join([layout.write_header(layouts, comments), *map(_rows, fitting, layouts)])
@@ -70,17 +71,17 @@ def unsupported_features(mesh_file: MeshFile, colors: str) -> list[str]:
         missing += [words for words in mesh_file.unread if not words.startswith(MATERIAL_WORDS)]
     if attributes and attributes.normals:
         missing.append("normals of vertices that have several")
-    if attributes and attributes.uv and not np.isfinite(attributes.uv.rows).all():
+    if attributes and attributes.uv and not np.isfinite(attributes.uv.values).all():
         missing.append("texture coordinates, which some corners lack")
-    if attributes and attributes.materials:
+    if attributes and attributes.materials and not attributes.elements:
         missing.append("materials")
     return missing
 
 
-def _annotate(element: Element, bake: Bake, shown: str) -> Element:
-    replaced = ("obscurance", *(RGB if shown else ()), *(("alpha",) if len(shown) == 1 else ()))
+def _annotate(element: Element, bake: Bake, shown: str, further: str | None) -> Element:
+    replaced = ("obscurance", further, *(RGB if shown else ()), *(("alpha",) if len(shown) == 1 else ()))
     kept = [each for each in element.properties if each.name not in replaced and not is_profile(each.name)]
-    made = [Property("obscurance", "f", bake.w.astype("<f4"))]
+    made = [Property(name, "f", bake.w.astype("<f4")) for name in filter(None, ("obscurance", further))]
     if bake.profile:
         columns = enumerate(bake.profile.values.T)
         made += [Property(f"{layout.PROFILE}{number:02}", "f", column.astype("<f4")) for number, column in columns]
@@ -93,6 +94,7 @@ def _annotate(element: Element, bake: Bake, shown: str) -> Element:
 
 def _elements(mesh_file: MeshFile, attributes: SourceAttributes | None) -> tuple[Element, ...]:
     mesh = mesh_file.mesh
+    # Coordinates and normals.
     columns = [Property(axis, "f", mesh.vertices[:, number]).fitting() for number, axis in enumerate("xyz")]
     if any(column.kind == "d" for column in columns):
         columns = [replace(column, kind="d") for column in columns]
@@ -101,16 +103,17 @@ def _elements(mesh_file: MeshFile, attributes: SourceAttributes | None) -> tuple
         longest = np.abs(normals).max(axis=1, keepdims=True)
         normals = (normals / np.where(longest > _LONGEST, longest, 1.0)).astype("<f4")
         columns += [Property(axis, "f", column) for axis, column in zip(("nx", "ny", "nz"), normals.T, strict=True)]
+    # Polygons, texture coordinates and colours of another format.
     sizes = np.full(len(mesh.faces), 3)
     corners = mesh.faces.ravel()
     lists = []
     if attributes:
         sizes = attributes.sizes
         corners = attributes.corners
-        if attributes.uv and np.isfinite(attributes.uv.rows).all():
+        if attributes.uv and np.isfinite(attributes.uv.values).all():
             uv = attributes.uv.at_vertices(corners, len(mesh.vertices))
             if uv is None:
-                uv = attributes.uv.rows[attributes.uv.of]
+                uv = attributes.uv.values[attributes.uv.of]
                 lists = [Property("texcoord", "f", uv.astype("<f4").ravel(), "B", 2 * sizes)]
             else:
                 columns += [Property(name, "f", uv[:, n].astype("<f4")) for n, name in enumerate("st")]

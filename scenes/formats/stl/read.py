@@ -1,7 +1,7 @@
 """STL, binary and text (3D Systems, StereoLithography interface specification, 1989): three own vertices a triangle.
 
 An own reader because no count of a header is to be trusted, and memory stays bounded: estimated at 6 times the bytes of
-a file, where what trimesh reads takes 22 times (docs/reliability.md).
+a file, where what trimesh reads takes 22 times (evidence/reliability.md).
 """
 
 import re

@@ -1,7 +1,8 @@
 """3MF: meshes in XML in a ZIP archive, placed by components and build items.
 
 An own reader because damaged archives must neither crash nor grow: nothing is kept of the XML but the numbers, at most
-100 times an archive's bytes + 16 MiB are unpacked, and copies are counted before they are made (docs/reliability.md).
+100 times an archive's bytes + 16 MiB are unpacked, and copies are counted before they are made
+(evidence/reliability.md).
 Format: 3D Manufacturing Format, core specification 1.3, chapters 3 to 5; production extension 1.1 for `path`.
 """
 

@@ -10,9 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import InputError, printable
-from raytrace.image.encode import write_picture, written
+from raytrace.image.encode import linear_png, write_picture, written
 from raytrace.image.srgb import decode_srgb, encode_srgb
-from raytrace.image.texture import Texture, Wrap, texture_codes
+from raytrace.image.texture import Texture, Wrap, texture_alpha, texture_codes
+from raytrace.mesh.opacity import AlphaSurface, Opacity
 from raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
 
 from ...formats.load import MeshFile, mesh_errors
@@ -22,6 +23,7 @@ from ...geometry.corners import PerCorner
 if TYPE_CHECKING:
     from ...formats.gltf.asset import Gltf
 
+Picture = tuple[Texture | None, AlphaSurface | None]  # of colours, and what of it is there
 _PLACES = (1 << 20) - 1  # steps of texture coordinates
 _LARGEST, _MANY = 1024, 8  # texels a side of so many images
 _SMALL = 1 << 20  # bytes of a file that is embedded as it is
@@ -37,16 +39,20 @@ class BaseColour:
     of: Int64s  # (m,), the image of each face, −1 for none
     images: Sequence[bytes]  # files that browsers show
     wraps: Sequence[tuple[Wrap, Wrap]]  # modes of each along u and v
+    alpha: UInt8s | None = None  # (m, 3), of each corner, a factor of the image's; None: all is opaque
 
     def several(self) -> list[PerCorner]:
         """What vertices are repeated for: colours and places of their corners."""
-        colour = self.codes.reshape(-1, 3) @ np.array([1 << 16, 1 << 8, 1])
+        alpha = 0 if self.alpha is None else self.alpha.ravel().astype(np.int64) << 24
+        colour = self.codes.reshape(-1, 3) @ np.array([1 << 16, 1 << 8, 1]) + alpha
         keys = [colour, uv_steps(self.uv.reshape(-1, 2))[0] @ [1 << 20, 1]] if self.images else [colour]
         return [PerCorner(np.empty((0, 0)), np.unique(key, return_inverse=True)[1]) for key in keys]
 
     def put(self, columns: dict[str, npt.NDArray[Any]], like: Int64s) -> dict[str, Any]:
         """Put the colours into a page's columns: what its script must know of them. Args: like: corners (k,)."""
         columns["base"] = self.codes.reshape(-1, 3)[like]
+        if self.alpha is not None:
+            columns["alpha"] = self.alpha.ravel()[like]
         steps, scale = uv_steps(self.uv.reshape(-1, 2))
         if self.images:
             columns["baseUv"] = steps[like].astype("<u4")
@@ -74,20 +80,23 @@ def base_colour(file: MeshFile) -> BaseColour | str | None:
 class _Collected:
     """Base colours of m faces, white at first.
 
-    Attributes: light: linear RGB (m, 3, 3). uv: (m, 3, 2), v upwards. image_of: (m,) in `textures`, −1 for none.
+    Attributes: light: linear RGB (m, 3, 3). uv: (m, 3, 2), v upwards. image_of: (m,) in `pictures`, −1 for none.
+        alpha: (m, 3). pictures: of colours, of alpha, or both.
     """
 
     def __init__(self, count: int) -> None:
         self.light = np.ones((count, 3, 3))
         self.uv = np.zeros((count, 3, 2))
         self.image_of = np.full(count, -1)
-        self.textures: list[Texture] = []
+        self.alpha = np.ones((count, 3))
+        self.pictures: list[Picture] = []
 
-    def number(self, texture: Texture) -> int:
+    def number(self, texture: Texture | None, surface: AlphaSurface | None = None) -> int:
         """Of an image, a new one if it is not there."""
-        if texture not in self.textures:
-            self.textures.append(texture)
-        return self.textures.index(texture)
+        picture = texture, surface
+        if picture not in self.pictures:
+            self.pictures.append(picture)
+        return self.pictures.index(picture)
 
 
 def _read(file: MeshFile) -> BaseColour | None:
@@ -97,15 +106,22 @@ def _read(file: MeshFile) -> BaseColour | None:
             _collect_of_gltf(file, file.gltf, found)
     elif file.attributes:
         _collect_of_attributes(file.mesh.faces, file.attributes, found)
-    if (found.image_of < 0).all() and (found.light == 1).all():
+    if file.mesh.opacity:
+        _collect_alpha(file.mesh.opacity, found)
+    used = np.unique(found.image_of[found.image_of >= 0])
+    found.image_of = np.where(found.image_of < 0, -1, np.searchsorted(used, found.image_of))
+    found.pictures = [found.pictures[number] for number in used]
+    is_opaque = (found.alpha == 1).all() and not any(surface for _, surface in found.pictures)
+    if (found.image_of < 0).all() and (found.light == 1).all() and is_opaque:
         return None
     codes = np.rint(255 * encode_srgb(found.light.clip(0, 1).astype(np.float32))).astype(np.uint8)
     side = _LARGEST
-    while len(found.textures) * side**2 > _MANY * _LARGEST**2 and side > 1:
+    while len(found.pictures) * side**2 > _MANY * _LARGEST**2 and side > 1:
         side //= 2
-    images = [_image(texture, side) for texture in found.textures]
-    wraps = [texture.wrap for texture in found.textures]
-    return BaseColour(codes, found.uv * (1, -1) + (0, 1), found.image_of, images, wraps)
+    images = [_image(picture, side) for picture in found.pictures]
+    wraps = [texture.wrap for picture in found.pictures for texture in _textures_of(picture)[:1]]
+    alpha = None if is_opaque else np.rint(255 * found.alpha).astype(np.uint8)
+    return BaseColour(codes, found.uv * (1, -1) + (0, 1), found.image_of, images, wraps, alpha)
 
 
 def _collect_of_gltf(file: MeshFile, asset: Gltf, found: _Collected) -> None:
@@ -142,6 +158,23 @@ def _collect_of_attributes(faces: Int64s, attributes: SourceAttributes, found: _
         found.image_of = np.where(has_uv, image_of[material_of], -1)
 
 
+def _collect_alpha(opacity: Opacity, found: _Collected) -> None:
+    """The alpha of corners and images; with a cutoff 0 or 1. Images of alpha go by the places of those of colour."""
+    for number, surface in enumerate(opacity.surfaces):
+        faces = np.flatnonzero(opacity.of == number)
+        corners = np.ones((len(faces), 3)) if opacity.corners is None else opacity.corners[faces]
+        alpha = surface.factor * corners
+        if surface.texture is None or opacity.uv is None:
+            found.alpha[faces] = alpha if surface.cutoff is None else alpha >= surface.cutoff
+            continue
+        found.alpha[faces] = alpha if surface.cutoff is None else 1
+        is_bare = found.image_of[faces] < 0
+        found.uv[faces[is_bare]] = opacity.uv[faces[is_bare]]
+        for image in np.unique(found.image_of[faces]).tolist():
+            texture = found.pictures[image][0] if image >= 0 else None
+            found.image_of[faces[found.image_of[faces] == image]] = found.number(texture, surface)
+
+
 def shrunk(image: UInt8s, most: int) -> UInt8s:
     """An image (h, w, …) of at most `most` texels across and down, by means over blocks."""
     size = [-(-side // -(-side // most)) for side in image.shape[:2]]
@@ -156,16 +189,44 @@ def block_means(image: AnyFloats, high: int, wide: int) -> AnyFloats:
     starts = [np.arange(size) * side // size for size, side in sides]
     sums = np.add.reduceat(np.add.reduceat(image, starts[0], axis=0), starts[1], axis=1)
     counts = [np.maximum(np.diff(start, append=side), 1) for start, (_, side) in zip(starts, sides, strict=True)]
-    return (sums.T / np.outer(*counts).T).T
+    return np.asarray((sums.T / np.outer(*counts).T).T)
 
 
-def _image(texture: Texture, most: int) -> bytes:
-    """The file of a texture as it is if it is small, else a JPEG of at most `most` texels a side."""
+def _textures_of(picture: Picture) -> list[Texture]:
+    texture, surface = picture
+    return [each for each in (texture, surface and surface.texture) if each]
+
+
+def _image(picture: Picture, most: int) -> bytes:
+    """The file of a texture as it is if it is small and opaque, else a JPEG of at most `most` texels a side, or a PNG
+    with alpha."""
+    texture, surface = picture
+    if surface and surface.texture:
+        return _image_with_alpha(texture, surface, surface.texture, most)
+    assert texture
     codes: npt.NDArray[Any] = texture_codes(texture)
     data = texture.path.read_bytes() if texture.data is None else texture.data
-    if max(codes.shape[:2]) <= most and len(data) <= _SMALL and data.startswith(_SHOWN):
+    is_opaque = codes.shape[2] in (1, 3)
+    if is_opaque and max(codes.shape[:2]) <= most and len(data) <= _SMALL and data.startswith(_SHOWN):
         return data
+    small = shrunk(_colours(codes), most)
+    return written("small.jpg", write_picture, decode_srgb(small / np.float32(255)).astype(np.float32), {})
+
+
+def _colours(codes: npt.NDArray[Any]) -> UInt8s:
+    """RGB of 8 bits (h, w, 3) of what an image holds."""
     largest = np.iinfo(codes.dtype).max if codes.dtype.kind == "u" else 1.0
     colours = np.broadcast_to(codes[..., : 3 if codes.shape[2] > 2 else 1], (*codes.shape[:2], 3))
-    small = shrunk(np.rint(colours * (255 / largest)).astype(np.uint8), most)
-    return written("small.jpg", write_picture, decode_srgb(small / np.float32(255)).astype(np.float32), {})
+    return np.rint(colours * (255 / largest)).astype(np.uint8)
+
+
+def _image_with_alpha(texture: Texture | None, surface: AlphaSurface, of_alpha: Texture, most: int) -> bytes:
+    """A PNG of RGBA; alpha, with a cutoff, is 0 or 255."""
+    alpha = texture_alpha(of_alpha, surface.grey)
+    if surface.cutoff is not None:
+        alpha = (surface.factor * alpha >= surface.cutoff).astype(np.float32)
+    white = np.full((1, 1, 3), 255, np.uint8)
+    layers = [_colours(texture_codes(texture)) if texture else white, np.rint(255 * alpha[..., None]).astype(np.uint8)]
+    high, wide = (min(max(layer.shape[axis] for layer in layers), most) for axis in range(2))
+    fitted = [block_means(layer.astype(np.float64), high, wide) for layer in layers]
+    return linear_png(np.rint(np.concatenate(fitted, axis=2)).astype(np.uint8))

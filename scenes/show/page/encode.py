@@ -66,7 +66,8 @@ class Values:
             ("flags", (), 0, 255, "whole numbers from 0 to 255"),
             ("bent_normals", (3,), -np.inf, np.inf, "finite numbers"),
         ):
-            values, shape = getattr(self, field), (count, *columns)
+            values = getattr(self, field)
+            shape = count, *columns
             if values is None:
                 continue
             array = numbers(values, self.name, field, f"an array of numbers, shape {shape}")
@@ -174,7 +175,8 @@ def _sorted(faces: Int64s, image: Int64s | None) -> Int64s:
     """The corners (m, 3) of the faces (m, 3), turned to begin with their least vertex, and sorted: by `image` first."""
     least = np.argmin(faces, axis=1)
     corners = 3 * np.arange(len(faces))[:, None] + (least[:, None] + np.arange(3)) % 3
-    return corners[np.lexsort([*faces.ravel()[corners].T[::-1], *(() if image is None else (image,))])]
+    order = np.lexsort([*faces.ravel()[corners].T[::-1], *(() if image is None else (image,))])
+    return np.asarray(corners[order])
 
 
 def _differences(faces: Int64s) -> Int64s:

@@ -120,4 +120,4 @@ def _check_same(mesh: Mesh, source: MeshFile) -> None:
 
 def _upright(mesh: Mesh, count: int) -> Float64s:
     """The first vertices as a `.glb` has them, y up."""
-    return mesh.vertices[:count] @ np.transpose(TO_Y_UP[up_axis(mesh)])
+    return np.asarray(mesh.vertices[:count] @ np.transpose(TO_Y_UP[up_axis(mesh)]))

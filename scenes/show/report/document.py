@@ -100,9 +100,12 @@ def _verdict(report: Report) -> str:
         for each in facts["findings"]
     )
     notes = sum(each["level"] == "note" for each in facts["findings"])
-    word, mark = (f"Done, with {notes} to note", "note") if notes else ("All is well", "good")
+    word, mark = "All is well", "good"
     if not facts["good"]:
         word, mark = "Look at this first", "bad"
+    elif notes:
+        word = f"Done, with {notes} to note"
+        mark = "note"
     return f'<section class="verdict {mark}"><h2>{word}</h2><ul>{rows}</ul></section>'
 
 
@@ -148,6 +151,7 @@ def _calibration(report: Report) -> str:
     text += (
         " Whether they are larger where errors are larger shows below, for groups of points: both agree on the line."
     )
+    # A chart of the groups: error bars of what was measured over what was estimated.
     top = 1.1 * max(max(group["estimated"], group["high"]) for group in groups)
     side = _HEIGHT + 50
     marks = ""

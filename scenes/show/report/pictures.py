@@ -119,7 +119,8 @@ def _shrunk(layer: Float32s) -> Float32s:
     high = max(height // size, 1)
     wide = max(width // size, 1)
     whole = layer[: high * size, : wide * size]
-    return whole.reshape(high, min(size, height), wide, min(size, width), channels).mean(axis=(1, 3), dtype=np.float32)
+    squares = whole.reshape(high, min(size, height), wide, min(size, width), channels)
+    return np.asarray(squares.mean(axis=(1, 3), dtype=np.float32))
 
 
 def _png(linear: AnyFloats) -> bytes:

@@ -18,6 +18,7 @@ Pictures = Callable[[], "Sequence[Sequence[Picture]]"]
 _LEVELS = "bad", "note", "good"
 _NOISY = 0.02  # RMSE of w that shows in a picture
 _OPEN, _CLOSED = 0.999, 0.05  # w of a mesh without occlusion, and of one that is inside out
+_INSIDE_OUT = "look inwards, and w is that of the inside"  # in a warning of `inward_warnings`
 _MISSED = 2.0  # times its estimate may an error be measured
 _CLIPPED = 0.05  # of the pixels, brighter than an 8-bit picture holds
 
@@ -57,7 +58,8 @@ def _findings(report: Facts) -> Iterator[Finding]:
             yield Finding("bad", "Nothing occludes anything: w is 1 everywhere.", advice)
         elif w["quantiles"]["0.5"] <= _CLOSED and not report["options"].get("thickness"):
             text = f"Half of w is below {_CLOSED}: the mesh may be inside out."
-            yield Finding("bad", text, "obscurance info MESH tells of its faces; turn them over where it is made.")
+            advice = "obscurance info MESH tells where its faces look inwards; --flip turns them over."
+            yield Finding("bad", text, advice)
         if "flagged" in report:
             words = flags_in_words(report["flagged"], report["vertices"], report.get("rays_skipped", {}))
             yield from (Finding("note", f"{text}.", _OF_FLAGS[name][1]) for name, text in words.items())
@@ -65,7 +67,7 @@ def _findings(report: Facts) -> Iterator[Finding]:
         yield from _picture(report)
     for warning in report["warnings"]:
         if "is not met" not in warning:
-            yield Finding("note", warning)
+            yield Finding("bad" if _INSIDE_OUT in warning else "note", warning)
 
 
 def _error(report: Facts) -> Iterator[Finding]:
@@ -116,8 +118,9 @@ def _picture(report: Facts) -> Iterator[Finding]:
         yield Finding("good", "The picture was made.")
     rmse = report["rmse_estimate"]
     if rmse is not None:
-        level, advice = ("note", "More samples in [bake].") if rmse > _NOISY else ("good", "")
-        yield Finding(level, f"The estimated RMSE of w at the vertices in view is {rmse:.2g}.", advice)
+        text = f"The estimated RMSE of w at the vertices in view is {rmse:.2g}."
+        noisy = rmse > _NOISY
+        yield Finding("note" if noisy else "good", text, "More samples in [bake]." if noisy else "")
 
 
 def write_report(

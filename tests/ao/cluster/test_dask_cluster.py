@@ -9,11 +9,11 @@ from clusters import (
     LEFT_SOCKETS,
     MEDIUM,
     MEDIUM_ROWS,
+    SMALL_BLOCKS,
     all_bits,
     bake_on,
     compiled_by,
     killed_in_mid_block,
-    small_blocks,
 )
 from parts_of_bakes import bits
 
@@ -22,8 +22,7 @@ from ao.cluster.session import IN_FLIGHT, ClusterSession
 from ao.cluster.worker import pack, unpack
 from raytrace import InputError, OptionError
 
-__all__ = ["small_blocks"]
-pytestmark = [pytest.mark.usefixtures("small_blocks"), LEFT_SOCKETS]
+pytestmark = LEFT_SOCKETS
 
 
 @pytest.mark.parametrize("name", BAKES)
@@ -44,7 +43,7 @@ def test_killed_workers_lose_only_the_blocks_that_they_had(cluster, tmp_path, me
         baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial")
     assert bits(baked) == medium
     assert victims <= dispatch.again <= IN_FLIGHT * victims
-    assert dispatch.rows == MEDIUM_ROWS
+    assert dispatch.rows_traced == MEDIUM_ROWS
 
 
 def test_an_address_without_a_scheduler_is_refused(tmp_path, monkeypatch):
@@ -89,7 +88,7 @@ def numbered(first, fails=-1):
 
 def test_blocks_of_a_work_that_has_failed_are_no_blocks_of_the_next(cluster, tmp_path):
     scene, rows = np.zeros(1), np.zeros(8)
-    with ClusterSession(cluster.scheduler_address, tmp_path, "w", pytest.fail) as session:
+    with ClusterSession(cluster.scheduler_address, tmp_path, "w", pytest.fail, pace=SMALL_BLOCKS) as session:
         with pytest.raises(InputError, match="mesh: row: expected one that can be made, got 1"):
             list(session.trace(numbered(0, fails=1), scene, [(0, 8)]))
         for first, last, (found,) in session.trace(numbered(100), scene, [(0, 8)]):

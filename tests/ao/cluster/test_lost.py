@@ -4,9 +4,10 @@ import random
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import pytest
-from clusters import BAKES, LEFT_SOCKETS, LONG, LONG_ROWS, all_bits, bake_on, kill, scheduler, small_blocks, victims_of
+from clusters import BAKES, LEFT_SOCKETS, LONG, LONG_ROWS, SMALL_BLOCKS, all_bits, bake_on, kill, scheduler, victims_of
 from command import started
 from project import environment
 
@@ -15,28 +16,26 @@ from ao.execute.checkpoint import Checkpoint
 from ao.execute.journal import Journal
 from raytrace.errors import ClusterError
 
-__all__ = ["small_blocks"]
 pytestmark = LEFT_SOCKETS
 
 COORDINATOR = """
 import sys, logging
+from dataclasses import replace
 from pathlib import Path
-import ao.cluster.session
-ao.cluster.session._SECONDS = ao.cluster.session._LEAST_SECONDS = 0.1
-ao.cluster.session._FIRST_RAYS = 1 << 16
-from clusters import LONG, bake_on
+from clusters import LONG, SMALL_BLOCKS, bake_on
 
 def progress(done, total):
     print(f"{done / total:.3f}", flush=True)
 
 if __name__ == "__main__":
-    bake_on("local:2", LONG, Path(sys.argv[1]), print, progress, after=0, every=0)
+    pace = replace(SMALL_BLOCKS, first_rays=1 << 16, least_seconds=0.1)
+    bake_on("local:2", LONG, Path(sys.argv[1]), print, progress, pace, after=0, every=0)
 """
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2, 3])
-def test_any_number_of_local_workers_makes_the_bits_of_one_process(tmp_path, small_blocks, workers):
+def test_any_number_of_local_workers_makes_the_bits_of_one_process(tmp_path, workers):
     for name, make in BAKES.items():
         baked, _ = bake_on(f"local:{workers}", make, tmp_path / f"{name}.partial")
         assert all_bits(baked) == all_bits(make()), name
@@ -44,7 +43,7 @@ def test_any_number_of_local_workers_makes_the_bits_of_one_process(tmp_path, sma
 
 @pytest.mark.slow
 @pytest.mark.parametrize("victims", [1, 2])
-def test_workers_killed_at_random_moments(tmp_path, small_blocks, victims):
+def test_workers_killed_at_random_moments(tmp_path, victims):
     chance, whole = random.Random(victims), all_bits(LONG())
     with scheduler(2) as cluster:
         for _ in range(20 // victims):
@@ -63,20 +62,20 @@ def test_workers_killed_at_random_moments(tmp_path, small_blocks, victims):
             assert killed
             assert all_bits(baked) == whole
             assert dispatch.again <= IN_FLIGHT * victims
-            assert dispatch.rows == LONG_ROWS  # came back; what was lost did not
+            assert dispatch.rows_traced == LONG_ROWS  # came back; what was lost did not
 
 
 @pytest.mark.slow
-def test_a_block_that_ends_every_worker_ends_the_bake(tmp_path, small_blocks, monkeypatch):
-    monkeypatch.setattr("ao.cluster.session._LOSSES", 3)
+def test_a_block_that_ends_every_worker_ends_the_bake(tmp_path):
     crash = tmp_path / "crash.py"
     crash.write_text("import os, ao.cluster.worker\nao.cluster.worker.fill = lambda *_: os._exit(1)\n")
+    pace = replace(SMALL_BLOCKS, losses=3)
     with scheduler(1, [str(crash)]) as cluster, pytest.raises(ClusterError, match="3 workers have ended with the same"):
-        bake_on(cluster.scheduler_address, LONG, tmp_path / "w.partial", lambda _: None)
+        bake_on(cluster.scheduler_address, LONG, tmp_path / "w.partial", lambda _: None, pace=pace)
 
 
 @pytest.mark.slow
-def test_a_coordinator_killed_at_random_moments_is_resumed(tmp_path, small_blocks):
+def test_a_coordinator_killed_at_random_moments_is_resumed(tmp_path):
     chance, path, whole = random.Random(3), tmp_path / "w.partial", all_bits(LONG())
     for resumed_on in ("local:2", None) * 3:
         script = tmp_path / "coordinator.py"
@@ -93,7 +92,7 @@ def test_a_coordinator_killed_at_random_moments_is_resumed(tmp_path, small_block
         assert kept > 0
         if resumed_on:
             baked, dispatch = bake_on(resumed_on, LONG, path, resume=True)
-            assert dispatch.rows == LONG_ROWS - kept
+            assert dispatch.rows_traced == LONG_ROWS - kept
         else:
             with Checkpoint(path, resume=True, notify=pytest.fail) as checkpoint:
                 baked = LONG(checkpoint=checkpoint)

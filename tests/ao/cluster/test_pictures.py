@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from clusters import LEFT_SOCKETS, compiled_by, killed_in_mid_block, small_blocks
+from clusters import LEFT_SOCKETS, SMALL_BLOCKS, compiled_by, killed_in_mid_block
 from rendered import CAMERA, SMALL, box, still_scene
 
 from ao.cluster.pictures import render_on
@@ -25,14 +25,10 @@ from raytrace import (
 from raytrace.image.texture import Texture
 from raytrace.image.write import write_image
 
-__all__ = ["small_blocks"]
 pytestmark = LEFT_SOCKETS
 
 
-@pytest.fixture(autouse=True)
-def single_tiles(small_blocks, monkeypatch):
-    """The first blocks of each worker are one tile each, however many cores it has."""
-    monkeypatch.setattr("ao.cluster.session._FIRST_RAYS", 1)
+PACE = replace(SMALL_BLOCKS, first_rays=1)  # the first blocks of each worker are one tile each
 
 
 def image(path):
@@ -85,7 +81,7 @@ PICTURES = {
 
 def render_by(cluster, folder, *picture, **options):
     """What workers render, and what they were handed out."""
-    with ClusterSession(cluster.scheduler_address, folder, "picture.exr", pytest.fail) as session:
+    with ClusterSession(cluster.scheduler_address, folder, "picture.exr", pytest.fail, pace=PACE) as session:
         return render_on(session, *picture, **options), session.dispatch
 
 
@@ -101,7 +97,9 @@ def test_workers_make_the_bits_of_one_process(cluster, tmp_path, name):
     assert done == sorted(done)
     assert done[-1][0] == done[-1][1]
     assert sum(dispatch.blocks.values()) > 1
-    assert (dispatch.rows > done[-1][1]) == (settings.samples > 4)  # tiles that are rendered again for their neighbours
+    assert (dispatch.rows_traced > done[-1][1]) == (
+        settings.samples > 4
+    )  # tiles that are rendered again for their neighbours
     assert [path.name for path in tmp_path.iterdir()] == ["paint.png"]
     assert set(compiled_by(cluster)) == {()}
 

@@ -3,20 +3,21 @@
 import asyncio
 import os
 import time
+from dataclasses import replace
 
 import pytest
-from clusters import BAKES, LEFT_SOCKETS, MEDIUM, bake_on, scheduler, small_blocks
+from clusters import BAKES, LEFT_SOCKETS, MEDIUM, SMALL_BLOCKS, bake_on, scheduler
 from parts_of_bakes import bits
 
 from ao.cluster.dask_cluster import LOCAL
 from ao.execute.checkpoint import Checkpoint
 from raytrace.errors import ClusterError
 
-__all__ = ["small_blocks"]
-pytestmark = [pytest.mark.usefixtures("small_blocks"), LEFT_SOCKETS]
+pytestmark = LEFT_SOCKETS
+BRIEF = replace(SMALL_BLOCKS, silence=3.0, patience=0.5)
 
 
-def test_workers_may_come_late_and_a_lost_scheduler_leaves_a_journal_for_one_process(tmp_path, medium, monkeypatch):
+def test_workers_may_come_late_and_a_lost_scheduler_leaves_a_journal_for_one_process(tmp_path, medium):
     messages, path, lost, script = [], tmp_path / "w.partial", tmp_path / "lost", tmp_path / "hold.py"
     script.write_text(f"from clusters import holding\nholding(1, {str(lost)!r})()")
     with scheduler(0, [str(script)]) as late:
@@ -31,9 +32,9 @@ def test_workers_may_come_late_and_a_lost_scheduler_leaves_a_journal_for_one_pro
             if len(messages) == 1:
                 late.scale(1)
 
-        monkeypatch.setattr("ao.cluster.session._PATIENCE", 0.2)
+        pace = replace(SMALL_BLOCKS, patience=0.2)
         with pytest.raises(ClusterError, match=r"tls://.*: the cluster is lost"):
-            bake_on(late.scheduler_address, MEDIUM, path, notify, progress, after=0, every=0)
+            bake_on(late.scheduler_address, MEDIUM, path, notify, progress, pace, after=0, every=0)
     assert list(dict.fromkeys(messages)) == [
         f"{late.scheduler_address}: no workers; waiting for some to join",
         f"{path} keeps the finished part; the same command with --resume continues from it",
@@ -57,20 +58,19 @@ else:
 
 @pytest.fixture
 def starting(tmp_path, monkeypatch):
-    """A function: let workers of this machine run a script as they start, and wait for them only briefly."""
+    """A function: let workers of this machine run a script as they start, and end within a second."""
     pytest.importorskip("distributed", reason="needs obscurance[cluster]")
 
     def starting(text):
         script = tmp_path / "starts.py"
         script.write_text(text)
         monkeypatch.setitem(LOCAL, "preload", [*LOCAL["preload"], str(script)])
-        for name, seconds in {"session._SILENCE": 3.0, "session._PATIENCE": 0.5, "dask_cluster._END": 1.0}.items():
-            monkeypatch.setattr(f"ao.cluster.{name}", seconds)
+        monkeypatch.setattr("ao.cluster.dask_cluster._END", 1.0)
 
     return starting
 
 
-def test_a_worker_that_is_stopped_as_it_starts_is_reported_and_others_trace(tmp_path, medium, starting, monkeypatch):
+def test_a_worker_that_is_stopped_as_it_starts_is_reported_and_others_trace(tmp_path, medium, starting):
     stopped, reported, messages = tmp_path / "stopped", tmp_path / "reported", []
     starting(STOPS.format(stopped=str(stopped), reported=str(reported)))
 
@@ -79,7 +79,7 @@ def test_a_worker_that_is_stopped_as_it_starts_is_reported_and_others_trace(tmp_
         if "have started" in line:
             reported.touch()
 
-    baked, dispatch = bake_on("local:2", MEDIUM, tmp_path / "w.partial", notify)
+    baked, dispatch = bake_on("local:2", MEDIUM, tmp_path / "w.partial", notify, pace=BRIEF)
     assert bits(baked) == medium
     assert len(dispatch.blocks) == 1
     assert "local:2: 1 of 2 workers have started within 3 s; going on without the rest" in messages
@@ -87,7 +87,7 @@ def test_a_worker_that_is_stopped_as_it_starts_is_reported_and_others_trace(tmp_
         os.kill(int(stopped.read_text()), 0)
 
 
-def test_where_all_workers_are_stopped_as_they_start_the_bake_ends(tmp_path, starting, monkeypatch):
+def test_where_all_workers_are_stopped_as_they_start_the_bake_ends(tmp_path, starting):
     stopped, messages = tmp_path / "stopped", []
     starting(STOPS.format(stopped=str(stopped), reported=""))
 
@@ -95,20 +95,18 @@ def test_where_all_workers_are_stopped_as_they_start_the_bake_ends(tmp_path, sta
         messages.append(line)
         while not stopped.exists() or not stopped.read_text():
             time.sleep(0.05)
-        monkeypatch.setattr("ao.cluster.session._START", 0.0)
 
     with pytest.raises(ClusterError, match="local: no worker has started within "):
-        bake_on("local", MEDIUM, tmp_path / "w.partial", notify)
+        bake_on("local", MEDIUM, tmp_path / "w.partial", notify, pace=replace(BRIEF, start=4.0))
     assert messages == ["local: no workers; waiting for some to join"]
     with pytest.raises(ProcessLookupError):
         os.kill(int(stopped.read_text()), 0)
 
 
-def test_workers_that_cannot_start_end_the_bake_at_once(tmp_path, starting, monkeypatch, capfd):
+def test_workers_that_cannot_start_end_the_bake_at_once(tmp_path, starting, capfd):
     starting("raise RuntimeError('no worker here')")
-    monkeypatch.setattr("ao.cluster.session._SILENCE", 60.0)
     with pytest.raises(ClusterError, match="local: no worker has started within "):
-        bake_on("local", MEDIUM, tmp_path / "w.partial")
+        bake_on("local", MEDIUM, tmp_path / "w.partial", pace=replace(SMALL_BLOCKS, patience=0.5, silence=60.0))
     assert capfd.readouterr().err == ""
 
 
@@ -127,7 +125,7 @@ def stop(*arguments):
     os.kill(os.getpid(), signal.SIGSTOP)
 ao.cluster.worker.fill = stop
 """)
-    baked, _ = bake_on("local:2", MEDIUM, tmp_path / "w.partial", messages.append)
+    baked, _ = bake_on("local:2", MEDIUM, tmp_path / "w.partial", messages.append, pace=BRIEF)
     assert bits(baked) == medium
     assert any("has not been heard of for 3 s" in line for line in messages)
     with pytest.raises(ProcessLookupError):

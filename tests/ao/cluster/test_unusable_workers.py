@@ -2,10 +2,11 @@
 
 import os
 import signal
+from dataclasses import replace
 from functools import partial
 
 import pytest
-from clusters import LEFT_SOCKETS, MEDIUM, Attack, bake_on, on_one, small_blocks
+from clusters import LEFT_SOCKETS, MEDIUM, SMALL_BLOCKS, Attack, bake_on, on_one
 from meshes import hills
 from parts_of_bakes import bits
 
@@ -13,8 +14,8 @@ import ao
 import ao.cluster.session
 from raytrace import InputError, Mesh
 
-__all__ = ["small_blocks"]
-pytestmark = [pytest.mark.usefixtures("small_blocks"), LEFT_SOCKETS]
+pytestmark = LEFT_SOCKETS
+IMPATIENT = replace(SMALL_BLOCKS, patience=0.5)
 
 
 def test_a_worker_unlike_the_client_is_reported_in_one_line(cluster, tmp_path, medium):
@@ -50,17 +51,15 @@ def test_a_worker_whose_disk_is_full_gets_no_more_work(cluster, tmp_path, medium
 
 
 def test_where_no_worker_can_be_used_the_reason_is_named(cluster, tmp_path, monkeypatch):
-    monkeypatch.setattr("ao.cluster.session._PATIENCE", 0.5)
     here = ao.cluster.session.machine()
     monkeypatch.setattr("ao.cluster.session.machine", lambda: here | {"Embree": "4.0.0"})
     messages = []
     with pytest.raises(InputError, match=r"no worker can be used: tls://.*: Embree: expected 4.0.0, got"):
-        bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", messages.append)
+        bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", messages.append, pace=IMPATIENT)
     assert messages[0].startswith("worker tls://")
 
 
 def test_a_folder_that_workers_do_not_see_is_reported(cluster, tmp_path, monkeypatch):
-    monkeypatch.setattr("ao.cluster.session._PATIENCE", 0.5)
     written = ao.cluster.session.write_scene
 
     def unshared(folder, *arguments):
@@ -69,20 +68,21 @@ def test_a_folder_that_workers_do_not_see_is_reported(cluster, tmp_path, monkeyp
 
     monkeypatch.setattr("ao.cluster.session.write_scene", unshared)
     expected = r"no worker can be used: .*: /nowhere/.*: expected a folder that all workers share, got No such file"
+    make = partial(ao.bake, Mesh(*hills(61)))
     with pytest.raises(InputError, match=expected):
-        bake_on(cluster.scheduler_address, partial(ao.bake, Mesh(*hills(61))), tmp_path / "w.partial", lambda _: None)
+        bake_on(cluster.scheduler_address, make, tmp_path / "w.partial", lambda _: None, pace=IMPATIENT)
 
 
-def test_a_worker_that_stands_still_is_reported_and_others_trace_its_blocks(cluster, tmp_path, medium, monkeypatch):
-    monkeypatch.setattr("ao.cluster.session._SILENCE", 1.5)
-
+def test_a_worker_that_stands_still_is_reported_and_others_trace_its_blocks(cluster, tmp_path, medium):
     def stop():
         import ao.cluster.worker
 
         ao.cluster.worker.fill = lambda *_: os.kill(os.getpid(), signal.SIGSTOP)
 
     with on_one(cluster, stop, tmp_path / "reported", killed=True) as (odd, messages, notify):
-        baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", notify)
+        baked, dispatch = bake_on(
+            cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", notify, pace=replace(SMALL_BLOCKS, silence=1.5)
+        )
     assert bits(baked) == medium
     assert odd not in dispatch.blocks
     assert messages == [f"worker {odd} has not been heard of for 2 s; others get its blocks"]

@@ -55,7 +55,7 @@ def test_the_command_continues_after_an_interrupt(tmp_path, method, samples):
 
 
 def killed(tmp_path, kills, method, options):
-    script = HELPERS / "killed_bakes.py"
+    script = HELPERS / "bakes" / "killed_bakes.py"
     command = [sys.executable, script, str(kills), "1", method, json.dumps(options), tmp_path]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with started(command, env=environment(), **pipes) as running:  # it forks: the bakes are to end with it

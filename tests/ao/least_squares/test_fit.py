@@ -8,8 +8,8 @@ from scipy.sparse import csr_array
 from scipy.spatial import Delaunay
 
 from ao.least_squares.conjugate_gradients import multiply, solve, solve_within
-from ao.least_squares.face_moments import Samples, place
-from ao.least_squares.fit import Half, Problem, cross_validated
+from ao.least_squares.face_moments import Samples, sample_barycentric
+from ao.least_squares.fit import NormalEquations, Problem, cross_validated
 from ao.least_squares.pattern import Stencil, add_faces, add_jumps, add_laplacian, find_hinges, right_side
 from raytrace.mesh.morton import fine_morton_order
 from raytrace.mesh.normals import face_normals
@@ -18,7 +18,9 @@ from raytrace.mesh.normals import face_normals
 def barycentric(samples):
     """Face (k,) and coordinates (k, 3) of all samples."""
     face = np.repeat(np.arange(len(samples.weights)), np.diff(samples.starts))
-    at = [place.function(k, samples.shift, samples.ends[f], samples.ends[f + 1]) for k, f in enumerate(face)]
+    at = [
+        sample_barycentric.function(k, samples.shift, samples.ends[f], samples.ends[f + 1]) for k, f in enumerate(face)
+    ]
     return face, np.array(at)
 
 
@@ -162,7 +164,7 @@ def fit(noise, smooth, per_face=3, seed=0):
         entries, right = np.zeros((len(faces), 6)), np.zeros((len(faces), 3))
         np.add.at(entries, face, upper_triangles(b))
         np.add.at(right, face, b * f[:, None])
-        halves.append(Half(stencil.sum(add_faces, entries), right_side(stencil, right), float(f @ f)))
+        halves.append(NormalEquations(stencil.sum(add_faces, entries), right_side(stencil, right), float(f @ f)))
     smoothness = stencil.sum(add_jumps, hinges, grid.triangles, areas)
     nothing = np.zeros((3, side * side))
     problem = Problem(stencil, tuple(halves), smoothness, np.full(len(faces), 1e-9), nothing, 1, None)

@@ -7,10 +7,9 @@ from uv_meshes import quads, rectangle, square
 
 import ao
 from ao.options import VertexOptions
+from ao.points.projection import FineMesh
 from ao.points.receivers import find_receivers
 from ao.prepared import Prepared
-from ao.texture.coverage import Coverage
-from ao.texture.projection import project
 from raytrace import Mesh, MeshError, OptionError
 from raytrace.mesh.placement import Placement
 
@@ -54,18 +53,18 @@ def test_points_are_found_where_an_independent_projection_finds_them(grouped):
         expected[rows] = first_hits(cage[rows], -outwards[rows] / reach[rows, None], 2 * reach[rows], alone)
     groups = (own, of_vertex) if grouped else None
     prepared = Prepared.of(FINE, VertexOptions(), None, None)
-    nowhere = np.zeros((400, 1), np.int32), np.zeros((400, 1, 3), np.float32)
+    fine = FineMesh("fine", prepared.placement, prepared.receivers, 2)
     placed = (places - prepared.placement.centre) * prepared.placement.scale
     up = np.tile([0.0, 0, 1], (400, 1))
-    coverage, missed = project(Coverage.of_points(np.arange(400), *nowhere), placed, up, prepared, cage, groups)
-    corners = FINE.vertices[prepared.receivers.faces[coverage.face[:, 0]]]
-    found = np.einsum("kc,kci->ki", coverage.barycentric[:, 0], corners)
+    on_fine, missed = fine.project(placed, up, cage, groups)
+    corners = FINE.vertices[prepared.receivers.faces[on_fine.face]]
+    found = np.einsum("kc,kci->ki", on_fine.barycentric, corners)
     met = ~np.isnan(expected[:, 0])
     assert 50 < met.sum() < 390
     np.testing.assert_allclose(found[met], expected[met], atol=1e-5)
     assert set(missed) <= set(np.flatnonzero(~met))
     assert len(missed) > 0.9 * (~met).sum()  # others end beside the surface, within a hundredth
-    assert (of_vertex[prepared.receivers.faces[coverage.face[:, 0], 0]] == own).all()
+    assert (of_vertex[prepared.receivers.faces[on_fine.face, 0]] == own).all()
 
 
 def ceiling(height=0.1, floor=-0.01):

@@ -5,7 +5,7 @@ import pytest
 from uv_meshes import grid_charts
 
 from ao.texture.coverage import Page
-from ao.texture.page_rays import SLOTS
+from ao.texture.raster import SLOTS
 from ao.texture.uv_layout import UVLayout
 
 
@@ -13,10 +13,20 @@ def laid_out(uv, size=(24, 16), wraps=True):
     return UVLayout.of(np.asarray(uv, float), size, wraps, "test")
 
 
-def places(layout, coverage):
-    """Where the points of covered texels lie on the page, (k, SLOTS, 2)."""
-    corners = layout.uv[coverage.face]
-    return np.einsum("ksc,kscd->ksd", coverage.barycentric.astype(float), corners)
+def samples_of(coverage):
+    """The row of the texel of each sample, its face and barycentric coordinates."""
+    starts, face, barycentric = coverage.every_sample(2)
+    return np.repeat(np.arange(len(coverage.texels)), np.diff(starts)), face, barycentric
+
+
+def corners_of(coverage):
+    """The upper left corner of each covered texel, (k, 2)."""
+    return np.stack([coverage.texels % 24, coverage.texels // 24], axis=1)
+
+
+def places(layout, face, barycentric):
+    """Where samples lie on the page, (p, 2)."""
+    return np.einsum("pc,pcd->pd", barycentric.astype(float), layout.uv[face])
 
 
 def clipped_area(triangle, column, row):
@@ -65,12 +75,12 @@ def test_coverage_is_conservative_and_no_more(uv):
 def test_points_lie_on_faces_and_in_their_texels(uv):
     layout = laid_out(uv)
     coverage = Page.of(layout).cover("mean", 2)
-    assert coverage.face.shape == (len(coverage.texels), SLOTS)
-    assert (coverage.face >= 0).all()
-    assert (coverage.barycentric >= 0).all()
-    assert np.allclose(coverage.barycentric.sum(axis=2), 1, atol=1e-6)
-    corner = np.stack([coverage.texels % 24, coverage.texels // 24], axis=1)
-    inside = places(layout, coverage) - corner[:, None]
+    row, face, barycentric = samples_of(coverage)
+    assert (np.bincount(row, minlength=len(coverage.texels)) >= SLOTS).all()
+    assert (face >= 0).all()
+    assert (barycentric >= 0).all()
+    assert np.allclose(barycentric.sum(axis=1), 1, atol=1e-6)
+    inside = places(layout, face, barycentric) - corners_of(coverage)[row]
     assert inside.min() > -1e-4
     assert inside.max() < 1 + 1e-4
 
@@ -79,8 +89,10 @@ def test_the_points_of_whole_texels_have_the_centre_for_a_mean():
     layout = laid_out([[(-1, -1), (3, -1), (-1, 3)]], wraps=False)
     coverage = Page.of(layout).cover("mean", 1)
     assert len(coverage.texels) == 24 * 16
-    found = places(layout, coverage)
-    centre = np.stack([coverage.texels % 24, coverage.texels // 24], axis=1) + 0.5
+    assert coverage.has_centre.all()
+    _, *samples = samples_of(coverage)
+    found = places(layout, *samples).reshape(-1, SLOTS, 2)
+    centre = corners_of(coverage) + 0.5
     for several in (found.mean(axis=1), found[:, :2].mean(axis=1), found[:, 2:].mean(axis=1)):
         assert np.allclose(several, centre, atol=1e-4)
 
@@ -88,7 +100,8 @@ def test_the_points_of_whole_texels_have_the_centre_for_a_mean():
 def test_points_are_spread_over_what_a_texel_has_of_a_face():
     layout = laid_out([[(0, 0), (0.3, 0), (0, 400)]], (4, 4), wraps=False)  # a fifth of the second column
     coverage = Page.of(layout).cover("mean", 1)
-    found = places(layout, coverage)[coverage.texels % 4 == 1]
+    row, *samples = samples_of(coverage)
+    found = places(layout, *samples)[coverage.texels[row] % 4 == 1].reshape(4, SLOTS, 2)
     assert np.allclose(found[:, :, 0].mean(axis=1), 1.1, atol=0.03)
     assert (np.ptp(found[:, :, 1], axis=1) > 0.5).all()
 
@@ -99,26 +112,28 @@ def test_faces_over_one_another_have_equally_many_points_about_the_centre(count)
     layout = laid_out([whole, whole[::-1]] * (count // 2) + [whole] * (count % 2), wraps=False)
     coverage = Page.of(layout).cover("mean", 1)
     assert coverage.overlapping.all()
-    rows = np.repeat(np.arange(len(coverage.texels)), coverage.layers)
-    of_each = np.bincount(rows * count + coverage.layer_face)
+    rows, face, barycentric = samples_of(coverage)
+    of_each = np.bincount(rows * count + face)
     assert len(of_each) == len(coverage.texels) * count
     assert (of_each == of_each[0]).all()
     if count <= 4:
-        centre = np.stack([coverage.texels % 24, coverage.texels // 24], axis=1) + 0.5
-        corners = layout.uv[coverage.layer_face]
-        found = np.einsum("jc,jcd->jd", coverage.layer_barycentric.astype(float), corners)
-        for face in range(count):
-            mine = coverage.layer_face == face
+        centre = corners_of(coverage) + 0.5
+        found = places(layout, face, barycentric)
+        for layer in range(count):
+            mine = face == layer
             sums = np.stack([np.bincount(rows[mine], found[mine, axis]) for axis in range(2)], axis=1)
             assert np.allclose(sums / of_each[0], centre, atol=1e-4)
-    assert not Page.of(layout).cover("first", 1).layers.any()
+    first = Page.of(layout).cover("first", 1)
+    assert not first.all_count.any()
+    assert (np.diff(first.every_sample(1).starts) == SLOTS).all()
 
 
 def test_of_very_many_faces_over_one_another_sixty_four_have_a_point():
     layout = laid_out([[(-1, -1), (3, -1), (-1, 3)]] * 200, wraps=False)
     coverage = Page.of(layout).cover("mean", 1)
-    assert (coverage.layers == 64).all()
-    assert np.ptp(np.diff(np.sort(coverage.layer_face[:64]))) <= 1
+    samples = coverage.every_sample(1)
+    assert (np.diff(samples.starts) == 64).all()
+    assert np.ptp(np.diff(np.sort(samples.face[:64]))) <= 1
 
 
 def test_overlapping_faces_share_a_texel_or_the_first_has_it():
@@ -126,13 +141,13 @@ def test_overlapping_faces_share_a_texel_or_the_first_has_it():
     layout = laid_out([one, one[::-1], one])
     every = Page.of(layout).cover("mean", 1)
     assert every.overlapping.mean() > 0.8
-    rows = np.repeat(np.arange(len(every.texels)), every.layers)
-    faces = np.unique(3 * rows + every.layer_face)
-    assert len(faces) == 3 * np.count_nonzero(every.layers)
+    rows, face, _ = samples_of(every)
+    of_overlapping = every.overlapping[rows]
+    faces = np.unique(3 * rows[of_overlapping] + face[of_overlapping])
+    assert len(faces) == 3 * np.count_nonzero(every.overlapping)
     first = Page.of(layout).cover("first", 1)
     assert np.array_equal(first.texels, every.texels)
-    assert (first.face == 0).all()
-    assert (first.layer_face == 0).all()
+    assert (first.every_sample(1).face == 0).all()
 
 
 def test_neighbours_do_not_overlap():

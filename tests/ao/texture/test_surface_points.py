@@ -8,8 +8,9 @@ from uv_meshes import icosphere, inward_cube, quads, rectangle, square
 import ao
 import ao.texture.texels
 from ao.points.receivers import find_receivers
+from ao.points.smooth_surface import SmoothSurface
 from ao.texture.coverage import Page
-from ao.texture.surface_points import Faces, centres_suffice
+from ao.texture.smooth_texels import centres_suffice
 from ao.texture.uv_layout import UVLayout, corner_uv
 from raytrace import Mesh
 from raytrace.mesh.placement import Placement
@@ -22,10 +23,10 @@ def enough(mesh, uv, size, most=MOST):
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement)
     coverage = Page.of(UVLayout.of(corner_uv(uv, mesh), (size, size), True, "test")).cover("mean", 1)
-    faces = Faces.of(placement.vertices.astype(np.float64), receivers)
-    found = centres_suffice(coverage, faces, receivers.tree, most, 1)
+    smooth = SmoothSurface.of(placement.vertices.astype(np.float64), receivers)
+    found = centres_suffice(coverage, smooth, receivers.tree, most, 1)
     pages = np.zeros((2, size * size), np.bool_)
-    pages[:, coverage.texels] = found, coverage.centre_face >= 0
+    pages[:, coverage.texels] = found, coverage.has_centre
     return pages.reshape(2, size, size)
 
 
@@ -76,7 +77,7 @@ def test_errors_of_one_point_and_of_several_are_of_a_size(monkeypatch, falloff):
     uv, size = mesh.vertices[:, :2] / np.ptp(mesh.vertices[:, :2]) * 0.7 + 0.5, 64
 
     def every_second(coverage, *_):
-        return (coverage.centre_face >= 0) & (coverage.texels % 2 == 0)
+        return coverage.has_centre & (coverage.texels % 2 == 0)
 
     monkeypatch.setattr(ao.texture.texels, "centres_suffice", every_second)
     texture = ao.bake_texture(mesh, uv, size, falloff, samples=64, denoise=False, close_seams=False)

@@ -7,8 +7,9 @@ from uv_meshes import quads, rectangle, square
 import ao
 from ao.analytic import closed_forms
 from ao.points.receivers import find_receivers
+from ao.points.smooth_surface import SmoothSurface
 from ao.texture.coverage import Page
-from ao.texture.surface_points import Faces, centres_suffice
+from ao.texture.smooth_texels import centres_suffice
 from ao.texture.uv_layout import UVLayout, corner_uv
 from raytrace import Mesh
 from raytrace.mesh.placement import Placement
@@ -101,8 +102,8 @@ def test_low_things_over_a_floor_are_near_its_texels(height, several):
     placement = Placement.of(mesh)
     found = find_receivers(mesh, placement)
     coverage = Page.of(UVLayout.of(corner_uv(uv, mesh), (8, 8), True, "test")).cover("mean", 1)
-    faces = Faces.of(placement.vertices.astype(np.float64), found)
-    assert centres_suffice(coverage, faces, found.tree, 0.2, 1).any() != several
+    smooth = SmoothSurface.of(placement.vertices.astype(np.float64), found)
+    assert centres_suffice(coverage, smooth, found.tree, 0.2, 1).any() != several
 
 
 def test_the_error_of_a_page_of_one_texel_is_finite():

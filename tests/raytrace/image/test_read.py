@@ -11,14 +11,13 @@ from frames import METADATA, frame
 from raytrace.errors import InputError
 from raytrace.image.read import read_image
 from raytrace.image.srgb import decode_srgb
-from raytrace.image.write import write_frame
 
 
 @pytest.mark.parametrize("ending", [".exr", ".png", ".tif", ".jpg"])
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.5, 0.95])
 def test_a_file_cut_off_is_one_line(tmp_path, capfd, ending, share):
     path = tmp_path / f"a{ending}"
-    write_frame(path, frame(), METADATA)
+    frame().save(path, METADATA)
     content = path.read_bytes()
     path.write_bytes(content[: int(share * len(content))])
     with pytest.raises(InputError) as error:
@@ -96,7 +95,7 @@ def test_an_image_that_claims_to_be_huge(tmp_path):
 
 def test_stray_bytes_in_a_jpeg_are_no_fault(tmp_path, capfd):
     """Cameras leave them; every viewer shows such files."""
-    write_frame(tmp_path / "a.jpg", frame(), {})
+    frame().save(tmp_path / "a.jpg")
     content = (tmp_path / "a.jpg").read_bytes()
     (tmp_path / "b.jpg").write_bytes(content[:-2] + b"\0\0" + content[-2:])
     whole, stray = (read_image(tmp_path / name)[0]["beauty"] for name in ("a.jpg", "b.jpg"))

@@ -16,7 +16,6 @@ from raytrace.image import texture as module
 from raytrace.image.srgb import decode_srgb
 from raytrace.image.texture import WRAPS, LazyTextures, Texture, pack_textures
 from raytrace.image.texture_lookup import sample_texture
-from raytrace.image.write import write_frame
 from raytrace.kernel.jit import kernel
 
 
@@ -211,7 +210,7 @@ def test_values_that_are_not_srgb(tmp_path):
 
 
 def test_floats_are_linear(tmp_path):
-    write_frame(tmp_path / "a.exr", plain((0.5, 3.0, 0.125, 1.0)), {}, layers=["beauty"])
+    plain((0.5, 3.0, 0.125, 1.0)).save(tmp_path / "a.exr", layers=["beauty"])
     packed = pack_textures([Texture(tmp_path / "a.exr")])
     np.testing.assert_array_equal(level(packed, 0)[4, 5], (0.5, 3.0, 0.125))
 

@@ -12,13 +12,12 @@ from pictures import ENDINGS, names, python
 
 from raytrace.errors import OptionError, OutputError
 from raytrace.image import encode
-from raytrace.image.write import check_image_target, write_frame, write_image
+from raytrace.image.write import check_image_target, write_image
 
 FULL_DISK = """
 import json, resource, sys
 from frames import METADATA, frame
 from raytrace.image import encode
-from raytrace.image.write import write_frame
 reserve = encode._reserve
 unlimited = resource.getrlimit(resource.RLIMIT_FSIZE)
 outcomes = []
@@ -26,7 +25,7 @@ for target, reserved, limit in json.loads(sys.argv[1]):
     encode._reserve = reserve if reserved else lambda *_: None
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, unlimited[1]))
     try:
-        write_frame(target, frame(), METADATA)
+        frame().save(target, METADATA)
         outcomes.append("")
     except OSError as reason:
         outcomes.append(f"{type(reason).__name__} {reason}")
@@ -44,7 +43,7 @@ def test_a_full_disk_is_one_line_and_leaves_the_old_file(tmp_path):
             folder = tmp_path / str(len(cases))
             folder.mkdir()
             target = folder / f"a{ending}"
-            write_frame(target, frame(), METADATA)
+            frame().save(target, METADATA)
             cases.append((str(target), reserve, int(share * target.stat().st_size)))
             target.write_bytes(b"before")
     run = python(FULL_DISK, json.dumps(cases))
@@ -61,7 +60,7 @@ def test_a_full_disk_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(encode, "_complete", lambda *_: False)
     monkeypatch.setattr(encode.shutil, "disk_usage", lambda _: SimpleNamespace(free=0))
     with pytest.raises(OutputError, match=r"a\.exr: cannot write: No space left on device"):
-        write_frame(tmp_path / "a.exr", frame(), {})
+        frame().save(tmp_path / "a.exr")
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
@@ -73,7 +72,7 @@ def test_an_interrupt_leaves_the_old_file(tmp_path, monkeypatch, ending):
     target.write_bytes(b"before")
     monkeypatch.setattr(np, "ascontiguousarray", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        write_frame(target, frame(), {})
+        frame().save(target)
     assert target.read_bytes() == b"before"
     assert names(tmp_path) == [target.name]
 
@@ -95,7 +94,7 @@ def test_what_cannot_be_written_is_outcomes_before_the_work(tmp_path, name, opti
     with pytest.raises(OptionError, match=message) as early:
         check_image_target(tmp_path / name, **options)
     with pytest.raises(OptionError) as late:
-        write_frame(tmp_path / name, frame(), {}, **options)
+        frame().save(tmp_path / name, **options)
     assert str(early.value) == str(late.value)
     assert "\n" not in str(early.value)
     assert names(tmp_path) == []
@@ -103,7 +102,7 @@ def test_what_cannot_be_written_is_outcomes_before_the_work(tmp_path, name, opti
 
 def test_a_layer_that_the_frame_lacks(tmp_path):
     with pytest.raises(OptionError, match="expected layers of the frame: beauty, got depth"):
-        write_frame(tmp_path / "a.exr", plain((0, 0, 0, 1)), {}, layers=["depth"])
+        plain((0, 0, 0, 1)).save(tmp_path / "a.exr", layers=["depth"])
 
 
 def test_a_missing_folder_is_outcomes_before_the_work(tmp_path):

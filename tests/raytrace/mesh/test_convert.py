@@ -94,9 +94,9 @@ def test_quads_are_cut_where_they_stay_what_they_are(first):
 WRONG = {
     "a name": (
         "ball.obj",
-        r"mesh: expected a raytrace\.Mesh, a pair .*; did you mean scenes\.load\(\"ball\.obj\"\)\.mesh",
+        r"mesh: expected a raytrace\.Mesh, a pair .*; did you mean scenes\.load\(\"ball\.obj\"\)",
     ),
-    "a path": (Path("a") / "ball.obj", r'did you mean scenes\.load\("a.ball\.obj"\)\.mesh\?'),
+    "a path": (Path("a") / "ball.obj", r'did you mean scenes\.load\("a.ball\.obj"\)\?'),
     "an empty tensor mesh": (tensor_mesh(), r"expected vertex\.positions and triangle\.indices, got an empty mesh"),
     "a volume": (meshio_like(("tetra", [[0, 1, 2, 3]])), "cells: expected triangle or quad, got tetra"),
     "lines": (meshio_like(("line", [[0, 1]])), "cells: expected triangle or quad, got none of them"),
@@ -129,18 +129,23 @@ def test_a_mesh_may_have_any_form_wherever_one_is_taken():
 
 @pytest.mark.parametrize("recipe", RECIPES, ids=[recipe.split("\n")[0][:40] for recipe in RECIPES])
 def test_a_recipe_runs(recipe, tmp_path, monkeypatch):
+    import obscurance
     import scenes
 
     monkeypatch.chdir(tmp_path)
     builder = Builder()
     builder.mesh(quad(builder, 0))
-    (tmp_path / "duck.glb").write_bytes(builder.glb([{"mesh": 0}]))
+    (tmp_path / "meshes").mkdir()
+    for name in ("duck.glb", "meshes/a.glb"):
+        (tmp_path / name).write_bytes(builder.glb([{"mesh": 0}]))
     used = {name: pytest.importorskip(name) for name in LIBRARIES if name in recipe}
     given = {"vertices": POINTS, "faces": FACES, "wall": Mesh(np.add(POINTS, 3.0), FACES)}
-    names = {"np": np, "ao": ao, "scenes": scenes, **given, **used}
+    names = {"np": np, "ao": ao, "scenes": scenes, "obscurance": obscurance, **given, **used}
     bake_texture = ao.bake_texture
     monkeypatch.setattr(ao, "bake_texture", lambda mesh, uv, size: bake_texture(mesh, uv, size // 8, samples=16))
     exec(compile(recipe, "python.md", "exec"), names)
+    for saved in re.findall(r'(?:save|write|view)\((?:baked, )?"(.+?)"', recipe):
+        assert (tmp_path / saved).stat().st_size > 50
     shown = [names[name] for name in ("mesh", "surface", "grid") if name in names]
     for each in shown:
         w = np.asarray(each.visual.vertex_colors[:, 0] / 255 if hasattr(each, "visual") else each.point_data["w"])

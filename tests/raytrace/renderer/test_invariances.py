@@ -12,7 +12,7 @@ import ao
 import raytrace.renderer.geometry
 from raytrace import Mesh, Phong
 from raytrace.camera import Camera
-from raytrace.image.frame import LAYERS
+from raytrace.image.encode import LAYERS
 from raytrace.lights.sources import DirectionalLight, PointLight, SpotLight
 from raytrace.renderer.render import render, seen_vertices
 from raytrace.renderer.render_scene import build, release

@@ -17,7 +17,7 @@ from raytrace.image.read import read_image
 from raytrace.mesh.up import TO_Y_UP, UP
 from scenes.description.read import read_scene
 from scenes.formats.load import load
-from scenes.write_bake import write
+from scenes.formats.write import write
 
 SIZE = ("--width", 40, "--height", 40, "--samples", 4)
 ROOF = np.array([[0, 0, 0], [4, 0, 0], [4, 2, 0], [0, 2, 0], [0, 1, 3], [4, 1, 1]], float)  # its ridge is up in z

@@ -13,7 +13,7 @@ from raytrace.errors import MeshError
 from raytrace.image.srgb import decode_srgb, encode_srgb
 from scenes.formats.load import load
 from scenes.formats.unsupported import unsupported_features
-from scenes.write_bake import channels, write
+from scenes.formats.write import channels, write
 
 RGBA = {"r": "red", "g": "green", "b": "blue", "a": "alpha"}
 W = random_bake(4)

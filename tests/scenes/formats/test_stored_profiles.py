@@ -10,11 +10,11 @@ from profiles import with_profile
 import ao
 from raytrace import Mesh
 from raytrace.errors import SceneError
-from scenes.falloffs import make_scales
+from scenes.formats.falloffs import make_scales
 from scenes.formats.images import write_grey
 from scenes.formats.load import MeshFile, load
 from scenes.formats.stored_w import find_profile, read_w
-from scenes.write_bake import write
+from scenes.formats.write import write
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,10 @@ from project import ROOT
 
 import scenes
 from raytrace import MeshError
+from scenes.bake.options import Format, InputFormat
 from scenes.formats import table
 from scenes.formats.images import ENDINGS as IMAGES
 from scenes.formats.table import endings, format_of, formats, sniffed_format
-from scenes.jobs.options import Format, InputFormat
 
 
 @pytest.mark.parametrize("row", formats().values(), ids=formats())

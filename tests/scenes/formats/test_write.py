@@ -14,7 +14,7 @@ from raytrace.errors import OptionError, OutputError
 from raytrace.image.srgb import encode_srgb
 from scenes.formats.gltf.write import ramp_png
 from scenes.formats.load import load
-from scenes.write_bake import check_target, write
+from scenes.formats.write import check_target, write
 
 
 def test_npy(tmp_path):

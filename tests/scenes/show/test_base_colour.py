@@ -1,5 +1,6 @@
 """Base colours in pages: what a page holds of materials, vertices and textures, and what a browser draws."""
 
+import base64
 import io
 
 import numpy as np
@@ -14,6 +15,7 @@ from benchmarks.pictures import chromium
 from raytrace.image.srgb import encode_srgb
 from scenes.formats.load import load
 from scenes.show.page.base_colour import base_colour, shrunk
+from scenes.show.page.document import html_page
 
 WALL = """mtllib wall.mtl
 v -2 -1 0\nv 0 -1 0\nv 2 -1 0\nv 2 1 0\nv 0 1 0\nv -2 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1
@@ -80,7 +82,7 @@ def test_colours_of_vertices_are_shown_and_the_grey_of_w_is_none(tmp_path, monke
             assert base is None
 
 
-def test_factors_and_colours_of_a_gltf_are_multiplied_and_alpha_is_left_out(tmp_path):
+def test_factors_and_colours_of_a_gltf_are_multiplied_and_alpha_of_opaque_materials_is_left_out(tmp_path):
     builder = Builder()
     colours = builder.accessor(np.array([[1, 1, 1, 0.5], [0, 1, 1, 1], [1, 0, 1, 1]], "<f4"), "VEC4")
     primitive = builder.primitive(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4"), [[0, 1, 2]])
@@ -92,6 +94,38 @@ def test_factors_and_colours_of_a_gltf_are_multiplied_and_alpha_is_left_out(tmp_
     base = base_colour(load(tmp_path / "m.glb"))
     light = np.array([[1, 0.5, 0.25], [0, 0.5, 0.25], [1, 0, 0.25]])
     np.testing.assert_array_equal(base.codes[0], np.rint(255 * encode_srgb(light)))
+    assert base.alpha is None
+
+
+@pytest.mark.parametrize(
+    ("mode", "alpha"), [({"alphaMode": "BLEND"}, 128), ({"alphaMode": "MASK"}, 255), ({"alphaMode": "OPAQUE"}, None)]
+)
+def test_images_of_a_gltf_keep_their_alpha_where_it_counts(tmp_path, mode, alpha):
+    pixels = np.full((4, 4, 4), 128, np.uint8)
+    pixels[:2, :, 3] = 100
+    content = io.BytesIO()
+    Image.fromarray(pixels).save(content, "PNG")
+    builder = Builder()
+    primitive = builder.primitive(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4"), [[0, 1, 2]])
+    primitive["attributes"]["TEXCOORD_0"] = builder.accessor(np.eye(3, 2).astype("<f4"), "VEC2")
+    primitive["material"] = 0
+    image = "data:image/png;base64," + base64.b64encode(content.getvalue()).decode()
+    builder.header |= {"images": [{"uri": image}], "textures": [{"source": 0}]}
+    factors = {"baseColorTexture": {"index": 0}, "baseColorFactor": [1, 1, 1, 128 / 255]}
+    builder.header["materials"] = [{"pbrMetallicRoughness": factors, "alphaCutoff": 0.22, **mode}]
+    builder.mesh(primitive)
+    (tmp_path / "m.glb").write_bytes(builder.glb([{"mesh": 0}]))
+    base = base_colour(load(tmp_path / "m.glb"))
+    stored = np.asarray(Image.open(io.BytesIO(base.images[0])))
+    if alpha is None:
+        assert base.alpha is None
+        assert stored.shape == (4, 4, 3)
+        return
+    assert (base.alpha == alpha).all()
+    expected = {"BLEND": (100, 128), "MASK": (0, 255)}[mode["alphaMode"]]
+    assert (stored[0, 0, 3], stored[3, 3, 3]) == expected
+    assert (stored[..., :3] == 128).all()
+    assert "alpha" in columns_of(html_page(load(tmp_path / "m.glb").mesh, np.ones(3), base=base))
 
 
 def test_large_images_are_shrunk_and_a_page_stays_small(wall):
@@ -132,3 +166,26 @@ def test_a_browser_draws_them_times_light_and_w(wall, tab):
     assert abs(clay - picture).mean() > 0.05
     tab.press("7")
     np.testing.assert_array_equal(shown(tab, wall), picture)
+
+
+@pytest.mark.skipif(chromium.MISSING is not None, reason=str(chromium.MISSING))
+def test_a_browser_shows_what_is_behind_holes_and_glass(wall, tab):
+    """The left square has a hole in its right half, the right one is a third there; a white wall is behind."""
+    pixels = np.zeros((4, 4), np.uint8)
+    pixels[:, :2] = 255
+    Image.fromarray(pixels).save(wall / "hole.png")
+    (wall / "wall.mtl").write_text("newmtl paint\nKd 0 0 0\nmap_d hole.png\nnewmtl plain\nKd 0 0 0\nd 0.333\n")
+    behind = "v -9 -9 -1\nv 9 -9 -1\nv 9 9 -1\nv -9 9 -1\nusemtl white\nf 7 8 9 10\n"
+    (wall / "wall.obj").write_text(WALL + behind)
+    np.savez("w.npz", w=np.ones(10, np.float32))
+    page = page_of(wall / "p.html", "view", "w.npz", "--mesh", "wall.obj", "-o", "p.html")
+    assert facts_of(page)["draws"][-1] == [2, -1, 0]
+    opened(tab, (wall / "p.html").as_uri() + VIEW)
+    picture = shown(tab, wall)
+    height, width = picture.shape[:2]
+    middle = picture[height // 2 - 20 : height // 2 + 20, :, 1]
+    light = float(encode_srgb(0.4 + 0.85 * 0.66 / np.linalg.norm([0.45, 0.6, 0.66])))
+    for place, expected in ((0.2, 0.0), (0.4, light), (0.7, 0.667 * light)):
+        found = middle[:, int(place * width) - 20 : int(place * width) + 20]
+        assert found.mean() == pytest.approx(expected, abs=0.03)
+    assert tab.messages == []

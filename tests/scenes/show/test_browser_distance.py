@@ -13,9 +13,9 @@ from benchmarks.pictures import chromium
 from raytrace import Mesh
 from scenes.formats.load import MeshFile
 from scenes.formats.stored_w import read_w
+from scenes.formats.write import write
 from scenes.show.page.document import html_of_bakes
 from scenes.show.page.encode import Values
-from scenes.write_bake import write
 
 pytestmark = pytest.mark.skipif(chromium.MISSING is not None, reason=str(chromium.MISSING))
 HIGH = {"width": 730, "height": 760}

@@ -1,4 +1,4 @@
-// Base colours of the surface: sRGB of its vertices, and images that they are multiplied with.
+// Base colours of the surface: sRGB and alpha of its vertices, and images that they are multiplied with.
 
 const AS_STORED = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
 
@@ -8,5 +8,6 @@ async function baseColours(about, columns) {
     wrap,
     bitmap: await createImageBitmap(new Blob([columns[`image${number}`]]), AS_STORED),
   }));
-  return { colours: columns.base, uv: columns.baseUv && coordinates(columns.baseUv, about), images: await Promise.all(images) };
+  const uv = columns.baseUv && coordinates(columns.baseUv, about);
+  return { colours: columns.base, alpha: columns.alpha, uv, images: await Promise.all(images) };
 }

@@ -10,7 +10,7 @@ uniform sampler2D page, otherPage, image;
 uniform bvec3 paged;  // whether w is that of a texture, and the other bake's, and the base colour
 centroid in vec3 normalHere, bentHere, baseHere;
 centroid in vec2 placeHere, otherPlaceHere, baseUvHere;
-centroid in float wHere, otherHere, errorHere;
+centroid in float wHere, otherHere, errorHere, alphaHere;
 out vec4 colour;
 
 vec3 encoded(vec3 light) {  // sRGB, IEC 61966-2-1
@@ -38,7 +38,14 @@ vec3 lit(vec3 albedo) {  // (12.75) in the form that weights ambient and diffuse
   return albedo * shownW() * (ambient + key * max(dot(n, towardsKey), 0.0));
 }
 
+// What is there of the surface at a pixel shows, by a pattern that is even over a few: nothing needs to be sorted.
+bool isThrough() {
+  float alpha = paged.z ? alphaHere * texture(image, baseUvHere).a : alphaHere;
+  return alpha <= fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715))));
+}
+
 void main() {
+  if (isThrough()) discard;
   vec3 shade = vec3(0.0);
   if (mode == CLAY) shade = encoded(lit(clay));
   if (mode == COLOUR) shade = encoded(lit(paged.z ? baseHere * texture(image, baseUvHere).rgb : baseHere));

@@ -1,6 +1,6 @@
 // The mesh on the graphics card, and its drawing.
 
-const ATTRIBUTES = ["position", "normal", "bent", "w", "otherW", "error", "colour", "place", "otherPlace", "base", "baseUv"];
+const ATTRIBUTES = ["position", "normal", "bent", "w", "otherW", "error", "colour", "place", "otherPlace", "base", "baseUv", "alpha"];
 
 class Surface {
   constructor(canvas, mesh, about) {
@@ -16,7 +16,9 @@ class Surface {
       index: this.buffer(mesh.indices, this.gl.ELEMENT_ARRAY_BUFFER),
       base: mesh.base && this.buffer(mesh.base.colours),
       baseUv: mesh.base?.uv && this.buffer(mesh.base.uv),
+      alpha: mesh.base?.alpha && this.buffer(mesh.base.alpha),
     };
+    this.gl.vertexAttrib1f(ATTRIBUTES.indexOf("alpha"), 1); // unless the mesh has some
     this.mesh = mesh;
     this.whole = shared.index;
     const values = mesh.bakes.map(({ w, error, bent, uv }) => ({
@@ -112,6 +114,7 @@ class Surface {
     this.attribute("otherPlace", other.place, 2);
     this.attribute("base", shared.base, 3, gl.UNSIGNED_BYTE);
     this.attribute("baseUv", shared.baseUv, 2);
+    this.attribute("alpha", shared.alpha, 1, gl.UNSIGNED_BYTE);
     return arrays;
   }
 

@@ -1,0 +1,101 @@
+"""Estimates at groups of samples on faces, each the mean over its samples, less rays that start below the face."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from raytrace.kernel.jit import bind, kernel
+from raytrace.system.threads import run_blocks
+from raytrace.types import Float64s, Int64s
+
+from ..points.points import Points
+from ..points.surface_samples import SurfaceSamples
+from ..rays.below_face import leave_out_below
+from ..rays.gather import BATCH_VARIANCE, COLUMNS
+from .tracer import Tracer
+
+_ENOUGH = 8  # rays of a sample, so that more samples are worth their time
+_GATHERED = 1 << 20  # samples
+_BLOCK, _SHARE = 1 << 9, 16  # groups, and blocks at once
+
+
+@dataclass(frozen=True, eq=False)
+class SampleMeans:
+    """What makes a `Tracer` one of groups of samples: its points stand for the groups, by their numbers."""
+
+    samples: SurfaceSamples
+    elsewhere: Callable[[Int64s], SurfaceSamples] | None = None  # with other samples of some groups (j,), by numbers
+
+    def moved(self, points: Points) -> SampleMeans | None:
+        """The same with samples elsewhere in the groups of some `points`, if there are any."""
+        if self.elsewhere is None:
+            return None
+        return replace(self, samples=self.elsewhere(points.numbers.astype(np.int64)))
+
+    def rows(self, tracer: Tracer, points: Points, rays: int, key: np.uint32) -> Float64s:
+        """Rows (k, …, COLUMNS) of groups, by so many `rays` each or a few more."""
+        groups = points.numbers.astype(np.int64)
+        counts = self.samples.counts[groups]
+        fewer = np.clip(rays // _ENOUGH, 1, counts)
+        samples_of = np.where(self.samples.all_count[groups], counts, 2 ** np.floor(np.log2(fewer)).astype(np.int64))
+        out = np.empty((len(points), *tracer.mu.shape, COLUMNS))
+        for samples in np.flatnonzero(np.bincount(samples_of)).tolist():
+            alike = np.flatnonzero(samples_of == samples)
+            step = _GATHERED // samples
+            for first in range(0, len(alike), step):
+                block = alike[first : first + step]
+                self._write_means(tracer, groups[block], samples, (-(-rays // samples), key), (out, block))
+        return out
+
+    def _write_means(
+        self, tracer: Tracer, groups: Int64s, samples: int, rays: tuple[int, np.uint32], to: tuple[Float64s, Int64s]
+    ) -> None:
+        """Set rows of an array, `to`, to means over the first `samples` of each of the `groups`.
+
+        Args: rays: of a sample, and the key of their directions.
+        """
+        each, key = rays
+        source = np.empty(samples * len(groups), np.int64)
+        numbers = np.empty(len(source), np.uint32)
+        pick = bind(_pick, groups, samples, self.samples.starts, source, numbers)
+        run_blocks(len(groups), _BLOCK, pick, tracer.threads, most=_SHARE)
+        points = replace(self.samples.points[source], numbers=numbers)
+        table = tracer.scene.table(each, tracer.total_points, key, samples)
+        values = tracer.trace(points, each, key, samples)
+        by_falloff = values.reshape(len(values), -1, COLUMNS)
+        out = to[0].reshape(len(to[0]), -1, COLUMNS)
+
+        def average(first: int, last: int) -> None:
+            block = slice(samples * first, samples * last)
+            arrays = points[block].arrays
+            normals = self.samples.geometric_normals.take(source[block], axis=0)
+            for falloff in range(by_falloff.shape[1]):
+                column = np.ascontiguousarray(by_falloff[block, falloff])
+                leave_out_below(arrays, normals, table, column)
+                _average(column, samples, to[1][first:last], out[:, falloff])
+
+        run_blocks(len(groups), _BLOCK, average, tracer.threads, most=_SHARE)
+
+
+@kernel
+def _pick(groups, samples, starts, source, numbers, first, last):
+    """Write which samples are the first ones of each group, and their numbers."""
+    for i in range(first, last):
+        for k in range(samples):
+            source[samples * i + k] = starts[groups[i]] + k
+            numbers[samples * i + k] = samples * groups[i] + k
+
+
+@kernel
+def _average(values, samples, rows, out):
+    """Write means of so many consecutive `values` (k, COLUMNS) each to some `rows` of `out`."""
+    for i in range(len(rows)):
+        for column in range(COLUMNS):
+            total = 0.0
+            for k in range(samples):
+                total += values[samples * i + k, column]
+            out[rows[i], column] = total / samples
+        out[rows[i], BATCH_VARIANCE] *= samples**-1.5  # as if of all rays at once: they share a leaped lattice

@@ -1,0 +1,85 @@
+"""w of a fine mesh at the vertices of a coarse one: each is a sample where it is projected onto the fine surface."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from raytrace.errors import MeshError
+from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.morton import morton_order
+from raytrace.mesh.placement import Placement
+from raytrace.types import Int64s, UInt8s
+
+from .estimate.estimate import edges_of, estimate_outside
+from .estimate.inside import inside_solids
+from .estimate.tolerance import Estimate
+from .execute.sample_means import SampleMeans
+from .points.corners import CornerSamples
+from .points.projection import FineMesh, cage_of
+from .points.receivers import Flag, Receivers, find_receivers
+from .points.smooth_surface import PointGroups, SmoothSurface, SurfacePoints
+from .points.surface_samples import SurfaceSamples
+from .prepared import Inputs, Prepared
+from .result import PointValues
+
+_OWN_CORNERS = Flag.FOLDED | Flag.OPPOSED | Flag.CONTACT  # how the coarse mesh's faces lie matters to its own w alone
+
+
+def sample_fine_mesh(prepared: Prepared, coarse: Mesh, inputs: Inputs) -> tuple[Prepared, PointValues]:
+    """Estimate w of the mesh of `prepared` at the vertices of `coarse`, which become the wanted points.
+
+    Raises: MeshError: nothing is within the cage around `coarse`, or it is one of another mesh; or faces lack areas.
+    """
+    options, fine, threads = prepared.options, prepared.receivers, prepared.threads
+    vertices = find_receivers(coarse, Placement.of(coarse), options.normals)
+    if not len(vertices.points):
+        raise MeshError(coarse.source, "faces", "some that have an area", "none")
+    projected, missed = _project(prepared, coarse, vertices, inputs)
+    samples, order = _place(prepared, projected)
+    inside = inside_solids(
+        samples.points, fine.faces[samples.face, 0], prepared.placement, fine, options.interior, threads
+    )
+    flags = vertices.flags & ~np.uint8(_OWN_CORNERS)
+    _flag(flags, vertices, missed, Flag.MISSED)
+    _flag(flags, vertices, order[inside], Flag.HIDDEN)
+    tracer = prepared.sample_tracer(SampleMeans(samples), "high to low", inputs.checkpoint)
+
+    row_of = np.full(len(order) + 1, -1)
+    row_of[order] = np.arange(len(order))
+    edges = edges_of(samples.points, row_of[vertices.of_vertex[vertices.faces]], tracer)
+    filled = inside & (options.interior != "mark")
+
+    def estimated() -> tuple[Estimate, int]:
+        found, untraced = estimate_outside(tracer, samples.points, CornerSamples.none(), edges, filled, options)
+        rows = row_of[:-1]
+        return replace(found, rows=found.rows[rows], variance=found.variance[rows]), untraced
+
+    values = PointValues.of(tracer.each_column(estimated), tracer.rays)
+    return replace(prepared, wanted=replace(vertices, flags=flags)), values
+
+
+def _project(prepared: Prepared, coarse: Mesh, vertices: Receivers, inputs: Inputs) -> tuple[SurfacePoints, Int64s]:
+    """The vertices of `coarse` on the fine mesh, and which of them the cage misses."""
+    placement = prepared.placement
+    fine = FineMesh(prepared.mesh.source, placement, prepared.receivers, prepared.threads)
+    representative = vertices.first_vertex
+    positions = (coarse.vertices[representative] - placement.centre) * placement.scale
+    cage = cage_of(prepared.options.cage, coarse)
+    reach = cage.vertices[representative] if isinstance(cage, Mesh) else cage
+    groups = inputs.groups and (np.asarray(inputs.groups[0])[representative], inputs.groups[1])
+    return fine.project(positions, vertices.points.normals.astype(np.float64), reach, groups)
+
+
+def _place(prepared: Prepared, projected: SurfacePoints) -> tuple[SurfaceSamples, Int64s]:
+    """Groups of one sample each along a curve that keeps neighbours together, and which point each of them is."""
+    receivers, threads = prepared.receivers, prepared.threads
+    surface = SmoothSurface.of(prepared.placement.vertices.astype(np.float64), receivers)
+    order = morton_order(surface.positions_at(*projected, threads))
+    count = len(order)
+    in_order = PointGroups(np.arange(count + 1), projected.face[order], projected.barycentric[order])
+    return SurfaceSamples.place(in_order, np.zeros(count, np.bool_), surface, receivers, threads), order
+
+
+def _flag(flags: UInt8s, vertices: Receivers, points: Int64s, flag: Flag) -> None:
+    """Set a flag of the vertices of some `points`."""
+    flags[np.isin(vertices.of_vertex, points)] |= np.uint8(flag)

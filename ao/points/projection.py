@@ -1,0 +1,171 @@
+"""From a coarse mesh to a fine one: points of its faces or vertices move along smooth normals onto the fine surface.
+
+A ray starts as far outside as the cage reaches and goes in, twice as far; what it meets first is what the point shows.
+A cage that is a mesh says for each point where its ray starts, and so its direction, too.
+It goes on through holes that alpha makes.
+Points that meet nothing take the closest one; where that is on the ray but for a hundredth of the cage, as on a border
+that both meshes have, it counts as met.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from raytrace.bvh.closest import closest_points
+from raytrace.embree.rays import intersect
+from raytrace.errors import MeshError, OptionError
+from raytrace.mesh.mesh import Mesh, mesh_of
+from raytrace.mesh.opacity import alphas
+from raytrace.mesh.placement import NEAR, Placement
+from raytrace.types import Float32s, Float64s, Int64s
+
+from ..falloff import Length, is_length, resolve_length
+from .receivers import Receivers
+from .smooth_surface import SurfacePoints
+
+Groups = tuple[Int64s, Int64s]
+
+_ROUNDED = 1e-6  # of coordinates, in single precision
+_MOST_HOLES = 64  # that a ray goes through
+_BESIDE = 0.01  # of the cage: how far from its ray a point that counts as met may be
+
+
+class _CageRays(NamedTuple):
+    """Rays from a cage inwards, through k points of the coarse mesh, in render space."""
+
+    positions: Float64s  # (k, 3), of the points
+    outwards: Float64s  # (k, 3), unit
+    reach: Float64s  # (k,), from the points to where rays start
+
+
+@dataclass(frozen=True, eq=False)
+class FineMesh:
+    """A mesh onto which points of a coarse one are projected."""
+
+    source: str  # what messages call it
+    placement: Placement
+    receivers: Receivers
+    threads: int
+
+    @cached_property
+    def _vertices(self) -> Float64s:
+        return self.placement.vertices.astype(np.float64)
+
+    def project(
+        self, positions: Float64s, normals: Float64s, cage: float | Float64s, groups: Groups | None = None
+    ) -> tuple[SurfacePoints, Int64s]:
+        """Points of the coarse mesh moved onto this one, k, and which of them the cage misses, (j,).
+
+        Args:
+            positions, normals: (k, 3), the points on the coarse mesh and its unit normals there, in render space.
+            cage: how far the fine surface may be, in mesh units, or points (k, 3), which say which way, too.
+            groups: of the points (k,) and of the fine mesh's vertices, the first of which says that of a face.
+
+        Raises: MeshError: no point meets anything, or no face has an area. OptionError: no face has a point's group.
+        """
+        if not len(self.receivers.faces):
+            raise MeshError(self.source, "faces", "some that have an area", "none")
+        rays = self._cage_rays(positions, normals, cage)
+        match = self._group_of_faces(groups) if groups else None
+        face, barycentric = self._first_hits(rays, match)
+        unmet = np.flatnonzero(face < 0)
+        face[unmet], barycentric[unmet], beside = self._closest(rays, unmet, match)
+        missed = unmet[~beside]
+        if len(missed) == len(face):
+            raise MeshError(self.source, "surface", "some of it within the cage about the coarse mesh", "none")
+        return SurfacePoints(face.astype(np.int32), barycentric), missed
+
+    def _cage_rays(self, positions: Float64s, normals: Float64s, cage: float | Float64s) -> _CageRays:
+        """Rays that reach no farther than across both meshes."""
+        if isinstance(cage, float):
+            reach = np.full(len(positions), cage * self.placement.scale)
+        else:
+            away = (cage - self.placement.centre) * self.placement.scale - positions
+            reach = np.linalg.norm(away, axis=1)
+            direction = away / np.where(reach > 0, reach, 1)[:, None]
+            normals = np.where(reach[:, None] > 0, direction, normals)
+        low = np.minimum(self._vertices.min(axis=0), positions.min(axis=0))
+        high = np.maximum(self._vertices.max(axis=0), positions.max(axis=0))
+        return _CageRays(positions, normals, np.minimum(reach, float(np.linalg.norm(high - low))))
+
+    def _group_of_faces(self, groups: Groups) -> Groups:
+        """Groups of the points (k,) and of the faces (m,). Raises: OptionError: a point's group has no face."""
+        of_points, of_vertices = groups
+        of_faces = np.asarray(of_vertices)[self.receivers.faces[:, 0]]
+        lacking = np.setdiff1d(of_points, of_faces)
+        if len(lacking):
+            raise OptionError("groups", "faces of the fine mesh in each", f"none in {lacking[0]}", self.source)
+        return of_points, of_faces
+
+    def _first_hits(self, rays: _CageRays, match: Groups | None) -> tuple[Int64s, Float32s]:
+        """The face (k,) of its group that each ray meets first, −1 for none, and where on it (k, 3); not holes."""
+        scene = self.receivers.embree()
+        starts = rays.positions + rays.reach[:, None] * rays.outwards
+        inwards = -rays.outwards
+        step = self._rounding(starts)
+        hits = intersect(scene, starts, inwards, 2 * rays.reach, self.threads)
+        distance = hits.distance.astype(np.float64)
+        passing = np.arange(len(starts))
+        for _ in range(_MOST_HOLES if self.receivers.opacity or match else 0):
+            passing = passing[hits.face[passing] >= 0]
+            passing = passing[self._are_holes(passing, hits.face[passing], hits.barycentric[passing], match)]
+            if not len(passing):
+                break
+            distance[passing] += step[passing]
+            behind = starts[passing] + distance[passing, None] * inwards[passing]
+            left = np.maximum(2 * rays.reach[passing] - distance[passing], 0)
+            farther = intersect(scene, behind, inwards[passing], left, self.threads)
+            hits.face[passing], hits.barycentric[passing] = farther.face, farther.barycentric
+            distance[passing] += farther.distance
+        if match:
+            hits.face[match[0] != match[1][hits.face]] = -1
+        return hits.face, hits.barycentric
+
+    def _are_holes(self, points: Int64s, face: Int64s, barycentric: Float32s, match: Groups | None) -> Any:
+        """Whether hits of some `points` are where faces are wholly transparent, or on faces of other groups."""
+        alpha = np.ones(len(points))
+        if self.receivers.opacity:
+            alphas(self.receivers.opacity, face, barycentric[:, 1:].astype(np.float64), alpha)
+        if match:
+            alpha[match[0][points] != match[1][face]] = 0
+        return alpha == 0
+
+    def _closest(self, rays: _CageRays, unmet: Int64s, match: Groups | None) -> tuple[Int64s, Float32s, Any]:
+        """The closest face to each of the points `unmet` (j,), where on it, and whether that is as good as on the
+        ray."""
+        positions, outwards, reach = (column[unmet] for column in rays)
+        if match is None:
+            match = np.zeros(len(rays.positions), np.int64), np.zeros(len(self.receivers.faces), np.int64)
+        surface = self._vertices, self.receivers.faces
+        radius = float(rays.reach.max()) or 1.0
+        face, barycentric = closest_points(
+            self.receivers.tree, surface, positions, radius, (match[0][unmet], match[1]), self.threads
+        )
+        away = np.einsum("kc,kci->ki", barycentric, self._vertices[self.receivers.faces[face]]) - positions
+        along = np.einsum("ki,ki->k", away, outwards)
+        aside = np.linalg.norm(away - along[:, None] * outwards, axis=1)
+        rounding = self._rounding(positions)
+        beside = (np.abs(along) <= reach + rounding) & (aside <= _BESIDE * reach + rounding)
+        return face, barycentric, beside
+
+    def _rounding(self, positions: Float64s) -> Float64s:
+        """How far (k,) single precision may move points beside `positions` (k, 3)."""
+        most = max(float(np.abs(self._vertices).max()), float(np.abs(positions).max(initial=0.0)))
+        return _ROUNDED * np.minimum(most, np.maximum(NEAR, np.abs(positions).max(axis=1)))
+
+
+def cage_of(cage: Length | Mesh | Any, mesh: Mesh) -> float | Mesh:
+    """A cage about the coarse `mesh` in mesh units: a distance, or its own mesh.
+
+    Raises: MeshError: it is none, or has not the vertices and faces of `mesh`; OptionError: it is no length.
+    """
+    if is_length(cage):
+        return resolve_length("cage", cage, mesh.radius or 1.0)
+    made = mesh_of(cage, "cage")
+    for name in ("vertices", "faces"):
+        expected, got = len(getattr(mesh, name)), len(getattr(made, name))
+        if expected != got:
+            raise MeshError(made.source, name, f"{expected:,}, as {mesh.source} has", f"{got:,}")
+    return made

@@ -1,0 +1,112 @@
+"""Points on faces whose normals are interpolated between vertices: positions, normals, axes of hemispheres."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from raytrace.kernel.arrays import unrefcounted_view
+from raytrace.kernel.jit import bind, inline, kernel
+from raytrace.kernel.vector import add, dot, load, load_triangle, scale, store
+from raytrace.mesh.normals import face_normals
+from raytrace.ray_origins.surface import Surface
+from raytrace.system.threads import run_blocks
+from raytrace.types import AnyInts, Float32s, Float64s, Int32s, Int64s
+
+from .receivers import Receivers
+
+_LEAST_COSINE = 0.2  # between an interpolated normal and its face's, which is used below that
+_BLOCK, _SHARE = 1 << 10, 16  # points, and blocks at once
+
+
+class SurfacePoints(NamedTuple):
+    """Points on the faces of a mesh."""
+
+    face: Int32s  # (p,)
+    barycentric: Float32s  # (p, 3)
+
+
+class PointGroups(NamedTuple):
+    """Points on the faces of a mesh in k groups, those of group i from starts[i] to starts[i + 1]."""
+
+    starts: Int64s  # (k + 1,)
+    face: Int32s  # (p,)
+    barycentric: Float32s  # (p, 3)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """The groups of several, one after another."""
+        counts = np.concatenate([np.diff(part.starts) for part in parts])
+        face = np.concatenate([part.face for part in parts])
+        barycentric = np.concatenate([part.barycentric for part in parts])
+        return cls(np.concatenate([[0], np.cumsum(counts)]), face, barycentric)
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothSurface:
+    """Faces in render space. Attributes: axes: (n, 3), smooth normals of the vertices, unit or zero."""
+
+    axes: Float64s
+    surface: Surface
+
+    @classmethod
+    def of(cls, vertices: Float64s, receivers: Receivers) -> Self:
+        """The faces of `receivers` over `vertices` (n, 3)."""
+        axes = np.concatenate([receivers.points.normals, np.zeros((1, 3), np.float32)])[receivers.of_vertex]
+        normals = face_normals(vertices, receivers.faces)[0]
+        return cls(axes.astype(np.float64), Surface.of(vertices, receivers.faces, normals))
+
+    def positions_at(self, face: AnyInts, barycentric: Float32s, threads: int) -> Float32s:
+        """Positions (k, 3) of points on faces (k,)."""
+        positions = np.empty((len(face), 3), np.float32)
+        work = bind(_interpolate, face, barycentric, self.surface.vertices, self.surface.faces, positions)
+        run_blocks(len(face), _BLOCK, work, threads, most=_SHARE)
+        return positions
+
+    def points_at(self, face: AnyInts, barycentric: Float32s, threads: int) -> tuple[Float64s, Float64s, Float64s]:
+        """Positions (k, 3) of points on faces (k,), their faces' normals on the hemispheres' side, and the axes of
+        the hemispheres: the interpolated normals, or the faces' own where these are far from them."""
+        positions, normals, axes = np.empty((3, len(face), 3))
+        work = bind(_locate, face, barycentric, self.surface, self.axes, (positions, normals, axes))
+        run_blocks(len(face), _BLOCK, work, threads, most=_SHARE)
+        return positions, normals, axes
+
+
+@kernel
+def _interpolate(face, barycentric, vertices, faces, positions, first, last):
+    for i in range(first, last):
+        a, b, c = load_triangle(vertices, faces, face[i])
+        u, v, w = load(barycentric, i)
+        store(positions, i, add(add(scale(u, a), scale(v, b)), scale(w, c)))
+
+
+@inline
+def point_on(surface, axes, f, barycentric):
+    """A point of face `f`: its position, the face's normal on the side of its hemisphere, and the axis of this."""
+    x = y = z = nx = ny = nz = 0.0
+    for corner in range(3):
+        weight, vertex = np.float64(barycentric[corner]), surface.faces[f, corner]
+        p, n = load(surface.vertices, vertex), load(axes, vertex)
+        x, y, z = x + weight * p[0], y + weight * p[1], z + weight * p[2]
+        nx, ny, nz = nx + weight * n[0], ny + weight * n[1], nz + weight * n[2]
+    normal = load(surface.normals, f)
+    axis = (nx, ny, nz)
+    size = np.sqrt(dot(axis, axis))
+    cosine = dot(axis, normal)
+    if cosine < 0.0:
+        normal = scale(-1.0, normal)
+        cosine = -cosine
+    flat = size < 1e-6 or cosine < _LEAST_COSINE * size or cosine > (1.0 - 1e-12) * size
+    return (x, y, z), normal, normal if flat else scale(1.0 / size, axis)
+
+
+@kernel
+def _locate(face, barycentric, surface, axes, out, first, last):
+    surface = unrefcounted_view(surface)
+    positions, normals, hemispheres = unrefcounted_view(out)
+    for i in range(first, last):
+        position, normal, axis = point_on(surface, axes, face[i], barycentric[i])
+        store(positions, i, position)
+        store(normals, i, normal)
+        store(hemispheres, i, axis)

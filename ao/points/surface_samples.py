@@ -1,0 +1,158 @@
+"""Samples on faces, in groups, each of which has one value: the mean over its samples.
+
+The samples of a texel are a group; a vertex of a coarse mesh that is projected onto a fine one is a group of one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from raytrace.kernel.jit import bind, kernel
+from raytrace.mesh.opacity import PackedOpacity, alphas
+from raytrace.ray_origins.origins import ray_origins
+from raytrace.system.threads import run_blocks
+from raytrace.types import AnyFloats, AnyInts, Bools, Float32s, Int32s, Int64s
+
+from .points import Points
+from .receivers import Receivers
+from .smooth_surface import PointGroups, SmoothSurface
+
+_PLACED, _MOST_PLACED = 1 << 14, 1 << 18  # samples whose origins are found together
+_FEW = 1 << 16  # faces, of which every thread may make tables
+_BLOCK, _SHARE = 1 << 11, 16  # groups, and blocks at once
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceSamples:
+    """Groups of samples on faces, with ray origins from which no ray meets the face under the sample."""
+
+    starts: Int64s  # (k + 1,): the samples of group i are starts[i] to starts[i + 1]
+    face: Int32s  # (p,), under each sample
+    points: Points  # p, numbered one by one
+    geometric_normals: Float32s  # (p, 4), of the faces, on the hemispheres' side, and alpha
+    all_count: Bools  # (k,), whether all samples of a group are needed, however few the rays
+
+    @classmethod
+    def place(
+        cls,
+        on_faces: PointGroups,
+        all_count: Bools,
+        surface: SmoothSurface,
+        receivers: Receivers,
+        threads: int,
+    ) -> SurfaceSamples:
+        """Samples at points on the faces of `receivers`, those of `surface`."""
+        count = len(on_faces.face)
+        origins = np.empty((count, 3), np.float32)
+        axes = np.empty((count, 3), np.float32)
+        geometric_normals = np.empty((count, 4), np.float32)
+        faces = surface.surface
+        face_points = np.repeat(np.arange(len(faces.faces))[:, None], 3, axis=1)  # each face is by itself
+        magnitude = faces.magnitudes(face_points, len(faces.faces))
+
+        def place(first: int, last: int) -> None:
+            part = slice(first, last)
+            under = on_faces.face[part].astype(np.int64)
+            weights = on_faces.barycentric[part]
+            positions, normals, axes[part] = surface.points_at(under, weights, threads)
+            clear = np.ones(len(under))
+            origins[part], _ = ray_origins(
+                receivers.tree, faces, positions, normals, clear, face_points, under, magnitude[under]
+            )
+            geometric_normals[part] = with_alpha(normals, receivers.opacity, under, weights)
+
+        if len(faces.faces) <= _FEW:
+            run_blocks(count, max(_PLACED, len(faces.faces)), place, threads)
+        else:  # one block after another, whose stages all threads share
+            run_blocks(count, _MOST_PLACED, place, 1)
+        points = Points(origins, axes, np.arange(count, dtype=np.uint32))
+        return cls(on_faces.starts, on_faces.face, points, geometric_normals, all_count)
+
+    def __len__(self) -> int:
+        return len(self.starts) - 1
+
+    @property
+    def counts(self) -> Int64s:
+        return np.diff(self.starts)
+
+    @cached_property
+    def first_points(self) -> Points:
+        """One point of each group, for what asks where it is; numbered by the groups."""
+        return replace(self.points[self.starts[:-1]], numbers=np.arange(len(self), dtype=np.uint32))
+
+    def groups_outside(self, hidden: Bools) -> Int64s:
+        """The groups with a sample that is not `hidden` (p,)."""
+        return np.flatnonzero(np.add.reduceat(~hidden, self.starts[:-1], dtype=np.int64))
+
+    def without(self, hidden: Bools, threads: int) -> SurfaceSamples:
+        """`groups_outside` alone, their `hidden` samples replaced by others of the group, numbered anew."""
+        groups = self.groups_outside(hidden)
+        starts = np.concatenate([[0], np.cumsum(self.counts[groups])])
+        source = np.empty(starts[-1], np.int64)
+        replace_hidden = bind(_replace, groups, self.starts, hidden, starts, source)
+        run_blocks(len(groups), _BLOCK, replace_hidden, threads, most=_SHARE)
+        return self.rearranged(starts, source, self.all_count[groups])
+
+    def rearranged(self, starts: Int64s, source: Int64s, all_count: Bools) -> SurfaceSamples:
+        """Groups from `starts`, of the samples `source` (q,), numbered anew."""
+        points = replace(self.points[source], numbers=np.arange(len(source), dtype=np.uint32))
+        return SurfaceSamples(starts, self.face[source], points, self.geometric_normals[source], all_count)
+
+    def only(self, groups: Int64s) -> SurfaceSamples:
+        """Some `groups` (j,) in their order."""
+        counts = self.counts[groups]
+        starts = np.concatenate([[0], np.cumsum(counts)])
+        source = np.arange(starts[-1]) + np.repeat(self.starts[groups] - starts[:-1], counts)
+        return self.rearranged(starts, source, self.all_count[groups])
+
+    def followed_by(self, others: SurfaceSamples) -> SurfaceSamples:
+        """These groups and then the `others`."""
+        points = Points(
+            np.concatenate([self.points.origins, others.points.origins]),
+            np.concatenate([self.points.normals, others.points.normals]),
+            np.arange(len(self.face) + len(others.face), dtype=np.uint32),
+        )
+        return SurfaceSamples(
+            np.append(self.starts, self.starts[-1] + others.starts[1:]),
+            np.append(self.face, others.face),
+            points,
+            np.concatenate([self.geometric_normals, others.geometric_normals]),
+            np.append(self.all_count, others.all_count),
+        )
+
+    def spread(self, groups: Int64s, count: int) -> SurfaceSamples:
+        """These as the `groups` (k,), ascending, of so many; the others have no samples."""
+        counts = np.zeros(count, np.int64)
+        counts[groups] = self.counts
+        all_count = np.zeros(count, np.bool_)
+        all_count[groups] = self.all_count
+        return replace(self, starts=np.concatenate([[0], np.cumsum(counts)]), all_count=all_count)
+
+
+def with_alpha(normals: AnyFloats, opacity: PackedOpacity | None, face: AnyInts, barycentric: Float32s) -> Float32s:
+    """Normals (k, 3) of faces (k,), and alpha at `barycentric` (k, 3) on them: float32 (k, 4)."""
+    found = np.empty((len(face), 4), np.float32)
+    found[:, :3] = normals
+    found[:, 3] = 1.0
+    if opacity is not None:
+        alpha = np.ones(len(face))
+        alphas(opacity, face, barycentric[:, 1:].astype(np.float64), alpha)
+        found[:, 3] = alpha
+    return found
+
+
+@kernel
+def _replace(groups, starts, hidden, new_starts, source, first, last):
+    """Write which samples of the `groups` are not `hidden`, over and over, until each group has as many as before."""
+    for i in range(first, last):
+        begin = starts[groups[i]]
+        end = starts[groups[i] + 1]
+        sample = begin
+        for k in range(new_starts[i], new_starts[i + 1]):
+            while hidden[sample]:
+                sample = sample + 1 if sample + 1 < end else begin
+            source[k] = sample
+            sample = sample + 1 if sample + 1 < end else begin

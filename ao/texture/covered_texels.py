@@ -1,0 +1,145 @@
+"""The texels that faces cover, with points and samples in them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from raytrace.kernel.arrays import unrefcounted_view
+from raytrace.kernel.jit import bind, inline, kernel
+from raytrace.sampling.sequences import hash32_array
+from raytrace.system.threads import run_blocks
+from raytrace.types import Bools, Float64s, Int32s, Int64s
+
+from ..points.smooth_surface import PointGroups
+from .partial_texels import MOST
+from .raster import EDGE, GRID, POINTS, SLOTS, set_up_edges, store_barycentric
+from .uv_layout import UVLayout
+
+_BLOCK, _SHARE = 1 << 12, 16  # texels, and blocks at once
+
+
+class Places(NamedTuple):
+    """Where points of texels lie, for each (k, …) or for all (1, …)."""
+
+    points: Float64s  # (…, POINTS, 2); the first two have the centre for a mean, as the next; it is the last
+    offsets: Float64s  # (…, 2), see `PartialTexels`
+
+    @classmethod
+    def by_chance(cls, texels: Int64s) -> Self:
+        """Of each of the texels its own, from their numbers."""
+        numbers = hash32_array(texels)[:, None] + np.arange(6, dtype=np.uint32)
+        random: Float64s = hash32_array(numbers).astype(np.float64) * 2.0**-32
+        points = np.full((len(texels), POINTS, 2), 0.5)
+        points[:, 0:SLOTS:2] = GRID[0:SLOTS:2] + random[:, :4].reshape(-1, 2, 2) / SLOTS - 1 / (2 * SLOTS)
+        points[:, 1:SLOTS:2] = 1 - points[:, 0:SLOTS:2]
+        return cls(points, random[:, 4:])
+
+
+REGULAR = Places(np.append(GRID, [[0.5, 0.5]], axis=0)[None], np.array([[0.5, 1 / 128]]))
+
+
+class PagePoints(NamedTuple):
+    """The points of k texels on a page, as kernels take them: of `Coverage` and its layout."""
+
+    texels: Int64s
+    triangle: Int32s
+    points: Float64s
+    corners: Float64s
+    face: Int64s
+    width: int
+
+
+@dataclass(frozen=True, eq=False)
+class Coverage:
+    """The covered texels of a page, ascending, k, with the faces at their points."""
+
+    layout: UVLayout
+    texels: Int64s  # (k,), row · width + column
+    places: Places  # of the points
+    triangle: Int32s  # (k, POINTS), row of `UVLayout.corners`; −1 where not all have one, and at overlaps' centres
+    overlapping: Bools  # (k,), whether several faces lie over one another
+    listed: PointGroups  # samples of texels that need others than the points, none of others, on faces of `UVLayout.uv`
+    all_count: Bools  # (k,), whether all listed samples are needed, however few the rays
+
+    @classmethod
+    def joined(cls, bands: Sequence[Coverage]) -> Self:
+        """Coverage of several bands of a page, one after another."""
+        places = REGULAR
+        if bands[0].places is not REGULAR:
+            points = np.concatenate([band.places.points for band in bands])
+            places = Places(points, np.concatenate([band.places.offsets for band in bands]))
+        return cls(
+            layout=bands[0].layout,
+            texels=np.concatenate([band.texels for band in bands]),
+            places=places,
+            triangle=np.concatenate([band.triangle for band in bands]),
+            overlapping=np.concatenate([band.overlapping for band in bands]),
+            listed=PointGroups.joined([band.listed for band in bands]),
+            all_count=np.concatenate([band.all_count for band in bands]),
+        )
+
+    @property
+    def has_centre(self) -> Bools:
+        """Whether one face, or faces side by side, cover a texel as a whole, (k,)."""
+        return self.triangle[:, SLOTS] >= 0
+
+    @property
+    def points(self) -> PagePoints:
+        layout = self.layout
+        return PagePoints(self.texels, self.triangle, self.places.points, layout.corners, layout.face, layout.width)
+
+    def samples(self, order: Int64s, alone: Bools, threads: int, most: int = MOST) -> PointGroups:
+        """Samples of the texels in an `order` (j,), `most` at most of each: its centre where it is `alone` (k,), those
+        that are listed, or its points."""
+        counts = np.diff(self.listed.starts)
+        counts[counts == 0] = SLOTS
+        counts[alone] = 1
+        starts = np.concatenate([[0], np.cumsum(np.minimum(counts[order], most))])
+        found = PointGroups(starts, np.empty(starts[-1], np.int32), np.empty((starts[-1], 3), np.float32))
+        work = bind(_write_samples, order, alone, self.points, self.listed, found)
+        run_blocks(len(order), _BLOCK, work, threads, most=_SHARE)
+        return found
+
+    def every_sample(self, threads: int) -> PointGroups:
+        """`samples` of all texels, ascending, none of them by their centre."""
+        count = len(self.texels)
+        return self.samples(np.arange(count), np.zeros(count, np.bool_), threads)
+
+
+@inline
+def locate(points, row, k, known, edges, out):
+    """Write barycentric coordinates of point k of a texel, a row of `PagePoints`, in its triangle, which is returned.
+
+    Args: known: the triangle of which `edges` are set up already, −1 for none.
+    """
+    triangle = np.int64(points.triangle[row, k])
+    if triangle != known:
+        set_up_edges(points.corners[triangle], edges)
+    at = points.points[row if len(points.points) > 1 else 0, k]
+    x, y = points.texels[row] % points.width + at[0], points.texels[row] // points.width + at[1]
+    store_barycentric(edges, x, y, out)
+    return triangle
+
+
+@kernel
+def _write_samples(order, alone, points, listed, found, first, last):
+    """Write samples of texels in order, as `Coverage.samples` has them."""
+    points = unrefcounted_view(points)
+    listed = unrefcounted_view(listed)
+    found = unrefcounted_view(found)
+    edges = np.empty((3, EDGE))
+    for i in range(first, last):
+        row, known = order[i], -1
+        for k in range(found.starts[i + 1] - found.starts[i]):
+            to, source = found.starts[i] + k, listed.starts[row] + k
+            if alone[row] or source >= listed.starts[row + 1]:
+                known = locate(points, row, SLOTS if alone[row] else k, known, edges, found.barycentric[to])
+                found.face[to] = points.face[known]
+                continue
+            found.face[to] = listed.face[source]
+            for corner in range(3):
+                found.barycentric[to, corner] = listed.barycentric[source, corner]

@@ -1,0 +1,203 @@
+"""Samples of texels that no single triangle, or no set of triangles side by side, covers as a whole.
+
+At the borders of charts, in tiny charts, and where a texel shows much of the surface, samples are spread over all that
+the texel has of any triangle, clipped exactly. Where triangles lie over one another, each has equally many.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from raytrace.kernel.arrays import unrefcounted_view
+from raytrace.kernel.jit import inline, kernel
+from raytrace.types import Float64s, Int64s
+
+from .clipping import CORNERS, area_of_fan, clip_to_texel, point_in_fan
+from .raster import EDGE, INSIDE, POINTS, SLOTS, least_edge, set_up_edges, store_barycentric
+
+MOST = 64  # samples of a texel; of more triangles over one another, as many have one, evenly spaced
+NOT_SOUGHT, AREA, LAYERS = -1, 0, 1  # samples are spread over area, or over all triangles at points
+_MORE = 16  # samples of a texel with several triangles, or with much surface
+_CROWDED, _FULL = 8.0, 32.0  # texels of an even layout that would show as much, from which it has more, and most
+_LEAST, _OF_TRIANGLE = 1e-9, 1e-6  # area, in texels, or part of the triangle's, that is any at all
+_FEW = 4  # layers that have a sample at each point; more have one each
+
+
+class PartialTexels(NamedTuple):
+    """Texels whose samples are sought, h."""
+
+    texels: Int64s  # (h,), row · width + column
+    how: Int64s  # (h,), AREA or LAYERS
+    points: Float64s  # (h, POINTS, 2) or (1, POINTS, 2), in the texel
+    offsets: Float64s  # (h, 2) or (1, 2), from 0 to 1, where the first sample lies in its part of the area
+
+
+@kernel
+def find_partial(marks, crowding, layered, how):
+    """Write how samples of each texel are sought, int64 (n,), NOT_SOUGHT where its points will do or nothing is; and
+    take the triangles from `Marks` of texels that have not one at every point, and from the centre of overlaps.
+
+    Args: crowding: (t,). layered: whether all triangles share a texel.
+    """
+    marks = unrefcounted_view(marks)
+    for i in range(len(how)):
+        hits, crowd, overlapping = 0, 0.0, marks.overlapping[i]
+        for k in range(SLOTS):
+            if marks.triangle[i, k] >= 0:
+                hits += 1
+                crowd = max(crowd, crowding[marks.triangle[i, k]])
+        crowded = crowd >= _CROWDED and (layered or not overlapping)
+        sought = hits < SLOTS or crowded or (overlapping and layered)
+        how[i] = NOT_SOUGHT
+        if sought and marks.reaching[i] > 0:
+            how[i] = LAYERS if layered and overlapping and not crowded else AREA
+        for k in range(POINTS):
+            if hits < SLOTS or (overlapping and k == SLOTS):
+                marks.triangle[i, k] = -1
+
+
+@kernel
+def sample_partial(triangles, width, layered, partial, lists, out):
+    """Find samples of `PartialTexels`, 0 of those that no triangle has an area in.
+
+    Args:
+        triangles: their corners (t, 3, 2) and crowding (t,). lists: `Lists` of those that reach into the texels.
+        layered: whether all triangles share a texel, or hide those that are listed after them.
+        out: how many samples (h,), their triangles (h, MOST) and barycentrics (h, MOST, 3), to be written.
+    """
+    corners, crowding = unrefcounted_view(triangles)
+    counts, triangle, barycentric = unrefcounted_view(out)
+    partial = unrefcounted_view(partial)
+    lists = unrefcounted_view(lists)
+    edges = np.empty((3, EDGE))
+    clipped = np.empty((2, CORNERS, 2))
+    for i in range(len(counts)):
+        listed = lists.triangle[lists.starts[i] : lists.starts[i + 1]]
+        texel = np.float64(partial.texels[i] % width), np.float64(partial.texels[i] // width)
+        points = partial.points[i if len(partial.points) > 1 else 0]
+        found = triangle[i], barycentric[i]
+        if partial.how[i] == LAYERS:
+            counts[i] = _sample_layers(corners, listed, texel, partial.texels[i], points, edges, found)
+        else:
+            offset = partial.offsets[i if len(partial.offsets) > 1 else 0]
+            counts[i] = _sample_area(corners, crowding, listed, texel, offset, (clipped, edges), found)
+            if not layered:
+                _bring_to_top(corners, listed, counts[i], edges, found)
+
+
+@inline
+def _sample_area(corners, crowding, listed, texel, offset, scratch, out):
+    """Spread samples over the area of the parts of all triangles in a texel; returns their number.
+
+    Parts are fans of triangles, one after another; samples lie at equal steps of area.
+    """
+    clipped, edges = scratch
+    total, wanted = _measure(corners, crowding, listed, texel, clipped)
+    before, placed = 0.0, 0
+    for t in listed:
+        area, count = clip_to_texel(corners[t], texel, clipped)
+        if not _is_part(area, corners[t]):
+            continue
+        polygon = clipped[0]
+        for corner in range(1, count - 1):
+            part = area_of_fan(polygon, corner)
+            while placed < wanted and (placed + offset[0]) * total < (before + part) * wanted:
+                outwards = np.sqrt(((placed + offset[0]) * total / wanted - before) / part)
+                sideways = (_radical_inverse(placed) + offset[1]) % 1.0
+                x = texel[0] + point_in_fan(polygon, corner, 0, outwards, sideways)
+                y = texel[1] + point_in_fan(polygon, corner, 1, outwards, sideways)
+                out[0][placed] = t
+                set_up_edges(corners[t], edges)
+                store_barycentric(edges, x, y, out[1][placed])
+                placed += 1
+            before += part
+    return placed
+
+
+@inline
+def _measure(corners, crowding, listed, texel, clipped):
+    """The area of all parts of triangles in a texel, and how many samples it should have: more of several parts, or
+    where many texels of an even layout would show as much of the surface."""
+    total, crowd, parts = 0.0, 0.0, 0
+    for t in listed:
+        area, _ = clip_to_texel(corners[t], texel, clipped)
+        if _is_part(area, corners[t]):
+            total += area
+            crowd += area * crowding[t]
+            parts += 1
+    if parts <= 1 and crowd < _CROWDED:
+        return total, SLOTS * parts
+    return total, _MORE if crowd < _FULL else MOST
+
+
+@inline
+def _is_part(area, triangle):
+    """Whether an area within a texel is more than rounding."""
+    return area > min(_LEAST, _OF_TRIANGLE * area_of_fan(triangle, 1))
+
+
+@inline
+def _sample_layers(corners, listed, texel, number, points, edges, out):
+    """Give all triangles over one another in a texel equally many samples, at its points; returns their number."""
+    depth = np.zeros(SLOTS, np.int64)
+    for t in listed:
+        area = set_up_edges(corners[t], edges)
+        for k in range(SLOTS):
+            depth[k] += least_edge(edges, texel[0] + points[k, 0], texel[1] + points[k, 1]) > INSIDE * area
+    deepest = max(max(depth[0], depth[1]), max(depth[2], depth[3]))
+    wanted = 0
+    for k in range(SLOTS):
+        for layer in range(depth[k]):
+            wanted += _has_sample(layer, k, number, deepest)
+    placed = min(wanted, MOST)
+    entry = 0
+    depth[:] = 0
+    for t in listed:
+        area = set_up_edges(corners[t], edges)
+        for k in range(SLOTS):
+            x, y = texel[0] + points[k, 0], texel[1] + points[k, 1]
+            if least_edge(edges, x, y) > INSIDE * area:
+                if _has_sample(depth[k], k, number, deepest):
+                    to = entry * placed // wanted
+                    if to < (entry + 1) * placed // wanted:
+                        out[0][to] = t
+                        store_barycentric(edges, x, y, out[1][to])
+                    entry += 1
+                depth[k] += 1
+    return placed
+
+
+@inline
+def _has_sample(layer, k, texel, deepest):
+    """Whether a layer has a sample at point k of a texel, so that all have equally many."""
+    if deepest <= 2:
+        return (layer + texel) % 2 == k // 2
+    return deepest <= _FEW or (layer + texel) % SLOTS == k
+
+
+@inline
+def _bring_to_top(corners, listed, count, edges, out):
+    """Move samples to the first of the triangles that lie over one another there."""
+    for k in range(count):
+        triangle = corners[out[0][k]]
+        x = y = 0.0
+        for corner in range(3):
+            x += out[1][k, corner] * triangle[corner, 0]
+            y += out[1][k, corner] * triangle[corner, 1]
+        for t in listed:
+            if t >= out[0][k]:
+                break
+            set_up_edges(corners[t], edges)
+            if least_edge(edges, x, y) >= 0.0:
+                out[0][k] = t
+                store_barycentric(edges, x, y, out[1][k])
+                break
+
+
+@inline
+def _radical_inverse(k):
+    """The radical inverse of k < 64 in base 2."""
+    fraction = 0.0
+    for bit in range(6):
+        fraction += ((k >> bit) & 1) * 0.5 ** (bit + 1)
+    return fraction

@@ -1,0 +1,217 @@
+"""Scan conversion of triangles on a page: every texel that one reaches into, and which of them lie at points in it.
+
+Whether a triangle reaches into a texel is decided exactly, by the axes that may separate the two (Akenine-Möller & Aila
+2005, Conservative and Tiled Rasterization). Points are within a triangle by the signs of its edge functions (Pineda
+1988), which are the same from both sides of an edge that triangles share, so that no point falls between these.
+"""
+
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from raytrace.kernel.arrays import unrefcounted_view
+from raytrace.kernel.jit import inline, kernel
+from raytrace.types import Bools, Int32s, Int64s, UInt8s
+
+SLOTS = 4  # points of a texel
+POINTS = SLOTS + 1  # and its centre
+GRID = np.array([[0.375, 0.125], [0.625, 0.875], [0.125, 0.625], [0.875, 0.375]])
+"""A rotated grid: means of a linear function over a texel are exact, also over a diagonal: the first two points, or the
+other two. Two faces over one another have a diagonal each.
+"""
+INSIDE = 1e-4  # least barycentric coordinate of what counts as inside: neighbours share their edges
+EDGE = 5  # numbers of an edge, see `set_up_edges`
+_SLACK = 1e-6  # texels, by which rows' ends are taken farther out, before the exact test
+
+
+class Marks(NamedTuple):
+    """What triangles leave at each of n texels."""
+
+    triangle: Int32s  # (n, POINTS), the first one at each point, −1 for none
+    inside: UInt8s  # (n,), a bit for each of the SLOTS points that is inside of a triangle
+    overlapping: Bools  # (n,), whether two triangles have one of these inside
+    reaching: Int32s  # (n,), how many reach into the texel
+
+    @classmethod
+    def of(cls, count: int) -> Self:
+        triangle = np.full((count, POINTS), -1, np.int32)
+        nothing = np.zeros(count, np.uint8), np.zeros(count, np.bool_), np.zeros(count, np.int32)
+        return cls(triangle, *nothing)
+
+
+class Lists(NamedTuple):
+    """The triangles that reach into each of some texels, ascending: those of list i are from starts[i] on."""
+
+    starts: Int64s  # (h + 1,)
+    filled: Int64s  # (h,), how many are listed
+    triangle: Int32s  # (j,)
+
+
+class Window(NamedTuple):
+    """Consecutive texels of a page."""
+
+    width: int  # of the page
+    first: int  # row · width + column
+    last: int  # after these
+
+    @property
+    def size(self) -> int:
+        return self.last - self.first
+
+
+@kernel
+def count_bands(corners, height, rows, counts):
+    """Add to `counts` how many triangles reach into each band of so many `rows` of a page."""
+    for t in range(len(corners)):
+        first, last = _rows(corners[t], 0, height)
+        if first < last:
+            for band in range(first // rows, (last - 1) // rows + 1):
+                counts[band] += 1
+
+
+@kernel
+def list_bands(corners, height, rows, places, listed):
+    """List the triangles of each band, ascending, from its place on, which is moved past them."""
+    for t in range(len(corners)):
+        first, last = _rows(corners[t], 0, height)
+        if first < last:
+            for band in range(first // rows, (last - 1) // rows + 1):
+                listed[places[band]] = t
+                places[band] += 1
+
+
+@kernel
+def scan_convert(triangles, corners, window, asked, points, marks, lists):
+    """Visit every texel of a `Window` that triangles reach into, one triangle after another.
+
+    Args:
+        triangles: rows of `corners` (t, 3, 2), ascending.
+        asked: (n,), which of the `points` or `lists` are those of each texel, −1 to leave it out; None: the first.
+        points: (…, POINTS, 2) in texels. marks: `Marks` to be made, or None. lists: `Lists` to be filled, or None.
+    """
+    corners = unrefcounted_view(corners)
+    points = unrefcounted_view(points)
+    marked, listing = unrefcounted_view(marks), unrefcounted_view(lists)
+    edges = np.empty((3, EDGE))
+    for t in triangles:
+        area = set_up_edges(corners[t], edges)
+        first_row, last_row = _rows(corners[t], window.first // window.width, (window.last - 1) // window.width + 1)
+        for row in range(first_row, last_row):
+            before = row * window.width
+            left, right = _columns(corners[t], row, window.width)
+            for texel in range(max(before + left, window.first), min(before + right, window.last)):
+                i, number = texel - window.first, 0
+                if asked is not None:
+                    number = asked[i]
+                if number < 0:
+                    continue
+                corner = np.float64(texel - before), np.float64(row)
+                touching, within = _reach(edges, corner[0] + 0.5, corner[1] + 0.5)
+                if touching <= 0.0:
+                    continue
+                if marks is not None:
+                    _mark(marked, i, t, edges, corner, points[number], area, within > INSIDE * area)
+                if lists is not None:
+                    listing.triangle[listing.starts[number] + listing.filled[number]] = t
+                    listing.filled[number] += 1
+
+
+@inline
+def _mark(marks, i, t, edges, texel, points, area, whole):
+    """Let triangle `t` have the points of texel `i` that lie in it and are not another's. Args: whole: if all do."""
+    triangle, inside = marks.triangle, marks.inside
+    marks.reaching[i] += 1
+    for k in range(POINTS):
+        least = area if whole else least_edge(edges, texel[0] + points[k, 0], texel[1] + points[k, 1])
+        if least < 0.0:
+            continue
+        if triangle[i, k] < 0:
+            triangle[i, k] = t
+        if k < SLOTS and least > INSIDE * area:
+            bit = np.uint8(1 << k)
+            if inside[i] & bit:
+                marks.overlapping[i] = True
+            inside[i] = inside[i] | bit
+
+
+@inline
+def set_up_edges(triangle, edges):
+    """Write each edge, opposite to corner k: a point, x and y of its direction, and the sign of the edge function of
+    points inside; returns twice the triangle's area. The point is the same from both sides."""
+    ux, uy = triangle[1, 0] - triangle[0, 0], triangle[1, 1] - triangle[0, 1]
+    vx, vy = triangle[2, 0] - triangle[0, 0], triangle[2, 1] - triangle[0, 1]
+    area = ux * vy - uy * vx
+    for k in range(3):
+        a, b = (k + 1) % 3, (k + 2) % 3
+        sign = 1.0 if area > 0.0 else -1.0
+        if (triangle[b, 0], triangle[b, 1]) < (triangle[a, 0], triangle[a, 1]):
+            a, b, sign = b, a, -sign
+        edges[k, 0], edges[k, 1] = triangle[a, 0], triangle[a, 1]
+        edges[k, 2], edges[k, 3] = triangle[b, 0] - triangle[a, 0], triangle[b, 1] - triangle[a, 1]
+        edges[k, 4] = sign
+    return abs(area)
+
+
+@inline
+def edge_function(edges, k, x, y):
+    """Barycentric coordinate k of a point, times twice the triangle's area."""
+    return edges[k, 4] * (edges[k, 2] * (y - edges[k, 1]) - edges[k, 3] * (x - edges[k, 0]))
+
+
+@inline
+def least_edge(edges, x, y):
+    """The least edge function, below 0 outside of the triangle."""
+    return min(edge_function(edges, 0, x, y), edge_function(edges, 1, x, y), edge_function(edges, 2, x, y))
+
+
+@inline
+def store_barycentric(edges, x, y, out):
+    """Write the barycentric coordinates of a point in the triangle of `set_up_edges`, inside but for rounding."""
+    a = max(edge_function(edges, 0, x, y), 0.0)
+    b = max(edge_function(edges, 1, x, y), 0.0)
+    c = max(edge_function(edges, 2, x, y), 0.0)
+    out[0], out[1], out[2] = a / (a + b + c), b / (a + b + c), c / (a + b + c)
+
+
+@inline
+def _reach(edges, x, y):
+    """The least edge functions at the nearest and at the farthest points of the texel about a centre: above 0 if the
+    triangle reaches into it, as far as edges say, and if it covers all of it."""
+    touching, within = np.inf, np.inf
+    for k in range(3):
+        at_centre = edge_function(edges, k, x, y)
+        half = 0.5 * (abs(edges[k, 2]) + abs(edges[k, 3]))
+        touching = min(touching, at_centre + half)
+        within = min(within, at_centre - half)
+    return touching, within
+
+
+@inline
+def _rows(triangle, first, last):
+    """The rows from `first` to `last` that a triangle reaches into: the first, and that after the last."""
+    low = min(triangle[0, 1], triangle[1, 1], triangle[2, 1])
+    high = max(triangle[0, 1], triangle[1, 1], triangle[2, 1])
+    return max(np.int64(np.floor(low)), first), min(np.int64(np.ceil(high)), last)
+
+
+@inline
+def _columns(triangle, row, width):
+    """The columns that a triangle may reach into in a row: the first, and that after the last."""
+    low, high = np.inf, -np.inf
+    for k in range(3):
+        ax, ay = triangle[k, 0], triangle[k, 1]
+        bx, by = triangle[(k + 1) % 3, 0], triangle[(k + 1) % 3, 1]
+        if max(ay, by) < row or min(ay, by) > row + 1:
+            continue
+        from_, to = 0.0, 1.0  # parts of the edge between which it is in the row
+        if ay != by:
+            one, other = (row - ay) / (by - ay), (row + 1 - ay) / (by - ay)
+            from_, to = max(from_, min(one, other)), min(to, max(one, other))
+        for part in (from_, to):
+            x = ax + part * (bx - ax)
+            low, high = min(low, x), max(high, x)
+    if low > high:
+        return 0, 0
+    left = np.int64(np.floor(max(low - _SLACK, min(triangle[0, 0], triangle[1, 0], triangle[2, 0]))))
+    right = np.int64(np.ceil(min(high + _SLACK, max(triangle[0, 0], triangle[1, 0], triangle[2, 0]))))
+    return max(left, 0), min(right, width)

@@ -1,0 +1,75 @@
+"""The mesh that a texture shows, in the render space of what is baked, itself or a finer mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.normals import face_normals
+from raytrace.mesh.placement import Placement
+from raytrace.types import Float64s, Int64s
+
+from ..points.receivers import Receivers, find_receivers
+from ..points.smooth_surface import SmoothSurface
+from ..prepared import Prepared
+from .uv_layout import UVLayout, on_page
+
+if TYPE_CHECKING:
+    from .seams import Seams
+
+
+@dataclass(frozen=True, eq=False)
+class UVSurface:
+    """A mesh on a page."""
+
+    vertices: Float64s  # (n, 3)
+    receivers: Receivers
+    layout: UVLayout  # of the faces that are not degenerate
+    face_points: Int64s  # (m', 3), the receivers at the corners of these, −1 for faces that are not on the page
+
+    @classmethod
+    def of(cls, mesh: Mesh, uv: Float64s, prepared: Prepared, size: tuple[int, int], wrap: bool) -> Self:
+        """`mesh` with texture coordinates `uv` (m, 3, 2) on a page of `size`; `prepared`: of it or of a finer mesh.
+
+        Raises: MeshError: see `UVLayout.of` and `find_receivers`.
+        """
+        placement = Placement.of(mesh)
+        receivers, vertices = prepared.receivers, placement.vertices.astype(np.float64)
+        uv = uv[face_normals(vertices, mesh.faces)[1] > 0]
+        if mesh is not prepared.mesh:
+            receivers = find_receivers(mesh, placement, prepared.options.normals)
+            vertices = (mesh.vertices - prepared.placement.centre) * prepared.placement.scale
+        layout = UVLayout.of(uv, size, wrap, mesh.source)
+        points = np.where(on_page(uv)[:, None], receivers.of_vertex[receivers.faces], -1)
+        return cls(vertices, receivers, layout, points)
+
+    @cached_property
+    def smooth(self) -> SmoothSurface:
+        return SmoothSurface.of(self.vertices, self.receivers)
+
+    @property
+    def areas(self) -> Float64s:
+        """Of the faces (m',)."""
+        return face_normals(self.vertices, self.receivers.faces)[1]
+
+    @cached_property
+    def seams(self) -> Seams:
+        from .seams import Seams  # whose sparse matrices load for a fifth of a second
+
+        size = self.layout.width, self.layout.height
+        return Seams.find(self.layout.uv, self.face_points, size, self.layout.wraps)
+
+
+def corner_places(uv: Float64s, points: Int64s) -> Int64s:
+    """A number (m, 3) for each corner, the same where they share a welded point of `points` and its place in texels."""
+    rounded = np.round(uv.reshape(-1, 2) * 4096).astype(np.int64)
+    order = np.lexsort((rounded[:, 1], rounded[:, 0], points.ravel()))
+    keys = np.column_stack([points.ravel(), rounded])[order]
+    new = np.concatenate([[False], (keys[1:] != keys[:-1]).any(axis=1)])
+    corner = np.empty(len(order), np.int64)
+    corner[order] = np.cumsum(new)
+    return corner.reshape(-1, 3)

@@ -1,0 +1,57 @@
+"""Errors in scene files, each with the path of the value that is wrong."""
+
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
+
+from ..errors import LINE, ConflictError, InputError, OptionError, SceneError, nearest_name, printable, shortened
+
+_LONGEST = 100
+
+
+def shown(value: object) -> str:
+    """A value as a message shows it: on one line, strings in quotes, long ones cut short."""
+    text = _one_line(value)
+    return f'"{text}"' if isinstance(value, str) else text
+
+
+def joined(path: str, field: str) -> str:
+    """The path of a field within the table at `path`; "" is the whole file."""
+    field = field if field.isprintable() else repr(field)
+    return path + field if not path or not field or field.startswith("[") else f"{path}.{field}"
+
+
+def check_keys(source: object, path: str, keys: Iterable[str], known: Collection[str]) -> None:
+    """Raises: SceneError: one of `keys` is not among the `known`."""
+    for key in keys:
+        check_name(source, joined(path, key), key, known, "an unknown key")
+
+
+def check_name(source: object, field: str, name: str, known: Collection[str], got: str | None = None) -> str:
+    """The name. Raises: SceneError: it is not among the `known`."""
+    if name not in known:
+        raise SceneError(source, field, "one of " + ", ".join(known), got or shown(name), nearest_name(name, known))
+    return name
+
+
+@contextmanager
+def located(source: object, path: str) -> Iterator[None]:
+    """Errors raised within name the scene file `source` and the field's path, which starts with `path`."""
+    try:
+        yield
+    except SceneError:
+        raise
+    except ConflictError as fault:
+        error = SceneError(source, joined(path, fault.field), fault.expected, fault.got)
+        sentence = fault.in_words(lambda term: term if isinstance(term, str) else f"{term[0]} = {shown(term[1])}")
+        error.args = (printable(f"{source}: {joined(path, sentence)}", LINE),)
+        raise error from None
+    except OptionError as fault:
+        got = _one_line(fault.got)
+        raise SceneError(source, joined(path, fault.field), fault.expected, got, fault.nearest) from None
+    except InputError as fault:
+        field = f"{path}: {fault.source}: {fault.field}"
+        raise SceneError(source, field, fault.expected, fault.got, fault.nearest) from None
+
+
+def _one_line(value: object) -> str:
+    return shortened(value, _LONGEST).replace("\n", "\\n").replace("\r", "\\r")

@@ -1,0 +1,177 @@
+"""`obscurance bake` of several inputs: small meshes side by side on the cores, large ones by all of them in turn."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from raytrace.errors import printable
+from raytrace.system.checks import check_outputs, check_regular
+from raytrace.system.threads import run_blocks, thread_count
+
+from .cluster import Workers, cluster_checkpoint, run_remotely
+from .console import note, progress, warn
+from .inputs import created_folders
+from .manifest import MANIFEST, Entry, Manifest, assign_shards, digest, part_manifest
+from .plan import Plan
+from .run import Outcome, run_in_batch, silence_tolerance_warnings
+
+if TYPE_CHECKING:
+    from ao.cluster.session import ClusterSession
+
+_LARGE = 1 << 21  # bytes of a mesh file from which on a bake keeps all cores busy by itself
+_OF_ONE = ("mesh", "output", "threads")  # options that differ from one bake to another, or change no result
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Plans with the same options, one for each input.
+
+    Attributes: folder: of the outputs. workers: of a cluster. part: (K, N), to bake only the K-th of N parts.
+    """
+
+    plans: Sequence[Plan]
+    folder: Path
+    workers: Workers | None = None
+    part: tuple[int, int] | None = None
+
+    def run(self) -> int:
+        """Bake all, going on after faults, each reported in one line. Returns: the exit status, 1 for faults."""
+        if self.workers:
+            self.check_files(keep=False)  # before any are asked for
+        start = time.perf_counter()
+        with self.workers.session(self.folder / MANIFEST) if self.workers else nullcontext() as session:
+            self.check_files()
+            own, manifest = self._begin()
+            try:
+                with silence_tolerance_warnings():
+                    self._bake_all(own, manifest, session)
+            except KeyboardInterrupt:
+                note(f"interrupted: {self._summary(manifest)}; the same command with --resume bakes the others")
+                raise SystemExit(130) from None
+            finally:
+                manifest.write()
+        if not self.plans[0].options.quiet:
+            print(f"{self._summary(manifest)} in {time.perf_counter() - start:.2f} s; {printable(str(manifest.path))}")
+            if session:
+                print(session.summary())
+        return 1 if manifest.count("failed") else 0
+
+    def check_files(self, keep: bool = True) -> None:
+        """`Plan.check_files` of all, in folders that are made, and stay if `keep`."""
+        with created_folders((self.folder, *(plan.output.parent for plan in self.plans)), keep):
+            self.plans[0].check_files()
+            inputs = [path for plan in self.plans for path in plan.inputs]
+            outputs = {f"output {plan.output}": plan.output for plan in self.plans}
+            check_outputs({**outputs, "manifest": self.manifest}, inputs)
+
+    @property
+    def manifest(self) -> Path:
+        return self.folder / (part_manifest(*self.part) if self.part else MANIFEST)
+
+    def _summary(self, manifest: Manifest) -> str:
+        failed = manifest.count("failed")
+        text = f"{manifest.count('done'):,} of {len(manifest.entries):,} meshes baked to {printable(str(self.folder))}"
+        return text + (f", {failed:,} failed" if failed else "")
+
+    def _begin(self) -> tuple[list[Plan], Manifest]:
+        """The plans to be run here, all or those of this part, and their manifest."""
+        from ao.report import versions
+
+        plans = list(self.plans)
+        options = {name: value for name, value in plans[0].described().items() if name not in _OF_ONE}
+        facts: dict[str, Any] = {"options": options, "versions": versions()}
+        if self.part:
+            number, of = self.part
+            facts["part"] = {"number": number, "of": of, "inputs": [str(plan.mesh) for plan in plans]}
+            shards = assign_shards([_identity(plan.mesh)[0] for plan in plans], of)
+            plans = [plan for plan, shard in zip(plans, shards, strict=True) if shard == number]
+        entries = [Entry(str(plan.mesh), str(plan.output), sha256=digest(_files_of(plan))) for plan in plans]
+        manifest = Manifest(self.manifest, entries, facts)
+        if self.plans[0].options.resume or (self.part and self.manifest.exists()):
+            manifest.resume(note)
+        return plans, manifest
+
+    def _bake_all(self, plans: list[Plan], manifest: Manifest, session: ClusterSession | None) -> None:
+        options = self.plans[0].options
+        waiting = [number for number, entry in enumerate(manifest.entries) if entry.status == "waiting"]
+        threads = thread_count(options.threads)
+        done = len(plans) - len(waiting)
+        in_vertices = [number for number in waiting if plans[number].kind == "vertices"]
+        small = [number for number in in_vertices if _identity(plans[number].mesh)[0] < _LARGE]
+        status = session.status if session else str
+        with progress(options.quiet, "meshes", form=options.progress, status=status) as (advance,):
+
+            def add(more: int) -> None:
+                nonlocal done
+                done += more
+                if advance:
+                    advance(done, len(plans))
+                manifest.save()
+
+            def bake_here(number: int, threads: int) -> None:
+                entry = manifest.entries[number]
+                plan = plans[number]
+                before = _identity(plan.output)
+                open_checkpoint = partial(cluster_checkpoint, session, options.resume) if session else None
+                try:
+                    _note(entry, run_in_batch(plan, threads, open_checkpoint))
+                except KeyboardInterrupt:
+                    if _identity(plan.output) != before:  # it has been written, whole
+                        entry.done()
+                    raise
+
+            def bake_small(start: int, stop: int) -> None:
+                for number in small[start:stop]:
+                    bake_here(number, 1)
+
+            if session:
+                for row, outcome in run_remotely(session, [plans[number] for number in small], threads):
+                    warn([], outcome.warnings)
+                    _note(manifest.entries[small[row]], outcome)
+                    add(1)
+            else:
+                run_blocks(len(small), 1, bake_small, threads, add)
+            for number in sorted({*waiting} - {*small}):
+                bake_here(number, threads)
+                add(1)
+
+
+def _note(entry: Entry, outcome: Outcome) -> None:
+    """Take over what became of an input."""
+    vars(entry).update(vars(outcome))
+    if outcome.status == "failed":
+        note(outcome.message)
+    else:
+        entry.done()
+
+
+def _files_of(plan: Plan) -> list[Path]:
+    """The files that a bake reads: in its options, and files that a .gltf or .obj names."""
+    from ..formats.gltf.asset import Gltf  # slow imports
+    from ..formats.obj.mtl import named_files
+
+    files = plan.inputs
+    for path in [*files]:
+        with suppress(OSError, ValueError, TypeError, AttributeError, RecursionError):  # its bake will say why
+            check_regular(path, "a file")
+            if path.suffix.lower() == ".gltf":
+                files += Gltf(path, json.loads(path.read_bytes())).files[1:]
+            elif path.suffix.lower() == ".obj":
+                files += named_files(path)
+    return files
+
+
+def _identity(path: Path) -> tuple[int, ...]:
+    """A file's bytes, and what changes if it is replaced."""
+    try:
+        status = path.stat()
+        return status.st_size, status.st_ino, status.st_mtime_ns
+    except (OSError, ValueError):
+        return 0, 0, 0

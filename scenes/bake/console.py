@@ -1,0 +1,230 @@
+"""Notes, warnings, progress bars and summaries of the commands."""
+
+from __future__ import annotations
+
+import codecs
+import io
+import os
+import sys
+import threading
+import time
+import unicodedata
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from raytrace.errors import LINE, printable
+
+from .options import ProgressForm
+
+if TYPE_CHECKING:
+    import ao
+    from raytrace.mesh.mesh import Mesh
+
+
+def note(message: str) -> None:
+    print("obscurance: " + printable(" ".join(message.split()), LINE), file=sys.stderr)
+
+
+_PLAIN = str.maketrans({
+    "τ": "tau", "μ": "mu", "ρ": "rho", "σ": "sigma", "η": "eta", "π": "pi", "ω": "omega", "θ": "theta", "φ": "phi",
+    "×": "x", "−": "-", "–": "-", "°": " degrees", "∫": "integral ", "∥": "|", "⊥": "_|_", "≤": "<=", "≥": ">=",
+    "…": "...", "“": '"', "”": '"', "’": "'", "→": "->", "·": "*", "∞": "inf", "²": "^2", "³": "^3", "—": "-",
+})  # fmt: skip
+
+
+def _in_plain_letters(fault: UnicodeError) -> tuple[str, int]:
+    """Similar letters for characters that an output cannot encode, else escapes."""
+    if not isinstance(fault, UnicodeEncodeError):
+        raise fault
+    characters = fault.object[fault.start : fault.end].translate(_PLAIN)
+    letters = unicodedata.normalize("NFKD", characters).translate(_PLAIN)
+    return "".join(c if c.isascii() else "" if unicodedata.combining(c) else ascii(c)[1:-1] for c in letters), fault.end
+
+
+def reopen_streams() -> None:
+    """Let standard streams that were closed refuse with an error of the system, but for errors, which nobody reads.
+
+    Otherwise the next files that are opened would be taken for them.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            os.open(os.devnull, os.O_RDONLY if name == "stdout" else os.O_WRONLY)  # the least number that is free
+            setattr(sys, name, os.fdopen(number, "w" if number else "r"))
+
+
+@contextmanager
+def readable_output() -> Iterator[None]:
+    """Let standard output and standard error write any text, whatever their encoding, while this lasts."""
+    codecs.register_error("plain-letters", _in_plain_letters)
+    kept = {}
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            kept[stream] = stream.errors
+            stream.reconfigure(errors="plain-letters")
+    try:
+        yield
+    finally:
+        for stream, errors in kept.items():
+            stream.reconfigure(errors=errors)
+
+
+def output_failed(failure: OSError) -> int:
+    """Exit status after an error of the system's, which is reported in one line unless a pipe is closed."""
+    with suppress(OSError, ValueError):  # what is still buffered has nowhere to go
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if not isinstance(failure, BrokenPipeError):
+        note(f"{failure.filename or 'standard output'}: {failure.strerror or failure}")
+    return 1
+
+
+_silent = threading.local()  # its `on`: whether warnings on this thread are printed by the caller
+
+
+@contextmanager
+def unprinted_warnings() -> Iterator[None]:
+    """Let `warn` print nothing on this thread, while this lasts: who asked for the work is elsewhere."""
+    _silent.on = True
+    try:
+        yield
+    finally:
+        _silent.on = False
+
+
+_quiet: list[bool] = []
+
+
+@contextmanager
+def quietly(quiet: bool) -> Iterator[None]:
+    """Print no warnings about results while this lasts, if `quiet`."""
+    _quiet[:] = [quiet] if quiet else []
+    try:
+        yield
+    finally:
+        _quiet.clear()
+
+
+COARSE = "between the vertices w errs by"  # how a warning about a result begins, in its second part
+
+
+def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff | None = None) -> list[str]:
+    """Print, once each, warnings about the precision of meshes, and `others`, losses of an output as notes; return all.
+
+    Args: falloff: that is relative to the radius of the last of the meshes, perhaps.
+    """
+    from raytrace.mesh.precision import outlier_warnings, precision_warnings
+
+    each = {id(mesh): mesh for mesh in meshes}.values()
+    warnings = list(dict.fromkeys(warning for mesh in each for warning in precision_warnings(mesh)))
+    if falloff and len({(mu.max_distance, mu.tau) for mu in map(falloff.resolve, (1.0, 2.0))}) > 1:
+        warnings += outlier_warnings(list(each)[-1])
+    warnings += list(dict.fromkeys(others))
+    printed = [] if getattr(_silent, "on", False) else warnings
+    for warning in (each for each in printed if not (_quiet and COARSE in each)):
+        kind = "note" if any(words in warning for words in (": not kept from ", ": in the pose ")) else "warning"
+        print(f"{kind}: {printable(warning, LINE)}", file=sys.stderr)
+    return warnings
+
+
+_EVERY = 0.1  # seconds between lines of progress
+Advance = Callable[[int, int], None]
+
+
+@contextmanager
+def progress(
+    quiet: bool, *units: str, form: ProgressForm = "bar", status: Callable[[], str] = str
+) -> Iterator[tuple[Advance | None, ...]]:
+    """Progress bars on a terminal's standard error, one after the other, each from its first call on.
+
+    In the form "json" they are lines, ten a second at most, on standard error whatever that is, quiet or not. A bar is
+    full when the next one begins, and the last when the work is done.
+
+    Args: units: what each bar counts. status: says what else to show.
+    """
+    if form == "json":
+        start = time.perf_counter()
+        yield tuple(_json_lines(unit, start) for unit in units)
+        return
+    if quiet or not sys.stderr.isatty():
+        yield (None,) * len(units)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+
+    figures = TextColumn("{task.percentage:3.0f} % {task.fields[rate]}")
+    bars = Progress(BarColumn(), figures, TimeRemainingColumn(), console=Console(stderr=True), transient=True)
+    began: dict[TaskID, tuple[float, int]] = {}
+
+    def advance(task: TaskID, unit: str, done: int, total: int) -> None:
+        if task not in began:
+            fill()
+            began[task] = time.perf_counter(), done
+            bars.start()
+            bars.update(task, visible=True)
+        start, before = began[task]
+        rate = (done - before) / max(time.perf_counter() - start, 1e-6)
+        text = f"{rate / 1e6:.1f} M {unit}/s" if rate >= 1e5 else f"{rate:.0f} {unit}/s"
+        bars.update(task, completed=done, total=total, rate=f"{text} {status()}".rstrip())
+
+    def fill() -> None:
+        for task in began:
+            bars.update(task, completed=bars.tasks[task].total)
+            bars.refresh()
+            bars.update(task, visible=False)
+
+    tasks = [bars.add_task("", visible=False, rate="") for _ in units]
+    try:
+        yield tuple(partial(advance, task, unit) for task, unit in zip(tasks, units, strict=True))
+        fill()
+    finally:
+        bars.stop()
+
+
+def _json_lines(unit: str, start: float) -> Advance:
+    """Progress as objects with event, unit, done, total and seconds since `start`, one a line."""
+    import json
+
+    last = 0.0
+
+    def advance(done: int, total: int) -> None:
+        nonlocal last
+        now = time.perf_counter()
+        if done < total and now - last < _EVERY:
+            return
+        last = now
+        event = {"event": "progress", "unit": unit, "done": done, "total": total, "seconds": round(now - start, 3)}
+        print(json.dumps(event), file=sys.stderr, flush=True)
+
+    return advance
+
+
+def bake_summary(baked: ao.Bake, target: Path) -> str:
+    """The line after a bake: file, vertices, rays, time, estimated error; and one for each flag that vertices have."""
+    from ..show.report.verdict import flags_in_words
+
+    took = f"{_took(baked)}, estimated RMSE {baked.rmse:.4f}"
+    text = f"{printable(str(target))}: {len(baked.w):,} vertices, {baked.rays:,} rays traced {took}"
+    flags = flags_in_words(baked.flagged, len(baked.w), baked.rays_skipped)
+    return "\n".join([text, *(words for name, words in flags.items() if name != "contact")])  # usual where parts meet
+
+
+def _took(baked: ao.Bake | ao.BakedTexture) -> str:
+    return f"in {baked.seconds['bake']:.2f} s"
+
+
+def texture_summary(baked: ao.BakedTexture, target: str) -> str:
+    """The line after a bake of a texture, and a second one about its layout and seams."""
+    (height, width), facts = baked.w.shape, baked.facts
+    rays = f"{baked.rays:,} rays traced {_took(baked)}, estimated RMSE {baked.rmse:.4f}"
+    text = f"{printable(target)}: {width}×{height}, {facts.covered:,} texels covered, {rays}"
+    if not facts.seam_edges:
+        return text
+    jumps = f"largest jump {facts.seam_jump:.4f}, {facts.seam_jump_before:.4f} before they were closed"
+    return f"{text}\n{facts.seam_edges:,} edges at seams, {jumps}"
+
+
+def columns(rows: Sequence[tuple[str, str]]) -> str:
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)

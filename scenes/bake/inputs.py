@@ -1,0 +1,170 @@
+"""From files to meshes: those of one bake as its plan has them; and names of a batch's inputs, and of its outputs."""
+
+from __future__ import annotations
+
+import glob
+import os
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import ao
+from raytrace.errors import OptionError
+from raytrace.system.checks import make_folder
+
+from ..formats.load import MeshFile, load
+from ..formats.objects import ObjectSelection, match, select_objects
+from ..formats.table import endings
+
+if TYPE_CHECKING:
+    from raytrace.mesh.mesh import Mesh
+
+    from .plan import Plan
+
+
+@dataclass(frozen=True, eq=False)
+class BakeInputs:
+    """The meshes of a bake.
+
+    Attributes:
+        source: the input. chosen: what is baked of it. fine: the finer meshes as one. occluders: besides.
+        arguments: those of `ao.bake` and `ao.bake_texture` that are made of files, but for the mesh.
+        files: all that were read. content: of the input, if it is no file's. notes: warnings about the meshes.
+        started: when reading began, in seconds of `time.perf_counter`.
+    """
+
+    source: MeshFile
+    chosen: ObjectSelection
+    fine: Mesh | None
+    occluders: list[Mesh]
+    arguments: dict[str, Any]
+    files: list[Path]
+    content: bytes | None
+    notes: list[str]
+    started: float
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Vertices and faces that occlude."""
+        meshes = [*self.occluders, self.fine or self.chosen.mesh]
+        return sum(len(mesh.vertices) for mesh in meshes), sum(len(mesh.faces) for mesh in meshes)
+
+    @property
+    def meshes(self) -> list[Mesh]:
+        """All that occlude, that whose w is baked last."""
+        return [*self.occluders, self.chosen.mesh, *([self.fine] if self.fine else [])]
+
+    @property
+    def alpha(self) -> str:
+        """A line about alpha of the mesh whose w is baked, after a summary; empty without."""
+        opacity = (self.fine or self.source.mesh).opacity
+        return f"\n{opacity.summary}" if opacity else ""
+
+
+def read_inputs(plan: Plan, content: bytes | None = None) -> BakeInputs:
+    """Read the files of a plan. Args: content: of the input, if it is no file's.
+
+    Raises: InputError: a file cannot be read; OptionError: as `select_objects`, `match`.
+    """
+    started = time.perf_counter()
+    options = plan.options
+    alpha = options.alpha == "auto"
+    by_name = options.receive or (), options.cast or (), options.exclude or ()
+    names = any(by_name) or options.match_names or options.occluded_by != "all"
+    target = "texture.glb" if plan.kind == "texture" else f"vertices{plan.ending}"  # what the input is read for
+    source = load(plan.mesh, target, content, alpha, options.up, names, options.flip)
+    high = [load(path, alpha=alpha, names=options.match_names) for path in options.high or ()]
+    walls = [load(path, alpha=alpha, names=options.match_names) for path in options.occluder or ()]
+    cage = [load(options.cage)] if isinstance(options.cage, Path) else []
+    fine = None
+    if high:
+        from ao.points.occluders import joined
+
+        fine = joined([file.mesh for file in high], all_normals=True)
+    chosen = select_objects(source, *by_name, options.occluded_by, options.output_dir is not None)
+    occluders = [file.mesh for file in walls]
+    if options.ground:
+        occluders.append(ao.ground(chosen.mesh, plan.ground))
+    arguments: dict[str, Any] = {"high": fine, "occluders": occluders}
+    if options.match_names:
+        arguments["groups"] = match(source, high)
+    if cage:
+        arguments["cage"] = cage[0].mesh
+    files = [source, *walls, *high, *cage]
+    notes = [note for file in files for note in file.notes]
+    for wall in walls:
+        size = wall.mesh.radius / (source.mesh.radius or 1.0)
+        if not 1e-3 < size < 1e3:
+            notes.append(f"{wall.mesh.source}: its radius is {size:.2g} of the mesh's: is its unit another?")
+    paths = [path for file in files for path in file.files]
+    return BakeInputs(source, chosen, fine, occluders, arguments, paths, content, notes, started)
+
+
+def expand(given: Iterable[Path]) -> list[Path]:
+    """Files by names and patterns, each once. Raises: OptionError: a folder, or a pattern that matches nothing."""
+    paths: dict[str, Path] = {}
+    for path in given:
+        if os.path.isdir(path):
+            raise OptionError("mesh", "mesh files", f"{path}, a folder", nearest=_pattern_in(path))
+        matches = [path]
+        if is_pattern(path):
+            names = sorted(glob.glob(str(path), recursive=True))
+            matches = [Path(name) for name in names if os.path.isfile(name)]
+            if not matches:
+                raise OptionError("mesh", "a pattern that matches files", f"{path}, which matches none")
+        for name in matches:
+            paths.setdefault(os.path.realpath(name), name)
+    return list(paths.values())
+
+
+def is_pattern(path: Path) -> bool:
+    """Whether a name is no file's, but a pattern of `glob`."""
+    return glob.has_magic(str(path)) and not os.path.exists(path)
+
+
+def _pattern_in(folder: Path) -> str | None:
+    """A pattern of the mesh files in a folder, in quotes as a shell takes it."""
+    in_folder = [entry.suffix.lower() for entry in folder.iterdir()]
+    most = max(endings("read"), key=in_folder.count)
+    return f"'{folder / '*'}{most}'" if most in in_folder else None
+
+
+def outputs_in(folder: Path, inputs: Sequence[Path], ending: str) -> list[Path]:
+    """An output for each input: its name, with another ending, in `folder`.
+
+    Where names are equal the outputs lie below `folder` as the inputs do below the folder that holds them all.
+    """
+    names = [Path(f"{path.stem}.{ending}") for path in inputs]
+    if len({os.path.normcase(name) for name in names}) < len(names):
+        folders = [os.path.abspath(path.parent) for path in inputs]
+        with suppress(ValueError):  # they are on several drives
+            top = os.path.commonpath(folders)
+            names = [Path(os.path.relpath(path, top), name) for path, name in zip(folders, names, strict=True)]
+    input_of: dict[str, Path] = {}
+    for path, name in zip(inputs, names, strict=True):
+        other = input_of.setdefault(os.path.normcase(name), path)
+        if other is not path:
+            expected = "inputs of different names in each folder"
+            raise OptionError("output_dir", expected, f"{other} and {path}, both for {folder / name}")
+    return [folder / name for name in names]
+
+
+@contextmanager
+def created_folders(folders: Iterable[Path], keep: bool = True) -> Iterator[None]:
+    """Make folders, unless they are there; they go if that or the block fails, or not `keep`. Raises: OutputError."""
+    several = dict.fromkeys(folders)
+    new = {path for folder in several for path in (folder, *folder.parents) if not os.path.exists(path)}
+    passed = False
+    try:
+        for folder in several:
+            make_folder(folder)
+        yield
+        passed = True
+    finally:
+        if not (passed and keep):
+            for path in sorted(new, reverse=True):  # the deepest ones come before those that hold them
+                with suppress(OSError):
+                    path.rmdir()

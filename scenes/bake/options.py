@@ -1,0 +1,281 @@
+"""THE table of the options of `bake`, `merge` and `render`: each is declared here, and acts somewhere, once.
+
+Names stand for options that `ao.bake` or `ao.bake_texture` has, too, which are declared in `ao/options.py`. The class
+`BakeOptions`, parameters of the command and sections of its help, what goes together, `--options`, what a part, a
+report and a manifest say of a bake, and the line of a report that repeats it are made from the rows.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar
+
+from ao.declared import EVERY_BAKE, IMAGE, Option, rows
+from ao.options import TextureOptions, VertexOptions
+from raytrace.errors import ConflictError, InputError, OptionError
+
+PRESETS: dict[str, dict[str, Any]] = {
+    "unreal": {"format": "glb", "occlusion": "texture", "bits": "8", "bent_space": "tangent-directx"},
+    "unity": {"format": "png", "occlusion": "texture", "bits": "8", "bent_space": "tangent"},
+    "godot": {"format": "glb", "occlusion": "texture", "bits": "8", "bent_space": "tangent"},
+    "blender": {"format": "glb", "colors": "rgb", "bits": "16", "bent_space": "tangent"},
+    "three": {"format": "glb", "occlusion": "ramp", "bits": "8", "bent_space": "tangent"},
+    "meshlab": {"format": "ply", "ply_name": "quality"},
+}
+"""`--preset`: values of options by program, as docs/programs.md explains them; a plan has them where they apply."""
+
+
+def _described(values: Mapping[str, Any]) -> str:
+    given = {name.replace("_", "-"): "" if value is True else f" {value}" for name, value in values.items()}
+    return " ".join(f"--{name}{value}" for name, value in given.items())
+
+
+_PRESET_HELP = "Options for a program where they apply and are not given: " + "; ".join(
+    f"{program}: {_described(values)}" for program, values in PRESETS.items()
+)  # fmt: skip
+
+REPORTS = ".json", ".html"  # endings
+T = TypeVar("T")
+Metric = Literal["flip", "rms", "max"]
+Alpha = Literal["auto", "ignore"]
+OccludedBy = Literal["all", "object", "name"]
+Up = Literal["x", "y", "z", "-x", "-y", "-z"]
+Format = Literal["npy", "npz", "ply", "glb", "obj", "vtp", "html", "png", "exr", "tif"]
+InputFormat = Literal["ply", "obj", "stl", "off", "glb", "gltf", "3mf"]
+ProgressForm = Literal["bar", "json"]
+
+_WRITTEN = "vertices texture batch merge"
+
+_SECTIONS: dict[str, tuple[Option | str, ...]] = {
+    "": (
+        Option("mesh", list[Path], ..., "A mesh file: PLY, OBJ, STL, OFF, GLB, glTF, 3MF, ...; several; a pattern "
+               "('meshes/*.obj'); or - for standard input.", role="input", metavar="INPUT"),
+        Option("output", Path | None, None, "Output file, format by ending: .npy .npz .ply .glb .obj .vtp of the "
+               "vertices; .html to look at them; .png .exr .tif a texture, with <UDIM>, <MATERIAL>, <OBJECT> in the "
+               "name one for each.",
+               EVERY_BAKE + " merge", "output", short="-o"),
+        Option("output_dir", Path | None, None, "For several inputs: folder of their outputs, and of manifest.json.",
+               EVERY_BAKE, "run", excludes=("output",), metavar="FOLDER"),
+        "samples", "tolerance",
+        Option("quiet", bool, False, "No progress bar and no summary.", EVERY_BAKE + " merge", "run", short="-q"),
+    ),
+    "What occludes": (
+        "thickness",
+        Option("falloff", str, "exponential", "How occlusion fades with distance; not at all (binary: ambient "
+               "occlusion); or a table of two columns, distance and what a hit there leaves open, 0 to 1: .csv .txt "
+               ".npy.", metavar="exponential|binary|linear|smooth|table:FILE",
+               words=("exponential", "binary", "linear", "smooth", "table:")),
+        Option("tau", float | None, None, "Rate of the exponential falloff, per mesh unit."),
+        Option("half_distance", str | None, None,
+               'Distance at which a hit occludes half: mesh units, or "50%" (the default) of the radius '
+               'that info prints of the input, as of all percentages.'),
+        Option("max_distance", str, "inf", 'Ignore hits farther away: mesh units, "25%" of the radius, or inf.'),
+        Option("occluder", list[Path] | None, None, "A mesh file that occludes and gets no w; several, one option for "
+               "each.", EVERY_BAKE, "input", excludes=("high",), metavar="MESH"),
+        Option("ground", str | None, None, "A ground plane without end: auto, just below the lowest vertex along the "
+               "up axis, or its height.", EVERY_BAKE, excludes=("high",), metavar="auto|HEIGHT"),
+        Option("receive", list[str] | None, None, "Only objects of this name get w, a pattern ('body*') or all others "
+               "('!glass*'); several, one option for each.", EVERY_BAKE, excludes=("high",), metavar="PATTERN"),
+        Option("cast", list[str] | None, None, "Only objects of this name occlude, likewise.", EVERY_BAKE,
+               excludes=("high",), metavar="PATTERN"),
+        Option("exclude", list[str] | None, None, "Objects of this name neither get w nor occlude, likewise.",
+               EVERY_BAKE, excludes=("high",), metavar="PATTERN"),
+        Option("occluded_by", OccludedBy, "all", "By all, the own object alone, or objects of its name: as if each "
+               "were in a file of its own, with occluders and ground.", "vertices texture batch",
+               excludes=("high", "cluster", "profile", "resume")),
+        Option("flip", bool, False, "Turn all faces of the input over, for meshes that look inwards; outputs have them "
+               "turned."),
+        "normals", "interior", "back_faces",
+        Option("alpha", Alpha, "auto",
+               "auto: what glTF and OBJ materials cut out or blend lets light through; ignore: opaque."),
+    ),
+    "Sampling": ("method", "denoise", "traversal", "profile", "seed", "threads"),
+    "What .glb and .ply show": (
+        Option("preset", Literal[*PRESETS] | None, None, f"{_PRESET_HELP}.", "vertices texture batch", "output"),
+        Option("colors", Literal["rgb", "r", "g", "b", "a"] | None, None, "Write w as vertex colours, COLOR_0 of .glb, "
+               "replacing a .ply's own; or into one channel, where the others stay as they are in the input.",
+               "vertices batch merge", "output", metavar="[r|g|b|a]"),
+        Option("ply_name", str | None, None, "A further property of .ply that holds w: quality, which MeshLab shows.",
+               "vertices batch merge", "output", metavar="NAME"),
+        Option("occlusion", Literal["none", "ramp", "texture"] | None, None, "Occlusion texture of .glb materials, for "
+               "viewers: ramp (w of the vertices, default without --colors), texture (of texels) or none.", _WRITTEN,
+               "output"),
+        Option("replace_occlusion", bool, False, "Also where a material has an occlusion texture of its own.",
+               _WRITTEN, "output"),
+        Option("orm", bool, False, "Texture: w into R of the metallic-roughness images of a .glb, one image for both.",
+               "texture batch merge", "output"),
+    ),
+    "Textures": (
+        Option("size", str | None, None, "Texture: texels across and down, 1024 by default.", IMAGE, metavar="N|WxH"),
+        Option("texel_size", str | None, None, 'Texture: what a texel covers at most, in mesh units or "1%" of the '
+               "radius; sets the size.", IMAGE, excludes=("size",)),
+        Option("uv", str | None, None, "Texture: the file's texture coordinates, of a glTF the N-th; new ones (pip "
+               "install uvunwrap) of all, or filled in where there are none; or the file's charts packed side by side.",
+               IMAGE, metavar="auto|N|unwrap|fill|pack"),
+        Option("mesh_output", Path | None, None, "Texture: also write the mesh with it, and with new coordinates.",
+               "texture merge", "output", metavar="GLB"),
+        "overlap",
+        Option("instances", Literal["mean", "first", "own"], "mean", "Texture: where several nodes of a glTF show one "
+               "mesh, and so one layout: the mean of their w, that of the first, or a texture for each.", IMAGE,
+               excludes=("overlap",)),
+        Option("bent_normals", Path | None, None, "Texture: also write the mean open directions.", "texture merge",
+               "output", metavar="IMAGE"),
+        "bent_space",
+        Option("error_map", Path | None, None, "Texture: also write the standard error of w.", "texture merge",
+               "output", metavar="IMAGE"),
+        Option("high", list[Path] | None, None, "Bake w of this finer mesh onto the input's vertices or texture; of "
+               "several as one, an option for each.", EVERY_BAKE, "input", metavar="MESH"),
+        "cage",
+        Option("match_names", bool, False, "With --high: objects NAME_low of the input show objects NAME_high alone; "
+               "all of these occlude.", EVERY_BAKE, needs={"high": ...}),
+        Option("half", bool, False, "Texture: 16-bit floats in .exr and .tif.", "texture batch merge", "output"),
+        Option("bits", Literal["8", "16"] | None, None, "Texture: of a channel of w and bent normals in .png, 16 by "
+               "default.", "texture batch merge", "output"),
+    ),
+    "More than one machine, or than its memory": (
+        Option("part", str | None, None, "Trace only the K-th of N parts, into the folder --output, for obscurance "
+               "merge; of a texture, if --size or --texel-size is given. With --output-dir: bake the K-th part of the "
+               "inputs.", EVERY_BAKE, "run", excludes=("cluster", "dry_run"), metavar="K/N"),
+        Option("cluster", str | None, None, "Trace by N workers on this machine, or by those of a Dask scheduler (pip "
+               "install dask distributed cryptography).", "vertices texture batch", "run", excludes=("dry_run",),
+               metavar="local[:N]|tls://HOST:PORT"),
+        Option("shared", Path | None, None, "With --cluster: a folder that all workers see; that of the output.",
+               "vertices texture batch", "run", {"cluster": ...}, metavar="FOLDER"),
+    ),
+    "Reports, repeats, other programs": (
+        Option("format", Format | None, None,
+               "Format of the outputs in --output-dir, or of -o - (standard output); by default ply.",
+               EVERY_BAKE, "run"),
+        Option("input_format", InputFormat | None, None,
+               "With - as INPUT: its format, if its first bytes do not tell.", EVERY_BAKE, "run"),
+        Option("report", Path | None, None, "Also write a report, .html to read or .json.", "vertices texture merge",
+               "run"),
+        Option("debug_image", Path | None, None, "Also write an image that marks flagged vertices.", "vertices merge",
+               "output"),
+        Option("up", Up | None, None, "With --ground, --debug-image, .html, .ply or .glb: the up axis, by default "
+               "what the file says, or y.", _WRITTEN, "output", is_setting=False),
+        Option("resume", bool, False, "Continue an interrupted bake, or batch, to this output.", EVERY_BAKE, "run"),
+        Option("dry_run", bool, False, "Write nothing; tell rays, memory, time and what would be written.",
+               "vertices texture batch", "run"),
+        Option("progress", ProgressForm, "bar",
+               "A bar on a terminal, or lines of JSON on standard error for other programs.", EVERY_BAKE, "run"),
+        Option("options", Path | None, None, "Options of an earlier bake, from its --report or manifest.json; those "
+               "given here override them.", EVERY_BAKE, "run", metavar="REPORT"),
+    ),
+}  # fmt: skip
+BAKER = {row.name: row for record in (VertexOptions, TextureOptions) for row in rows(record).values() if row.bake_kinds}
+"""The options that `ao.bake` or `ao.bake_texture` has, too; one that the table does not name is of "Sampling"."""
+_SECTIONS["Sampling"] += tuple(name for name in BAKER if not any(name in rows for rows in _SECTIONS.values()))
+BAKE = tuple(
+    replace(BAKER[row] if isinstance(row, str) else row, section=section)
+    for section, listed in _SECTIONS.items()
+    for row in listed
+)
+ROWS = {row.name: row for row in BAKE}
+MERGE = (
+    Option("parts", Path, ..., "Where bake --part has put all parts.", metavar="FOLDER"),
+    Option("mesh", Path | None, None, "The mesh file, if it is elsewhere than for the parts."),
+    replace(ROWS["output"], help="Output file, as of bake; none for parts of a batch."),
+    replace(ROWS["high"], help="Finer mesh files, likewise."),
+    replace(ROWS["occluder"], help="Files that only occlude, likewise."),
+    *(row for row in BAKE if "merge" in row.bake_kinds and row.name != "output"),
+)
+
+
+@dataclass(frozen=True)
+class OptionValues:
+    """Values of the options of a command as attributes. Its subclasses have the fields of a table."""
+
+    if TYPE_CHECKING:
+
+        def __init__(self, **values: Any) -> None: ...
+
+        def __getattr__(self, name: str) -> Any: ...
+
+    def replaced(self, **changes: Any) -> Self:
+        """A copy with some values changed."""
+        return replace(self, **changes)
+
+
+def with_fields(table: Sequence[Option]) -> Callable[[type[T]], type[T]]:
+    """Make a class a frozen dataclass with a field for each row of a table, of its type and default."""
+
+    def declared(values: type[T]) -> type[T]:
+        values.__annotations__ = {row.name: row.kind for row in table}
+        for row in table:
+            if row.default is not ...:
+                setattr(values, row.name, row.default)
+        return dataclass(frozen=True, kw_only=True, eq=False)(values)
+
+    return declared
+
+
+@with_fields(BAKE)
+class BakeOptions(OptionValues):
+    """The options of `bake`, and of `merge` those that it has."""
+
+
+def _given(row: Option, options: OptionValues) -> bool:
+    return row.default is not ... and getattr(options, row.name) != row.default
+
+
+def check_together(options: OptionValues, table: Iterable[Option]) -> None:
+    """Raises: ConflictError: an option is given that needs or excludes another."""
+    known = {row.name: row for row in table}
+    for row in known.values():
+        if not _given(row, options):
+            continue
+        for name in row.excludes:
+            if name in known and _given(known[name], options):
+                raise ConflictError(row.name, "excludes", name)
+        for name, value in row.needs.items():
+            if not _given(known[name], options) if value is ... else getattr(options, name) != value:
+                raise ConflictError(row.name, "needs", name if value is ... else (name, value))
+
+
+def check_kind(options: OptionValues, kind: str) -> None:
+    """Raises: ConflictError: an option is given that this kind of bake, in the words of `Option.bake_kinds`, lacks."""
+    for row in BAKE:
+        if _given(row, options) and kind not in row.bake_kinds.split():
+            if kind == "vertices":
+                raise ConflictError(row.name, "needs", "an image as --output, or --occlusion texture")
+            if kind == "texture":
+                raise ConflictError(row.name, "does not go with", "a texture")
+            raise ConflictError(row.name, "excludes", {"batch": "output_dir"}.get(kind, kind))
+
+
+def check_stored(source: Path, options: Mapping[str, Any]) -> None:
+    """Check options by their names as a JSON file has them. Raises: InputError: one of another type than its."""
+    from pydantic import ConfigDict, TypeAdapter
+
+    for name, value in options.items():
+        kind = ROWS[name].kind
+        try:
+            TypeAdapter(kind, config=ConfigDict(coerce_numbers_to_str=True)).validate_python(value)
+        except ValueError:
+            expected = "a list of texts" if "list" in str(kind) else f"a value of --{name.replace('_', '-')}"
+            raise InputError(source, f"options.{name}", expected, repr(value)) from None
+
+
+@contextmanager
+def named(option: str) -> Iterator[None]:
+    """Errors raised within about the option `option`, whatever the function called has for a name."""
+    try:
+        yield
+    except OptionError as fault:
+        raise OptionError(option, fault.expected, fault.got, nearest=fault.nearest) from None
+
+
+def plain(value: object) -> object:
+    """An option as a JSON report has it."""
+    if isinstance(value, list):
+        return [plain(each) for each in value]
+    return str(value) if isinstance(value, Path) else value
+
+
+def absolute(value: Any) -> Any:
+    """A path, or several, whatever folder is the current one; anything else stays."""
+    if isinstance(value, list):
+        return [each.absolute() for each in value]
+    return value.absolute() if isinstance(value, Path) else value

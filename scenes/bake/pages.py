@@ -1,0 +1,246 @@
+"""The pages of a bake: one for all faces, or one each for materials, objects and UDIM tiles; and remarks on them.
+
+Materials with layouts of their own lie over one another in texture coordinates, where one page would show their mean.
+In a .glb they become pages of their own, in images by placeholders in the output's name. Within a material, faces that
+overlap are taken to be meant so, as mirrored halves are; so are objects whose common material has an image, and
+instances of one mesh unless each is to have its own page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import ao
+from ao.texture.coverage import reaches_into_page, shared_texels
+from ao.texture.uv_layout import have_area, on_page
+from raytrace.errors import MeshError, OptionError
+from raytrace.text.safe_paths import file_words
+from raytrace.types import Bools, Float64s
+
+from ..formats.images import MATERIAL, OBJECT, UDIM, tile_number, udim_tiles
+from ..formats.load import MeshFile
+from ..formats.primitive_groups import PrimitiveGroup, primitive_groups
+from .uv import Coordinates
+
+if TYPE_CHECKING:
+    from .plan import Plan
+
+_SOME = 0.01  # of the texels of the smaller of two layouts, that may overlap
+_NOTED = 1e-3  # of the covered texels, that may overlap without a word
+_LISTED = 3  # pieces without texture coordinates
+
+
+@dataclass(frozen=True, eq=False)
+class Page:
+    """One page."""
+
+    uv: Float64s  # (m, 3, 2), NaN of faces that are not on it
+    wraps: bool = True  # whether what lies outside of it is taken modulo 1
+    name: str = ""  # of a texture set, where one file holds several
+    words: dict[str, str] = field(default_factory=dict)  # for placeholders in the names of its files
+    shown: Float64s | None = None  # `uv` also of instances that show what is baked for the first one; None: `uv`
+
+    def path(self, template: Path) -> Path:
+        name = template.name
+        for placeholder, word in self.words.items():
+            name = name.replace(placeholder, word)
+        return template.with_name(name)
+
+
+class Layouts:
+    """The layouts of a mesh file: sets of faces, of a material or of its part in one object, which may overlap.
+
+    Attributes: of: (m,), the layout of each face. instance: (m,), the mesh's instance that each belongs to, of those on
+        the pages; 0 of new coordinates, which no two instances have in common.
+    """
+
+    def __init__(self, source: MeshFile, found: Coordinates) -> None:
+        self.of, self.instance = np.zeros((2, len(source.mesh.faces)), np.int64)
+        self.all = [
+            replace(piece, faces=piece.faces[each])
+            for piece in primitive_groups(source, found.number or 0)
+            for new in (found.new[piece.faces],)
+            for each in (~new, new)
+            if each.any()
+        ]
+        self.pieces: list[PrimitiveGroup] = []  # one of each layout
+        self.images: list[Hashable] = []  # one of each layout, or a key that is the layout's own
+        self.path = source.path
+        keys: dict[Hashable, int] = {}
+        owners: dict[Hashable, dict[Hashable, int]] = {}
+        for piece in self.all:
+            new = bool(found.new[piece.faces].any())
+            shared = piece.image is not None and not new
+            key = piece.material.key, None if shared else piece.body, new
+            if key not in keys:
+                self.pieces.append(piece)
+                self.images.append("new" if new else ("image", piece.image) if shared else key)
+            self.of[piece.faces] = keys.setdefault(key, len(keys))
+            if not new and on_page(found.uv[piece.faces]).any():
+                same = owners.setdefault(piece.body, {})
+                self.instance[piece.faces] = same.setdefault(piece.object.key, len(same))
+
+    def clashes(self, page: Page, size: tuple[int, int], threads: int | None) -> dict[tuple[int, int], int]:
+        """In how many texels layouts overlap on a page, by pairs."""
+        used = self.of[on_page(page.uv)]
+        if len(np.unique(used)) < 2:
+            return {}
+        shared, covered = shared_texels(page.uv, self.of, size, page.wraps, self.path, threads)
+        return {pair: count for pair, count in shared.items() if count > _SOME * min(covered[list(pair)])}
+
+    def sets(self, clashes: dict[tuple[int, int], int]) -> Iterator[tuple[str, Bools]]:
+        """Names and faces (m,) of pages: layouts that have an image in common and do not overlap share one."""
+        found: list[list[int]] = []
+        for layout, image in enumerate(self.images):
+            beside = [each for each in found if self.images[each[0]] == image]
+            free = (each for each in beside if not any((other, layout) in clashes for other in each))
+            page = next(free, None)
+            if page is None:
+                found.append(page := [])
+            page.append(layout)
+        names = file_words(self.pieces[page[0]].material.name for page in found)
+        return zip(names, (np.isin(self.of, page) for page in found), strict=True)
+
+    def by_instance(self, pages: Sequence[Page]) -> list[Page]:
+        """The pages, where several instances of a mesh are on one of them a page for each, named by its object."""
+        made: list[Page] = []
+        for page in pages:
+            numbers = np.where(on_page(page.uv), self.instance, -1)
+            every = np.unique(numbers[numbers >= 0])
+            for number in every:
+                names = [piece.object.name for piece in self.all if (numbers[piece.faces] == number).any()]
+                name = f"{page.name} {names[0]}".strip() if len(every) > 1 else page.name
+                made.append(replace(page, uv=_only(page.uv, numbers == number), name=name))
+        if len(made) == len(pages):
+            return made
+        words = file_words(page.name for page in made)
+        return [replace(page, name=word, words={MATERIAL: word}) for page, word in zip(made, words, strict=True)]
+
+
+def pages_of(plan: Plan, source: MeshFile, found: Coordinates) -> list[Page]:
+    """The pages of a plan, each of some faces.
+
+    Raises: OptionError: layouts would share one that overlap, and may not; or tiles that have no number.
+    """
+    layouts = Layouts(source, found)
+    pages = _pages(plan, source, layouts, found)
+    if plan.options.instances == "own":
+        apart = layouts.by_instance(pages)
+        if len(apart) > len(pages) and plan.ending != ".glb":
+            raise OptionError("output", f"{OBJECT} in its name, or a .glb: instances have a texture each", plan.output)
+        pages = apart
+    if plan.options.instances == "first":
+        first = [replace(page, uv=_only(page.uv, layouts.instance == 0), shown=page.uv) for page in pages]
+        pages = [page for page in first if on_page(page.uv).any()]
+    return pages or [Page(found.uv)]
+
+
+def _pages(plan: Plan, source: MeshFile, layouts: Layouts, found: Coordinates) -> list[Page]:
+    """`pages_of` by material, object and tile alone."""
+    mixed = plan.options.overlap is not None or found.number is None  # new layouts do not overlap
+    threads = plan.options.threads
+    if plan.ending == ".glb":
+        whole = Page(found.uv, words={MATERIAL: "all"})
+        clashes = {} if mixed else layouts.clashes(whole, found.size, threads)
+        sets = layouts.sets(clashes) if clashes else []
+        pages = [Page(_only(found.uv, mask), name=name, words={MATERIAL: name}) for name, mask in sets]
+        return [page for page in pages if on_page(page.uv).any()] or [whole]
+    output = plan.output
+    pages = []
+    for words, mask in _groups(layouts.all, output, len(source.mesh.faces)):
+        uv = _only(found.uv, mask)
+        shown = uv[have_area(uv)]
+        if UDIM in output.name and len(shown):
+            tiles = [tile for tile in udim_tiles(shown, source.path) if reaches_into_page(shown - tile, source.path)]
+            pages += [Page(uv - tile, False, words=words | {UDIM: tile_number(tile)}) for tile in tiles]
+        elif on_page(uv).any():
+            pages.append(Page(uv, words=words))
+    for page in () if mixed else pages:
+        clashes = layouts.clashes(page, found.size, threads)
+        if clashes:
+            raise _refusal(source, layouts, clashes, page.path(output))
+    return pages
+
+
+def _groups(all_groups: Sequence[PrimitiveGroup], output: Path, count: int) -> list[tuple[dict[str, str], Bools]]:
+    """The words for <MATERIAL> and <OBJECT>, as far as they are in a name, and the faces (m,) that each stand for."""
+    columns = {MATERIAL: [piece.material for piece in all_groups], OBJECT: [piece.object for piece in all_groups]}
+    words = []
+    for placeholder, column in columns.items():
+        if placeholder in output.name:
+            different = dict.fromkeys(column)
+            known = dict(zip(different, file_words(each.name for each in different), strict=True))
+            words.append([(placeholder, known[each]) for each in column])
+    groups: dict[tuple[tuple[str, str], ...], Bools] = {}
+    for number, piece in enumerate(all_groups):
+        key = tuple(column[number] for column in words)
+        groups.setdefault(key, np.zeros(count, np.bool_))[piece.faces] = True
+    return [(dict(key), mask) for key, mask in groups.items()]
+
+
+def _only(uv: Float64s, mask: Bools) -> Float64s:
+    return np.where(mask[:, None, None], uv, np.nan)
+
+
+def _refusal(source: MeshFile, layouts: Layouts, clashes: dict[tuple[int, int], int], output: Path) -> OptionError:
+    pair = max(clashes, key=lambda each: clashes[each])
+    one, other = (layouts.pieces[each] for each in pair)
+    by_material = one.material.key != other.material.key
+    names = " and ".join(each.material.name if by_material else each.object.name for each in (one, other))
+    more = f" ({len(clashes) - 1} more such pairs)" if len(clashes) > 1 else ""
+    expected = f"{MATERIAL if by_material else OBJECT} in its name, a .glb, or --overlap mean: layouts overlap"
+    return OptionError("output", expected, f"{clashes[pair]:,} texels of {output} for both {names}{more}", source.path)
+
+
+def layout_remarks(baked: ao.BakedTexture, wraps: bool, tiles: bool) -> list[str]:
+    """Remarks on the layout of a page that `wraps`, or not. Args: tiles: whether a file for each may be written."""
+    facts = baked.facts
+    lines = []
+    if facts.overlapping > _NOTED * facts.covered:
+        mirrored = f"; {facts.mirrored:,} faces are mirrored" if facts.mirrored else ""
+        advice = "--uv pack gives each a place of its own"
+        share = f"{facts.overlapping / facts.covered:.1%} of the covered texels"
+        lines.append(f"faces overlap in {share}{mirrored}; {advice}")
+    if facts.outside and wraps:
+        advice = f"; {UDIM} in the output's name would keep tiles apart" if tiles and _has_tiles(baked.uv) else ""
+        lines.append(f"{facts.outside:,} faces reach out of the unit square and are taken modulo 1{advice}")
+    if facts.missed:
+        outside = "points are not within the cage of the fine mesh and take the closest of it"
+        lines.append(f"{facts.missed:,} {outside}; a larger --cage reaches farther")
+    if facts.flat:
+        flat = "faces whose texture coordinates have no area show texels of others"
+        lines.append(f"{facts.flat:,} {flat}; --uv unwrap makes new ones")
+    return lines
+
+
+def check_area(source: MeshFile, page: Page) -> None:
+    """Raises: MeshError: no face of the page has an area on it, so that nothing would be written of it."""
+    if not have_area(page.uv).any():
+        name = page.name or " ".join(page.words.values())
+        of_page = f" of {name}" if name else ""
+        raise MeshError(source.path, f"texture coordinates{of_page}", "faces with an area on the page", "none")
+
+
+def lacking(source: MeshFile, uv: Float64s, wanted: Bools, keeps_uv: bool) -> list[str]:
+    """The parts of a file without texture coordinates, in a line. Args: wanted: (m,), the faces that matter."""
+    without = ~on_page(uv) & wanted
+    if not without.any():
+        return []
+    without_uv = [piece for piece in primitive_groups(source) if without[piece.faces].any()]
+    names = list(dict.fromkeys(f"{piece.object.name} ({piece.material.name})" for piece in without_uv))
+    more = f" and {len(names) - _LISTED:,} more" if len(names) > _LISTED else ""
+    instead = "show w of their vertices" if keeps_uv else "get no texels"
+    what = f"{without.sum():,} faces, of {', '.join(names[:_LISTED])}{more}, have no texture coordinates and {instead}"
+    return [f"{source.path}: {what}; --uv fill{'' if keeps_uv else ' with --mesh-output'} makes some for them"]
+
+
+def _has_tiles(uv: Float64s) -> bool:
+    try:
+        return bool(udim_tiles(uv[on_page(uv)], ""))
+    except OptionError:
+        return False

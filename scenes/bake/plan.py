@@ -1,0 +1,318 @@
+"""A bake, decided once: from options and names of files to a `Plan`, after which nothing is decided any more."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import ao
+from ao.falloff import resolve_length
+from ao.options import DEFAULT_SAMPLES, Options, TextureOptions, VertexOptions
+from raytrace.errors import ConflictError, OptionError, Relation, Term
+from raytrace.system.checks import check_ending, check_outputs
+from raytrace.system.threads import thread_count
+
+from ..formats.falloffs import make_falloff, table_of
+from ..formats.images import ENDINGS as IMAGES
+from ..formats.images import MATERIAL, PLACEHOLDERS, UDIM, check_texture_target
+from ..formats.table import Channels
+from ..formats.write import ENDINGS, channels, check_target
+from .options import BAKER, PRESETS, REPORTS, ROWS, BakeOptions, absolute, check_kind, named, plain
+
+if TYPE_CHECKING:
+    from ao.execute.checkpoint import Checkpoint
+
+Kind = Literal["vertices", "texture"]
+OpenCheckpoint = Callable[[Path], AbstractContextManager["Checkpoint"]]
+"""From the path of an output to what keeps the rays of it, or of one page."""
+_RECORDS: dict[Kind, type[Options]] = {"vertices": VertexOptions, "texture": TextureOptions}
+_MEANT = {".stl": ".ply", ".gltf": ".glb", ".jpg": ".png", ".jpeg": ".png"}  # which can hold w
+_READS = {
+    "unreal": (".glb", ".png", ".exr", ".tif"),
+    "unity": (".glb", ".png", ".exr", ".tif"),
+    "godot": (".glb", ".png", ".exr"),
+    "blender": (".glb", ".ply", ".png", ".exr", ".tif"),
+    "three": (".glb", ".ply", ".png", ".exr"),
+    "meshlab": (".ply", ".obj", ".png"),
+}
+"""The endings of outputs that a preset's program reads."""
+_CHEAP_PROFILE = {
+    "falloff": "exponential", "max_distance": "inf", "method": "vertex", "tolerance": None, "occluded_by": "all",
+}  # fmt: skip
+"""Options with which a profile takes the rays of the bake alone, and has w as baked between its columns."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One bake: of which files, into which, and how.
+
+    Attributes:
+        options: those in effect, of presets too, with one `mesh`, and no `output` of a part, which writes rays alone.
+        arguments: the options of `ao.bake` or `ao.bake_texture`, checked.
+        channels: where a file of vertices holds w for viewers.
+        ground: the height of the ground plane, None just below the mesh.
+        size: texels across and down of a texture, None if `texel_size` says so.
+    """
+
+    kind: Kind
+    options: BakeOptions
+    arguments: Options
+    channels: Channels
+    ground: float | None
+    size: tuple[int, int] | None
+
+    @property
+    def falloff(self) -> ao.Falloff:
+        return self.arguments.falloffs[0]
+
+    @property
+    def mesh(self) -> Path:
+        """The input."""
+        path: Path = self.options.mesh[0]
+        return path
+
+    @property
+    def output(self) -> Path:
+        """The file of w, of a bake that is no part."""
+        path: Path = self.options.output
+        return path
+
+    @property
+    def is_part(self) -> bool:
+        return self.options.output is None
+
+    @property
+    def ending(self) -> str:
+        """Of the output, in lower case; of a part that of what can hold all that its rays may be merged into."""
+        if self.is_part:
+            return ".glb" if self.kind == "texture" else ".npy"
+        return self.output.suffix.lower()
+
+    @property
+    def inputs(self) -> list[Path]:
+        """The files that are read, as far as the options name them."""
+        options = self.options
+        cage = [options.cage] if isinstance(options.cage, Path) else []
+        tables = table_of(options.falloff)
+        return [self.mesh, *(options.high or ()), *cage, *(options.occluder or ()), *tables]
+
+    @property
+    def images(self) -> dict[str, Path]:
+        """The images of a texture, by option, with placeholders in their names."""
+        names = ("bent_normals", "error_map") if self.ending == ".glb" else ("output", "bent_normals", "error_map")
+        return {name: getattr(self.options, name) for name in names if getattr(self.options, name)}
+
+    @property
+    def glb(self) -> Path | None:
+        """The .glb that textures are written into."""
+        path: Path | None = self.options.output if self.ending == ".glb" else self.options.mesh_output
+        return path
+
+    @property
+    def keeps_uv(self) -> bool:
+        """Whether new texture coordinates have a file to be written into, or may have when parts are merged."""
+        return self.is_part or self.glb is not None
+
+    @property
+    def outputs(self) -> dict[str, Path]:
+        """The files to write, by option; names of images with placeholders."""
+        names: tuple[str, ...] = ("output", "report", "debug_image")
+        if self.kind == "texture":
+            names = ("report", "mesh_output", "output", "bent_normals", "error_map")
+        paths = {f"--{name.replace('_', '-')}": getattr(self.options, name) for name in names}
+        return {option: path for option, path in paths.items() if path}
+
+    def described(self) -> dict[str, Any]:
+        """Every effective option, as a JSON report has it."""
+        names = [row.name for row in ROWS.values() if row.role != "run" and self.kind in row.bake_kinds.split()]
+        values = {name: plain(getattr(self.options, name)) for name in names}
+        if self.kind == "vertices":
+            values["occlusion"] = "ramp" if self.channels.ramp else "none"
+        return values | {"mesh": str(self.mesh), "threads": thread_count(self.options.threads)}
+
+    def with_options(self, **changes: Any) -> Plan:
+        """The plan of other files, or run otherwise. Args: changes: of options that decide nothing."""
+        return replace(self, options=self.options.replaced(**changes))
+
+    def absolute(self) -> Plan:
+        """The plan with names of files that hold in any folder."""
+        names = ("mesh", "output", "high", "occluder", "cage")
+        return self.with_options(**{name: absolute(getattr(self.options, name)) for name in names})
+
+    def check_files(self) -> None:
+        """Raises: OptionError, OutputError: a file cannot be written, or is read as well."""
+        if self.kind == "texture":
+            for name, path in self.images.items():
+                check_texture_target(name, path, self.options.half)
+        else:
+            check_target(self.output)
+        if self.options.debug_image:
+            from raytrace.image.write import check_image_target
+
+            with named("debug_image"):
+                check_image_target(self.options.debug_image, layers=("beauty",))
+        if self.options.report:
+            check_ending("--report", self.options.report, *REPORTS)
+        check_outputs(self.outputs, self.inputs)
+
+
+def plan_bake(options: BakeOptions) -> Plan:
+    """The bake of one input, to vertices or a texture, as its output asks for; without one, a part.
+
+    Raises: OptionError, ConflictError: of an option; InputError: of the table of a falloff.
+    """
+    output: Path | None = options.output
+    ending = "" if output is None else output.suffix.lower()
+    if output is not None and ending not in (*ENDINGS, *IMAGES):
+        meant = str(output.with_suffix(_MEANT[ending])) if ending in _MEANT else None
+        raise OptionError("output", "a name ending in " + ", ".join((*ENDINGS, *IMAGES)), output, nearest=meant)
+    options = _with_defaults(_with_preset(options, ending), ending)
+    if options.occlusion == "texture" and ending != ".glb" and ending not in IMAGES:
+        raise ConflictError(("occlusion", "texture"), "needs", "a .glb output")
+    kind: Kind = "texture" if ending in IMAGES or options.occlusion == "texture" else "vertices"
+    if output is None:
+        options = options.replaced(samples=options.samples or DEFAULT_SAMPLES)
+        if options.size or options.texel_size:
+            kind = "texture"
+    check_kind(options, kind)
+    falloff = make_falloff(options.falloff, options.tau, options.half_distance, options.max_distance)
+    of_kind = {row.name: getattr(options, row.name) for row in BAKER.values() if kind in row.bake_kinds.split()}
+    given = {name: value for name, value in of_kind.items() if not isinstance(value, Path | None)}
+    arguments = _RECORDS[kind](falloff=falloff, **given)
+    options = options.replaced(tolerance=arguments.tolerance)
+    if isinstance(options.cage, str) and resolve_length("cage", options.cage, 1.0) == float("inf"):
+        raise OptionError("cage", "a finite length", options.cage)
+    shown = Channels()
+    if kind == "vertices" and output is not None:
+        replaced = options.replace_occlusion
+        shown = channels(output, options.colors, options.occlusion, replaced, ply_name=options.ply_name)
+    size = None if kind == "vertices" or options.texel_size else _texels(options.size or "1024")
+    plan = Plan(kind, options, arguments, shown, _ground_height(options.ground), size)
+    if kind == "vertices":
+        _check_vertices(plan)
+    else:
+        _check_texture(plan)
+    standing = {".html", ".ply", ".glb"}
+    paths = (options.report, options.debug_image, output if kind == "vertices" else plan.glb)
+    stands = options.ground or options.debug_image or any(path.suffix.lower() in standing for path in paths if path)
+    if options.up and not stands:
+        raise ConflictError("up", "needs", "--ground, --debug-image or .html, .ply, .glb: else w is the same")
+    return plan
+
+
+def preset_format(options: BakeOptions) -> str:
+    """The format of outputs whose names do not tell it: as given, of the preset, or PLY."""
+    return options.format or PRESETS.get(options.preset, {}).get("format") or "ply"
+
+
+def _with_preset(options: BakeOptions, ending: str) -> BakeOptions:
+    """The options, and what their preset sets of those that are not given, where it applies."""
+    preset = options.preset
+    if preset is None:
+        return options
+    if ending not in _READS[preset]:
+        raise ConflictError(("preset", preset), "needs", "an output that ends in " + " ".join(_READS[preset]))
+    bent = options.bent_normals
+    applies = {
+        "colors": ending in (".glb", ".ply") and options.occlusion is None,
+        "occlusion": ending == ".glb" and not options.colors,
+        "bits": ending == ".png" or (bent and bent.suffix.lower() == ".png"),
+        "bent_space": bent is not None,
+        "ply_name": ending == ".ply",
+    }
+    values = PRESETS[preset].items()
+    chosen = {name: value for name, value in values if applies.get(name) and not getattr(options, name)}
+    return options.replaced(**chosen)
+
+
+def _with_defaults(options: BakeOptions, ending: str) -> BakeOptions:
+    """The options with those whose default depends on others."""
+    changes: dict[str, Any] = {"cage": cage_of(options.cage)}
+    if options.profile is None:
+        is_cheap = all(getattr(options, name) == value for name, value in _CHEAP_PROFILE.items())
+        changes["profile"] = ending == ".html" and is_cheap
+    if ending == ".glb" and options.occlusion is None and options.thickness:
+        changes["occlusion"] = "none"
+    return options.replaced(**changes)
+
+
+def cage_of(given: str | Path | None) -> str | Path | None:
+    """`--cage` as a length, or as the mesh file that it names."""
+    try:
+        float(str(given).strip().removesuffix("%"))
+    except ValueError:
+        return Path(given) if given and Path(given).suffix else given  # no file without an ending is a mesh
+    return given
+
+
+def _ground_height(ground: str | None) -> float | None:
+    if ground in (None, "auto"):
+        return None
+    try:
+        return float(ground)
+    except ValueError:
+        raise OptionError("ground", "auto, or a height in mesh units", repr(ground)) from None
+
+
+def _texels(text: str) -> tuple[int, int]:
+    """The width and height of a page of "N" or "WxH". Raises: OptionError."""
+    from ao.texture.uv_layout import page_size
+
+    try:
+        sides = [int(part) for part in text.lower().split("x")]
+    except ValueError:
+        sides = []
+    if len(sides) not in (1, 2):
+        raise OptionError("size", "a number of texels, such as 1024, or WIDTHxHEIGHT", repr(text))
+    return page_size(sides[0] if len(sides) == 1 else sides)
+
+
+def _check_vertices(plan: Plan) -> None:
+    """Raises: ConflictError."""
+    options = plan.options
+    if options.high is not None and options.method == "surface":
+        raise ConflictError("high", "does not go with", ("method", "surface"))
+    if options.profile and not plan.is_part and plan.ending == ".npy":
+        raise ConflictError("profile", "needs", "an output that holds one: .npz .ply .glb .html")
+
+
+def _check_texture(plan: Plan) -> None:
+    """Raises: OptionError, ConflictError."""
+    options = plan.options
+    glb = plan.glb
+    named_layouts = (None, "auto", "unwrap", "fill", "pack")
+    if options.uv not in named_layouts and not (options.uv.isdecimal() and len(options.uv) < 4):
+        expected = "auto, unwrap, fill, pack or the number of a set of texture coordinates"
+        raise OptionError("uv", expected, repr(options.uv))
+    for placeholder in () if plan.is_part else PLACEHOLDERS:
+        if plan.ending == ".glb" and placeholder in plan.output.name:
+            expected = f"{placeholder} in names of images alone: a .glb holds all textures"
+            raise OptionError("output", expected, plan.output)
+        is_free = plan.ending == ".glb" and placeholder == MATERIAL  # its sets have names
+        for name, path in plan.images.items():
+            if (placeholder in path.name) != (placeholder in plan.output.name) and not is_free:
+                raise OptionError(name, f"{placeholder} in all names of images, or in none", path)
+    if options.mesh_output is not None:
+        check_ending("mesh_output", options.mesh_output, ".glb")
+    is_one_page = plan.ending != ".glb" and UDIM not in plan.output.name
+    in_png = plan.ending == ".png" or (options.bent_normals and options.bent_normals.suffix.lower() == ".png")
+    holds_profile = plan.is_part or plan.ending == ".exr"
+    against: Relation = "does not go with"
+    conflicts: list[tuple[object, Term, Relation, Term]] = [
+        (options.mesh_output and not is_one_page, "mesh_output", "needs", "an image of one page as --output"),
+        (options.replace_occlusion and not glb, "replace_occlusion", "needs", "a .glb to write"),
+        (glb and options.occluded_by != "all", ("occluded_by", options.occluded_by), against, "textures in a .glb"),
+        (options.orm and not glb, "orm", "needs", "a .glb to write, as --output or --mesh-output"),
+        (options.occlusion not in (None, "texture"), ("occlusion", options.occlusion), against, "a texture"),
+        (options.uv in ("unwrap", "pack") and options.instances != "mean", "instances", against, ("uv", options.uv)),
+        (options.uv in ("unwrap", "fill", "pack") and not plan.keeps_uv, ("uv", options.uv), "needs", "mesh_output"),
+        (options.half and not plan.images, "half", "needs", "images that end in .exr or .tif"),
+        (options.bits and not in_png, "bits", "needs", "w or bent normals in an image that ends in .png"),
+        (options.profile and not holds_profile, "profile", "needs", "a texture that holds one: .exr"),
+    ]
+    for is_conflict, term, relation, other in conflicts:
+        if is_conflict:
+            raise ConflictError(term, relation, other)

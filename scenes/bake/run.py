@@ -1,0 +1,102 @@
+"""A plan is run: its files are read, rays are traced beside a journal, and outputs written, here or in a batch."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+from warnings import catch_warnings, simplefilter
+
+import ao
+from raytrace.errors import ClusterError, ObscuranceError, printable
+from raytrace.system.atomic import is_standard_output
+
+from .console import note
+from .inputs import BakeInputs, read_inputs
+from .plan import OpenCheckpoint, Plan
+from .report import OutputSummary, WorkSize
+
+if TYPE_CHECKING:
+    from ao.execute.checkpoint import Checkpoint
+
+
+@contextmanager
+def silence_tolerance_warnings() -> Iterator[None]:
+    """Silence Python's warnings about tolerances that are not met: commands print their own."""
+    with catch_warnings():
+        simplefilter("ignore", ao.ToleranceWarning)
+        yield
+
+
+def run(
+    plan: Plan, content: bytes | None = None, open_checkpoint: OpenCheckpoint | None = None
+) -> Iterator[OutputSummary]:
+    """Bake and write, one output after the other. Raises: as `read_inputs`, `ao.bake` and writers.
+
+    Args: content: of the input, if it is no file's. open_checkpoint: in place of a journal beside each output.
+    """
+    open_checkpoint = open_checkpoint or partial(open_journal, plan.options.resume)
+    inputs = read_inputs(plan, content)
+    if plan.kind == "vertices":
+        from . import vertices
+
+        return vertices.run(plan, inputs, open_checkpoint)
+    from . import texture
+
+    return texture.run(plan, inputs, open_checkpoint)
+
+
+def work_size(plan: Plan, inputs: BakeInputs) -> WorkSize:
+    """The size of the bake. Raises: InputError: as `run`, before anything is traced."""
+    if plan.kind == "vertices":
+        from . import vertices
+
+        return vertices.work_size(plan, inputs)
+    from . import texture
+
+    return texture.work_size(plan, inputs)
+
+
+def journal_of(output: Path) -> Path:
+    """The path of an output's journal."""
+    return Path(f"{output}.partial")
+
+
+def open_journal(resume: bool, output: Path) -> Checkpoint:
+    """Keeps what is traced for an output, beside it; none beside standard output."""
+    from ao.execute.checkpoint import Checkpoint
+
+    return Checkpoint(None if is_standard_output(output) else journal_of(output), resume, note)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Attributes: as of `scenes.bake.manifest.Entry`."""
+
+    status: Literal["done", "failed"]
+    seconds: float
+    message: str
+    warnings: list[str] = field(default_factory=list)
+
+
+def run_in_batch(plan: Plan, threads: int, open_checkpoint: OpenCheckpoint | None = None) -> Outcome:
+    """Bake and write, or continue what was begun; errors become messages, but for a cluster's, which ends all bakes."""
+    begun = plan.options.resume and journal_of(plan.output).exists()
+    plan = plan.with_options(quiet=True, progress="bar", threads=threads, resume=begun)
+    start = time.perf_counter()
+    try:
+        summaries = list(run(plan, open_checkpoint=open_checkpoint))
+    except ClusterError:
+        raise
+    except Exception as fault:
+        expected = isinstance(fault, ObscuranceError | OSError | MemoryError)
+        message = str(fault) if expected and str(fault) else f"{type(fault).__name__}: {fault}"
+        message = printable(message if str(plan.mesh) in message else f"{plan.mesh}: {message}")
+        return Outcome("failed", round(time.perf_counter() - start, 3), message)
+    message = "\n".join(summary.text for summary in summaries)
+    warnings = [line for summary in summaries for line in summary.warnings]
+    return Outcome("done", round(time.perf_counter() - start, 3), message, warnings)

@@ -1,0 +1,195 @@
+"""A bake to a texture: from the meshes of a plan to images of w and its companions, or a .glb, and a report."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+import ao
+from ao.declared import call_checked
+from ao.memory import column_bytes, texture_bytes
+from ao.report import report
+from ao.texture.uv_layout import on_page
+from raytrace.errors import OptionError
+from raytrace.mesh.mesh import Mesh
+from raytrace.system.atomic import write_bytes
+from raytrace.system.checks import check_outputs
+
+from ..formats.images import MATERIAL, write_grey, write_normals
+from ..formats.primitive_groups import primitive_groups
+from .console import progress, texture_summary, warn
+from .pages import Page, check_area, lacking, layout_remarks, pages_of
+from .report import OutputSummary, WorkSize, hashed_inputs, write_bake_report
+from .uv import Coordinates, coordinates
+
+if TYPE_CHECKING:
+    from ao.execute.checkpoint import Checkpoint
+
+    from ..show.report.pictures import Picture
+    from .inputs import BakeInputs
+    from .plan import OpenCheckpoint, Plan
+
+
+class BakedPage(NamedTuple):
+    """A page as reports have it."""
+
+    title: str
+    baked: ao.BakedTexture
+    seconds: dict[str, float]  # of reading and writing
+    warnings: list[str]
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Where faces lie on pages, and the falloff: in mesh units where groups of objects are baked."""
+
+    found: Coordinates
+    pages: list[Page]
+    falloff: ao.Falloff
+
+    @classmethod
+    def of(cls, plan: Plan, inputs: BakeInputs) -> Layout:
+        """Raises: as `coordinates`, `pages_of`, `ObjectSelection.of_page`."""
+        source = inputs.source
+        chosen = inputs.chosen
+        found = coordinates(plan, source, chosen)
+        pages = pages_of(plan, source, found)
+        for page in pages:
+            check_area(source, page)
+            chosen.of_page(page.uv)
+        return cls(found, pages, chosen.absolute(plan.falloff))
+
+    def warn(self, plan: Plan, inputs: BakeInputs) -> list[str]:
+        """Print, and return, warnings about the meshes and their texture coordinates."""
+        source = inputs.source
+        remarks = lacking(source, self.found.uv, inputs.chosen.receive, plan.keeps_uv)
+        if self.found.cramped:
+            smaller = f"{self.found.cramped:,} faces show texels of others, for their charts are smaller"
+            remarks.append(f"{source.path}: {smaller}; a larger --size or --uv unwrap gives them texels")
+        return warn(inputs.meshes, [*inputs.notes, *remarks], plan.falloff)
+
+
+def work_size(plan: Plan, inputs: BakeInputs) -> WorkSize:
+    """The size of the bake. Raises: as `Layout.of`."""
+    layout = Layout.of(plan, inputs)
+    width, height = layout.found.size
+    needed = texture_bytes(width * height, *inputs.counts, plan.arguments.rays)
+    needed += column_bytes(width * height, plan.arguments.columns)
+    return WorkSize(len(layout.pages) * width * height, "texels", needed)
+
+
+def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iterator[OutputSummary]:
+    """Bake and write, one page after the other. Raises: as `ao.bake_texture` and writers."""
+    layout = Layout.of(plan, inputs)
+    check_outputs(_outputs(plan, layout.pages), inputs.files)
+    loaded = time.perf_counter() - inputs.started
+    hashes = hashed_inputs(plan, inputs) if plan.options.report else []
+    warnings = layout.warn(plan, inputs)
+    bakes: list[BakedPage] = []
+    with ExitStack() as journals:
+        for page in layout.pages:
+            target = page.path(plan.output)
+            journal = Path(f"{plan.output}.{len(bakes) + 1}") if page.name and bakes else target
+            baked = trace_page(plan, inputs, layout, page, journals.enter_context(open_checkpoint(journal)))
+            title = f"{target}{f', {page.name}' if page.name else ''}"
+            remarks = layout_remarks(baked, page.wraps, plan.ending != ".glb")
+            said = {line for earlier in bakes for line in earlier.warnings}
+            lines = [*baked.shortfalls, *(f"{title}: {line}" for line in remarks)]
+            more = warn([], [line for line in lines if line not in said])
+            begun = time.perf_counter()
+            _write_images(plan, baked, page)
+            seconds = {"load": loaded, "write": time.perf_counter() - begun}
+            bakes.append(BakedPage(title, baked, seconds, [*warnings, *more]))
+            if not plan.glb:
+                journals.close()  # of a .glb they stay until it is written
+                yield OutputSummary(texture_summary(baked, title) + inputs.alpha, bakes[-1].warnings)
+        if plan.glb:
+            begun = time.perf_counter()
+            bakes[-1].warnings.extend(_write_glb(plan.glb, plan, inputs, layout, bakes))
+            bakes[-1].seconds["write"] += time.perf_counter() - begun
+            text = "\n".join(texture_summary(page.baked, page.title) for page in bakes)
+            in_all = dict.fromkeys(line for page in bakes for line in page.warnings)
+            yield OutputSummary(text + inputs.alpha, list(in_all))
+    if plan.options.report:
+        _write_report(plan, bakes, hashes, inputs.source.mesh)
+
+
+def trace_page(plan: Plan, inputs: BakeInputs, layout: Layout, page: Page, checkpoint: Checkpoint) -> ao.BakedTexture:
+    """What `ao.bake_texture` makes of a page."""
+    options = plan.options
+    with progress(options.quiet, "rays", form=options.progress, status=checkpoint.status) as (advance,):
+        baked = call_checked(
+            ao.bake_texture, plan.arguments, inputs.chosen.of_page(page.uv), uv=page.uv, size=layout.found.size,
+            wrap=page.wraps, falloff=layout.falloff, threads=options.threads, progress=advance, checkpoint=checkpoint,
+            **inputs.arguments,
+        )  # fmt: skip
+    return baked if page.shown is None else replace(baked, uv=page.shown)
+
+
+def _outputs(plan: Plan, pages: Sequence[Page]) -> dict[str, Path]:
+    """The files to write by what the user calls them. Raises: OptionError: several pages have one name for an image."""
+    outputs: dict[str, Path] = {}
+    for option, path in plan.outputs.items():
+        is_image = path in plan.images.values()
+        if len(pages) > 1 and is_image and pages[0].path(path) == path:
+            name = option.removeprefix("--").replace("-", "_")
+            raise OptionError(name, f"{MATERIAL} in its name: overlapping materials have a texture each", path)
+        for target in [page.path(path) for page in pages] if is_image else [path]:
+            outputs[option if target == path else f"{option} {target.name}"] = target
+    return outputs
+
+
+def _write_images(plan: Plan, baked: ao.BakedTexture, page: Page) -> None:
+    options = plan.options
+    bits = int(options.bits or 16)
+    images = {name: page.path(path) for name, path in plan.images.items()}
+    if "output" in images:
+        described = {"content": "w, 1 = open", "seed": str(options.seed)}
+        write_grey(images["output"], baked.w, options.half, described, bits, baked.profile)
+    if "bent_normals" in images:
+        spaces = {"tangent": "tangent space, +Y", "tangent-directx": "tangent space, -Y"}
+        described = {"content": f"bent normals in {spaces.get(options.bent_space, 'the space of the mesh')}"}
+        write_normals(images["bent_normals"], baked.bent_normals, options.half, described, bits)
+    if "error_map" in images:
+        write_grey(images["error_map"], baked.error, options.half, {"content": "standard error of w"})
+
+
+def _write_glb(path: Path, plan: Plan, inputs: BakeInputs, layout: Layout, bakes: Sequence[BakedPage]) -> list[str]:
+    """Write the .glb, with w of vertices where there are no texture coordinates; returns warnings."""
+    from ..formats.gltf.textured import textured_glb
+
+    source = inputs.source
+    textures = [page.baked for page in bakes]
+    uncovered = inputs.chosen.receive & ~np.any([on_page(texture.uv) for texture in textures], axis=0)
+    w = None
+    if uncovered.any():
+        only = np.zeros(len(source.mesh.vertices), np.bool_)
+        for group in primitive_groups(source):
+            only[source.mesh.faces[group.faces]] |= uncovered[group.faces].any()
+        options = {"falloff": layout.falloff, "threads": plan.options.threads, "only": only}
+        w = call_checked(ao.bake, plan.arguments, inputs.chosen.mesh, **options, **inputs.arguments).w
+    content, lines = textured_glb(source, textures, plan.options.replace_occlusion, plan.options.orm, w)
+    write_bytes(path, content)
+    return warn([], [f"{path}: {line}" for line in lines])
+
+
+def _write_report(plan: Plan, bakes: Sequence[BakedPage], inputs: list[dict[str, Any]], mesh: Mesh) -> None:
+    options = plan.described()
+    reports = [report(page.baked, options, page.seconds, page.warnings) for page in bakes]
+    whole = reports[0]
+    if len(bakes) > 1:
+        whole = {"pages": {page.title: facts for page, facts in zip(bakes, reports, strict=True)}}
+
+    def pictures() -> list[list[Picture]]:
+        from ..show.report.pictures import pictures_of_page
+
+        shown = mesh if len(bakes) == 1 else None
+        return [pictures_of_page(shown, page.baked) for page in bakes]
+
+    write_bake_report(plan, whole, inputs, pictures)

@@ -1,0 +1,182 @@
+"""The texture coordinates of a bake, of the file or by the optional library uvunwrap, and the size of its pages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ao.falloff import resolve_length
+from ao.texture.uv_layout import MAX_SIDE, corner_uv, doubled_areas, have_area, on_page, page_size, texels_across
+from ao.texture.uv_surface import corner_places
+from raytrace.errors import MeshError, OptionError
+from raytrace.mesh.mesh import Mesh, mesh_of
+from raytrace.mesh.normals import face_normals
+from raytrace.mesh.weld import connected_components
+from raytrace.types import Bools, Float64s, Int64s
+
+from ..formats.load import MeshFile
+from ..formats.objects import ObjectSelection
+
+if TYPE_CHECKING:
+    from .plan import Plan
+
+_USED = 0.65  # of a page, that an unwrapping fills
+_PADDING = 4  # texels between charts, so that neither bilinear lookups nor one coarser level see two of them
+_WORTH = 1e-3  # of the surface: what has no area on the page gets a texture if it is more
+_FILLED = 16  # texels of an even layout, that a chart is too large for to be within one
+_LEAST = 64  # texels across, below which there is no room for charts
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinates:
+    """Texture coordinates of a mesh."""
+
+    uv: Float64s  # (m, 3, 2), v upwards, NaN of faces that have none
+    new: Bools  # (m,), which the file has not, or without area
+    number: int | None  # of the file's set, None if all are new
+    size: tuple[int, int]  # texels across and down of a page
+    cramped: int = 0  # faces that share a texel with other charts, but show more than that
+
+
+def coordinates(plan: Plan, source: MeshFile, chosen: ObjectSelection) -> Coordinates:
+    """The texture coordinates that a plan has by --uv.
+
+    Raises: MeshError: there are none. OptionError: as `unwrap`, or a page too large.
+    """
+    options = plan.options
+    wanted = options.uv or "auto"
+    size = plan.size or options.texel_size
+    # Where there can be several textures, faces of no area on the page get one of their own.
+    sets = plan.ending == ".glb" and not options.orm and options.overlap is None
+    mesh, receive, can_unwrap = chosen.mesh, chosen.receive, find_spec("uvunwrap") is not None
+    number = int(wanted) if wanted.isdecimal() else 0
+    uv = None if wanted == "unwrap" else source.texture_coordinates(number)
+    if uv is not None and wanted != "pack":
+        uv = chosen.on_pages(uv)
+        texels = _page(mesh, uv, size)
+        new = ~on_page(uv) & receive & (wanted == "fill")
+        areas = face_normals(mesh.vertices, mesh.faces)[1] * receive
+        cramped = _cramped(mesh, uv, areas, texels)
+        lost = cramped | (on_page(uv) & ~have_area(uv) & (areas > 0))
+        if new.any():
+            uv[new] = unwrap(_some(mesh, new), min(texels))
+        if sets and can_unwrap and min(texels) >= _LEAST and areas[lost].sum() > _WORTH * areas.sum():
+            with suppress(MeshError):  # there is no room for them: they stay, and a line tells of them
+                uv[lost] = unwrap(_some(mesh, lost), min(texels))
+                new |= lost
+        return Coordinates(uv, new, number, texels, int(np.count_nonzero(cramped & ~new)))
+    if uv is None and wanted not in ("unwrap", "fill") and not (wanted == "auto" and plan.keeps_uv and can_unwrap):
+        which = f" of number {number}" if number else ""
+        advice = f"; {'' if can_unwrap else 'pip install uvunwrap and '}--uv unwrap makes some"
+        raise MeshError(source.path, "texture coordinates", f"some{which} on every face", f"none{advice}")
+    share = np.sqrt(2 * _USED / np.count_nonzero(receive))  # of the page's side, of each face
+    made = np.full((len(receive), 3, 2), np.nan)
+    made[receive] = [[0.0, 0.0], [share, 0.0], [0.0, share]]
+    side = min(_page(mesh, made, size))
+    old = None if uv is None else uv[receive]
+    made[receive] = unwrap(_some(mesh, receive), side, old)
+    return Coordinates(made, receive, None, (side, side))
+
+
+def _some(mesh: Mesh, faces: Bools) -> Mesh:
+    """The mesh with some of its faces alone."""
+    return Mesh(mesh.vertices, mesh.faces[faces], source=mesh.source)
+
+
+def _cramped(mesh: Mesh, uv: Float64s, areas: Float64s, size: tuple[int, int]) -> Bools:
+    """The faces (m,) of charts smaller than a texel, beside others, that would fill several in an even layout.
+
+    Args: areas: (m,), of faces' surface.
+    """
+    found = np.zeros(len(uv), np.bool_)
+    rows = np.flatnonzero(have_area(uv))
+    places, texels = uv[rows] * size, areas[rows] * (size[0] * size[1] / max(areas.sum(), 1e-300))
+    if not (np.abs(doubled_areas(places)) / 2 * _FILLED < texels).any():
+        return found
+    corners = corner_places(places, mesh.faces[rows])
+    chart = np.unique(connected_components(corners, int(corners.max()) + 1)[corners[:, 0]], return_inverse=True)[1]
+    order = np.argsort(chart, kind="stable")
+    begins = np.flatnonzero(np.diff(chart[order], prepend=-1))
+    low = np.minimum.reduceat(places.min(axis=1)[order], begins)
+    high = np.maximum.reduceat(places.max(axis=1)[order], begins)
+    within = (high - low < 1).all(axis=1) & (np.bincount(chart, texels) >= _FILLED)
+    found[rows] = (within & (len(begins) > 1))[chart]
+    return found
+
+
+def _page(mesh: Mesh, uv: Float64s, size: tuple[int, int] | str) -> tuple[int, int]:
+    """Texels across and down."""
+    if isinstance(size, tuple):
+        return size
+    length = resolve_length("texel_size", size, mesh.radius)
+    areas = face_normals(mesh.vertices, mesh.faces)[1]
+    shown = on_page(uv)
+    return page_size(texels_across(uv[shown], areas[shown], length))
+
+
+def unwrap(mesh: Mesh | Any, size: int = 1024, uv: Any = None) -> Float64s:
+    """New texture coordinates (m, 3, 2) without overlaps, v upwards; the same mesh and size give the same.
+
+    Args:
+        mesh: as `ao.bake` takes it.
+        size: texels across the square page that they are for, 64 to 16384.
+        uv: texture coordinates as `ao.bake_texture` takes them, whose charts are packed in their shapes, with the same
+            number of texels per area of the surface: turned by right angles, mirrored ones turned over, and cut where
+            they lie over themselves. Faces without coordinates or without area there get new ones.
+
+    Raises:
+        OptionError: the library is not installed, or the page is smaller than 64 texels.
+        MeshError: the library fails, or `uv` cannot be used.
+    """
+    if find_spec("uvunwrap") is None:
+        raise OptionError("uv", "pip install uvunwrap, to unwrap meshes", "no uvunwrap")
+    if not _LEAST <= size <= MAX_SIDE:
+        raise OptionError("size", f"{_LEAST} to {MAX_SIDE} texels, to unwrap for", size)
+    import uvunwrap
+
+    mesh = mesh_of(mesh, "unwrap")
+    centred = (mesh.vertices - mesh.centre) / max(mesh.radius, 1e-300)
+    pieces = [(np.arange(len(mesh.faces)), centred, mesh.faces)]
+    if uv is not None:
+        old = corner_uv(uv, mesh)
+        pieces = list(_flat_charts(centred, mesh.faces, old, size))
+        rest = np.flatnonzero(~have_area(old))
+        pieces += [(rest, centred, mesh.faces[rest])] if len(rest) else []
+    try:
+        given = [uvunwrap.Mesh(np.float32(at).ravel(), np.uint32(faces).ravel()) for _, at, faces in pieces]
+        atlas = uvunwrap.generate(given, page_size=size, padding=_PADDING)
+    except Exception as reason:
+        raise MeshError(mesh.source, "faces", "a mesh that uvunwrap can unwrap", reason) from None
+    if atlas.page_count > 1:
+        got = f"{atlas.page_count} pages of {size} texels; a larger --size may do"
+        raise MeshError(mesh.source, "faces", "a mesh that uvunwrap can unwrap to one page", got)
+    made = np.full((len(mesh.faces), 3, 2), np.nan)
+    for (rows, *_), each in zip(pieces, atlas.meshes, strict=True):
+        made[rows] = np.reshape(each.corner_uvs, (-1, 3, 2))
+    if atlas.page_count != 1 or not np.isfinite(made).all():
+        raise MeshError(mesh.source, "faces", "a mesh that uvunwrap can unwrap", f"{atlas!r}")
+    return made if uv is None else made * (atlas.width / size, atlas.height / size)
+
+
+def _flat_charts(
+    vertices: Float64s, faces: Int64s, uv: Float64s, size: int
+) -> Iterator[tuple[Int64s, Float64s, Int64s]]:
+    """The charts of `uv` (m, 3, 2), mirrored halves apart: rows of faces, and a flat mesh of the area that it has."""
+    rows = np.flatnonzero(have_area(uv))
+    if not len(rows):
+        return
+    uv, faces = uv[rows], faces[rows]
+    doubled, areas = doubled_areas(uv), face_normals(vertices, faces)[1]
+    points = np.unique(vertices, axis=0, return_inverse=True)[1].reshape(-1)[faces]
+    corners = 2 * corner_places(uv * size, points) + (doubled < 0)[:, None]
+    chart = connected_components(corners, int(corners.max()) + 1)[corners[:, 0]]
+    order = np.argsort(chart, kind="stable")
+    for own in np.split(order, np.flatnonzero(np.diff(chart[order])) + 1):
+        scale = np.sqrt(2 * areas[own].sum() / abs(doubled[own]).sum())
+        flat = np.pad((uv[own] - uv[own].min(axis=(0, 1))) * scale, ((0, 0), (0, 0), (0, 1)))
+        yield rows[own], flat, np.arange(3 * len(own))

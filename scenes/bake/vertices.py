@@ -1,0 +1,130 @@
+"""A bake to vertices: from the meshes of a plan to w in a file, a report and an image of the flagged vertices."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import ao
+from ao.declared import call_checked
+from raytrace.system.checks import check_outputs
+
+from ..formats.unsupported import unsupported_features
+from ..formats.write import write_vertices
+from .console import COARSE, bake_summary, progress, warn
+from .report import OutputSummary, WorkSize, command_again, hashed_inputs, write_bake_report
+
+if TYPE_CHECKING:
+    from ao.execute.checkpoint import Checkpoint
+
+    from ..show.report.pictures import Picture
+    from .inputs import BakeInputs
+    from .plan import OpenCheckpoint, Plan
+
+
+def work_size(plan: Plan, inputs: BakeInputs) -> WorkSize:
+    """The size of the bake."""
+    from ao.memory import column_bytes, surface_bytes, vertex_bytes
+    from raytrace.mesh.normals import face_normals
+
+    chosen = inputs.chosen
+    arguments = plan.arguments
+    used = np.zeros(len(chosen.mesh.vertices), np.bool_)
+    used[chosen.mesh.faces[face_normals(chosen.mesh.vertices, chosen.mesh.faces)[1] > 0]] = True
+    points = int(np.count_nonzero(used if chosen.only is None else used & chosen.only))
+    needed = surface_bytes(*inputs.counts)
+    if arguments.method == "vertex":
+        needed = vertex_bytes(*inputs.counts, arguments.rays, points) + column_bytes(points, arguments.columns)
+    return WorkSize(points, "vertices", needed)
+
+
+def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iterator[OutputSummary]:
+    """Bake and write. Raises: as `ao.bake` and writers."""
+    options = plan.options
+    check_outputs(plan.outputs, inputs.files)
+    loaded = time.perf_counter()
+    hashes = hashed_inputs(plan, inputs) if options.report else []
+    losses = unsupported_features(plan.output, inputs.source, plan.channels)
+    warnings = warn(inputs.meshes, [*inputs.notes, *losses], plan.falloff)
+    with open_checkpoint(plan.output) as checkpoint:
+        baked = trace(plan, inputs, checkpoint)
+        lines = list(baked.shortfalls)
+        missed = baked.flagged["missed"]
+        if missed:
+            outside = "vertices are not within the cage of the fine mesh and take the closest point of it"
+            lines.append(f"{plan.output}: {missed:,} {outside}")
+        warnings += warn([], lines)
+        traced = time.perf_counter()
+        shown = plan.channels._replace(again=command_again(plan, inputs.source))
+        write_vertices(plan.output, baked, inputs.source, shown)
+        if baked.coarse and baked.interpolation is not None:
+            fit = "" if plan.arguments.method == "surface" else "--method surface, "
+            text = f"{COARSE} {baked.interpolation.rmse:.2f}, the faces are too large for it"
+            instead = f"--occlusion texture for a .glb, -o NAME.png, {fit}or smaller faces"
+            warnings += warn([], [f"{plan.output}: {text}: {instead}"])
+    seconds = {"load": loaded - inputs.started, "write": time.perf_counter() - traced}
+    if options.report:
+        from ao.report import report
+
+        def pictures() -> list[list[Picture]]:
+            from ..show.report.pictures import pictures_of_vertices
+
+            return [pictures_of_vertices(inputs.source.mesh, baked.w, baked.error)]
+
+        write_bake_report(plan, report(baked, plan.described(), seconds, warnings), hashes, pictures)
+    if options.debug_image:
+        from ..show.report.pictures import write_marked
+
+        write_marked(options.debug_image, inputs.source.mesh, baked)
+    yield OutputSummary(bake_summary(baked, plan.output) + inputs.alpha, warnings)
+
+
+def trace(plan: Plan, inputs: BakeInputs, checkpoint: Checkpoint) -> ao.Bake:
+    """What `ao.bake` makes of the plan, of all objects at once or one group of them after the other."""
+    options = plan.options
+    only = inputs.chosen.only
+    with progress(options.quiet, "rays", form=options.progress, status=checkpoint.status) as (advance,):
+        if options.occluded_by != "all":
+            return _bake_groups(plan, inputs)
+        return call_checked(
+            ao.bake, plan.arguments, inputs.chosen.mesh, only=only, threads=options.threads, progress=advance,
+            checkpoint=checkpoint, **inputs.arguments,
+        )  # fmt: skip
+
+
+def _bake_groups(plan: Plan, inputs: BakeInputs) -> ao.Bake:
+    """Bake groups of objects one by one; vertices of several groups have w of the last."""
+    from ao.estimate.calibration import Calibration
+
+    chosen = inputs.chosen
+    only = chosen.only
+    count = len(chosen.mesh.vertices)
+    falloff = chosen.absolute(plan.falloff)
+    parts = list[ao.Bake]()
+    values: dict[str, Any] = {"w": np.ones(count), "error": np.zeros(count), "bent_normals": np.zeros((count, 3))}
+    values["flags"] = np.full(count, ao.Flag.UNREFERENCED, np.uint8)
+    values["flags"][chosen.mesh.faces] = 0
+    for vertices, mesh in chosen.parts():
+        among = None if only is None else only[vertices]
+        options = {"falloff": falloff, "only": among, "threads": plan.options.threads}
+        part = call_checked(ao.bake, plan.arguments, mesh, **options, **inputs.arguments)
+        for name, column in values.items():
+            column[vertices] = getattr(part, name)
+        parts.append(part)
+    calibrations = [part.calibration for part in parts if part.calibration]
+    columns = ([getattr(group, name) for group in calibrations] for name in ("estimated", "measured"))
+    rmse = float(np.sqrt(np.sum(values["error"] ** 2) / max(count if only is None else int(only.sum()), 1)))
+    return ao.Bake(
+        **values, mesh=chosen.mesh, mu=parts[0].mu, rmse=rmse, rmses=(rmse,), rays=sum(part.rays for part in parts),
+        rays_skipped=_sums([part.rays_skipped for part in parts]), seconds=_sums([part.seconds for part in parts]),
+        shortfalls=tuple(dict.fromkeys(line for part in parts for line in part.shortfalls)),
+        calibration=Calibration(*map(np.concatenate, columns)) if calibrations else None,
+    )  # fmt: skip
+
+
+def _sums(tables: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    names = dict.fromkeys(name for table in tables for name in table)
+    return {name: sum(table.get(name, 0) for table in tables) for name in names}

@@ -1,0 +1,90 @@
+"""A mesh file alone as a scene: an object for each of its materials, framed whole, under three lights.
+
+Kd and Ks of an OBJ's materials are the reflectances of Blinn–Phong, Ns is its exponent (Wavefront MTL 5.0, illum 2);
+divided by π, as Lambert's is, for lights in physical units.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+
+from raytrace import BlinnPhong, Lambert, Material, Object, Scene, Settings, Shape, Texture
+
+from ..formats.load import MeshFile
+from ..formats.objects import ObjectSelection
+from ..geometry.attributes import SourceMaterial
+from ..geometry.corners import split_corners, split_creases
+from ..geometry.primitives import Origin
+from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, three_lights
+from .textured import colours_left_out, linear_colours
+
+
+def mesh_scene(
+    source: MeshFile, settings: Settings, up: str | None = None, view: str | None = None
+) -> SceneDescription:
+    """The scene of a mesh, in its materials, the colours of its vertices, or grey. Args: up, view: as `framing`."""
+    shapes = list(_shapes(source))
+    objects = tuple(Object(shape, name=source.path.stem) for shape, _ in shapes)
+    camera = framing(source.mesh, up, settings.width, settings.height, view)
+    lit = Scene(objects, three_lights(camera), BACKGROUND)
+    notes = (*source.notes, *colours_left_out(source.path, source.unread))
+    origins = tuple(origin for _, origin in shapes)
+    return SceneDescription(lit, camera, settings, files=source.files, notes=notes, origins=origins)
+
+
+def reflection(material: SourceMaterial) -> Material:
+    """A material of a mesh file as a reflection model."""
+    if not any(material.specular) or not material.exponent:
+        return Lambert(albedo=material.colour, emission=material.emission)
+    diffuse = np.divide(material.colour, pi)
+    specular = np.divide(material.specular, pi)
+    return BlinnPhong(
+        k_d=diffuse, k_s=specular, k_a=material.colour, exponent=material.exponent, emission=material.emission
+    )
+
+
+def _shapes(source: MeshFile) -> Iterator[tuple[Shape, Origin | None]]:
+    """A shape of the faces of each material; vertices are repeated at creases and where texture coordinates jump."""
+    mesh = source.mesh
+    total = len(mesh.vertices)
+    attributes = source.attributes
+    colours = linear_colours(attributes)
+    materials = attributes.materials if attributes and attributes.material_of is not None else ()
+    coordinates = attributes.uv if attributes and any(material.texture for material in materials) else None
+    several = [attributes.of_triangles(coordinates)] if attributes and coordinates else []
+
+    # Vertices with one normal and one place in the texture each.
+    origin = None
+    corner_like = mesh.faces.ravel()
+    if mesh.normals is None:
+        rows, faces, normals, corner_like = split_creases(mesh, several)
+        origin = Origin(rows, total)
+        mesh = replace(mesh, vertices=mesh.vertices[rows], faces=faces, normals=normals)
+    elif several:
+        places = np.arange(mesh.faces.size).reshape(-1, 3)
+        rows, faces, corner_like = split_corners(mesh.faces.ravel(), places, several, total)
+        origin = Origin(rows, total)
+        mesh = replace(mesh, vertices=mesh.vertices[rows], faces=faces, normals=mesh.normals[rows])
+    if colours is not None and origin:
+        colours = colours[origin.of]
+    bare = NEUTRAL if colours is None else WHITE
+    if not attributes or attributes.material_of is None:
+        yield Shape(mesh, bare, colours=colours), origin
+        return
+
+    # The faces of each material, those without texture coordinates apart.
+    material_of = np.repeat(attributes.material_of, attributes.triangles.counts)
+    uv = several[0].values[several[0].of[corner_like]] if several else np.full((len(mesh.vertices), 2), np.nan)
+    has_uv = ~np.isnan(uv[mesh.faces]).any(axis=(1, 2))
+    group = 2 * material_of + has_uv
+    parts = ObjectSelection(mesh, np.ones(len(group), np.bool_), group).parts()
+    for number, (vertices, part) in zip(np.unique(group), parts, strict=True):
+        material = materials[number // 2] if number >= 0 else None
+        texture = Texture(material.texture) if material and material.texture and number % 2 else None
+        own_uv = uv[vertices] if texture else None
+        own_colours = None if colours is None else colours[vertices]
+        shape = Shape(part, reflection(material) if material else bare, own_uv, texture, colours=own_colours)
+        yield shape, Origin(vertices if origin is None else origin.of[vertices], total)
+        total = 0  # of further parts of the file

@@ -1,0 +1,125 @@
+"""μ by the names that commands and scenes have for it, and tables of μ: CSV, text and `.npy` files of two columns."""
+
+import math
+import re
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import ao
+from ao.falloff import FALLOFFS, MAX_KNOTS, Length
+from raytrace.errors import ConflictError, InputError, OptionError, nearest_name
+from raytrace.system.checks import check_regular
+from raytrace.types import Float64s
+
+_TABLE = "table:"
+_ENDINGS = ".csv", ".txt", ".npy"
+_MOST = 1 << 24  # bytes of a table's file
+
+
+def table_of(form: str, locate: Callable[[str], Path] = Path) -> list[Path]:
+    """The file of "table:FILE", nothing of other forms."""
+    return [locate(form.removeprefix(_TABLE))] if form.startswith(_TABLE) else []
+
+
+def make_falloff(
+    form: str,
+    tau: float | None = None,
+    half_distance: Length | None = None,
+    max_distance: Length | None = None,
+    locate: Callable[[str], Path] = Path,
+) -> ao.Falloff:
+    """The falloff of these options; `locate` finds the file of "table:FILE". Raises: InputError."""
+    limit = math.inf if max_distance is None else max_distance
+    if form == "exponential":
+        return ao.Exponential(tau, half_distance, limit)
+    table = table_of(form, locate)
+    if form not in FALLOFFS and not table:
+        expected = f"one of {', '.join(FALLOFFS)}, {_TABLE}FILE"
+        raise OptionError("falloff", expected, form, nearest=nearest_name(form, FALLOFFS))
+    for name, value in (("tau", tau), ("half_distance", half_distance)):
+        if value is not None:
+            raise ConflictError(name, "needs", ("falloff", "exponential"))
+    if not table:
+        return FALLOFFS[form](max_distance=limit)
+    if str(limit) != "inf":
+        raise ConflictError("max_distance", "does not go with", "a table, which ends where μ is 1")
+    return read_table(table[0])
+
+
+class Scales(NamedTuple):
+    """w as a product of powers of w at several half-distances: fine creases times large rooms."""
+
+    half_distances: tuple[Length, ...]
+    powers: tuple[float, ...]
+
+    def of(self, profile: ao.Profile) -> Float64s:
+        """w (…,), in [0, 1]. Raises: OptionError: a half-distance is outside the profile."""
+        pairs = zip(self.half_distances, self.powers, strict=True)
+        return np.multiply.reduce([profile.at(length) ** power for length, power in pairs])
+
+
+def make_scales(half_distance: Length, power: float | str | None = None) -> Scales:
+    """The scales of these options: one length and power, or several in a text with commas. Raises: OptionError."""
+    lengths = str(half_distance).split(",")
+    for length in lengths:
+        ao.Exponential(half_distance=length)
+    try:
+        powers = [1.0] * len(lengths) if power is None else [float(each) for each in str(power).split(",")]
+    except ValueError:
+        powers = []
+    if len(powers) != len(lengths) or not all(0 < each < math.inf for each in powers):
+        each = "one for each half-distance: " if len(lengths) > 1 else ""
+        raise OptionError("power", f"{each}a number above 0, such as 1 or 0.5", repr(power))
+    return Scales(tuple(lengths), tuple(powers))
+
+
+def read_table(path: Path) -> ao.Tabulated:
+    """The two columns of a CSV, text or `.npy` file: distances in mesh units or, as "25%", of the radius; and μ.
+
+    Columns of text are separated by commas, semicolons or blanks; a line of names may stand above, "#" begins remarks.
+    """
+    if path.suffix.lower() not in _ENDINGS:
+        raise InputError(path, "file", "a table, a name ending in " + ", ".join(_ENDINGS), path.name)
+    check_regular(path, "a table of distances and values")
+    try:
+        if path.stat().st_size > _MOST:
+            raise InputError(path, "content", f"at most {MAX_KNOTS:,} rows", f"{path.stat().st_size:,} bytes")
+        distances, values = _array(path) if path.suffix.lower() == ".npy" else _text(path)
+    except OSError as reason:
+        raise InputError(path, "file", "a readable file", reason.strerror or reason) from None
+    except InputError:
+        raise
+    except Exception as reason:  # NumPy's on a damaged header are of a dozen kinds
+        raise InputError(path, "content", "two columns, distances and values", " ".join(str(reason).split())) from None
+    try:
+        return ao.Tabulated(distances, values)
+    except OptionError as fault:
+        raise InputError(path, fault.field, fault.expected, fault.got) from None
+
+
+def _array(path: Path) -> tuple[Any, Any]:
+    with warnings.catch_warnings(action="ignore"):  # they quote the header as it is
+        values = np.load(path, allow_pickle=False)
+    if not isinstance(values, np.ndarray) or values.ndim != 2 or values.shape[1] != 2 or values.dtype.kind not in "fiu":
+        raise ValueError(f"shape {getattr(values, 'shape', '?')} of {getattr(values, 'dtype', '?')}")
+    return tuple(values.T.astype(np.float64).tolist())
+
+
+def _text(path: Path) -> tuple[list[str], list[float]]:
+    rows: list[tuple[str, float]] = []
+    for number, line in enumerate(path.read_text("utf-8-sig").splitlines(), 1):
+        cells = re.split(r"\s*[,;]\s*|\s+", line.partition("#")[0].strip())
+        if cells == [""]:
+            continue
+        try:
+            distance, value = cells
+            float(distance.removesuffix("%"))
+            rows.append((distance, float(value)))
+        except ValueError:
+            if rows or len(cells) != 2 or any(character.isdigit() for character in line):
+                raise InputError(path, f"line {number}", "a distance and a value", repr(line)) from None
+    return [distance for distance, _ in rows], [value for _, value in rows]

@@ -1,0 +1,12 @@
+"""VTK's XML files of polygons, which PyVista and ParaView read."""
+
+from ..table import FileFormat, register
+
+register(
+    FileFormat(
+        ".vtp",
+        "VTK",
+        write="scenes.formats.vtp.write:vtp",
+        unsupported="scenes.formats.vtp.write:unsupported_features",
+    )
+)

@@ -1,0 +1,70 @@
+"""Obscurance as point data of a VTK file of polygons.
+
+Format: VTK XML formats, PolyData, version 1.0; arrays inline, in base64 after their lengths.
+"""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..load import MeshFile
+from ..unsupported import left_out
+from ..write import VertexValues
+
+_TYPES = {"f4": "Float32", "f8": "Float64", "i8": "Int64", "u1": "UInt8"}
+_HEADER = '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">'
+
+
+def vtp(bake: VertexValues, mesh_file: MeshFile, _: object) -> bytes:
+    """The vertices and polygons of the source with `obscurance`, float, and as far as they are known `error`, `flags`,
+    `bent_normals` and `Normals`, the source's own."""
+    mesh = mesh_file.mesh
+    attributes = mesh_file.attributes
+    corners = attributes.corners if attributes else mesh.faces.ravel()
+    sizes = attributes.sizes if attributes else np.full(len(mesh.faces), 3)
+    columns = {
+        "obscurance": (bake.w, "f4"),
+        "error": (bake.error, "f4"),
+        "flags": (bake.flags, "u1"),
+        "bent_normals": (bake.bent_normals, "f4"),
+        "Normals": (mesh.normals, "f4"),
+    }
+    point_data = [_array(name, values, kind) for name, (values, kind) in columns.items() if values is not None]
+    lines = [
+        _HEADER,
+        "<PolyData>",
+        f'<Piece NumberOfPoints="{len(mesh.vertices)}" NumberOfPolys="{len(sizes)}">',
+        '<PointData Scalars="obscurance">',
+        *point_data,
+        "</PointData>",
+        "<Points>",
+        _array("Points", mesh.vertices, "f8"),
+        "</Points>",
+        "<Polys>",
+        _array("connectivity", corners, "i8"),
+        _array("offsets", np.cumsum(sizes), "i8"),
+        "</Polys>",
+        "</Piece>",
+        "</PolyData>",
+        "</VTKFile>\n",
+    ]
+    return "\n".join(lines).encode()
+
+
+def _array(name: str, values: npt.NDArray[Any], kind: str) -> str:
+    content = values.astype("<" + kind).tobytes()
+    encoded = b64encode(len(content).to_bytes(8, "little") + content).decode()
+    components = values.shape[1] if values.ndim > 1 else 1
+    of_what = f'type="{_TYPES[kind]}" Name="{name}" NumberOfComponents="{components}"'
+    return f'<DataArray {of_what} format="binary">{encoded}</DataArray>'
+
+
+def unsupported_features(mesh_file: MeshFile, _: str) -> list[str]:
+    """What of a mesh file a .vtp lacks, in words."""
+    has_uv = mesh_file.attributes and mesh_file.attributes.uv
+    others = [words for words in left_out(mesh_file) if not words.startswith("texture coordinates")]
+    return [*others, *(["texture coordinates"] if has_uv else [])]

@@ -1,0 +1,209 @@
+"""A bake as a file, in the format of its ending."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING, Any, Literal, Protocol, cast, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from raytrace.errors import ConflictError, OptionError
+from raytrace.system.atomic import check_writable, write_bytes
+from raytrace.types import AnyFloats
+
+from .load import MeshFile, load
+from .table import Channels, endings, format_of
+
+if TYPE_CHECKING:
+    from ao import Bake, BakedTexture, Profile
+
+Occlusion = Literal["none", "ramp"]
+_PLY_NAME = r"(?!(n?[xyz]|[stuv]|red|green|blue|alpha|texture_.|obscurance\w*)$)[A-Za-z_]\w*"
+Colors = Literal["rgb", "r", "g", "b", "a"]
+
+
+class VertexValues(Protocol):
+    """What is known of w at n vertices: an `ao.Bake`, or like it."""
+
+    @property
+    def w(self) -> AnyFloats: ...  # (n,)
+
+    @property
+    def error(self) -> AnyFloats | None: ...  # (n,)
+
+    @property
+    def bent_normals(self) -> AnyFloats | None: ...  # (n, 3)
+
+    @property
+    def flags(self) -> npt.NDArray[Any] | None: ...  # (n,)
+
+    @property
+    def profile(self) -> Profile | None: ...
+
+
+def check_target(path: str | os.PathLike[str]) -> None:
+    """Find out before the bake whether `write` will accept `path`. Raises: OptionError: of its ending; OutputError."""
+    _writer(path)
+    check_writable(path)
+
+
+def write(
+    path: str | os.PathLike[str],
+    bake: VertexValues | BakedTexture | Sequence[Bake | BakedTexture],
+    mesh_file: MeshFile | str | os.PathLike[str] | Any = None,
+    *,
+    colors: bool | Colors = False,
+    occlusion: Occlusion | None = None,
+    replace_occlusion: bool = False,
+    up: str | None = None,
+    ply_name: str | None = None,
+) -> None:
+    """Write a bake in the format of the ending, whole or not at all; the same input gives the same bytes.
+
+    - `.npy`: w, float32 (n,).
+    - `.npz`: `w` float32 (n,), `error` float32 (n,), `bent_normals` float32 (n, 3), `flags` uint8 (n,), as far as they
+      are known; of a profile `profile` float32 (n, k), `half_distances` float64 (k,) and `radius`.
+    - `.ply`: `obscurance`, and w as the grey `red green blue`, sRGB-encoded as Blender and three.js take the colours of
+      a PLY (`scenes.formats.ply.write.ply`). Coordinates are float where that loses nothing, double otherwise.
+    - `.glb`: `_OBSCURANCE` (`scenes.formats.gltf.write.glb`), and what viewers show: a ramp or colours.
+    - `.obj`: w as the grey `v x y z r g b`, sRGB-encoded (`scenes.formats.obj.write`).
+    - `.vtp`: `obscurance`, and `error`, `flags`, `bent_normals` as far as they are known (`scenes.formats.vtp.write`).
+    - `.html`: a page for a browser, everything in it (`scenes.show.page.document`).
+    - `.png` `.exr` `.tif`, of a texture: w, linear, PNG of 16 bits, else float32.
+
+    Of textures a `.glb` has each as the occlusion texture of the faces that it is for (`textured_glb.textured_glb`).
+
+    What the source holds besides is kept if it was loaded for this target (`load`); `scenes.formats.unsupported` lists
+    what is not.
+
+    Args:
+        path: the target, replaced if it exists.
+        bake: per vertex of `mesh_file.mesh`, or a texture of its faces. For a .glb also a list of textures of
+            different faces; a bake per vertex among them is for faces on none.
+        mesh_file: what was baked, with what else it holds: of `load` for this target, or the file's path; or a mesh in
+            any form that `ao.bake` takes; None: the mesh of the bake alone.
+        colors: "rgb" (or True): give a .glb the vertex colours `COLOR_0` = w, and a .ply the grey, in place of the
+            source's colours; "r", "g", "b" or "a": w in that channel alone, the others as in the source, 1 without.
+        occlusion: "ramp" gives a .glb's materials an occlusion texture that shows w, "none" does not; None is "ramp",
+            but "none" with `colors`.
+        replace_occlusion: put the ramp also in place of occlusion textures of the source.
+        up: "x", "y", "z", "-x", "-y" or "-z", the axis that is up, in place of `Mesh.up`: a page stands so, a .ply says
+            so in its header (`comment up z`), and what was no glTF is turned by a root node of a .glb, where y is up;
+            vertices stay what they are.
+        ply_name: of a further property of a .ply that holds w, such as "quality", which MeshLab shows.
+
+    Raises:
+        OptionError: unknown ending, options that exclude each other, coordinates that a .glb cannot hold, or a bake
+            of another mesh.
+        MeshError: materials of a glTF source are malformed.
+        OutputError: the file cannot be written; an existing one is untouched.
+    """
+    several = bake if isinstance(bake, Sequence) else [cast("Bake | BakedTexture", bake)]
+    source = _source(path, getattr(several[0], "mesh", None) if mesh_file is None else mesh_file)
+    if isinstance(bake, Sequence) or bake.w.ndim == 2:  # texels, not vertices
+        for name, value in {"colors": colors, "occlusion": occlusion, "up": up}.items():
+            if value:
+                raise ConflictError(name, "does not go with", "a texture")
+        _write_textures(Path(path), several, source, replace_occlusion)
+        return
+    count = len(source.mesh.vertices)
+    if len(bake.w) != count:
+        raise OptionError("bake", f"w of the {count:,} vertices of {source.path}", f"{len(bake.w):,}")
+    shown = channels(path, colors, occlusion, replace_occlusion, up, ply_name)
+    write_vertices(path, cast("VertexValues", bake), source, shown)
+
+
+def _source(target: str | os.PathLike[str], given: Any) -> MeshFile:
+    """What was baked, in any form that `write` takes."""
+    if isinstance(given, str | os.PathLike):
+        return load(given, target)
+    return given if isinstance(given, MeshFile) else MeshFile.of(given)
+
+
+def write_vertices(path: str | os.PathLike[str], bake: VertexValues, mesh_file: MeshFile, shown: Channels) -> None:
+    """Write a bake per vertex. Raises: as `write`."""
+    write_bytes(path, _writer(path)(bake, mesh_file, shown))
+
+
+def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file: MeshFile, replace: bool) -> None:
+    from ao.texture.result import BakedTexture
+
+    from .gltf.textured import textured_glb
+    from .images import is_texture, write_grey
+
+    textures = [each for each in baked if isinstance(each, BakedTexture)]
+    vertices = [each.w for each in baked if not isinstance(each, BakedTexture)]
+    for texture in textures:
+        if len(texture.uv) != len(mesh_file.mesh.faces):
+            expected = f"a texture of the {len(mesh_file.mesh.faces):,} faces of {mesh_file.path}"
+            raise OptionError("bake", expected, f"{len(texture.uv):,} faces")
+    if path.suffix.lower() == ".glb":
+        write_bytes(path, textured_glb(mesh_file, textures, replace, w=vertices[0] if vertices else None)[0])
+    elif is_texture(path) and len(baked) == 1:
+        write_grey(path, textures[0].w, False, {"content": "w, 1 = open"}, profile=textures[0].profile)
+    else:
+        raise OptionError("output", "a .glb, or an image of one texture", os.fspath(path))
+
+
+def channels(
+    path: str | os.PathLike[str],
+    colors: bool | Colors | None,
+    occlusion: Occlusion | None,
+    replace_occlusion: bool,
+    up: str | None = None,
+    ply_name: str | None = None,
+) -> Channels:
+    """The channels of w for viewers. Raises: OptionError: options that exclude each other, or the ending."""
+    ending = Path(path).suffix.lower()
+    replaced = "rgb" if colors is True else colors or ""
+    if replaced not in ("", *get_args(Colors)):
+        raise OptionError("colors", "one of " + ", ".join(get_args(Colors)), repr(colors))
+    if colors and "colors" not in format_of(path).holds:
+        raise ConflictError("colors", "needs", "a .glb or .ply output")
+    if occlusion not in (None, *get_args(Occlusion)):
+        raise OptionError("occlusion", "one of " + ", ".join(get_args(Occlusion)), occlusion)
+    if occlusion == "ramp" and ending != ".glb":
+        raise ConflictError(("occlusion", "ramp"), "needs", "a .glb output")
+    if occlusion == "ramp" and colors:
+        raise ConflictError("colors", "does not go with", ("occlusion", "ramp"))
+    ramp = ending == ".glb" and (occlusion == "ramp" if occlusion else not colors)
+    if replace_occlusion and not ramp:
+        raise ConflictError("replace_occlusion", "needs", "an occlusion texture to write")
+    if ply_name and ending != ".ply":
+        raise ConflictError("ply_name", "needs", "a .ply output")
+    if ply_name and not re.fullmatch(_PLY_NAME, ply_name):
+        raise OptionError("ply_name", "a word other than those of coordinates and colours, such as quality", ply_name)
+    return Channels(replaced, ramp, replace_occlusion, up, ply_name)
+
+
+ENDINGS = endings("write")  # of the names of files that `write` makes
+
+
+def _writer(path: str | os.PathLike[str]) -> Callable[..., bytes | memoryview]:
+    target = format_of(os.fspath(path)).write
+    if not target:
+        raise OptionError("output", "a name ending in " + ", ".join(ENDINGS), os.fspath(path))
+    writer: Callable[..., bytes | memoryview] = resolve_name(target)
+    return writer
+
+
+def npy(bake: VertexValues, *_: object) -> memoryview:
+    content = io.BytesIO()
+    np.save(content, bake.w.astype("<f4"), allow_pickle=False)
+    return content.getbuffer()
+
+
+def npz(bake: VertexValues, *_: object) -> memoryview:
+    content = io.BytesIO()
+    kinds = {"w": "<f4", "error": "<f4", "bent_normals": "<f4", "flags": "u1"}
+    arrays = {name: getattr(bake, name).astype(kind) for name, kind in kinds.items() if getattr(bake, name) is not None}
+    if known := bake.profile:
+        arrays |= {"profile": known.values, "half_distances": known.half_distances, "radius": np.float64(known.radius)}
+    np.savez(content, **arrays)
+    return content.getbuffer()

@@ -1,0 +1,162 @@
+"""Commands killed at random moments and run again. A script: KILLS SEED KIND FOLDER; prints what it saw as JSON.
+
+Each command is forked from this process, which has imported everything but touched neither Embree nor a thread. After
+a kill, every file in the folder of outputs is whole, but for journals and what the next run removes.
+"""
+
+import json
+import os
+import random
+import shutil
+import signal
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from killed_bakes import forked
+from mesh_files import ply
+from meshes import hills
+
+import ao.baking  # noqa: F401
+import cli
+import scenes.bake.batch
+import scenes.bake.parts
+import scenes.bake.run
+import scenes.bake.texture
+import scenes.bake.vertices
+import scenes.commands.bake
+import scenes.commands.falloff
+import scenes.commands.render
+import scenes.show.page.document
+import scenes.show.report.document  # noqa: F401
+
+SCENE = '[render]\nwidth = 300\nheight = 200\n[[objects]]\nmesh = "hills.ply"\n'
+BAKE = ("bake", "hills.ply", "--samples", "128", "--quiet")
+RESUMED = (*BAKE, "--resume", "-o")
+BATCH = (
+    "bake",
+    "a.ply",
+    "b.ply",
+    "c.ply",
+    "hills.ply",
+    "--samples",
+    "128",
+    "--quiet",
+    "--output-dir",
+    "out",
+    "--resume",
+)
+KINDS = {
+    "npy": [(*RESUMED, "out/w.npy")],
+    "ply": [(*RESUMED, "out/w.ply")],
+    "glb": [(*RESUMED, "out/w.glb")],
+    "texture": [(*BAKE, "--resume", "--size", "96", "-o", "out/w.png")],
+    "textured": [(*BAKE, "--occlusion", "texture", "--size", "96", "-o", "out/w.glb")],
+    "batch": [BATCH],
+    "textures": [(*BATCH, "--format", "png", "--size", "64")],
+    "npz": [(*RESUMED, "out/w.npz", "--profile")],
+    "images": [(*BAKE, "--size", "64", "-o", "out/w.tif", "--bent-normals", "out/b.png", "--error-map", "out/e.exr")],
+    "falloff": [
+        (*BAKE, "--profile", "-o", "out/w.glb"),
+        ("falloff", "out/w.glb", "--half-distance", "10%", "-o", "out/other.glb"),
+        ("view", "out/other.glb", "-o", "out/view.html"),
+    ],
+    "picture": [("render", "scene.toml", "-o", "out/p.exr", "--quiet")],
+    "parts": [(*BAKE, "--part", f"{n}/2", "-o", "out/parts") for n in (1, 2)]
+    + [("merge", "out/parts", "-o", "out/w.ply")],
+    "page": [(*BAKE, "-o", "out/w.html")],
+    "report": [(*BAKE, "-o", "out/w.npz", "--report", "out/report.html")],
+}
+
+
+def prepare(folder):
+    """The inputs, in the working directory."""
+    os.chdir(folder)
+    for name, steps in (("hills", 60), ("a", 20), ("b", 25), ("c", 30)):
+        vertices, faces = hills(steps)
+        Path(f"{name}.ply").write_bytes(textured(vertices, faces))
+    Path("scene.toml").write_text(SCENE)
+
+
+def textured(vertices, faces):
+    """A PLY file with texture coordinates above the plane of x and y."""
+    plain = ply(vertices, faces, texture=True)
+    at = plain.index(b"end_header\n") + len(b"end_header\n")
+    rows = np.frombuffer(plain, "<f4", 5 * len(vertices), at).reshape(-1, 5).copy()
+    rows[:, 3:] = 0.45 * rows[:, :2] + 0.5
+    return plain[:at] + rows.tobytes() + plain[at + rows.nbytes :]
+
+
+def run(commands):
+    """All commands in a process of their own, which is returned running."""
+
+    def work():
+        with open(os.devnull, "w") as nowhere:
+            os.dup2(nowhere.fileno(), 1)
+        for command in commands:
+            sys.argv = ["obscurance", *command]
+            try:
+                cli.main()
+            except SystemExit as end:
+                if end.code:
+                    raise
+
+    return forked(work)
+
+
+def outputs():
+    """Every file below the folder of outputs: its content, or for files that tell times whether it is whole."""
+    found = {}
+    for path in sorted(Path("out").rglob("*")):
+        if path.is_file():
+            content = path.read_bytes()
+            if path.suffix == ".json":
+                content = sorted(json.loads(content))
+            elif path.name == "report.html":
+                content = content.rstrip().endswith(b"</html>")
+            elif path.suffix == ".part" and not path.name.startswith("."):
+                content = None  # a journal, in the order in which threads came to an end
+            found[str(path)] = content
+    return found
+
+
+def main(kills, seed, kind, folder):
+    chance, commands = random.Random(f"{seed}:{kind}"), KINDS[kind]
+    prepare(folder)
+    for _ in range(2):  # the first may compile
+        shutil.rmtree("out", ignore_errors=True)
+        Path("out").mkdir()
+        start = time.monotonic()
+        assert os.waitpid(run(commands), 0)[1] == 0
+        took = time.monotonic() - start
+    wanted = outputs()
+    assert wanted
+    seen = {"killed": 0, "left": 0, "finished": 0, "faults": []}
+    while seen["killed"] < kills:
+        shutil.rmtree("out")
+        Path("out").mkdir()
+        for _ in range(chance.choice((1, 1, 2))):  # killed again on the way on
+            child = run(commands)
+            time.sleep(took * chance.uniform(0.05, 1))
+            os.kill(child, signal.SIGKILL)
+            status = os.waitpid(child, 0)[1]
+            seen["killed"] += os.WIFSIGNALED(status)
+            seen["finished"] += not os.WIFSIGNALED(status)
+            for name, content in outputs().items():
+                on_the_way = any(part in name for part in (".part", "/parts/", "/.obscurance-"))
+                seen["left"] += on_the_way
+                if name.endswith(".json") or on_the_way:
+                    continue
+                if content != wanted.get(name):
+                    seen["faults"].append(f"half-written {name}: {status}")
+        status = os.waitpid(run(commands), 0)[1]
+        again = outputs()
+        if status or again != wanted:
+            differing = [name for name in {*again, *wanted} if again.get(name) != wanted.get(name)]
+            seen["faults"].append(f"run again: status {status}, differing or left: {differing}")
+    print(json.dumps(seen))
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3], Path(sys.argv[4]))

@@ -1,0 +1,53 @@
+"""Commands of the documents are ones that the command line takes: their names, options and values."""
+
+import re
+import shlex
+
+import pytest
+from project import ROOT
+from typer.main import get_command
+
+import cli
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+BLOCK = re.compile(r"^```(?:sh|bat)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+INLINE = re.compile(r"`(obscurance [^`]+)`")
+CALL = re.compile(r"(?:^|[\s/'\\])obscurance ([a-z]+(?: .*)?)")
+REST_OF_LINE = re.compile(r" (?:#|&&|\||&$).*")
+VARIABLE = re.compile(r"\$\w+")  # of the shell
+PARTIAL = ("-h", "--json", "--install-completion", "--options")  # a command without its file, or one that needs it
+KNOWN = get_command(cli.app).commands
+
+
+def calls(text):
+    """The words of each call of obscurance in a page's blocks and between backticks."""
+    lines = [*"\n".join(BLOCK.findall(text)).replace("\\\n", " ").splitlines(), *INLINE.findall(text)]
+    for line in lines:
+        for call in CALL.findall(line):
+            call = VARIABLE.sub("1", REST_OF_LINE.sub("", call))
+            inside_quotes = call.count("'") % 2
+            words = shlex.split(call[: call.rindex("'")] if inside_quotes else call)
+            if "…" not in words and not set(PARTIAL) & set(words) and len(words) > 1:
+                yield words
+
+
+CALLS = [(page.name, words) for page in PAGES for words in calls(page.read_text(encoding="utf-8"))]
+
+
+def parse(words):
+    KNOWN[words[0]].make_context(words[0], words[1:])
+
+
+@pytest.mark.parametrize(("page", "words"), CALLS, ids=[f"{page}: {shlex.join(words)}" for page, words in CALLS])
+def test_a_command_parses(page, words):
+    parse(words)
+
+
+def test_commands_are_found_and_wrong_ones_noticed():
+    text = "```sh\nsbatch --wrap 'obscurance bake a.ply \\\n --part $K/8 -o b' # x\n```\nso `obscurance view a.ply`"
+    assert list(calls(text)) == [["bake", "a.ply", "--part", "1/8", "-o", "b"], ["view", "a.ply"]]
+    with pytest.raises(Exception, match="No such option"):
+        parse(["bake", "a.ply", "--no-such"])
+    with pytest.raises(Exception, match="'auto' is not one of"):
+        parse(["bake", "a.ply", "-o", "b.ply", "--occlusion", "auto"])
+    assert len(CALLS) > 80

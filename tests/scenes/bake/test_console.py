@@ -1,0 +1,140 @@
+"""Progress bars and summaries: what they count, and that they end full."""
+
+import io
+import json
+import re
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import ao
+from raytrace import Mesh
+from scenes.bake.console import progress
+from scenes.geometry.polyhedra import icosphere
+from scenes.show.terminal import show_picture
+
+
+class Terminal(io.StringIO):
+    encoding = "utf-8"
+
+    def isatty(self):
+        return True
+
+
+@pytest.fixture
+def terminal(monkeypatch):
+    """A function, since pytest puts its own standard error in place after fixtures are made."""
+    monkeypatch.setenv("TERM", "xterm")
+
+    def make():
+        monkeypatch.setattr(sys, "stderr", Terminal())
+        return sys.stderr
+
+    return make
+
+
+def percentages(text):
+    return [int(part.split()[-1]) for part in text.split(" %")[:-1]]
+
+
+def test_a_bar_ends_full_though_the_work_was_less_than_expected(terminal):
+    screen = terminal()
+    with progress(False, "rays") as (advance,):
+        for done in (100, 200, 300):
+            advance(done, 1000)
+    assert percentages(screen.getvalue())[-1] == 100
+
+
+def test_the_bar_of_a_bake_to_a_tolerance_ends_full(terminal):
+    screen = terminal()
+    with progress(False, "rays") as (advance,):
+        ao.bake(Mesh(*icosphere(5)), samples=512, tolerance=0.002, progress=advance)
+    assert percentages(screen.getvalue())[-1] == 100
+
+
+def test_a_bar_whose_total_grows_goes_on(terminal):
+    screen = terminal()
+    with progress(False, "rays") as (advance,):
+        for done, total in ((50, 100), (100, 100), (150, 400), (200, 400)):
+            advance(done, total)
+    assert percentages(screen.getvalue())[-1] == 100
+
+
+def test_bars_follow_each_other_and_both_end_full(terminal):
+    screen = terminal()
+    with progress(False, "rays", "tiles") as (first, second):
+        first(1, 10)
+        first(4, 10)
+        second(1, 4)
+    shown = percentages(screen.getvalue())
+    assert shown.count(100) >= 2
+    assert shown[-1] == 100
+
+
+def test_a_bar_of_work_that_failed_does_not_look_done(terminal):
+    screen = terminal()
+    with pytest.raises(KeyboardInterrupt):
+        interrupted_at_a_tenth()
+    assert 100 not in percentages(screen.getvalue())
+
+
+def interrupted_at_a_tenth():
+    with progress(False, "rays") as (advance,):
+        advance(1, 10)
+        raise KeyboardInterrupt
+
+
+def test_no_bar_where_nobody_looks():
+    for quiet in (True, False):
+        with progress(quiet, "rays", "tiles") as advances:
+            assert advances == (None, None)
+
+
+def test_progress_as_json_is_a_line_for_what_is_new_and_for_the_end(monkeypatch, capsys):
+    clock = iter([0.0, 1.0, 1.05, 1.2, 1.21, 2.0])
+    monkeypatch.setattr("scenes.bake.console.time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    with progress(True, "rays", "tiles", form="json") as (rays, tiles):
+        for done in (1, 2, 3, 4):
+            rays(done, 4)
+        tiles(1, 2)
+    lines = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
+    assert [(line["unit"], line["done"], line["total"], line["seconds"]) for line in lines] == [
+        ("rays", 1, 4, 1.0),
+        ("rays", 3, 4, 1.2),
+        ("rays", 4, 4, 1.21),
+        ("tiles", 1, 2, 2.0),
+    ]
+    assert {line["event"] for line in lines} == {"progress"}
+
+
+def shown(monkeypatch, pixels, columns, **environment):
+    """The characters and colours, upper and lower, that a terminal of so many columns shows."""
+    for name, value in {"TERM": "xterm-256color", "COLORTERM": "truecolor", "COLUMNS": columns, **environment}.items():
+        monkeypatch.setenv(name, str(value))
+    monkeypatch.setattr(sys, "stdout", Terminal())
+    show_picture(np.asarray(pixels, np.float32))
+    pattern = r"\x1b\[38;2;(\d+);(\d+);(\d+);48;2;(\d+);(\d+);(\d+)m(.)"
+    return [
+        [(*map(int, found[:6]), found[6]) for found in re.findall(pattern, line)]
+        for line in sys.stdout.getvalue().splitlines()
+    ]
+
+
+def test_a_terminal_shows_two_rows_of_pixels_a_line(monkeypatch):
+    pixels = np.zeros((4, 3, 3))
+    pixels[0, 0], pixels[1, 0], pixels[3, 2, 1] = 1, (1, 0, 0), 0.5
+    lines = shown(monkeypatch, pixels, 80)
+    assert [len(line) for line in lines] == [3, 3]
+    assert lines[0][0] == (255, 255, 255, 255, 0, 0, "▀")
+    assert lines[1][2] == (0, 0, 0, 0, 188, 0, "▀")
+
+
+def test_a_picture_wider_than_the_terminal_is_averaged(monkeypatch):
+    pixels = np.zeros((60, 120, 4))
+    pixels[:, ::2, :3] = 1
+    lines = shown(monkeypatch, pixels, 40)
+    assert (len(lines), {len(line) for line in lines}) == (10, {40})
+    assert {line[5][0] for line in lines} <= {156, 188, 213}
+    assert shown(monkeypatch, pixels[:, :, :3] * 0 + 1, 40)[3][7] == (255,) * 6 + ("▀",)

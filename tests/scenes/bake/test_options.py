@@ -1,0 +1,276 @@
+"""The declarations of options: what is declared is in the help of the command and of Python, reports, `--options`,
+parts, batches and what workers are sent; and each option changes what a journal belongs to, or is one that changes no
+ray."""
+
+import inspect
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from gltf_files import TRIANGLE, Builder
+from meshes import hills
+from project import environment
+
+import ao
+from ao.declared import rows
+from ao.execute.checkpoint import Checkpoint, identity
+from ao.options import Options, TextureOptions, VertexOptions
+from raytrace import Settings
+from raytrace.errors import ConflictError
+from raytrace.system.threads import MAX_THREADS
+from scenes.bake.options import BAKE, BAKER, MERGE, ROWS, BakeOptions, check_kind, check_together
+from scenes.bake.plan import plan_bake
+from scenes.bake.run import run
+
+ADDED = """
+import contextlib, importlib.util, inspect, io, json, pathlib, pickle, sys
+
+spec = importlib.util.find_spec("ao.options")
+source, before = pathlib.Path(spec.origin).read_text(), "    profile: Annotated"
+added = '    grain: Annotated[str | None, Option(help="Grain of the wood.")] = None\\n'
+assert source.count(before) == 1
+sys.modules["ao.options"] = module = importlib.util.module_from_spec(spec)
+exec(source.replace(before, added + before), vars(module))
+import ao, cli
+from scenes.bake.options import BakeOptions
+from scenes.bake.plan import plan_bake
+
+def run(*line):
+    sys.argv = ["obscurance", *line]
+    streams = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(streams[0]), contextlib.redirect_stderr(streams[1]):
+        try:
+            cli.main()
+        except SystemExit as end:
+            return end.code, streams[0].getvalue() + streams[1].getvalue()
+
+found = {"help": run("bake", "--help")[1]}
+functions = ao.bake, ao.bake_texture
+found["python"] = [(str(inspect.signature(each).parameters["grain"]), inspect.getdoc(each)) for each in functions]
+found["identities"] = [repr(module.Options(grain=each).identity) for each in (None, "oak")]
+few, oak = ("hills.obj", "--samples", "4"), ("--grain", "oak")
+run("bake", *few, *oak, "-o", "w.npy", "--report", "r.json")
+run("bake", "-o", "again.npy", "--options", "r.json", "--report", "s.json")
+found["report"], found["again"] = (json.load(open(name)) for name in ("r.json", "s.json"))
+run("bake", *few, *oak, "-o", "parts", "--part", "1/2")
+run("bake", *few, "-o", "parts", "--part", "2/2")
+found["merge"] = run("merge", "parts", "-o", "merged.npy")
+run("bake", *few, *oak, "--output-dir", "out")
+found["resume"] = run("bake", *few, "--output-dir", "out", "--resume")[1]
+from pathlib import Path
+plan = plan_bake(BakeOptions(mesh=[Path("hills.obj")], output=Path("w.npy"), grain="oak"))
+found["sent"] = pickle.loads(pickle.dumps(plan)).options.grain
+print(json.dumps(found))
+"""
+
+
+def test_an_option_that_is_declared_in_one_line_is_found_everywhere(tmp_path):
+    import json
+
+    (tmp_path / "hills.obj").write_text(obj())
+    command = [sys.executable, "-c", ADDED]
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False, env=environment()
+    )
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout.splitlines()[-1])
+    section = found["help"].partition("Sampling:")[2].partition("\n\n")[0]
+    assert "--grain <str>" in section
+    assert "Grain of the wood." in section
+    for parameter, text in found["python"]:
+        assert parameter == "grain: str | None = None"
+        assert "\n    grain: Grain of the wood.\n" in text
+    assert found["identities"][0] != found["identities"][1]
+    for report in (found["report"], found["again"]):
+        assert report["options"]["grain"] == "oak"
+        assert " --grain oak" in report["command"]
+    status, said = found["merge"]
+    assert status == 2
+    assert ".part: grain: expected" in said
+    assert "of other options or another version; starting from the beginning" in found["resume"]
+    assert found["sent"] == "oak"
+
+
+def obj(height=0.0):
+    """Hills twice, one above the other and of glass, with the same texture coordinates."""
+    vertices, faces = hills(5)
+    lines = ["mtllib glass.mtl"]
+    for lift in (0.0, 1.0 + height):
+        lines += [f"v {x} {y} {z + lift}" for x, y, z in vertices]
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    lines += [f"vt {u} {v}" for u, v, _ in (vertices - low) / (high - low)]
+    for first, material in ((1, "stone"), (1 + len(vertices), "glass")):
+        lines += [f"o {material}", f"usemtl {material}"]
+        lines += ["f " + " ".join(f"{first + v}/{1 + v}" for v in face) for face in faces]
+    return "\n".join(lines) + "\n"
+
+
+class Begun(Exception):
+    """A bake that has said what it belongs to."""
+
+
+class Identity(Checkpoint):
+    """A checkpoint that says what a journal would belong to, before anything is traced."""
+
+    def begin(self, placement, receivers, *settings):
+        raise Begun(identity(placement, receivers, settings))
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "hills.obj").write_text(obj())
+    (tmp_path / "other.obj").write_text(obj(0.5))
+    copies = Builder()
+    triangle = copies.primitive(TRIANGLE)
+    triangle["attributes"]["TEXCOORD_0"] = copies.accessor(np.ascontiguousarray(TRIANGLE[:, :2]), "VEC2")
+    copies.mesh(triangle)
+    (tmp_path / "copies.glb").write_bytes(copies.glb([{"mesh": 0}, {"mesh": 0, "translation": [0, 0, 1]}]))
+    (tmp_path / "glass.mtl").write_text("newmtl stone\nnewmtl glass\nd 0.5\n")
+    return tmp_path
+
+
+def within(folder, value):
+    return [folder / each for each in value] if isinstance(value, list) else folder / value
+
+
+def identity_of(folder, **options):
+    """What a journal of the bake with these options belongs to."""
+    given = {"mesh": folder / "hills.obj", "output": folder / "w.npy", "quiet": True} | options
+    plan = plan_bake(BakeOptions(**(given | {"mesh": [given["mesh"]]})))
+    with pytest.raises(Begun) as begun:
+        list(run(plan, open_checkpoint=lambda _: Identity(folder / "journal")))
+    return begun.value.args[0]
+
+
+TEXTURE = {"size": "16", "overlap": "mean"}
+CHANGED = {
+    "samples": 9, "tolerance": 0.1, "falloff": "binary", "tau": 3.0, "half_distance": "20%", "max_distance": "70%",
+    "normals": "area", "interior": "ignore", "alpha": "ignore", "method": "surface", "denoise": False,
+    "traversal": "embree", "profile": True, "seed": 1, "size": "32", "overlap": "first", "cage": "3%",
+    "quiet": False, "threads": 1, "replace_occlusion": True, "error_map": "e.png", "half": True, "debug_image": "d.png",
+    "bits": "8", "bent_space": "tangent", "resume": True, "progress": "json", "output_dir": "out", "format": "ply",
+    "input_format": "ply", "part": "1/1", "cluster": "local", "ground": "-9", "shared": ".", "options": "r.json",
+    "dry_run": True, "back_faces": "ignore", "spread": 90.0, "thickness": True, "flip": True,
+    "receive": ["stone"], "cast": ["stone"], "exclude": ["glass"],
+}  # fmt: skip
+"""Of each option another value than that of the bakes below."""
+PATHS = {
+    "mesh": "other.obj", "high": ["other.obj"], "mesh_output": "m.glb", "bent_normals": "b.exr", "report": "r.json",
+    "output": "v.npy", "occluder": ["other.obj"],
+}  # fmt: skip
+TOGETHER = {
+    "texel_size": ({"size": None, "texel_size": "1%"}, {"size": None, "texel_size": "5%"}),
+    "uv": ({"mesh_output": "m.glb", "size": "64"}, {"mesh_output": "m.glb", "size": "64", "uv": "unwrap"}),
+    "instances": (
+        {"mesh": "copies.glb", "overlap": None},
+        {"mesh": "copies.glb", "overlap": None, "instances": "first"},
+    ),
+    "cage": ({"high": ["other.obj"]}, {"high": ["other.obj"], "cage": "9%"}),
+    "match_names": (
+        {"high": ["other.obj"], "cage": "200%"},
+        {"high": ["other.obj"], "cage": "200%", "match_names": True},
+    ),
+    "colors": ({"output": "w.ply"}, {"output": "w.ply", "colors": True}),
+    "ply_name": ({"output": "w.ply"}, {"output": "w.ply", "ply_name": "quality"}),
+    "up": ({"output": "w.ply"}, {"output": "w.ply", "up": "z"}),
+    "preset": ({"output": "w.glb"}, {"output": "w.glb", "preset": "three"}),
+    "occlusion": ({"output": "w.glb"}, {"output": "w.glb", "occlusion": "ramp"}),
+    "replace_occlusion": ({"output": "w.glb"}, {"output": "w.glb", "replace_occlusion": True}),
+    "orm": ({"output": "w.glb", "occlusion": "texture"}, {"output": "w.glb", "occlusion": "texture", "orm": True}),
+    "bent_space": ({"bent_normals": "b.exr"}, {"bent_normals": "b.exr", "bent_space": "tangent"}),
+    "half": ({"output": "w.exr"}, {"output": "w.exr", "half": True}),
+    "profile": ({"output": "w.npz"}, {"output": "w.npz", "profile": True}),
+}
+"""Of options that need others, the options of two bakes."""
+APART = {"occluded_by"}
+"""Options of bakes that keep no journal."""
+
+
+@pytest.mark.parametrize("row", [row for row in BAKE if row.name not in APART], ids=lambda row: row.name)
+def test_every_option_changes_what_a_journal_belongs_to_or_is_one_that_changes_no_ray(folder, row):
+    if row.name == "uv":
+        pytest.importorskip("uvunwrap")
+    value = CHANGED.get(row.name) or PATHS.get(row.name, CHANGED.get(row.name))
+    one, other = TOGETHER.get(row.name, ({}, {row.name: value}))
+    assert other != {row.name: None}, "a new option needs another value here"
+    paths = {row.name for row in BAKE if "Path" in str(row.kind)}
+    if "vertices" not in row.bake_kinds.split():
+        one, other = ({"output": "w.png"} | TEXTURE | options for options in (one, other))
+    one, other = (
+        {name: within(folder, value) if name in paths and value else value for name, value in options.items()}
+        for options in (one, other)
+    )
+    same = identity_of(folder, **one) == identity_of(folder, **other)
+    assert same != row.affects_rays
+
+
+IN_PYTHON = CHANGED | {
+    "falloff": ao.Binary(), "only": [True], "interior": "fill", "wrap": False, "close_seams": False,
+}  # fmt: skip
+"""Of each option that a record declares another value than the default."""
+RECORDS = VertexOptions, TextureOptions
+
+
+@pytest.mark.parametrize(("record", "name"), [(record, name) for record in RECORDS for name in rows(record)])
+def test_every_declared_option_changes_what_a_journal_belongs_to_or_is_one_that_changes_no_ray(record, name):
+    row, changed = rows(record)[name], record(**{name: IN_PYTHON[name]})
+    assert (changed.identity != record().identity) == (row.role == "result")
+
+
+@pytest.mark.parametrize(("function", "record"), [(ao.bake, VertexOptions), (ao.bake_texture, TextureOptions)])
+def test_help_and_signatures_show_what_is_declared(function, record):
+    parameters, text = inspect.signature(function).parameters, inspect.getdoc(function)
+    for name, row in rows(record).items():
+        assert re.search(rf"^    {name}: \S", text, re.MULTILINE), f"{name} is not described"
+        assert parameters[name].default == getattr(record, name)
+        assert row.help
+    assert next(iter(parameters)) == "mesh"
+    assert text.index("Args:") < text.index("Raises:") < text.index("Warns:")
+
+
+def test_threads_are_as_many_as_can_work():
+    assert BAKER["threads"].bounds == (1, MAX_THREADS)
+
+
+def test_rays_by_default_are_the_rays_that_are_given():
+    assert Options(samples=256).identity == Options().identity
+    assert Options(threads=1).identity == Options().identity
+
+
+def test_the_three_forms_of_conflicts():
+    for options, said in [
+        ({"cage": "2%"}, "cage needs high"),
+        ({"size": "64", "texel_size": "1%"}, "texel_size and size exclude each other"),
+    ]:
+        with pytest.raises(ConflictError, match=f"options: {said}$"):
+            check_together(BakeOptions(mesh=[], **options), BAKE)
+    for kind, said in {"part": "and part exclude each other", "texture": "does not go with a texture"}.items():
+        with pytest.raises(ConflictError, match=f"options: colors {said}$"):
+            check_kind(BakeOptions(mesh=[], colors=True), kind)
+    with pytest.raises(ConflictError, match=r"^options: denoise=False does not go with tolerance$") as fault:
+        Options(tolerance=0.1, denoise=False)
+    assert (fault.value.first, fault.value.relation) == (("denoise", False), "does not go with")
+
+
+def test_relations_name_options_of_the_table():
+    for row in (*BAKE, *MERGE):
+        for name in (*row.needs, *row.excludes):
+            assert name in ROWS, f"{row.name} needs or excludes {name}"
+        assert set(row.bake_kinds.split()) <= {"vertices", "texture", "part", "merge", "batch"}
+
+
+def test_earlier_names_of_options_are_understood_in_python():
+    vertices, faces = hills(4)
+    new = ao.bake((vertices, faces), samples=4, denoise=False, interior="mark")
+    old = ao.bake((vertices, faces), samples=4, reconstruct=False, hidden="mark")
+    assert old.w.tobytes() == new.w.tobytes()
+    assert old.w.tobytes() != ao.bake((vertices, faces), samples=4).w.tobytes()
+    with pytest.raises(TypeError):
+        ao.bake((vertices, faces), smooth=False)
+
+
+def test_the_earlier_name_of_a_form_of_obscurance_is_understood():
+    assert Settings(obscurance="book") == Settings(obscurance="ambient and diffuse")

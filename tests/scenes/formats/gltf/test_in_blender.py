@@ -1,0 +1,50 @@
+"""Outputs in Blender, which `make peers` installs: where w is, and which of them darken a picture."""
+
+import json
+import subprocess
+
+import numpy as np
+import pytest
+from command import obscurance
+from mesh_files import obj
+from project import ROOT
+
+BLENDER = ROOT / ".peers" / "blender" / "bin" / "python"
+OUTPUTS = {"plain.glb": ("--occlusion", "none"), "ramp.glb": ("--occlusion", "ramp"),
+           "colors.glb": ("--preset", "blender"), "w.ply": (), "w.npy": ()}  # fmt: skip
+
+
+def floor_and_wall(side=9):
+    """A floor, y = 0, and a wall at its back, z = -1."""
+    x, t = (axis.ravel() for axis in np.meshgrid(np.linspace(0, 1, side), np.linspace(0, 1, side)))
+    first = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
+    faces = np.stack([first, first + 1, first + side + 1, first, first + side + 1, first + side], 1).reshape(-1, 3)
+    vertices = np.concatenate([np.stack([x, 0 * x, -t], 1), np.stack([x, t, 0 * x - 1], 1)])
+    return vertices, np.concatenate([faces, faces + side * side])
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not BLENDER.exists(), reason="no Blender: make peers")
+def test_blender_has_w_and_its_pictures_darken_by_colours(tmp_path):
+    vertices, faces = floor_and_wall()
+    (tmp_path / "corner.obj").write_bytes(obj(vertices, faces))
+    for name, options in OUTPUTS.items():
+        done = obscurance("bake", tmp_path / "corner.obj", "-o", tmp_path / name, "--samples", 256, *options)
+        assert done.returncode == 0, done.stderr
+    names = [str(tmp_path / name) for name in OUTPUTS if name != "w.npy"]
+    script = ROOT / "tests" / "helpers" / "gltf" / "in_blender.py"
+    done = subprocess.run([BLENDER, script, *names], capture_output=True, text=True, check=True)
+    plain, ramp, colours, ply = json.loads(done.stdout.splitlines()[-1])
+
+    w = np.load(tmp_path / "w.npy")
+    np.testing.assert_allclose(ply["places"], vertices, atol=1e-6)
+    np.testing.assert_allclose(ply["obscurance"], w, atol=1e-6)
+    np.testing.assert_allclose(ply["Col"], w, atol=0.005)  # of eight bits, sRGB-encoded
+    for glb in (plain, ramp, colours):
+        np.testing.assert_allclose(glb["places"], vertices[:, [0, 2, 1]] * [1, -1, 1], atol=1e-6)  # z is up there
+        np.testing.assert_allclose(glb["_OBSCURANCE"], w, atol=1e-6)
+    np.testing.assert_allclose(colours["Color"], w[colours["corners"]], atol=0.008)  # eight bits twice
+    assert plain["Color"] is ramp["Color"] is None
+    assert ramp["brightness"] == pytest.approx(plain["brightness"], rel=1e-3)
+    seen = w[: len(w) // 2].mean()
+    assert plain["brightness"] * (seen - 0.1) < colours["brightness"] < plain["brightness"] * (seen + 0.04)
