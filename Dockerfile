@@ -1,26 +1,22 @@
-# obscurance with its kernels compiled:
+# obscurance with its kernels, for any processor from x86-64-v3 on:
 #   docker build -t obscurance .
-#   docker run --rm -v "$PWD:/work" obscurance                           # the demo, into ./demo
-#   docker run --rm -v "$PWD:/work" obscurance bake demo/temple.ply -o temple.glb
-# Kernels are compiled for the processor that builds the image; on another kind the first run compiles them anew.
-FROM python:3.11-slim
-
+#   docker run --rm -v "$PWD:/work" --user "$(id -u)" obscurance          # the demo, into ./demo
+#   docker run --rm -v "$PWD:/work" --user "$(id -u)" obscurance bake demo/temple.ply -o temple.glb
+FROM python:3.14-slim AS build
+RUN apt-get update && apt-get install --yes --no-install-recommends gcc libc6-dev
 WORKDIR /source
-COPY pyproject.toml README.md LICENSE cli.py ./
+COPY pyproject.toml setup.py README.md LICENSE cli.py ./
 COPY obscurance obscurance
 COPY raytrace raytrace
 COPY ao ao
 COPY scenes scenes
-RUN python -m pip install --no-cache-dir '.[unwrap]'
+RUN python -m pip wheel --no-cache-dir --no-deps --wheel-dir /wheels .
 
+FROM python:3.14-slim
+RUN --mount=type=bind,from=build,source=/wheels,target=/wheels \
+    python -m pip install --no-cache-dir "$(echo /wheels/*.whl)[unwrap,formats]" \
+ && useradd --create-home obscurance
+USER obscurance
 WORKDIR /work
-ENV NUMBA_CACHE_DIR=/opt/kernels
-RUN obscurance demo --output /tmp/demo --quiet \
- && obscurance bake /tmp/demo/temple.ply -o /tmp/w.npy --tolerance 0.05 --quiet \
- && obscurance bake /tmp/demo/temple.ply -o /tmp/w.npy --method surface --samples 16 --quiet \
- && obscurance bake /tmp/demo/temple.ply -o /tmp/w.png --uv unwrap --size 256 --samples 16 --quiet \
- && rm -r /tmp/demo /tmp/w.npy /tmp/w.png \
- && chmod -R a+rX,go-w /opt/kernels
-
 ENTRYPOINT ["obscurance"]
 CMD ["demo", "--output", "demo"]

@@ -1,13 +1,15 @@
 VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
+BUILT  := $(VENV)/.kernels
+SOURCES = $(shell find raytrace ao scenes setup.py -name '*.py' -o -name kernels.txt 2>/dev/null)
 SUITABLE := import sys, ensurepip, venv; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))
 PYTHON ?= $(shell for python in $(BIN)/python python3.14 python3.13 python3.12 python3.11 python3 python; do \
 	$$python -c '$(SUITABLE)' >/dev/null 2>&1 && { echo $$python; break; }; done)
 PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-all lint bench bench-peers peers viewers pictures site clean
+.PHONY: help install kernels wheel demo test test-all lint bench bench-peers peers viewers pictures site clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -17,28 +19,42 @@ $(STAMP): pyproject.toml
 	venv module, got $${python:-none}; set PYTHON=/path/to/python" >&2; exit 1; }
 	@"$(PYTHON)" -c 'import sys; print("Python", sys.version.split()[0], "of", sys.executable, "for $(VENV)")'
 	@[ "$$($(BIN)/python -V 2>&1)" = "$$("$(PYTHON)" -V 2>&1)" ] || clear=--clear; "$(PYTHON)" -m venv $$clear $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,bench,docs]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'setuptools>=77'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --editable '.[test,bench,docs]'
 	$(BIN)/python -m compileall -q raytrace ao scenes cli.py
 	@touch $@
 
-install: $(STAMP) ## create .venv and install the project into it
+$(BUILT): $(STAMP) $(SOURCES)
+	$(BIN)/python setup.py --quiet build_ext --inplace
+	@touch $@
 
-demo: $(STAMP) ## bake a built-in scene; writes demo/ with a mesh and a picture
+install: $(BUILT) ## create .venv, install the project into it and build its kernels
+
+kernels: $(BUILT) ## list anew which kernels the default tests use, the documents' commands among them, and build those
+	rm -f build/loaded.txt
+	-OBSCURANCE_KERNELS=$(CURDIR)/build/loaded.txt $(PYTEST) -m 'not slow'
+	$(BIN)/python -m raytrace.kernel.build record build/loaded.txt
+	$(MAKE) --no-print-directory $(BUILT)
+
+wheel: $(STAMP) ## a wheel with the kernels of every level of processors, in dist/
+	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir dist .
+
+demo: $(BUILT) ## bake a built-in scene; writes demo/ with a mesh and a picture
 	$(BIN)/obscurance demo --output demo
 
-test: $(STAMP) ## lint, types and the default tests
+test: $(BUILT) ## lint, types and the default tests
 	$(BIN)/ruff check .
 	$(BIN)/mypy raytrace ao scenes cli.py
 	$(PYTEST) -m 'not slow'
 
-test-all: $(STAMP) ## every test, the slow ones too
+test-all: $(BUILT) ## every test, the slow ones too
 	$(PYTEST)
 
 lint: $(STAMP) ## format and fix what can be fixed
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-bench: $(STAMP) ## the throughput benchmark; writes benchmarks/results/
+bench: $(BUILT) ## the throughput benchmark; writes benchmarks/results/
 	$(BIN)/python -m benchmarks.speed.throughput
 
 PEERS := .peers/mitsuba .peers/open3d .peers/blender
@@ -56,10 +72,10 @@ peers: ## environments of the other bakers, in .peers/; one that cannot be had i
 viewers: ## glTF's validator and three.js, in .viewers/, for tests of .glb outputs that are skipped without them
 	npm install --no-audit --no-fund --silent --prefix .viewers gltf-validator@2.0.0-dev.3.10 three@0.183.2
 
-bench-peers: $(STAMP) ## bake time against error, ours and the peers'; MESHES=FOLDER adds files, QUICK=1 is for minutes
+bench-peers: $(BUILT) ## bake time against error, ours and the peers'; MESHES=FOLDER adds files, QUICK=1 is for minutes
 	$(BIN)/python -m benchmarks.time_against_error $(if $(QUICK),--quick) $(if $(MESHES),--meshes '$(MESHES)')
 
-pictures: $(STAMP) ## the pictures of docs: gallery, temple, the models' spheres, tutorials and, with Chromium, pages
+pictures: $(BUILT) ## the pictures of docs: gallery, temple, the models' spheres, tutorials and, with Chromium, pages
 	$(BIN)/python -m benchmarks.pictures.gallery
 	$(BIN)/python -m benchmarks.pictures.model_strips
 	$(BIN)/python -m benchmarks.pictures.tutorials
@@ -74,4 +90,4 @@ site: $(STAMP) ## the documentation as a site, in build/site, made without netwo
 	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet -d build/doctrees docs build/site
 
 clean: ## remove the environment and everything made
-	rm -rf $(VENV) demo build *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) demo build dist raytrace/kernel/*.so *.egg-info .pytest_cache .mypy_cache .ruff_cache

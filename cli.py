@@ -17,7 +17,7 @@ from typer.main import get_command
 
 from raytrace.errors import InputError, ObscuranceError, OptionError, OutputError
 from scenes.bake import options as choices
-from scenes.bake.console import columns, compiling, note, output_failed, readable_output, reopen_streams
+from scenes.bake.console import columns, note, output_failed, readable_output, reopen_streams
 from scenes.bake.options import BAKE, MERGE, ROWS, BakeOptions
 from scenes.commands.parameters import EXAMPLES, TableCommand, name_of, parameter, parameters
 from scenes.commands.render import RENDER, RenderOptions, run_render
@@ -134,8 +134,7 @@ def validate(
         note(f"validate: stress tests and random meshes are test suites: {where}")
         raise typer.Exit(2)
     Options(samples=samples, seed=seed, threads=threads)
-    with compiling():
-        results = run_validation(samples=samples, seed=seed, threads=threads)
+    results = run_validation(samples=samples, seed=seed, threads=threads)
     print(validation_table(results))
     raise typer.Exit(0 if all(result.ok for result in results) else 1)
 

@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 
 from raytrace.errors import ConflictError
-from raytrace.kernel.jit import compiling_seconds
-from raytrace.kernel.notice import compiling
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import opacity_bytes
 from raytrace.system.checks import NEGLIGIBLE, check_memory
@@ -32,7 +30,6 @@ class VertexArguments(VertexOptions, Inputs):
 
 
 @with_option_parameters(VertexArguments)
-@compiling()
 def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex of `mesh`.
 
@@ -56,7 +53,7 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
         solid = solid.reversed()
     _check_memory(len(mesh.vertices), [mesh, *others] if high is None else [solid, mesh], options)
 
-    start, compiled = time.perf_counter(), sum(compiling_seconds)
+    start = time.perf_counter()
     checkpoint = options.checkpoint if high is None else None
     prepared = Prepared.of(solid, options, options.progress, checkpoint, others, mesh.radius)
     if high is None and options.method == "vertex":
@@ -76,8 +73,7 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
         if options.thickness:
             between = between._replace(weights=between.weights[:, ::-1])
         baked = replace(baked, interpolation=between)
-    compiled = sum(compiling_seconds) - compiled
-    baked.seconds.update(build=build, bake=time.perf_counter() - start - build - compiled, compile=compiled)
+    baked.seconds.update(build=build, bake=time.perf_counter() - start - build)
     vertices = prepared.placement.vertices
     return replace(baked, shortfalls=shortfalls(options, max(baked.rmses), values.samples, "vertex", solid, vertices))
 

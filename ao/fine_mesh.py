@@ -74,7 +74,7 @@ def _place(prepared: Prepared, projected: SurfacePoints) -> tuple[SurfaceSamples
     """Groups of one sample each along a curve that keeps neighbours together, and which point each of them is."""
     receivers, threads = prepared.receivers, prepared.threads
     surface = SmoothSurface.of(prepared.placement.vertices.astype(np.float64), receivers)
-    order = morton_order(surface.points_at(*projected, threads)[0])
+    order = morton_order(surface.positions_at(*projected, threads))
     count = len(order)
     in_order = PointGroups(np.arange(count + 1), projected.face[order], projected.barycentric[order])
     return SurfaceSamples.place(in_order, np.zeros(count, np.bool_), surface, receivers, threads), order

@@ -18,7 +18,8 @@ if TYPE_CHECKING:  # the help of the command imports nothing heavy
     from .mu import Mu
 
 MAX_SAMPLES = 1 << 20
-DEFAULT_SAMPLES = 256
+DEFAULT_TOLERANCE = 0.005
+DEFAULT_SAMPLES = 256  # where no tolerance can be met: in parts, and without denoising
 _MOST_FOR_TOLERANCE = 1 << 14
 _FITTED = 1 << 20  # rays in all of the surface method: a coarse mesh needs more a vertex than a dense one
 _FITTED_FOR_TOLERANCE = 1 << 26
@@ -48,10 +49,9 @@ class Options:
         'method, a list of them, for `values` of the result by each from the same '
         "rays, which are as long as the farthest needs.")] = None
     samples: Annotated[int | None, Option(bounds=(1, MAX_SAMPLES), help=
-        "Rays per vertex or texel, 256 by default; with --tolerance the most, by default 16384.", python_help=
+        "Rays per vertex or texel, in place of a tolerance; with --tolerance the most, by default 16384.", python_help=
         "At most 2²⁰. By the surface method they are spread over the faces by area, up to 32 from each of many points, "
-        "and without this number there are at least 2²⁰ in all; with a tolerance, the most is 2²⁶ in all if that is "
-        "more.")] = None
+        "and with a tolerance the most is 2²⁶ in all if that is more.")] = None
     seed: Annotated[int, Option(bounds=(0, 2**64 - 1), help="Random seed.", python_help=
         "0 to 2⁶⁴ − 1. The same seed gives the same bits for any number of threads.")] = 0
     threads: Annotated[int | None, Option(bounds=(1, 4096), role="run", bake_kinds=f"{EVERY_BAKE} merge", help=
@@ -61,10 +61,9 @@ class Options:
         "They are the axes of hemispheres.")] = "angle"
     _: KW_ONLY
     tolerance: Annotated[float | None, Option(bounds=(1e-5, 1), bake_kinds="vertices texture batch", help=
-        "Target RMS error of w; ray counts are chosen to meet it.", python_help=
-        "1e-5 to 1; over the vertices or the covered texels, by the surface method of the fitted values. Points to be "
-        "baked are chosen, too; the others are predicted from their neighbours. None: every point gets `samples` rays."
-        )] = None
+        "Target RMS error of w, 0.005 by default; ray counts are chosen to meet it.", python_help=
+        "1e-5 to 1; over the vertices or the covered texels, by the surface method of the fitted values. None where "
+        "`samples` alone is given, and without `denoise`, where each point gets 256 rays.")] = None
     denoise: Annotated[bool, Option(old_name="reconstruct", help=
         "Shrink estimates towards those of neighbours.", python_help=
         "They are leave-one-out predictions, of texels across seams, too. Not by the surface method.")] = True
@@ -109,6 +108,8 @@ class Options:
 
         object.__setattr__(self, "falloff", falloffs_of(self.falloff))
         check_values(self)
+        if self.samples is None and self.tolerance is None and self.denoise:
+            object.__setattr__(self, "tolerance", DEFAULT_TOLERANCE)
         if is_length(self.cage):
             resolve_length("cage", self.cage, 1.0)
         first = self.falloffs[0]

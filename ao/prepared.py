@@ -10,7 +10,6 @@ import numpy as np
 
 from raytrace.embree.scene import TriangleScene
 from raytrace.errors import ConflictError, OptionError
-from raytrace.kernel.notice import compiling
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import PackedOpacity
 from raytrace.mesh.placement import Placement
@@ -87,7 +86,6 @@ class PreparedMesh(Mesh):
         return replace(kept, flags=kept.flags.copy(), embree=embree, tree_seconds=0.0)
 
 
-@compiling()
 def prepare(mesh: Mesh | Any, normals: Normals = "angle") -> PreparedMesh:
     """A mesh that `ao.bake` and `ao.bake_texture` take without placing it or building its hierarchy again.
 

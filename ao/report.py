@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from raytrace.embree import library as embree
+from raytrace.kernel.library import built_by
 from raytrace.types import AnyFloats
 
 from .estimate.calibration import Calibration
@@ -25,8 +26,8 @@ _BINS = 40
 
 def versions() -> dict[str, str]:
     """Versions of everything that can change a result."""
-    packages = {"python": platform.python_version(), "embree": embree.version()}
-    for package in ("obscurance", "embreex", "numba", "numpy", "scipy", "trimesh", "mapbox_earcut"):
+    packages = {"python": platform.python_version(), "embree": embree.version(), "kernels": built_by()}
+    for package in ("obscurance", "embreex", "numpy", "scipy", "trimesh", "mapbox_earcut"):
         try:
             packages[package] = version(package)
         except PackageNotFoundError:

@@ -11,6 +11,7 @@
     │   └── MemoryLimitError          work that does not fit into memory
     ├── OutputError (OSError)         a target that cannot be written: exit status 2
     ├── EmbreeError (RuntimeError)    Embree reported an error, is not version 4, or is missing
+    ├── KernelError (RuntimeError)    kernels are missing that this machine could run
     └── ClusterError (RuntimeError)   a cluster is lost or cannot work
 
 Every message is one line that says where, which field, what was expected and what came; or which options do not go
@@ -170,6 +171,10 @@ class OutputError(ObscuranceError, OSError):
 
 class EmbreeError(ObscuranceError, RuntimeError):
     """Embree failed, and the message is its own; or there is no Embree, and the message says where to get it."""
+
+
+class KernelError(ObscuranceError, RuntimeError):
+    """There is no machine code of a kernel for this machine, and the message says how to build it."""
 
 
 class ClusterError(ObscuranceError, RuntimeError):

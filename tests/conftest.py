@@ -6,7 +6,7 @@ import gc
 import os
 import secrets
 import sys
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import suppress
 from pathlib import Path
 
@@ -47,6 +47,16 @@ def pytest_collection() -> Generator[None, object, object]:
 
 def pytest_unconfigure() -> None:
     gc.unfreeze()
+
+
+@pytest.fixture
+def available_memory(monkeypatch: pytest.MonkeyPatch) -> Callable[[int | Callable[[], int]], None]:
+    """A function: let so many bytes be available, or what a function says."""
+
+    def let(size: int | Callable[[], int]) -> None:
+        monkeypatch.setattr("raytrace.system.checks.available", size if callable(size) else lambda: size)
+
+    return let
 
 
 @pytest.fixture(scope="session")

@@ -60,9 +60,9 @@ def traced_twice(
             return raw
 
         def risk(w: Float64s) -> float:
-            return float(np.mean((w[calibration] - again) ** 2))
+            return float(np.mean((w - again) ** 2))
 
-        denoised, error = denoise_over_scales(neighbours, points, rows, level, risk)
+        denoised, error = denoise_over_scales(neighbours, points, rows, level, calibration, risk)
         after = (denoised[calibration] - again) ** 2
         if float(np.sum(after - before)) >= 0:
             return raw

@@ -8,11 +8,11 @@ Like shrinkage of wavelets with local variances (Mıhçak, Kozintsev, Ramchandra
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
-from raytrace.types import Float32s, Float64s, Int32s
+from raytrace.types import Float32s, Float64s, Int32s, Int64s
 
 from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE
@@ -24,71 +24,113 @@ from .upsampling import coarsened, nearest_baked, upsample
 _LEVELS = 3  # above the points
 _CELL = 4  # points, about
 _FEWEST = 1024  # points of a level that is worth one above it
-_REACH, _REACH_ABOVE = 6, 4  # edges over which squared residuals are averaged, of the points and of cells
-_AMOUNTS = 1.2, 0.8, 0.4, 0.0  # times the expected noise is taken for noise in the residuals of points
+_REACH = 4  # cells over which squared residuals are averaged
+_AMOUNTS = 2.0, 1.2, 0.8, 0.5, 0.25, 0.0  # times the expected noise may be in residuals
+_JUMP = 3.0  # times the noise may be in the mean squared residual of a point and its neighbours
+_AVERAGED = 0.8  # of the squared errors of cells, is left of them in planes fitted to several
 _CANCELLED = 0.1  # length of a mean normal below which it says nothing
-_SHARED = 0.45  # the same of cells, whose values and predictions have most of their rays in common
-Risk = Callable[[Float64s], float]  # a measure of the mean square error of w (k,), by rays that are no part of it
+Risk = Callable[[Float64s], float]  # measures the mean square error of w at the checked points, by rays of its own
 
 
-class _Cells(NamedTuple):
-    """Cells of points, or of cells."""
+class _Level(NamedTuple):
+    """Points, or cells of them."""
 
     neighbours: Neighbours
-    points: Points  # centroids with mean normals
+    points: Points  # of cells: centroids with mean normals
     rows: Float64s  # (c, COLUMNS), means
     weight: Float64s  # (c,) points in each
 
+    def denoised(self) -> tuple[Float64s, Float64s]:
+        """w by one-rings of this level alone, and the mean square error expected, (c,)."""
+        return denoise(self.neighbours, self.points, self.rows, float(np.mean(self.rows[:, BATCH_VARIANCE])))
+
 
 def denoise_over_scales(
-    neighbours: Neighbours, points: Points, rows: Float64s, level: float, risk: Risk
+    neighbours: Neighbours, points: Points, rows: Float64s, level: float, checked: Int64s, risk: Risk
 ) -> tuple[Float64s, Float64s]:
     """w (k,) denoised over all scales, and the mean square error expected of each, (k,).
 
-    Args: level: mean square error of w in `rows` (k, COLUMNS). risk: chooses how much larger cells are trusted.
+    Args: level: mean square error of w in `rows` (k, COLUMNS). checked, risk: choose how much noise there is in
+        residuals, of cells by what they predict for points, then of points.
     """
-    w, variance = denoise(neighbours, points, rows, level)
+    finest = denoise(neighbours, points, rows, level)
     rows = rows.copy()
     rows[:, BATCH_VARIANCE] = distribute_variance(rows[:, BATCH_VARIANCE], level)
-    points_alone = _Cells(neighbours, points, rows, np.ones(len(points)))
-    coarser = _from_above(points_alone, _LEVELS) if level > 0 else None
-    if coarser is None:
-        return w, variance
-    predicted, error = coarser
-    residual = w - predicted
-    squared = np.maximum(neighbours.smooth(residual**2, _REACH), 1e-12)
+    levels, cells = _pyramid(_Level(neighbours, points, rows, np.ones(len(points)))) if level > 0 else ([], [])
+    if not cells:
+        return finest
+    said = [coarse.denoised() for coarse in levels[1:]]
 
-    def share_by(amount: float) -> Float64s:
-        return np.clip(1 - amount * variance / squared, 0.0, 1.0)
+    def shrunk_cells(amount: float) -> tuple[Float64s, Float64s]:
+        estimate = said[-1]
+        for k in range(len(cells) - 1, 0, -1):
+            estimate = _Detail.of(said[k - 1], levels[k], levels[k + 1], cells[k], estimate).shrunk(amount)
+        return estimate
 
-    share = share_by(min(_AMOUNTS, key=lambda amount: risk(predicted + share_by(amount) * residual)))
-    return predicted + share * residual, shrunk_to_mean(error + share * np.maximum(variance - error, 0.0))
+    def risk_of_cells(estimate: tuple[Float64s, Float64s]) -> float:
+        return risk(_predicted(levels[0], levels[1], cells[0], np.column_stack(estimate), checked)[:, 0])
 
-
-def _from_above(fine: _Cells, above: int) -> tuple[Float64s, Float64s] | None:
-    """What cells predict for the points (k,), and the mean square errors expected; None where there are no cells.
-
-    Args: above: how many levels there may be above this one.
-    """
-    if above == 0 or len(fine.points) < _FEWEST:
-        return None
-    coarse, cell = _joined(fine)
-    if 2 * len(coarse.points) > len(fine.points):
-        return None
-    level = float(np.mean(coarse.rows[:, BATCH_VARIANCE]))
-    w, variance = denoise(coarse.neighbours, coarse.points, coarse.rows, level)
-    coarser = _from_above(coarse, above - 1)
-    if coarser is not None:
-        predicted, error = coarser
-        residual = w - predicted
-        squared = np.maximum(coarse.neighbours.smooth(residual**2, _REACH_ABOVE), 1e-12)
-        share = np.clip(1 - _SHARED * variance / squared, 0.0, 1.0)
-        w, variance = predicted + share * residual, error + share * np.maximum(variance - error, 0.0)
-    found = _predicted(fine, coarse, cell, np.column_stack([w, variance]))
-    return found[:, 0], np.maximum(found[:, 1], 0.0)
+    estimate = min(map(shrunk_cells, _AMOUNTS if len(cells) > 1 else _AMOUNTS[:1]), key=risk_of_cells)
+    detail = _Detail.of(finest, levels[0], levels[1], cells[0], estimate).with_jumps(neighbours)
+    at_checked = _Detail(*(values[checked] for values in detail))
+    w, error = detail.shrunk(min(_AMOUNTS, key=lambda amount: risk(at_checked.shrunk(amount)[0])))
+    return w, shrunk_to_mean(error)
 
 
-def _joined(fine: _Cells) -> tuple[_Cells, Int32s]:
+class _Detail(NamedTuple):
+    """What a level says beyond the prediction of the level above; all (k,)."""
+
+    predicted: Float64s
+    predicted_error: Float64s  # squared, expected
+    residual: Float64s  # from the prediction
+    squared: Float64s  # mean square of the residuals around
+    noise: Float64s  # mean square error around that is expected of what the level says
+
+    def with_jumps(self, neighbours: Neighbours) -> Self:
+        """Where a point and its neighbours together are far beyond their noise, no wider surroundings count."""
+        nearby = neighbours.smooth(self.residual**2, 1)
+        return self._replace(squared=np.maximum(self.squared, nearby - _JUMP * self.noise))
+
+    @classmethod
+    def of(
+        cls,
+        said: tuple[Float64s, Float64s],
+        fine: _Level,
+        coarse: _Level,
+        cell: Int32s,
+        above: tuple[Float64s, Float64s],
+    ) -> Self:
+        """Args: said, above: w and its squared error expected, of the `fine` and the `coarse` level."""
+        predicted = _predicted(fine, coarse, cell, np.column_stack(above))
+        residual = said[0] - predicted[:, 0]
+        size = np.bincount(cell)
+
+        def around(values: Float64s) -> Float64s:
+            return coarse.neighbours.smooth(np.bincount(cell, values) / size, _REACH)[cell]
+
+        squared = np.maximum(around(residual**2), 1e-12)
+        return cls(predicted[:, 0], _AVERAGED * np.maximum(predicted[:, 1], 0.0), residual, squared, around(said[1]))
+
+    def shrunk(self, amount: float) -> tuple[Float64s, Float64s]:
+        """w and its squared error expected, if `amount` times the noise is what residuals have of it."""
+        share = np.clip(1 - amount * self.noise / self.squared, 0.0, 1.0)
+        error = self.predicted_error + share * np.maximum(self.noise - self.predicted_error, 0.0)
+        return self.predicted + share * self.residual, error
+
+
+def _pyramid(points: _Level) -> tuple[list[_Level], list[Int32s]]:
+    """The points, cells of them, cells of these, …; and the cell of each of a level's points, of all but the last."""
+    levels, cells = [points], list[Int32s]()
+    while len(cells) < _LEVELS and len(levels[-1].points) >= _FEWEST:
+        coarse, cell = _joined(levels[-1])
+        if 2 * len(coarse.points) > len(cell):
+            break
+        levels.append(coarse)
+        cells.append(cell)
+    return levels, cells
+
+
+def _joined(fine: _Level) -> tuple[_Level, Int32s]:
     """Cells of about four, each of the points nearest along edges to one of them, and the cell (k,) of each point."""
     every = np.arange(len(fine.points))
     nearest = nearest_baked(fine.neighbours, every % _CELL == 0)
@@ -109,11 +151,11 @@ def _joined(fine: _Cells) -> tuple[_Cells, Int32s]:
     points = Points(origins, normals.astype(np.float32), fine.points.numbers[centres])
     alike = np.ones(len(graph.indices), np.float32)
     around = Neighbours.weighted(graph.starts, graph.indices, alike, points.normals, graph.threads)
-    return _Cells(around, points, rows, count), cell
+    return _Level(around, points, rows, count), cell
 
 
-def _predicted(fine: _Cells, coarse: _Cells, cell: Int32s, values: Float64s) -> Float64s:
-    """`values` (c, 2) of the cells, w and its squared error, at the points (k, 2)."""
+def _predicted(fine: _Level, coarse: _Level, cell: Int32s, values: Float64s, wanted: Int64s | None = None) -> Float64s:
+    """`values` (c, 2) of the cells, w and its squared error, at the points (k, 2), or at those `wanted` (j, 2)."""
     count, cells = len(fine.points), np.arange(len(coarse.points))
     both = Points(
         np.concatenate([fine.points.origins, coarse.points.origins]),
@@ -121,4 +163,4 @@ def _predicted(fine: _Cells, coarse: _Cells, cell: Int32s, values: Float64s) -> 
         np.concatenate([fine.points.numbers, coarse.points.numbers]),
     )
     of = np.concatenate([cell, cells]).astype(np.int32)
-    return upsample(both, np.arange(count), coarse.neighbours, count + cells, of, values)
+    return upsample(both, np.arange(count) if wanted is None else wanted, coarse.neighbours, count + cells, of, values)

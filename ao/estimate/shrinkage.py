@@ -92,6 +92,7 @@ def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float
     leaning, excess = means((at.leaning, 0.0), (at.excess, 1.0))
     means((neighbours.smooth(excess, 1), 0.0), then=lambda rough: bind(_weigh, leaning, rough, at))
     coefficients, size = _ridge_regression(at.unlike, at.residual, at.weight)
+    del closed, excess  # moments take the most memory
     moments = aligned((count, WIDE), np.float32)
     neighbours.each(bind(_normal_equations, coefficients, size, at, moments))
     for _ in range(_FIT_REACH - 1):

@@ -24,9 +24,10 @@ from .one_ring import Neighbours
 from .sampling_error import RATE, TYPICAL, derive, sampling_variance, stratified_rows, variance_factor
 from .scales import denoise_over_scales
 
-_MET = 1.08  # times the goal is near enough
-_FIRST = 0.064  # rays at first, times the tolerance
-_BATCH = 8  # rays are added in multiples of these
+_AIM = 0.92  # times the goal is aimed at: a few rays more, later, are worth little
+_FARTHEST = 20.0  # times that the squared error may have to fall for the rays to be foreseen; else some come before
+_FIRST, _FEWEST = 0.048, 8  # rays at first, times the tolerance, and at least: with fewer, single jumps stay unseen
+_BATCH = 4  # rays are added in multiples of these
 _ROUNDS = 8  # of adding rays, at most
 _FEW_POINTS, _PLENTY = 1 << 15, 0.64  # all points have so many rays together at first, but a point so many / tolerance
 _SHARED = 0.2  # variance of a neighbours' mean, relative to one neighbour's
@@ -36,7 +37,7 @@ _FALL = 1.08  # the mean square error of denoised values falls as n^−1.08 with
 _WORK = 0.6  # the time that n rays of a point take grows as n^.6, for they share their walk
 _STEPS = np.array([0, 1, *(k << power for power in range(16) for k in (2, 3))])  # batches that a round may add
 _SAMPLED = 1 << 14  # points by which rays are planned
-_PROBED, _FEWEST_PROBES, _MOST_PROBES = 16, 128, 1024  # one point in how many is probed, at least and at most
+_PROBED, _FEWEST_PROBES, _MOST_PROBES = 16, 96, 1024  # one point in how many is probed, at least and at most
 _SCATTER = 5.0  # variance of a squared error that two estimates with as large an error measure, relative to its square
 _PRIOR = 64  # probes that what is expected of their noise is worth
 
@@ -101,12 +102,14 @@ def estimate_to(
             ]
             means = [float(np.mean(each.variance)) for each in found]
             column = int(np.argmax(means))
-            if means[column] <= _MET * goal or (rays >= max_samples).all():
+            if means[column] <= goal or (rays >= max_samples).all():
                 break
             relative = [each.variance / max(mean, 1e-30) for each, mean in zip(found, means, strict=True)]
             raw = gathered[column][:, W]
-            fall = _fall(neighbours, raw, probes.level(raw, worth, column), means[column], goal)
-            more = _rays_to_add(means[column] * np.max(relative, axis=0), worth, max_samples, goal, fall)
+            beyond = means[column] / goal
+            aim = goal * (_AIM if beyond < _FARTHEST else beyond ** (2 / 3))
+            fall = _fall(neighbours, raw, probes.level(raw, worth, column), means[column], aim)
+            more = _rays_to_add(means[column] * np.max(relative, axis=0), worth, max_samples, aim, fall)
             more = np.minimum(more, max_samples - rays)
         tracer.planned = found
     return tracer.planned[tracer.column]
@@ -115,7 +118,7 @@ def estimate_to(
 def _first_rays(tolerance: float, count: int) -> int:
     """Rays at first: few, more where there are few points, of which some have to tell how many more are needed."""
     few = min(_FEW_POINTS / count, _PLENTY / tolerance)
-    return _BATCH * max(round(max(_FIRST / tolerance, few) / _BATCH), 1)
+    return _BATCH * max(round(max(_FIRST / tolerance, _FEWEST, few) / _BATCH), 1)
 
 
 def _fall(neighbours: Neighbours, raw: Float64s, level: float, error: float, goal: float) -> float:
@@ -151,9 +154,12 @@ def _add_rays(
 
         for rows, new in zip(gathered, tracer.each_column(added), strict=True):
             before = rows[which]
-            mixed = kept * before + (1 - kept) * new
-            mixed[:, BATCH_VARIANCE] = (kept**2 * before + (1 - kept) ** 2 * new)[:, BATCH_VARIANCE]
-            rows[which] = mixed
+            spread = kept[:, 0] ** 2 * before[:, BATCH_VARIANCE] + (1 - kept[:, 0]) ** 2 * new[:, BATCH_VARIANCE]
+            before -= new
+            before *= kept
+            before += new
+            before[:, BATCH_VARIANCE] = spread
+            rows[which] = before
 
 
 def _estimated(
@@ -172,8 +178,8 @@ def _estimated(
     def risk(w: Float64s) -> float:
         return float(np.mean(probes.squared(w, column)))
 
-    w, error = denoise_over_scales(neighbours, points, rows, level, risk)
-    measured = probes.squared(w, column)
+    w, error = denoise_over_scales(neighbours, points, rows, level, probes.rows, risk)
+    measured = probes.squared(w[probes.rows], column)
     error = error * calibration_factor(error[probes.rows], measured, error)
     calibration = Calibration(error[probes.rows], measured)
     values = np.column_stack([w, rows[:, BENT:]])
@@ -227,12 +233,9 @@ class _Probes:
         return float(np.sqrt(_SCATTER / len(self.rows)))
 
     def squared(self, w: Float64s, column: int) -> Float64s:
-        """Unbiased squared errors (j,) at the probes of `w` (k,) of all points, as the estimates are independent."""
-        return self._products(w, self._elsewhere[column])
-
-    def _products(self, w: Float64s, estimates: tuple[Float64s, Float64s]) -> Float64s:
-        probed = w[self.rows]
-        return (probed - estimates[0]) * (probed - estimates[1])
+        """Unbiased squared errors (j,) of `w` (j,) at the probes, as the estimates are independent."""
+        first, second = self._elsewhere[column]
+        return (w - first) * (w - second)
 
     def level(self, raw: Float64s, worth: Float64s, column: int) -> float:
         """Mean square error of values `raw` (k,) by rays alone, `worth` (k,) of them: as measured, and, where there are
@@ -240,5 +243,5 @@ class _Probes:
         first, second = self._here[column]
         own = sampling_variance(first, second, self._samples)
         expected = own * float(np.mean((self._samples / worth) ** RATE))
-        measured = max(float(np.sum(self._products(raw, (first, second)))), 0.0)
+        measured = max(float(np.sum((raw[self.rows] - first) * (raw[self.rows] - second))), 0.0)
         return (measured + _PRIOR * expected) / (len(self.rows) + _PRIOR)

@@ -187,7 +187,7 @@ def _weigh_plane_fit(n, spread, samples):
     for k in range(len(samples)):
         x, y, z = samples[k, 0], samples[k, 1], samples[k, 2]
         u, v = (x * tx + y * ty + z * tz) / np.sqrt(spread), (x * bx + y * by + z * bz) / np.sqrt(spread)
-        w = samples[k, 3] / (0.1 + (x * x + y * y + z * z) / spread) ** 2
+        w = samples[k, 3] / (1.0 + (x * x + y * y + z * z) / spread)
         samples[k, 0], samples[k, 1], samples[k, 3] = u, v, w
         s0 += w
         su += w * u

@@ -7,13 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any, Protocol, Self
 
-import llvmlite.binding
 import numpy as np
 import numpy.typing as npt
 
 from raytrace.embree import library as embree
-from raytrace.kernel.cache import numba_settings
 from raytrace.kernel.identity import results_identity
+from raytrace.kernel.library import built_by, cpu_features
+from raytrace.system.processor import model
 from raytrace.system.threads import granted, run_blocks, shares
 
 Tables = tuple[npt.NDArray[Any], ...]
@@ -90,16 +90,15 @@ def machine() -> dict[str, str]:
 
     The C library counts for its sines, and NumPy and Embree choose instructions by what the processor has.
     """
-    features = llvmlite.binding.get_host_cpu_features().flatten()
+    features = " ".join(sorted(cpu_features()))
     return {
         "code": results_identity(),
         "Embree": embree.version(),
         "NumPy": np.__version__,
-        "llvmlite": llvmlite.__version__,
+        "kernels": built_by(),
         "C library": " ".join(platform.libc_ver()) or platform.system(),
-        "processor": llvmlite.binding.get_host_cpu_name(),
+        "processor": model(),
         "instructions": hashlib.sha256(features.encode()).hexdigest()[:8],
-        "Numba's settings": numba_settings() or "none",
     }
 
 

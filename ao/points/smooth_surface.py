@@ -8,7 +8,7 @@ import numpy as np
 
 from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import bind, inline, kernel
-from raytrace.kernel.vector import dot, load, scale, store
+from raytrace.kernel.vector import add, dot, load, load_triangle, scale, store
 from raytrace.mesh.normals import face_normals
 from raytrace.ray_origins.surface import Surface
 from raytrace.system.threads import run_blocks
@@ -57,6 +57,13 @@ class SmoothSurface:
         normals = face_normals(vertices, receivers.faces)[0]
         return cls(axes.astype(np.float64), Surface.of(vertices, receivers.faces, normals))
 
+    def positions_at(self, face: AnyInts, barycentric: Float32s, threads: int) -> Float32s:
+        """Positions (k, 3) of points on faces (k,)."""
+        positions = np.empty((len(face), 3), np.float32)
+        work = bind(_interpolate, face, barycentric, self.surface.vertices, self.surface.faces, positions)
+        run_blocks(len(face), _BLOCK, work, threads, most=_SHARE)
+        return positions
+
     def points_at(self, face: AnyInts, barycentric: Float32s, threads: int) -> tuple[Float64s, Float64s, Float64s]:
         """Positions (k, 3) of points on faces (k,), their faces' normals on the hemispheres' side, and the axes of
         the hemispheres: the interpolated normals, or the faces' own where these are far from them."""
@@ -64,6 +71,14 @@ class SmoothSurface:
         work = bind(_locate, face, barycentric, self.surface, self.axes, (positions, normals, axes))
         run_blocks(len(face), _BLOCK, work, threads, most=_SHARE)
         return positions, normals, axes
+
+
+@kernel
+def _interpolate(face, barycentric, vertices, faces, positions, first, last):
+    for i in range(first, last):
+        a, b, c = load_triangle(vertices, faces, face[i])
+        u, v, w = load(barycentric, i)
+        store(positions, i, add(add(scale(u, a), scale(v, b)), scale(w, c)))
 
 
 @inline

@@ -8,8 +8,6 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from raytrace.errors import OptionError
-from raytrace.kernel.jit import compiling_seconds
-from raytrace.kernel.notice import compiling
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import opacity_bytes
 from raytrace.system.checks import check_memory
@@ -53,7 +51,6 @@ class TextureArguments(TextureOptions, _Layout):
 
 
 @with_option_parameters(TextureArguments)
-@compiling()
 def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     """Obscurance w, as `ao.bake` has it, of every texel that shows a part of `mesh`: the mean over that part.
 
@@ -72,7 +69,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     scene = _scene(mesh_of(mesh, "bake_texture"), options)
     _check_memory(scene, size, options)
 
-    start, compiled = time.perf_counter(), sum(compiling_seconds)
+    start = time.perf_counter()
     prepared = Prepared.of(scene.solid, options, options.progress, None, scene.occluders, scene.mesh.radius)
     surface = _surface(scene, prepared, size, options.wrap)
     sampler = TexelSampler(Page.of(surface.layout, surface.areas), surface, prepared, options, scene.cage)
@@ -113,7 +110,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
             seam_jump_before=pages.jump_before,
         ),
         uv=scene.uv,
-        seconds=_seconds(start, sum(compiling_seconds) - compiled, prepared),
+        seconds=_seconds(start, prepared),
         mu=prepared.mu,
         mesh=scene.mesh,
         calibration=estimates[0].calibration,
@@ -187,7 +184,7 @@ def _frames(space: BentSpace, surface: UVSurface, texels: Texels) -> Float64s | 
     return frames
 
 
-def _seconds(start: float, compiled: float, prepared: Prepared) -> dict[str, float]:
+def _seconds(start: float, prepared: Prepared) -> dict[str, float]:
     """How long a bake took that began at `start`, by stages."""
     build = prepared.receivers.tree_seconds
-    return {"build": build, "bake": time.perf_counter() - start - build - compiled, "compile": compiled}
+    return {"build": build, "bake": time.perf_counter() - start - build}

@@ -16,7 +16,7 @@ from .clipping import CORNERS, area_of_fan, clip_to_texel, point_in_fan
 from .raster import EDGE, INSIDE, POINTS, SLOTS, least_edge, set_up_edges, store_barycentric
 
 MOST = 64  # samples of a texel; of more triangles over one another, as many have one, evenly spaced
-NOT_SOUGHT, AREA, LAYERS, TOP = -1, 0, 1, 2  # spread over area, over all triangles at points, the topmost there
+NOT_SOUGHT, AREA, LAYERS = -1, 0, 1  # samples are spread over area, or over all triangles at points
 _MORE = 16  # samples of a texel with several triangles, or with much surface
 _CROWDED, _FULL = 8.0, 32.0  # texels of an even layout that would show as much, from which it has more, and most
 _LEAST, _OF_TRIANGLE = 1e-9, 1e-6  # area, in texels, or part of the triangle's, that is any at all
@@ -27,7 +27,7 @@ class PartialTexels(NamedTuple):
     """Texels whose samples are sought, h."""
 
     texels: Int64s  # (h,), row · width + column
-    how: Int64s  # (h,), AREA, LAYERS or TOP
+    how: Int64s  # (h,), AREA or LAYERS
     points: Float64s  # (h, POINTS, 2) or (1, POINTS, 2), in the texel
     offsets: Float64s  # (h, 2) or (1, 2), from 0 to 1, where the first sample lies in its part of the area
 
@@ -50,7 +50,7 @@ def find_partial(marks, crowding, layered, how):
         sought = hits < SLOTS or crowded or (overlapping and layered)
         how[i] = NOT_SOUGHT
         if sought and marks.reaching[i] > 0:
-            how[i] = AREA if crowded or not overlapping else LAYERS if layered else TOP
+            how[i] = LAYERS if layered and overlapping and not crowded else AREA
         for k in range(POINTS):
             if hits < SLOTS or (overlapping and k == SLOTS):
                 marks.triangle[i, k] = -1
@@ -78,8 +78,6 @@ def sample_partial(triangles, width, layered, partial, lists, out):
         found = triangle[i], barycentric[i]
         if partial.how[i] == LAYERS:
             counts[i] = _sample_layers(corners, listed, texel, partial.texels[i], points, edges, found)
-        elif partial.how[i] == TOP:
-            counts[i] = _sample_top(corners, listed, texel, points, edges, found)
         else:
             offset = partial.offsets[i if len(partial.offsets) > 1 else 0]
             counts[i] = _sample_area(corners, crowding, listed, texel, offset, (clipped, edges), found)
@@ -175,26 +173,6 @@ def _has_sample(layer, k, texel, deepest):
     if deepest <= 2:
         return (layer + texel) % 2 == k // 2
     return deepest <= _FEW or (layer + texel) % SLOTS == k
-
-
-@inline
-def _sample_top(corners, listed, texel, points, edges, out):
-    """Samples on the first triangle at each of a texel's points, in turn where some have none; how many there are."""
-    hits = 0
-    for k in range(SLOTS):
-        x, y = texel[0] + points[k, 0], texel[1] + points[k, 1]
-        for t in listed:
-            set_up_edges(corners[t], edges)
-            if least_edge(edges, x, y) >= 0.0:
-                out[0][hits] = t
-                store_barycentric(edges, x, y, out[1][hits])
-                hits += 1
-                break
-    for k in range(hits, SLOTS):
-        out[0][k] = out[0][k % hits]
-        for corner in range(3):
-            out[1][k, corner] = out[1][k % hits, corner]
-    return SLOTS
 
 
 @inline

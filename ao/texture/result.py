@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.vector import dot, load, store
 from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.normals import normalize, normalized
+from raytrace.mesh.normals import normalized
 from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float32s, Float64s
 
@@ -21,9 +21,11 @@ from ..estimate.calibration import Calibration
 from ..estimate.tolerance import Estimate
 from ..mu import Mu
 from ..result import Columns
-from .seams import Seams
 from .texels import Texels
 from .uv_layout import UVLayout
+
+if TYPE_CHECKING:
+    from .seams import Seams
 
 _BLOCK, _SHARE = 1 << 12, 16  # texels, and blocks at once
 _ROWS = 1 << 4  # of the page
@@ -121,9 +123,10 @@ class PageAssembly:
         run_blocks(len(self.texels), _BLOCK, spread, self.threads, most=_SHARE)
         w, known, before = self._closed(w, covered)
         page = fill_holes(w.astype(np.float32)[:, :, None], known, self.threads)[:, :, 0].clip(0.0, 1.0)
-        jump = self.seams.jump(page.ravel().astype(np.float64))
-        whole = normalize(fill_holes(bent, covered, self.threads).astype(np.float64)).astype(np.float32)
-        return Pages(page, error, whole, covered, jump, before)
+        jump = self.seams.jump(page.ravel())
+        bent = fill_holes(bent, covered, self.threads)
+        run_blocks(w.size, _BLOCK, bind(_normalize, bent.reshape(-1, 3)), self.threads, most=_SHARE)
+        return Pages(page, error, bent, covered, jump, before)
 
     def _closed(self, w: Float64s, covered: Bools) -> tuple[Float64s, Bools, float]:
         """The page with closed seams, if they are to be; which of its texels are known; the largest jump before."""
@@ -156,6 +159,13 @@ def _spread(texels, values, frames, pages, first, last):
                 dot(load(frame, 0), direction), dot(load(frame, 1), direction), dot(load(frame, 2), direction)
             )  # fmt: skip
         store(bent, to, direction)
+
+
+@kernel
+def _normalize(vectors, first, last):
+    """Make vectors unit ones in place."""
+    for i in range(first, last):
+        store(vectors, i, normalized(load(vectors, i)))
 
 
 @kernel

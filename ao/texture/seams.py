@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 
-from raytrace.types import Bools, Float64s, Int64s
+from raytrace.types import AnyFloats, Bools, Float64s, Int64s
 
 from ..least_squares.conjugate_gradients import solve_within
 from ..least_squares.dual_newton import least_change
@@ -42,9 +42,9 @@ class Lookups:
         weights = np.stack([(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y], axis=-1)
         return cls((rows[..., None] * size[0] + columns[..., None, :]).reshape(weights.shape), weights)
 
-    def values(self, page: Float64s) -> Float64s:
+    def values(self, page: AnyFloats) -> Float64s:
         """What the lookups see in a flat `page`."""
-        return np.einsum("...t,...t->...", page[self.texels], self.weights)
+        return np.asarray(np.einsum("...t,...t->...", page[self.texels], self.weights))
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ class Seams:
         usable = known[self.sides.texels].all(axis=(1, 2))
         return replace(self, sides=Lookups(self.sides.texels[usable], self.sides.weights[usable]))
 
-    def jump(self, page: Float64s) -> float:
+    def jump(self, page: AnyFloats) -> float:
         """The largest difference between the two sides of a flat `page`."""
         left, right = self.sides.values(page).T
         return float(np.abs(left - right).max(initial=0.0))

@@ -62,7 +62,7 @@ class TexelSampler:
         threads = self.prepared.threads
         alone = self._alone(coverage)
         one = coverage.samples(np.arange(len(alone)), alone, threads, most=1)
-        order = morton_order(self.surface.smooth.points_at(one.face, one.barycentric, threads)[0])
+        order = morton_order(self.surface.smooth.positions_at(one.face, one.barycentric, threads))
         samples, missed = self._place(coverage, order, alone)
         inside = self._inside(samples)
         if inside.any() and not inside.all():  # all: a room whose walls face outwards, for instance

@@ -1,8 +1,10 @@
 """The mesh that a texture shows, in the render space of what is baked, itself or a finer mesh."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -14,8 +16,10 @@ from raytrace.types import Float64s, Int64s
 from ..points.receivers import Receivers, find_receivers
 from ..points.smooth_surface import SmoothSurface
 from ..prepared import Prepared
-from .seams import Seams
 from .uv_layout import UVLayout, on_page
+
+if TYPE_CHECKING:
+    from .seams import Seams
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +58,8 @@ class UVSurface:
 
     @cached_property
     def seams(self) -> Seams:
+        from .seams import Seams  # whose sparse matrices load for a fifth of a second
+
         size = self.layout.width, self.layout.height
         return Seams.find(self.layout.uv, self.face_points, size, self.layout.wraps)
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import platform
 import time
 
-import numba
 import numpy as np
 
 from benchmarks import RESULTS
@@ -28,6 +27,7 @@ from raytrace import (
     Ward,
 )
 from raytrace.brdf.dispatch import reflect_rows
+from raytrace.kernel.library import built_by
 from raytrace.system.atomic import write_json
 
 COUNT, RUNS = 1_000_000, 9
@@ -79,7 +79,7 @@ def main() -> None:
         print(f"{name:20} {rates[name]['median']:6.1f} M/s median  {rates[name]['best']:6.1f} M/s best")
     RESULT.parent.mkdir(exist_ok=True)
     machine = {"cpu": platform.processor() or platform.machine(), "python": platform.python_version()}
-    versions = {"numba": numba.__version__, "numpy": np.__version__}
+    versions = {"kernels": built_by(), "numpy": np.__version__}
     write_json(RESULT, {**machine, **versions, "evaluations": COUNT, "rates": rates})
 
 

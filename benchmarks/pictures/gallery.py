@@ -1,7 +1,7 @@
 """The pictures of docs/gallery, and docs/temple.png: `python -m benchmarks.pictures.gallery`, part of `make pictures`.
 
 Every built-in scene is written and rendered by the commands that docs/gallery.md shows, which is written too; the
-temple is what `obscurance demo` makes. `tests/project/test_docs_pictures.py` says when they are out of date.
+temple is what `obscurance demo` makes. `tests/project/documents/test_docs_pictures.py` says when they are out of date.
 """
 
 from __future__ import annotations

@@ -68,8 +68,9 @@ def main() -> None:
         for way, options in WAYS.items():
             files.append(Path(name) / f"{way}.glb")
             size = "1024" if way == "packed" else "256"
-            given = BakeOptions(mesh=[], occlusion="texture", size=size, falloff="binary", **options)
-            for summary in run(plan_bake(given, source, files[-1])):
+            names = {"mesh": [source], "output": files[-1]}
+            given = BakeOptions(**names, occlusion="texture", size=size, falloff="binary", **options)
+            for summary in run(plan_bake(given)):
                 print(summary.text)
         camera = framing(scenes.load(source).mesh, None, *SIZE, "-0.1,0.3,1")
         pictures = [shown([file], camera, SIZE, ambient=0.9, background=(0.2, 0.25, 0.3))[0] for file in files]

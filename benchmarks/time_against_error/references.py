@@ -9,17 +9,15 @@ faster ones do not. Such vertices are found by moving the ray origins by less th
 from __future__ import annotations
 
 import hashlib
-import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from ao.mu import Mu
 from ao.points.receivers import find_receivers
-from raytrace.kernel.cache import cache_folder
+from benchmarks import ROOT
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import ULP, Placement
 from raytrace.system.atomic import atomic_write
@@ -36,9 +34,8 @@ def cached_reference(task: Task, mus: Sequence[Mu], rays: int, vertices: int) ->
 
     The key covers the points, normals and ray origins, so a change of what is baked makes another reference.
     """
-    kernels = cache_folder()
-    folder = (kernels.parent if kernels else Path(tempfile.gettempdir())) / "references"
-    folder.mkdir(exist_ok=True)
+    folder = ROOT / "build" / "references"
+    folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{_key(task, mus, rays, vertices)}.npz"
     if path.exists():
         with np.load(path) as arrays:

@@ -9,6 +9,7 @@ from zlib import crc32
 
 from ..errors import OptionError
 from ..kernel.jit import inline
+from ..kernel.library import compare_sources
 from .material import Material
 
 M = TypeVar("M", bound=type[Material])
@@ -36,6 +37,8 @@ def reflection_model(terms: Any, terms_in_lanes: Any = None) -> Callable[[M], M]
         material.terms = terms
         material.terms_in_lanes = terms_in_lanes
         _MODELS[name] = material
+        if not material.__module__.startswith(f"{__package__}."):
+            compare_sources()  # kernels with this model are compiled by Numba
         return material
 
     return register

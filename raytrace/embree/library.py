@@ -1,8 +1,8 @@
 """Embree's C library: its functions, its one device, its errors.
 
 The only importer of embreex. Its extension module is linked to the Embree it ships, so opening that module with
-ctypes resolves Embree's whole C API without guessing where a wheel keeps the library. The addresses are handed to
-LLVM by name, which keeps compiled kernels valid in the next process.
+ctypes resolves Embree's whole C API without guessing where a wheel keeps the library. Kernels get
+the addresses by name.
 """
 
 import ctypes
@@ -10,9 +10,8 @@ import sys
 from functools import cache
 from typing import Any
 
-import llvmlite.binding
-
 from ..errors import EmbreeError
+from ..kernel.library import provide
 
 try:
     import embreex.rtcore_scene
@@ -54,8 +53,7 @@ def _open_library() -> ctypes.CDLL:
             function = getattr(library, name)
             function.restype, function.argtypes = result, arguments
         for name in _QUERIES:
-            address = ctypes.cast(getattr(library, name), _Pointer).value
-            llvmlite.binding.add_symbol(name, address)
+            provide(name, ctypes.cast(getattr(library, name), _Pointer).value or 0)
     except AttributeError as missing:
         raise EmbreeError(f"embreex: Embree library: expected version 4 with all of its C API, got {missing}") from None
     return library

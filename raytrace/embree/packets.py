@@ -11,7 +11,7 @@ from ..kernel.arrays import aligned
 from ..kernel.jit import external, inline
 from ..kernel.simd import rows_at
 from ..types import Float32s, Int32s, Int64s
-from . import library as library  # LLVM knows Embree's functions from then on
+from . import library as library  # kernels can call Embree's functions from then on
 
 LANES = 8
 ORG_X, ORG_Y, ORG_Z, TNEAR, DIR_X, DIR_Y, DIR_Z, TIME, TFAR, MASK, ID, FLAGS = range(12)
@@ -26,8 +26,8 @@ FILTER_PATH = 2, 1  # from what Embree gives a filter to the words of its `Kerne
 
 def _queries(lanes):
     """The queries of packets of so many lanes; of int32 lanes `valid`, aligned, −1 are traced and 0 not."""
-    closest_hits = external(f"rtcIntersect{lanes}", 4)
-    any_hits = external(f"rtcOccluded{lanes}", 4)
+    closest_hits = external(f"rtcIntersect{lanes}")
+    any_hits = external(f"rtcOccluded{lanes}")
     arguments_at = ARGUMENTS * lanes * 4
 
     @inline

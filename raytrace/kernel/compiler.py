@@ -1,17 +1,21 @@
-"""Kernels to object files, by Numba: imported when one is compiled and never otherwise.
+"""Kernels to object files, by Numba: imported where kernels are compiled and never otherwise.
 
 Numba's own dispatchers make for each function, inlined or not, machine code and two wrappers with Python's types. Here
-a kernel and all that it calls become one object file with one entry, which takes the addresses of NumPy's arrays.
+a kernel and all that it calls become one object file with one entry, which takes the addresses of NumPy's arrays. It is
+position-independent, for a level of processors rather than for this one, and calls C functions by pointers.
 """
 
 import ctypes
 import gc
 import inspect
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from itertools import count
 from typing import Any
 
+import llvmlite.binding as llvm
 import numba
 from llvmlite import ir
 from numba.core import cgutils
@@ -19,22 +23,15 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher, cpu_target
 from numba.core.runtime import rtsys
-from numba.np.arrayobj import make_array, populate_array
 
 from . import lanes as lanes  # Numba knows the type and its operators from then on
 from .jit import types
+from .library import ABOUT, ARM, BUILT, POINTER, levels
+from .words import load_argument, store_results, type_of_value
 
-if numba.config.DISABLE_JIT:
-    from ..errors import OptionError
-
-    raise OptionError("NUMBA_DISABLE_JIT", "0 or nothing: kernels run as machine code alone", 1, "environment")
 _WORD = ir.IntType(64)
 _BYTE = ir.IntType(8)
 _POINTER = _BYTE.as_pointer()
-_HEAD = object.__basicsize__ // 8  # words before an array's own: data, number of axes, lengths, strides
-_DATA = _HEAD
-_SHAPE = _HEAD + 2
-_STRIDES = _HEAD + 3
 _INFO = 48  # bytes before Numba's arrays: count of references, destructor, its argument, data, size, allocator
 _OF_NUMBA = ("NRT_", "numba_", "Py", "_Py")  # functions that a process without Numba has not
 _context = cpu_target.target_context
@@ -74,11 +71,6 @@ def type_of(function: Callable[..., Any], inlined: bool) -> Any:
     return types.Dispatcher(_kept[-1])
 
 
-def external(name: str, count: int) -> Any:
-    """Numba's type of a C function that takes `count` addresses and returns nothing."""
-    return types.ExternalFunction(name, types.void(*(types.uintp,) * count))
-
-
 def intrinsic(signature: Callable[..., Any], emit: Callable[..., Any]) -> Any:
     """Numba's type of a function that writes LLVM's code, as `raytrace.kernel.jit.intrinsic` has it."""
 
@@ -106,34 +98,53 @@ def _compiling() -> Iterator[None]:
     with global_compiler_lock:
         rtsys.initialize(_context)
         codegen = _context.codegen()
-        kept = codegen._engine, codegen._library_class
-        codegen._engine, codegen._library_class = Idle(), _Library
+        kept = codegen._engine, codegen._library_class, codegen._tm
+        codegen._engine, codegen._library_class, codegen._tm = Idle(), _Library, machine_of(levels()[0])
         collecting = gc.isenabled()
         gc.disable()
         try:
             yield
         finally:
-            codegen._engine, codegen._library_class = kept
+            codegen._engine, codegen._library_class, codegen._tm = kept
             if collecting:
                 gc.enable()
 
 
-def kernel_code(name: str, function: Callable[..., Any], arguments: tuple[Any, ...], path: tuple[int, ...]) -> bytes:
-    """The formats of its results, as `struct` has them, a tuple's in brackets; a newline; an object file.
+@cache
+def machine_of(level: str) -> llvm.TargetMachine:
+    """LLVM's machine for processors of a level."""
+    of_arm = "apple-m1" if sys.platform == "darwin" else "generic"
+    target = llvm.Target.from_triple(llvm.get_process_triple())
+    machine = target.create_target_machine(
+        cpu=of_arm if level == ARM else level, opt=numba.config.OPT, reloc="pic", codemodel="default"
+    )
+    return machine
 
-    Its function `name` takes the address of one word for each number and array of the arguments, tuples being taken
+
+def object_files(
+    symbol: str,
+    function: Callable[..., Any],
+    identity: str,
+    arguments: tuple[Any, ...],
+    path: tuple[int, ...],
+    levels: Iterable[str],
+) -> list[bytes]:
+    """A kernel for arguments of certain types as object files, one for each level.
+
+    Its function `symbol` takes the address of one word for each number and array of the arguments, tuples being taken
     apart: a number's value, with double precision if it is no whole number, or the address of the array's Python
     object. To a second address it writes the results, a word each. It returns 0, or 1 if it ran out of memory.
+    Its text holds the formats of the results, as `struct` has them, a tuple's in brackets.
 
     Args: path: of a `Kernel.callback`, which takes one address and finds the words from there; its first argument.
     """
     with _compiling():
-        given = tuple(map(_kind, arguments))
+        given = tuple(map(type_of_value, arguments))
         dispatcher = _Dispatcher(function, False)
         dispatcher.compile(given)
         compiled = dispatcher.overloads[given]
-        module = _context.create_module(name)
-        entry = ir.Function(module, ir.FunctionType(ir.IntType(32), [_POINTER, _POINTER]), name)
+        module = _context.create_module(symbol)
+        entry = ir.Function(module, ir.FunctionType(ir.IntType(32), [_POINTER, _POINTER]), symbol)
         builder = ir.IRBuilder(entry.append_basic_block())
         words = builder.bitcast(entry.args[0], _WORD.as_pointer())
         results = builder.bitcast(entry.args[1], _WORD.as_pointer())
@@ -141,82 +152,39 @@ def kernel_code(name: str, function: Callable[..., Any], arguments: tuple[Any, .
             pointer = builder.load(cgutils.gep_inbounds(builder, words, place))
             words = builder.inttoptr(pointer, _WORD.as_pointer())
         rows = count()
-        values = [_argument(builder, words, rows, kind) for kind in given]
+        values = [load_argument(builder, words, rows, kind) for kind in given]
         if path:
             values[0] = builder.ptrtoint(entry.args[0], _WORD)
         status, found = _context.call_internal_no_propagate(builder, compiled.fndesc, compiled.signature, values)
         with builder.if_then(status.is_error):
             builder.ret(ir.IntType(32)(1))
-        formats = _store(builder, compiled.signature.return_type, found, results, count())
+        formats = store_results(builder, compiled.signature.return_type, found, results, count())
         builder.ret(ir.IntType(32)(0))
-        return formats.encode() + b"\n" + _object_file(compiled.library, module, name)
+        _text(module, symbol + ABOUT, f"{formats}\n{identity}")
+        return _emitted(compiled.library, module, symbol, levels)
 
 
-def _kind(value: Any) -> Any:
-    """Numba's type of an argument; that of a read-only array is as if it were writable."""
-    if isinstance(value, tuple):
-        return types.BaseTuple.from_types(tuple(map(_kind, value)), type(value))
-    kind = numba.typeof(value)
-    return kind.copy(readonly=False) if isinstance(kind, types.Array) else kind
+def shared_object_file(names: Iterable[str], level: str) -> bytes:
+    """What a library has once: pointers to the C functions `names`, and by what it was built."""
+    module = ir.Module("shared")
+    module.triple = llvm.get_process_triple()
+    for name in names:
+        pointer = ir.GlobalVariable(module, _POINTER, POINTER + name)
+        pointer.initializer = _POINTER(None)
+    _text(module, BUILT, f"Numba {numba.__version__}, LLVM {'.'.join(map(str, llvm.llvm_version_info))}")
+    code: bytes = machine_of(level).emit_object(llvm.parse_assembly(str(module)))
+    return code
 
 
-def _argument(builder: Any, words: Any, rows: Iterator[int], kind: Any) -> Any:
-    """A value of a Numba type, made of the next words."""
-    if isinstance(kind, types.BaseTuple):
-        members = [_argument(builder, words, rows, member) for member in kind.types]
-        return _context.make_tuple(builder, kind, members)
-    if kind == types.none:
-        return _context.get_dummy_value()
-    word = builder.load(cgutils.gep_inbounds(builder, words, next(rows)))
-    if isinstance(kind, types.Array):
-        return _array(builder, word, kind)
-    if isinstance(kind, types.Float):
-        number = builder.bitcast(word, ir.DoubleType())
-        return builder.fptrunc(number, ir.FloatType()) if kind.bitwidth < 64 else number
-    if isinstance(kind, types.Boolean):
-        return builder.icmp_unsigned("!=", word, _WORD(0))
-    if isinstance(kind, types.Integer):
-        return builder.trunc(word, ir.IntType(kind.bitwidth)) if kind.bitwidth < 64 else word
-    raise TypeError(f"argument of a kernel: expected arrays, numbers and tuples of them, got {kind}")
+def _text(module: ir.Module, name: str, text: str) -> None:
+    content = bytearray(text.encode() + b"\0")
+    constant = ir.GlobalVariable(module, ir.ArrayType(_BYTE, len(content)), name)
+    constant.initializer = ir.Constant(constant.value_type, content)
+    constant.global_constant = True
 
 
-def _array(builder: Any, word: Any, kind: Any) -> Any:
-    """The array whose Python object is at an address; it is kept by who calls."""
-
-    def words(address: Any, places: Iterable[int]) -> list[Any]:
-        pointer = builder.inttoptr(address, _WORD.as_pointer())
-        return [builder.load(cgutils.gep_inbounds(builder, pointer, place)) for place in places]
-
-    data, lengths, steps = words(word, (_DATA, _SHAPE, _STRIDES))
-    shape = words(lengths, range(kind.ndim))
-    strides = words(steps, range(kind.ndim))
-    array = make_array(kind)(_context, builder)
-    size = _context.get_abi_sizeof(_context.get_data_type(kind.dtype))
-    populate_array(array, builder.inttoptr(data, array.data.type), shape, strides, _WORD(size), None)
-    return array._getvalue()
-
-
-def _store(builder: Any, kind: Any, value: Any, results: Any, rows: Iterator[int]) -> str:
-    """Write a value to where results are wanted, a word each number; returns their formats."""
-    if kind == types.none:
-        return ""
-    if isinstance(kind, types.BaseTuple):
-        members = [builder.extract_value(value, place) for place in range(len(kind))]
-        return "(" + "".join(_store(builder, *each, results, rows) for each in zip(kind, members, strict=True)) + ")"
-    if isinstance(kind, types.Float):
-        word, letter = builder.bitcast(builder.fpext(value, ir.DoubleType()), _WORD), "d"
-    elif isinstance(kind, types.Integer | types.Boolean):
-        signed = isinstance(kind, types.Integer) and kind.signed
-        word, letter = (builder.sext(value, _WORD), "q") if signed else (builder.zext(value, _WORD), "Q")
-        letter = "?7x" if isinstance(kind, types.Boolean) else letter
-    else:
-        raise TypeError(f"result of a kernel: expected numbers and tuples of them, got {kind}")
-    builder.store(word, cgutils.gep_inbounds(builder, results, next(rows)))
-    return letter
-
-
-def _object_file(library: Any, module: Any, name: str) -> bytes:
-    """The entry `name` in `module` with all that it calls in `library`."""
+def _emitted(library: Any, module: Any, symbol: str, levels: Iterable[str]) -> list[bytes]:
+    """The entry and the text of `symbol` in `module`, with all that they call in `library`, for each level."""
     library.add_ir_module(module)
     library.add_ir_module(_memory())
     whole, libraries = library._final_module, [library]
@@ -225,15 +193,28 @@ def _object_file(library: Any, module: Any, name: str) -> bytes:
     for linked in libraries[1:]:
         whole.link_in(linked._final_module, preserve=True)
     for defined in (*whole.functions, *whole.global_variables):
-        if not defined.is_declaration and defined.name != name:
+        if not defined.is_declaration and defined.name not in (symbol, symbol + ABOUT):
             defined.linkage = "internal"
-    library._optimize_final_module()
     whole.verify()
-    missing = [each.name for each in whole.functions if each.is_declaration and each.name.startswith(_OF_NUMBA)]
-    if missing:
-        raise TypeError(f"{name}: expected no lists, texts or NumPy's sort, which need Numba's {', '.join(missing)}")
-    code: bytes = _context.codegen()._tm.emit_object(whole)
-    return code
+    bitcode = whole.as_bitcode()
+    return [_optimized(library, bitcode, symbol, level) for level in levels]
+
+
+def _optimized(library: Any, bitcode: bytes, symbol: str, level: str) -> bytes:
+    codegen = _context.codegen()
+    of_all = codegen._tm
+    codegen._tm = machine_of(level)
+    try:
+        library._final_module = llvm.parse_bitcode(bitcode)
+        library._optimize_final_module()
+        whole = library._final_module
+        missing = [each.name for each in whole.functions if each.is_declaration and each.name.startswith(_OF_NUMBA)]
+        if missing:
+            raise TypeError(f"{symbol}: expected no lists, texts or NumPy's sort, which need Numba's {missing}")
+        code: bytes = codegen._tm.emit_object(whole)
+        return code
+    finally:
+        codegen._tm = of_all
 
 
 def _memory() -> Any:

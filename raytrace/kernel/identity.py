@@ -7,9 +7,9 @@ does what the kernel does not refer to.
 
 import dis
 import hashlib
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache, cached_property
-from importlib.util import find_spec
 from pathlib import Path
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any
@@ -18,8 +18,6 @@ import numpy as np
 
 PACKAGES = ("raytrace", "ao")
 ROOT = Path(__file__).resolve().parents[2]
-_COMPILER = ("raytrace/kernel/compiler.py", "raytrace/kernel/lanes.py")
-"""Sources that every kernel is compiled by, and that are not imported where none is."""
 _NO_RESULTS = ("raytrace/text/", "raytrace/image/write.py", "raytrace/image/encode.py", "ao/report.py")
 """Sources that neither w nor the colour of a pixel depends on, beginnings of their paths."""
 _TAKES_CONSTANT = frozenset(dis.hasconst)
@@ -41,16 +39,11 @@ class Called:
 
 
 @cache
-def compiler_identity() -> str:
-    """Hash of what compiles all kernels, Numba's, NumPy's and Python's own included: 16 hex digits."""
-    return _digest([_versions(), *map(_source, _COMPILER)])
-
-
-@cache
 def results_identity() -> str:
-    """Hash of every source that results may depend on, and of Numba's, NumPy's and Python's: 16 hex digits."""
+    """Hash of every source that results may depend on, and of NumPy's and Python's versions: 16 hex digits."""
     paths = [path.relative_to(ROOT).as_posix() for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
-    return _digest([_versions(), *(path + _source(path) for path in sorted(paths) if not path.startswith(_NO_RESULTS))])
+    deciding = (path for path in sorted(paths) if not path.startswith(_NO_RESULTS))
+    return _digest([np.__version__, sys.version, *(path + _source(path) for path in deciding)])
 
 
 def kernel_identity(function: Any) -> str:
@@ -70,14 +63,6 @@ def _digest(texts: Iterable[str]) -> str:
     for text in texts:
         digest.update(text.encode() + b"\0")
     return digest.hexdigest()[:16]
-
-
-def _versions() -> str:
-    import sys
-
-    numba = find_spec("numba")  # not imported, which takes longer than most bakes
-    version = Path(numba.origin).with_name("_version.py").read_text() if numba and numba.origin else ""
-    return f"{version} {np.__version__} {sys.version}"
 
 
 def _source(path: str) -> str:

@@ -1,44 +1,44 @@
-"""Compilation of hot loops: decorators for kernels, and for the helpers, C functions and intrinsics that these call.
+"""Hot loops as machine code: decorators for kernels, and for the helpers, C functions and intrinsics that these call.
 
-A kernel is compiled by Numba when it is first called with arguments of new types, and its machine code kept on disk
-(`raytrace.kernel.cache`). Later processes load that code and call it, without importing Numba, which takes longer than
-most bakes.
+A kernel for arguments of certain types comes from the library that was built with the package
+(`raytrace.kernel.library`). What the library has not, as an edit in a source tree, is compiled when it is first called,
+if Numba is there.
 """
 
 import ctypes
+import logging
+import os
 import struct
 import threading
-import time
 from collections.abc import Callable
-from functools import cache, cached_property
-from hashlib import sha256
+from functools import cached_property
 from importlib import import_module
+from importlib.util import find_spec
 from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
 
-import llvmlite.binding as llvm
 import numpy as np
 
+from ..errors import KernelError
 from ..types import Int64s
-from .cache import read_code, write_code
-from .identity import Called, kernel_identity
-from .notice import compiling, notices
+from . import library
+from .identity import Called
+from .library import POINTER
+from .signature import LAYOUT, SIGNED, Signature
 
 F = TypeVar("F", bound=Callable[..., Any])
-_C, _FORTRAN, _ALIGNED = 0x1, 0x2, 0x100  # NumPy's flags
-_LAYOUT = _C | _FORTRAN | _ALIGNED
-_WORDS = {"b": "q", "i": "q", "u": "Q", "f": "d"}
 ndarray = np.ndarray
-_SIGNED = 1 << 63
 _BRACKETS = str.maketrans("", "", "()")
 _ENTRY = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_char_p, ctypes.c_void_p)
 _lock = threading.RLock()
+RECORD = "OBSCURANCE_KERNELS"
+"""Variable of the environment: a file to which every kernel that is loaded is appended, for `raytrace.kernel.build`."""
 loaded: list[str] = []
-"""Names of the kernels that this process has loaded, in this order."""
+"""The kernels that this process has loaded, in this order."""
 compiled: list[str] = []
-"""Kernels that this process has compiled."""
-compiling_seconds: list[float] = []
-"""How long each of these took."""
+"""Those of them that it has compiled."""
+externals: list[str] = []
+"""Names of the C functions that kernels call."""
 
 
 class _Deferred(ModuleType):
@@ -54,6 +54,7 @@ cgutils = _Deferred("numba.core.cgutils")
 arrayobj = _Deferred("numba.np.arrayobj")
 lanes = _Deferred("raytrace.kernel.lanes")
 compiler = _Deferred("raytrace.kernel.compiler")
+link = _Deferred("raytrace.kernel.link")
 
 
 class _Loaded(NamedTuple):
@@ -79,7 +80,8 @@ class Kernel(Called):
         super().__init__(lambda: compiler.type_of(function, inlined))
         self.function = function
         self._for_types: dict[tuple[Any, ...], _Loaded] = {}
-        self._by_name: dict[str, _Loaded] = {}
+        self._by_symbol: dict[str, _Loaded] = {}
+        self._name = f"{function.__module__}.{function.__name__}"
         self.__doc__, self.__name__, self.__module__ = function.__doc__, function.__name__, function.__module__
 
     def __call__(self, *arguments: Any) -> Any:
@@ -103,26 +105,44 @@ class Kernel(Called):
         packed = np.frombuffer(code.arguments.pack(*words), np.int64)
         return ctypes.cast(code.call, ctypes.c_void_p).value or 0, packed
 
+    def signature(self, arguments: tuple[Any, ...], path: tuple[int, ...]) -> Signature:
+        """Of a call with these arguments, or of a `callback` by this path."""
+        return Signature.of(self._name, tuple(_flatten(arguments, [], [])[0]), path)
+
     def _load(self, key: tuple[Any, ...], arguments: tuple[Any, ...], path: tuple[int, ...] = ()) -> _Loaded:
-        types, formats = _types(key)
-        name = f"{self.__module__}.{self.__name__}.{sha256(types.encode()).hexdigest()[:16]}"
+        signature = Signature.of(self._name, key, path)
         with _lock:
-            if name not in self._by_name:
-                stored = _code(name, self.function, lambda: compiler.kernel_code(name, self.function, arguments, path))
-                results, _, code = stored.partition(b"\n")
-                nesting = results.decode()
-                self._by_name[name] = _Loaded(
-                    struct.Struct(formats),
-                    struct.Struct(nesting.translate(_BRACKETS)),
-                    nesting.replace("7x", ""),
-                    _ENTRY(_address(name, code)),
+            if signature.symbol not in self._by_symbol:
+                formats, address = _code(signature, self.function, arguments)
+                self._by_symbol[signature.symbol] = _Loaded(
+                    struct.Struct(signature.words),
+                    struct.Struct(formats.translate(_BRACKETS)),
+                    formats.replace("7x", ""),
+                    _ENTRY(address),
                 )
-            self._for_types[key] = self._by_name[name]
+            self._for_types[key] = self._by_symbol[signature.symbol]
         return self._for_types[key]
 
 
+def _code(signature: Signature, function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str, int]:
+    """The formats of a kernel's results, and the address of its code. Raises: KernelError."""
+    loaded.append(signature.line)
+    if RECORD in os.environ:
+        with open(os.environ[RECORD], "a") as file:
+            file.write(signature.line + "\n")
+    found = library.find(signature.symbol, function)
+    if found is None:
+        if not find_spec("numba"):
+            raise KernelError(library.what_is_missing(signature.line))
+        logging.getLogger("obscurance").info("compiling kernel %s", signature.line)
+        compiled.append(signature.line)
+        identity = library.identity_of(function)
+        found = link.linked_here(signature.symbol, function, identity, arguments, signature.path)
+    return found
+
+
 def kernel(function: F) -> F:
-    """Compile a hot loop on first call: no Python objects, no GIL, kept on disk."""
+    """Make a hot loop machine code: no Python objects, no GIL."""
     return Kernel(function)  # type: ignore[return-value]
 
 
@@ -149,56 +169,33 @@ class Late(Called):
         return self.build().make_type
 
 
-def external(name: str, count: int) -> Any:
-    """The C function of this name, which kernels call with `count` addresses."""
-    return Called(lambda: compiler.external(name, count))
-
-
 def intrinsic(signature: Callable[..., Any]) -> Callable[[Callable[..., Any]], Any]:
     """Let kernels call a function that writes LLVM's code: from Numba's context, LLVM's builder, Numba's `signature` of
     the types of the arguments (None for wrong types), and their values."""
     return lambda emit: Called(lambda: compiler.intrinsic(signature, emit))
 
 
-def _code(name: str, function: Callable[..., Any], compile_: Callable[[], bytes]) -> bytes:
-    """A function's code by this name, from the disk or compiled and kept there."""
-    loaded.append(name)
-    kept = f"{name}.{kernel_identity(function)}"
-    code = read_code(kept)
-    if code is None:
-        with compiling(1):  # unless what calls has said so, with a better number
-            notices[0](name)
-            compiled.append(name)
-            start = time.perf_counter()
-            code = compile_()
-            compiling_seconds.append(time.perf_counter() - start)
-        write_code(kept, code)
-    return code
+def external(name: str) -> Any:
+    """The C function of this name, which kernels call with four addresses; `library.provide` says where it is."""
 
+    @intrinsic(lambda *_: types.void(*(types.uintp,) * 4))
+    def call(context, builder, signature, first, second, third, fourth):
+        kind = ir.FunctionType(ir.VoidType(), (ir.IntType(64),) * 4)
+        module = builder.module
+        pointer = module.globals.get(POINTER + name) or ir.GlobalVariable(module, kind.as_pointer(), POINTER + name)
+        builder.call(builder.load(pointer), (first, second, third, fourth))
+        return context.get_dummy_value()
 
-@cache
-def _engine() -> llvm.ExecutionEngine:
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    machine = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine()
-    return llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
-
-
-def _address(name: str, code: bytes) -> int:
-    """Of the function `name` of an object file, which LLVM links to Embree's and C's functions; nothing is compiled."""
-    engine = _engine()
-    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
-    engine.finalize_object()
-    address: int = engine.get_function_address(name)
-    return address
+    externals.append(name)
+    return call
 
 
 def _flatten(values: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> tuple[list[Any], list[Any]]:
-    """Append what Numba's types of the values depend on, and what `kernel_code` makes the values of."""
+    """Append what Numba's types of the values depend on, and what `object_files` makes the values of."""
     for value in values:
         kind = type(value)
         if isinstance(value, ndarray):
-            kinds += (value.dtype, value.ndim, value.flags.num & _LAYOUT)
+            kinds += (value.dtype, value.ndim, value.flags.num & LAYOUT)
             words.append(id(value))
         elif isinstance(value, tuple):
             kinds += (kind, len(value))
@@ -206,33 +203,9 @@ def _flatten(values: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> tup
         elif value is None:
             kinds.append(kind)
         else:
-            kinds.append(np.uint64 if kind is int and value >= _SIGNED else kind)
+            kinds.append(np.uint64 if kind is int and value >= SIGNED else kind)
             words.append(int(value) if kind is np.bool_ else value)
     return kinds, words
-
-
-def _types(key: tuple[Any, ...]) -> tuple[str, str]:
-    """Text that differs where Numba's types do, and the format of the words, of what `_flatten` found."""
-    text = []
-    formats = ""
-    kinds = iter(key)
-    for kind in kinds:
-        if isinstance(kind, np.dtype):
-            dimensions = next(kinds)
-            flags = next(kinds)
-            text.append(f"{kind!r} {dimensions} {flags & ~_FORTRAN if flags & _C else flags}")
-            formats += "P"
-        elif issubclass(kind, tuple):
-            text.append(f"{kind} {next(kinds)} {getattr(kind, '_fields', '')}")
-        elif kind is type(None):
-            text.append("None")
-        else:
-            number = np.dtype(kind)
-            if number.kind not in _WORDS:
-                raise TypeError(f"argument of a kernel: expected arrays, numbers and tuples of them, got {kind}")
-            text.append(number.str)
-            formats += _WORDS[number.kind]
-    return "; ".join(text), formats
 
 
 def _nested(nesting: str, values: tuple[Any, ...]) -> Any:

@@ -12,7 +12,6 @@ from ..errors import OptionError, check_type
 from ..image.encode import LAYERS
 from ..image.frame import Frame
 from ..image.texture import texture_bytes
-from ..kernel.notice import compiling
 from ..kernel.simd import WIDE
 from ..lights.sources import EnvironmentLight, SkyLight
 from ..mesh.opacity import opacity_bytes
@@ -37,7 +36,6 @@ _EDGES = 4 * 4 * TILE * EDGE  # bytes of what tiles know of one another, each
 _BASE, _VERTEX, _FACE, _POLYGON = 50 << 20, 64, 104, 104  # bytes, `rendering_bytes`
 
 
-@compiling()
 def render(
     scene: Scene,
     camera: Camera,

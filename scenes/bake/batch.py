@@ -16,7 +16,7 @@ from raytrace.system.checks import check_outputs, check_regular
 from raytrace.system.threads import run_blocks, thread_count
 
 from .cluster import Workers, cluster_checkpoint, run_remotely
-from .console import compiling, note, progress, warn
+from .console import note, progress, warn
 from .inputs import created_folders
 from .manifest import MANIFEST, Entry, Manifest, assign_shards, digest, part_manifest
 from .plan import Plan
@@ -50,7 +50,7 @@ class Batch:
             self.check_files()
             own, manifest = self._begin()
             try:
-                with compiling(), silence_tolerance_warnings():
+                with silence_tolerance_warnings():
                     self._bake_all(own, manifest, session)
             except KeyboardInterrupt:
                 note(f"interrupted: {self._summary(manifest)}; the same command with --resume bakes the others")
@@ -65,7 +65,7 @@ class Batch:
 
     def check_files(self, keep: bool = True) -> None:
         """`Plan.check_files` of all, in folders that are made, and stay if `keep`."""
-        with created_folders((self.folder, *(plan.target.parent for plan in self.plans)), keep):
+        with created_folders((self.folder, *(plan.output.parent for plan in self.plans)), keep):
             self.plans[0].check_files()
             inputs = [path for plan in self.plans for path in plan.inputs]
             outputs = {f"output {plan.output}": plan.output for plan in self.plans}
@@ -118,12 +118,12 @@ class Batch:
             def bake_here(number: int, threads: int) -> None:
                 entry = manifest.entries[number]
                 plan = plans[number]
-                before = _identity(plan.target)
+                before = _identity(plan.output)
                 open_checkpoint = partial(cluster_checkpoint, session, options.resume) if session else None
                 try:
                     _note(entry, run_in_batch(plan, threads, open_checkpoint))
                 except KeyboardInterrupt:
-                    if _identity(plan.target) != before:  # it has been written, whole
+                    if _identity(plan.output) != before:  # it has been written, whole
                         entry.done()
                     raise
 

@@ -67,7 +67,7 @@ class SharedPlans:
 
     def __reduce__(self) -> tuple[Callable[..., SharedPlans], tuple[object, ...]]:
         files = [path for plan in self.plans for path in plan.inputs if path.exists()]
-        folders = [plan.target.parent for plan in self.plans]
+        folders = [plan.output.parent for plan in self.plans]
         return _seen, ({*files, *folders}, self.plans)
 
 
@@ -133,7 +133,7 @@ def _named_as(plan: Plan, outcome: Outcome) -> Outcome:
     """The outcome with the names of files as they were given."""
 
     def given(text: str) -> str:
-        for path in (*plan.inputs, plan.target):
+        for path in (*plan.inputs, plan.output):
             text = text.replace(str(path.absolute()), str(path))
         return text
 

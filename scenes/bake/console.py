@@ -10,20 +10,16 @@ import threading
 import time
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from raytrace.errors import LINE, printable
-from raytrace.kernel import notice
 
 from .options import ProgressForm
 
 if TYPE_CHECKING:
-    import numpy as np
-    import numpy.typing as npt
-
     import ao
     from raytrace.mesh.mesh import Mesh
 
@@ -102,7 +98,7 @@ _quiet: list[bool] = []
 
 @contextmanager
 def quietly(quiet: bool) -> Iterator[None]:
-    """Print neither warnings about results nor that kernels are being compiled while this lasts, if `quiet`."""
+    """Print no warnings about results while this lasts, if `quiet`."""
     _quiet[:] = [quiet] if quiet else []
     try:
         yield
@@ -132,12 +128,6 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff
     return warnings
 
 
-def compiling(expected: int = 42) -> AbstractContextManager[None]:
-    """Say, wherever standard error goes, that about so many kernels are being compiled, but not `quietly`."""
-    return notice.compiling(expected, always=True, quiet=bool(_quiet))
-
-
-_LONG = 0.5  # seconds of compiling that a summary tells
 _EVERY = 0.1  # seconds between lines of progress
 Advance = Callable[[int, int], None]
 
@@ -221,9 +211,7 @@ def bake_summary(baked: ao.Bake, target: Path) -> str:
 
 
 def _took(baked: ao.Bake | ao.BakedTexture) -> str:
-    compiling = baked.seconds.get("compile", 0.0)
-    besides = f" and {compiling:.0f} s of compiling kernels" if compiling >= _LONG else ""
-    return f"in {baked.seconds['bake']:.2f} s{besides}"
+    return f"in {baked.seconds['bake']:.2f} s"
 
 
 def texture_summary(baked: ao.BakedTexture, target: str) -> str:
@@ -235,34 +223,6 @@ def texture_summary(baked: ao.BakedTexture, target: str) -> str:
         return text
     jumps = f"largest jump {facts.seam_jump:.4f}, {facts.seam_jump_before:.4f} before they were closed"
     return f"{text}\n{facts.seam_edges:,} edges at seams, {jumps}"
-
-
-def show_picture(pixels: npt.NDArray[np.float32]) -> None:
-    """Print a picture, linear RGB, in the terminal's colours, at most as wide: two pixels a character, in a column.
-
-    Not the terminal writer of OpenImageIO, which prints `\\u2580` in these six letters instead of the half block.
-    """
-    from rich.color import Color
-    from rich.console import Console
-    from rich.style import Style
-    from rich.text import Text
-
-    from raytrace.image.srgb import encode_srgb
-
-    from ..show.page.base_colour import block_means
-
-    console = Console()
-    half, step = ("▀", 2) if "utf" in console.encoding.lower() else (" ", 1)
-    height, width = pixels.shape[:2]
-    wide = min(console.width, width)
-    high = max(round(height * wide / width * step / 2 / step), 1) * step  # characters are twice as high as wide
-    codes = (255 * encode_srgb(block_means(pixels[..., :3], high, wide).astype("f4")) + 0.5).astype(int)
-    for lines in zip(*(codes[first::step] for first in range(step)), strict=True):
-        text = Text(no_wrap=True, end="\n")
-        for column in range(codes.shape[1]):
-            upper, lower = (Color.from_rgb(*line[column]) for line in (lines[0], lines[-1]))
-            text.append(half, Style(color=upper, bgcolor=lower))
-        console.print(text)
 
 
 def columns(rows: Sequence[tuple[str, str]]) -> str:

@@ -150,7 +150,7 @@ def _pages(plan: Plan, source: MeshFile, layouts: Layouts, found: Coordinates) -
         sets = layouts.sets(clashes) if clashes else []
         pages = [Page(_only(found.uv, mask), name=name, words={MATERIAL: name}) for name, mask in sets]
         return [page for page in pages if on_page(page.uv).any()] or [whole]
-    output = plan.target
+    output = plan.output
     pages = []
     for words, mask in _groups(layouts.all, output, len(source.mesh.faces)):
         uv = _only(found.uv, mask)

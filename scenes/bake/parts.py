@@ -47,7 +47,7 @@ def trace_part(plan: Plan, folder: Path, number: int, of: int) -> str:
     start = time.perf_counter()
     make_folder(folder)
     part = ShardCheckpoint(folder, number, of, stored_plan(plan), note)
-    check_writable(part.path)
+    check_writable(part.path.with_suffix(""))  # beside the journal, which says itself what is wrong with a file there
     inputs = read_inputs(plan)
     if plan.kind == "vertices":
         from . import vertices
@@ -87,4 +87,4 @@ def merged_plan(parts: list[PartFile], mesh: Path | None, options: BakeOptions) 
         raise OptionError("output", expected, output)
     for name, paths in files.items():
         values[name] = getattr(options, name) or [Path(path) for path in paths]
-    return plan_bake(options.replaced(**values), mesh or Path(stored["mesh"]), output)
+    return plan_bake(options.replaced(**values, mesh=[mesh or Path(stored["mesh"])]))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import ao
 from ao.falloff import resolve_length
-from ao.options import Options, TextureOptions, VertexOptions
+from ao.options import DEFAULT_SAMPLES, Options, TextureOptions, VertexOptions
 from raytrace.errors import ConflictError, OptionError, Relation, Term
 from raytrace.system.checks import check_ending, check_outputs
 from raytrace.system.threads import thread_count
@@ -50,17 +50,14 @@ class Plan:
     """One bake: of which files, into which, and how.
 
     Attributes:
-        mesh: the input. output: of w; None of a part, which writes rays alone.
-        options: those in effect, of presets too; `mesh` and `output` stand here instead.
+        options: those in effect, of presets too, with one `mesh`, and no `output` of a part, which writes rays alone.
         arguments: the options of `ao.bake` or `ao.bake_texture`, checked.
         channels: where a file of vertices holds w for viewers.
         ground: the height of the ground plane, None just below the mesh.
-        size: texels across and down of a texture, None as `texel_size` says.
+        size: texels across and down of a texture, None if `texel_size` says so.
     """
 
     kind: Kind
-    mesh: Path
-    output: Path | None
     options: BakeOptions
     arguments: Options
     channels: Channels
@@ -72,15 +69,25 @@ class Plan:
         return self.arguments.falloffs[0]
 
     @property
-    def target(self) -> Path:
-        """The output of a bake that is no part."""
-        assert self.output is not None
-        return self.output
+    def mesh(self) -> Path:
+        """The input."""
+        path: Path = self.options.mesh[0]
+        return path
+
+    @property
+    def output(self) -> Path:
+        """The file of w, of a bake that is no part."""
+        path: Path = self.options.output
+        return path
+
+    @property
+    def is_part(self) -> bool:
+        return self.options.output is None
 
     @property
     def ending(self) -> str:
         """Of the output, in lower case; of a part that of what can hold all that its rays may be merged into."""
-        if self.output is None:
+        if self.is_part:
             return ".glb" if self.kind == "texture" else ".npy"
         return self.output.suffix.lower()
 
@@ -95,29 +102,28 @@ class Plan:
     @property
     def images(self) -> dict[str, Path]:
         """The images of a texture, by option, with placeholders in their names."""
-        named = {name: getattr(self.options, name) for name in ("bent_normals", "error_map")}
-        output = {} if self.ending == ".glb" else {"output": self.output}
-        return {name: path for name, path in (output | named).items() if path}
+        names = ("bent_normals", "error_map") if self.ending == ".glb" else ("output", "bent_normals", "error_map")
+        return {name: getattr(self.options, name) for name in names if getattr(self.options, name)}
 
     @property
     def glb(self) -> Path | None:
         """The .glb that textures are written into."""
-        return self.output if self.ending == ".glb" else self.options.mesh_output
+        path: Path | None = self.options.output if self.ending == ".glb" else self.options.mesh_output
+        return path
 
     @property
     def keeps_uv(self) -> bool:
         """Whether new texture coordinates have a file to be written into, or may have when parts are merged."""
-        return self.output is None or self.glb is not None
+        return self.is_part or self.glb is not None
 
     @property
     def outputs(self) -> dict[str, Path]:
         """The files to write, by option; names of images with placeholders."""
-        besides = {name: getattr(self.options, name) for name in ("report", "mesh_output", "debug_image")}
-        if self.kind == "vertices":
-            paths = {"output": self.output} | besides
-        else:
-            paths = besides | {"output": self.output} | self.images
-        return {f"--{name.replace('_', '-')}": path for name, path in paths.items() if path}
+        names: tuple[str, ...] = ("output", "report", "debug_image")
+        if self.kind == "texture":
+            names = ("report", "mesh_output", "output", "bent_normals", "error_map")
+        paths = {f"--{name.replace('_', '-')}": getattr(self.options, name) for name in names}
+        return {option: path for option, path in paths.items() if path}
 
     def described(self) -> dict[str, Any]:
         """Every effective option, as a JSON report has it."""
@@ -125,24 +131,23 @@ class Plan:
         values = {name: plain(getattr(self.options, name)) for name in names}
         if self.kind == "vertices":
             values["occlusion"] = "ramp" if self.channels.ramp else "none"
-        files = {"mesh": str(self.mesh), "output": plain(self.output), "threads": thread_count(self.options.threads)}
-        return values | files
+        return values | {"mesh": str(self.mesh), "threads": thread_count(self.options.threads)}
 
     def with_options(self, **changes: Any) -> Plan:
-        """The plan with other options of how it is run."""
+        """The plan of other files, or run otherwise. Args: changes: of options that decide nothing."""
         return replace(self, options=self.options.replaced(**changes))
 
     def absolute(self) -> Plan:
         """The plan with names of files that hold in any folder."""
-        files = {name: absolute(getattr(self.options, name)) for name in ("high", "occluder", "cage")}
-        return replace(self.with_options(**files), mesh=absolute(self.mesh), output=absolute(self.output))
+        names = ("mesh", "output", "high", "occluder", "cage")
+        return self.with_options(**{name: absolute(getattr(self.options, name)) for name in names})
 
     def check_files(self) -> None:
         """Raises: OptionError, OutputError: a file cannot be written, or is read as well."""
         if self.kind == "texture":
             for name, path in self.images.items():
                 check_texture_target(name, path, self.options.half)
-        elif self.output:
+        else:
             check_target(self.output)
         if self.options.debug_image:
             from raytrace.image.write import check_image_target
@@ -154,11 +159,12 @@ class Plan:
         check_outputs(self.outputs, self.inputs)
 
 
-def plan_bake(options: BakeOptions, mesh: Path, output: Path | None) -> Plan:
-    """The bake of one input, to vertices or a texture, as its output asks for. Args: output: None of a part.
+def plan_bake(options: BakeOptions) -> Plan:
+    """The bake of one input, to vertices or a texture, as its output asks for; without one, a part.
 
     Raises: OptionError, ConflictError: of an option; InputError: of the table of a falloff.
     """
+    output: Path | None = options.output
     ending = "" if output is None else output.suffix.lower()
     if output is not None and ending not in (*ENDINGS, *IMAGES):
         meant = str(output.with_suffix(_MEANT[ending])) if ending in _MEANT else None
@@ -167,21 +173,24 @@ def plan_bake(options: BakeOptions, mesh: Path, output: Path | None) -> Plan:
     if options.occlusion == "texture" and ending != ".glb" and ending not in IMAGES:
         raise ConflictError(("occlusion", "texture"), "needs", "a .glb output")
     kind: Kind = "texture" if ending in IMAGES or options.occlusion == "texture" else "vertices"
-    if output is None and (options.size or options.texel_size):
-        kind = "texture"
+    if output is None:
+        options = options.replaced(samples=options.samples or DEFAULT_SAMPLES)
+        if options.size or options.texel_size:
+            kind = "texture"
     check_kind(options, kind)
     falloff = make_falloff(options.falloff, options.tau, options.half_distance, options.max_distance)
     of_kind = {row.name: getattr(options, row.name) for row in BAKER.values() if kind in row.bake_kinds.split()}
     given = {name: value for name, value in of_kind.items() if not isinstance(value, Path | None)}
     arguments = _RECORDS[kind](falloff=falloff, **given)
+    options = options.replaced(tolerance=arguments.tolerance)
     if isinstance(options.cage, str) and resolve_length("cage", options.cage, 1.0) == float("inf"):
         raise OptionError("cage", "a finite length", options.cage)
     shown = Channels()
     if kind == "vertices" and output is not None:
         replaced = options.replace_occlusion
         shown = channels(output, options.colors, options.occlusion, replaced, ply_name=options.ply_name)
-    size = None if options.texel_size else _texels(options.size or "1024")
-    plan = Plan(kind, mesh, output, options, arguments, shown, _ground_height(options.ground), size)
+    size = None if kind == "vertices" or options.texel_size else _texels(options.size or "1024")
+    plan = Plan(kind, options, arguments, shown, _ground_height(options.ground), size)
     if kind == "vertices":
         _check_vertices(plan)
     else:
@@ -266,31 +275,31 @@ def _check_vertices(plan: Plan) -> None:
     options = plan.options
     if options.high is not None and options.method == "surface":
         raise ConflictError("high", "does not go with", ("method", "surface"))
-    if options.profile and plan.output and plan.ending == ".npy":
+    if options.profile and not plan.is_part and plan.ending == ".npy":
         raise ConflictError("profile", "needs", "an output that holds one: .npz .ply .glb .html")
 
 
 def _check_texture(plan: Plan) -> None:
     """Raises: OptionError, ConflictError."""
     options = plan.options
-    output = plan.output
     glb = plan.glb
     named_layouts = (None, "auto", "unwrap", "fill", "pack")
     if options.uv not in named_layouts and not (options.uv.isdecimal() and len(options.uv) < 4):
         expected = "auto, unwrap, fill, pack or the number of a set of texture coordinates"
         raise OptionError("uv", expected, repr(options.uv))
-    for placeholder in PLACEHOLDERS if output else ():
-        if plan.ending == ".glb" and placeholder in plan.target.name:
+    for placeholder in () if plan.is_part else PLACEHOLDERS:
+        if plan.ending == ".glb" and placeholder in plan.output.name:
             expected = f"{placeholder} in names of images alone: a .glb holds all textures"
-            raise OptionError("output", expected, output)
+            raise OptionError("output", expected, plan.output)
         is_free = plan.ending == ".glb" and placeholder == MATERIAL  # its sets have names
         for name, path in plan.images.items():
-            if (placeholder in path.name) != (placeholder in plan.target.name) and not is_free:
+            if (placeholder in path.name) != (placeholder in plan.output.name) and not is_free:
                 raise OptionError(name, f"{placeholder} in all names of images, or in none", path)
     if options.mesh_output is not None:
         check_ending("mesh_output", options.mesh_output, ".glb")
-    is_one_page = plan.ending != ".glb" and UDIM not in plan.target.name
+    is_one_page = plan.ending != ".glb" and UDIM not in plan.output.name
     in_png = plan.ending == ".png" or (options.bent_normals and options.bent_normals.suffix.lower() == ".png")
+    holds_profile = plan.is_part or plan.ending == ".exr"
     against: Relation = "does not go with"
     conflicts: list[tuple[object, Term, Relation, Term]] = [
         (options.mesh_output and not is_one_page, "mesh_output", "needs", "an image of one page as --output"),
@@ -302,7 +311,7 @@ def _check_texture(plan: Plan) -> None:
         (options.uv in ("unwrap", "fill", "pack") and not plan.keeps_uv, ("uv", options.uv), "needs", "mesh_output"),
         (options.half and not plan.images, "half", "needs", "images that end in .exr or .tif"),
         (options.bits and not in_png, "bits", "needs", "w or bent normals in an image that ends in .png"),
-        (options.profile and output and plan.ending != ".exr", "profile", "needs", "a texture that holds one: .exr"),
+        (options.profile and not holds_profile, "profile", "needs", "a texture that holds one: .exr"),
     ]
     for is_conflict, term, relation, other in conflicts:
         if is_conflict:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ao.declared import Option
 from raytrace.errors import InputError, nearest_name
 
-from ..formats.falloffs import table_of
 from .options import BAKE, PRESETS, ROWS, check_stored, plain
 
 if TYPE_CHECKING:
@@ -40,6 +39,7 @@ class WorkSize(NamedTuple):
 
 def hashed_inputs(plan: Plan, inputs: BakeInputs) -> list[dict[str, Any]]:
     """Files that were read, as a report has them."""
+    from ..formats.falloffs import table_of
     from ..show.report.verdict import hashed
 
     return hashed([*inputs.files, *table_of(plan.options.falloff)], {plan.mesh: inputs.content})

@@ -85,7 +85,7 @@ class Outcome:
 
 def run_in_batch(plan: Plan, threads: int, open_checkpoint: OpenCheckpoint | None = None) -> Outcome:
     """Bake and write, or continue what was begun; errors become messages, but for a cluster's, which ends all bakes."""
-    begun = plan.options.resume and journal_of(plan.target).exists()
+    begun = plan.options.resume and journal_of(plan.output).exists()
     plan = plan.with_options(quiet=True, progress="bar", threads=threads, resume=begun)
     start = time.perf_counter()
     try:

@@ -92,33 +92,30 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
     hashes = hashed_inputs(plan, inputs) if plan.options.report else []
     warnings = layout.warn(plan, inputs)
     bakes: list[BakedPage] = []
-    with ExitStack() as all_pages:
+    with ExitStack() as journals:
         for page in layout.pages:
-            with ExitStack() as this_page:
-                journal = page.path(plan.target)
-                if page.name and bakes:
-                    journal = Path(f"{plan.output}.{len(bakes) + 1}")
-                stack = all_pages if plan.glb else this_page  # which is written when all have been baked
-                checkpoint = stack.enter_context(open_checkpoint(journal))
-                baked = trace_page(plan, inputs, layout, page, checkpoint)
-                title = f"{page.path(plan.target)}{f', {page.name}' if page.name else ''}"
-                remarks = layout_remarks(baked, page.wraps, plan.ending != ".glb")
-                lines = [*baked.shortfalls, *(f"{title}: {line}" for line in remarks)]
-                said = {line for earlier in bakes for line in earlier.warnings}
-                more = warn([], [line for line in lines if line not in said])
-                begun = time.perf_counter()
-                _write_images(plan, baked, page)
-                seconds = {"load": loaded, "write": time.perf_counter() - begun}
+            target = page.path(plan.output)
+            journal = Path(f"{plan.output}.{len(bakes) + 1}") if page.name and bakes else target
+            baked = trace_page(plan, inputs, layout, page, journals.enter_context(open_checkpoint(journal)))
+            title = f"{target}{f', {page.name}' if page.name else ''}"
+            remarks = layout_remarks(baked, page.wraps, plan.ending != ".glb")
+            said = {line for earlier in bakes for line in earlier.warnings}
+            lines = [*baked.shortfalls, *(f"{title}: {line}" for line in remarks)]
+            more = warn([], [line for line in lines if line not in said])
+            begun = time.perf_counter()
+            _write_images(plan, baked, page)
+            seconds = {"load": loaded, "write": time.perf_counter() - begun}
             bakes.append(BakedPage(title, baked, seconds, [*warnings, *more]))
             if not plan.glb:
+                journals.close()  # of a .glb they stay until it is written
                 yield OutputSummary(texture_summary(baked, title) + inputs.alpha, bakes[-1].warnings)
         if plan.glb:
             begun = time.perf_counter()
             bakes[-1].warnings.extend(_write_glb(plan.glb, plan, inputs, layout, bakes))
             bakes[-1].seconds["write"] += time.perf_counter() - begun
             text = "\n".join(texture_summary(page.baked, page.title) for page in bakes)
-            said_in_all = dict.fromkeys(line for page in bakes for line in page.warnings)
-            yield OutputSummary(text + inputs.alpha, list(said_in_all))
+            in_all = dict.fromkeys(line for page in bakes for line in page.warnings)
+            yield OutputSummary(text + inputs.alpha, list(in_all))
     if plan.options.report:
         _write_report(plan, bakes, hashes, inputs.source.mesh)
 

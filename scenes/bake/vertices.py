@@ -47,9 +47,9 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
     check_outputs(plan.outputs, inputs.files)
     loaded = time.perf_counter()
     hashes = hashed_inputs(plan, inputs) if options.report else []
-    losses = unsupported_features(plan.target, inputs.source, plan.channels)
+    losses = unsupported_features(plan.output, inputs.source, plan.channels)
     warnings = warn(inputs.meshes, [*inputs.notes, *losses], plan.falloff)
-    with open_checkpoint(plan.target) as checkpoint:
+    with open_checkpoint(plan.output) as checkpoint:
         baked = trace(plan, inputs, checkpoint)
         lines = list(baked.shortfalls)
         missed = baked.flagged["missed"]
@@ -59,7 +59,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
         warnings += warn([], lines)
         traced = time.perf_counter()
         shown = plan.channels._replace(again=command_again(plan, inputs.source))
-        write_vertices(plan.target, baked, inputs.source, shown)
+        write_vertices(plan.output, baked, inputs.source, shown)
         if baked.coarse and baked.interpolation is not None:
             fit = "" if plan.arguments.method == "surface" else "--method surface, "
             text = f"{COARSE} {baked.interpolation.rmse:.2f}, the faces are too large for it"
@@ -79,7 +79,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
         from ..show.report.pictures import write_marked
 
         write_marked(options.debug_image, inputs.source.mesh, baked)
-    yield OutputSummary(bake_summary(baked, plan.target) + inputs.alpha, warnings)
+    yield OutputSummary(bake_summary(baked, plan.output) + inputs.alpha, warnings)
 
 
 def trace(plan: Plan, inputs: BakeInputs, checkpoint: Checkpoint) -> ao.Bake:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os.path
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, get_args
@@ -15,7 +14,7 @@ from raytrace.system.atomic import is_standard_output, standard_output
 
 from ..bake.batch import Batch
 from ..bake.cluster import Workers, cluster_checkpoint
-from ..bake.console import compiling, quietly
+from ..bake.console import quietly
 from ..bake.inputs import expand, is_pattern, outputs_in
 from ..bake.manifest import is_batch_of_parts, merge_batch
 from ..bake.options import BAKE, BakeOptions, Format, check_kind, check_together
@@ -63,30 +62,32 @@ def _run_one(options: BakeOptions) -> int:
         raise ConflictError("format", "needs", "--output-dir or -o -")
     if options.part:
         return _trace_part(options)
-    plan = plan_bake(options, Path(f"{PIPED}.ply") if mesh == STANDARD else mesh, output)
+    read = Path(f"{PIPED}.ply") if mesh == STANDARD else mesh
+    plan = plan_bake(options.replaced(mesh=[read], output=output))
     workers = Workers(options) if options.cluster else None
     plan.check_files()  # before any workers are asked for, and before anything is read from a pipe
+    content = None
+    if mesh == STANDARD:
+        piped, content = standard_input(options.input_format)
+        plan = plan.with_options(mesh=[piped])
     if options.dry_run:
-        return dry_run([plan])
+        return dry_run([plan], content=content)
     if workers:
-        with workers.session(plan.target) as session:
+        with workers.session(plan.output) as session:
             _run(plan, open_checkpoint=partial(cluster_checkpoint, session, options.resume))
         if not options.quiet:
             print(session.summary())
-    elif mesh == STANDARD:
-        piped, content = standard_input(options.input_format)
-        _run(replace(plan, mesh=piped), content)
     else:
-        _run(plan)
+        _run(plan, content)
     return 0
 
 
 def _run(plan: Plan, content: bytes | None = None, open_checkpoint: OpenCheckpoint | None = None) -> None:
     """Run a plan and print its summaries."""
-    with compiling(), silence_tolerance_warnings():
+    with silence_tolerance_warnings():
         for summary in run(plan, content, open_checkpoint):
             if not plan.options.quiet:
-                print(summary.text, file=sys.stderr if is_standard_output(plan.target) else sys.stdout)
+                print(summary.text, file=sys.stderr if is_standard_output(plan.output) else sys.stdout)
 
 
 def _trace_part(options: BakeOptions) -> int:
@@ -94,8 +95,8 @@ def _trace_part(options: BakeOptions) -> int:
 
     number, of = part_numbers(options.part)
     _check_folder("output", options.output)
-    plan = plan_bake(options, options.mesh[0], None)
-    with compiling(), silence_tolerance_warnings():
+    plan = plan_bake(options.replaced(output=None))
+    with silence_tolerance_warnings():
         line = trace_part(plan, options.output, number, of)
     if not options.quiet:
         print(line)
@@ -141,8 +142,8 @@ def _batch(options: BakeOptions) -> Batch:
     _check_folder("output_dir", folder, nearest="--output")
     inputs = expand(options.mesh)
     outputs = outputs_in(folder, inputs, preset_format(options))
-    plan = plan_bake(options, inputs[0], outputs[0])
-    plans = [replace(plan, mesh=mesh, output=output) for mesh, output in zip(inputs, outputs, strict=True)]
+    plan = plan_bake(options.replaced(mesh=inputs[:1], output=outputs[0]))
+    plans = [plan.with_options(mesh=[mesh], output=output) for mesh, output in zip(inputs, outputs, strict=True)]
     workers = Workers(options) if options.cluster else None
     part = None
     if options.part:

@@ -14,7 +14,6 @@ from raytrace.system.atomic import write_json
 from raytrace.system.checks import check_ending, check_outputs
 from raytrace.system.threads import thread_count
 
-from ..bake.console import compiling
 from ..formats.load import load
 from ..geometry.builtin_shapes import temple
 from ..validation.reference import RAYS, Errors, reference
@@ -90,8 +89,7 @@ def bench_file(
         check_outputs({"--report": report}, [path] if path else [])
     Options(seed=seed, threads=threads)
     mesh = temple(_FINENESS) if path is None else load(path).mesh
-    with compiling():
-        rows = run_bench(mesh, falloff, seed=seed, threads=threads)
+    rows = run_bench(mesh, falloff, seed=seed, threads=threads)
     print(f"{mesh.source}: {len(mesh.vertices):,} vertices, {len(mesh.faces):,} faces")
     print(bench_table(rows))
     if report:

@@ -10,7 +10,7 @@ from raytrace.image.write import write_image
 from raytrace.system.checks import check_outputs, make_folder
 from raytrace.types import Float64s
 
-from ..bake.console import bake_summary, compiling, progress
+from ..bake.console import bake_summary, progress
 from ..formats.load import MeshFile
 from ..formats.write import write
 from ..geometry.builtin_shapes import temple
@@ -30,7 +30,7 @@ def make_demo(folder: Path, quiet: bool = False) -> None:
     mesh_target = folder / "temple.ply"
     image_target = folder / "temple.png"
     check_outputs({"temple.ply": mesh_target, "temple.png": image_target})
-    with progress(quiet, "rays") as (advance,), compiling(84):
+    with progress(quiet, "rays") as (advance,):
         mesh = temple()
         baked = ao.bake(mesh, progress=advance)
         shape = rt.Shape(mesh, _STONE)

@@ -16,8 +16,10 @@ from ..bake.run import work_size
 _RAYS_A_SECOND = 4e6  # of a thread, in a scan
 
 
-def dry_run(plans: Sequence[Plan], besides: Sequence[Path] = ()) -> int:
+def dry_run(plans: Sequence[Plan], besides: Sequence[Path] = (), content: bytes | None = None) -> int:
     """Print points, rays, memory and time that plans would take, and what they, and `besides`, would write.
+
+    Args: content: of the input of the only plan, if it is no file's.
 
     Returns: the exit status of the bakes, as far as it is known: 1 if one of several would fail.
     Raises: ObscuranceError: the only one would be refused.
@@ -28,7 +30,7 @@ def dry_run(plans: Sequence[Plan], besides: Sequence[Path] = ()) -> int:
     held = 0
     for plan in plans:
         try:
-            inputs = read_inputs(plan)
+            inputs = read_inputs(plan, content)
             held = held or in_use() or 0  # before what a bake makes anew
             work = work_size(plan, inputs)
             check_memory(plan.mesh, work.bytes, f"to bake {work.points:,} {work.unit}")

@@ -15,7 +15,7 @@ from ao.declared import Option
 from ao.options import Normals
 from raytrace.errors import ConflictError, OptionError, printable
 
-from ..bake.console import compiling, progress, show_picture, warn
+from ..bake.console import progress, warn
 from ..bake.options import REPORTS, ROWS, OptionValues, check_together, plain, with_fields
 from ..bake.report import command_line
 
@@ -110,22 +110,23 @@ def _render(given: RenderOptions, output: Path, workers: Workers | None) -> None
     if given.baked:
         check_stored(given.baked)
     scales = None if given.half_distance is None else make_scales(given.half_distance, given.power)
-    with compiling():
-        # The scene as the options have it.
-        read = read_scene(given.scene, size, given.up, given.view)
-        description = _adjusted(read, given.replaced(crop=crop), scales)
-        check_outputs({"--output": output, "--report": given.report}, [given.scene, *description.files])
-        inputs = hashed([given.scene, *description.files]) if given.report else []
-        warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
-        # Its picture.
-        with workers.session(output) if workers else nullcontext() as session:
-            status = session.status if session else str
-            with progress(given.quiet, "rays", "tiles", form=given.progress, status=status) as bars:
-                picture = _picture(given.scene, description, layers is None, threads, bars, session)
-                start = time.perf_counter()
-                picture.frame.save(output, _metadata(given.scene, description.settings), given.half)
-                picture.seconds["write"] = time.perf_counter() - start
+    # The scene as the options have it.
+    read = read_scene(given.scene, size, given.up, given.view)
+    description = _adjusted(read, given.replaced(crop=crop), scales)
+    check_outputs({"--output": output, "--report": given.report}, [given.scene, *description.files])
+    inputs = hashed([given.scene, *description.files]) if given.report else []
+    warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
+    # Its picture.
+    with workers.session(output) if workers else nullcontext() as session:
+        status = session.status if session else str
+        with progress(given.quiet, "rays", "tiles", form=given.progress, status=status) as bars:
+            picture = _picture(given.scene, description, layers is None, threads, bars, session)
+            start = time.perf_counter()
+            picture.frame.save(output, _metadata(given.scene, description.settings), given.half)
+            picture.seconds["write"] = time.perf_counter() - start
     if given.show:
+        from ..show.terminal import show_picture
+
         show_picture(picture.frame.layers["beauty"])
     if given.report:
         _write_report(given, description.settings, picture, threads, inputs, warnings)

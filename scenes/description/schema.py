@@ -15,6 +15,8 @@ from raytrace.system.parameters import Radiance, Whole, triple
 from raytrace.text.field_errors import joined, shown
 from raytrace.types import Float64s
 
+from ..geometry.rotations import about, about_axes
+
 
 def _name_or_table(value: Any) -> Any:
     if not isinstance(value, str | dict):
@@ -88,16 +90,13 @@ class Transform(Table):
         # The rotation, then the scale before it, then the translation.
         matrix = np.eye(4)
         if self.axis is not None or self.rotate is not None:
-            from scipy.spatial.transform import Rotation  # loads for a fifth of a second
-
             if self.axis is not None and self.angle is not None:
                 length = np.linalg.norm(self.axis)
                 if not length > 0:
                     raise fault("axis", "a vector other than zero", list(self.axis))
-                turn = Rotation.from_rotvec(np.radians(self.angle) * np.array(self.axis) / length)
-            else:
-                turn = Rotation.from_euler("xyz", self.rotate, degrees=True)
-            matrix[:3, :3] = turn.as_matrix()
+                matrix[:3, :3] = about(self.axis, self.angle)
+            elif self.rotate is not None:
+                matrix[:3, :3] = about_axes(self.rotate)
         if self.scale is not None:
             matrix[:3, :3] *= self.scale
             if not np.linalg.det(matrix[:3, :3]):

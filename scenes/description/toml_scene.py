@@ -129,7 +129,7 @@ def _obscurance(
     locate = partial(confined, folder=path.parent, source=path, field="obscurance.falloff")
     with located(path, "obscurance"):
         falloff = make_falloff(table.falloff, table.tau, table.half_distance, table.max_distance, locate)
-        options = Options(falloff=falloff, samples=table.samples, seed=table.seed or 0)
+        options = Options(falloff=falloff, samples=table.samples, seed=table.seed or 0, denoise=False)
     return "bake", options, None, table_of(table.falloff, locate)
 
 

@@ -15,7 +15,6 @@ from raytrace.errors import ConflictError, InputError, OptionError, nearest_name
 from raytrace.system.checks import check_regular
 from raytrace.types import Float64s
 
-FORMS = FALLOFFS
 _TABLE = "table:"
 _ENDINGS = ".csv", ".txt", ".npy"
 _MOST = 1 << 24  # bytes of a table's file
@@ -38,14 +37,14 @@ def make_falloff(
     if form == "exponential":
         return ao.Exponential(tau, half_distance, limit)
     table = table_of(form, locate)
-    if form not in FORMS and not table:
-        expected = f"one of {', '.join(FORMS)}, {_TABLE}FILE"
-        raise OptionError("falloff", expected, form, nearest=nearest_name(form, FORMS))
+    if form not in FALLOFFS and not table:
+        expected = f"one of {', '.join(FALLOFFS)}, {_TABLE}FILE"
+        raise OptionError("falloff", expected, form, nearest=nearest_name(form, FALLOFFS))
     for name, value in (("tau", tau), ("half_distance", half_distance)):
         if value is not None:
             raise ConflictError(name, "needs", ("falloff", "exponential"))
     if not table:
-        return FORMS[form](max_distance=limit)
+        return FALLOFFS[form](max_distance=limit)
     if str(limit) != "inf":
         raise ConflictError("max_distance", "does not go with", "a table, which ends where μ is 1")
     return read_table(table[0])

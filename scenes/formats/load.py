@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from raytrace.errors import InputError, MeshError, OptionError, printable
+from raytrace.errors import MeshError, ObscuranceError, OptionError, printable
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.system.checks import check_memory, check_regular
 from raytrace.types import Float64s
@@ -216,12 +216,15 @@ def mesh_errors(path: Path) -> Iterator[None]:
     try:
         with warnings.catch_warnings(action="ignore"):
             yield
-    except InputError:
+    except ObscuranceError:
         raise
     except OSError as reason:
         raise MeshError(path, "file", "a readable file", reason.strerror or reason) from None
     except MemoryError:
         raise MeshError(path, "content", "sizes that fit into memory", "larger ones") from None
+    except ModuleNotFoundError as missing:
+        expected = f"{missing.name}, to read it: `python -m pip install 'obscurance[formats]'`"
+        raise MeshError(path, "format", expected, f"no {missing.name}") from None
     except Exception as reason:
         begin = {ValueError: "", KeyError: "no "}.get(type(reason), f"{type(reason).__name__}: ")
         said = " ".join(f"{begin}{reason}".split())[:160]

@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 import trimesh
-from command import COMMAND, interrupted_command, obscurance, process, refused, started
+from command import interrupted_command, obscurance, process, refused
 from project import ROOT
 
 from raytrace.image.read import read_image
@@ -71,7 +71,7 @@ def test_the_report_holds_the_contract(tmp_path, cube):
     flags = {"flagged", "flagged_vertices", "flagged_vertices_at_most"}
     asked = {"schema_version", "kind", "verdict", "warnings", "command", "inputs", "options", "seed", "versions"}
     assert set(found) == facts | flags | asked
-    assert set(found["seconds"]) == {"load", "build", "compile", "bake", "write"}
+    assert set(found["seconds"]) == {"load", "build", "bake", "write"}
     assert found["rays"] == 16 * (8 + 8)
     assert found["seed"] == 3
     assert found["options"]["falloff"] == "exponential"
@@ -268,10 +268,3 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path, by, options):
     assert "Traceback" not in errors
     assert target.read_bytes() == b"\x93NUMPY precious"
     assert len(list(tmp_path.iterdir())) == 2
-
-
-def test_a_cold_cache_says_that_it_compiles(tmp_path, cube):
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    command = [*COMMAND, "bake", cube, "-o", tmp_path / "w.npy"]
-    with started(command, env=environment, stderr=subprocess.PIPE, text=True) as running:  # and killed at the end
-        assert running.stderr.readline().startswith("First run of this version: compiling kernels")

@@ -1,6 +1,9 @@
 """`bake --dry-run` reports what a bake would take and write, and writes nothing."""
 
+import io
 import re
+import sys
+from types import SimpleNamespace
 
 import pytest
 from command import obscurance, refused
@@ -39,6 +42,12 @@ def test_a_bake_is_described_and_nothing_is_written(folder):
     assert re.match(r"about [\d.]+ [MG]iB in all, \d+ MiB of it beside the mesh", rows["memory"])
     assert re.match(r"about [\d.e-]+ s, with 4 million rays a second on each of \d+ threads", rows["time"])
     assert rows["would write"] == "w.npy in place of the one there; r.json"
+
+
+def test_a_pipe_is_described(folder, monkeypatch):
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(obj(*hills(20))), isatty=lambda: False))
+    rows = plan("-", "-o", "w.npy", "--samples", 64, "--input-format", "obj")
+    assert (rows["would bake"], rows["would write"]) == ("at most 400 vertices", "w.npy")
 
 
 def test_a_texture_has_texels_and_a_tolerance_no_time(folder):

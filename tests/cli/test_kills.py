@@ -10,7 +10,8 @@ from command import started
 from project import HELPERS, environment
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
-KINDS = ("npy", "ply", "glb", "texture", "textured", "batch", "textures", "picture", "parts", "page", "report")
+KINDS = ("npy", "npz", "ply", "glb", "texture", "images", "textured", "batch", "textures", "falloff", "picture",
+         "parts", "page", "report")  # fmt: skip
 
 
 def killed(folder, kills, kind):

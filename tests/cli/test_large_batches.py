@@ -72,7 +72,7 @@ def test_a_batch_by_a_cluster_is_that_of_one_machine_and_can_be_resumed(folder, 
 
 
 def test_files_that_a_worker_does_not_see_are_named(folder):
-    plan = plan_bake(BakeOptions(mesh=[], falloff="binary"), folder / "hill0.obj", folder / "w.npz")
+    plan = plan_bake(BakeOptions(mesh=[folder / "hill0.obj"], output=folder / "w.npz", falloff="binary"))
     stored = pickle.dumps(SharedPlans((plan,)))
     assert [shared.described() for shared in pickle.loads(stored).plans] == [plan.described()]
     (folder / "hill0.obj").unlink()

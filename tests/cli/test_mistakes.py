@@ -239,7 +239,7 @@ def test_memory_that_runs_out_after_the_estimate_is_reported_in_a_line(tmp_path,
 
     mesh = tmp_path / "hills.ply"
     mesh.write_bytes(ply(*hills(4)))
-    monkeypatch.setattr("ao.bake", run_out)
+    monkeypatch.setattr("scenes.bake.vertices.call_checked", run_out)
     refused(obscurance("bake", mesh, "-o", tmp_path / "w.npz"), "out of memory: the system or a limit, ulimit -v")
     assert not (tmp_path / "w.npz").exists()
 

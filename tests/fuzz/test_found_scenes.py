@@ -19,7 +19,6 @@ from raytrace import CookTorrance
 from raytrace.errors import LINE, InputError, SceneError
 from raytrace.image.read import read_image
 from raytrace.image.texture import Texture, pack_textures
-from raytrace.system import checks
 from scenes.description.obscurance import with_obscurance
 from scenes.description.read import read_scene
 
@@ -82,8 +81,8 @@ def test_built_in_shapes_are_counted_before_they_are_made(tmp_path, monkeypatch,
     assert f"m.toml: {expected}" in scene_mistake(tmp_path, text)
 
 
-def test_built_in_shapes_that_do_not_fit_into_memory_are_not_made(tmp_path, monkeypatch):
-    monkeypatch.setattr(checks, "available", lambda: 100 << 20)
+def test_built_in_shapes_that_do_not_fit_into_memory_are_not_made(tmp_path, available_memory):
+    available_memory(100 << 20)
     text = toml_text({"objects": [{"builtin": "sphere", "fineness": 0.003}]})
     assert "memory: expected at most 100 MiB, what is available, got about 209 MiB to make" in scene_mistake(
         tmp_path, text

@@ -1,7 +1,6 @@
 """The `obscurance` command for the tests of the command line: within this process, or as one of its own."""
 
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -15,14 +14,12 @@ from project import ROOT
 import cli
 
 COMMAND = [sys.executable, str(ROOT / "cli.py")]
-_COMPILING = re.compile(r"^(First run of this version: compiling|Compiling) kernels .*\n", re.MULTILINE)
 
 
 def obscurance(*arguments):
     """Run the command to its end in this process, at a tenth of the cost of a new one.
 
-    Returns: as `process` does, without the note that kernels are compiled: whether they are depends on what ran before.
-        Also what libraries print past Python is caught.
+    Returns: as `process` does; also what libraries print past Python is caught.
     """
     line = [*COMMAND[1:], *map(str, arguments)]
     with tempfile.TemporaryFile("w+") as output, tempfile.TemporaryFile("w+") as errors:
@@ -35,7 +32,7 @@ def obscurance(*arguments):
             sys.argv = before
         output.seek(0)
         errors.seek(0)
-        return subprocess.CompletedProcess(line, status, output.read(), _COMPILING.sub("", errors.read()))
+        return subprocess.CompletedProcess(line, status, output.read(), errors.read())
 
 
 def process(*arguments, **options):
@@ -126,7 +123,7 @@ def refused(result, *words, status=2):
     """One line on standard error that holds `words`, nothing on standard output."""
     assert result.returncode == status, result.stderr
     assert result.stdout == ""
-    errors = _COMPILING.sub("", result.stderr)
+    errors = result.stderr
     assert errors.count("\n") == 1, errors
     for word in words:
         assert word in errors

@@ -6,13 +6,19 @@ import shutil
 import site
 import subprocess
 import sys
+import sysconfig
+import tomllib
 import zipfile
+from importlib.machinery import EXTENSION_SUFFIXES
 
+import numpy as np
 import pytest
 from command import refused
 from mesh_files import obj
 from meshes import hills
 from project import ROOT
+
+from raytrace.kernel import library
 
 PACKAGES = ("obscurance", "raytrace", "ao", "scenes")
 LIST = """
@@ -45,7 +51,14 @@ def test_the_wheel_holds_every_file_of_the_packages(tmp_path):
     packed = {line.replace("\\", "/").removeprefix("build/lib/") for line in listed.stdout.splitlines()}
     held = [path for package in PACKAGES for path in (ROOT / package).rglob("*") if path.is_file()]
     wanted = {path.relative_to(ROOT).as_posix() for path in held if "__pycache__" not in path.parts}
+    wanted = {name for name in wanted if not name.endswith(tuple(EXTENSION_SUFFIXES))}
     assert packed == wanted | {"obscurance/command/cli.py"}, listed.stderr
+
+
+def test_building_needs_what_running_and_compiling_need_in_the_same_versions():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    known = project["project"]["dependencies"] + project["project"]["optional-dependencies"]["develop"]
+    assert set(project["build-system"]["requires"]) <= set(known)
 
 
 QUIET = ("-m", "pip", "--quiet", "--disable-pip-version-check")
@@ -53,14 +66,31 @@ QUIET = ("-m", "pip", "--quiet", "--disable-pip-version-check")
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
-    """The wheel, made of a copy of this source tree."""
-    folder = tmp_path_factory.mktemp("wheel")
+    """A wheel that has but three kernels, made of a copy of this source tree."""
+    source = source_in(tmp_path_factory.mktemp("wheel"))
+    listed = source / "raytrace" / "kernel" / "kernels.txt"
+    listed.write_text("".join(listed.read_text().splitlines(keepends=True)[-3:]))
+    return wheel_of(source, source.parent)
+
+
+@pytest.fixture(scope="module")
+def whole_wheel(tmp_path_factory):
+    """The wheel with all kernels."""
+    source = source_in(tmp_path_factory.mktemp("whole_wheel"))
+    if (ROOT / "build").is_dir():  # has most of the object files
+        shutil.copytree(ROOT / "build", source / "build", ignore=shutil.ignore_patterns("lib*", "bdist*"))
+    return wheel_of(source, source.parent)
+
+
+def source_in(folder):
+    """A copy of this source tree without what was built."""
     source = folder / "source"
+    built = shutil.ignore_patterns("__pycache__", *(f"*{suffix}" for suffix in EXTENSION_SUFFIXES))
     for package in PACKAGES:
-        shutil.copytree(ROOT / package, source / package, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("cli.py", "pyproject.toml", "README.md", "LICENSE"):
+        shutil.copytree(ROOT / package, source / package, ignore=built)
+    for name in ("cli.py", "setup.py", "pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
-    return wheel_of(source, folder)
+    return source
 
 
 def wheel_of(source, folder):
@@ -85,6 +115,8 @@ def test_wheel_and_source_archive_pass_the_check_of_the_index_and_hold_the_same(
     names = [set(zipfile.ZipFile(each).namelist()) for each in (wheel, again)]
     assert names[0] == names[1]
     assert {f"{package}/py.typed" for package in PACKAGES} <= names[0]
+    assert {library.file_of(level).relative_to(ROOT).as_posix() for level in library.levels()} <= names[0]
+    assert wheel.name.endswith(f"{sysconfig.get_platform().replace('-', '_').replace('.', '_')}.whl")
 
 
 def test_a_module_of_another_package_does_not_replace_the_command(wheel, tmp_path):
@@ -98,9 +130,14 @@ def test_a_module_of_another_package_does_not_replace_the_command(wheel, tmp_pat
         assert done.stdout.startswith("obscurance "), done.stdout + done.stderr
 
 
+NO_COMPILER = "import sys\nsys.modules.update(numba=None, llvmlite=None, setuptools=None)\n"
+
+
 @pytest.fixture(scope="module")
-def installed(wheel):
-    """The scripts of an environment that has the wheel, and the dependencies of this one, but not this source tree."""
+def installed(whole_wheel):
+    """The scripts of an environment that has the wheel, and the dependencies of this one but for the compiler, and not
+    this source tree."""
+    wheel = whole_wheel
     folder = wheel.parent
     environment = folder / "environment"
     run(sys.executable, "-m", "venv", "--without-pip", environment, folder=folder)
@@ -110,6 +147,7 @@ def installed(wheel):
     assert done.returncode == 0, done.stderr
     (packages,) = environment.rglob("site-packages")
     (packages / "dependencies.pth").write_text("\n".join(site.getsitepackages()))  # whose own .pth files are not read
+    (packages / "sitecustomize.py").write_text(NO_COMPILER)
     return scripts
 
 
@@ -123,16 +161,37 @@ def test_the_wheel_runs_in_an_environment_of_its_own(installed, tmp_path):
         folder=tmp_path,
     ).stdout
     assert where.count(str(installed.parent)) == 2
+    nowhere = {"PATH": "", "HOME": "/dev/null", "XDG_CACHE_HOME": "/dev/null", "TMPDIR": str(tmp_path)}
     for line in (
         "--version",
+        "info hills.obj",
         "bake hills.obj -o hills.glb --samples 16",
+        "bake hills.obj -o hills.png --uv unwrap --size 64 --samples 16",
+        "bake hills.obj -o fitted.ply --method surface --samples 16",
         "scenes cornell -o cornell.toml",
+        "render cornell.toml -o cornell.png --width 64 --height 64",
         "demo -o demo",
     ):
-        done = run(installed / "obscurance", *line.split(), folder=tmp_path)
+        done = run(installed / "obscurance", *line.split(), folder=tmp_path, env=nowhere)
         assert done.returncode == 0, done.stderr
-    for made in ("hills.glb", "cornell.toml", "demo/temple.png", "demo/temple.ply"):
+    for made in ("hills.glb", "hills.png", "fitted.ply", "cornell.toml", "demo/temple.png", "demo/temple.ply"):
         assert (tmp_path / made).stat().st_size > 500
+
+
+@pytest.mark.slow
+def test_every_level_that_this_processor_has_bakes_alike(installed, tmp_path):
+    """Fused products are rounded alike; what differs is where sums of lanes are added up."""
+    (tmp_path / "hills.obj").write_bytes(obj(*hills(20)))
+    baked = []
+    for level in library.levels()[: library.levels().index(library.level()) + 1]:
+        code = f"from raytrace.kernel import library; library.level = lambda: {level!r}; "
+        code += "import obscurance.cli; obscurance.cli.main()"
+        target = tmp_path / f"{level}.npy"
+        done = run(installed / "python", "-c", code, "bake", "hills.obj", "-o", target, folder=tmp_path)
+        assert done.returncode == 0, done.stderr
+        baked.append(np.load(target))
+    for w in baked:
+        np.testing.assert_allclose(w, baked[0], atol=0.02)
 
 
 TYPED = """

@@ -21,6 +21,7 @@ from raytrace.text.safe_paths import resolve_inside
 from raytrace.text.strict_json import parse_json
 from raytrace.types import Float64s
 
+from ...geometry.rotations import of_quaternion
 from . import records
 from .parse import parse
 from .records import GltfGeometry, GltfMaterial, GltfMaterials, GltfTexture, Node, Primitive, Sampler
@@ -167,9 +168,7 @@ def _local(node: Node) -> Float64s:
         return np.array(node.matrix).reshape(4, 4).T
     made = np.eye(4)
     if node.rotation is not None:
-        from scipy.spatial.transform import Rotation  # loads for a fifth of a second
-
-        made[:3, :3] = Rotation.from_quat(node.rotation).as_matrix()
+        made[:3, :3] = of_quaternion(node.rotation)
     made[:3, :3] *= node.scale
     made[:3, 3] = node.translation
     return made

@@ -134,16 +134,6 @@ def test_a_part_from_another_processor_is_named(parts, monkeypatch):
     assert said(parts).endswith("got a z80")
 
 
-def test_a_part_by_other_settings_of_numba_is_named(parts, monkeypatch):
-    (parts / "part-1-of-3.part").unlink()
-    monkeypatch.setenv("NUMBA_CPU_NAME", "generic")
-    monkeypatch.setenv("NUMBA_CACHE_DIR", "elsewhere")  # of no consequence
-    monkeypatch.setattr(ao.execute.parts, "machine", ao.execute.parts.machine.__wrapped__)
-    trace_part(MAKE, parts, 1, 3)
-    expected = "Numba's settings: expected none, as in the other parts, got NUMBA_CPU_NAME=generic"
-    assert said(parts) == f"FOLDER/part-1-of-3.part: {expected}"
-
-
 def test_parts_of_another_mesh_or_processor_than_the_merging_ones_are_refused(parts, monkeypatch):
     assert said(parts, partial(ao.bake, Mesh(*hills(41)), samples=64)).startswith("FOLDER: mesh: expected ")
     assert said(parts, partial(ao.bake, HILLS, samples=64, seed=1)).startswith("FOLDER: header: expected ")

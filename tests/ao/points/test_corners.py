@@ -223,8 +223,8 @@ def test_means_keep_equal_values_and_combine_variances():
     assert len(corners.only(np.array([3]))) == 0
 
 
-def test_corners_that_do_not_fit_into_memory_are_refused(monkeypatch):
+def test_corners_that_do_not_fit_into_memory_are_refused(available_memory):
     mesh = Mesh(*crumpled(icosphere(4), 0.5, 0), None)
-    monkeypatch.setattr("raytrace.system.checks.available", lambda: corner_bytes(3000))
+    available_memory(corner_bytes(3000))
     with pytest.raises(MemoryLimitError, match="corners of folded vertices"):
         find_receivers(mesh, Placement.of(mesh))

@@ -22,8 +22,8 @@ def network(rng):
 
 
 def everywhere(rng):
-    """Samples that meet in all directions, whose factor would be full."""
-    return Seams(Lookups.at(rng.uniform(0, SIZE, (500, 2, 2)), SIZE, True), 1)
+    """Samples that meet in all directions, whose factors would be full."""
+    return Seams(Lookups.at(rng.uniform(0, SIZE, (1400, 2, 2)), SIZE, True), 1)
 
 
 def problem(seams, rng):

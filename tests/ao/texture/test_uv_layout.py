@@ -167,8 +167,8 @@ def test_overlaps_are_refused_when_asked():
     assert below.w.mean() < above.w.mean() - 0.05  # the lower sheet alone, and the mean with the open upper one
 
 
-def test_more_texels_than_memory_holds(monkeypatch):
-    monkeypatch.setattr("raytrace.system.checks.available", lambda: 1 << 30)
+def test_more_texels_than_memory_holds(available_memory):
+    available_memory(1 << 30)
     mesh, uv = quads((rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)), square(0, 0, 1, 1)))
     with pytest.raises(MemoryLimitError, match=r"about 35.0 GiB to bake 67,108,864 texels of 2 faces"):
         ao.bake_texture(mesh, uv, 8192)

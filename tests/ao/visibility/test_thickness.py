@@ -161,8 +161,8 @@ def test_solids_that_mark_are_refused(interior):
 
 def test_thickness_is_no_occlusion_of_a_glb_unless_asked(tmp_path):
     for given, expected in (({"thickness": False}, None), ({}, "none"), ({"occlusion": "ramp"}, "ramp")):
-        options = BakeOptions(mesh=[], **({"thickness": True} | given))
-        assert plan_bake(options, tmp_path / "ball.obj", tmp_path / "ball.glb").options.occlusion == expected
+        files = {"mesh": [tmp_path / "ball.obj"], "output": tmp_path / "ball.glb"}
+        assert plan_bake(BakeOptions(**(files | {"thickness": True} | given))).options.occlusion == expected
 
 
 def test_a_thin_mesh_is_not_taken_for_one_inside_out(tmp_path):
@@ -170,8 +170,8 @@ def test_a_thin_mesh_is_not_taken_for_one_inside_out(tmp_path):
     lines = [*("v {} {} {}".format(*each) for each in vertices), *("f {} {} {}".format(*each) for each in faces + 1)]
     mesh, report = tmp_path / "ball.obj", tmp_path / "report.json"
     mesh.write_text("\n".join(lines))
-    options = BakeOptions(mesh=[], thickness=True, falloff="binary", samples=16, quiet=True, report=report)
-    list(run(plan_bake(options, mesh, tmp_path / "w.npy")))
+    options = {"thickness": True, "falloff": "binary", "samples": 16, "quiet": True, "report": report}
+    list(run(plan_bake(BakeOptions(mesh=[mesh], output=tmp_path / "w.npy", **options))))
     found = json.loads(report.read_text())
     assert found["w"]["most"] == 0
     assert "inside out" not in json.dumps(found["verdict"])

@@ -26,6 +26,7 @@ import scenes.bake.run
 import scenes.bake.texture
 import scenes.bake.vertices
 import scenes.commands.bake
+import scenes.commands.falloff
 import scenes.commands.render
 import scenes.show.page.document
 import scenes.show.report.document  # noqa: F401
@@ -54,6 +55,13 @@ KINDS = {
     "textured": [(*BAKE, "--occlusion", "texture", "--size", "96", "-o", "out/w.glb")],
     "batch": [BATCH],
     "textures": [(*BATCH, "--format", "png", "--size", "64")],
+    "npz": [(*RESUMED, "out/w.npz", "--profile")],
+    "images": [(*BAKE, "--size", "64", "-o", "out/w.tif", "--bent-normals", "out/b.png", "--error-map", "out/e.exr")],
+    "falloff": [
+        (*BAKE, "--profile", "-o", "out/w.glb"),
+        ("falloff", "out/w.glb", "--half-distance", "10%", "-o", "out/other.glb"),
+        ("view", "out/other.glb", "-o", "out/view.html"),
+    ],
     "picture": [("render", "scene.toml", "-o", "out/p.exr", "--quiet")],
     "parts": [(*BAKE, "--part", f"{n}/2", "-o", "out/parts") for n in (1, 2)]
     + [("merge", "out/parts", "-o", "out/w.ply")],

@@ -27,8 +27,6 @@ def prepared(folder):
 
 def watch(folder):
     """Note every file that Python opens outside of the folder, but for modules and what is written on purpose."""
-    from raytrace.kernel.cache import cache_folder
-
     opened = []
     proc = [
         "/proc/self",
@@ -37,7 +35,7 @@ def watch(folder):
         str(Path("<unknown>").resolve()),
     ]  # linecache looks for kernels
     system = [sys.prefix, sys.base_prefix, "/usr", "/lib", "/etc/ld", *proc, "/dev/null", "/sys"]
-    allowed = tuple(map(os.path.realpath, [folder / "inside", folder / "made", ROOT, cache_folder(), *system]))
+    allowed = tuple(map(os.path.realpath, [folder / "inside", folder / "made", ROOT, *system]))
 
     def hook(event, arguments):
         if event == "open" and isinstance(arguments[0], str | bytes):

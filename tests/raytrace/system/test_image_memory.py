@@ -61,19 +61,19 @@ def noise(path):
     ],
     ids=["compare", "image", "environment", "codes", "alpha", "pack", "opacity map"],
 )
-def test_images_are_not_decoded_if_they_would_not_fit(read, tmp_path, monkeypatch):
+def test_images_are_not_decoded_if_they_would_not_fit(read, tmp_path, monkeypatch, available_memory):
     path = noise(tmp_path / "t.png")
     read(path)
-    monkeypatch.setattr(raytrace.system.checks, "available", lambda: MIB)
+    available_memory(MIB)
     monkeypatch.setattr(raytrace.image.read, "row_blocks", pytest.fail)
     monkeypatch.setattr(raytrace.image.texture, "row_blocks", pytest.fail)
     with pytest.raises(MemoryLimitError, match=r"t\.png: memory: expected at most 1 MiB.* (1,024×512|524,288)"):
         read(path)
 
 
-def test_pictures_that_differ_take_more_to_compare(tmp_path, monkeypatch):
+def test_pictures_that_differ_take_more_to_compare(tmp_path, available_memory):
     a, b = noise(tmp_path / "a.png"), noise(tmp_path / "other.png")
-    monkeypatch.setattr(raytrace.system.checks, "available", lambda: 50 * MIB)
+    available_memory(50 * MIB)
     assert compare(a, a).flip == 0
     with pytest.raises(MemoryLimitError, match=r"a\.png: memory: .* to compare 1,024×512 pixels"):
         compare(a, b)

@@ -93,8 +93,8 @@ def test_a_limit_of_the_process_limits_it(kind):
     assert limit - 1024 * MIB < int(result.stdout) < limit - 192 * MIB
 
 
-def test_the_line_says_what_needs_how_much_and_what_would_do(monkeypatch):
-    monkeypatch.setattr(raytrace.system.checks, "available", lambda: 300 * MIB)
+def test_the_line_says_what_needs_how_much_and_what_would_do(available_memory):
+    available_memory(300 * MIB)
     check_memory("m.ply", 300 * MIB, "to bake")
     with pytest.raises(MemoryLimitError) as caught:
         check_memory("m.ply", 3 << 30, "to bake", {"the first": 400 * MIB, "the other": 200 * MIB})
@@ -121,15 +121,15 @@ WORK = {
 
 
 @pytest.mark.parametrize("name", WORK)
-def test_everything_big_asks_first(name, monkeypatch):
+def test_everything_big_asks_first(name, available_memory):
     mesh = Mesh(*hills(10), source="hills.ply")
-    monkeypatch.setattr(raytrace.system.checks, "available", lambda: 30 * MIB)
+    available_memory(30 * MIB)
     with pytest.raises(MemoryLimitError, match=r"expected at most 30 MiB.* faces"):
         WORK[name](mesh)
 
 
 @pytest.mark.parametrize("ending", ["ply", "off", "3mf", "glb", "toml"])
-def test_files_are_not_read_if_they_would_not_fit(ending, tmp_path, monkeypatch):
+def test_files_are_not_read_if_they_would_not_fit(ending, tmp_path, available_memory):
     import trimesh
 
     from scenes.description.read import read_scene
@@ -144,7 +144,7 @@ def test_files_are_not_read_if_they_would_not_fit(ending, tmp_path, monkeypatch)
         path.write_bytes(archive(**{"3D/3dmodel.model": MODEL}))
     else:
         trimesh.creation.icosphere(1).export(path)
-    monkeypatch.setattr(raytrace.system.checks, "available", lambda: 100)
+    available_memory(100)
     with pytest.raises(InputError, match="memory: expected at most 0 MiB"):
         read_scene(path) if ending == "toml" else load(path)
 
@@ -167,11 +167,11 @@ def test_geometry_is_let_go_of_where_a_bake_does_not_fit_beside_it(room, kept, t
     assert baked.objects[0].w is not None
 
 
-def test_points_that_do_not_fit_are_refused_once_they_are_counted(monkeypatch):
+def test_points_that_do_not_fit_are_refused_once_they_are_counted(available_memory):
     """Loose triangles have six times the points of a closed surface."""
     corners = np.random.default_rng(0).uniform(size=(6000, 3))
     room = iter([1 << 40, MIB])
-    monkeypatch.setattr(raytrace.system.checks, "available", lambda: next(room))
+    available_memory(lambda: next(room))
     with pytest.raises(MemoryLimitError, match=r"at most 1 MiB.* to trace rays at 6,000 points"):
         ao.bake(Mesh(corners, np.arange(6000).reshape(-1, 3)), samples=1)
 

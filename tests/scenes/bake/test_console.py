@@ -11,8 +11,9 @@ import pytest
 
 import ao
 from raytrace import Mesh
-from scenes.bake.console import progress, show_picture
+from scenes.bake.console import progress
 from scenes.geometry.polyhedra import icosphere
+from scenes.show.terminal import show_picture
 
 
 class Terminal(io.StringIO):

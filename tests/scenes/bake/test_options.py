@@ -60,7 +60,7 @@ found["merge"] = run("merge", "parts", "-o", "merged.npy")
 run("bake", *few, *oak, "--output-dir", "out")
 found["resume"] = run("bake", *few, "--output-dir", "out", "--resume")[1]
 from pathlib import Path
-plan = plan_bake(BakeOptions(mesh=[], grain="oak"), Path("hills.obj"), Path("w.npy"))
+plan = plan_bake(BakeOptions(mesh=[Path("hills.obj")], output=Path("w.npy"), grain="oak"))
 found["sent"] = pickle.loads(pickle.dumps(plan)).options.grain
 print(json.dumps(found))
 """
@@ -138,9 +138,8 @@ def within(folder, value):
 
 def identity_of(folder, **options):
     """What a journal of the bake with these options belongs to."""
-    mesh = options.get("mesh", folder / "hills.obj")
-    output = options.get("output", folder / "w.npy")
-    plan = plan_bake(BakeOptions(**({"quiet": True} | options | {"mesh": [mesh], "output": output})), mesh, output)
+    given = {"mesh": folder / "hills.obj", "output": folder / "w.npy", "quiet": True} | options
+    plan = plan_bake(BakeOptions(**(given | {"mesh": [given["mesh"]]})))
     with pytest.raises(Begun) as begun:
         list(run(plan, open_checkpoint=lambda _: Identity(folder / "journal")))
     return begun.value.args[0]

@@ -20,7 +20,7 @@ FEW = ("--samples", 64, "--size", 32)
 
 def planned(preset, output, **given):
     """The plan, as options of the command make it."""
-    return plan_bake(BakeOptions(mesh=[], preset=preset, **given), Path("m.obj"), Path(output))
+    return plan_bake(BakeOptions(mesh=[Path("m.obj")], output=Path(output), preset=preset, **given))
 
 
 TANGENT = [preset for preset, values in PRESETS.items() if "bent_space" in values]

@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 from command import obscurance
 from fuzz_seeds import DAE, archive
+from mesh_files import obj
 
+from raytrace.errors import KernelError
+from raytrace.kernel import jit, library
+from raytrace.text.lines import survey
 from scenes.formats.load import load
 
 PLACES = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 1]])
@@ -41,6 +45,9 @@ def test_an_ending_is_refused_without_importing_a_library(tmp_path):
     (tmp_path / "m.svg").write_text("<svg/>")
     code = """
 import sys
+from raytrace.errors import KernelError
+from raytrace.kernel import jit, library
+from raytrace.text.lines import survey
 from scenes.formats.load import load
 try:
     load(sys.argv[1])
@@ -49,3 +56,22 @@ except ValueError as error:
 """
     done = subprocess.run([sys.executable, "-c", code, tmp_path / "m.svg"], capture_output=True, text=True, check=True)
     assert done.stdout == "got .svg set()\n"
+
+
+@pytest.mark.parametrize(("name", "library"), [("m.dae", "collada"), ("m.3mf", "lxml")])
+def test_without_its_library_a_format_is_refused_with_the_extra_that_brings_it(tmp_path, monkeypatch, name, library):
+    monkeypatch.setitem(sys.modules, library, None)
+    (tmp_path / name).write_bytes(DAE if library == "collada" else archive(**{"3D/3dmodel.model": b"<model/>"}))
+    done = obscurance("info", tmp_path / name)
+    expected = f"{library}, to read it: `python -m pip install 'obscurance[formats]'`, got no {library}"
+    assert (done.returncode, done.stderr) == (2, f"obscurance: {tmp_path}/{name}: format: expected {expected}\n")
+
+
+def test_missing_kernels_are_no_fault_of_the_file(tmp_path, monkeypatch):
+    monkeypatch.setattr(library, "find", lambda *_: None)
+    monkeypatch.setattr(jit, "find_spec", lambda _: None)
+    monkeypatch.setattr(survey, "_for_types", {})
+    monkeypatch.setattr(survey, "_by_symbol", {})
+    (tmp_path / "m.obj").write_bytes(obj())
+    with pytest.raises(KernelError, match=r"raytrace\.text\.lines\.survey"):
+        load(tmp_path / "m.obj")

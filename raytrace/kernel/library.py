@@ -1,0 +1,138 @@
+"""The library of kernels that was built with the package, one for each level of processors.
+
+It holds, for each kernel and types of arguments, the machine code and a text about it; and for each C function that
+kernels call a pointer, which is set when that function is there.
+"""
+
+import ctypes
+import hashlib
+import platform
+from functools import cache
+from importlib import import_module
+from importlib.machinery import EXTENSION_SUFFIXES
+from pathlib import Path
+
+from .identity import ROOT, kernel_identity
+
+_X86 = {
+    "x86-64-v4": ("AVX512F", "AVX512BW", "AVX512CD", "AVX512DQ", "AVX512VL"),
+    "x86-64-v3": ("AVX2", "FMA3"),
+    "x86-64": (),
+}
+"""Levels, the best one first, and the instructions that tell them by NumPy's names."""
+ARM = "arm64"
+ABOUT = "_about"
+"""End of the name of a kernel's text: the formats of its results, a line with its identity."""
+POINTER = "pointer_to_"
+"""Beginning of the name of a pointer."""
+BUILT = "built_by"
+_HOW_TO_BUILD = "in the source folder `python -m pip install .`, or `make install`, builds them"
+_COMPILER = ("compiler.py", "words.py", "lanes.py")
+_pointers: dict[str, ctypes.c_void_p] = {}
+_compares = [(ROOT / "pyproject.toml").is_file()]  # whether sources may be others than the library was built of
+
+
+@cache
+def level() -> str:
+    """The best level of this machine's processor."""
+    if platform.machine().lower() in ("arm64", "aarch64"):
+        return ARM
+    features = cpu_features()
+    return next(name for name, needed in _X86.items() if features.issuperset(needed))
+
+
+@cache
+def cpu_features() -> frozenset[str]:
+    """The instructions that this machine's processor has, by NumPy's names."""
+    numpys = import_module("numpy._core._multiarray_umath")
+    return frozenset(name for name, has in numpys.__cpu_features__.items() if has)
+
+
+def levels() -> tuple[str, ...]:
+    """The levels that a package for this kind of machine is built for."""
+    return (ARM,) if level() == ARM else tuple(dict.fromkeys(("x86-64-v3", "x86-64-v4", level())))
+
+
+def file_of(level: str) -> Path:
+    """Where the library of a level is, if it has been built for this Python."""
+    return Path(__file__).with_name(level.replace("-", "_") + EXTENSION_SUFFIXES[0])
+
+
+@cache
+def _library() -> ctypes.CDLL | None:
+    file = file_of(level())
+    return ctypes.CDLL(str(file)) if file.is_file() else None
+
+
+def find(symbol: str, function: object) -> tuple[str, int] | None:
+    """The formats of a kernel's results and the address of its code, if the library has it.
+
+    In a source tree it must have been made of this very function and all that it calls. What is installed is not
+    compared, unless `compare_sources` was called.
+    """
+    library = _library()
+    if library is None or not hasattr(library, symbol):
+        return None
+    formats, made_of = about(ctypes.addressof(ctypes.c_char.in_dll(library, symbol + ABOUT)))
+    if _compares[0] and made_of != identity_of(function):
+        return None
+    return formats, ctypes.cast(getattr(library, symbol), ctypes.c_void_p).value or 0
+
+
+def compare_sources() -> None:
+    """Take kernels from the library only where they are made of the functions that this process has, from now on."""
+    _compares[0] = True
+
+
+def about(address: int) -> tuple[str, str]:
+    """The formats of a kernel's results, and its identity, of its text."""
+    formats, _, identity = ctypes.string_at(address).decode().partition("\n")
+    return formats, identity
+
+
+def identity_of(function: object) -> str:
+    """Hash of what a kernel is made of, and of what makes code of it."""
+    return f"{_compiler_identity()}{kernel_identity(function)}"
+
+
+@cache
+def _compiler_identity() -> str:
+    sources = b"".join(Path(__file__).with_name(name).read_bytes() for name in _COMPILER)
+    return hashlib.sha256(sources).hexdigest()[:16]
+
+
+def built_by() -> str:
+    """The library's level, and what compiled it, such as "x86-64-v3 by Numba 0.68.1, LLVM 20.1.8"."""
+    library = _library()
+    compiler = ctypes.string_at(ctypes.addressof(ctypes.c_char.in_dll(library, BUILT))) if library else b"none"
+    return f"{level()} by {compiler.decode()}"
+
+
+def provide(name: str, address: int) -> None:
+    """Let kernels call the C function of this name."""
+    _pointers[name] = _pointer(name)
+    _pointers[name].value = address
+
+
+def _pointer(name: str) -> ctypes.c_void_p:
+    library = _library()
+    try:
+        return ctypes.c_void_p.in_dll(library, POINTER + name) if library else ctypes.c_void_p()
+    except ValueError:  # a library from before kernels called it
+        return ctypes.c_void_p()
+
+
+def pointers() -> dict[str, int]:
+    """The addresses of the pointers to the functions that were provided, by their names in machine code."""
+    return {POINTER + name: ctypes.addressof(pointer) for name, pointer in _pointers.items()}
+
+
+def what_is_missing(kernel: str) -> str:
+    """What to say where the library has no code of a kernel, given as the list has it, and nothing compiles it."""
+    if _library():
+        advice = "Numba compiles what is not in it: `python -m pip install 'obscurance[develop]'`"
+        return f"{kernel}: expected a kernel of the library that was built with the package; {advice}"
+    wanted = f"{platform.system()} on {platform.machine()}, {level()}"
+    if level() == "x86-64":
+        wanted += ", below x86-64-v3 (AVX2, FMA)"
+    return f"kernels: expected those for this processor ({wanted}), got none; {_HOW_TO_BUILD}"

@@ -1,0 +1,223 @@
+"""The library of kernels: unchanged kernels come from it, edited ones are compiled, without either a line says so."""
+
+import os
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from project import ROOT
+
+from raytrace.kernel import build, library
+from raytrace.kernel.identity import kernel_identity
+from raytrace.kernel.signature import example
+
+HELPER = """
+from .kernel.jit import inline
+
+@inline
+def constant():
+    return {value}
+
+@inline
+def unused():
+    return 3
+"""
+KERNEL = """
+from .helper import constant
+from .kernel.jit import kernel
+
+@kernel
+def answer():
+    return constant()
+"""
+ANSWER = """
+import sys
+from raytrace.errors import KernelError
+from raytrace.kernel.jit import compiled
+from raytrace.loop import answer
+try:
+    print(answer(), len(compiled), "numba" in sys.modules)
+except KernelError as missing:
+    print(missing)
+"""
+PROJECT = '[project]\nname = "small"\nversion = "1"\n[tool.setuptools]\npackages = []\n'
+GONE = ("raytrace.loop.gone <i8", "raytrace.no_module.f", "raytrace.loop.answer raytrace.loop.Gone( )")
+LISTED = "\n".join(("raytrace.loop.answer", *GONE))
+
+
+def run(folder, code, **environment):
+    """What the code prints. Python's own cache, which takes edits of one second for one, is left out."""
+    return subprocess.run(
+        [sys.executable, "-B", "-c", code],
+        cwd=folder,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+    ).stdout.strip()
+
+
+def project_in(folder):
+    package = folder / "raytrace"
+    package.mkdir()
+    (folder / "ao").mkdir()
+    (package / "__init__.py").touch()
+    left_out = shutil.ignore_patterns("vector.py", "*.so", "*.pyd", "__pycache__")
+    shutil.copytree(ROOT / "raytrace" / "kernel", package / "kernel", ignore=left_out)
+    for name in ("types.py", "errors.py"):
+        shutil.copy(ROOT / "raytrace" / name, package)
+    shutil.copy(ROOT / "setup.py", folder)
+    (folder / "pyproject.toml").write_text(PROJECT)
+    (package / "kernel" / "kernels.txt").write_text(LISTED)
+    (package / "helper.py").write_text(HELPER.format(value=1))
+    (package / "loop.py").write_text(KERNEL)
+    return folder
+
+
+def build_in(folder):
+    """What building the library of a project says."""
+    command = [sys.executable, "-B", "setup.py", "--quiet", "build_ext", "--inplace"]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True, timeout=120).stderr
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """A project whose only kernel is in its library."""
+    pytest.importorskip("setuptools", reason="pip install '.[develop]'")
+    folder = project_in(tmp_path_factory.mktemp("built"))
+    assert "kernels: 1 built" in build_in(folder)
+    return folder
+
+
+@pytest.fixture
+def project(built, tmp_path):
+    return shutil.copytree(built, tmp_path / "project")
+
+
+@pytest.mark.parametrize(
+    ("file", "before", "after", "runs"),
+    [
+        ("loop.py", "@kernel", "@kernel", "1 0 False"),
+        ("loop.py", "def answer():", 'def answer() -> int:\n    """A docstring."""', "1 0 False"),
+        ("loop.py", "@kernel", "# a comment\n\n@kernel", "1 0 False"),
+        ("helper.py", "return 3", "return 4", "1 0 False"),
+        ("helper.py", "return 1", "return 2", "2 1 True"),
+        ("loop.py", "constant()", "constant() + 1", "2 1 True"),
+        (
+            "helper.py",
+            "@inline\ndef constant():\n    return 1",
+            "ONE = 1\n@inline\ndef constant():\n    return ONE",
+            "1 1 True",
+        ),
+        ("kernel/lanes.py", "INDEX = ir.IntType(32)", "INDEX = ir.IntType(64)", "1 1 True"),
+    ],
+)
+def test_an_edit_compiles_what_it_touches(project, file, before, after, runs):
+    path = project / "raytrace" / file
+    text = path.read_text()
+    assert before in text
+    path.write_text(text.replace(before, after))
+    assert run(project, ANSWER) == runs
+
+
+def test_building_again_compiles_what_was_edited_alone(project):
+    assert "built" not in build_in(project)
+    (project / "raytrace" / "helper.py").write_text(HELPER.format(value=2))
+    assert "kernels: 1 built" in build_in(project)
+    assert run(project, ANSWER) == "2 0 False"
+    assert len(list((project / "build").rglob("*answer*.o"))) == 1
+
+
+def test_a_line_of_the_list_that_does_not_compile_any_more_is_left_out(project):
+    """Types that a kernel was called with before it was edited."""
+    loop = project / "raytrace" / "loop.py"
+    loop.write_text(KERNEL + "\n@kernel\ndef length(pair):\n    return pair[2]\n")
+    with (project / "raytrace" / "kernel" / "kernels.txt").open("a") as file:
+        file.write("\nraytrace.loop.length ( <f8 <f8 )\nraytrace.loop.length ( <f8 <f8 <f8 )\n")
+    said = build_in(project)
+    assert "kernels: 1 of the list are stale: run `make kernels`" in said
+    assert run(project, "from raytrace.loop import length" + ANSWER) == "1 0 False"
+    assert run(project, ANSWER + "from raytrace.loop import length; print(length((1.0, 2.0, 3.0)))").endswith("3.0")
+
+
+def test_what_is_installed_is_not_compared_with_its_sources(project):
+    """An interpreter of a later patch may have other instructions for the same source."""
+    (project / "raytrace" / "helper.py").write_text(HELPER.format(value=2))
+    (project / "pyproject.toml").unlink()
+    assert run(project, ANSWER) == "1 0 False"
+    assert run(project, "from raytrace.kernel.library import compare_sources; compare_sources()" + ANSWER) == "2 1 True"
+
+
+NO_NUMBA = "import importlib.util; importlib.util.find_spec = lambda name: None\n"
+
+
+def test_without_numba_a_line_says_what_is_missing_and_how_it_is_had(project):
+    assert run(project, NO_NUMBA + ANSWER) == "1 0 False"
+    (project / "raytrace" / "helper.py").write_text(HELPER.format(value=2))
+    said = run(project, NO_NUMBA + ANSWER)
+    assert said.startswith("raytrace.loop.answer: expected a kernel of the library")
+    assert "pip install 'obscurance[develop]'" in said
+    assert len(said.splitlines()) == 1
+
+
+OLD = "from raytrace.kernel import library; library.cpu_features = lambda: frozenset({'SSE2'})\n"
+
+
+def test_a_processor_that_no_library_is_for_gets_a_line_with_the_way_to_build_one(project):
+    if library.level() == library.ARM:
+        pytest.skip("x86-64 has levels")
+    said = run(project, NO_NUMBA + OLD + ANSWER)
+    assert said.startswith("kernels: expected those for this processor (")
+    assert "x86-64, below x86-64-v3 (AVX2, FMA)), got none; in the source folder `python -m pip install .`" in said
+    assert run(project, OLD + ANSWER) == "1 1 True"
+
+
+def test_the_level_is_the_best_that_a_processor_has_all_of(monkeypatch):
+    if library.level() == library.ARM:
+        pytest.skip("x86-64 has levels")
+    third = {"AVX2", "FMA3"}
+    fourth = third | {"AVX512F", "AVX512BW", "AVX512CD", "AVX512DQ", "AVX512VL"}
+    for features, level in ((fourth, "x86-64-v4"), (fourth - {"AVX512VL"}, "x86-64-v3"), ({"AVX2"}, "x86-64")):
+        monkeypatch.setattr(library, "cpu_features", lambda has=features: frozenset(has))
+        assert library.level.__wrapped__() == level
+
+
+def test_the_library_of_this_tree_has_what_the_list_has():
+    """Kernels that were edited since are compiled whenever they are used."""
+    stale = [entry.line for entry in build.entries() if library.find(entry.symbol, entry.function) is None]
+    assert not stale, f"run `make kernels`: {stale}"
+
+
+def test_a_line_of_the_list_stands_for_the_types_that_it_was_made_of():
+    for line in build.LIST.read_text().splitlines():
+        kernel, path, arguments = example(line)
+        assert kernel.signature(arguments, path).line == line
+
+
+def test_constants_that_a_kernel_refers_to_are_part_of_its_identity():
+    """Each namespace has the same function beside other values."""
+    source = "def f(x):\n    return helper(x) + C[0] + np.sqrt(x)\ndef helper(x):\n    return x * D"
+    found = []
+    for one, other in (((1.0,), 2), ((1.0,), 3), ((1,), 2), ((1.0, 2.0), 2), (np.ones(1), 2), (np.ones(1, np.int8), 2)):
+        names = {"C": one, "D": other, "np": np}
+        exec(source, names)
+        found.append(kernel_identity(names["f"]))
+    assert len(set(found)) == len(found)
+    exec("\n\n" + source.replace("(x):", "(x: float) -> float:\n    'A docstring.'"), names)
+    assert kernel_identity(names["f"]) == found[-1]
+
+
+def test_an_edit_of_what_reads_and_writes_files_leaves_the_identity_of_results(project):
+    """Docstrings and readers are edited, then a constant that decides bits."""
+    code = "from raytrace.kernel.identity import results_identity; print(results_identity())"
+    (project / "raytrace" / "text").mkdir()
+    (project / "raytrace" / "text" / "lines.py").write_text("SEPARATOR = 1\n")
+    before = run(project, code)
+    (project / "raytrace" / "text" / "lines.py").write_text("SEPARATOR = 2\n")
+    (project / "raytrace" / "loop.py").write_text('"""Docstring."""\n' + KERNEL)
+    assert run(project, code) == before
+    (project / "ao" / "estimate.py").write_text("RAYS = 2\n")
+    assert run(project, code) != before
