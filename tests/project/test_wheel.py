@@ -166,7 +166,7 @@ def test_the_wheel_runs_in_an_environment_of_its_own(installed, tmp_path):
         "--version",
         "info hills.obj",
         "bake hills.obj -o hills.glb --samples 16",
-        "bake hills.obj -o hills.png --uv unwrap --size 64 --samples 16",
+        "bake hills.obj -o hills.png --uv unwrap --mesh-output unwrapped.glb --size 64 --samples 16",
         "bake hills.obj -o fitted.ply --method surface --samples 16",
         "scenes cornell -o cornell.toml",
         "render cornell.toml -o cornell.png --width 64 --height 64",
