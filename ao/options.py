@@ -21,8 +21,7 @@ MAX_SAMPLES = 1 << 20
 DEFAULT_TOLERANCE = 0.005
 DEFAULT_SAMPLES = 256  # where no tolerance can be met: in parts, and without denoising
 _MOST_FOR_TOLERANCE = 1 << 14
-_FITTED = 1 << 20  # rays in all of the surface method: a coarse mesh needs more a vertex than a dense one
-_FITTED_FOR_TOLERANCE = 1 << 26
+_FITTED = 1 << 26  # rays of the surface method in all, at most: a coarse mesh needs more a vertex than a dense one
 OCTAVES = tuple(0.005 * 2**octave for octave in range(10))  # half-distances of profiles, of the radius
 
 Method = Literal["vertex", "surface"]
@@ -176,7 +175,7 @@ class Options:
         given = self.rays * vertices
         if self.method == "vertex" or self.samples is not None:
             return given
-        return max(given, _FITTED if self.tolerance is None else _FITTED_FOR_TOLERANCE)
+        return max(given, _FITTED)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

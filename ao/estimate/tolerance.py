@@ -58,7 +58,7 @@ def shortfalls(
     if options.tolerance is not None and rmse > options.tolerance:
         reason = f": {samples:,} rays a {each} were allowed" if samples >= options.rays else ""
         found = [f"tolerance {options.tolerance:g} is not met, the estimated RMSE is {rmse:.3g}{reason}"]
-        warnings.warn(found[0], ToleranceWarning, stacklevel=5)  # whoever called the face, which two decorators wrap
+        warnings.warn(found[0], ToleranceWarning, stacklevel=4)  # whoever called the face, which a decorator wraps
     if options.thickness:
         return (*found, *holes(solid))
     return (*found, *inward_warnings(solid, vertices[: len(solid.vertices)]))

@@ -129,6 +129,7 @@ class Plan:
         """Every effective option, as a JSON report has it."""
         names = [row.name for row in ROWS.values() if row.role != "run" and self.kind in row.bake_kinds.split()]
         values = {name: plain(getattr(self.options, name)) for name in names}
+        values["tolerance"] = self.arguments.tolerance
         if self.kind == "vertices":
             values["occlusion"] = "ramp" if self.channels.ramp else "none"
         return values | {"mesh": str(self.mesh), "threads": thread_count(self.options.threads)}
@@ -182,7 +183,6 @@ def plan_bake(options: BakeOptions) -> Plan:
     of_kind = {row.name: getattr(options, row.name) for row in BAKER.values() if kind in row.bake_kinds.split()}
     given = {name: value for name, value in of_kind.items() if not isinstance(value, Path | None)}
     arguments = _RECORDS[kind](falloff=falloff, **given)
-    options = options.replaced(tolerance=arguments.tolerance)
     if isinstance(options.cage, str) and resolve_length("cage", options.cage, 1.0) == float("inf"):
         raise OptionError("cage", "a finite length", options.cage)
     shown = Channels()

@@ -72,10 +72,10 @@ def _rows(works: Sequence[WorkSize], plan: Plan, held: int) -> list[tuple[str, s
 
 
 def _time(rays: int, unit: str, plan: Plan) -> str:
-    if plan.arguments.tolerance is not None:
-        return "as long as the tolerance takes, which only the bake finds out"
     if not rays:
         return "none: there is nothing to bake"
+    if plan.arguments.tolerance is not None:
+        return "as long as the tolerance takes, which only the bake finds out"
     most = "at most" if unit == "texels" else "about"
     threads = thread_count(plan.options.threads)
     seconds = rays / (_RAYS_A_SECOND * threads)

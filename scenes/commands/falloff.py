@@ -1,5 +1,6 @@
 """`obscurance falloff`: w at other half-distances, from the profile that a bake has stored, without rays."""
 
+import shlex
 from pathlib import Path
 
 from raytrace.errors import ConflictError, OptionError, SceneError, printable
@@ -9,11 +10,11 @@ from raytrace.system.checks import check_ending, check_outputs
 from ..bake.console import warn
 from ..formats.falloffs import Scales
 from ..formats.images import check_texture_target, write_grey
-from ..formats.load import load
+from ..formats.load import MeshFile, load
 from ..formats.stored_w import checked_profile, find_profile, read_beside_w
 from ..formats.table import endings
 from ..formats.unsupported import unsupported_features
-from ..formats.write import channels, check_target, npy, npz, write
+from ..formats.write import channels, check_target, npy, npz, write_vertices
 from ..show.page.encode import Values
 
 
@@ -54,11 +55,21 @@ def _write_vertices(baked: Path, scales: Scales, output: Path, mesh: Path | None
     w = scales.of(profile)
     if file and len(w) != len(file.mesh.vertices):
         raise SceneError(baked, "profile", f"a row for each of the {len(file.mesh.vertices):,} vertices", f"{len(w):,}")
+    shown = channels(output, False, None, False)
     if file:
-        warn([], unsupported_features(output, file, channels(output, False, None, False)))
+        warn([], unsupported_features(output, file, shown))
     values = Values(w, flags=read_beside_w(baked, len(w)).get("flags"), profile=profile)
     if arrays:
         write_bytes(output, arrays(values))
     elif file:
-        write(output, values, file)
+        write_vertices(output, values, file, shown._replace(again=_command_again(baked, file, mesh)))
     return len(w)
+
+
+def _command_again(baked: Path, file: MeshFile, mesh: Path | None) -> str:
+    """The command that writes w at another half-distance, "{}", into a file."""
+    target = f"{baked.stem}-falloff{'.glb' if file.gltf else '.ply'}"
+    besides = ["--mesh", str(mesh)] if mesh else []
+    return (
+        shlex.join(["obscurance", "falloff", str(baked), *besides]) + f" --half-distance {{}} -o {shlex.quote(target)}"
+    )

@@ -69,7 +69,7 @@ def test_coincident_vertices_get_the_same_value(colonnade):
 
 def test_vertices_without_a_normal_are_open_and_flagged():
     mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5], [2, 0, 0]], [[0, 1, 2], [4, 4, 0]])
-    baked = ao.bake(mesh)
+    baked = ao.bake(mesh, samples=256)
     assert baked.w.tolist() == [1.0] * 5
     assert baked.error[3:].tolist() == [0, 0]
     assert {name: count for name, count in baked.flagged.items() if count} == {"unreferenced": 1, "degenerate": 1}

@@ -66,7 +66,7 @@ def test_a_texture_and_a_page(folder):
     assert np.array_equal(find_profile(folder / "out.exr").values, find_profile(folder / "t.exr").values)
     assert obscurance("falloff", "t.exr", "--half-distance", "50%", "-o", "out.png").returncode == 0
     assert obscurance("falloff", "m.ply", "--half-distance", "50%", "-o", "out.html").returncode == 0
-    assert b"obscurance bake m.ply" in (folder / "out.html").read_bytes()
+    assert b"obscurance falloff m.ply --half-distance {} -o m-falloff.ply" in (folder / "out.html").read_bytes()
 
 
 def test_pictures_are_those_of_the_w_that_falloff_writes(folder):

@@ -12,6 +12,8 @@ from types import ModuleType
 import pytest
 from project import ROOT
 
+from raytrace.kernel.library import file_of, levels
+
 PACKAGES = ("raytrace", "ao", "scenes")
 
 
@@ -94,13 +96,19 @@ def test_every_folder_of_modules_is_a_package():
             assert (folder / "__init__.py").exists(), folder
 
 
+def _listed(name, patterns):
+    folder = ROOT.joinpath(*name.split("."))
+    return {path for pattern in patterns[name] for path in folder.glob(pattern)}
+
+
 def test_every_file_that_is_no_module_is_installed():
     patterns = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]
     for package in PACKAGES:
         folder = ROOT / package
         wanted = {path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts}
+        wanted -= {file_of(level) for level in levels()}  # built, and installed as extension modules are
         typed = {path for name in ("*.pyi", "py.typed") for path in folder.rglob(name)}
         stubs = {path for path in typed if (path.parent / "__init__.py").exists()}
-        listed = {path for pattern in patterns.get(package, []) for path in folder.glob(pattern)}
+        listed = {path for name in patterns if name.partition(".")[0] == package for path in _listed(name, patterns)}
         assert wanted == {path for path in wanted if path.suffix == ".py"} | stubs | listed
     assert patterns["*"] == ["*.pyi", "py.typed"]

@@ -127,13 +127,14 @@ def test_coarse_meshes_are_fitted_to_a_tolerance(seed):
     mesh = slabs(table(np.random.default_rng(seed)))
     dense = bake_surface(mesh, samples=1 << 17, seed=99).w
     rays = []
-    for options in ({}, {"tolerance": 0.01}, {"tolerance": 0.004}):
+    for options in ({"tolerance": 0.01}, {}, {"tolerance": 0.004}):
         baked = bake_surface(mesh, **options, seed=seed)
         true = np.sqrt(np.mean((baked.w - dense) ** 2))
-        assert true < 1.1 * options.get("tolerance", 0.01)
-        assert true / 2 < baked.rmse <= options.get("tolerance", 1)
+        tolerance = options.get("tolerance", 0.005)
+        assert true < 1.1 * tolerance
+        assert true / 2 < baked.rmse <= tolerance
         rays.append(baked.rays)
-    assert rays[0] <= rays[1] < rays[2]
+    assert rays[0] < rays[1] < rays[2]
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -174,7 +175,7 @@ def test_a_tolerance_that_the_rays_do_not_reach_is_reported():
 
 def test_dense_meshes_get_no_more_rays_than_before():
     mesh = Mesh(*hills(70))
-    baked = bake_surface(mesh)
+    baked = bake_surface(mesh, samples=256)
     assert 4900 * 256 - 32 < baked.rays + baked.rays_skipped["below_face"] <= 4900 * 256
 
 

@@ -37,7 +37,7 @@ def test_whole_tiles_aside_is_the_same():
     moved, placed = layout(np.array([CORNERS]) + np.array([3, -2])), layout([CORNERS])
     assert np.allclose(moved.corners, placed.corners)
     assert (moved.outside, placed.outside) == (1, 0)
-    uv = square(0.1, 0.05, 0.9, 0.3)
+    uv = square(0.125, 0.0625, 0.875, 0.3125)  # so that sums are exact
     assert np.array_equal(bent_floor(uv).w, bent_floor(uv + 2).w)
 
 
@@ -171,4 +171,4 @@ def test_more_texels_than_memory_holds(available_memory):
     available_memory(1 << 30)
     mesh, uv = quads((rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)), square(0, 0, 1, 1)))
     with pytest.raises(MemoryLimitError, match=r"about 35.0 GiB to bake 67,108,864 texels of 2 faces"):
-        ao.bake_texture(mesh, uv, 8192)
+        ao.bake_texture(mesh, uv, 8192, samples=256)

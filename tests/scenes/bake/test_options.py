@@ -235,8 +235,10 @@ def test_threads_are_as_many_as_can_work():
     assert BAKER["threads"].bounds == (1, MAX_THREADS)
 
 
-def test_rays_by_default_are_the_rays_that_are_given():
-    assert Options(samples=256).identity == Options().identity
+def test_defaults_are_as_if_they_were_given():
+    assert Options(tolerance=0.005).identity == Options().identity
+    assert Options(samples=256, denoise=False).identity == Options(denoise=False).identity
+    assert Options(samples=256).tolerance is None
     assert Options(threads=1).identity == Options().identity
 
 

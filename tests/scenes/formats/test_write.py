@@ -126,7 +126,7 @@ def test_glb_leaves_out_normals_that_are_none(tmp_path):
 @pytest.mark.parametrize("name", ["w.exr", "w", "npy", "w.npy.gz", ".npy"])
 def test_unknown_endings_are_refused_before_any_work(tmp_path, name):
     with pytest.raises(
-        OptionError, match=r"output: expected a name ending in \.glb, \.html, \.npy, \.npz, \.ply, got "
+        OptionError, match=r"output: expected a name ending in \.glb, \.html, \.npy, \.npz, \.obj, \.ply, \.vtp, got "
     ) as early:
         check_target(tmp_path / name)
     assert str(early.value).endswith(str(tmp_path / name))
