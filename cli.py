@@ -60,7 +60,9 @@ def merge(parts: Path, mesh: Path | None, **options: Any) -> None:
 
 @app.command()
 def view(
-    result: Annotated[Path, typer.Argument(metavar="RESULT", help="A baked file: .ply .glb .gltf .npz .npy")],
+    result: Annotated[
+        Path, typer.Argument(metavar="RESULT", help="A baked file: .ply .glb .gltf .npz .npy; or any mesh.")
+    ],
     other: Annotated[
         Path | None, typer.Argument(metavar="OTHER", help="Another bake of the same mesh, with a slider between.")
     ] = None,
@@ -72,12 +74,10 @@ def view(
     open_: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary.")] = False,
 ) -> None:
-    """Make a page to look at a bake: one file, no network."""
-    from scenes.show.page.view import view_results
+    """Make a page to look at a bake, or at a mesh, which is baked for that: one file, no network."""
+    from scenes.commands.view import run_view
 
-    summary = view_results(result, other, output, mesh, up, open_)
-    if not quiet:
-        print(summary)
+    run_view(result, other, output, mesh, up, open_, quiet)
 
 
 @app.command()
@@ -255,13 +255,14 @@ def start(
 
 
 def main() -> None:
-    """Run the command. Exit status: 0 done, 2 the user's input, 1 anything else, 130 interrupted."""
+    """Run the command. Exit status: 0 done, 2 the user's input, 1 anything else, 130 interrupted, 143 by SIGTERM."""
     try:
         status = _run()
     except KeyboardInterrupt:
         status = 130
     if status == 130:
         print("interrupted; no file is half-written", file=sys.stderr)
+        status = interrupts.exit_status()
     sys.exit(status)
 
 

@@ -1,9 +1,10 @@
-"""Ctrl-C and SIGTERM: alike, and a line and status 130 also while modules are imported, for a tenth of a second."""
+"""Ctrl-C and SIGTERM: alike but for the status, 128 and the signal's number, also while modules are imported."""
 
 import os
 import signal
 import sys
 import threading
+from types import FrameType
 
 _USUAL = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
 _main = sys.modules.get("__mp_main__")  # another one where multiprocessing starts a worker, and runs the command anew
@@ -16,15 +17,28 @@ _taken = [
 ]
 
 
-def _end(*_: object) -> None:
+_received = [signal.SIGINT]  # the last one
+
+
+def _end(number: int, _: object) -> None:
     os.write(2, b"interrupted; no file is half-written\n")  # nothing is written as yet
-    os._exit(130)
+    os._exit(128 + number)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    _received.append(signal.Signals(number))
+    signal.default_int_handler(number, frame)
+
+
+def exit_status() -> int:
+    """What a command ends with that was interrupted: 130, or by SIGTERM 143."""
+    return 128 + _received[-1]
 
 
 def all_imported() -> None:
     """Both raise KeyboardInterrupt from now on."""
     for number in _taken:
-        signal.signal(number, signal.default_int_handler)
+        signal.signal(number, _interrupt)
 
 
 for number in _taken:

@@ -223,8 +223,10 @@ def _with_preset(options: BakeOptions, ending: str) -> BakeOptions:
         "bent_space": bent is not None,
         "ply_name": ending == ".ply",
     }
-    values = PRESETS[preset].items()
-    chosen = {name: value for name, value in values if applies.get(name) and not getattr(options, name)}
+    values = PRESETS[preset]
+    if options.size or options.texel_size:
+        values = values | {"occlusion": "texture", "colors": None}
+    chosen = {name: value for name, value in values.items() if applies.get(name) and not getattr(options, name)}
     return options.replaced(**chosen)
 
 

@@ -72,7 +72,8 @@ def coordinates(plan: Plan, source: MeshFile, chosen: ObjectSelection) -> Coordi
         return Coordinates(uv, new, number, texels, int(np.count_nonzero(cramped & ~new)))
     if uv is None and wanted not in ("unwrap", "fill") and not (wanted == "auto" and plan.keeps_uv and can_unwrap):
         which = f" of number {number}" if number else ""
-        advice = f"; {'' if can_unwrap else 'pip install uvunwrap and '}--uv unwrap makes some"
+        into = "" if plan.keeps_uv else f" --mesh-output {source.path.stem}-uv.glb"
+        advice = f"; {'' if can_unwrap else 'pip install uvunwrap and '}--uv unwrap{into} makes some"
         raise MeshError(source.path, "texture coordinates", f"some{which} on every face", f"none{advice}")
     share = np.sqrt(2 * _USED / np.count_nonzero(receive))  # of the page's side, of each face
     made = np.full((len(receive), 3, 2), np.nan)

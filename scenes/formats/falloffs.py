@@ -44,6 +44,8 @@ def make_falloff(
         if value is not None:
             raise ConflictError(name, "needs", ("falloff", "exponential"))
     if not table:
+        if str(limit) == "inf" and not hasattr(FALLOFFS[form], "max_distance"):  # which has no default
+            raise ConflictError(("falloff", form), "needs", "max_distance")
         return FALLOFFS[form](max_distance=limit)
     if str(limit) != "inf":
         raise ConflictError("max_distance", "does not go with", "a table, which ends where μ is 1")

@@ -106,7 +106,7 @@ def test_sigterm_to_a_bake_and_its_workers_is_one_line(tmp_path, mesh):
     command = [sys.executable, "-c", program, "bake", mesh, "-o", tmp_path / "w.npz", "--samples", 500_000, "--quiet"]
     with started([*command, "--cluster", "local:2"], stderr=subprocess.PIPE, text=True) as running:
         errors = running.communicate(timeout=60)[1]
-    assert (running.returncode, errors) == (130, "interrupted; no file is half-written\n")
+    assert (running.returncode, errors) == (143, "interrupted; no file is half-written\n")
     assert [path.name for path in tmp_path.iterdir()] == ["hills.ply"]
 
 

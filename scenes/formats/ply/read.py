@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from raytrace.errors import MeshError
+from raytrace.types import Int64s
 
 from ...geometry.attributes import Element, Property
 from ...geometry.instances import Instance
@@ -69,6 +70,8 @@ def _read_text(data: bytes, header: PlyHeader, source: str) -> list[Element]:
         left = rows.bounds[-1] - rows.bounds[first]
         if len(at) < element.count or left < element.count * len(element.properties):
             raise _ends_early(source, element)
+        if not any(counted for _, counted in element.properties.values()):
+            _check_counts(source, element, ends - at)
         columns = []
         for name, (_, counted) in element.properties.items():
             sizes, values = rows.take_lists(at, ends, fault) if counted else (None, rows.take(at, ends, 1, fault))
@@ -81,6 +84,14 @@ def _read_text(data: bytes, header: PlyHeader, source: str) -> list[Element]:
     if first + 1 < len(rows.bounds):
         raise fault
     return made
+
+
+def _check_counts(source: str, element: PlyElement, counts: Int64s) -> None:
+    """Raises: MeshError: a row has not one number for each property. Args: counts: of the numbers in each row."""
+    wanted = len(element.properties)
+    if (counts != wanted).any():
+        row = int(np.argmax(counts != wanted))
+        raise MeshError(source, f"element {element.name}, row {row}", f"{wanted} numbers", int(counts[row]))
 
 
 def _ends_early(source: str, element: PlyElement) -> MeshError:

@@ -4,6 +4,7 @@ import webbrowser
 
 import numpy as np
 import pytest
+import trimesh
 from command import obscurance, refused
 from mesh_files import obj
 from meshes import hills, two_boxes
@@ -127,10 +128,22 @@ def test_a_page_is_replaced_but_no_other_html_file(folder, tmp_path):
     assert target.read_text() == "<html>mine</html>"
 
 
+@pytest.mark.parametrize("name", ["hills.obj", "plain.ply", "plain.glb"])
+def test_a_mesh_without_w_is_baked_for_a_look(folder, tmp_path, name):
+    mesh = trimesh.Trimesh(*hills(4), process=False)
+    mesh.export(tmp_path / name)
+    done = obscurance("view", tmp_path / name)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.startswith(
+        f"obscurance: {tmp_path / name}: there is no w in it; it is baked with --tolerance 0.02"
+    )
+    assert b"obscurance" in (tmp_path / name).with_suffix(".html").read_bytes()
+    refused(obscurance("view", tmp_path / name, "-o", tmp_path / "p.png"), "output", ".html")
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("hills.obj",), ("view RESULT", "a baked file", "hills.obj")),
         (("w.ply", "hills.obj"), ("view OTHER", "a baked file", "hills.obj")),
         (("w.npz",), ("view --mesh", "the mesh that w.npz belongs to", "got none")),
         (("w.npz", "w.npy"), ("view --mesh",)),
@@ -142,7 +155,7 @@ def test_a_page_is_replaced_but_no_other_html_file(folder, tmp_path):
         (("w.ply", "turned.ply"), ("turned.ply: faces", "others")),
         (("w.ply", "--mesh", "boxes.obj"), ("w.ply: vertices", "the 16 of")),
         (("w.ply", "--up", "w"), ("view --up",)),
-        (("plain.ply",), ("plain.ply: w: expected obscurance at every vertex", "got none")),
+        (("plain.ply", "w.ply"), ("plain.ply: w: expected obscurance at every vertex", "got none")),
         (("broken.npz", "--mesh", "hills.obj"), ("broken.npz",)),
         (("short.npz", "--mesh", "hills.obj"), ("short.npz: error", "64")),
         (("objects.npz", "--mesh", "hills.obj"), ("objects.npz", "flags", "numbers")),

@@ -1,0 +1,45 @@
+"""What is refused says in one line what to do instead."""
+
+import pytest
+from command import obscurance, refused
+from mesh_files import obj
+from meshes import hills
+
+from scenes.bake.options import BakeOptions
+from scenes.bake.plan import plan_bake
+
+TEXT = (
+    "ply\nformat ascii 1.0\nelement vertex 3\n{}element face 1\nproperty list uchar int vertex_indices\nend_header\n{}"
+)
+
+
+@pytest.fixture
+def mesh(tmp_path):
+    (tmp_path / "hills.obj").write_bytes(obj(*hills(4)))
+    return tmp_path / "hills.obj"
+
+
+@pytest.mark.parametrize("falloff", ["linear", "smooth"])
+def test_a_falloff_that_needs_an_end_says_so(mesh, falloff):
+    line = f"bake: --falloff {falloff} needs --max-distance"
+    refused(obscurance("bake", mesh, "-o", mesh.with_suffix(".ply"), "--falloff", falloff), line)
+    assert obscurance("bake", mesh, "-o", mesh.with_suffix(".ply"), "--falloff", "binary").returncode == 0
+
+
+def test_a_mesh_without_texture_coordinates_gets_the_options_that_make_some(mesh):
+    advice = "--uv unwrap --mesh-output hills-uv.glb"
+    refused(obscurance("bake", mesh, "-o", mesh.with_suffix(".png"), "--size", 64), "texture coordinates", advice)
+
+
+def test_a_row_with_another_number_of_numbers_is_named(tmp_path):
+    rows = "0 0 0\n1 0 0\n0 1\n3 0 1 2\n"
+    (tmp_path / "m.ply").write_text(f"ply\nformat ascii 1.0\n{VERTICES}{FACES}end_header\n{rows}")
+    words = "m.ply: element vertex, row 2: expected 3 numbers, got 2"
+    refused(obscurance("bake", tmp_path / "m.ply", "-o", tmp_path / "w.npy"), words)
+
+
+@pytest.mark.parametrize("preset", ["unreal", "blender", "three"])
+def test_a_size_asks_a_preset_for_a_texture(mesh, preset):
+    given = BakeOptions(mesh=[mesh], output=mesh.with_suffix(".glb"), preset=preset)
+    assert plan_bake(given.replaced(size="64")).kind == "texture"
+    assert plan_bake(given).kind == ("texture" if preset == "unreal" else "vertices")
