@@ -8,9 +8,8 @@ from meshes import hills
 from scenes.bake.options import BakeOptions
 from scenes.bake.plan import plan_bake
 
-TEXT = (
-    "ply\nformat ascii 1.0\nelement vertex 3\n{}element face 1\nproperty list uchar int vertex_indices\nend_header\n{}"
-)
+VERTICES = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+FACES = "element face 1\nproperty list uchar int vertex_indices\n"
 
 
 @pytest.fixture
