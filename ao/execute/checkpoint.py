@@ -6,6 +6,7 @@ import time
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -60,7 +61,7 @@ class Checkpoint:
         self.path, self.resume, self.notify, self.after, self.every = Path(path or ""), resume, notify, after, every
         self.fill_spans, self.status = fill_spans, status
         self._journal: Journal | None = None
-        self._identity = b""
+        self._identity: Callable[[], bytes] = bytes  # computed where a journal is there, or begun
         self._left_over = False
         self._given_up = path is None
         self._pending: list[bytes] = []
@@ -87,7 +88,7 @@ class Checkpoint:
         """Open what there is to continue. Args: everything that decides rows; `settings` by their repr."""
         if self._given_up:
             return
-        self._identity = identity(placement, receivers, settings)
+        self._identity = cache(lambda: identity(placement, receivers, settings))
         self._due = time.monotonic() + self.after
         try:
             found = Journal(self.path, create=False)
@@ -97,7 +98,7 @@ class Checkpoint:
             if isinstance(reason, OutputError) or self.resume:
                 raise _refused(self.path, reason) from None
             return
-        if found and self.resume and found.identity == self._identity:
+        if found and self.resume and found.identity == self._identity():
             self._journal, self._due = found, time.monotonic() + self.every
             return
         if found:
@@ -107,7 +108,7 @@ class Checkpoint:
                 raise InputError(self.path, "header", self._expected, "that of another or of a change")
             self.notify(f"{self.path}: nothing to resume; starting from the beginning")
         self._left_over = found is not None
-        if found and found.identity == self._identity:
+        if found and found.identity == self._identity():
             self.notify(f"{self.path}: left by an interrupted run; --resume would continue it; starting over")
 
     def fill(self, work: KeptWork, scene: RayScene, threads: int, advance: Advance) -> Tables:
@@ -168,7 +169,7 @@ class Checkpoint:
         try:
             if self._journal is None:
                 self._journal = Journal(self.path, create=True)
-                self._journal.start(self._identity)
+                self._journal.start(self._identity())
             self._journal.append(*self._pending)
             self._pending.clear()
         except OSError as reason:

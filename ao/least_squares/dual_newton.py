@@ -4,7 +4,8 @@ Minimised is ½ Σ s_i (x_i − v_i)² + ½ p |D x|². With multipliers λ of th
 maximises a concave function, whose gradient is D x − λ / p. Newton's matrix is D W Dᵀ + 1 / p, where W is 1 / s of
 values within their bounds and 0 of values held at a bound. Its factors are sparse if rows of D meet along lines.
 
-Sources: Qi & Sun 1993, A Nonsmooth Version of Newton's Method. Li 2005, An Overview of SuperLU, which SciPy has; Liu 1985 on its order.
+Sources: Qi & Sun 1993, A Nonsmooth Version of Newton's Method. Li 2005, An Overview of SuperLU, which SciPy has; Liu
+1985 on its order.
 """
 
 from typing import Any, NamedTuple
