@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,9 @@ from .options import DEFAULT_SAMPLES, Options, VertexOptions
 from .points.occluders import occluding
 from .points.receivers import Flag
 from .prepared import Inputs, Prepared
-from .result import Bake, PointValues, assemble
+from .result import Bake, Interpolation, PointValues, assemble
+
+_LARGE = 1 << 14  # vertices of a mesh that is not kept until somebody asks for the error between them
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -69,13 +72,26 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     build = prepared.receivers.tree_seconds
     baked = assemble(prepared, mesh, values)
     if high is None and (only is None or options.denoise):
-        between = measure_interpolation(prepared, baked.w, baked.error)
-        if options.thickness:
-            between = between._replace(weights=between.weights[:, ::-1])
-        baked = replace(baked, interpolation=between)
+        measure = partial(_measure_between, prepared, baked)
+        if len(mesh.vertices) >= _LARGE:
+            between = measure()
+            measure = partial(_same, between)
+        baked = replace(baked, measure_between=measure)
     baked.seconds.update(build=build, bake=time.perf_counter() - start - build)
     vertices = prepared.placement.vertices
     return replace(baked, shortfalls=shortfalls(options, max(baked.rmses), values.samples, "vertex", solid, vertices))
+
+
+def _measure_between(prepared: Prepared, baked: Bake) -> Interpolation:
+    """The error between the vertices, in barycentric coordinates of the mesh that was given."""
+    between = measure_interpolation(prepared, baked.w, baked.error)
+    if prepared.options.thickness:
+        return between._replace(weights=between.weights[:, ::-1])
+    return between
+
+
+def _same(between: Interpolation) -> Interpolation:
+    return between
 
 
 def _sample_vertices(prepared: Prepared) -> PointValues:

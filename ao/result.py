@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -121,7 +122,7 @@ class Bake(Columns):
         mesh: what was baked.
         shortfalls: what the result lacks of what was asked for, in words: a tolerance that is not met.
         calibration: of the squared errors, at vertices that were baked twice; None by the surface method.
-        interpolation: the error between the vertices; None with `high`, and with `only` but without `denoise`.
+        measure_between: traces what `interpolation` is, when that is first asked for.
         values, errors: float64 (n, k), w and its standard error by each of k falloffs, of which `w` is the first.
         profile: w at half-distances an octave apart, (n, 10); None where it was not asked for. profile_errors: float32
             (n, 10), its standard errors. rmses: of the columns of `errors`, then of `profile_errors`.
@@ -139,7 +140,15 @@ class Bake(Columns):
     mesh: Mesh
     shortfalls: tuple[str, ...] = ()
     calibration: Calibration | None = None
-    interpolation: Interpolation | None = None
+    measure_between: Callable[[], Interpolation] | None = field(default=None, repr=False)
+
+    @cached_property
+    def interpolation(self) -> Interpolation | None:
+        """The error between the vertices; None with `high`, and with `only` but without `denoise`."""
+        return self.measure_between() if self.measure_between else None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self) | {"interpolation": self.interpolation, "measure_between": None}
 
     def __repr__(self) -> str:
         range_ = f"w from {self.w.min():.3f} to {self.w.max():.3f}"

@@ -20,6 +20,7 @@ from .report import OutputSummary, WorkSize, command_again, hashed_inputs, write
 if TYPE_CHECKING:
     from ao.execute.checkpoint import Checkpoint
 
+    from ..formats.load import MeshFile
     from ..show.report.pictures import Picture
     from .inputs import BakeInputs
     from .plan import OpenCheckpoint, Plan
@@ -63,10 +64,8 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
             shown = shown._replace(again=command_again(plan, inputs.source))
         write_vertices(plan.output, baked, inputs.source, shown)
         if baked.coarse and baked.interpolation is not None:
-            fit = "" if plan.arguments.method == "surface" else "--method surface, "
             text = f"{COARSE} {baked.interpolation.rmse:.2f}, the faces are too large for it"
-            instead = f"--occlusion texture for a .glb, -o NAME.png, {fit}or smaller faces"
-            warnings += warn([], [f"{plan.output}: {text}: {instead}"])
+            warnings += warn([], [f"{plan.output}: {text}: {_remedy(plan, inputs.source)}"])
     seconds = {"load": loaded - inputs.started, "write": time.perf_counter() - traced}
     if options.report:
         from ao.report import report
@@ -82,6 +81,13 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
 
         write_marked(options.debug_image, inputs.source.mesh, baked)
     yield OutputSummary(bake_summary(baked, plan.output) + inputs.alpha, warnings)
+
+
+def _remedy(plan: Plan, source: MeshFile) -> str:
+    """What makes w right between the vertices in the output of a plan."""
+    if plan.ending == ".glb" and not plan.channels.colors:
+        return "--occlusion texture" if source.uv is not None else "--occlusion texture --uv unwrap"
+    return "take smaller faces" if plan.arguments.method == "surface" else "--method surface"
 
 
 def trace(plan: Plan, inputs: BakeInputs, checkpoint: Checkpoint) -> ao.Bake:

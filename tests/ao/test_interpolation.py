@@ -1,5 +1,7 @@
 """What interpolation between vertices errs by, against closed forms; and when the command warns of it."""
 
+import pickle
+
 import numpy as np
 import pytest
 from command import obscurance
@@ -80,9 +82,25 @@ def test_a_command_reports_it_in_one_line(tmp_path, method):
     result = obscurance("bake", *line)
     found = [text for text in result.stderr.splitlines() if "between the vertices w errs by 0." in text]
     assert len(found) == 1
-    assert "--occlusion texture for a .glb, -o NAME.png" in found[0]
-    assert ("--method surface" in found[0]) == (method == "vertex")
+    assert found[0].endswith(": --method surface" if method == "vertex" else ": take smaller faces")
     assert "between the vertices w errs by 0." in page.read_text()
+
+
+@pytest.mark.parametrize(
+    ("options", "remedy"), [((), "--occlusion texture --uv unwrap"), (("--colors", "rgb"), "--method surface")]
+)
+def test_what_helps_a_glb_is_named(tmp_path, options, remedy):
+    (tmp_path / "lid.ply").write_bytes(ply(*PART))
+    result = obscurance("bake", tmp_path / "lid.ply", "-o", tmp_path / "w.glb", "--samples", 256, *options)
+    assert f"the faces are too large for it: {remedy}\n" in result.stderr
+
+
+def test_it_is_measured_when_it_is_asked_for():
+    baked = ao.bake(Mesh(*PART), samples=64)
+    assert "interpolation" not in vars(baked)
+    again = pickle.loads(pickle.dumps(baked))
+    assert again.interpolation.rmse == baked.interpolation.rmse > 0.1
+    assert np.array_equal(again.w, baked.w)
 
 
 def test_what_is_inside_of_solids_is_found_after_a_fit():

@@ -21,7 +21,6 @@ from ao.execute.journal import Journal
 from ao.least_squares.conjugate_gradients import solve_within
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="POSIX locks, limits and signals")
-CHECK = 2 * 256  # points of the check of what interpolation errs by on a small mesh, which every bake makes
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +57,7 @@ def test_a_continued_bake_copies_what_was_traced(path, whole, traced):
     messages = []
     assert bits(bake(path, messages, resume=True)) == whole
     assert first > 0.5 * len(MESH.vertices)
-    assert traced[0] - CHECK < 0.6 * len(MESH.vertices)
+    assert traced[0] < 0.6 * len(MESH.vertices)
     assert messages == []
     assert not path.exists()
 
@@ -69,12 +68,12 @@ def test_a_continued_bake_of_the_surface_copies_what_was_traced(path, whole_surf
     messages = []
     assert bits(bake(path, messages, make=bake_surface, resume=True)) == whole_surface
     assert first > 0.5 * len(MESH.faces)
-    assert traced[0] - CHECK < 0.6 * len(MESH.faces)
+    assert traced[0] < 0.6 * len(MESH.faces)
     assert messages == []
     assert not path.exists()
 
 
-def test_a_bake_interrupted_after_its_last_ray_traces_only_the_check(path, whole_surface, traced, monkeypatch):
+def test_a_bake_interrupted_after_its_last_ray_traces_nothing_again(path, whole_surface, traced, monkeypatch):
     def stop(*_):
         raise Stopped
 
@@ -83,7 +82,7 @@ def test_a_bake_interrupted_after_its_last_ray_traces_only_the_check(path, whole
         interrupted(path, stop=None, make=bake_surface)
     traced[0] = 0
     assert bits(bake(path, make=bake_surface, resume=True)) == whole_surface
-    assert traced[0] == CHECK
+    assert traced[0] == 0
 
 
 def test_a_fit_is_continued_where_it_was_interrupted(path, whole_surface, traced, monkeypatch):
@@ -103,7 +102,7 @@ def test_a_fit_is_continued_where_it_was_interrupted(path, whole_surface, traced
         patch.setattr(ao.least_squares.fit, "solve_within", lambda *a, **k: solved.append(a) or solve_within(*a, **k))
         traced[0] = 0
         assert bits(bake(path, make=bake_surface, resume=True)) == whole_surface
-    assert traced[0] == CHECK
+    assert traced[0] == 0
     assert len(solved) == 1  # the relaxed one
 
 
