@@ -162,7 +162,8 @@ def estimate_outside(
         edge[graph.indices[np.repeat(edge, np.diff(graph.starts))]] = True
         edge[subset.rows] = False
         key = derive(seed_key(options.seed), 6)
-        again = traced_twice(tracer, traced[edge], min(4 * values.samples, options.rays), key)(None)
+        typical = values.samples - values.spared // len(kept)
+        again = traced_twice(tracer, traced[edge], min(2 * typical, options.rays), key)(None)
         known[edge] = np.column_stack([again.rows, again.variance])
     rows = extrapolate(points, filled, graph, kept, cell, known)
     return replace(values, rows=rows[:, :4], variance=rows[:, 4]), len(filled)
