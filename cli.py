@@ -74,7 +74,7 @@ def view(
     open_: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary.")] = False,
 ) -> None:
-    """Make a page to look at a bake, or at a mesh, which is baked for that: one file, no network."""
+    """Make a page to look at a bake, or at any mesh: one file."""
     from scenes.commands.view import run_view
 
     run_view(result, other, output, mesh, up, open_, quiet)

@@ -101,7 +101,7 @@ COMMANDS = [
     ),
     ("bake a.ply -o w.npy --falloff binary --tau 2", "bake: --tau needs --falloff exponential"),
     ("bake a.ply -o w.npy --falloff smooth --half-distance 2", "bake: --half-distance needs --falloff exponential"),
-    ("bake a.ply -o w.npy --falloff linear", "bake --max-distance: expected a finite length", "got 'inf'"),
+    ("bake a.ply -o w.npy --falloff linear", "bake: --falloff linear needs --max-distance"),
     ("bake a.ply -o w.npy --falloff table:a.ply", "a.ply: file: expected a table, a name ending in .csv, .txt, .npy"),
     ("bake a.ply -o w.npy --falloff table:no.csv", "no.csv: file: expected an existing file, got none"),
     ("bake a.ply -o mu.csv --falloff table:mu.csv", "mu.csv"),

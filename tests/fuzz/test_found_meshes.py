@@ -71,7 +71,7 @@ def test_a_text_ply_of_many_properties_and_rows_takes_little(tmp_path):
         ("ply", b"3 0 1 3", b"2.5 0 1 3", "a list of 2.5 values"),
         ("ply", b"3 0 1 3", b"3 0 1 2.5", "no whole numbers"),
         ("ply", b"3 0 1 3\n", b"3 0 1 3 4\n", "one line for each, with as many numbers"),
-        ("ply", b"1.0 0.0 0.0\n1.0 0.0 0.0\n", b"1.0 0.0 0.0 1.0 0.0 0.0\n", "one line for each"),
+        ("ply", b"1.0 0.0 0.0\n1.0 0.0 0.0\n", b"1.0 0.0 0.0 1.0 0.0 0.0\n", "expected 3 numbers, got 6"),
         ("ply", b"3 2 5 3\n", b"3 2 5 3\n7\n", "one line for each, with as many numbers"),
         ("ply", b"property list uchar int", b"property list", "no 'list'"),
         ("ply", b"property list uchar int vertex_indices", b"property list", "the line property list"),

@@ -165,7 +165,7 @@ MISTAKES = {
     "obscurance.falloff: expected one of exponential, binary, linear, smooth, table:FILE, got cubic": (
         '[obscurance]\nfalloff = "cubic"\n' + PLAIN
     ),
-    "obscurance.max_distance: expected a finite length": '[obscurance]\nfalloff = "linear"\n' + PLAIN,
+    'obscurance.falloff = "linear" needs max_distance': '[obscurance]\nfalloff = "linear"\n' + PLAIN,
     "obscurance.falloff: expected a path in the scene's folder": '[obscurance]\nfalloff = "table:../t.csv"\n' + PLAIN,
     'obscurance.tau needs falloff = "exponential"': ('[obscurance]\nfalloff = "binary"\ntau = 1\n' + PLAIN),
     "obscurance.tau and half_distance exclude each other": ("[obscurance]\nhalf_distance = 1\ntau = 1\n" + PLAIN),
