@@ -54,11 +54,6 @@ class Option:
         return [flag + off, *([self.short] if self.short else [])]
 
     @property
-    def affects_rays(self) -> bool:
-        """Whether it can change what a journal, a part or a worker has traced."""
-        return self.role in ("input", "result")
-
-    @property
     def reusable(self) -> bool:
         """Whether `--options` takes it over."""
         return self.is_setting and self.role != "run" and not (self.role == "output" and self.kind == Path | None)
