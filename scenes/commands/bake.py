@@ -14,12 +14,12 @@ from raytrace.system.atomic import is_standard_output, standard_output
 
 from ..bake.batch import Batch
 from ..bake.cluster import Workers, cluster_checkpoint
-from ..bake.console import note, quietly
+from ..bake.console import quietly
 from ..bake.inputs import expand, is_pattern, outputs_in
 from ..bake.manifest import is_batch_of_parts, merge_batch
 from ..bake.options import BAKE, BakeOptions, Format, check_kind, check_together
 from ..bake.plan import OpenCheckpoint, Plan, plan_bake, preset_format
-from ..bake.run import journal_of, run, silence_tolerance_warnings
+from ..bake.run import run, silence_tolerance_warnings
 from ..formats.load import PIPED, STANDARD, standard_input
 from .dry_run import dry_run
 
@@ -84,15 +84,10 @@ def _run_one(options: BakeOptions) -> int:
 
 def _run(plan: Plan, content: bytes | None = None, open_checkpoint: OpenCheckpoint | None = None) -> None:
     """Run a plan and print its summaries."""
-    try:
-        with silence_tolerance_warnings():
-            for summary in run(plan, content, open_checkpoint):
-                if not plan.options.quiet:
-                    print(summary.text, file=sys.stderr if is_standard_output(plan.output) else sys.stdout)
-    except KeyboardInterrupt:
-        if journal_of(plan.output).is_file():
-            note(f"{journal_of(plan.output)} keeps what was traced; the same command with --resume continues it")
-        raise
+    with silence_tolerance_warnings():
+        for summary in run(plan, content, open_checkpoint):
+            if not plan.options.quiet:
+                print(summary.text, file=sys.stderr if is_standard_output(plan.output) else sys.stdout)
 
 
 def _trace_part(options: BakeOptions) -> int:
