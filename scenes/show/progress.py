@@ -55,9 +55,9 @@ def _stages(unit: str, show: Show, status: Callable[[], str]) -> Advance:
         start, before = began.setdefault(label, (time.perf_counter(), done))
         rate = (done - before) / max(time.perf_counter() - start, 1e-6)
         text = f"{rate / 1e6:.1f} M {unit}/s" if rate >= 1e5 else f"{rate:.0f} {unit}/s"
-        if total < _RATED:
+        if total < _RATED or done == before:
             text = ""
-        show(label, done, total, f"{text} {status()}".strip())
+        show(label, done, total, ", ".join(filter(None, (text, status()))))
 
     return advance
 
@@ -70,7 +70,8 @@ def _lines(last: float) -> Show:
         now = time.perf_counter()
         if now - last >= _EVERY_LINE:
             last = now
-            print(f"obscurance: {label}: {100 * done // max(total, 1)} % {text}".rstrip(), file=sys.stderr, flush=True)
+            words = f"{100 * done // max(total, 1)} %", text
+            print(f"obscurance: {label}: {', '.join(filter(None, words))}", file=sys.stderr, flush=True)
 
     return show
 

@@ -117,8 +117,8 @@ def test_off_a_terminal_there_is_a_line_every_ten_seconds(monkeypatch, capsys):
         clock[0] = 31.0
         tiles(1, 4)
     assert capsys.readouterr().err.splitlines() == [
-        "obscurance: rays, round 2: 25 % 1.0 M rays/s",
-        "obscurance: rays, round 2: 50 % 1.0 M rays/s",
+        "obscurance: rays, round 2: 25 %, 1.0 M rays/s",
+        "obscurance: rays, round 2: 50 %, 1.0 M rays/s",
         "obscurance: tiles: 25 %",
     ]
 
