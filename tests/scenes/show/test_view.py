@@ -134,9 +134,7 @@ def test_a_mesh_without_w_is_baked_for_a_look(folder, tmp_path, name):
     mesh.export(tmp_path / name)
     done = obscurance("view", tmp_path / name)
     assert done.returncode == 0, done.stderr
-    assert done.stderr.startswith(
-        f"obscurance: {tmp_path / name}: not baked yet; this bakes it with --tolerance 0.02"
-    )
+    assert done.stderr.startswith(f"obscurance: {tmp_path / name}: not baked yet; this bakes it with --tolerance 0.02")
     assert b"obscurance" in (tmp_path / name).with_suffix(".html").read_bytes()
     refused(obscurance("view", tmp_path / name, "-o", tmp_path / "p.png"), "output", ".html")
 
