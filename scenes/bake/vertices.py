@@ -95,7 +95,8 @@ def _remedy(plan: Plan, source: MeshFile) -> str:
     arguments = plan.arguments
     if isinstance(arguments, VertexOptions) and arguments.method == "vertex":
         with suppress(OptionError):
-            replace(arguments, method="surface")  # which some options do not go with
+            profile = arguments.profile and plan.ending != ".html"  # which has one by itself with the other method
+            replace(arguments, method="surface", profile=profile)  # some options do not go with that
             return "add --method surface"
     return "subdivide them"
 
