@@ -103,8 +103,8 @@ class Means(Protocol):
     def rows(self, tracer: "Tracer", points: Points, rays: int, key: np.uint32) -> Float64s:
         """Rows (k, …, COLUMNS) of what the points stand for, by about so many `rays` each."""
 
-    def moved(self, points: Points) -> "Means | None":
-        """The same with other samples of what some `points` stand for, if there are others."""
+    def moved(self, points: Points, key: np.uint32) -> "Means | None":
+        """The same with other samples of what some `points` stand for, if there are others, chosen by a key."""
 
 
 @dataclass(eq=False)
@@ -151,7 +151,7 @@ class Tracer:
         Args: here: rows of the points themselves by independent rays, which are what vertices have elsewhere, too.
         """
         means = self.means
-        moved = means and means.moved(points)
+        moved = means and means.moved(points, key)
         if moved is None:
             return here
         self.means = moved
