@@ -91,11 +91,11 @@ runpy.run_path({cli!r}, run_name="__main__")
 """
 
 
-MODULES = ["typer", "scenes.commands.parameters", "scenes.commands.bake", "numpy", "raytrace.kernel.library"]
+MODULES = ["click", "scenes.commands.parameters", "scenes.commands.bake", "numpy", "raytrace.kernel.library"]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
-@pytest.mark.parametrize(("name", "by"), [*((name, "SIGINT") for name in MODULES), ("typer", "SIGTERM")])
+@pytest.mark.parametrize(("name", "by"), [*((name, "SIGINT") for name in MODULES), ("click", "SIGTERM")])
 def test_an_interrupt_while_modules_are_imported_is_reported_in_a_line(meshes, name, by):
     files = {"mesh": str(meshes / "hills.obj"), "target": str(meshes / "w.npy"), "cli": str(ROOT / "cli.py")}
     command = [sys.executable, "-c", INTERRUPTED.format(name=name, by=by, **files)]
