@@ -9,7 +9,6 @@ from obscurance import interrupts
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # or every package installed is searched for some
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +17,8 @@ import click
 from ao.declared import Option
 from raytrace.errors import InputError, ObscuranceError, OptionError, OutputError
 from scenes.bake.console import columns, note, output_failed, readable_output, reopen_streams
-from scenes.bake.options import BAKE, MERGE, BakeOptions, Metric, Up, named, of_bake, plain
+from scenes.bake.options import BAKE, MERGE, RENDER, BakeOptions, Metric, RenderOptions, Up, named, of_bake, plain
 from scenes.commands.parameters import TableCommand
-from scenes.commands.render import RENDER, RenderOptions, run_render
 from scenes.commands.usage import fault_in_words
 
 interrupts.all_imported()
@@ -167,6 +165,8 @@ def validate(samples: int, seed: int, threads: int | None, **moved: bool) -> int
 @command(*RENDER)
 def render(**options: Any) -> None:
     """Render a scene to an image; an .exr holds every layer."""
+    from scenes.commands.render import run_render
+
     run_render(RenderOptions(**options))
 
 
@@ -244,7 +244,7 @@ def compare(a: Path, b: Path, threshold: float | None, metric: Metric, differenc
     Option("mesh", Path | None, None, "A mesh file; without one, the built-in temple.", is_argument=True),
     of_bake("falloff"),
     of_bake("max_distance"),
-    replace(_SEED, help="Random seed of the first round; later rounds count up."),
+    _SEED._replace(help="Random seed of the first round; later rounds count up."),
     of_bake("threads"),
     Option("report", Path | None, None, "Also write every round as JSON."),
 )

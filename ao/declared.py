@@ -5,13 +5,13 @@ From one follow the check of a value, the parameter of `ao.bake` with its descri
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import MISSING, Field, dataclass, field, fields, replace
+from dataclasses import MISSING, Field, fields
 from functools import wraps
 from inspect import Parameter, Signature, cleandoc
 from pathlib import Path
 from textwrap import fill
 from types import NoneType
-from typing import Any, ForwardRef, Literal, ParamSpec, TypeVar, get_args, get_origin
+from typing import Any, ForwardRef, Literal, NamedTuple, ParamSpec, TypeVar, get_args, get_origin
 
 from raytrace.errors import OptionError, nearest_name
 
@@ -25,8 +25,7 @@ SAME: Any = object()  # as the field has it
 _EXPECTED = {bool: "true or false", int: "a whole number", float: "a number", str: "a text", Path: "a file"}
 
 
-@dataclass(frozen=True, eq=False)
-class Option:
+class Option(NamedTuple):
     """A row of the command's table, or what annotates a field."""
 
     name: str = ""  # in Python and in reports
@@ -35,9 +34,7 @@ class Option:
     help: str = ""  # in one line
     bake_kinds: str = EVERY_BAKE  # that take it: vertices, texture, part, merge, batch; none: Python alone
     role: Role = "result"  # a file that is read, what is written, what is computed, or how that is run
-    needs: Mapping[str, Any] = field(
-        default_factory=dict
-    )  # other options, and their value, `...` for any but the default
+    needs: Mapping[str, Any] = {}  # other options, and their value, `...` for any but the default
     excludes: tuple[str, ...] = ()  # other options
     metavar: str | None = None
     short: str | None = None
@@ -93,7 +90,7 @@ def rows(record: Any) -> dict[str, Option]:
     for each in fields(record):
         kind, row = _declaration(each)
         same = {"kind": kind, "default": each.default}
-        found[each.name] = replace(row, name=each.name, **{key: same[key] for key in same if getattr(row, key) is SAME})
+        found[each.name] = row._replace(name=each.name, **{key: same[key] for key in same if getattr(row, key) is SAME})
     return found
 
 

@@ -7,12 +7,11 @@ report and a manifest say of a bake, and the line of a report that repeats it ar
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from ao.declared import EVERY_BAKE, IMAGE, Option, rows
-from ao.options import TextureOptions, VertexOptions
+from ao.options import Normals, TextureOptions, VertexOptions
 from raytrace.errors import ConflictError, InputError, OptionError
 
 PRESETS: dict[str, dict[str, Any]] = {
@@ -160,7 +159,7 @@ BAKER = {row.name: row for record in (VertexOptions, TextureOptions) for row in 
 """The options that `ao.bake` or `ao.bake_texture` has, too; one that the table does not name is of "Sampling"."""
 _SECTIONS["Sampling"] += tuple(name for name in BAKER if not any(name in rows for rows in _SECTIONS.values()))
 BAKE = tuple(
-    replace(BAKER[row] if isinstance(row, str) else row, section=section)
+    (BAKER[row] if isinstance(row, str) else row)._replace(section=section)
     for section, listed in _SECTIONS.items()
     for row in listed
 )
@@ -168,11 +167,47 @@ ROWS = {row.name: row for row in BAKE}
 MERGE = (
     Option("parts", Path, ..., "Where bake --part has put all parts.", metavar="FOLDER", is_argument=True),
     Option("mesh", Path | None, None, "The mesh file, if it is elsewhere than for the parts."),
-    replace(ROWS["output"], help="Output file, as of bake; none for parts of a batch."),
-    replace(ROWS["high"], help="Finer mesh files, likewise."),
-    replace(ROWS["occluder"], help="Files that only occlude, likewise."),
+    ROWS["output"]._replace(help="Output file, as of bake; none for parts of a batch."),
+    ROWS["high"]._replace(help="Finer mesh files, likewise."),
+    ROWS["occluder"]._replace(help="Files that only occlude, likewise."),
     *(row for row in BAKE if "merge" in row.bake_kinds and row.name != "output"),
 )
+
+
+def of_bake(name: str, **changes: Any) -> Option:
+    """An option of a bake as another command has it, which lists it without a section."""
+    return ROWS[name]._replace(section="", **changes)
+
+
+RENDER = (
+    Option("scene", Path, ..., "A .toml scene, a .glb or .gltf, or any mesh.", is_argument=True),
+    of_bake("output", help="Output image, format by ending: .exr .png .tif .jpg"),
+    Option("width", int | None, None, "Image width in pixels; needs --height.", needs={"height": ...}),
+    Option("height", int | None, None, "Image height in pixels; needs --width.", needs={"width": ...}),
+    Option("samples", int | None, None, "Most camera rays per pixel."),
+    Option("shading", str | None, None, "Interpolation over a face: constant, flat, gouraud, phong or quadratic.",
+           words=("constant", "flat", "gouraud", "phong", "quadratic")),
+    of_bake("normals", kind=Normals | None, default=None),
+    Option("obscurance", str | None, None, "What w scales: ambient (ambient light only), "
+           "'ambient and diffuse' (light, as in the textbook's equation 12.75), or off (nothing)."),
+    Option("baked", Path | None, None, "Read w from a baked file: .npy .npz .ply .glb"),
+    Option("half_distance", str | None, None, "Of the baked file's profile: mesh units, or \"12%\" of the radius; or "
+           "several with commas between, whose w are multiplied."),
+    Option("power", str | None, None, "Of w at each half-distance, 1 by default: 1,0.5 for instance.",
+           needs={"half_distance": ...}),
+    Option("own_occlusion", bool, True, "Use a glTF file's own occlusion textures; otherwise bake there, too."),
+    of_bake("alpha", help="auto: as the file has it; ignore: faces are opaque."),
+    Option("shadows", bool | None, None, "Trace shadow rays."),
+    of_bake("up", help="Up axis of a mesh file, by default what it says, or y."),
+    Option("view", str | None, None, "Where a mesh file is seen from: front, back, left, right, top, bottom, or a "
+           "direction X,Y,Z from it to the camera.", words=("front", "back", "left", "right", "top", "bottom")),
+    Option("crop", str | None, None, "Render only these pixels.", metavar="X,Y,W,H"),
+    of_bake("seed", kind=int | None, default=None, help="Random seed of the pixel samples."),
+    Option("preview", bool, False, "A quarter of the width and height, few samples."),
+    of_bake("half", help="16-bit floats in an .exr."),
+    Option("show", bool, False, "Show the image in the terminal, too, or instead.", role="run"),
+    *(of_bake(name) for name in ("threads", "cluster", "shared", "report", "progress", "quiet")),
+)  # fmt: skip
 
 
 class OptionValues:
@@ -199,6 +234,12 @@ class BakeOptions(OptionValues):
     """The options of `bake`, and of `merge` those that it has."""
 
     table = BAKE
+
+
+class RenderOptions(OptionValues):
+    """The options of `render`."""
+
+    table = RENDER
 
 
 def _given(row: Option, options: OptionValues) -> bool:
@@ -243,11 +284,6 @@ def check_stored(source: Path, options: Mapping[str, Any]) -> None:
                 row.parsed(each)
         except OptionError as fault:
             raise InputError(source, f"options.{name}", fault.expected, fault.got, fault.nearest) from None
-
-
-def of_bake(name: str, **changes: Any) -> Option:
-    """An option of a bake as another command has it, which lists it without a section."""
-    return replace(ROWS[name], section="", **changes)
 
 
 @contextmanager

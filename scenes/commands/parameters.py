@@ -77,9 +77,14 @@ class TableCommand(click.Command):
     """
 
     def __init__(self, rows: Sequence[Option], **settings: Any) -> None:
-        super().__init__(**settings | {"params": [*map(parameter, rows)]})
+        super().__init__(**settings)
+        self._rows = rows
         self._sections = {row.name: row.section for row in rows}
         self._new = {f"--{no}{row.old_name}": f"--{no}{row.name}" for row in rows if row.old_name for no in ("", "no-")}
+
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        self.params = self.params or [*map(parameter, self._rows)]  # of the command that is called
+        return super().get_params(ctx)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         ctx.meta[_WHOLE] = args[-1:] == ["all"]
