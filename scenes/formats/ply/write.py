@@ -114,7 +114,7 @@ def _elements(mesh_file: MeshFile, attributes: SourceAttributes | None) -> tuple
     # Coordinates and normals.
     columns = [Property(axis, "f", mesh.vertices[:, number]).fitting() for number, axis in enumerate("xyz")]
     if any(column.kind == "d" for column in columns):
-        columns = [replace(column, kind="d") for column in columns]
+        columns = [column._replace(kind="d") for column in columns]
     if mesh.normals is not None:
         normals = np.nan_to_num(mesh.normals)
         longest = np.abs(normals).max(axis=1, keepdims=True)

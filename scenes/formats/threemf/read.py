@@ -12,7 +12,7 @@ import os
 import zipfile
 from array import array
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 from typing import BinaryIO
 
@@ -118,7 +118,7 @@ def read_3mf(given: MeshInput) -> list[Instance]:
     while stack:
         key, matrix = stack.pop()
         if len(shapes[key].faces):
-            placed.append(replace(shapes[key], matrix=matrix))
+            placed.append(shapes[key]._replace(matrix=matrix))
         stack.extend((child, matrix @ local) for child, local in objects[key].components[::-1])
     return placed
 
