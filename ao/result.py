@@ -29,7 +29,7 @@ from .prepared import Prepared
 from .profile import Profile
 
 _BLOCK = 1 << 12  # vertices
-_VISIBLE = 0.02
+_VISIBLE = 0.1  # 5 of 100 in the lightness of greys, twice what is noticed beside the right value
 _TIMES_RMSE = 3.0
 _REASONS = "duplicate", "no_normal", "not_wanted", "below_face", "predicted", "hidden"
 
@@ -45,7 +45,7 @@ class Interpolation(NamedTuple):
 
     @property
     def visible(self) -> bool:
-        """Whether it is surely more than .02, five steps of an 8-bit value."""
+        """Whether it is surely more than .1, so that shadows lack, or faces are dark all over."""
         return self.at_least > _VISIBLE
 
     @classmethod
@@ -173,7 +173,7 @@ class Bake(Columns):
 
     @property
     def coarse(self) -> bool:
-        """Whether interpolation between the vertices surely errs by more than .02 and more than three times `rmse`."""
+        """Whether interpolation between the vertices surely errs by more than .1 and more than three times `rmse`."""
         interpolation = self.interpolation
         return interpolation is not None and interpolation.visible and interpolation.at_least > _TIMES_RMSE * self.rmse
 

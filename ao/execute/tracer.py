@@ -21,7 +21,7 @@ from ..rays.traverse import TraversalState
 from .checkpoint import NOTHING_KEPT, Checkpoint
 from .work import Tables
 
-Progress = Callable[[int, int], None]
+Progress = Callable[[int, int, str], None]
 T = TypeVar("T")
 _ONE = 1 + 1e-6  # by rounding
 
@@ -117,9 +117,10 @@ class Tracer:
     t_max: float  # length of rays, in render space
     threads: int
     total_points: int  # of the whole mesh, wanted or not
-    progress: Progress | None = None  # called with (rays traced, rays expected in all)
+    progress: Progress | None = None  # called with (rays traced, rays expected in all, stage)
     checkpoint: Checkpoint = NOTHING_KEPT
     expected: int = 0  # rays in all, 0 while none are planned
+    stage: str = "rays"  # of the work, for who watches its progress
     rays: int = 0  # traced
     column: int = 0  # of several falloffs the one whose rows are gathered
     means: Means | None = None  # over samples; None: hemispheres at the points themselves
@@ -183,6 +184,6 @@ class Tracer:
         def advance(rows: int) -> None:
             self.rays += rows * samples
             if self.progress and self.expected:
-                self.progress(self.rays, max(self.rays, self.expected))
+                self.progress(self.rays, max(self.rays, self.expected), self.stage)
 
         return self.checkpoint.fill(work, self.scene, self.threads, advance)[0]
