@@ -86,13 +86,30 @@ def read_3mf(given: MeshInput) -> list[Instance]:
 
     Raises: MeshError: what unpacks to very much, or very many copies. Exception: of zipfile and lxml.
     """
+    unpacked = check_archive(given.file, given.source)
+    # The objects of all models of the archive, and what the root model builds of them.
+    objects: dict[Key, _Object] = {}
+    readers = _read_models(given.file, objects)
+    build = readers[next(name for name in readers if name.endswith(ROOT))].items
+    _check_build(build, objects, unpacked, given.source)
+    # A shape of each object.
+    unread = ("materials and colours",) if any(reader.has_materials for reader in readers.values()) else ()
+    shapes = {key: _shape(item, unread) for key, item in objects.items()}
+    # Placed by the build items, with the components of each.
+    placed = []
+    stack = build[::-1]
+    while stack:
+        key, matrix = stack.pop()
+        if len(shapes[key].faces):
+            placed.append(replace(shapes[key], matrix=matrix))
+        stack.extend((child, matrix @ local) for child, local in objects[key].components[::-1])
+    return placed
+
+
+def _read_models(file: BinaryIO, objects: dict[Key, _Object]) -> dict[str, _Reader]:
+    """Readers of an archive's models, by name, at their ends; their objects are added to `objects`."""
     from lxml import etree
 
-    file = given.file
-    source = given.source
-    unpacked = check_archive(file, source)
-    # The objects and build items of each model of the archive.
-    objects: dict[Key, _Object] = {}
     readers: dict[str, _Reader] = {}
     with zipfile.ZipFile(file) as archive:
         models = {_member(entry.filename): entry for entry in archive.infolist() if entry.filename.endswith(".model")}
@@ -103,24 +120,13 @@ def read_3mf(given: MeshInput) -> list[Instance]:
                 while block := content.read(_BLOCK):
                     parser.feed(block)
             parser.close()
-    build = readers[next(name for name in readers if name.endswith(ROOT))].items
-    _check_build(build, objects, unpacked, source)
-    # A shape of each object.
-    unread = ("materials and colours",) if any(each.has_materials for each in readers.values()) else ()
-    shapes: dict[Key, Instance] = {}
-    for key, item in objects.items():
-        vertices = np.array(item.vertices).reshape(-1, 3)
-        faces = np.array(item.faces).reshape(-1, 3)
-        shapes[key] = Instance(item.name, vertices, faces, unread=unread, up="z")
-    # Placed by the build items, with the components of each.
-    placed = []
-    stack = build[::-1]
-    while stack:
-        key, matrix = stack.pop()
-        if len(shapes[key].faces):
-            placed.append(replace(shapes[key], matrix=matrix))
-        stack.extend((child, matrix @ local) for child, local in objects[key].components[::-1])
-    return placed
+    return readers
+
+
+def _shape(item: _Object, unread: tuple[str, ...]) -> Instance:
+    vertices = np.array(item.vertices).reshape(-1, 3)
+    faces = np.array(item.faces).reshape(-1, 3)
+    return Instance(item.name, vertices, faces, unread=unread, up="z")
 
 
 def check_archive(file: BinaryIO, source: str) -> int:
