@@ -60,7 +60,8 @@ def _bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
         raise ConflictError("high", "does not go with", "only" if only is not None else ("method", "surface"))
     if high is not None and options.at == "faces":
         raise ConflictError("high", "does not go with", ("at", "faces"))
-    mesh, others = mesh_of(mesh, "bake"), occluding(options.occluders, high)
+    mesh = mesh_of(mesh, "bake")
+    others = occluding(options.occluders, high)
     solid = mesh if high is None else mesh_of(high, "bake")
     if options.thickness:
         solid = solid.reversed()
@@ -137,7 +138,8 @@ def _sample_vertices(prepared: Prepared) -> PointValues:
 
 def _check_memory(count: int, meshes: list[Mesh], options: Options) -> None:
     """Raises: MemoryLimitError: the bake of `count` vertices among these meshes would not fit into memory."""
-    vertices, faces = (sum(len(getattr(mesh, name)) for mesh in meshes) for name in ("vertices", "faces"))
+    vertices = sum(len(mesh.vertices) for mesh in meshes)
+    faces = sum(len(mesh.faces) for mesh in meshes)
     images = opacity_bytes([mesh.opacity for mesh in meshes if mesh.opacity])
     source, work = meshes[0].source, f"to bake {count:,} vertices and {faces:,} faces"
     more = column_bytes(count, options.columns)

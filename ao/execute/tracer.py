@@ -142,9 +142,10 @@ class Tracer:
             rows = np.concatenate([rows, found]) if len(rows) else found
             if (np.diff(numbers) < 0).any():
                 order = np.argsort(numbers, kind="stable")
-                numbers, rows = numbers[order], rows[order]
+                numbers = numbers[order]
+                rows = rows[order]
             self._traced[samples, int(key)] = numbers, rows
-        return rows[np.searchsorted(numbers, points.numbers), self.column]
+        return np.asarray(rows[np.searchsorted(numbers, points.numbers), self.column])
 
     def gather_elsewhere(self, points: Points, samples: int, key: np.uint32, here: Float64s) -> Float64s:
         """`gather` elsewhere in what each of the `points` stands for, by a `key` that no other rows have.
