@@ -103,8 +103,8 @@ class Means(Protocol):
     def rows(self, tracer: "Tracer", points: Points, rays: int, key: np.uint32) -> Float64s:
         """Rows (k, …, COLUMNS) of what the points stand for, by about so many `rays` each."""
 
-    def moved(self, points: Points) -> "Means | None":
-        """The same with other samples of what some `points` stand for, if there are others."""
+    def moved(self, points: Points, key: np.uint32) -> "Means | None":
+        """The same with other samples of what some `points` stand for, if there are others, chosen by a key."""
 
 
 @dataclass(eq=False)
@@ -142,9 +142,10 @@ class Tracer:
             rows = np.concatenate([rows, found]) if len(rows) else found
             if (np.diff(numbers) < 0).any():
                 order = np.argsort(numbers, kind="stable")
-                numbers, rows = numbers[order], rows[order]
+                numbers = numbers[order]
+                rows = rows[order]
             self._traced[samples, int(key)] = numbers, rows
-        return rows[np.searchsorted(numbers, points.numbers), self.column]
+        return np.asarray(rows[np.searchsorted(numbers, points.numbers), self.column])
 
     def gather_elsewhere(self, points: Points, samples: int, key: np.uint32, here: Float64s) -> Float64s:
         """`gather` elsewhere in what each of the `points` stands for, by a `key` that no other rows have.
@@ -152,7 +153,7 @@ class Tracer:
         Args: here: rows of the points themselves by independent rays, which are what vertices have elsewhere, too.
         """
         means = self.means
-        moved = means and means.moved(points)
+        moved = means and means.moved(points, key)
         if moved is None:
             return here
         self.means = moved

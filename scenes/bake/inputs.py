@@ -7,9 +7,8 @@ import os
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import ao
 from raytrace.errors import OptionError
@@ -26,8 +25,7 @@ if TYPE_CHECKING:
     from .plan import Plan
 
 
-@dataclass(frozen=True, eq=False)
-class BakeInputs:
+class BakeInputs(NamedTuple):
     """The meshes of a bake.
 
     Attributes:

@@ -62,7 +62,7 @@ class Layouts:
     def __init__(self, source: MeshFile, found: Coordinates) -> None:
         self.of, self.instance = np.zeros((2, len(source.mesh.faces)), np.int64)
         self.all = [
-            replace(piece, faces=piece.faces[each])
+            piece._replace(faces=piece.faces[each])
             for piece in primitive_groups(source, found.number or 0)
             for new in (found.new[piece.faces],)
             for each in (~new, new)

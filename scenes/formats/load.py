@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import io
-import logging
 import os
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -37,8 +35,7 @@ _CHUNK = 1 << 26
 _TRIANGLES, _TRIANGLE, _HEAD = slice(80, 84), 50, 84  # of a binary STL
 
 
-@dataclass(frozen=True)
-class MeshFile:
+class MeshFile(NamedTuple):
     """A mesh file's content.
 
     Attributes:
@@ -140,7 +137,7 @@ def load(
     path = Path(path)
     aim = format_of(target or "")
     instances, asset = read_objects(path, names or bool(aim.unsupported) or aim.ending == ".html", content, alpha)
-    instances = [replace(instance, up=up or instance.up) for instance in instances]
+    instances = [instance._replace(up=up or instance.up) for instance in instances]
     with mesh_errors(path):
         mesh, parts = flatten(instances, str(path))
         attributes = joined_attributes(instances)
@@ -209,10 +206,7 @@ def read_objects(
 
 @contextmanager
 def mesh_errors(path: Path) -> Iterator[None]:
-    """Everything a parser may raise on the hostile data of a mesh file, as one clear line; no log, no warnings."""
-    logger = logging.getLogger("trimesh")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL + 1)
+    """Everything a parser may raise on the hostile data of a mesh file, as one clear line; no warnings."""
     try:
         with warnings.catch_warnings(action="ignore"):
             yield
@@ -230,8 +224,6 @@ def mesh_errors(path: Path) -> Iterator[None]:
         said = " ".join(f"{begin}{reason}".split())[:160]
         kind = path.suffix.upper().removeprefix(".")
         raise MeshError(path, "content", f"a complete and valid {kind} file", said) from None
-    finally:
-        logger.setLevel(level)
 
 
 def standard_input(format_: str | None) -> tuple[Path, bytes]:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,8 +17,7 @@ from .corners import PerCorner
 from .polygons import Triangulation
 
 
-@dataclass(frozen=True)
-class SourceMaterial:
+class SourceMaterial(NamedTuple):
     """A material as OBJ libraries have it: a name, linear colours in [0, 1], glTF's factors, and a picture."""
 
     name: str
@@ -64,8 +63,7 @@ def is_opacity_map(path: Path, colour: Path | None) -> bool:
     return path != colour or channels[0] in (2, 4)
 
 
-@dataclass(frozen=True, eq=False)
-class Property:
+class Property(NamedTuple):
     """A column of an element of a PLY file."""
 
     name: str
@@ -84,7 +82,7 @@ class Property:
             counted = self.counted
             if self.sizes is not None and not np.array_equal(self.sizes.astype("<" + counted), self.sizes):
                 counted = "I"
-        return replace(self, kind=kind, counted=counted)
+        return self._replace(kind=kind, counted=counted)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +94,7 @@ class Element:
     properties: tuple[Property, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class SourceAttributes:
+class SourceAttributes(NamedTuple):
     """What a mesh file holds beside the mesh.
 
     All arrays go by the file's own vertices and polygons, whose order the mesh has too.
@@ -109,7 +106,7 @@ class SourceAttributes:
     uv: PerCorner | None = None  # texture coordinates, v upwards, NaN at corners without, or None
     normals: PerCorner | None = None  # where some vertex has several, or None: then `Mesh.normals` are all there are
     colors: Float64s | None = None  # (n, 3) or (n, 4), red green blue and alpha in [0, 1], sRGB-encoded, or None
-    numbers: dict[str, Float64s] = field(default_factory=dict)  # further (n,) values of the vertices by name
+    numbers: Mapping[str, Float64s] = {}  # further (n,) values of the vertices by name
     materials: tuple[SourceMaterial, ...] = ()
     material_of: Int64s | None = None  # (p,) which of the materials each polygon has, −1: none; or None
     objects: tuple[str, ...] = ()  # names of a file's objects that are no parts of the mesh
@@ -138,8 +135,7 @@ def reversed_attributes(attributes: SourceAttributes) -> SourceAttributes:
     triangles = attributes.triangles
     if triangles.places is not None:
         triangles = triangles._replace(places=order[triangles.places[:, ::-1]])
-    return replace(
-        attributes,
+    return attributes._replace(
         corners=attributes.corners[order],
         triangles=triangles,
         uv=attributes.uv and attributes.uv._replace(of=attributes.uv.of[order]),
@@ -159,7 +155,7 @@ def _reversed_element(element: Element, sizes: Int64s, order: Int64s) -> Element
             wide = len(values) // max(len(order), 1)
             if np.array_equal(column.sizes, wide * sizes):
                 values = values.reshape(-1, wide)[order].ravel()
-        made.append(replace(column, values=values))
+        made.append(column._replace(values=values))
     return replace(element, properties=tuple(made))
 
 

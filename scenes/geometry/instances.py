@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,8 +21,7 @@ MAX_COPIED = 20_000_000
 _ROW = 80  # bytes of a placed vertex or triangle, with copies on the way to a mesh
 
 
-@dataclass(frozen=True)
-class Instance:
+class Instance(NamedTuple):
     """Triangles as a file stores them, and where its scene places them."""
 
     name: str  # what the file calls the object
@@ -46,8 +44,7 @@ class Instance:
         return not len(self.faces) or (self.matrix is not None and not np.linalg.det(self.matrix[:3, :3]))
 
 
-@dataclass(frozen=True)
-class Submesh:
+class Submesh(NamedTuple):
     """One placed object of a file: `mesh.vertices[part.vertices]`, `mesh.faces[part.faces]`."""
 
     name: str

@@ -14,7 +14,7 @@ import re
 import zipfile
 from array import array
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 from typing import BinaryIO
 
@@ -127,25 +127,12 @@ def read_3mf(given: MeshInput) -> list[Instance]:
 
     Raises: MeshError: what unpacks to very much, or very many copies. Exception: of zipfile and lxml.
     """
-    from lxml import etree
-
-    file = given.file
-    source = given.source
-    unpacked = check_archive(file, source)
-    # The objects and build items of each model of the archive.
+    unpacked = check_archive(given.file, given.source)
+    # The objects of all models of the archive, and what the root model builds of them.
     objects: dict[Key, _Object] = {}
-    readers: dict[str, _Reader] = {}
-    with zipfile.ZipFile(file) as archive:
-        models = {_member(entry.filename): entry for entry in archive.infolist() if entry.filename.endswith(".model")}
-        for name, entry in models.items():
-            readers[name] = _Reader(name, objects)
-            parser = etree.XMLParser(target=readers[name], resolve_entities=False, no_network=True, load_dtd=False)
-            with archive.open(entry) as content:
-                while block := content.read(_BLOCK):
-                    parser.feed(block)
-            parser.close()
+    readers = _read_models(given.file, objects)
     build = readers[next(name for name in readers if name.endswith(ROOT))].items
-    _check_build(build, objects, unpacked, source)
+    _check_build(build, objects, unpacked, given.source)
     # A shape of each object.
     colours = {name: reader.colours for name, reader in readers.items()}
     has_unread = any(reader.has_unread for reader in readers.values())
@@ -165,9 +152,26 @@ def read_3mf(given: MeshInput) -> list[Instance]:
     while stack:
         key, matrix = stack.pop()
         if len(shapes[key].faces):
-            placed.append(replace(shapes[key], matrix=matrix))
+            placed.append(shapes[key]._replace(matrix=matrix))
         stack.extend((child, matrix @ local) for child, local in objects[key].components[::-1])
     return placed
+
+
+def _read_models(file: BinaryIO, objects: dict[Key, _Object]) -> dict[str, _Reader]:
+    """Readers of an archive's models, by name, at their ends; their objects are added to `objects`."""
+    from lxml import etree
+
+    readers: dict[str, _Reader] = {}
+    with zipfile.ZipFile(file) as archive:
+        models = {_member(entry.filename): entry for entry in archive.infolist() if entry.filename.endswith(".model")}
+        for name, entry in models.items():
+            readers[name] = _Reader(name, objects)
+            parser = etree.XMLParser(target=readers[name], resolve_entities=False, no_network=True, load_dtd=False)
+            with archive.open(entry) as content:
+                while block := content.read(_BLOCK):
+                    parser.feed(block)
+            parser.close()
+    return readers
 
 
 def _attributes(
@@ -180,7 +184,7 @@ def _attributes(
         return attributes
     number = {paint: row for row, paint in enumerate(used)}
     material_of = np.array([number.get(paint, -1) if paint else -1 for paint in paints])
-    return replace(attributes, materials=tuple(colours[paint] for paint in used), material_of=material_of)
+    return attributes._replace(materials=tuple(colours[paint] for paint in used), material_of=material_of)
 
 
 def check_archive(file: BinaryIO, source: str) -> int:

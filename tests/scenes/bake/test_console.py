@@ -3,7 +3,7 @@
 import io
 import json
 import re
-import sys
+from contextlib import redirect_stderr, redirect_stdout
 from types import SimpleNamespace
 
 import numpy as np
@@ -26,14 +26,9 @@ class Terminal(io.StringIO):
 
 @pytest.fixture
 def terminal(monkeypatch):
-    """A function, since pytest puts its own standard error in place after fixtures are made."""
+    """A context, since pytest puts its own standard error in place after fixtures are made."""
     monkeypatch.setenv("TERM", "xterm")
-
-    def make():
-        monkeypatch.setattr(sys, "stderr", Terminal())
-        return sys.stderr
-
-    return make
+    return lambda: redirect_stderr(Terminal())
 
 
 def percentages(text):
@@ -41,31 +36,27 @@ def percentages(text):
 
 
 def test_a_bar_ends_full_though_the_work_was_less_than_expected(terminal):
-    screen = terminal()
-    with progress(False, "rays") as (advance,):
+    with terminal() as screen, progress(False, "rays") as (advance,):
         for done in (100, 200, 300):
             advance(done, 1000)
     assert percentages(screen.getvalue())[-1] == 100
 
 
 def test_the_bar_of_a_bake_to_a_tolerance_ends_full(terminal):
-    screen = terminal()
-    with progress(False, "rays") as (advance,):
+    with terminal() as screen, progress(False, "rays") as (advance,):
         ao.bake(Mesh(*icosphere(5)), samples=512, tolerance=0.002, progress=advance)
     assert percentages(screen.getvalue())[-1] == 100
 
 
 def test_a_bar_whose_total_grows_goes_on(terminal):
-    screen = terminal()
-    with progress(False, "rays") as (advance,):
+    with terminal() as screen, progress(False, "rays") as (advance,):
         for done, total in ((50, 100), (100, 100), (150, 400), (200, 400)):
             advance(done, total)
     assert percentages(screen.getvalue())[-1] == 100
 
 
 def test_bars_follow_each_other_and_both_end_full(terminal):
-    screen = terminal()
-    with progress(False, "rays", "tiles") as (first, second):
+    with terminal() as screen, progress(False, "rays", "tiles") as (first, second):
         first(1, 10)
         first(4, 10)
         second(1, 4)
@@ -75,8 +66,7 @@ def test_bars_follow_each_other_and_both_end_full(terminal):
 
 
 def test_a_bar_of_work_that_failed_does_not_look_done(terminal):
-    screen = terminal()
-    with pytest.raises(KeyboardInterrupt):
+    with terminal() as screen, pytest.raises(KeyboardInterrupt):
         interrupted_at_a_tenth()
     assert 100 not in percentages(screen.getvalue())
 
@@ -144,12 +134,12 @@ def shown(monkeypatch, pixels, columns, **environment):
     """The characters and colours, upper and lower, that a terminal of so many columns shows."""
     for name, value in {"TERM": "xterm-256color", "COLORTERM": "truecolor", "COLUMNS": columns, **environment}.items():
         monkeypatch.setenv(name, str(value))
-    monkeypatch.setattr(sys, "stdout", Terminal())
-    show_picture(np.asarray(pixels, np.float32))
+    with redirect_stdout(Terminal()) as screen:
+        show_picture(np.asarray(pixels, np.float32))
     pattern = r"\x1b\[38;2;(\d+);(\d+);(\d+);48;2;(\d+);(\d+);(\d+)m(.)"
     return [
         [(*map(int, found[:6]), found[6]) for found in re.findall(pattern, line)]
-        for line in sys.stdout.getvalue().splitlines()
+        for line in screen.getvalue().splitlines()
     ]
 
 

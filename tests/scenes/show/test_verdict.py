@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 
 from ao import Flag
-from scenes.bake.options import BAKE
+from scenes.bake.options import BAKE, RENDER
 from scenes.bake.report import command_line
-from scenes.commands.render import RENDER
 from scenes.show.report.verdict import flags_in_words, hashed, verdict
 
 W = {"least": 0.1, "quantiles": {"0.5": 0.8}}
