@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import ao
 from ao.declared import call_checked
+from raytrace.errors import MeshError
 from raytrace.system.checks import check_outputs
 
 from ..formats.unsupported import unsupported_features
@@ -86,7 +88,10 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
 def _remedy(plan: Plan, source: MeshFile) -> str:
     """What makes w right between the vertices in the output of a plan."""
     if plan.ending == ".glb" and not plan.channels.colors:
-        return "--occlusion texture" if source.uv is not None else "--occlusion texture --uv unwrap"
+        uv = None
+        with suppress(MeshError):  # malformed coordinates, of which nothing else here makes use
+            uv = source.uv
+        return "--occlusion texture" if uv is not None else "--occlusion texture --uv unwrap"
     return "take smaller faces" if plan.arguments.method == "surface" else "--method surface"
 
 

@@ -2,6 +2,7 @@
 
 import pytest
 from command import obscurance, refused
+from gltf_files import Builder
 from mesh_files import obj
 from meshes import hills
 
@@ -35,6 +36,19 @@ def test_a_row_with_another_number_of_numbers_is_named(tmp_path):
     (tmp_path / "m.ply").write_text(f"ply\nformat ascii 1.0\n{VERTICES}{FACES}end_header\n{rows}")
     words = "m.ply: element vertex, row 2: expected 3 numbers, got 2"
     refused(obscurance("bake", tmp_path / "m.ply", "-o", tmp_path / "w.npy"), words)
+
+
+def test_advice_about_texture_coordinates_reads_none_that_are_malformed(tmp_path):
+    """A bake at vertices has no use for them, and is written before it gives advice."""
+    builder = Builder()
+    vertices, faces = hills(4)
+    primitive = builder.primitive(vertices.astype("<f4"), faces)
+    primitive["attributes"]["TEXCOORD_0"] = builder.accessor(vertices[:, :2].astype("<f4"), "VEC2", byteOffset=4)
+    builder.mesh(primitive)
+    (tmp_path / "m.glb").write_bytes(builder.glb([{"mesh": 0}]))
+    done = obscurance("bake", tmp_path / "m.glb", "-o", tmp_path / "w.glb", "--samples", 64)
+    assert done.returncode == 0, done.stderr
+    assert "--occlusion texture --uv unwrap" in done.stderr
 
 
 @pytest.mark.parametrize("preset", ["unreal", "blender", "three"])
