@@ -63,7 +63,7 @@ def inward_warnings(mesh: Mesh, vertices: Float32s | None = None) -> list[str]:
         return []
     which = "its faces look" if closed == 1 else f"{inward:,} of {closed:,} closed parts look"
     remedy = "--flip turns all faces over" if share > 0.5 else "turn only these over, where the mesh was made"
-    return [f"{mesh.source}: {which} inwards, and w is that of the inside: {remedy}"]
+    return [f"{mesh.source}: {which} inwards, so the inside is baked: {remedy}"]
 
 
 def _is_enclosed(number: int, vertices: Float32s, faces: Int64s, part: Int64s, volume: Float64s) -> bool:

@@ -44,7 +44,7 @@ def test_parts_that_look_inwards_are_counted(name):
 def test_bakes_say_so_and_thickness_does_not():
     mesh = Mesh(*ball(inverted=True))
     (line,) = ao.bake(mesh, samples=4).shortfalls
-    assert line.endswith("its faces look inwards, and w is that of the inside: --flip turns all faces over")
+    assert line.endswith("its faces look inwards, so the inside is baked: --flip turns all faces over")
     assert ao.bake(mesh.reversed(), samples=4).shortfalls == ()
     assert ao.bake(mesh.reversed(), samples=4, thickness=True).shortfalls == ()
 
@@ -53,4 +53,4 @@ def test_bakes_say_so_and_thickness_does_not():
 def test_flip_is_advised_where_it_turns_more_of_the_surface_right_than_wrong(radius, remedy):
     mesh = Mesh(*join([ball(), ball(radius, (3, 0, 0), inverted=True)]))
     (line,) = inward_warnings(mesh)
-    assert f"1 of 2 closed parts look inwards, and w is that of the inside: {remedy}" in line
+    assert f"1 of 2 closed parts look inwards, so the inside is baked: {remedy}" in line
