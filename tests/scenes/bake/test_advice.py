@@ -1,5 +1,6 @@
 """What is refused says in one line what to do instead."""
 
+import numpy as np
 import pytest
 from command import obscurance, refused
 from gltf_files import Builder
@@ -41,9 +42,10 @@ def test_a_row_with_another_number_of_numbers_is_named(tmp_path):
 def test_advice_about_texture_coordinates_reads_none_that_are_malformed(tmp_path):
     """A bake at vertices has no use for them, and is written before it gives advice."""
     builder = Builder()
-    vertices, faces = hills(4)
-    primitive = builder.primitive(vertices.astype("<f4"), faces)
-    primitive["attributes"]["TEXCOORD_0"] = builder.accessor(vertices[:, :2].astype("<f4"), "VEC2", byteOffset=4)
+    square = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], "<f4")
+    vertices = np.concatenate([square, 0.3 * square + np.array([0, 0, 0.05], "<f4")])  # a lid over a floor
+    primitive = builder.primitive(vertices, np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]))
+    primitive["attributes"]["TEXCOORD_0"] = builder.accessor(vertices[:, :2].copy(), "VEC2", byteOffset=4)
     builder.mesh(primitive)
     (tmp_path / "m.glb").write_bytes(builder.glb([{"mesh": 0}]))
     done = obscurance("bake", tmp_path / "m.glb", "-o", tmp_path / "w.glb", "--samples", 64)
