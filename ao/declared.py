@@ -175,7 +175,8 @@ def call_checked(function: Callable[..., R], options: object, mesh: object, **in
 
 
 def _parameter(each: Field[Any]) -> Parameter:
-    kind, default = _declaration(each)[0], Parameter.empty if each.default is MISSING else each.default
+    kind = _declaration(each)[0]
+    default = Parameter.empty if each.default is MISSING else each.default
     place = Parameter.KEYWORD_ONLY if each.kw_only else Parameter.POSITIONAL_OR_KEYWORD
     written = kind.__forward_arg__ if isinstance(kind, ForwardRef) else kind
     return Parameter(each.name, place, default=default, annotation=written)

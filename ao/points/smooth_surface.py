@@ -84,10 +84,16 @@ def point_on(surface, axes, f, barycentric):
     """A point of face `f`: its position, the face's normal on the side of its hemisphere, and the axis of this."""
     x = y = z = nx = ny = nz = 0.0
     for corner in range(3):
-        weight, vertex = np.float64(barycentric[corner]), surface.faces[f, corner]
-        p, n = load(surface.vertices, vertex), load(axes, vertex)
-        x, y, z = x + weight * p[0], y + weight * p[1], z + weight * p[2]
-        nx, ny, nz = nx + weight * n[0], ny + weight * n[1], nz + weight * n[2]
+        weight = np.float64(barycentric[corner])
+        vertex = surface.faces[f, corner]
+        p = load(surface.vertices, vertex)
+        n = load(axes, vertex)
+        x = x + weight * p[0]
+        y = y + weight * p[1]
+        z = z + weight * p[2]
+        nx = nx + weight * n[0]
+        ny = ny + weight * n[1]
+        nz = nz + weight * n[2]
     normal = load(surface.normals, f)
     axis = (nx, ny, nz)
     size = np.sqrt(dot(axis, axis))

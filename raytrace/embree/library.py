@@ -73,10 +73,14 @@ def device() -> int:
     device = library.rtcNewDevice(None)
     if not device:
         raise EmbreeError(f"Embree device: {_last_message(None)}")
-    version = library.rtcGetDeviceProperty(device, _VERSION_PROPERTY)
-    if version // 10000 != 4:
-        raise EmbreeError(f"embreex: Embree version: expected 4.x, got {version // 10000}.{version // 100 % 100}")
+    check_version(library.rtcGetDeviceProperty(device, _VERSION_PROPERTY))
     return int(device)
+
+
+def check_version(number: int) -> None:
+    """Raises: EmbreeError: the number, such as 40303, is not of an Embree 4."""
+    if number // 10000 != 4:
+        raise EmbreeError(f"embreex: Embree version: expected 4.x, got {number // 10000}.{number // 100 % 100}")
 
 
 def version() -> str:

@@ -60,7 +60,8 @@ def _beside(path: str | os.PathLike[str], replaces: bool = True) -> Iterator[tup
     try:
         target = _regular_target(path)
         _remove_left_over(target.parent)
-        temporary, lock = _temporary_name(target), -1
+        temporary = _temporary_name(target)
+        lock = -1
         try:  # from before the file is there: an interrupt may come as it is opened
             handle = _create(temporary)
             if sys.platform != "win32":

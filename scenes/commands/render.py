@@ -13,19 +13,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from raytrace.errors import ConflictError, OptionError, printable
 
-from ..bake.console import progress, warn
+from ..bake.console import warn
 from ..bake.options import RENDER, REPORTS, RenderOptions, check_together, plain
 from ..bake.report import command_line
+from ..show.progress import progress
 
 if TYPE_CHECKING:
     import ao
     from ao.cluster.session import ClusterSession
-    from ao.execute.tracer import Progress
     from raytrace import Frame, Settings
 
     from ..bake.cluster import Workers
     from ..description.description import SceneDescription
     from ..formats.falloffs import Scales
+    from ..show.progress import Advance
     from ..show.report.pictures import Picture
 
 _SETTINGS = ("samples", "shading", "normals", "obscurance", "shadows", "seed")
@@ -166,7 +167,7 @@ class RenderedPicture(NamedTuple):
 
 
 def _picture(
-    source: Path, description: SceneDescription, all_layers: bool, threads: int, bars: Sequence[Progress | None],
+    source: Path, description: SceneDescription, all_layers: bool, threads: int, bars: Sequence[Advance | None],
     session: ClusterSession | None,
 ) -> RenderedPicture:  # fmt: skip
     """Bake what a described scene needs, and render it. Args: bars: of baking, and of rendering."""

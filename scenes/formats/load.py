@@ -20,7 +20,7 @@ from raytrace.system.checks import check_memory, check_regular
 from raytrace.types import Float64s
 
 from ..geometry.attributes import SourceAttributes, reversed_attributes
-from ..geometry.instances import Instance, Submesh, flatten
+from ..geometry.instances import Instance, Submesh, flatten, joined_attributes
 from .table import MeshInput, endings, format_of, formats, sniffed_format
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ class MeshFile(NamedTuple):
             return texture_coordinates(self.gltf, self.parts, self.mesh.faces, number)
         attributes = self.attributes
         if attributes is None and "uv" in format_of(self.path).holds and self.path.is_file():
-            attributes = read_objects(self.path, keep=True)[0][0].attributes  # loaded for no target
+            attributes = joined_attributes(read_objects(self.path, keep=True)[0])  # loaded for no target
         uv = attributes.corner_uv() if attributes and not number else None
         return uv if uv is not None and len(uv) == len(self.mesh.faces) else None
 
@@ -140,7 +140,7 @@ def load(
     instances = [instance._replace(up=up or instance.up) for instance in instances]
     with mesh_errors(path):
         mesh, parts = flatten(instances, str(path))
-        attributes = instances[0].attributes if len(instances) == 1 else None
+        attributes = joined_attributes(instances)
         unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
         if asset and aim.unsupported:
             _ = asset.materials  # to find what is malformed

@@ -14,7 +14,7 @@ from raytrace.types import Float64s, Int64s, UInt8s
 
 _END = re.compile(rb"[\r\n]")
 _WORD = re.compile(rb"[^#\s]+")
-_BYTES = 1 << 18  # of a block, and the rest of its last line
+BLOCK = 1 << 18  # bytes, and the rest of the last line
 _ODD = 1 << 16  # words that become text at once
 _PLACE = (1 << 51) - 1  # the bits of a kernel's NaN that say where its word is
 
@@ -25,7 +25,7 @@ def line_blocks(data: bytes, begin: int = 0) -> tuple[bytes, UInt8s, list[tuple[
         data += b"\n"
     ends = [begin]
     while ends[-1] < len(data):
-        ends.append(next(_END.finditer(data, min(ends[-1] + _BYTES, len(data)) - 1)).end())
+        ends.append(next(_END.finditer(data, min(ends[-1] + BLOCK, len(data)) - 1)).end())
     return data, np.frombuffer(data, np.uint8), list(pairwise(ends))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -157,6 +157,50 @@ def _reversed_element(element: Element, sizes: Int64s, order: Int64s) -> Element
                 values = values.reshape(-1, wide)[order].ravel()
         made.append(column._replace(values=values))
     return replace(element, properties=tuple(made))
+
+
+def join_attributes(several: Sequence[SourceAttributes], vertices: Sequence[int]) -> SourceAttributes:
+    """Those of several objects, one after the other: polygons, materials, texture coordinates and colours.
+
+    Args: vertices: how many each object has.
+    """
+    first_vertex = np.cumsum([0, *vertices[:-1]])
+    first_corner = np.cumsum([0, *(len(each.corners) for each in several[:-1])])
+    corners = [each.corners + start for each, start in zip(several, first_vertex, strict=True)]
+    triangles = [each.triangles for each in several]
+    numbers = [np.arange(len(each.corners)) for each in several]
+    places = [cut.take(own) + start for cut, own, start in zip(triangles, numbers, first_corner, strict=True)]
+    # Each material once; -1, none, is the last of a list.
+    materials = tuple(dict.fromkeys(material for each in several for material in each.materials))
+    material_of = []
+    for each in several:
+        number = np.array([*(materials.index(material) for material in each.materials), -1])
+        own = np.full(len(each.sizes), -1) if each.material_of is None else each.material_of
+        material_of.append(number[own])
+    # NaN where an object has no texture coordinates, white where it has no colours.
+    uv = [each.uv or PerCorner(np.full((1, 2), np.nan), np.zeros(len(each.corners), np.int64)) for each in several]
+    first_value = np.cumsum([0, *(len(values.values) for values in uv[:-1])])
+    of = [values.of + start for values, start in zip(uv, first_value, strict=True)]
+    colors = [
+        np.ones((count, 3)) if each.colors is None else each.colors[:, :3]
+        for each, count in zip(several, vertices, strict=True)
+    ]
+    return SourceAttributes(
+        np.concatenate(corners),
+        np.concatenate([each.sizes for each in several]),
+        Triangulation(
+            np.concatenate([cut.counts for cut in triangles]),
+            sum(cut.crossing for cut in triangles),
+            None if all(cut.places is None for cut in triangles) else np.concatenate(places),
+        ),
+        uv=PerCorner(np.concatenate([values.values for values in uv]), np.concatenate(of))
+        if any(each.uv for each in several)
+        else None,
+        colors=np.concatenate(colors) if any(each.colors is not None for each in several) else None,
+        materials=materials,
+        material_of=np.concatenate(material_of) if materials else None,
+        files=tuple(dict.fromkeys(path for each in several for path in each.files)),
+    )
 
 
 def triangle_attributes(faces: Int64s) -> SourceAttributes:

@@ -12,7 +12,7 @@ from raytrace import InputError, Mesh, MeshError, Opacity
 from raytrace.system.checks import check_memory
 from raytrace.types import Float64s, Int64s
 
-from .attributes import SourceAttributes
+from .attributes import SourceAttributes, join_attributes, reversed_attributes
 
 if TYPE_CHECKING:
     from ao import Profile
@@ -114,6 +114,20 @@ def _parts(instances: Sequence[Instance]) -> tuple[Submesh, ...]:
         vertex = vertices.stop
         face = faces.stop
     return tuple(parts)
+
+
+def joined_attributes(instances: Sequence[Instance]) -> SourceAttributes | None:
+    """What is kept beside the mesh that `flatten` makes; None where an object has nothing, or of none."""
+    kept = []
+    for placed in instances:
+        own = placed.attributes
+        if own is None:
+            return None
+        is_mirrored = placed.matrix is not None and bool(np.linalg.det(placed.matrix[:3, :3]) < 0)
+        kept.append(reversed_attributes(own) if is_mirrored else own)
+    if len(kept) < 2:
+        return kept[0] if kept else None
+    return join_attributes(kept, [len(placed.vertices) for placed in instances])
 
 
 def _polygons(instances: Sequence[Instance], parts: Sequence[Submesh]) -> Int64s | None:

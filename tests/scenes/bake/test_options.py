@@ -154,6 +154,7 @@ CHANGED = {
     "bits": "8", "bent_space": "tangent", "resume": True, "progress": "json", "output_dir": "out", "format": "ply",
     "input_format": "ply", "part": "1/1", "cluster": "local", "ground": "-9", "shared": ".", "options": "r.json",
     "dry_run": True, "back_faces": "ignore", "spread": 90.0, "thickness": True, "flip": True,
+    "at": "faces", "both_sides": True,
     "receive": ["stone"], "cast": ["stone"], "exclude": ["glass"],
 }  # fmt: skip
 """Of each option another value than that of the bakes below."""
