@@ -2,10 +2,12 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 BUILT  := $(VENV)/.kernels
+TOOLS  := $(VENV)/.tools
 SOURCES = $(shell find raytrace ao scenes setup.py -name '*.py' -o -name kernels.txt 2>/dev/null)
 SUITABLE := import sys, ensurepip, venv; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))
 PYTHON ?= $(shell for python in $(BIN)/python python3.14 python3.13 python3.12 python3.11 python3 python; do \
 	$$python -c '$(SUITABLE)' >/dev/null 2>&1 && { echo $$python; break; }; done)
+PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4
 
 .DEFAULT_GOAL := help
@@ -19,18 +21,22 @@ $(STAMP): pyproject.toml
 	venv module, got $${python:-none}; set PYTHON=/path/to/python" >&2; exit 1; }
 	@"$(PYTHON)" -c 'import sys; print("Python", sys.version.split()[0], "of", sys.executable, "for $(VENV)")'
 	@[ "$$($(BIN)/python -V 2>&1)" = "$$("$(PYTHON)" -V 2>&1)" ] || clear=--clear; "$(PYTHON)" -m venv $$clear $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'setuptools>=77'
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --editable '.[test,bench,docs]'
+	$(PIP) 'setuptools>=77'
+	$(PIP) --no-build-isolation --editable '.[develop]'
 	$(BIN)/python -m compileall -q raytrace ao scenes cli.py
+	@touch $@
+
+$(TOOLS): $(STAMP)
+	$(PIP) --no-build-isolation --editable '.[test,bench,docs]'
 	@touch $@
 
 $(BUILT): $(STAMP) $(SOURCES)
 	$(BIN)/python setup.py --quiet build_ext --inplace
 	@touch $@
 
-install: $(BUILT) ## create .venv, install the project into it and build its kernels
+install: $(BUILT) $(TOOLS) ## create .venv, install the project and all its extras into it and build its kernels
 
-kernels: $(BUILT) ## list anew which kernels the default tests use, the documents' commands among them, and build those
+kernels: install ## list anew which kernels the default tests use, the documents' commands among them, and build those
 	rm -f build/loaded.txt
 	-OBSCURANCE_KERNELS=$(CURDIR)/build/loaded.txt $(PYTEST) -m 'not slow'
 	$(BIN)/python -m raytrace.kernel.build record build/loaded.txt
@@ -42,19 +48,19 @@ wheel: $(STAMP) ## a wheel with the kernels of every level of processors, in dis
 demo: $(BUILT) ## bake a built-in scene; writes demo/ with a mesh and a picture
 	$(BIN)/obscurance demo --output demo
 
-test: $(BUILT) ## lint, types and the default tests
+test: install ## lint, types and the default tests
 	$(BIN)/ruff check .
 	$(BIN)/mypy raytrace ao scenes cli.py
 	$(PYTEST) -m 'not slow'
 
-test-all: $(BUILT) ## every test, the slow ones too
+test-all: install ## every test, the slow ones too
 	$(PYTEST)
 
-lint: $(STAMP) ## format and fix what can be fixed
+lint: $(TOOLS) ## format and fix what can be fixed
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-bench: $(BUILT) ## the throughput benchmark; writes benchmarks/results/
+bench: install ## the throughput benchmark; writes benchmarks/results/
 	$(BIN)/python -m benchmarks.speed.throughput
 
 PEERS := .peers/mitsuba .peers/open3d .peers/blender
@@ -72,10 +78,10 @@ peers: ## environments of the other bakers, in .peers/; one that cannot be had i
 viewers: ## glTF's validator and three.js, in .viewers/, for tests of .glb outputs that are skipped without them
 	npm install --no-audit --no-fund --silent --prefix .viewers gltf-validator@2.0.0-dev.3.10 three@0.183.2
 
-bench-peers: $(BUILT) ## bake time against error, ours and the peers'; MESHES=FOLDER adds files, QUICK=1 is for minutes
+bench-peers: install ## bake time against error, ours and the peers'; MESHES=FOLDER adds files, QUICK=1 is for minutes
 	$(BIN)/python -m benchmarks.time_against_error $(if $(QUICK),--quick) $(if $(MESHES),--meshes '$(MESHES)')
 
-pictures: $(BUILT) ## the pictures of docs: gallery, temple, the models' spheres, tutorials and, with Chromium, pages
+pictures: install ## the pictures of docs: gallery, temple, the models' spheres, tutorials and, with Chromium, pages
 	$(BIN)/python -m benchmarks.pictures.gallery
 	$(BIN)/python -m benchmarks.pictures.model_strips
 	$(BIN)/python -m benchmarks.pictures.tutorials
@@ -86,7 +92,7 @@ pictures: $(BUILT) ## the pictures of docs: gallery, temple, the models' spheres
 	$(BIN)/python -m benchmarks.pictures.high
 	-$(BIN)/python -m benchmarks.pictures.page --pictures docs/viewing
 
-site: $(STAMP) ## the documentation as a site, in build/site, made without network
+site: $(TOOLS) ## the documentation as a site, in build/site, made without network
 	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet -d build/doctrees docs build/site
 
 clean: ## remove the environment and everything made

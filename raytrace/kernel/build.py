@@ -110,10 +110,10 @@ def _is_built(entry: Entry, folder: Path, levels: Sequence[str]) -> bool:
 
 def _compile(lines: list[str], folder: Path, levels: Sequence[str], progress: Progress) -> None:
     """Make the object files of kernels, in as many processes as there are cores, each module's in one: they share much
-    of what is compiled into them."""
+    of what is compiled into them. The longest lines come before: much is compiled for arguments of many types."""
     waiting: SimpleQueue[list[str]] = SimpleQueue()
     modules = [list(group) for _, group in groupby(lines, _module)]
-    for group in sorted(modules, key=len, reverse=True):
+    for group in sorted(modules, key=lambda group: sum(map(len, group)), reverse=True):
         waiting.put(group)
     done: list[str] = []
 
