@@ -1,7 +1,8 @@
 """`ao.bake_texture`: a mesh with texture coordinates in, w of every texel out."""
 
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Annotated, Any, NamedTuple
 
@@ -15,7 +16,9 @@ from raytrace.types import Float64s
 
 from ..declared import Option, with_option_parameters
 from ..estimate.estimate import estimate
+from ..estimate.one_ring import Neighbours
 from ..estimate.tolerance import Estimate, shortfalls
+from ..estimate.upsampling import coarsened, upsample
 from ..execute.sample_means import SampleMeans
 from ..execute.tracer import Tracer
 from ..memory import column_bytes, texture_bytes
@@ -165,13 +168,29 @@ def _mirrored(scene: _Scene, layout: UVLayout) -> int:
 
 def _estimates(tracer: Tracer, surface: UVSurface, texels: Texels, prepared: Prepared) -> list[Estimate]:
     """Estimates at the texels by each falloff."""
-    neighbours = cache(lambda _: texel_neighbours(surface, texels, prepared.placement.diagonal, prepared.threads))
+
+    @cache
+    def cells() -> Neighbours:
+        neighbours = texel_neighbours(surface, texels, prepared.placement.diagonal, prepared.threads)
+        return coarsened(neighbours, texels.cell, texels.points.normals)[0]
+
     points = texels.samples.first_points
 
     def by_falloff() -> Estimate:
-        return estimate(tracer, points, CornerSamples.none(), lambda _: neighbours(None), prepared.options)
+        found = estimate(tracer, points, CornerSamples.none(), lambda _: cells(), prepared.options)
+        return _predicted(found, texels, cells) if len(texels) > len(points) else found
 
     return tracer.each_column(by_falloff)
+
+
+def _predicted(baked: Estimate, texels: Texels, cells: Callable[[], Neighbours]) -> Estimate:
+    """Estimates at all texels (k,) from those at the texels that were baked."""
+    count = len(baked.rows)
+    between = np.arange(count, len(texels))
+    rows = upsample(texels.points, between, cells(), np.arange(count), texels.cell.astype(np.int32), baked.rows)
+    spared = baked.spared + baked.samples * len(between)
+    variance = baked.variance[texels.cell]  # measured anywhere in what a texel stands for
+    return replace(baked, rows=np.append(baked.rows, rows, axis=0), variance=variance, spared=spared)
 
 
 def _frames(space: BentSpace, surface: UVSurface, texels: Texels) -> Float64s | None:
