@@ -185,12 +185,11 @@ def _estimates(tracer: Tracer, surface: UVSurface, texels: Texels, prepared: Pre
 
 def _predicted(baked: Estimate, texels: Texels, cells: Callable[[], Neighbours]) -> Estimate:
     """Estimates at all texels (k,) from those at the texels that were baked."""
-    count = len(baked.rows)
-    between = np.arange(count, len(texels))
-    rows = upsample(texels.points, between, cells(), np.arange(count), texels.cell.astype(np.int32), baked.rows)
-    spared = baked.spared + baked.samples * len(between)
+    count, every = len(baked.rows), np.arange(len(texels))
+    rows = upsample(texels.points, every, cells(), np.arange(count), texels.cell.astype(np.int32), baked.rows)
+    spared = baked.spared + baked.samples * (len(texels) - count)
     variance = baked.variance[texels.cell]  # measured anywhere in what a texel stands for
-    return replace(baked, rows=np.append(baked.rows, rows, axis=0), variance=variance, spared=spared)
+    return replace(baked, rows=rows, variance=variance, spared=spared)
 
 
 def _frames(space: BentSpace, surface: UVSurface, texels: Texels) -> Float64s | None:
