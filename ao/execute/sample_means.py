@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -28,12 +29,15 @@ class SampleMeans:
 
     samples: SurfaceSamples
     elsewhere: Callable[[Int64s], SurfaceSamples] | None = None  # with other samples of some groups (j,), by numbers
+    _moved: WeakKeyDictionary[Points, SampleMeans] = field(default_factory=WeakKeyDictionary)
 
     def moved(self, points: Points) -> SampleMeans | None:
         """The same with samples elsewhere in the groups of some `points`, if there are any."""
         if self.elsewhere is None:
             return None
-        return replace(self, samples=self.elsewhere(points.numbers.astype(np.int64)))
+        if points not in self._moved:
+            self._moved[points] = SampleMeans(self.elsewhere(points.numbers.astype(np.int64)))
+        return self._moved[points]
 
     def rows(self, tracer: Tracer, points: Points, rays: int, key: np.uint32) -> Float64s:
         """Rows (k, …, COLUMNS) of groups, by so many `rays` each or a few more."""

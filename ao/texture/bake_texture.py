@@ -11,7 +11,7 @@ import numpy as np
 from raytrace.errors import OptionError
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import opacity_bytes
-from raytrace.system.checks import check_memory
+from raytrace.system.checks import NEGLIGIBLE, check_memory
 from raytrace.types import Float64s
 
 from ..declared import Option, with_option_parameters
@@ -21,7 +21,7 @@ from ..estimate.tolerance import Estimate, shortfalls
 from ..estimate.upsampling import coarsened, upsample
 from ..execute.sample_means import SampleMeans
 from ..execute.tracer import Tracer
-from ..memory import column_bytes, texture_bytes
+from ..memory import TRACED_TEXEL, column_bytes, texture_bytes
 from ..options import BentSpace, TextureOptions
 from ..points.corners import CornerSamples
 from ..points.occluders import occluding
@@ -33,7 +33,7 @@ from .coverage import Page
 from .result import BakedTexture, PageAssembly, TextureFacts
 from .tangents import tangent_frames
 from .texels import Cage, Texels, TexelSampler
-from .uv_layout import UVLayout, corner_uv, on_page, page_size
+from .uv_layout import UVLayout, corner_uv, covered_texels, on_page, page_size
 from .uv_surface import UVSurface
 
 
@@ -83,6 +83,9 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
         raise OptionError("overlap", expected, f"{overlapping:,} texels with several", scene.mesh.source)
     texels, filled, missed = sampler.find(coverage)
     del coverage
+    needed = TRACED_TEXEL * len(texels.samples)
+    if needed > NEGLIGIBLE:
+        check_memory(scene.mesh.source, needed, f"to trace rays at {len(texels.samples):,} texels")
     tracer = prepared.sample_tracer(
         SampleMeans(texels.samples, partial(sampler.elsewhere, texels)), "texture", options.checkpoint
     )
@@ -145,7 +148,9 @@ def _check_memory(scene: _Scene, size: tuple[int, int], options: TextureArgument
     """Raises: MemoryLimitError: the bake of a page of `size` would not fit into memory."""
     texels, solids = size[0] * size[1], [scene.solid, *scene.occluders]
     vertices, faces = (sum(len(getattr(solid, name)) for solid in solids) for name in ("vertices", "faces"))
-    needed = texture_bytes(texels, vertices, faces, options.rays) + column_bytes(texels, options.columns)
+    blocks = options.tolerance is not None and options.high is None
+    needed = texture_bytes(texels, covered_texels(scene.uv, size), vertices, faces, options.rays, blocks)
+    needed += column_bytes(texels, options.columns)
     needed += opacity_bytes([solid.opacity for solid in solids if solid.opacity])
     check_memory(scene.mesh.source, needed, f"to bake {texels:,} texels of {faces:,} faces")
 
