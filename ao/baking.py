@@ -22,7 +22,7 @@ from .options import DEFAULT_SAMPLES, Options, VertexOptions
 from .points.occluders import occluding
 from .points.receivers import Flag
 from .prepared import Inputs, Prepared
-from .result import Bake, Interpolation, PointValues, assemble
+from .result import Bake, Interpolation, PointValues, assemble, baked_vertices
 
 _LARGE = 1 << 14  # vertices of a mesh that is not kept until somebody asks for the error between them
 
@@ -34,7 +34,7 @@ class VertexArguments(VertexOptions, Inputs):
 
 @with_option_parameters(VertexArguments)
 def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
-    """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex of `mesh`.
+    """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex, or face, of `mesh`.
 
     Raises:
         OptionError: an argument is out of range, or of the other method.
@@ -47,21 +47,38 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     Warns:
         ToleranceWarning: the `tolerance` is not met, with too few `samples` allowed for instance.
     """
+    baked = _bake(mesh, options)
+    if options.both_sides:
+        backs = _bake(baked.mesh.reversed(), options)
+        baked = replace(baked, below=backs, rays=baked.rays + backs.rays)
+    return baked
+
+
+def _bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     high, only = options.high, options.only
     if high is not None and (options.method == "surface" or only is not None):
         raise ConflictError("high", "does not go with", "only" if only is not None else ("method", "surface"))
-    mesh, others = mesh_of(mesh, "bake"), occluding(options.occluders, high)
+    if high is not None and options.at == "faces":
+        raise ConflictError("high", "does not go with", ("at", "faces"))
+    mesh = mesh_of(mesh, "bake")
+    others = occluding(options.occluders, high)
     solid = mesh if high is None else mesh_of(high, "bake")
     if options.thickness:
         solid = solid.reversed()
     _check_memory(len(mesh.vertices), [mesh, *others] if high is None else [solid, mesh], options)
 
     start = time.perf_counter()
-    checkpoint = options.checkpoint if high is None else None
+    at_vertices = high is None and options.at == "vertices"
+    checkpoint = options.checkpoint if at_vertices else None
     prepared = Prepared.of(solid, options, options.progress, checkpoint, others, mesh.radius)
-    if high is None and options.method == "vertex":
+    elements = None
+    if options.at == "faces":
+        from .face_values import sample_faces
+
+        elements, values = sample_faces(prepared, len(mesh.faces), options.checkpoint)
+    elif at_vertices and options.method == "vertex":
         values = _sample_vertices(prepared)
-    elif high is None:
+    elif at_vertices:
         from .surface_method import fit_to_surface  # its sparse matrices load for a fifth of a second
 
         values = fit_to_surface(prepared)
@@ -70,8 +87,8 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
 
         prepared, values = sample_fine_mesh(prepared, mesh, options)
     build = prepared.receivers.tree_seconds
-    baked = assemble(prepared, mesh, values)
-    if high is None and (only is None or options.denoise):
+    baked = assemble(prepared, mesh, elements or baked_vertices(prepared, len(mesh.vertices)), values)
+    if at_vertices and (only is None or options.denoise):
         measure = partial(_measure_between, prepared, baked)
         if len(mesh.vertices) >= _LARGE:
             between = measure()
@@ -79,7 +96,8 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
         baked = replace(baked, measure_between=measure)
     baked.seconds.update(build=build, bake=time.perf_counter() - start - build)
     vertices = prepared.placement.vertices
-    return replace(baked, shortfalls=shortfalls(options, max(baked.rmses), values.samples, "vertex", solid, vertices))
+    each = "face" if options.at == "faces" else "vertex"
+    return replace(baked, shortfalls=shortfalls(options, max(baked.rmses), values.samples, each, solid, vertices))
 
 
 def _measure_between(prepared: Prepared, baked: Bake) -> Interpolation:
@@ -120,7 +138,8 @@ def _sample_vertices(prepared: Prepared) -> PointValues:
 
 def _check_memory(count: int, meshes: list[Mesh], options: Options) -> None:
     """Raises: MemoryLimitError: the bake of `count` vertices among these meshes would not fit into memory."""
-    vertices, faces = (sum(len(getattr(mesh, name)) for mesh in meshes) for name in ("vertices", "faces"))
+    vertices = sum(len(mesh.vertices) for mesh in meshes)
+    faces = sum(len(mesh.faces) for mesh in meshes)
     images = opacity_bytes([mesh.opacity for mesh in meshes if mesh.opacity])
     source, work = meshes[0].source, f"to bake {count:,} vertices and {faces:,} faces"
     more = column_bytes(count, options.columns)

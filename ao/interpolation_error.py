@@ -31,58 +31,71 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
 
     Points inside solids are left out. Args: error: (n,), standard errors of `w`.
     """
-    placement, receivers, threads = prepared.placement, prepared.receivers, prepared.threads
-    vertices, faces = placement.vertices.astype(np.float64), receivers.faces
-    normals, areas = face_normals(vertices, faces)
+    placement = prepared.placement
+    receivers = prepared.receivers
+    vertices = placement.vertices.astype(np.float64)
+    normals, areas = face_normals(vertices, receivers.faces)
     if prepared.asked is not None:
-        areas = np.where(prepared.asked[faces].all(axis=1), areas, 0.0)
+        areas = np.where(prepared.asked[receivers.faces].all(axis=1), areas, 0.0)
     if not areas.any() or not len(receivers.points):
         return NOWHERE
+
+    # Points on faces, whose hemispheres lie between those of the faces' vertices.
     count = min(max(len(receivers.points) // _SHARE, _FEWEST), _MOST)
-    own, weights = _spread(areas, count, derive(prepared.key, 7))
-    corners = faces[own]
-    point = receivers.of_vertex[corners]
-    axes = np.where(point[..., None] < 0, np.float32(0), receivers.points.normals[point])
-    points, sides = _on_faces(vertices[corners], normals[own], axes, weights)
+    face, weights = _spread(areas, count, derive(prepared.key, 7))
+    corners = receivers.faces[face]
+    corner_points = receivers.of_vertex[corners]
+    axes = np.where(corner_points[..., None] < 0, np.float32(0), receivers.points.normals[corner_points])
+    points, sides = _on_faces(vertices[corners], normals[face], axes, weights)
     del vertices, normals, areas
+
+    # Those outside solids, estimated twice, and what w is interpolated to there.
     interior = prepared.options.interior if prepared.options.method == "vertex" else "auto"
-    seen = ~inside_solids(points, faces[own, 0], placement, receivers, interior, threads)
-    if not seen.any():
+    outside = ~inside_solids(points, corners[:, 0], placement, receivers, interior, prepared.threads)
+    if not outside.any():
         return NOWHERE
-    points, sides = points[seen], with_alpha(sides, receivers.opacity, own, weights)[seen]
-    mu = prepared.mu.in_render_space(placement.scale)
-    tracer = Tracer(prepared.scene, 0, mu, min(mu.limit, placement.diagonal), threads, 2 * count)
+    sides = with_alpha(sides, receivers.opacity, face, weights)[outside]
+    estimates = _estimate_twice(prepared, points[outside], sides, 2 * count)
+    weights64 = weights[outside].astype(np.float64)
+    corners = corners[outside]
+    values = np.einsum("ki,ki->k", weights64, w[corners])
+    variance = np.einsum("ki,ki->k", weights64**2, error[corners] ** 2)
+
+    # Faces are numbered as in the mesh: degenerate ones are not among those of the receivers.
+    face = face[outside]
+    if len(receivers.faces) < len(prepared.mesh.faces):
+        face = np.flatnonzero(face_normals(placement.vertices.astype(np.float64), prepared.mesh.faces)[1] > 0)[face]
+    return Interpolation.of(face, weights64, estimates, values, variance)
+
+
+def _estimate_twice(prepared: Prepared, points: Points, sides: Float32s, total: int) -> Float64s:
+    """Two estimates of w (k, 2) at points, whose hemispheres end at faces of these sides, as of `total` points."""
+    mu = prepared.mu.in_render_space(prepared.placement.scale)
+    t_max = min(mu.limit, prepared.placement.diagonal)
+    tracer = Tracer(prepared.scene, 0, mu, t_max, prepared.threads, total)
     twice = points[np.tile(np.arange(len(points)), 2)]
     twice = replace(twice, numbers=np.arange(len(twice), dtype=np.uint32))
     key = derive(prepared.key, 8)
     rows = tracer.gather(twice, _RAYS, key)
-    leave_out_below(twice.arrays, np.tile(sides, (2, 1)), tracer.scene.table(_RAYS, 2 * count, key), rows)
-    estimates = rows[:, W].reshape(2, -1).T
-    part, corners = weights[seen].astype(np.float64), corners[seen]
-    values = np.einsum("ki,ki->k", part, w[corners])
-    variance = np.einsum("ki,ki->k", part**2, error[corners] ** 2)
-    own = own[seen]
-    if len(faces) < len(prepared.mesh.faces):  # degenerate ones are not among them
-        own = np.flatnonzero(face_normals(placement.vertices.astype(np.float64), prepared.mesh.faces)[1] > 0)[own]
-    return Interpolation.of(own, part, estimates, values, variance)
+    leave_out_below(twice.arrays, np.tile(sides, (2, 1)), tracer.scene.table(_RAYS, total, key), rows)
+    return np.asarray(rows[:, W].reshape(2, -1).T)
 
 
 def _spread(areas: Float64s, count: int, key: np.uint32) -> tuple[Int64s, Float32s]:
     """Points one from each of equal shares of the faces' area: which face (k,), and barycentric coordinates (k, 3)."""
-    total, steps = np.cumsum(areas), np.arange(count)
+    total = np.cumsum(areas)
     share, u, v = np.ldexp(hash32_array(hash32_array(np.arange(3 * count)) ^ key), -32).reshape(3, -1)
-    own = np.searchsorted(total, (steps + share) / count * total[-1], "right").clip(0, len(areas) - 1)
+    face = np.searchsorted(total, (np.arange(count) + share) / count * total[-1], "right").clip(0, len(areas) - 1)
     root = np.sqrt(u)
-    return own, np.stack([1 - root, root * (1 - v), root * v], axis=-1).astype(np.float32)
+    return face, np.stack([1 - root, root * (1 - v), root * v], axis=-1).astype(np.float32)
 
 
 def _on_faces(corners: Float64s, normals: Float64s, axes: Float32s, weights: Float32s) -> tuple[Points, Float32s]:
     """Points on faces of `corners` (k, 3, 3), whose vertices have `axes` (k, 3, 3), and the sides of hemispheres."""
     count = len(corners)
-    rows, alone = np.arange(count), np.arange(3 * count).reshape(-1, 3)
-    each = np.repeat(rows[:, None], 3, axis=1)
-    surface = Surface.of(corners.reshape(-1, 3), alone, normals)
-    magnitude = surface.magnitudes(each, count)
+    rows = np.arange(count)
+    surface = Surface.of(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3), normals)
+    magnitude = surface.magnitudes(np.repeat(rows[:, None], 3, axis=1), count)
     faces = SmoothSurface(axes.reshape(-1, 3).astype(np.float64), surface)
     places, sides, hemispheres = faces.points_at(rows, weights, 1)
     origins = places + ray_offset(sides, magnitude, np.ones(count))[:, None] * sides

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import errno
 import gc
+import io
 import os
 import secrets
 import sys
+import webbrowser
 from collections.abc import Callable, Generator
 from contextlib import suppress
 from pathlib import Path
+from pkgutil import resolve_name
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -50,13 +56,70 @@ def pytest_unconfigure() -> None:
 
 
 @pytest.fixture
-def available_memory(monkeypatch: pytest.MonkeyPatch) -> Callable[[int | Callable[[], int]], None]:
-    """A function: let so many bytes be available, or what a function says."""
+def available_memory(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """A function: let so many bytes be available, or what a function says, for all checks or a module that asks."""
 
-    def let(size: int | Callable[[], int]) -> None:
-        monkeypatch.setattr("raytrace.system.checks.available", size if callable(size) else lambda: size)
+    def let(size: int | Callable[[], int] | None, module: str = "raytrace.system.checks") -> None:
+        monkeypatch.setattr(f"{module}.available", size if callable(size) else lambda: size)
 
     return let
+
+
+@pytest.fixture
+def watch(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], list[tuple[Any, ...]]]:
+    """A function: the positional arguments of each call, from now on, of what has this dotted name."""
+
+    def watch(name: str) -> list[tuple[Any, ...]]:
+        function = resolve_name(name)
+        calls: list[tuple[Any, ...]] = []
+
+        def watched(*arguments: Any, **named: Any) -> Any:
+            calls.append(arguments)
+            return function(*arguments, **named)
+
+        monkeypatch.setattr(name, watched)
+        return calls
+
+    return watch
+
+
+@pytest.fixture
+def fail_call(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """A function: let a function of `os` fail from now on, as on a full disk."""
+
+    def let(name: str, code: int = errno.ENOSPC) -> None:
+        def fail(*_arguments: object) -> None:
+            raise OSError(code, os.strerror(code))
+
+        monkeypatch.setattr(os, name, fail)
+
+    return let
+
+
+@pytest.fixture
+def standard_input(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """A function: let standard input have this content, from a pipe or a terminal."""
+
+    def give(content: bytes, terminal: bool = False) -> None:
+        monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(content), isatty=lambda: terminal))
+
+    return give
+
+
+@pytest.fixture
+def shown_in_browser(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Addresses that the browser was to show."""
+    addresses: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", addresses.append)
+    return addresses
+
+
+@pytest.fixture
+def entry_points(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[object]]:
+    """What installed packages offer, by group: nothing."""
+    offers: dict[str, list[object]] = {}
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda group: offers.get(group, []))
+    return offers
 
 
 @pytest.fixture(scope="session")

@@ -94,6 +94,7 @@ def estimate_to(
         gathered = [np.zeros((len(points), COLUMNS)) for _ in range(tracer.columns)]
         for turn in range(_ROUNDS):
             found = list[Estimate]()  # lets go of the last ones
+            tracer.stage = f"rays, round {turn + 1}"
             _add_rays(tracer, points, gathered, worth, more, derive(key, 16 + turn))
             rays += more
             worth = (worth**RATE + more**RATE) ** (1 / RATE)

@@ -23,8 +23,6 @@ from ..rays.ray_scene import RayScene
 from .journal import IDENTITY, Block, Journal, record
 from .work import Advance, FillSpans, KeptWork, Tables, Work, fill_spans, machine
 
-_MOST_WAITING = 1 << 25  # bytes that are written at once, due or not
-
 
 class Checkpoint:
     """Where the rows of one bake are kept, for `ao.bake` in a `with` block that also writes what was baked: a journal.
@@ -37,6 +35,7 @@ class Checkpoint:
         path: the journal, best beside the target; None keeps nothing. resume: continue what it holds.
         notify: called with a line for the user. after, every: seconds until the first write and between writes.
         fill_spans: makes the rows that are not kept. status: what to show beside the progress of that.
+        most_waiting: bytes that are written at once, due or not.
 
     Attributes: partial: whether it fills only some rows, so that later rays must not depend on what earlier ones found.
 
@@ -57,9 +56,10 @@ class Checkpoint:
         every: float = 5.0,
         fill_spans: FillSpans = fill_spans,
         status: Callable[[], str] = str,
+        most_waiting: int = 1 << 25,
     ) -> None:
         self.path, self.resume, self.notify, self.after, self.every = Path(path or ""), resume, notify, after, every
-        self.fill_spans, self.status = fill_spans, status
+        self.fill_spans, self.status, self.most_waiting = fill_spans, status, most_waiting
         self._journal: Journal | None = None
         self._identity: Callable[[], bytes] = bytes  # computed where a journal is there, or begun
         self._left_over = False
@@ -159,7 +159,7 @@ class Checkpoint:
     def put(self, block: Block, content: bytes) -> None:
         """Keep a block; written when it is time to, or much."""
         self._pending.append(record(block, content))
-        if time.monotonic() >= self._due or sum(map(len, self._pending)) >= _MOST_WAITING:
+        if time.monotonic() >= self._due or sum(map(len, self._pending)) >= self.most_waiting:
             self._write()
             self._due = time.monotonic() + self.every
 

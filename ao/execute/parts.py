@@ -75,9 +75,9 @@ class ShardCheckpoint(Checkpoint):
             self._pending.append(record(DESCRIPTION, json.dumps(self._description).encode()))
 
     def choose(self, work: Work, missing: Bools) -> Bools:
-        own = assign_shards(len(work), self.of) == self.number
-        self.rays += int(np.count_nonzero(own) * work.rays)
-        return missing & own
+        is_own = assign_shards(len(work), self.of) == self.number
+        self.rays += int(np.count_nonzero(is_own) * work.rays)
+        return np.asarray(missing & is_own)
 
     def all_traced(self) -> None:
         """End the bake within `trace`."""
@@ -142,7 +142,8 @@ def read_parts(folder: Path) -> list[PartFile]:
     for part in parts:
         if part.identity != header:
             raise InputError(part.path, "header", "what the other parts have", "that of another bake")
-    of, numbers = parts[0].description["of"], {part.description["part"] for part in parts}
+    of = parts[0].description["of"]
+    numbers = {part.description["part"] for part in parts}
     if lacking := missing_of(of, numbers):
         raise InputError(folder, "parts", f"all of 1 to {of}", f"{len(parts)} of them; missing: {lacking}")
     return parts
@@ -173,8 +174,11 @@ def _read(path: Path) -> PartFile:
 
 def _parse_description(path: Path, content: bytes) -> dict[str, Any]:
     try:
-        found = parse_json(content)
-        number, of, options, facts = found["part"], found["of"], found["options"], found["machine"]
+        found: dict[str, Any] = parse_json(content)
+        number = found["part"]
+        of = found["of"]
+        options = found["options"]
+        facts = found["machine"]
         whole = type(number) is type(of) is int and 1 <= number <= of
         whole = whole and isinstance(options, dict) and isinstance(facts, dict) and "mesh digest" in found
         whole = whole and isinstance(found["mesh"], str)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from weakref import WeakKeyDictionary
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,16 +27,13 @@ class SampleMeans:
     """What makes a `Tracer` one of groups of samples: its points stand for the groups, by their numbers."""
 
     samples: SurfaceSamples
-    elsewhere: Callable[[Int64s], SurfaceSamples] | None = None  # with other samples of some groups (j,), by numbers
-    _moved: WeakKeyDictionary[Points, SampleMeans] = field(default_factory=WeakKeyDictionary)
+    elsewhere: Callable[[Int64s, np.uint32], SurfaceSamples] | None = None  # of some groups (j,) others, by a key
 
-    def moved(self, points: Points) -> SampleMeans | None:
+    def moved(self, points: Points, key: np.uint32) -> SampleMeans | None:
         """The same with samples elsewhere in the groups of some `points`, if there are any."""
         if self.elsewhere is None:
             return None
-        if points not in self._moved:
-            self._moved[points] = SampleMeans(self.elsewhere(points.numbers.astype(np.int64)))
-        return self._moved[points]
+        return replace(self, samples=self.elsewhere(points.numbers.astype(np.int64), key))
 
     def rows(self, tracer: Tracer, points: Points, rays: int, key: np.uint32) -> Float64s:
         """Rows (k, …, COLUMNS) of groups, by so many `rays` each or a few more."""
@@ -57,14 +53,14 @@ class SampleMeans:
     def _write_means(
         self, tracer: Tracer, groups: Int64s, samples: int, rays: tuple[int, np.uint32], to: tuple[Float64s, Int64s]
     ) -> None:
-        """Set rows of an array, `to`, to means over the first `samples` of each of the `groups`.
+        """Set rows of an array, `to`, to means over so many `samples` of each of the `groups`.
 
         Args: rays: of a sample, and the key of their directions.
         """
         each, key = rays
         source = np.empty(samples * len(groups), np.int64)
         numbers = np.empty(len(source), np.uint32)
-        pick = bind(_pick, groups, samples, self.samples.starts, source, numbers)
+        pick = bind(_pick, groups, samples, self.samples.starts, int(key), source, numbers)
         run_blocks(len(groups), _BLOCK, pick, tracer.threads, most=_SHARE)
         points = replace(self.samples.points[source], numbers=numbers)
         table = tracer.scene.table(each, tracer.total_points, key, samples)
@@ -85,11 +81,14 @@ class SampleMeans:
 
 
 @kernel
-def _pick(groups, samples, starts, source, numbers, first, last):
-    """Write which samples are the first ones of each group, and their numbers."""
+def _pick(groups, samples, starts, chance, source, numbers, first, last):
+    """Write which samples of each group are taken, one of its runs of so many by `chance`, and their numbers."""
     for i in range(first, last):
+        begin = starts[groups[i]]
+        runs = (starts[groups[i] + 1] - begin) // samples
+        begin += samples * (chance % runs)
         for k in range(samples):
-            source[samples * i + k] = starts[groups[i]] + k
+            source[samples * i + k] = begin + k
             numbers[samples * i + k] = samples * groups[i] + k
 
 

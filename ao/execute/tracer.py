@@ -21,7 +21,7 @@ from ..rays.traverse import TraversalState
 from .checkpoint import NOTHING_KEPT, Checkpoint
 from .work import Tables
 
-Progress = Callable[[int, int], None]
+Progress = Callable[[int, int, str], None]
 T = TypeVar("T")
 _ONE = 1 + 1e-6  # by rounding
 
@@ -103,8 +103,8 @@ class Means(Protocol):
     def rows(self, tracer: "Tracer", points: Points, rays: int, key: np.uint32) -> Float64s:
         """Rows (k, …, COLUMNS) of what the points stand for, by about so many `rays` each."""
 
-    def moved(self, points: Points) -> "Means | None":
-        """The same with other samples of what some `points` stand for, if there are others."""
+    def moved(self, points: Points, key: np.uint32) -> "Means | None":
+        """The same with other samples of what some `points` stand for, if there are others, chosen by a key."""
 
 
 @dataclass(eq=False)
@@ -117,9 +117,10 @@ class Tracer:
     t_max: float  # length of rays, in render space
     threads: int
     total_points: int  # of the whole mesh, wanted or not
-    progress: Progress | None = None  # called with (rays traced, rays expected in all)
+    progress: Progress | None = None  # called with (rays traced, rays expected in all, stage)
     checkpoint: Checkpoint = NOTHING_KEPT
     expected: int = 0  # rays in all, 0 while none are planned
+    stage: str = "rays"  # of the work, for who watches its progress
     rays: int = 0  # traced
     column: int = 0  # of several falloffs the one whose rows are gathered
     means: Means | None = None  # over samples; None: hemispheres at the points themselves
@@ -141,9 +142,10 @@ class Tracer:
             rows = np.concatenate([rows, found]) if len(rows) else found
             if (np.diff(numbers) < 0).any():
                 order = np.argsort(numbers, kind="stable")
-                numbers, rows = numbers[order], rows[order]
+                numbers = numbers[order]
+                rows = rows[order]
             self._traced[samples, int(key)] = numbers, rows
-        return rows[np.searchsorted(numbers, points.numbers), self.column]
+        return np.asarray(rows[np.searchsorted(numbers, points.numbers), self.column])
 
     def gather_elsewhere(self, points: Points, samples: int, key: np.uint32, here: Float64s) -> Float64s:
         """`gather` elsewhere in what each of the `points` stands for, by a `key` that no other rows have.
@@ -151,7 +153,7 @@ class Tracer:
         Args: here: rows of the points themselves by independent rays, which are what vertices have elsewhere, too.
         """
         means = self.means
-        moved = means and means.moved(points)
+        moved = means and means.moved(points, key)
         if moved is None:
             return here
         self.means = moved
@@ -183,6 +185,6 @@ class Tracer:
         def advance(rows: int) -> None:
             self.rays += rows * samples
             if self.progress and self.expected:
-                self.progress(self.rays, max(self.rays, self.expected))
+                self.progress(self.rays, max(self.rays, self.expected), self.stage)
 
         return self.checkpoint.fill(work, self.scene, self.threads, advance)[0]

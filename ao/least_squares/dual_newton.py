@@ -36,7 +36,8 @@ class _Dual(NamedTuple):
     def at(self, multipliers: Float64s, wanted: Float64s) -> tuple[float, Float64s, Float64s]:
         """The dual function, its gradient, and x, which is `wanted` clamped."""
         x = wanted.clip(0.0, 1.0)
-        image, moved = self.differences @ x, x - self.values
+        image = self.differences @ x
+        moved = x - self.values
         gradient = image - multipliers / self.pull
         return 0.5 * (dot(self.stay * moved, moved) + dot(multipliers, image + gradient)), gradient, x
 
@@ -67,10 +68,12 @@ def least_change(differences: csr_array, values: Float64s, stay: Float64s, pull:
             break
         weight = np.where((wanted > 0) & (wanted < 1), 1 / stay, 0.0)
         step = dual.factors(weight, "NATURAL").solve(gradient)
-        rise, slide = _RISE * dot(gradient, step), across @ step / stay
+        rise = _RISE * dot(gradient, step)
+        slide = across @ step / stay
         before, length = (height, multipliers, wanted), 1.0
         for _ in range(_HALVINGS):
-            multipliers, wanted = before[1] + length * step, before[2] - length * slide
+            multipliers = before[1] + length * step
+            wanted = before[2] - length * slide
             height, gradient, x = dual.at(multipliers, wanted)
             if height >= before[0] + length * rise:
                 break

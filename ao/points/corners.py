@@ -73,7 +73,8 @@ class CornerSamples:
 
     def mean_direction(self, vectors: Float64s) -> Float64s:
         """Means (j, 3) of `vectors` (k, 3); zero where they cancel out, as on the two sides of a sheet."""
-        mean, lengths = self.mean(vectors), self.mean(np.linalg.norm(vectors, axis=1)[:, None])
+        mean = self.mean(vectors)
+        lengths = self.mean(np.linalg.norm(vectors, axis=1)[:, None])
         return np.where(np.linalg.norm(mean, axis=1)[:, None] > _CANCELLED * lengths, mean, 0.0)
 
 
@@ -114,9 +115,13 @@ def find_corner_samples(
 
 def _spread_over_corners(surface: Surface, face: Int64s, corner: Int64s) -> tuple[Float64s, Float64s]:
     """Positions (SPREAD c, 3) of samples in c face corners, spread over each corner's angle; the angles (c,)."""
-    here, ahead, behind = (surface.vertices[surface.faces[face, (corner + step) % 3]] for step in range(3))
-    one, other = ahead - here, behind - here
-    a, b = np.linalg.norm(one, axis=1), np.linalg.norm(other, axis=1)
+    here = surface.vertices[surface.faces[face, corner]]
+    ahead = surface.vertices[surface.faces[face, (corner + 1) % 3]]
+    behind = surface.vertices[surface.faces[face, (corner + 2) % 3]]
+    one = ahead - here
+    other = behind - here
+    a = np.linalg.norm(one, axis=1)
+    b = np.linalg.norm(other, axis=1)
     double = np.linalg.norm(np.cross(one, other), axis=1)
     angle = np.arctan2(double, np.einsum("ij,ij->i", one, other))
     extent = np.abs(np.stack([here, ahead, behind])).max(axis=(0, 2))
@@ -124,7 +129,8 @@ def _spread_over_corners(surface: Surface, face: Int64s, corner: Int64s) -> tupl
     offset = ray_offset(surface.normals[face], extent, np.ones(len(face)))
     inside = np.clip(_OFFSETS * offset / height, _INSIDE, _FARTHEST)
     theta = (np.arange(SPREAD) + 0.5) / SPREAD * angle[:, None]
-    s, t = np.sin(angle[:, None] - theta) / a[:, None], np.sin(theta) / b[:, None]
+    s = np.sin(angle[:, None] - theta) / a[:, None]
+    t = np.sin(theta) / b[:, None]
     along = (s[:, :, None] * one[:, None] + t[:, :, None] * other[:, None]) / (s + t)[:, :, None]
     return (here[:, None] + inside[:, None, None] * along).reshape(-1, 3), angle
 

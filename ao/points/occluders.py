@@ -28,13 +28,15 @@ def ground(mesh: Mesh | Any, height: float | None = None, up: str | None = None)
     """
     mesh = mesh_of(mesh, "ground")
     axis = np.array(UP[up_axis(mesh, up)])
-    lowest, radius = float((mesh.used @ axis).min()), mesh.radius or 1.0
+    lowest = float((mesh.used @ axis).min())
+    radius = mesh.radius or 1.0
     if height is None:
         height = lowest - _GAP * radius
     if not isinstance(height, int | float | np.number) or not -np.inf < height <= lowest:
         raise OptionError("ground", f"a height up to {lowest:g}, that of the lowest vertex", height, mesh.source)
     centre = mesh.centre - (mesh.centre @ axis - height) * axis
-    u, v = np.roll(axis, 1), np.roll(axis, 2) * axis.sum()  # u × v is the axis
+    u = np.roll(axis, 1)
+    v = np.roll(axis, 2) * axis.sum()  # u × v is the axis
     corners = [u + v, v - u, -u - v, u - v]
     vertices = centre + _EXTENT * (radius + lowest - height) * np.array(corners)
     return Mesh(vertices, [[0, 1, 2], [0, 2, 3]], source="ground")
@@ -52,7 +54,8 @@ def joined(meshes: Sequence[Mesh], all_normals: bool = False) -> Mesh:
     first = meshes[0]
     if len(meshes) == 1:
         return first
-    vertices, faces = (np.concatenate([getattr(mesh, name) for mesh in meshes]) for name in ("vertices", "faces"))
+    vertices = np.concatenate([mesh.vertices for mesh in meshes])
+    faces = np.concatenate([mesh.faces for mesh in meshes])
     counts = [len(mesh.faces) for mesh in meshes]
     before = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
     sources = meshes if all_normals else meshes[:1]

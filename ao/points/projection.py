@@ -135,7 +135,9 @@ class FineMesh:
     def _closest(self, rays: _CageRays, unmet: Int64s, match: Groups | None) -> tuple[Int64s, Float32s, Any]:
         """The closest face to each of the points `unmet` (j,), where on it, and whether that is as good as on the
         ray."""
-        positions, outwards, reach = (column[unmet] for column in rays)
+        positions = rays.positions[unmet]
+        outwards = rays.outwards[unmet]
+        reach = rays.reach[unmet]
         if match is None:
             match = np.zeros(len(rays.positions), np.int64), np.zeros(len(self.receivers.faces), np.int64)
         surface = self._vertices, self.receivers.faces
@@ -153,7 +155,7 @@ class FineMesh:
     def _rounding(self, positions: Float64s) -> Float64s:
         """How far (k,) single precision may move points beside `positions` (k, 3)."""
         most = max(float(np.abs(self._vertices).max()), float(np.abs(positions).max(initial=0.0)))
-        return _ROUNDED * np.minimum(most, np.maximum(NEAR, np.abs(positions).max(axis=1)))
+        return np.asarray(_ROUNDED * np.minimum(most, np.maximum(NEAR, np.abs(positions).max(axis=1))))
 
 
 def cage_of(cage: Length | Mesh | Any, mesh: Mesh) -> float | Mesh:
@@ -165,7 +167,8 @@ def cage_of(cage: Length | Mesh | Any, mesh: Mesh) -> float | Mesh:
         return resolve_length("cage", cage, mesh.radius or 1.0)
     made = mesh_of(cage, "cage")
     for name in ("vertices", "faces"):
-        expected, got = len(getattr(mesh, name)), len(getattr(made, name))
+        expected = len(getattr(mesh, name))
+        got = len(getattr(made, name))
         if expected != got:
             raise MeshError(made.source, name, f"{expected:,}, as {mesh.source} has", f"{got:,}")
     return made

@@ -89,7 +89,8 @@ class Receivers:
         needed = np.zeros(len(self.points) + 1, np.bool_)
         needed[of_vertex] = True
         needed[-1] = False  # what −1 has set
-        kept, rows = np.flatnonzero(needed), np.where(needed, np.cumsum(needed) - 1, -1)
+        kept = np.flatnonzero(needed)
+        rows = np.where(needed, np.cumsum(needed) - 1, -1)
         subset = self.points[kept], self.corners.only(kept), self.displaced[kept]
         return replace(self, points=subset[0], corners=subset[1], displaced=subset[2], of_vertex=rows[of_vertex])
 
@@ -129,7 +130,8 @@ def offset_points(
     if normals == "file":
         axes = normalize(np.asarray(own_normals))
         welded = weld_points(vertices, faces, "angle", axes, SAME)
-        welded, folded = welded._replace(axes=axes[welded.first]), np.zeros(len(welded.first), np.bool_)
+        folded = np.zeros(len(welded.first), np.bool_)
+        welded = welded._replace(axes=axes[welded.first])
     else:
         welded = weld_points(vertices, faces, normals)
         folded = (welded.clearance <= 0) | nonzero(welded.axes != welded.normals)
@@ -163,8 +165,10 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     welded, rows = offset.welded, np.flatnonzero(offset.usable)
     few = len(rows) < len(offset.usable)
     order = morton_order(offset.origins.take(rows, axis=0) if few else offset.origins)
-    rows, index = rows[order] if few else order, np.full(len(offset.usable), -1)
-    origins, axes = np.empty((len(rows), 3), np.float32), np.empty((len(rows), 3), np.float32)
+    rows = rows[order] if few else order
+    index = np.full(len(offset.usable), -1)
+    origins = np.empty((len(rows), 3), np.float32)
+    axes = np.empty((len(rows), 3), np.float32)
     points = Points(origins, axes, np.arange(len(rows), dtype=np.uint32))
     take = bind(_take, rows, offset.origins, welded.axes, origins, axes, index)
     run_blocks(len(rows), _BLOCK, take, thread_count(None))
@@ -192,4 +196,5 @@ def _take(rows, origins, axes, own_origins, own_axes, index, first, last):
     for k in range(first, last):
         index[rows[k]] = k
         for axis in range(3):
-            own_origins[k, axis], own_axes[k, axis] = origins[rows[k], axis], axes[rows[k], axis]
+            own_origins[k, axis] = origins[rows[k], axis]
+            own_axes[k, axis] = axes[rows[k], axis]

@@ -1,7 +1,6 @@
 """Points on faces whose normals are interpolated between vertices: positions, normals, axes of hemispheres."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -43,8 +42,7 @@ class PointGroups(NamedTuple):
         return cls(np.concatenate([[0], np.cumsum(counts)]), face, barycentric)
 
 
-@dataclass(frozen=True, eq=False)
-class SmoothSurface:
+class SmoothSurface(NamedTuple):
     """Faces in render space. Attributes: axes: (n, 3), smooth normals of the vertices, unit or zero."""
 
     axes: Float64s
@@ -86,10 +84,16 @@ def point_on(surface, axes, f, barycentric):
     """A point of face `f`: its position, the face's normal on the side of its hemisphere, and the axis of this."""
     x = y = z = nx = ny = nz = 0.0
     for corner in range(3):
-        weight, vertex = np.float64(barycentric[corner]), surface.faces[f, corner]
-        p, n = load(surface.vertices, vertex), load(axes, vertex)
-        x, y, z = x + weight * p[0], y + weight * p[1], z + weight * p[2]
-        nx, ny, nz = nx + weight * n[0], ny + weight * n[1], nz + weight * n[2]
+        weight = np.float64(barycentric[corner])
+        vertex = surface.faces[f, corner]
+        p = load(surface.vertices, vertex)
+        n = load(axes, vertex)
+        x = x + weight * p[0]
+        y = y + weight * p[1]
+        z = z + weight * p[2]
+        nx = nx + weight * n[0]
+        ny = ny + weight * n[1]
+        nz = nz + weight * n[2]
     normal = load(surface.normals, f)
     axis = (nx, ny, nz)
     size = np.sqrt(dot(axis, axis))

@@ -20,7 +20,8 @@ from .points import Points
 from .receivers import Receivers
 from .smooth_surface import PointGroups, SmoothSurface
 
-_PLACED, _MOST_PLACED = 1 << 14, 1 << 18  # samples whose origins are found together
+_PLACED = 1 << 14  # samples whose origins are found together, and at most
+_MOST_PLACED = 1 << 18
 _FEW = 1 << 16  # faces, of which every thread may make tables
 _BLOCK, _SHARE = 1 << 11, 16  # groups, and blocks at once
 

@@ -32,12 +32,15 @@ def leave_out_below(points, sides, table, out):
     out = unrefcounted_view(out)
     directions, samples = table.directions, len(table.batches)
     for i in range(len(points.normals)):
-        n, side = points.normals[i], sides[i]
+        n = points.normals[i]
+        side = sides[i]
         if n[0] == side[0] and n[1] == side[1] and n[2] == side[2]:
             continue
         chosen, turn = choose(points.numbers[i], table)
         t, b = turned_frame(n, turn)
-        x, y, z = dot(t, side), dot(b, side), dot(n, side)
+        x = dot(t, side)
+        y = dot(b, side)
+        z = dot(n, side)
         local, below = directions[chosen], 0
         for k in range(samples):
             below += x * local[0, k] + y * local[1, k] + z * local[2, k] < 0.0

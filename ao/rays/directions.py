@@ -57,23 +57,29 @@ class DirectionTable(NamedTuple):
         sets = lattices * leap
         step = GOLDEN if leap == 1 else LEAPED
 
+        def apart(numbers: Float64s) -> Float64s:
+            return numbers.reshape(-1, samples, leap).swapaxes(1, 2).reshape(-1, samples)
+
         def hemispheres(first: int, last: int) -> Float64s:
             u, v = jittered_lattice(lattices, samples * leap, key, step, slice(first, last))
             v -= step * (np.arange(samples * leap) % leap)  # parts that are alike: `choose` turns them back
-            u, v = (each.reshape(-1, samples, leap).swapaxes(1, 2).reshape(-1, samples) for each in (u, v))
-            return cosine_hemisphere(u * cone, v)  # u = sin²θ
+            return cosine_hemisphere(apart(u) * cone, apart(v))  # u = sin²θ
 
         order = _in_blocks(*hemispheres(0, 1)[0, :2])
         directions = aligned((sets, 3, samples + -samples % WIDE), np.float32, zeroed=False)
         blocks = directions.shape[2] // WIDE
         cones = aligned((sets, 5, blocks + -blocks % WIDE), np.float32, zeroed=False)
-        mean, lowest = np.empty((sets, 3)), np.empty(sets, np.float32)
+        mean = np.empty((sets, 3))
+        lowest = np.empty(sets, np.float32)
 
         def fill(first: int, last: int) -> None:
-            lattice, first, last = hemispheres(first, last)[:, :, order], first * leap, last * leap
+            lattice = hemispheres(first, last)[:, :, order]
+            first = first * leap
+            last = last * leap
             some = directions[first:last]
             some[:, :, :samples], some[:, :, samples:] = lattice, lattice[:, :, -1:]
-            mean[first:last], lowest[first:last] = lattice.mean(axis=2), some[:, 2].min(axis=1)
+            mean[first:last] = lattice.mean(axis=2)
+            lowest[first:last] = some[:, 2].min(axis=1)
             _write_cones(some, cones[first:last])
 
         run_blocks(lattices, max(_BLOCK // (samples * leap), 1), fill, thread_count(None), most=_MOST)
@@ -119,13 +125,20 @@ def choose(number, table):
 @inline
 def turned_frame(n, turn):
     """Orthonormal tangents of the unit normal `n` (Duff et al. 2017), turned about it by `turn` radians."""
-    x, y, z = np.float64(n[0]), np.float64(n[1]), np.float64(n[2])
+    x = np.float64(n[0])
+    y = np.float64(n[1])
+    z = np.float64(n[2])
     sign = 1.0 if z >= 0.0 else -1.0
     a = -1.0 / (sign + z)
     b = x * y * a
-    c, s = np.cos(turn), np.sin(turn)
-    tx, ty, tz = 1.0 + sign * x * x * a, sign * b, -sign * x
-    bx, by, bz = b, sign + y * y * a, -y
+    c = np.cos(turn)
+    s = np.sin(turn)
+    tx = 1.0 + sign * x * x * a
+    ty = sign * b
+    tz = -sign * x
+    bx = b
+    by = sign + y * y * a
+    bz = -y
     t = np.float32(c * tx + s * bx), np.float32(c * ty + s * by), np.float32(c * tz + s * bz)
     b2 = np.float32(c * bx - s * tx), np.float32(c * by - s * ty), np.float32(c * bz - s * tz)
     return t, b2

@@ -40,13 +40,16 @@ def gather_hemispheres(packet, points, table, falloff, t_max, out):
     table = unrefcounted_view(table)
     out = unrefcounted_view(out)
     rays, valid, origins = packet.rays, packet.valid, points.origins
-    samples, passed = len(table.batches), passed_of(packet.opacity)
+    samples = len(table.batches)
+    passed = passed_of(packet.opacity)
     falloff = unrefcounted_view(falloff)
     fading = fades(falloff)
-    sums, losses = np.zeros((_SUMS, out.shape[1])), np.zeros(out.shape[1])
+    sums = np.zeros((_SUMS, out.shape[1]))
+    losses = np.zeros(out.shape[1])
     for i in range(len(origins)):
         chosen, turn = choose(points.numbers[i], table)
-        n, local = points.normals[i], table.directions[chosen]
+        n = points.normals[i]
+        local = table.directions[chosen]
         t, b = turned_frame(n, turn)
         sums[:] = 0.0
         valid[:] = -1
@@ -86,8 +89,10 @@ def gather_streams(tree, rays, state, points, table, falloff, t_max, out):
     out = unrefcounted_view(out)
     falloff = unrefcounted_view(falloff)
     t_max = np.float32(t_max)
-    samples, fading = len(table.batches), fades(falloff)
-    sums, losses = np.zeros((_SUMS, out.shape[1])), np.zeros(out.shape[1])
+    samples = len(table.batches)
+    fading = fades(falloff)
+    sums = np.zeros((_SUMS, out.shape[1]))
+    losses = np.zeros(out.shape[1])
     for i in range(len(points.origins)):
         normal = load(points.normals, i)
         chosen, turn = choose(points.numbers[i], table)
@@ -109,7 +114,9 @@ def gather_streams(tree, rays, state, points, table, falloff, t_max, out):
 
 @inline
 def _add(losses, batch, directions, ray, sums):
-    x, y, z = directions[0, ray], directions[1, ray], directions[2, ray]
+    x = directions[0, ray]
+    y = directions[1, ray]
+    z = directions[2, ray]
     for c in range(len(losses)):
         loss = losses[c]
         sums[batch, c] += loss
@@ -121,7 +128,9 @@ def _add(losses, batch, directions, ray, sums):
 @inline
 def _write(out, sums, table, chosen, frame):
     """Write a point's rows (k, COLUMNS) from what its rays have lost by each falloff; `chosen`: set of directions."""
-    samples, used, mean = len(table.batches), min(BATCHES, len(table.batches)), table.mean
+    samples = len(table.batches)
+    used = min(BATCHES, len(table.batches))
+    mean = table.mean
     for c in range(len(out)):
         mean_loss = sums[:BATCHES, c].sum() / samples
         spread = 0.0

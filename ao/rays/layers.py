@@ -78,7 +78,9 @@ def pass_through(leaf, rays, block, lane, place, distance, closest, t_max):
     a = subtract(column(triangles, 0, 1, place), origin)
     b = subtract(column(triangles, 3, 1, place), origin)
     c = subtract(column(triangles, 6, 1, place), origin)
-    first, second, third = dot(v, cross(b, c)), dot(v, cross(c, a)), dot(v, cross(a, b))
+    first = dot(v, cross(b, c))
+    second = dot(v, cross(c, a))
+    third = dot(v, cross(a, b))
     total = first + second + third  # v·2N: above 0 the ray meets the back
     if total > 0.0 and layers.opacity.one_sided != 0:
         return
@@ -100,9 +102,12 @@ def pass_through(leaf, rays, block, lane, place, distance, closest, t_max):
 @inline
 def _add(layers, ray, distance, found):
     """Insert a layer; the part of the ray that goes on behind it, if there is room for one layer alone."""
-    distances, alphas, place = layers.distances[ray], layers.alphas[ray], layers.counts[ray]
+    distances = layers.distances[ray]
+    alphas = layers.alphas[ray]
+    place = layers.counts[ray]
     while place > 0 and distances[place - 1] > distance:
-        distances[place], alphas[place] = distances[place - 1], alphas[place - 1]
+        distances[place] = distances[place - 1]
+        alphas[place] = alphas[place - 1]
         place -= 1
     distances[place], alphas[place] = distance, found
     last = layers.counts[ray]
@@ -134,7 +139,8 @@ def lose(layers, rays, ray, falloff, columns, losses):
     t_hit, left = rays.t_hit[ray // WIDE, ray % WIDE], 1.0
     if layers is not None:
         for layer in range(layers.counts[ray]):
-            distance, found = layers.distances[ray, layer], np.float64(layers.alphas[ray, layer])
+            distance = layers.distances[ray, layer]
+            found = np.float64(layers.alphas[ray, layer])
             if distance >= t_hit:
                 break
             _lose_at(distance, left * found, falloff, columns, losses)

@@ -28,7 +28,8 @@ from raytrace.types import Float32s, Int64s
 from .directions import DirectionTable
 
 SLACK = np.float32(2.0**-18)  # of cosines, sines and parts of distances, for their rounding
-ZERO, ONE = np.float32(0.0), np.float32(1.0)
+ZERO = np.float32(0.0)
+ONE = np.float32(1.0)
 T_MISS = np.float32(np.inf)  # the distance of a hit that there is not
 FULL_SPHERE = np.float32(-1.0)  # the cosine of a cone that holds all directions
 LEAST = np.float32(1e-18)  # of a direction's components, for their reciprocals
@@ -58,9 +59,12 @@ class Rays(NamedTuple):
     @classmethod
     def of(cls, table: DirectionTable) -> Rays:
         """Room for the rays of one point at a time."""
-        blocks, groups = table.directions.shape[2] // WIDE, table.cones.shape[2] // WIDE
-        directions, reciprocals = aligned((3 * blocks, WIDE), np.float32), aligned((3 * blocks, WIDE), np.float32)
-        cones, t_hit = aligned((5 * groups, WIDE), np.float32), aligned((blocks, WIDE), np.float32)
+        blocks = table.directions.shape[2] // WIDE
+        groups = table.cones.shape[2] // WIDE
+        directions = aligned((3 * blocks, WIDE), np.float32)
+        reciprocals = aligned((3 * blocks, WIDE), np.float32)
+        cones = aligned((5 * groups, WIDE), np.float32)
+        t_hit = aligned((blocks, WIDE), np.float32)
         still = np.zeros(groups * WIDE, np.int64), np.zeros(groups, np.int64)
         return cls(directions, reciprocals, cones, *still, t_hit, np.zeros(blocks, np.float32))
 
@@ -74,7 +78,8 @@ def root(a):
 @inline
 def cone_around(centre, squared_radius):
     """The cones around sixteen balls: axes, cosines, sines; how far away their centres are, and their radii."""
-    squared, radius = max(dot(centre, centre), TINY), root(squared_radius)
+    squared = max(dot(centre, centre), TINY)
+    radius = root(squared_radius)
     nearness = reciprocal_root(squared)
     sine = radius * nearness + SLACK
     cosine = select(sine < ONE, root(max(ONE - sine * sine, ZERO)), FULL_SPHERE)
@@ -91,7 +96,9 @@ def along(rows, k, count, v):
 @inline
 def _turn(rows, first, k, count, frame, out):
     """Write sixteen vectors, from row `first` on, turned from a frame's coordinates into those of space."""
-    x, y, z = load_row(rows, first + k), load_row(rows, first + count + k), load_row(rows, first + 2 * count + k)
+    x = load_row(rows, first + k)
+    y = load_row(rows, first + count + k)
+    z = load_row(rows, first + 2 * count + k)
     for axis in range(3):
         store_row(out, axis * count + k, x * frame[0][axis] + y * frame[1][axis] + z * frame[2][axis])
 
@@ -99,7 +106,8 @@ def _turn(rows, first, k, count, frame, out):
 @inline
 def init_rays(rays, directions, cones, chosen, samples, frame, t_max):
     """Begin with a point: turn set `chosen` of a table's directions and cones into its frame; nothing is met yet."""
-    blocks, groups = len(rays.t_hit), len(rays.groups)
+    blocks = len(rays.t_hit)
+    groups = len(rays.groups)
     for k in range(blocks):
         _turn(directions, 3 * blocks * chosen, k, blocks, frame, rays.directions)
         for axis in range(3):

@@ -20,7 +20,8 @@ from raytrace.types import Float32s, Int32s
 from ..mu import faded, fades
 
 LEAST = 2.0**-12  # of a ray: what is left of it where it ends
-_FARTHER, _LEAST_T = np.float32(1.0 + 2.0**-23), np.float32(2.0**-126)  # so that a hit at 0 is left behind, too
+_FARTHER = np.float32(1.0 + 2.0**-23)
+_LEAST_T = np.float32(2.0**-126)  # so that a hit at 0 is left behind, too
 _LEFT, _LOST, _BACKS, _LAST = range(4)  # rows: what goes on, 1 − μ, the part that ended on backs, the last face
 
 
@@ -55,7 +56,9 @@ def start_from(rays, origin):
 def aim(rays, local, first, t, b, n, t_max):
     """Turn eight of the directions `local` about +z, (3, samples), into the frame t, b, n; rays of length `t_max`."""
     for lane in range(LANES):
-        x, y, z = local[0, first + lane], local[1, first + lane], local[2, first + lane]
+        x = local[0, first + lane]
+        y = local[1, first + lane]
+        z = local[2, first + lane]
         rays[packets.DIR_X, lane] = x * t[0] + y * b[0] + z * n[0]
         rays[packets.DIR_Y, lane] = x * t[1] + y * b[1] + z * n[1]
         rays[packets.DIR_Z, lane] = x * t[2] + y * b[2] + z * n[2]
@@ -110,7 +113,9 @@ def _mu_at(distance, falloff):
 
 @inline
 def _is_back(rays, lane):
-    x, y, z = rays[packets.DIR_X, lane], rays[packets.DIR_Y, lane], rays[packets.DIR_Z, lane]
+    x = rays[packets.DIR_X, lane]
+    y = rays[packets.DIR_Y, lane]
+    z = rays[packets.DIR_Z, lane]
     return x * rays[packets.NG_X, lane] + y * rays[packets.NG_Y, lane] + z * rays[packets.NG_Z, lane] > 0.0
 
 

@@ -65,10 +65,12 @@ class TraversalState(NamedTuple):
 
     @classmethod
     def of(cls, tree: BVH16, layers: Layers | None = None) -> TraversalState:
-        entries, bounds = np.zeros((_ENTRIES, 4), np.int64), np.zeros((_ENTRIES, 5), np.float32)
+        entries = np.zeros((_ENTRIES, 4), np.int64)
+        bounds = np.zeros((_ENTRIES, 5), np.float32)
         listed = np.zeros((len(tree.starts) + 1) * WIDE * _LISTED, np.int64)
         child_rays = np.zeros((WIDE, _LISTED), np.int64)
-        children, planes = aligned((5, WIDE), np.float32), aligned((PLANES, WIDE), np.float32)
+        children = aligned((5, WIDE), np.float32)
+        planes = aligned((PLANES, WIDE), np.float32)
         return cls(entries, bounds, listed, child_rays, np.zeros(WIDE, np.int64), children, planes, layers)
 
 
@@ -80,7 +82,8 @@ def traverse(tree, state, rays, origin, normal, lowest_sine, closest, t_max):
     """
     triangles, boxes, starts = tree.triangles, tree.boxes, tree.starts
     entries, bounds = state.entries, state.bounds
-    levels, last = len(starts) - 1, WIDE * len(rays.t_hit)
+    levels = len(starts) - 1
+    last = WIDE * len(rays.t_hit)
     for ray in range(0, last, last if tree.axes is None else _LISTED):
         entries[0, _NODE], entries[0, _LEVEL], entries[0, _FIRST] = starts[levels] - 1, levels, 0
         entries[0, _COUNT] = -1
@@ -90,8 +93,10 @@ def traverse(tree, state, rays, origin, normal, lowest_sine, closest, t_max):
         waiting = 1
         while waiting > 0:
             waiting -= 1
-            node, level = entries[waiting, _NODE], entries[waiting, _LEVEL]
-            first, count = entries[waiting, _FIRST], entries[waiting, _COUNT]
+            node = entries[waiting, _NODE]
+            level = entries[waiting, _LEVEL]
+            first = entries[waiting, _FIRST]
+            count = entries[waiting, _COUNT]
             if count < 0:
                 bound = bounds[waiting]
                 axis = bound[_AXIS], bound[_AXIS + 1], bound[_AXIS + 2]
@@ -128,7 +133,8 @@ def _push(state, opened, waiting, child, level, first, listed):
         opened &= opened - 1
         place, gap = waiting, state.children[_GAP, k]
         while place > bottom and bounds[place - 1, _GAP] < gap:
-            entries[place, _NODE], bounds[place, _GAP] = entries[place - 1, _NODE], bounds[place - 1, _GAP]
+            entries[place, _NODE] = entries[place - 1, _NODE]
+            bounds[place, _GAP] = bounds[place - 1, _GAP]
             place -= 1
         entries[place, _NODE], bounds[place, _GAP] = k, gap
         waiting += 1
@@ -174,10 +180,14 @@ def _relative(boxes, axes, node, origin):
 @inline
 def _reciprocals(rays, ray, axes, node, used):
     """1/ the components of a ray along the axes of a node's boxes, sixteen times where these are aligned."""
-    k, lane, blocks = ray // WIDE, ray % WIDE, len(rays.t_hit)
+    k = ray // WIDE
+    lane = ray % WIDE
+    blocks = len(rays.t_hit)
     if axes is not None:
         x, y, z = along_axes(axes, node, _repeated(rays.directions, k, lane, blocks, used))
-        x, y, z = select(abs(x) > LEAST, x, LEAST), select(abs(y) > LEAST, y, LEAST), select(abs(z) > LEAST, z, LEAST)
+        x = select(abs(x) > LEAST, x, LEAST)
+        y = select(abs(y) > LEAST, y, LEAST)
+        z = select(abs(z) > LEAST, z, LEAST)
         return ONE / x, ONE / y, ONE / z
     return _repeated(rays.reciprocals, k, lane, blocks, used)
 
@@ -198,7 +208,8 @@ def _intersect_children(tree, node, state, rays, listed, origin, t_max):
     d, half, gap = _relative(tree.boxes, tree.axes, node, origin)
     store_row(state.children, _GAP, gap)
     used = half[0] >= ZERO
-    low, high = subtract(d, half), (d[0] + half[0], d[1] + half[1], d[2] + half[2])
+    low = subtract(d, half)
+    high = (d[0] + half[0], d[1] + half[1], d[2] + half[2])
     opened = 0
     for k in range(WIDE):
         state.child_counts[k] = 0
@@ -206,9 +217,15 @@ def _intersect_children(tree, node, state, rays, listed, origin, t_max):
         ray = state.listed[place]
         if not is_active(rays, ray):
             continue
-        k, lane = ray // WIDE, ray % WIDE
+        k = ray // WIDE
+        lane = ray % WIDE
         x, y, z = _reciprocals(rays, ray, tree.axes, node, used)
-        ax, bx, ay, by, az, bz = low[0] * x, high[0] * x, low[1] * y, high[1] * y, low[2] * z, high[2] * z
+        ax = low[0] * x
+        bx = high[0] * x
+        ay = low[1] * y
+        by = high[1] * y
+        az = low[2] * z
+        bz = high[2] * z
         enter = max(max(min(ax, bx), min(ay, by)), max(min(az, bz), ZERO))
         leave = min(min(max(ax, bx), max(ay, by)), min(max(az, bz), min(rays.t_hit[k, lane], t_max)))
         passed = bits((enter * (ONE - SLACK) <= leave * (ONE + SLACK)) & used)

@@ -28,7 +28,9 @@ def find_planes(triangles, origin, planes):
     a = subtract((load_row(triangles, 0), load_row(triangles, 1), load_row(triangles, 2)), origin)
     b = subtract((load_row(triangles, 3), load_row(triangles, 4), load_row(triangles, 5)), origin)
     c = subtract((load_row(triangles, 6), load_row(triangles, 7), load_row(triangles, 8)), origin)
-    ab, bc, ca = subtract(a, b), subtract(b, c), subtract(c, a)
+    ab = subtract(a, b)
+    bc = subtract(b, c)
+    ca = subtract(c, a)
     n = _normal(ab, bc, ca)
     volume = multiply_add(a[0], n[0], multiply_add(a[1], n[1], a[2] * n[2]))
     side = select(volume < ZERO, -ONE, ONE)  # so that all products are positive where a ray meets the triangle
@@ -46,7 +48,9 @@ def find_cones(a, b, c, normal, lowest_sine, planes):
     """Write the cones around triangles whose planes are found; bits of those with an area that reach above the lowest
     ray, of whose elevation over the plane of `normal` the sine is given."""
     centre = scale(_THIRD, add(add(a, b), c))
-    to_a, to_b, to_c = subtract(a, centre), subtract(b, centre), subtract(c, centre)
+    to_a = subtract(a, centre)
+    to_b = subtract(b, centre)
+    to_c = subtract(c, centre)
     squared_radius = max(max(dot(to_a, to_a), dot(to_b, to_b)), dot(to_c, to_c))
     axis, cosine, sine, distance, radius = cone_around(centre, squared_radius)
     store_triple(planes, _AXIS, axis)
@@ -61,8 +65,10 @@ def find_cones(a, b, c, normal, lowest_sine, planes):
 def _edge_plane(a, b, ab):
     """a × b up to a factor, by the form that loses fewer digits; of b and a the exact negative. Args: ab: a − b."""
     both = add(a, b)
-    squared_a, squared_b = dot(a, a), dot(b, b)
-    near_a, near_b = _FOUR * squared_a < squared_b, _FOUR * squared_b < squared_a
+    squared_a = dot(a, a)
+    squared_b = dot(b, b)
+    near_a = _FOUR * squared_a < squared_b
+    near_b = _FOUR * squared_b < squared_a
     first = choose(near_a, a, choose(near_b, b, ab))
     second = choose(near_a, b, choose(near_b, scale(-ONE, a), both))
     return _cross(first, second)
@@ -81,7 +87,8 @@ def _cross(a, b):
 @inline
 def _normal(ab, bc, ca):
     """The normal of triangles with these edges: each coordinate from the edges whose products are smaller."""
-    first, second = _cross(ab, bc), _cross(bc, ca)
+    first = _cross(ab, bc)
+    second = _cross(bc, ca)
     return (
         select(abs(ab[2] * bc[1]) < abs(bc[2] * ca[1]), first[0], second[0]),
         select(abs(ab[0] * bc[2]) < abs(bc[0] * ca[2]), first[1], second[1]),
@@ -109,7 +116,8 @@ def intersect_by_rays(rays, listed, first, last, planes, closest, t_max, leaf):
     volume = load_row(planes, _VOLUME)
     for place in range(first, last):
         ray = listed[place]
-        k, lane = ray // WIDE, ray % WIDE
+        k = ray // WIDE
+        lane = ray % WIDE
         if not is_active(rays, ray):
             continue
         v = column(rays.directions, k, blocks, lane)
@@ -119,7 +127,8 @@ def intersect_by_rays(rays, listed, first, last, planes, closest, t_max, leaf):
         if not some(met):
             continue
         if leaf is not None:
-            distances, found = volume / ahead, bits(met)
+            distances = volume / ahead
+            found = bits(met)
             while found != 0 and is_active(rays, ray):
                 j = lowest_bit(found)
                 found &= found - 1
@@ -139,21 +148,27 @@ def intersect_by_triangles(rays, triangles, planes, closest, t_max, leaf):
     while triangles != 0:
         j = lowest_bit(triangles)
         triangles &= triangles - 1
-        ab, bc = column(planes, 0, 1, j), column(planes, 3, 1, j)
-        ca, n = column(planes, 6, 1, j), column(planes, _NORMAL, 1, j)
-        axis, volume = column(planes, _AXIS, 1, j), planes[_VOLUME, j]
+        ab = column(planes, 0, 1, j)
+        bc = column(planes, 3, 1, j)
+        ca = column(planes, 6, 1, j)
+        n = column(planes, _NORMAL, 1, j)
+        axis = column(planes, _AXIS, 1, j)
+        volume = planes[_VOLUME, j]
         for g in range(len(rays.groups)):
             inside = blocks_within(rays, g, axis, planes[_COSINE, j], planes[_SINE, j])
             while inside != 0:
                 k = g * WIDE + lowest_bit(inside)
                 inside &= inside - 1
-                left, right = along(directions, k, blocks, ab), along(directions, k, blocks, bc)
-                sides, ahead = (left, right, along(directions, k, blocks, ca)), along(directions, k, blocks, n)
+                left = along(directions, k, blocks, ab)
+                right = along(directions, k, blocks, bc)
+                sides = (left, right, along(directions, k, blocks, ca))
+                ahead = along(directions, k, blocks, n)
                 met = _meets(sides, ahead, volume, t_max)
                 if not some(met):
                     continue
                 if leaf is not None and has_alpha(leaf, j):
-                    distances, found = volume / ahead, bits(met) & rays.active[k]
+                    distances = volume / ahead
+                    found = bits(met) & rays.active[k]
                     while found != 0:
                         lane = lowest_bit(found)
                         found &= found - 1

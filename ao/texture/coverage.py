@@ -52,13 +52,13 @@ class Page(NamedTuple):
 
     def cover(self, overlap: Overlap, threads: int) -> Coverage:
         """The texels that faces cover; where these overlap, samples lie on all of them ("mean"), or on the first."""
-        return self._cover(None, overlap == "mean", threads)
+        return self._cover(None, np.uint32(0), overlap == "mean", threads)
 
-    def cover_again(self, texels: Int64s, overlap: Overlap, threads: int) -> Coverage:
-        """`cover` of some `texels`, ascending, with samples elsewhere in them, by chance."""
-        return self._cover(texels, overlap == "mean", threads)
+    def cover_again(self, texels: Int64s, key: np.uint32, overlap: Overlap, threads: int) -> Coverage:
+        """`cover` of some `texels`, ascending, with samples elsewhere in them, by chance. Args: key: of that."""
+        return self._cover(texels, key, overlap == "mean", threads)
 
-    def _cover(self, texels: Int64s | None, layered: bool, threads: int) -> Coverage:
+    def _cover(self, texels: Int64s | None, key: np.uint32, layered: bool, threads: int) -> Coverage:
         size = self.rows * self.layout.width
         bands: dict[int, Coverage] = {}
 
@@ -68,7 +68,7 @@ class Page(NamedTuple):
                 asked, places = np.arange(first, last), REGULAR
             else:
                 asked = texels[np.searchsorted(texels, first) : np.searchsorted(texels, last)]
-                places = Places.by_chance(asked)
+                places = Places.by_chance(asked, key)
             if len(asked) or first == 0:
                 bands[first] = _Band(self, asked, triangles, places, layered).cover()
 

@@ -87,16 +87,16 @@ class TexelSampler:
         texels = Texels(coverage.texels[rows], samples, baked_cell[rows], points, one.face, one.barycentric)
         return texels, len(alone) - len(texels), missed
 
-    def elsewhere(self, texels: Texels, rows: Int64s) -> SurfaceSamples:
+    def elsewhere(self, texels: Texels, rows: Int64s, key: np.uint32) -> SurfaceSamples:
         """Samples elsewhere in what the texels `rows` (j,) stand for, by chance, but where these are in solids; none of
         others."""
         threads, width = self.prepared.threads, self.page.layout.width
         side = np.sqrt(np.bincount(texels.cell)[rows]).astype(np.int64)
-        chance = hash32_array(~texels.texels[rows].astype(np.uint32)) % side**2
+        chance = hash32_array(texels.texels[rows].astype(np.uint32) ^ ~key) % side**2
         chosen = texels.texels[rows] + (chance // side - side // 2) * width + chance % side - side // 2
         order = np.argsort(chosen)
         ascending = rows[order]
-        coverage = self.page.cover_again(chosen[order], self.options.overlap, threads)
+        coverage = self.page.cover_again(chosen[order], key, self.options.overlap, threads)
         row_of = ascending[np.searchsorted(chosen[order], coverage.texels)]
         order = np.argsort(row_of)
         samples, _ = self._place(coverage, order, np.zeros(len(order), np.bool_))

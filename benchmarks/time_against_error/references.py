@@ -48,8 +48,10 @@ def cached_reference(task: Task, mus: Sequence[Mu], rays: int, vertices: int) ->
     return made
 
 
-def well_posed(mesh: Mesh, vertices: npt.NDArray[np.int64], mus: Sequence[Mu]) -> npt.NDArray[np.bool_]:
-    """Whether w at each of `vertices` (k,) stays within `JUMP` as its ray origin moves to four sides by `MOVED`.
+def well_posed(
+    mesh: Mesh, vertices: npt.NDArray[np.int64], mus: Sequence[Mu], distance: float = MOVED
+) -> npt.NDArray[np.bool_]:
+    """Whether w at each of `vertices` (k,) stays within `JUMP` as its ray origin moves to four sides by `distance`.
 
     Vertices without a hemisphere of their own (`ao.points.corners`) are not: other programs cannot be given any.
     """
@@ -62,7 +64,7 @@ def well_posed(mesh: Mesh, vertices: npt.NDArray[np.int64], mus: Sequence[Mu]) -
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     steady = ~np.isin(receivers.of_vertex[vertices], receivers.corners.rows)
     for side in (along, -along, np.cross(points.normals, along), -np.cross(points.normals, along)):
-        moved = replace(points, origins=(points.origins + MOVED * side).astype(np.float32))
+        moved = replace(points, origins=(points.origins + distance * side).astype(np.float32))
         steady &= (np.abs(trace(receivers.embree(), placement, moved, mus, JUMP_RAYS) - before) < JUMP).all(axis=0)
     return steady
 

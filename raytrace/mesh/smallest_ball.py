@@ -34,7 +34,9 @@ def _pivot(points: Float64s, carriers: Float64s) -> tuple[Float64s, float, Float
     """Centre, squared radius and carriers (k, 3), up to four points on its surface, of the smallest ball about `points`
     and the `carriers` of a smaller one: the farthest point joins them until none is outside, or the ball no longer
     grows (Gärtner 1999, "Fast and Robust Smallest Enclosing Balls")."""
-    centre, square, before = carriers[0], 0.0, -1.0
+    centre = carriers[0]
+    square = 0.0
+    before = -1.0
     while square > before:
         squares = _squares(points - centre)
         if squares.max() <= square + _ROUNDING:

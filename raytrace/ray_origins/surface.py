@@ -160,7 +160,8 @@ def find_contacts(
     most = float(surface.rounding.max())
     if most <= _USUAL_ROUNDING:
         return _find(tree, surface, around, most)
-    found, least = [], -1.0
+    found = []
+    least = -1.0
     while least < most:
         limit = max(_CLASS * least, _USUAL_ROUNDING)
         rows = np.flatnonzero((surface.rounding > least) & (surface.rounding <= limit))

@@ -105,7 +105,7 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
     transforms = np.array([item.transform for item in objects])
     matrices = _to_render(transforms, space, placed_shapes, rank)
     embree, boxes = _build_embree(placed_shapes, rank, matrices)
-    kinds, rows = pack_materials([shape.material for shape in shapes])
+    kinds, material_rows = pack_materials([shape.material for shape in shapes])
 
     # shapes: their vertices and faces one after the other, then polygons
     vertex_starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
@@ -113,17 +113,15 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
     corner_rows = [mesh.faces + start for mesh, start in zip(meshes, vertex_starts[:-1], strict=True)]
     polygons = _polygons(placed_shapes)
     textures = shape_textures(shapes)
-    number = {texture: row for row, texture in enumerate(textures)} | {None: -1}
-    occlusions = [item.shape.occlusion for item in objects]
     arrays = Geometry(
         handle=embree.handle,
         farthest=8.0 * max(1.0, space.scale * reach),
         vertices=_joined([*(placed.vertices for placed in placed_shapes), polygons.centres], np.float32),
         normals=_joined([*(placed.normals for placed in placed_shapes), polygons.normals], np.float32),
         faces=_joined(corner_rows, np.int32),
-        uv=joined(meshes, [s.uv for s in shapes], 2, needed=True),
-        occlusion_uv=joined(meshes, [s.occlusion.uv if s.occlusion else None for s in shapes], 2),
-        colours=joined(meshes, [s.colours for s in shapes], 3, fill=1.0),
+        uv=joined(meshes, [shape.uv for shape in shapes], 2, needed=True),
+        occlusion_uv=joined(meshes, [shape.occlusion.uv if shape.occlusion else None for shape in shapes], 2),
+        colours=joined(meshes, [shape.colours for shape in shapes], 3, fill=1.0),
         polygons=polygons.of,
         edges=polygons.edges,
         first_edge=np.cumsum(np.append(0, polygons.counts)).astype(np.int32),
@@ -136,12 +134,9 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
         placed=~instanced,
         authored=np.array([weighting == "file" and item.shape.mesh.normals is not None for item in objects]),
         magnitude=np.where(instanced, _INSTANCED, 0.0),
-        texture=np.array([number[item.shape.texture] for item in objects]),
-        occlusion=np.array([number[each.texture] if each else -1 for each in occlusions]),
-        grain=np.array([number[item.shape.grain] for item in objects]),
-        strength=np.array([each.strength if each else 0.0 for each in occlusions]),
+        **_texture_rows(objects, textures),
         kinds=kinds[rank],
-        materials=rows[rank],
+        materials=material_rows[rank],
         boxes=pack_boxes(merged(boxes)),
         opacity=_opacity(shapes),
     )
@@ -211,6 +206,18 @@ def _polygons(shapes: list[_PlacedShape]) -> Polygons:
 def shape_textures(shapes: Iterable[Shape]) -> tuple[Texture, ...]:
     kinds = ((shape.texture, shape.occlusion and shape.occlusion.texture, shape.grain) for shape in shapes)
     return tuple(dict.fromkeys(texture for found in kinds for texture in found if texture))
+
+
+def _texture_rows(objects: tuple[Object, ...], textures: tuple[Texture, ...]) -> dict[str, Any]:
+    """Which of the textures objects have, -1 for none, and the strength of their occlusion's: fields of `Geometry`."""
+    row_of = {texture: row for row, texture in enumerate(textures)} | {None: -1}
+    occlusions = [item.shape.occlusion for item in objects]
+    return {
+        "texture": np.array([row_of[item.shape.texture] for item in objects]),
+        "grain": np.array([row_of[item.shape.grain] for item in objects]),
+        "occlusion": np.array([row_of[occlusion.texture] if occlusion else -1 for occlusion in occlusions]),
+        "strength": np.array([occlusion.strength if occlusion else 0.0 for occlusion in occlusions]),
+    }
 
 
 def joined(

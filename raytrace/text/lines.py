@@ -257,7 +257,8 @@ def read_faces(text, begin, end, before, sizes, indices):
             while some:
                 for part in range(len(indices)):
                     indices[part, corner] = NONE
-                part, i = -1, i - 1
+                part = -1
+                i = i - 1
                 while part < 0 or _byte(text, i) == 47:
                     part += 1
                     index, stop, sure = _parse_index(text, i + 1)

@@ -20,7 +20,8 @@ def confined(name: str, folder: Path, source: object, field: str) -> Path:
         root = folder.resolve()
         target = (root / name).resolve()
         inside = target.is_relative_to(root)
-        exists, is_file = inside and target.exists(), inside and target.is_file()
+        exists = inside and target.exists()
+        is_file = inside and target.is_file()
     except (OSError, ValueError, RuntimeError):
         raise SceneError(source, field, "a readable file", shown(name)) from None
     if not inside:

@@ -10,13 +10,15 @@ from math import pi
 
 import numpy as np
 
-from raytrace import BlinnPhong, Lambert, Material, Object, Scene, Settings, Shape, Texture
+from raytrace import BlinnPhong, Lambert, Material, Mesh, Object, Scene, Settings, Shape, Texture
+from raytrace.types import Int64s
 
 from ..formats.load import MeshFile
 from ..formats.objects import ObjectSelection
 from ..geometry.attributes import SourceMaterial
-from ..geometry.corners import split_corners, split_creases
+from ..geometry.corners import PerCorner, split_corners, split_creases
 from ..geometry.primitives import Origin
+from ..geometry.standing import lying_notes
 from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, three_lights
 from .textured import colours_left_out, linear_colours
 
@@ -29,7 +31,7 @@ def mesh_scene(
     objects = tuple(Object(shape, name=source.path.stem) for shape, _ in shapes)
     camera = framing(source.mesh, up, settings.width, settings.height, view)
     lit = Scene(objects, three_lights(camera), BACKGROUND)
-    notes = (*source.notes, *colours_left_out(source.path, source.unread))
+    notes = (*source.notes, *colours_left_out(source.path, source.unread), *lying_notes(source.mesh, up))
     origins = tuple(origin for _, origin in shapes)
     return SceneDescription(lit, camera, settings, files=source.files, notes=notes, origins=origins)
 
@@ -45,6 +47,25 @@ def reflection(material: SourceMaterial) -> Material:
     )
 
 
+def _split(mesh: Mesh, several: list[PerCorner]) -> tuple[Mesh, Origin | None, Int64s]:
+    """The mesh with vertices repeated at creases and where corners have other values.
+
+    Returns: its vertices' origin, None if none is repeated, and for each vertex a corner of `mesh` that is alike; or
+        for each corner itself.
+    """
+    total = len(mesh.vertices)
+    if mesh.normals is None:
+        vertices, faces, normals, corner_like = split_creases(mesh, several)
+    elif several:
+        corners = np.arange(mesh.faces.size).reshape(-1, 3)
+        vertices, faces, corner_like = split_corners(mesh.faces.ravel(), corners, several, total)
+        normals = mesh.normals[vertices]
+    else:
+        return mesh, None, mesh.faces.ravel()
+    split = replace(mesh, vertices=mesh.vertices[vertices], faces=faces, normals=normals)
+    return split, Origin(vertices, total), corner_like
+
+
 def _shapes(source: MeshFile) -> Iterator[tuple[Shape, Origin | None]]:
     """A shape of the faces of each material; vertices are repeated at creases and where texture coordinates jump."""
     mesh = source.mesh
@@ -56,17 +77,7 @@ def _shapes(source: MeshFile) -> Iterator[tuple[Shape, Origin | None]]:
     several = [attributes.of_triangles(coordinates)] if attributes and coordinates else []
 
     # Vertices with one normal and one place in the texture each.
-    origin = None
-    corner_like = mesh.faces.ravel()
-    if mesh.normals is None:
-        rows, faces, normals, corner_like = split_creases(mesh, several)
-        origin = Origin(rows, total)
-        mesh = replace(mesh, vertices=mesh.vertices[rows], faces=faces, normals=normals)
-    elif several:
-        places = np.arange(mesh.faces.size).reshape(-1, 3)
-        rows, faces, corner_like = split_corners(mesh.faces.ravel(), places, several, total)
-        origin = Origin(rows, total)
-        mesh = replace(mesh, vertices=mesh.vertices[rows], faces=faces, normals=mesh.normals[rows])
+    mesh, origin, corner_like = _split(mesh, several)
     if colours is not None and origin:
         colours = colours[origin.of]
     bare = NEUTRAL if colours is None else WHITE

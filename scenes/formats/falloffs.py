@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import ao
-from ao.falloff import FALLOFFS, MAX_KNOTS, Length
+from ao.falloff import FALLOFFS, Length
+from ao.mu import MAX_KNOTS
 from raytrace.errors import ConflictError, InputError, OptionError, nearest_name
 from raytrace.system.checks import check_regular
 from raytrace.types import Float64s
@@ -46,7 +47,8 @@ def make_falloff(
     if not table:
         if str(limit) == "inf" and not hasattr(FALLOFFS[form], "max_distance"):  # which has no default
             raise ConflictError(("falloff", form), "needs", "max_distance")
-        return FALLOFFS[form](max_distance=limit)
+        named: ao.Falloff = FALLOFFS[form](max_distance=limit)
+        return named
     if str(limit) != "inf":
         raise ConflictError("max_distance", "does not go with", "a table, which ends where μ is 1")
     return read_table(table[0])
@@ -61,7 +63,7 @@ class Scales(NamedTuple):
     def of(self, profile: ao.Profile) -> Float64s:
         """w (…,), in [0, 1]. Raises: OptionError: a half-distance is outside the profile."""
         pairs = zip(self.half_distances, self.powers, strict=True)
-        return np.multiply.reduce([profile.at(length) ** power for length, power in pairs])
+        return np.asarray(np.multiply.reduce([profile.at(length) ** power for length, power in pairs]))
 
 
 def make_scales(half_distance: Length, power: float | str | None = None) -> Scales:

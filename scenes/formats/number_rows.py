@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from raytrace.types import Float64s, Int64s, UInt8s
 
 _END = re.compile(rb"[\r\n]")
 _WORD = re.compile(rb"[^#\s]+")
-_BYTES = 1 << 18  # of a block, and the rest of its last line
+BLOCK = 1 << 18  # bytes, and the rest of the last line
 _ODD = 1 << 16  # words that become text at once
 _PLACE = (1 << 51) - 1  # the bits of a kernel's NaN that say where its word is
 
@@ -25,7 +25,7 @@ def line_blocks(data: bytes, begin: int = 0) -> tuple[bytes, UInt8s, list[tuple[
         data += b"\n"
     ends = [begin]
     while ends[-1] < len(data):
-        ends.append(next(_END.finditer(data, min(ends[-1] + _BYTES, len(data)) - 1)).end())
+        ends.append(next(_END.finditer(data, min(ends[-1] + BLOCK, len(data)) - 1)).end())
     return data, np.frombuffer(data, np.uint8), list(pairwise(ends))
 
 
@@ -38,8 +38,7 @@ def round_left(data: bytes, values: Float64s) -> None:
         values[some] = np.fromstring(b" ".join(next(_WORD.finditer(data, at))[0] for at in places), sep=" ")
 
 
-@dataclass(frozen=True, eq=False)
-class NumberRows:
+class NumberRows(NamedTuple):
     """The lines of a text file that have words, what follows a # left out."""
 
     data: bytes  # of the file

@@ -7,7 +7,6 @@ import warnings
 import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -98,7 +97,7 @@ def checked_profile(path: Path, found: Profile | None) -> Profile:
 def _of_mesh(path: Path, counts: tuple[int, ...], scales: Scales | None) -> Float64s:
     instances, asset = read_objects(path)
     if scales:
-        instances = [replace(each, w=scales.of(checked_profile(path, each.profile))) for each in instances]
+        instances = [each._replace(w=scales.of(checked_profile(path, each.profile))) for each in instances]
     found = [each.w for each in instances] if asset is None else _of_gltf(instances, asset)
     stored = [(each, w) for each, w in zip(instances, found, strict=True) if w is not None]
     if not stored or len(stored) < len(instances):

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import raytrace
 from raytrace import Camera, Frame, Scene, Settings
 
+from ..description.mesh_scene import mesh_scene
 from ..description.obscurance import with_obscurance
-from ..description.read import mesh_scene, read_scene
+from ..description.read import read_scene
 from ..formats.load import MeshFile
 from ..formats.write import write
 from .page.view import view_results

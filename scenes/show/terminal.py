@@ -26,6 +26,7 @@ def show_picture(pixels: npt.NDArray[np.float32]) -> None:
     for lines in zip(*(codes[first::step] for first in range(step)), strict=True):
         text = Text(no_wrap=True, end="\n")
         for column in range(codes.shape[1]):
-            upper, lower = (Color.from_rgb(*line[column]) for line in (lines[0], lines[-1]))
+            upper = Color.from_rgb(*lines[0][column])
+            lower = Color.from_rgb(*lines[-1][column])
             text.append(half, Style(color=upper, bgcolor=lower))
         console.print(text)

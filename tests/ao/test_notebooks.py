@@ -1,6 +1,5 @@
 """What a notebook shows of a bake: a picture, or the HTML of whoever offers some."""
 
-from importlib import metadata
 from types import SimpleNamespace
 
 import numpy as np
@@ -40,10 +39,8 @@ def test_a_texture_is_its_page(tmp_path):
     assert pixels(tmp_path, baked._repr_png_()).shape[:2] == (16, 16)
 
 
-def test_html_is_left_to_whoever_offers_it(monkeypatch):
+def test_html_is_left_to_whoever_offers_it(entry_points):
     baked = ao.bake(Mesh(*two_boxes()), samples=8)
-    offer = SimpleNamespace(load=lambda: lambda bake: f"<p>{len(bake.w)}</p>")
-    monkeypatch.setattr(metadata, "entry_points", lambda group: [offer] if group == "obscurance.html" else [])
-    assert baked._repr_html_() == "<p>16</p>"
-    monkeypatch.setattr(metadata, "entry_points", lambda group: [])
     assert baked._repr_html_() is None
+    entry_points["obscurance.html"] = [SimpleNamespace(load=lambda: lambda bake: f"<p>{len(bake.w)}</p>")]
+    assert baked._repr_html_() == "<p>16</p>"

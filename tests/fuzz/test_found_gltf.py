@@ -2,13 +2,13 @@
 
 import json
 
+import numpy as np
 import pytest
 from found_faults import baked, scene_mistake, triangle
+from gltf_files import TRIANGLE, Builder
 from mesh_files import mistake, read
 
 import ao
-import scenes.formats.threemf
-import scenes.geometry.instances
 from scenes.commands.info import describe
 from scenes.formats.gltf.asset import decode
 from scenes.formats.gltf.builder import encode_glb
@@ -16,16 +16,20 @@ from scenes.formats.load import load
 from scenes.formats.write import write
 
 
-def test_one_gltf_array_is_not_placed_without_end(tmp_path, monkeypatch):
-    monkeypatch.setattr(scenes.geometry.instances, "MAX_COPIED", 1000)
-    assert len(read(tmp_path, "m.glb", triangle().glb([{"mesh": 0}] * 250)).parts) == 250
-    message = mistake(tmp_path, "m.glb", triangle().glb([{"mesh": 0}] * 251))
-    assert "objects: expected at most 1,000 vertices and triangles with all copies, got 1,004" in message
+def test_one_gltf_array_is_not_placed_without_end(tmp_path):
+    triangles = Builder()
+    triangles.mesh(triangles.primitive(np.tile(TRIANGLE, (50_000, 1))))
+    assert len(read(tmp_path, "m.glb", triangles.glb([{"mesh": 0}] * 2)).parts) == 2
+    message = mistake(tmp_path, "m.glb", triangles.glb([{"mesh": 0}] * 101))
+    assert "objects: expected at most 20,000,000 vertices and triangles with all copies, got 20,200,000" in message
 
 
-def test_a_large_gltf_is_no_copy(tmp_path, monkeypatch):
-    monkeypatch.setattr(scenes.geometry.instances, "MAX_COPIED", 1)
-    assert len(read(tmp_path, "m.glb", triangle().glb([{"mesh": 0}])).mesh.faces) == 1
+def test_a_large_gltf_may_place_as_much_as_it_stores(tmp_path):
+    triangles = Builder()
+    triangles.mesh(triangles.primitive(np.tile(TRIANGLE, (50_000, 1))))
+    triangles.binary += bytes(20_200_000 - len(triangles.binary))
+    message = mistake(tmp_path, "m.glb", triangles.glb([{"mesh": 0}] * 102))
+    assert "objects: expected at most 20,200,000 vertices and triangles with all copies, got 20,400,000" in message
 
 
 @pytest.mark.parametrize("stride", [4, 8])
@@ -35,12 +39,8 @@ def test_overlapping_gltf_rows_are_refused(tmp_path, stride):
     assert "does not fit" in mistake(tmp_path, "m.glb", builder.glb([{"mesh": 0}]))
 
 
-def test_gltf_buffers_of_one_file_are_read_once(tmp_path, monkeypatch):
-    from pathlib import Path
-
-    calls = []
-    original = Path.read_bytes
-    monkeypatch.setattr(Path, "read_bytes", lambda path: calls.append(path.name) or original(path))
+def test_gltf_buffers_of_one_file_are_read_once(tmp_path, watch):
+    calls = watch("pathlib.Path.read_bytes")
     builder = triangle()
     (tmp_path / "m.bin").write_bytes(builder.binary)
     names = ["m.bin", "./m.bin", "x/../m.bin"] * 5
@@ -49,7 +49,7 @@ def test_gltf_buffers_of_one_file_are_read_once(tmp_path, monkeypatch):
     (tmp_path / "m.gltf").write_text(json.dumps(header))
     (tmp_path / "x").mkdir()
     load(tmp_path / "m.gltf")
-    assert calls.count("m.bin") == 1
+    assert [path.name for (path,) in calls].count("m.bin") == 1
 
 
 @pytest.mark.parametrize(

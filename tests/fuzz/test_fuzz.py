@@ -12,9 +12,6 @@ import fuzz_worker
 import fuzzing
 import pytest
 
-from scenes.description import toml_objects
-from scenes.geometry import instances
-
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits by /proc and RLIMIT_AS")
 
 
@@ -38,10 +35,8 @@ def test_very_many_damaged_files():
 
 
 @pytest.mark.slow
-def test_files_that_are_wrong_by_structure(tmp_path, monkeypatch):
-    """Some through one command each, in this process, with little work for shapes and copies."""
-    monkeypatch.setattr(toml_objects, "MAX_BUILT", 20_000)
-    monkeypatch.setattr(instances, "MAX_COPIED", 100_000)
+def test_files_that_are_wrong_by_structure(tmp_path):
+    """Some through one command each, in this process."""
     inside, made, accepted = fuzz_worker.prepared(tmp_path), tmp_path / "made", 0
     for index in range(240):
         family, name, content, chance = fuzz_worker.input_of("structure short", index)
@@ -78,15 +73,14 @@ def test_very_many_files_that_are_wrong_by_structure():
         (2, "", "obscurance: \x1b[31m\n", "", "not a line for people"),
     ],
 )
-def test_the_judge_of_commands_notices(tmp_path, monkeypatch, status, output, errors, makes, finding):
+def test_the_judge_of_commands_notices(tmp_path, status, output, errors, makes, finding):
     def command(*arguments):
         if makes:
             (tmp_path / makes).write_text("x")
         return subprocess.CompletedProcess(arguments, status, output, errors)
 
-    monkeypatch.setattr(fuzz_structure, "obscurance", command)
     with pytest.raises(fuzz_worker.Finding, match=finding):
-        fuzz_structure.checked_command(["view", "m.ply"], tmp_path / "page.html", tmp_path)
+        fuzz_structure.checked_command(["view", "m.ply"], tmp_path / "page.html", tmp_path, command)
 
 
 def test_the_same_number_is_the_same_file():
@@ -106,7 +100,7 @@ def hostile(step):
 
 
 @pytest.fixture
-def judge(tmp_path, monkeypatch):
+def judge(tmp_path):
     """How the worker judges a step."""
     inside = tmp_path / "inside"
     inside.mkdir()
@@ -114,8 +108,7 @@ def judge(tmp_path, monkeypatch):
     path.write_bytes(b"x")
 
     def judge(step):
-        monkeypatch.setattr(fuzz_worker, "consume", hostile(step))
-        return fuzz_worker.checked("ply", path, tmp_path, 0, [])
+        return fuzz_worker.checked("ply", path, tmp_path, 0, [], hostile(step))
 
     return judge
 
@@ -167,7 +160,7 @@ def test_the_judge_notices(judge, step, finding):
         ("bytearray(1 << 33)", "MemoryError"),
     ],
 )
-def test_the_driver_notices(tmp_path, monkeypatch, step, finding):
+def test_the_driver_notices(tmp_path, step, finding):
     worker = tmp_path / "worker.py"
     lines = [
         "import os, sys",
@@ -180,7 +173,6 @@ def test_the_driver_notices(tmp_path, monkeypatch, step, finding):
         "fuzz_worker.main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), os.open(sys.argv[4], os.O_WRONLY))",
     ]
     worker.write_text("\n".join(lines))
-    monkeypatch.setattr(fuzzing, "WORKER", worker)
-    findings, _, _ = fuzzing.run(2, "x", 1)
+    findings, _, _ = fuzzing.run(2, "x", 1, worker=worker)
     assert [each["index"] for each in findings] == [0, 1]
     assert all(finding in each["finding"] for each in findings), findings

@@ -19,7 +19,7 @@ NOISE = 1.25  # times the estimated error of the difference
 _MU = Exponential(tau=2.0)
 
 
-def defects(long: bool) -> Iterator[Line]:
+def defects(long: bool, bake: Callable[..., Bake] = bake) -> Iterator[Line]:
     """A line for each defect: the difference of w it makes, in units of its estimated error, root mean square."""
     turns = range(4, 24) if long else range(4, 7)
     part = torus(40, 20, 0.6)

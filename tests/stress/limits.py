@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
+from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.precision import precision_warnings
 from scenes.geometry.polyhedra import RawMesh, icosphere, join
 from scenes.validation.table import configurations
@@ -13,7 +14,7 @@ from .pose import Pose, poses
 from .solids import closed, convex, grid, stretched
 
 
-def limits(long: bool) -> Iterator[Line]:
+def limits(long: bool, warnings_of: Callable[[Mesh], list[str]] = precision_warnings) -> Iterator[Line]:
     """A line for each mesh that is too fine for float32: 0 where a warning says so; and one for false alarms."""
     small: RawMesh = 1e-7 * icosphere(3)[0] + [0.4, 0.3, 1e-7], icosphere(3)[1]
     for name, part, pose in (
@@ -23,10 +24,10 @@ def limits(long: bool) -> Iterator[Line]:
         ("a sphere of 10⁻⁷ on a floor of 1", join([grid(40), small]), Pose(turn=1)),
         ("icosphere 10¹⁴ sizes away", icosphere(4), Pose(1.0, 1e14, 1)),
     ):
-        silent = not precision_warnings(pose.mesh(part))
+        silent = not warnings_of(pose.mesh(part))
         yield Line(name, str(pose), "limit not reported", int(silent), 0)
 
     meshes = [line.mesh for line in configurations()]
     meshes += [pose.mesh(part) for pose in poses(long) for part in closed().values()]
-    alarms = sum(bool(precision_warnings(mesh)) for mesh in meshes)
+    alarms = sum(bool(warnings_of(mesh)) for mesh in meshes)
     yield Line("closed forms and closed meshes", f"{len(meshes)} meshes", "false alarms", alarms, 0)

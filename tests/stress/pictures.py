@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -21,7 +21,7 @@ GREY = (0.8, 0.8, 0.8)
 _POSES = [Pose(turn=1), Pose(1e-9, 1e6, 2), Pose(1e9, 1e4, 3)]
 
 
-def pictures(long: bool) -> Iterator[Line]:
+def pictures(long: bool, render: Callable[[Scene, Camera, Settings], Frame] = render) -> Iterator[Line]:
     """A line for each kind of light, over the poses."""
     size = 1024 if long else 256
 

@@ -30,13 +30,17 @@ def self_hits(long: bool) -> Iterator[Line]:
 
 
 def leaks(long: bool) -> Iterator[Line]:
-    """Closed meshes seen from inside, where the binary w is exactly 0: a line for each, over all poses."""
+    """Closed meshes seen from inside: a line for each, over all poses, then lines of random rays."""
     for name, part in closed().items():
-        single = [] if name in TORN else _SINGLE
-        yield _share(f"{name}, inside", inward(part), 0.0, "leaks/M", LEAKS, poses(long) + single)
+        yield leak(name, part, poses(long) + ([] if name in TORN else _SINGLE))
     count = 4_000_000 if long else 1_000_000
     for name in ("icosphere", "torus", "cube with T-junctions", "slab 1000:1000:1"):
         yield _random_rays(name, closed()[name], count)
+
+
+def leak(name: str, part: RawMesh, where: list[Pose]) -> Line:
+    """A closed mesh seen from inside, where the binary w is exactly 0."""
+    return _share(f"{name}, inside", inward(part), 0.0, "leaks/M", LEAKS, where)
 
 
 def _share(name: str, part: RawMesh, truth: float, quantity: str, allowed: float, where: list[Pose]) -> Line:

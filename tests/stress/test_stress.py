@@ -7,12 +7,11 @@ from itertools import islice
 
 import numpy as np
 import pytest
+from ray_starts import change_origins, scaled_offsets
 
-from raytrace.ray_origins.origins import offsets_and_reaches, ray_offset
+from ao import bake
+from raytrace import render
 
-from . import defects as defects_module
-from . import limits as limits_module
-from . import pictures as pictures_module
 from . import rays
 from .closed_forms import closed_forms
 from .contacts import contacts
@@ -21,6 +20,7 @@ from .limits import limits
 from .line import Line
 from .pictures import pictures
 from .pose import OFFSETS, SCALES, Pose, poses
+from .solids import closed
 from .topology import topology
 
 GROUPS = (closed_forms, rays.self_hits, rays.leaks, contacts, topology, defects, limits, pictures)
@@ -58,66 +58,41 @@ def test_a_pose_is_a_similarity() -> None:
     assert away == pytest.approx(1e5 * (high - low).max())
 
 
-def scale_offsets(monkeypatch, factor):
-    """Let rays start so many times as far from the surface."""
-
-    def scaled(*arguments):
-        offset, touching, reach = offsets_and_reaches(*arguments)
-        return factor * offset, touching, reach
-
-    origins = "raytrace.ray_origins.origins"
-    monkeypatch.setattr(f"{origins}.offsets_and_reaches", scaled)
-    monkeypatch.setattr(f"{origins}.ray_offset", lambda *arguments: factor * ray_offset(*arguments))
-
-
 def test_rays_that_start_on_the_surface_fail(monkeypatch: pytest.MonkeyPatch) -> None:
-    scale_offsets(monkeypatch, 0.0)
+    change_origins(monkeypatch, **scaled_offsets(0.0))
     assert len(failed(islice(rays.self_hits(False), 3))) >= 2
 
 
 def test_rays_that_mind_only_their_own_faces_fail(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raytrace.ray_origins.origins.resolve_contacts", lambda *arguments: None)
-    edged = {name: rays.closed()[name] for name in ("cube, hard edges", "cube with T-junctions")}
-    monkeypatch.setattr(rays, "closed", lambda: edged)
-    monkeypatch.setattr(rays, "poses", lambda long: [Pose(turn=4)])
-    monkeypatch.setattr(rays, "_SINGLE", [])
-    assert len(failed(islice(rays.leaks(False), 2))) == 2
+    change_origins(monkeypatch, resolve_contacts=lambda *_: None)
+    edged = ("cube, hard edges", "cube with T-junctions")
+    assert len(failed(rays.leak(name, closed()[name], [Pose(turn=4)]) for name in edged)) == 2
     assert len(failed(contacts(False))) >= 3
 
 
 def test_offsets_that_pass_through_a_plate_fail(monkeypatch: pytest.MonkeyPatch) -> None:
-    scale_offsets(monkeypatch, 4.0)
-    monkeypatch.setattr("raytrace.ray_origins.origins.stop_short", lambda *arguments: None)
+    change_origins(monkeypatch, stop_short=lambda *_: None, **scaled_offsets(4.0))
     assert any("face to face" in line.case for line in contacts(False) if not line.ok)
 
 
-def test_a_silent_limit_fails(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(limits_module, "precision_warnings", lambda mesh: [])
-    assert len(failed(limits(False))) == 5
-    monkeypatch.setattr(limits_module, "precision_warnings", lambda mesh: ["too coarse"])
-    assert len(failed(limits(False))) == 1
+def test_a_silent_limit_fails() -> None:
+    assert len(failed(limits(False, lambda mesh: []))) == 5
+    assert len(failed(limits(False, lambda mesh: ["too coarse"]))) == 1
 
 
-def test_differences_beyond_the_error_estimate_fail(monkeypatch: pytest.MonkeyPatch) -> None:
-    plain_bake = defects_module.bake
+def test_differences_beyond_the_error_estimate_fail() -> None:
+    def too_sure(*arguments, **options):
+        baked = bake(*arguments, **options)
+        return replace(baked, error=baked.error / 2)
 
-    def bake(*arguments, **options):
-        baked = plain_bake(*arguments, **options)
-        object.__setattr__(baked, "error", baked.error / 2)
-        return baked
-
-    monkeypatch.setattr(defects_module, "bake", bake)
-    assert len(failed(islice(defects(False), 3))) == 3
+    assert len(failed(islice(defects(False, too_sure), 3))) == 3
 
 
-def test_pictures_without_shadow_rays_fail(monkeypatch: pytest.MonkeyPatch) -> None:
-    shaded = pictures_module.render
-    monkeypatch.setattr(
-        pictures_module, "render", lambda scene, camera, settings, **options: shaded(
-            scene, camera, replace(settings, shadows=False), **options
-        )
-    )  # fmt: skip
-    assert sum("inside a closed" in case for case in failed(pictures(False))) == 2
+def test_pictures_without_shadow_rays_fail() -> None:
+    def without_shadows(scene, camera, settings):
+        return render(scene, camera, replace(settings, shadows=False))
+
+    assert sum("inside a closed" in case for case in failed(pictures(False, without_shadows))) == 2
 
 
 def test_a_failure_and_a_nan_do_not_pass() -> None:

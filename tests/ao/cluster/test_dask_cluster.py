@@ -13,6 +13,7 @@ from clusters import (
     all_bits,
     bake_on,
     compiled_by,
+    impatient,
     killed_in_mid_block,
 )
 from parts_of_bakes import bits
@@ -22,6 +23,7 @@ from ao.cluster.session import IN_FLIGHT, ClusterSession
 from ao.cluster.worker import pack, unpack
 from raytrace import InputError, OptionError
 
+__all__ = ["impatient"]
 pytestmark = LEFT_SOCKETS
 
 
@@ -46,8 +48,8 @@ def test_killed_workers_lose_only_the_blocks_that_they_had(cluster, tmp_path, me
     assert dispatch.rows_traced == MEDIUM_ROWS
 
 
-def test_an_address_without_a_scheduler_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("ao.cluster.dask_cluster._CONNECT", 0.3)
+@pytest.mark.usefixtures("impatient")
+def test_an_address_without_a_scheduler_is_refused(tmp_path):
     with pytest.raises(OptionError, match=r"cluster: expected .* got nothing that answers"):
         bake_on("tcp://127.0.0.1:1", MEDIUM, tmp_path / "w.partial")
     for address in ("local:0", "local:x", "local:", "here", "tcp://", "", "local:5000"):

@@ -6,13 +6,14 @@ import time
 from dataclasses import replace
 
 import pytest
-from clusters import BAKES, LEFT_SOCKETS, MEDIUM, SMALL_BLOCKS, bake_on, scheduler
+from clusters import BAKES, LEFT_SOCKETS, MEDIUM, SMALL_BLOCKS, bake_on, impatient, scheduler
 from parts_of_bakes import bits
 
 from ao.cluster.dask_cluster import LOCAL
 from ao.execute.checkpoint import Checkpoint
 from raytrace.errors import ClusterError
 
+__all__ = ["impatient"]
 pytestmark = LEFT_SOCKETS
 BRIEF = replace(SMALL_BLOCKS, silence=3.0, patience=0.5)
 
@@ -22,7 +23,7 @@ def test_workers_may_come_late_and_a_lost_scheduler_leaves_a_journal_for_one_pro
     script.write_text(f"from clusters import holding\nholding(1, {str(lost)!r})()")
     with scheduler(0, [str(script)]) as late:
 
-        def progress(done, total):
+        def progress(done, total, stage):
             late.sync(late.scheduler.close)
             late.shutdown_scheduler = False  # it need not be asked again
             lost.touch()
@@ -57,15 +58,14 @@ else:
 
 
 @pytest.fixture
-def starting(tmp_path, monkeypatch):
-    """A function: let workers of this machine run a script as they start, and end within a second."""
+def starting(tmp_path, monkeypatch, impatient):
+    """A function: let workers of this machine run a script as they start."""
     pytest.importorskip("distributed", reason="needs obscurance[cluster]")
 
     def starting(text):
         script = tmp_path / "starts.py"
         script.write_text(text)
         monkeypatch.setitem(LOCAL, "preload", [*LOCAL["preload"], str(script)])
-        monkeypatch.setattr("ao.cluster.dask_cluster._END", 1.0)
 
     return starting
 

@@ -11,7 +11,7 @@ from meshes import hills
 from parts_of_bakes import bits
 
 import ao
-import ao.cluster.session
+from ao.execute.work import machine
 from raytrace import InputError, Mesh
 
 pytestmark = LEFT_SOCKETS
@@ -51,8 +51,7 @@ def test_a_worker_whose_disk_is_full_gets_no_more_work(cluster, tmp_path, medium
 
 
 def test_where_no_worker_can_be_used_the_reason_is_named(cluster, tmp_path, monkeypatch):
-    here = ao.cluster.session.machine()
-    monkeypatch.setattr("ao.cluster.session.machine", lambda: here | {"Embree": "4.0.0"})
+    monkeypatch.setitem(machine(), "Embree", "4.0.0")
     messages = []
     with pytest.raises(InputError, match=r"no worker can be used: tls://.*: Embree: expected 4.0.0, got"):
         bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", messages.append, pace=IMPATIENT)

@@ -106,9 +106,8 @@ def test_a_fit_is_continued_where_it_was_interrupted(path, whole_surface, traced
     assert len(solved) == 1  # the relaxed one
 
 
-def test_much_that_waits_is_written_before_a_minute(path, monkeypatch):
-    monkeypatch.setattr(ao.execute.checkpoint, "_MOST_WAITING", 300_000)
-    interrupted(path, make=bake_surface, after=60)
+def test_much_that_waits_is_written_before_a_minute(path):
+    interrupted(path, make=bake_surface, after=60, most_waiting=300_000)
     assert path.stat().st_size > 300_000
 
 
@@ -199,7 +198,7 @@ def test_a_journal_that_vanishes_while_it_is_continued_costs_no_row(tmp_path, wh
     path.parent.mkdir()
     interrupted(path)
 
-    def vanish(done, total):
+    def vanish(done, total, stage):
         if path.exists() and done > 0.8 * total:
             path.unlink() if gone == "journal" else shutil.rmtree(path.parent)
 
@@ -211,16 +210,16 @@ def test_a_journal_that_vanishes_while_it_is_continued_costs_no_row(tmp_path, wh
 
 
 @POSIX
-def test_of_two_bakes_that_begin_together_one_goes_on_without(path, whole, monkeypatch):
+def test_of_two_bakes_that_begin_together_one_goes_on_without(path, whole):
     messages, holder = [], []
-    begin = Checkpoint.begin
 
-    def begin_beside_another(*arguments):
-        begin(*arguments)
-        holder.append(Journal(path, create=True))
+    class BesideAnother(Checkpoint):
+        def begin(self, *arguments):
+            super().begin(*arguments)
+            holder.append(Journal(path, create=True))
 
-    monkeypatch.setattr(Checkpoint, "begin", begin_beside_another)
-    assert bits(bake(path, messages)) == whole
+    with BesideAnother(path, notify=messages.append, after=0, every=0) as checkpoint:
+        assert bits(ao.bake(MESH, checkpoint=checkpoint, **OPTIONS)) == whole
     holder[0].close()
     assert len(messages) == 1
     assert "another bake to the same target is at work; going on without checkpoints" in messages[0]
@@ -230,12 +229,9 @@ def test_of_two_bakes_that_begin_together_one_goes_on_without(path, whole, monke
 @pytest.mark.parametrize(
     ("code", "method"), [(errno.ENOSPC, "vertex"), (errno.EIO, "vertex"), (errno.ENOSPC, "surface")]
 )
-def test_a_disk_that_refuses_does_not_stop_the_bake(path, whole, whole_surface, monkeypatch, code, method):
-    def refuse(*_):
-        raise OSError(code, os.strerror(code))
-
+def test_a_disk_that_refuses_does_not_stop_the_bake(path, whole, whole_surface, fail_call, code, method):
     messages = []
-    monkeypatch.setattr(Journal, "append", refuse)
+    fail_call("fsync", code)
     assert bits(bake(path, messages, make=METHODS[method])) == (whole if method == "vertex" else whole_surface)
     assert len(messages) == 1
     assert messages[0].endswith(f"w.npy.partial: {os.strerror(code)}; going on without checkpoints")

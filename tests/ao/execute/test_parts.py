@@ -12,9 +12,10 @@ from uv_meshes import grid_charts
 import ao
 import ao.execute.parts
 import ao.execute.tracer
-from ao.execute.journal import IDENTITY, MAGIC, Journal
+from ao.execute.journal import IDENTITY, MAGIC
 from ao.execute.parts import DESCRIPTION as DESCRIPTION_BLOCK
 from ao.execute.parts import WHOLE, ShardCheckpoint, assign_shards, read_parts
+from ao.execute.work import machine
 from raytrace import InputError, Mesh, OptionError, OutputError
 
 HILLS = Mesh(*hills(40))
@@ -127,8 +128,7 @@ def test_a_part_of_another_mesh_is_named(parts):
 
 def test_a_part_from_another_processor_is_named(parts, monkeypatch):
     (parts / "part-1-of-3.part").unlink()
-    other = ao.execute.parts.machine() | {"processor": "a z80"}
-    monkeypatch.setattr(ao.execute.parts, "machine", lambda: other)
+    monkeypatch.setitem(machine(), "processor", "a z80")
     trace_part(MAKE, parts, 1, 3)
     assert said(parts).startswith("FOLDER/part-1-of-3.part: processor: expected ")
     assert said(parts).endswith("got a z80")
@@ -137,14 +137,12 @@ def test_a_part_from_another_processor_is_named(parts, monkeypatch):
 def test_parts_of_another_mesh_or_processor_than_the_merging_ones_are_refused(parts, monkeypatch):
     assert said(parts, partial(ao.bake, Mesh(*hills(41)), samples=64)).startswith("FOLDER: mesh: expected ")
     assert said(parts, partial(ao.bake, HILLS, samples=64, seed=1)).startswith("FOLDER: header: expected ")
-    other = ao.execute.parts.machine() | {"Embree": "3.0"}
-    monkeypatch.setattr(ao.execute.parts, "machine", lambda: other)
-    monkeypatch.setattr("ao.execute.checkpoint.machine", lambda: other)
+    monkeypatch.setitem(machine(), "Embree", "3.0")
     assert said(parts).startswith("FOLDER: Embree: expected ")
 
 
 def test_an_interrupted_part_is_named_and_continued(tmp_path):
-    def stop(done, total):
+    def stop(done, total, stage):
         if done > 0.7 * total:
             raise KeyboardInterrupt
 
@@ -173,11 +171,8 @@ def test_a_folder_without_parts_is_refused(tmp_path):
     assert said(tmp_path) == "FOLDER/a.part: content: expected a finished part, got another file"
 
 
-def test_a_full_disk_ends_the_part_and_keeps_what_is_done(tmp_path, monkeypatch):
-    def refuse(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Journal, "append", refuse)
+def test_a_full_disk_ends_the_part_and_keeps_what_is_done(tmp_path, fail_call):
+    fail_call("fsync")
     with (
         pytest.raises(OutputError, match=r"part-1-of-1\.part: No space left on device; the same command continues"),
         ShardCheckpoint(tmp_path, 1, 1, DESCRIPTION, pytest.fail) as part,
@@ -198,7 +193,7 @@ def test_a_part_whose_folder_vanishes_is_reported(tmp_path):
     folder = tmp_path / "parts"
     folder.mkdir()
 
-    def vanish(done, total):
+    def vanish(done, total, stage):
         if done < total and part.path.exists():
             shutil.rmtree(folder)
 

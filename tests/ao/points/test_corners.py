@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -20,7 +19,6 @@ from ao.points.points import Points
 from ao.points.receivers import find_receivers
 from ao.rays.ray_scene import RayScene
 from raytrace import MemoryLimitError, Mesh
-from raytrace.embree.scene import TriangleScene
 from raytrace.mesh.placement import Placement
 from raytrace.sampling.sequences import seed_key
 from scenes.geometry.polyhedra import icosphere, join
@@ -102,21 +100,21 @@ def test_some_are_baked_like_all_by_any_number_of_threads(noisy):
     assert some.rays < whole.rays
 
 
-def test_embrees_hierarchy_is_not_built_for_corner_samples_alone(noisy, monkeypatch):
-    monkeypatch.setattr("ao.prepared.packets_below", lambda *_: 20)
-    build, mesh = Mock(wraps=TriangleScene), Mesh(*noisy)
-    monkeypatch.setattr("ao.points.receivers.TriangleScene", build)
+def test_embrees_hierarchy_is_not_built_for_corner_samples_alone(noisy, watch, set_embree_below):
+    set_embree_below(20)
+    mesh = Mesh(*noisy)
+    built = watch("ao.points.receivers.TriangleScene")
     ao.bake(mesh, samples=64)  # 8 for each corner sample
-    assert not build.called
+    assert not built
     ao.bake(mesh, samples=16)
-    assert build.called
+    assert built
 
 
 def test_a_bake_interrupted_among_corners_continues_to_the_same_bits(noisy, tmp_path):
     class Stopped(Exception):
         pass
 
-    def stop(done, total):
+    def stop(done, total, stage):
         assert done <= total
         if done > 0.9 * total:
             raise Stopped

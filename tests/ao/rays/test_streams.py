@@ -30,9 +30,9 @@ FALLOFFS = {
 
 
 @pytest.fixture(autouse=True)
-def walk_alone(monkeypatch):
+def walk_alone(set_embree_below):
     """Few rays in closed places walk, too: by themselves they would go through Embree and be compared with it."""
-    monkeypatch.setattr(ao.prepared, "packets_below", lambda traversal, *_: (1 << 30) * (traversal == "embree"))
+    set_embree_below(0)
 
 
 def compare(mesh, falloff, samples=300, **options):

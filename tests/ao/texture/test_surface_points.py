@@ -83,8 +83,18 @@ def test_a_thin_thing_upon_a_floor_is_seen():
     assert one[9:].sum() > 500
 
 
+@pytest.fixture
+def set_single_points(monkeypatch):
+    """A function: let texels that another function chooses have a single point."""
+
+    def let(chosen):
+        monkeypatch.setattr(ao.texture.texels, "smooth_cells", chosen)
+
+    return let
+
+
 @pytest.mark.parametrize("falloff", [ao.Binary(), ao.Exponential()], ids=["binary", "exponential"])
-def test_errors_of_one_point_and_of_several_are_of_a_size(monkeypatch, falloff):
+def test_errors_of_one_point_and_of_several_are_of_a_size(set_single_points, falloff):
     """Of texels that are alike, every second one has a single point; that of four would be eightfold."""
     mesh = Mesh(*hills(14))
     uv, size = mesh.vertices[:, :2] / np.ptp(mesh.vertices[:, :2]) * 0.7 + 0.5, 64
@@ -92,7 +102,7 @@ def test_errors_of_one_point_and_of_several_are_of_a_size(monkeypatch, falloff):
     def every_second(coverage, *_):
         return coverage.has_centre & (coverage.texels % 2 == 0), np.arange(len(coverage.texels))
 
-    monkeypatch.setattr(ao.texture.texels, "smooth_cells", every_second)
+    set_single_points(every_second)
     texture = ao.bake_texture(mesh, uv, size, falloff, samples=64, denoise=False, close_seams=False)
     inside = slice(size // 4, 3 * size // 4)
     variance = texture.error[inside, inside].astype(float) ** 2
@@ -100,7 +110,7 @@ def test_errors_of_one_point_and_of_several_are_of_a_size(monkeypatch, falloff):
     assert 1 / 1.5 < variance[:, 0::2].mean() / variance[:, 1::2].mean() < 1.5
 
 
-def test_one_point_is_as_near_to_the_truth_as_several(monkeypatch):
+def test_one_point_is_as_near_to_the_truth_as_several(set_single_points):
     mesh, uv, _ = inward_cube(16)
     options = {"size": 64, "falloff": ao.Exponential(tau=2.0), "denoise": False, "close_seams": False}
     fine = ao.bake_texture(mesh, uv, **options | {"size": 256}, samples=256)
@@ -115,7 +125,7 @@ def test_one_point_is_as_near_to_the_truth_as_several(monkeypatch):
     def none(coverage, *_):
         return np.zeros(len(coverage.texels), np.bool_), np.arange(len(coverage.texels))
 
-    monkeypatch.setattr(ao.texture.texels, "smooth_cells", none)
+    set_single_points(none)
     assert mixed < 1.1 * error()
 
 

@@ -110,6 +110,13 @@ def small_blocks(monkeypatch):
     monkeypatch.setattr("ao.cluster.session.PACE", SMALL_BLOCKS)
 
 
+@pytest.fixture
+def impatient(monkeypatch):
+    """Schedulers have 0.3 s to answer, and workers of this machine a second to end."""
+    for name, seconds in {"_CONNECT": 0.3, "_END": 1.0}.items():
+        monkeypatch.setattr(f"ao.cluster.dask_cluster.{name}", seconds)
+
+
 def bake_on(address, make, path, notify=pytest.fail, progress=None, pace=SMALL_BLOCKS, **settings):
     """What `make` makes with a cluster, and what that handed out."""
     with (

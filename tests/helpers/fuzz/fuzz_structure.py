@@ -121,10 +121,10 @@ def commands(family, path, made, rng):
     yield ["render", path, "-o", picture, *SMALL, *rng.choice(RENDERS)], picture
 
 
-def checked_command(arguments, target, made):
+def checked_command(arguments, target, made, run=obscurance):
     """Run a command: its message if it refused the file. Raises: Finding."""
     start = time.process_time()
-    result = obscurance(*arguments)
+    result = run(*arguments)
     line = f"{arguments[0]}: status {result.returncode}, "
     if result.returncode not in (0, 2) or re.search(r"Traceback|Warning:|^\w*Error:", result.stderr, re.MULTILINE):
         raise Finding(line + result.stderr[-1500:])

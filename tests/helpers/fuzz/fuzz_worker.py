@@ -114,7 +114,7 @@ def look(path):
         raise refused[0]
 
 
-def checked(family, path, made, index, opened):
+def checked(family, path, made, index, opened, target=None):
     """Whether the input was accepted; its message if it was refused. Raises: Finding."""
     from raytrace.errors import LINE, InputError
 
@@ -124,7 +124,7 @@ def checked(family, path, made, index, opened):
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            consume(family, path, made, index)
+            (target or consume)(family, path, made, index)
     except InputError as refusal:
         message = str(refusal)
         if not message.isprintable():

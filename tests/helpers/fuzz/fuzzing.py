@@ -20,7 +20,7 @@ BATCH = 2000
 SILENCE = 600  # seconds of wall time without a result: asleep
 
 
-def run(count=COUNT, seed="0", processes=2, batch=None):
+def run(count=COUNT, seed="0", processes=2, batch=None, worker=WORKER):
     """Give `count` inputs to the loaders.
 
     Returns:
@@ -35,7 +35,7 @@ def run(count=COUNT, seed="0", processes=2, batch=None):
     def work(span):
         first, end = span
         while first < end:
-            records, reached = _process(seed, first, end)
+            records, reached = _process(worker, seed, first, end)
             with lock:
                 for record in records:
                     if isinstance(record, dict):
@@ -53,10 +53,10 @@ def run(count=COUNT, seed="0", processes=2, batch=None):
     return sorted(findings, key=lambda each: each["index"]), counts, most
 
 
-def _process(seed, first, end):
+def _process(worker, seed, first, end):
     """The records of one process, and the last index that it came to."""
     with tempfile.NamedTemporaryFile() as progress:
-        command = [sys.executable, str(WORKER), seed, str(first), str(end), progress.name]
+        command = [sys.executable, str(worker), seed, str(first), str(end), progress.name]
         with tempfile.TemporaryFile("w+") as output, tempfile.TemporaryFile("w+") as errors:
             try:
                 status = subprocess.run(

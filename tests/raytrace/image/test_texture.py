@@ -12,7 +12,6 @@ import pytest
 from frames import plain
 
 from raytrace.errors import InputError, OptionError
-from raytrace.image import texture as module
 from raytrace.image.srgb import decode_srgb
 from raytrace.image.texture import WRAPS, LazyTextures, Texture, pack_textures
 from raytrace.image.texture_lookup import sample_texture
@@ -289,7 +288,8 @@ def test_what_cannot_be_read_is_one_line_that_names_the_file(tmp_path, capfd, ki
     assert capfd.readouterr() == ("", "")
 
 
-def test_huge_images_are_refused_before_they_are_read(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "MAX_SIDE", 7)
-    with pytest.raises(InputError, match="size: expected at most 7×7 pixels, got 8×4"):
-        pack_textures([png(tmp_path / "a.png", codes(4, 8))])
+def test_huge_images_are_refused_before_they_are_read(tmp_path):
+    path = png(tmp_path / "a.png", codes(1, 16385)).path
+    path.write_bytes(path.read_bytes()[:60])  # of the header and few pixels
+    with pytest.raises(InputError, match="size: expected at most 16384×16384 pixels, got 16385×1"):
+        pack_textures([Texture(path)])

@@ -11,7 +11,6 @@ from frames import METADATA, frame, plain
 from pictures import ENDINGS, names, python
 
 from raytrace.errors import OptionError, OutputError
-from raytrace.image import encode
 from raytrace.image.write import check_image_target, write_image
 
 FULL_DISK = """
@@ -56,11 +55,18 @@ def test_a_full_disk_is_one_line_and_leaves_the_old_file(tmp_path):
         assert names(target.parent) == [target.name], case
 
 
+@pytest.mark.skipif(os.name == "nt", reason="POSIX limits")
 def test_a_full_disk_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr(encode, "_complete", lambda *_: False)
-    monkeypatch.setattr(encode.shutil, "disk_usage", lambda _: SimpleNamespace(free=0))
-    with pytest.raises(OutputError, match=r"a\.exr: cannot write: No space left on device"):
-        frame().save(tmp_path / "a.exr")
+    import resource
+
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=0))
+    unlimited = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, unlimited[1]))
+    try:
+        with pytest.raises(OutputError, match=r"a\.exr: cannot write: No space left on device"):
+            frame().save(tmp_path / "a.exr")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, unlimited)
 
 
 @pytest.mark.parametrize("ending", ENDINGS)

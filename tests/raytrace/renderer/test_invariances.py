@@ -9,7 +9,6 @@ import trimesh
 from rendered import CAMERA, SMALL, grid, sphere, still_scene, white
 
 import ao
-import raytrace.renderer.geometry
 from raytrace import Mesh, Phong
 from raytrace.camera import Camera
 from raytrace.image.encode import LAYERS
@@ -141,28 +140,23 @@ def test_vertices_that_no_pixel_sees_need_no_obscurance(still, shading):
         np.testing.assert_array_equal(b[name], layer)
 
 
-def test_geometry_is_built_once_for_seen_vertices_and_pictures_with_any_w(still, monkeypatch):
-    made = []
-
-    def build_and_watch(*arguments, original=raytrace.renderer.geometry._build):
-        geometry = original(*arguments)
-        made.append(weakref.ref(geometry.embree))
-        return geometry
-
-    monkeypatch.setattr(raytrace.renderer.geometry, "_build", build_and_watch)
+def test_geometry_is_built_once_for_seen_vertices_and_pictures_with_any_w(still):
     scene = Scene(tuple(Object(replace(item.shape), item.transform) for item in still.objects), still.lights)
     seen = seen_vertices(scene, CAMERA, SMALL)
+    first = weakref.ref(build(scene).geometry.embree)
     baked = scene.with_obscurance(np.where(seen, 0.5, 1.0))
     darker = Scene(baked.objects, still.lights[:1])
     open_, *others = (render(each, CAMERA, SMALL).layers["obscurance"].min() for each in (scene, baked, darker))
     assert (open_, *others) == (1, 0.5, 0.5)
-    assert [embree() for embree in made] == [build(darker).geometry.embree]
+    assert all(build(each).geometry.embree is first() for each in (scene, baked, darker))
     render(scene, CAMERA, replace(SMALL, normals="area"))
-    assert len(made) == 2
+    other = weakref.ref(build(scene, "area").geometry.embree)
+    assert other() is not first()
     release(scene)
-    assert [embree() is None for embree in made] == [False, True]
+    assert other() is None
+    assert first() is not None
     del scene, baked, darker
-    assert made[0]() is None
+    assert first() is None
 
 
 def test_what_is_there_does_not_depend_on_shading(still):

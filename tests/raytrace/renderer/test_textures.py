@@ -24,7 +24,7 @@ def tile(texture, x, y):
 
 
 @pytest.mark.parametrize("threads", [1, 3])
-def test_each_file_is_read_once_and_no_more_than_rays_meet(tmp_path, monkeypatch, threads):
+def test_each_file_is_read_once_and_no_more_than_rays_meet(tmp_path, watch, threads):
     colours = np.random.default_rng(2).integers(0, 255, (SIDE * SIDE, 3)).astype(np.uint8)
     items = []
     for number, colour in enumerate(colours):
@@ -32,16 +32,12 @@ def test_each_file_is_read_once_and_no_more_than_rays_meet(tmp_path, monkeypatch
         items.append(tile(Texture(tmp_path / f"{number}.png"), number % SIDE, number // SIDE))
     (tmp_path / "broken.png").write_bytes(b"no image")
     items += [tile(Texture(tmp_path / "broken.png"), -9, 0), tile(Texture(tmp_path / "0.png"), -9, 0)]
-    read, build = Counter(), module._build_pyramid
-
-    def counted(pyramid, image, texture):
-        read[texture.path.name] += 1
-        build(pyramid, image, texture)
-
-    monkeypatch.setattr(module, "_build_pyramid", counted)
+    built = watch(f"{module.__name__}._build_pyramid")
     size = 32 * SIDE
     frame = render(Scene(tuple(items), LIGHTS), AHEAD, Settings(size, size, samples=5), threads=threads)
-    assert read == {f"{number}.png": 1 for number in range(SIDE * SIDE)}
+    assert Counter(texture.path.name for _, _, texture in built) == {
+        f"{number}.png": 1 for number in range(SIDE * SIDE)
+    }
     middles = frame.layers["beauty"][16::32, 16::32, :3][::-1].reshape(-1, 3)
     np.testing.assert_allclose(middles, decode_srgb(colours / 255), atol=1e-6)
     with pytest.raises(InputError, match=r"broken\.png: content: expected an image"):

@@ -1,6 +1,5 @@
 """Files appear whole or not at all."""
 
-import errno
 import json
 import os
 import subprocess
@@ -43,13 +42,10 @@ def test_a_failing_block_leaves_an_existing_file_and_nothing_else(tmp_path, fail
 
 
 @pytest.mark.parametrize("call", ["fsync", "replace"])
-def test_a_full_disk_is_one_line_and_leaves_an_existing_file(tmp_path, monkeypatch, call):
-    def full(*_arguments):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
+def test_a_full_disk_is_one_line_and_leaves_an_existing_file(tmp_path, fail_call, call):
     target = tmp_path / "w.npy"
     target.write_bytes(b"before")
-    monkeypatch.setattr(os, call, full)
+    fail_call(call)
     with pytest.raises(OutputError) as error, atomic_write(target) as file:
         file.write(b"half")
     assert str(error.value) == f"{target}: cannot write: No space left on device"
@@ -57,14 +53,24 @@ def test_a_full_disk_is_one_line_and_leaves_an_existing_file(tmp_path, monkeypat
     assert names(tmp_path) == ["w.npy"]
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs the device that is always full")
+@pytest.mark.skipif(os.name == "nt", reason="POSIX limits")
 @pytest.mark.parametrize("size", [10, 10_000_000])
-def test_a_write_the_system_refuses(tmp_path, monkeypatch, size):
+def test_a_write_the_system_refuses(tmp_path, size):
     """The error may come from the write itself or, for a small one, from the flush."""
-    opened = os.open
-    monkeypatch.setattr(os, "open", lambda _path, _flags, _mode: opened("/dev/full", os.O_WRONLY))
-    with pytest.raises(OutputError, match="No space left"), atomic_write(tmp_path / "w.npy") as file:
-        file.write(bytes(size))
+    import resource
+
+    unlimited = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def write():
+        with atomic_write(tmp_path / "w.npy") as file:
+            file.write(bytes(size))
+
+    resource.setrlimit(resource.RLIMIT_FSIZE, (5, unlimited[1]))
+    try:
+        with pytest.raises(OutputError, match="File too large"):
+            write()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, unlimited)
     assert names(tmp_path) == []
 
 

@@ -14,7 +14,6 @@ from project import ROOT
 
 import ao
 import raytrace.system.checks
-import scenes.description.obscurance
 from ao.memory import surface_bytes, vertex_bytes
 from raytrace import InputError, Lambert, MemoryLimitError, Mesh, Object, Scene, Settings, Shape
 from raytrace.renderer import render_scene
@@ -158,10 +157,10 @@ def test_more_to_do_takes_more():
 
 
 @pytest.mark.parametrize(("room", "kept"), [(None, True), (1 << 40, True), (1 << 20, False)])
-def test_geometry_is_let_go_of_where_a_bake_does_not_fit_beside_it(room, kept, tmp_path, monkeypatch):
+def test_geometry_is_let_go_of_where_a_bake_does_not_fit_beside_it(room, kept, tmp_path, available_memory):
     (tmp_path / "s.toml").write_text('[[objects]]\nbuiltin = "sphere"\n[render]\nwidth = 8\nheight = 8\n')
     description = read_scene(tmp_path / "s.toml")
-    monkeypatch.setattr(scenes.description.obscurance, "available", lambda: room)
+    available_memory(room, "scenes.description.obscurance")
     baked, _ = with_obscurance(description)
     assert (description.scene in render_scene._scenes) == kept
     assert baked.objects[0].w is not None

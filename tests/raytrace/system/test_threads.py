@@ -40,7 +40,7 @@ def test_an_exception_drops_what_has_not_begun():
     assert len(begun) < 100
 
 
-@pytest.mark.parametrize("granted", [0, 2])
+@pytest.mark.parametrize("granted", [0, 1])
 def test_a_system_that_grants_few_threads_gets_all_work_done(granted, monkeypatch):
     start, begun, seen = threading.Thread.start, [], np.zeros(1000, int)
 
@@ -54,8 +54,7 @@ def test_a_system_that_grants_few_threads_gets_all_work_done(granted, monkeypatc
         seen[first:last] += 1
 
     monkeypatch.setattr(threading.Thread, "start", start_some)
-    monkeypatch.setattr(threads_module, "thread_count", lambda _: 64)
-    monkeypatch.setattr(threads_module, "_team", threads_module._Team())
+    threads_module._team.__init__()  # as in a process that is forked
     run_blocks(1000, 3, work, 64)
     assert (seen == 1).all()
     assert len(begun) == granted

@@ -3,16 +3,17 @@
 import io
 import json
 import re
-import sys
+from contextlib import redirect_stderr, redirect_stdout
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from meshes import hills
 
 import ao
 from raytrace import Mesh
-from scenes.bake.console import progress
 from scenes.geometry.polyhedra import icosphere
+from scenes.show.progress import progress
 from scenes.show.terminal import show_picture
 
 
@@ -25,14 +26,9 @@ class Terminal(io.StringIO):
 
 @pytest.fixture
 def terminal(monkeypatch):
-    """A function, since pytest puts its own standard error in place after fixtures are made."""
+    """A context, since pytest puts its own standard error in place after fixtures are made."""
     monkeypatch.setenv("TERM", "xterm")
-
-    def make():
-        monkeypatch.setattr(sys, "stderr", Terminal())
-        return sys.stderr
-
-    return make
+    return lambda: redirect_stderr(Terminal())
 
 
 def percentages(text):
@@ -40,31 +36,27 @@ def percentages(text):
 
 
 def test_a_bar_ends_full_though_the_work_was_less_than_expected(terminal):
-    screen = terminal()
-    with progress(False, "rays") as (advance,):
+    with terminal() as screen, progress(False, "rays") as (advance,):
         for done in (100, 200, 300):
             advance(done, 1000)
     assert percentages(screen.getvalue())[-1] == 100
 
 
 def test_the_bar_of_a_bake_to_a_tolerance_ends_full(terminal):
-    screen = terminal()
-    with progress(False, "rays") as (advance,):
+    with terminal() as screen, progress(False, "rays") as (advance,):
         ao.bake(Mesh(*icosphere(5)), samples=512, tolerance=0.002, progress=advance)
     assert percentages(screen.getvalue())[-1] == 100
 
 
 def test_a_bar_whose_total_grows_goes_on(terminal):
-    screen = terminal()
-    with progress(False, "rays") as (advance,):
+    with terminal() as screen, progress(False, "rays") as (advance,):
         for done, total in ((50, 100), (100, 100), (150, 400), (200, 400)):
             advance(done, total)
     assert percentages(screen.getvalue())[-1] == 100
 
 
 def test_bars_follow_each_other_and_both_end_full(terminal):
-    screen = terminal()
-    with progress(False, "rays", "tiles") as (first, second):
+    with terminal() as screen, progress(False, "rays", "tiles") as (first, second):
         first(1, 10)
         first(4, 10)
         second(1, 4)
@@ -74,8 +66,7 @@ def test_bars_follow_each_other_and_both_end_full(terminal):
 
 
 def test_a_bar_of_work_that_failed_does_not_look_done(terminal):
-    screen = terminal()
-    with pytest.raises(KeyboardInterrupt):
+    with terminal() as screen, pytest.raises(KeyboardInterrupt):
         interrupted_at_a_tenth()
     assert 100 not in percentages(screen.getvalue())
 
@@ -86,15 +77,45 @@ def interrupted_at_a_tenth():
         raise KeyboardInterrupt
 
 
-def test_no_bar_where_nobody_looks():
-    for quiet in (True, False):
-        with progress(quiet, "rays", "tiles") as advances:
-            assert advances == (None, None)
+def test_each_stage_of_a_texture_has_a_bar_with_its_label(terminal):
+    screen = terminal()
+    mesh = Mesh(*hills(30))
+    low, high = mesh.bounds
+    uv = ((mesh.vertices - low) / (high - low))[:, :2]
+    with progress(False, "rays") as (advance,):
+        ao.bake_texture(mesh, uv, size=64, tolerance=0.005, progress=advance)
+    shown = screen.getvalue()
+    labels = "coverage", "rays, round 1", "rays, round 2", "seams"
+    places = [shown.find(label) for label in labels]
+    assert -1 not in places
+    assert places == sorted(places)
+    assert percentages(shown)[-1] == 100
+
+
+def test_nothing_is_said_to_who_wants_quiet():
+    with progress(True, "rays", "tiles") as advances:
+        assert advances == (None, None)
+
+
+def test_off_a_terminal_there_is_a_line_every_ten_seconds(monkeypatch, capsys):
+    clock = [0.0]
+    monkeypatch.setattr("scenes.show.progress.time", SimpleNamespace(perf_counter=lambda: clock[0]))
+    with progress(False, "rays", "tiles") as (rays, tiles):
+        for second in range(1, 30):
+            clock[0] = float(second)
+            rays(second * 10**6, 4 * 10**7, "rays, round 2")
+        clock[0] = 31.0
+        tiles(1, 4)
+    assert capsys.readouterr().err.splitlines() == [
+        "obscurance: rays, round 2: 25 %, 1.0 M rays/s",
+        "obscurance: rays, round 2: 50 %, 1.0 M rays/s",
+        "obscurance: tiles: 25 %",
+    ]
 
 
 def test_progress_as_json_is_a_line_for_what_is_new_and_for_the_end(monkeypatch, capsys):
     clock = iter([0.0, 1.0, 1.05, 1.2, 1.21, 2.0])
-    monkeypatch.setattr("scenes.bake.console.time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    monkeypatch.setattr("scenes.show.progress.time", SimpleNamespace(perf_counter=lambda: next(clock)))
     with progress(True, "rays", "tiles", form="json") as (rays, tiles):
         for done in (1, 2, 3, 4):
             rays(done, 4)
@@ -113,12 +134,12 @@ def shown(monkeypatch, pixels, columns, **environment):
     """The characters and colours, upper and lower, that a terminal of so many columns shows."""
     for name, value in {"TERM": "xterm-256color", "COLORTERM": "truecolor", "COLUMNS": columns, **environment}.items():
         monkeypatch.setenv(name, str(value))
-    monkeypatch.setattr(sys, "stdout", Terminal())
-    show_picture(np.asarray(pixels, np.float32))
+    with redirect_stdout(Terminal()) as screen:
+        show_picture(np.asarray(pixels, np.float32))
     pattern = r"\x1b\[38;2;(\d+);(\d+);(\d+);48;2;(\d+);(\d+);(\d+)m(.)"
     return [
         [(*map(int, found[:6]), found[6]) for found in re.findall(pattern, line)]
-        for line in sys.stdout.getvalue().splitlines()
+        for line in screen.getvalue().splitlines()
     ]
 
 

@@ -1,9 +1,6 @@
 """`obscurance info`: the same facts for people and, as JSON, for programs."""
 
-import io
 import json
-import sys
-from types import SimpleNamespace
 
 import pytest
 from command import obscurance, refused
@@ -51,8 +48,8 @@ def test_a_profile_is_described(tmp_path, ending, stored):
     assert json.loads(obscurance("info", tmp_path / "hills.obj", "--json").stdout)["stored_profile"] is None
 
 
-def test_standard_input_is_described(monkeypatch):
-    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(ply()), isatty=lambda: False))
+def test_standard_input_is_described(standard_input):
+    standard_input(ply())
     found = json.loads(obscurance("info", "-", "--json").stdout)
     assert (found["file"], found["vertices"]) == ("<stdin>.ply", len(VERTICES))
 

@@ -51,13 +51,15 @@ def test_a_format_from_outside_is_read_as_the_guide_for_contributors_says(tmp_pa
     assert len((row + reader).split("\n")) <= 14
     (tmp_path / "tri_format.py").write_text(reader)
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(table, "_REGISTERED", {**formats()})
     (tmp_path / "m.tri").write_text("0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 1\n0 1 1\n")
     with pytest.raises(MeshError, match="ending: expected one of"):
         scenes.load(tmp_path / "m.tri")
     registration = row.replace("scenes.formats.tri.read", "tri_format").replace("..table", "scenes.formats.table")
-    exec(registration)
-    mesh = scenes.load(tmp_path / "m.tri").mesh
+    try:
+        exec(registration)
+        mesh = scenes.load(tmp_path / "m.tri").mesh
+        assert ".tri" in endings("read")
+    finally:
+        table._REGISTERED.pop(".tri", None)
     assert np.array_equal(mesh.faces, [[0, 1, 2], [3, 4, 5]])
     assert mesh.vertices[5].tolist() == [0, 1, 1]
-    assert ".tri" in endings("read")

@@ -1,7 +1,5 @@
 """Output files, read back by readers that are not ours."""
 
-import errno
-import os
 from types import SimpleNamespace
 
 import numpy as np
@@ -136,15 +134,12 @@ def test_unknown_endings_are_refused_before_any_work(tmp_path, name):
 
 
 @pytest.mark.parametrize("ending", ["npy", "npz", "ply", "glb"])
-def test_a_full_disk_leaves_an_existing_output(tmp_path, monkeypatch, ending):
-    def full(*_arguments):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
+def test_a_full_disk_leaves_an_existing_output(tmp_path, fail_call, ending):
     target = tmp_path / f"m.{ending}"
     target.write_bytes(b"before")
     check_target(target)
     ramp_png()  # once a process, by way of a file
-    monkeypatch.setattr(os, "fsync", full)
+    fail_call("fsync")
     with pytest.raises(OutputError, match=f"m.{ending}: cannot write: No space left on device"):
         write(target, random_bake(4), mesh_file())
     assert target.read_bytes() == b"before"

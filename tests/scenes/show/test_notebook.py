@@ -4,8 +4,9 @@ import html
 import re
 import tomllib
 from importlib import import_module
+from types import SimpleNamespace
 
-from meshes import two_boxes
+from meshes import hills, two_boxes
 from pages import columns_of, facts_of
 from project import ROOT
 
@@ -25,9 +26,8 @@ def test_the_page_is_whole_within_its_frame():
     assert (facts_of(page)["up"], facts_of(page)["title"]) == ("z", "boxes.stl")
 
 
-def test_a_large_mesh_is_left_to_the_picture(monkeypatch):
-    monkeypatch.setattr(notebook, "_MOST", 15)
-    assert notebook.framed_page(ao.bake(Mesh(*two_boxes()), samples=8)) is None
+def test_a_large_mesh_is_left_to_the_picture():
+    assert notebook.framed_page(SimpleNamespace(mesh=Mesh(*hills(501)))) is None
 
 
 def test_the_entry_point_of_the_package_is_this():

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import webbrowser
 from importlib import import_module
 from pathlib import Path
 
@@ -90,8 +89,8 @@ def test_a_texture_saves_itself(tmp_path):
     assert obscurance.load(tmp_path / "ao.glb").gltf.header["materials"][0]["occlusionTexture"]
 
 
-def test_saving_needs_somebody_who_writes_files(baked, tmp_path, monkeypatch):
-    monkeypatch.setattr("importlib.metadata.entry_points", lambda group: [])
+@pytest.mark.usefixtures("entry_points")
+def test_saving_needs_somebody_who_writes_files(baked, tmp_path):
     assert offered("obscurance.save") is None
     with pytest.raises(OptionError, match="save: expected the package obscurance, installed"):
         baked.save(tmp_path / "x.ply")
@@ -124,16 +123,14 @@ def test_a_file_is_rendered_as_the_command_does_and_a_scene_as_it_is(baked, tmp_
     )
 
 
-def test_a_page_of_a_bake_and_of_a_file(baked, tmp_path, monkeypatch):
-    shown = []
-    monkeypatch.setattr(webbrowser, "open", shown.append)
+def test_a_page_of_a_bake_and_of_a_file(baked, tmp_path, shown_in_browser):
     baked.save(tmp_path / "boxes.ply")
     for source in (baked, tmp_path / "boxes.ply"):
         assert obscurance.view(source, tmp_path / "page.html") == tmp_path / "page.html"
         assert (tmp_path / "page.html").read_bytes().startswith(b"<!doctype html>")
-        assert not shown
+        assert not shown_in_browser
     page = obscurance.view(baked)
-    assert shown == [page.resolve().as_uri()]
+    assert shown_in_browser == [page.resolve().as_uri()]
 
 
 def test_a_function_is_a_falloff():

@@ -1,7 +1,5 @@
 """`obscurance view` and pages as output of a bake: what becomes of files, and what careless users read."""
 
-import webbrowser
-
 import numpy as np
 import pytest
 import trimesh
@@ -110,12 +108,10 @@ def test_two_bakes_are_named_and_their_mesh_comes_from_either(folder, tmp_path):
     assert (folder / "w-w.html").exists()
 
 
-def test_open_shows_the_page_in_the_browser(folder, tmp_path, monkeypatch):
-    shown = []
-    monkeypatch.setattr(webbrowser, "open", shown.append)
+def test_open_shows_the_page_in_the_browser(folder, tmp_path, shown_in_browser):
     done = obscurance("view", folder / "w.ply", "-o", tmp_path / "p.html", "--open", "--quiet")
     assert (done.returncode, done.stdout) == (0, "")
-    assert shown == [(tmp_path / "p.html").as_uri()]
+    assert shown_in_browser == [(tmp_path / "p.html").as_uri()]
 
 
 def test_a_page_is_replaced_but_no_other_html_file(folder, tmp_path):

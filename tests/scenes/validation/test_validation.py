@@ -9,12 +9,12 @@ from math import isinf, log, nan, pi
 
 import numpy as np
 import pytest
+from ray_starts import change_origins, scaled_offsets
 from shared_directions import only_w
 
 import ao
 from ao.falloff import Binary, Exponential, Linear, Smooth
 from raytrace import Mesh
-from raytrace.ray_origins.origins import ray_offset
 from scenes.geometry.polyhedra import icosphere, inscribed_radius, prism
 from scenes.validation import table as validation
 from scenes.validation.configurations import Configuration
@@ -229,8 +229,7 @@ def test_the_complement_of_mu_fails() -> None:
 
 @pytest.mark.parametrize("lift", [-1.0, 0.0], ids=["below the surface", "on the surface"])
 def test_own_triangle_hits_fail(lift: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    offset = ray_offset
-    monkeypatch.setattr("raytrace.ray_origins.origins.ray_offset", lambda *args: lift * offset(*args))
+    change_origins(monkeypatch, **scaled_offsets(lift))
     failed = failures(ao.bake)
     assert any(result.line.name.startswith("nothing above") for result in failed)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from raytrace.errors import MeshError
+from scenes.formats.number_rows import BLOCK
 from scenes.formats.obj.text import ObjText
 
 NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(inf(inity)?|nan(\(\w*\))?)", re.IGNORECASE)
@@ -174,12 +175,14 @@ def generate(rng, mistakes):
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_against_a_plain_reader(seed, monkeypatch):
+def test_against_a_plain_reader(seed):
     rng = random.Random(seed)
     outcomes = []
     for _ in range(100):
         data = generate(rng, rng.choice([0, 0, 0.005, 0.05]))
-        monkeypatch.setattr("scenes.formats.number_rows._BYTES", rng.choice([7, 40, 200, 1 << 18]))
+        if rng.random() < 0.5:  # a block of bytes ends within
+            mark = data[: 3 * data.startswith(b"\xef\xbb\xbf")]
+            data = mark + b"#" * (BLOCK - rng.randrange(len(data) + 2)) + b"\n" + data[len(mark) :]
         expected = outcome(plain, data)
         assert outcome(present, data) == expected, data
         outcomes.append(isinstance(expected, str))

@@ -8,6 +8,7 @@ from gltf_files import check_glb, values
 from kept_contents import bake, columns
 
 from scenes.formats.load import load
+from scenes.formats.obj.attributes import MAX_OBJECTS
 from scenes.formats.obj.mtl import read_mtl
 
 OBJ = """mtllib paint.mtl
@@ -48,7 +49,7 @@ def write_obj(folder, faces):
 def test_a_ply_keeps_polygons_colours_and_texture_coordinates_of_an_obj(tmp_path):
     write_obj(tmp_path, NO_SEAM)
     printed = bake(tmp_path, "m.obj", "out.ply")
-    expected = "w is in its property obscurance alone, and --colors puts it in their place"
+    expected = "w, the openness, is only in the property obscurance; --colors puts it in their place"
     assert printed == f"warning: out.ply: keeps the colours of m.obj; {expected}\n"
     elements, detail = columns(tmp_path / "out.ply")
     assert detail.sizes.tolist() == [4, 4]
@@ -230,12 +231,14 @@ def test_the_name_of_a_single_object(tmp_path, statements):
     np.testing.assert_array_equal(values(header, binary, piece["attributes"]["POSITION"])[5], [1, 0, 1])
 
 
-def test_objects_beyond_measure_become_one(tmp_path, monkeypatch):
-    monkeypatch.setattr("scenes.formats.obj.attributes.MAX_OBJECTS", 2)
-    (tmp_path / "m.obj").write_text(OBJECTS)
+def test_objects_beyond_measure_become_one(tmp_path):
+    further = "".join(f"o further{number}\nf 1 2 3\n" for number in range(MAX_OBJECTS - 2))
+    (tmp_path / "m.obj").write_text(OBJECTS + further)
     source = load(tmp_path / "m.obj", "x.glb")
     assert source.objects == ("m",)
-    assert "its division into 3 objects" in source.unread
+    assert "its division into 4,097 objects" in source.unread
+    (tmp_path / "m.obj").write_text(OBJECTS + further.replace("o further0\n", ""))
+    assert len(load(tmp_path / "m.obj", "x.glb").objects) == MAX_OBJECTS
 
 
 def test_twenty_thousand_missing_libraries_are_one_line(tmp_path):

@@ -4,7 +4,7 @@ import json
 import pickle
 
 import pytest
-from clusters import LEFT_SOCKETS, left_sockets, scheduler, small_blocks
+from clusters import LEFT_SOCKETS, impatient, left_sockets, scheduler, small_blocks
 from command import obscurance, refused
 from mesh_files import obj
 from meshes import hills
@@ -14,7 +14,7 @@ from scenes.bake.manifest import assign_shards
 from scenes.bake.options import BakeOptions
 from scenes.bake.plan import plan_bake
 
-__all__ = ["left_sockets", "small_blocks"]
+__all__ = ["impatient", "left_sockets", "small_blocks"]
 pytestmark = LEFT_SOCKETS
 OPTIONS = "--samples", 64, "--format", "npz"
 
@@ -49,8 +49,9 @@ def same_files(folder, one, other):
 
 
 @pytest.mark.usefixtures("small_blocks")
-def test_a_batch_by_a_cluster_is_that_of_one_machine_and_can_be_resumed(folder, monkeypatch):
-    monkeypatch.setattr("scenes.bake.batch._LARGE", (folder / "hill4.obj").stat().st_size)
+def test_a_batch_by_a_cluster_is_that_of_one_machine_and_can_be_resumed(folder):
+    with (folder / "hill4.obj").open("ab") as file:
+        file.write(b"#" * (1 << 21))  # a large file
     whole = bake("whole")
     with scheduler(1) as cluster:
         done = bake("out", "--cluster", cluster.scheduler_address)
@@ -123,13 +124,13 @@ def test_parts_of_a_batch_that_are_missing_or_foreign_are_named(folder):
     assert not (folder / "out" / "manifest.json").exists()
 
 
-def test_mistakes_are_reported_in_a_line(folder, monkeypatch):
+@pytest.mark.usefixtures("impatient")
+def test_mistakes_are_reported_in_a_line(folder):
     refused(bake("out", "--part", "4/3"), "bake --part: expected K/N")
     refused(bake("out", "--part", "1/3", "--cluster", "local"), "bake: --part and --cluster exclude each other")
     refused(bake("out", "--part", "1/3", "--dry-run"), "bake: --part and --dry-run exclude each other")
     refused(bake("out", "--shared", "."), "bake: --shared needs --cluster")
     refused(obscurance("merge", "out"), "merge --output: expected a file")
     pytest.importorskip("distributed", reason="pip install '.[cluster]'")
-    monkeypatch.setattr("ao.cluster.dask_cluster._CONNECT", 0.3)
     refused(bake("out", "--cluster", "tcp://127.0.0.1:1"), "bake --cluster: expected", "nothing that answers")
     assert not (folder / "out").exists()

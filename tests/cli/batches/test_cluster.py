@@ -7,13 +7,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from clusters import LEFT_SOCKETS, left_sockets, small_blocks
+from clusters import LEFT_SOCKETS, impatient, left_sockets, small_blocks
 from command import obscurance, process, refused, started
 from mesh_files import ply
 from meshes import hills
 from project import environment
 
-__all__ = ["left_sockets", "small_blocks"]
+__all__ = ["impatient", "left_sockets", "small_blocks"]
 pytestmark = LEFT_SOCKETS
 
 
@@ -56,7 +56,7 @@ def test_mistakes_with_pictures_are_reported_in_a_line(tmp_path, mesh, monkeypat
     refused(obscurance(*render, "--cluster", "here"), "render --cluster: expected local, local:N or the address")
     refused(obscurance(*render, "--shared", tmp_path), "render: --shared needs --cluster")
     refused(obscurance(*render, "--cluster", "local", "--shared", mesh), "render --shared: expected a folder")
-    monkeypatch.setattr("scenes.bake.cluster.find_spec", lambda _: None)
+    monkeypatch.setitem(sys.modules, "distributed", None)
     refused(obscurance(*render, "--cluster", "local"), "render --cluster: expected Dask")
     assert [path.name for path in tmp_path.iterdir()] == ["hills.ply"]
 
@@ -67,7 +67,7 @@ def test_mistakes_are_reported_in_a_line(tmp_path, mesh, monkeypatch):
     refused(obscurance(*bake, "--cluster", "local", "--part", "1/2"), "bake: --cluster and --part exclude each other")
     refused(obscurance(*bake, "--shared", tmp_path), "bake: --shared needs --cluster")
     refused(obscurance(*bake, "--cluster", "local", "--shared", mesh), "bake --shared: expected a folder")
-    monkeypatch.setattr("scenes.bake.cluster.find_spec", lambda _: None)
+    monkeypatch.setitem(sys.modules, "distributed", None)
     refused(
         obscurance(*bake, "--cluster", "local"),
         "bake --cluster: expected Dask",
@@ -76,9 +76,9 @@ def test_mistakes_are_reported_in_a_line(tmp_path, mesh, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["hills.ply"]
 
 
-def test_a_scheduler_that_does_not_answer_is_named(tmp_path, mesh, monkeypatch):
+@pytest.mark.usefixtures("impatient")
+def test_a_scheduler_that_does_not_answer_is_named(tmp_path, mesh):
     pytest.importorskip("distributed", reason="pip install '.[cluster]'")
-    monkeypatch.setattr("ao.cluster.dask_cluster._CONNECT", 0.3)
     for command, output in (("bake", "w.npz"), ("render", "picture.png")):
         result = obscurance(command, mesh, "-o", tmp_path / output, "--cluster", "tcp://127.0.0.1:1")
         expected = f"{command} --cluster: expected local, local:N or the address of a Dask scheduler"

@@ -1,9 +1,6 @@
 """`bake --dry-run` reports what a bake would take and write, and writes nothing."""
 
-import io
 import re
-import sys
-from types import SimpleNamespace
 
 import pytest
 from command import obscurance, refused
@@ -44,8 +41,9 @@ def test_a_bake_is_described_and_nothing_is_written(folder):
     assert rows["would write"] == "w.npy in place of the one there; r.json"
 
 
-def test_a_pipe_is_described(folder, monkeypatch):
-    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(obj(*hills(20))), isatty=lambda: False))
+@pytest.mark.usefixtures("folder")
+def test_a_pipe_is_described(standard_input):
+    standard_input(obj(*hills(20)))
     rows = plan("-", "-o", "w.npy", "--samples", 64, "--input-format", "obj")
     assert (rows["would bake"], rows["would write"]) == ("at most 400 vertices", "w.npy")
 

@@ -1,38 +1,32 @@
 """Standard input and standard output in place of files."""
 
-import io
+import os
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import pytest
 from command import COMMAND, obscurance, refused
 from mesh_files import glb, obj, off, ply, stl
 from meshes import hills, two_boxes
 
-from raytrace.system import atomic
 from scenes.formats.gltf.asset import decode
-from scenes.formats.load import standard_input
+from scenes.formats.load import standard_input as read_standard_input
 
 VERTICES, FACES = two_boxes()
 
 
-def give(monkeypatch, content, terminal=False):
-    stream = SimpleNamespace(buffer=io.BytesIO(content), isatty=lambda: terminal)
-    monkeypatch.setattr(sys, "stdin", stream)
-
-
 def test_a_pipe_gives_the_bytes_of_a_file(tmp_path):
     (tmp_path / "hills.obj").write_bytes(obj(*hills(6)))
-    single = obscurance("bake", tmp_path / "hills.obj", "-o", tmp_path / "w.ply", "--samples", 64)
+    options = "--samples", "64", "--half-distance", "5%"  # which vertices so far apart cannot show
+    single = obscurance("bake", tmp_path / "hills.obj", "-o", tmp_path / "w.ply", *options)
     assert single.returncode == 0
-    command = [*COMMAND, "bake", "-", "-o", "-", "--format", "ply", "--samples", "64"]
+    command = [*COMMAND, "bake", "-", "-o", "-", "--format", "ply", *options]
     done = subprocess.run(command, input=obj(*hills(6)), capture_output=True, cwd=tmp_path, check=True)
     assert done.stdout == (tmp_path / "w.ply").read_bytes()
     *warnings, summary = done.stderr.decode().splitlines()
     assert summary.startswith("<stdout>.ply: 36 vertices, ")
     assert warnings == single.stderr.replace(str(tmp_path / "w.ply"), "<stdout>.ply").splitlines()
-    assert [line.split(" w errs ")[0] for line in warnings] == ["warning: <stdout>.ply: between the vertices"]
+    assert [line.split(" w, ")[0] for line in warnings] == ["warning: <stdout>.ply: between the vertices"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["hills.obj", "w.ply"]
 
 
@@ -56,19 +50,19 @@ FORMATS = {
 
 
 @pytest.mark.parametrize("kind", FORMATS)
-def test_the_first_bytes_show_the_format(monkeypatch, kind):
-    give(monkeypatch, FORMATS[kind])
-    path, content = standard_input(None)
+def test_the_first_bytes_show_the_format(standard_input, kind):
+    standard_input(FORMATS[kind])
+    path, content = read_standard_input(None)
     assert (path.suffix, content) == (f".{kind}", FORMATS[kind])
 
 
-def test_a_text_of_facets_is_an_stl(monkeypatch):
-    give(monkeypatch, b"solid x\n  facet normal 0 0 1\n")
-    assert standard_input(None)[0].suffix == ".stl"
+def test_a_text_of_facets_is_an_stl(standard_input):
+    standard_input(b"solid x\n  facet normal 0 0 1\n")
+    assert read_standard_input(None)[0].suffix == ".stl"
 
 
-def test_a_format_that_is_given_is_taken_at_its_word(tmp_path, monkeypatch):
-    give(monkeypatch, ply())
+def test_a_format_that_is_given_is_taken_at_its_word(tmp_path, standard_input):
+    standard_input(ply())
     refused(obscurance("bake", "-", "-o", tmp_path / "w.npy", "--input-format", "obj"), "<stdin>.obj: faces: expected")
     assert not list(tmp_path.iterdir())
 
@@ -84,24 +78,28 @@ def test_a_format_that_is_given_is_taken_at_its_word(tmp_path, monkeypatch):
         (b"v 0 0 0\n", "<stdin>.obj: faces: expected at least one triangle"),
     ],
 )
-def test_what_is_no_mesh_is_refused_in_one_line(tmp_path, monkeypatch, content, words):
-    give(monkeypatch, content)
+def test_what_is_no_mesh_is_refused_in_one_line(tmp_path, standard_input, content, words):
+    standard_input(content)
     refused(obscurance("bake", "-", "-o", tmp_path / "w.npy"), words)
     assert not list(tmp_path.iterdir())
 
 
-def test_terminals_are_neither_read_nor_written(tmp_path, monkeypatch):
-    give(monkeypatch, b"", terminal=True)
+def test_terminals_are_neither_read_nor_written(tmp_path, standard_input):
+    standard_input(b"", terminal=True)
     refused(
         obscurance("bake", "-", "-o", tmp_path / "w.npy"), "expected a mesh piped to standard input, got a terminal"
     )
     (tmp_path / "a.obj").write_bytes(obj())
-    monkeypatch.setattr(atomic, "sys", SimpleNamespace(stdout=SimpleNamespace(isatty=lambda: True)))
-    refused(obscurance("bake", tmp_path / "a.obj", "-o", "-"), "standard output: cannot write: it is a terminal")
+    controller, terminal = os.openpty()
+    command = [*COMMAND, "bake", tmp_path / "a.obj", "-o", "-"]
+    done = subprocess.run(command, stdout=terminal, stderr=subprocess.PIPE, text=True)
+    os.close(terminal)
+    os.close(controller)
+    assert (done.returncode, "standard output: cannot write: it is a terminal" in done.stderr) == (2, True)
 
 
-def test_options_are_checked_before_a_pipe_is_read(tmp_path, monkeypatch):
-    give(monkeypatch, b"junk")
+def test_options_are_checked_before_a_pipe_is_read(tmp_path, standard_input):
+    standard_input(b"junk")
     refused(obscurance("bake", "-", "-o", tmp_path / "w.npy", "--samples", 0), "bake --samples")
     refused(obscurance("bake", "-", "a.ply", "--output-dir", tmp_path / "out"), "--output-dir does not go with -")
     refused(obscurance("bake", "a.ply", "-o", "w.npy", "--input-format", "ply"), "--input-format needs - as INPUT")

@@ -1,0 +1,13 @@
+"""What several folders of tests of bakes share."""
+
+import pytest
+
+
+@pytest.fixture
+def set_embree_below(monkeypatch):
+    """A function: let Embree trace points of fewer rays than this, or all with `traversal` "embree"."""
+
+    def let(rays):
+        monkeypatch.setattr("ao.prepared.packets_below", lambda way, *_: 1 << 30 if way == "embree" else rays)
+
+    return let
