@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import IntFlag
-from functools import cache, cached_property, partial
+from functools import cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -76,7 +76,7 @@ class Receivers:
     embree: Callable[[], TriangleScene]
     opacity: PackedOpacity | None
 
-    @cached_property
+    @property
     def first_vertex(self) -> Int64s:
         """The first vertex (k,) of each point."""
         vertices = np.flatnonzero(self.of_vertex >= 0)[::-1]
