@@ -47,6 +47,7 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     Warns:
         ToleranceWarning: the `tolerance` is not met, with too few `samples` allowed for instance.
     """
+    # What is given: the mesh, what occludes it, and whether it fits into memory.
     high, only = options.high, options.only
     if high is not None and (options.method == "surface" or only is not None):
         raise ConflictError("high", "does not go with", "only" if only is not None else ("method", "surface"))
@@ -59,6 +60,7 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
 
     start = time.perf_counter()
     checkpoint = options.checkpoint if high is None else None
+    # Estimates of w, by the method asked for.
     prepared = Prepared.of(solid, options, options.progress, checkpoint, others, mesh.radius)
     if high is None and options.method == "vertex":
         values = _sample_vertices(prepared)
@@ -70,6 +72,7 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
         from .fine_mesh import sample_fine_mesh
 
         prepared, values = sample_fine_mesh(prepared, mesh, options)
+    # The bake, and later the error between its vertices, of large meshes at once.
     build = prepared.receivers.tree_seconds
     baked = assemble(prepared, mesh, values)
     if high is None and (only is None or options.denoise):
@@ -97,14 +100,14 @@ def _same(between: Interpolation) -> Interpolation:
 
 def _sample_vertices(prepared: Prepared) -> PointValues:
     """w by Monte Carlo integration at every point that is wanted; vertices inside solids are flagged in place."""
-    options, receivers = prepared.options, prepared.wanted
+    options, receivers = prepared.options, prepared.requested_receivers
     points, point, total = receivers.points, receivers.of_vertex, len(prepared.receivers.points)
     needed = TRACED * len(points) + column_bytes(len(points), options.columns)
     if needed > NEGLIGIBLE:
         check_memory(prepared.mesh.source, needed, f"to trace rays at {len(points):,} points")
     tracer = prepared.tracer(total)
-    if options.tolerance is None and options.rays >= tracer.packets_below:
-        tracer.packets_below = 0  # Embree's hierarchy is not worth building for corner samples alone
+    if options.tolerance is None and options.rays >= tracer.embree_below:
+        tracer.embree_below = 0  # Embree's hierarchy is not worth building for corner samples alone
     inside = inside_solids(
         points, receivers.first_vertex, prepared.placement, receivers, options.interior, tracer.threads, total
     )

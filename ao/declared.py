@@ -61,24 +61,28 @@ class Option:
 
 def rows(record: Any) -> dict[str, Option]:
     """The options that a record declares."""
-    found = {}
-    for each in fields(record):
-        kind, row = _declaration(each)
-        same = {"kind": kind, "default": each.default}
-        found[each.name] = replace(row, name=each.name, **{key: same[key] for key in same if getattr(row, key) is SAME})
-    return found
+    options_of = {}
+    for declared in fields(record):
+        kind, row = _declaration(declared)
+        same = {"kind": kind, "default": declared.default}
+        options_of[declared.name] = replace(
+            row, name=declared.name, **{key: same[key] for key in same if getattr(row, key) is SAME}
+        )
+    return options_of
 
 
-def _declaration(each: Field[Any]) -> tuple[Any, Option]:
+def _declaration(field: Field[Any]) -> tuple[Any, Option]:
     """The type of a field in Python, and its row."""
-    kind: Any = each.type
+    kind: Any = field.type
     return kind.__origin__, kind.__metadata__[0]
 
 
 def check_values(record: Any) -> None:
     """Make the numbers, choices and switches of a record plain. Raises: OptionError: one is out of range."""
     checks = _checks(record.__class__)
-    for name, value in vars(checks(**{each.name: getattr(record, each.name) for each in fields(checks)})).items():
+    for name, value in vars(
+        checks(**{declared.name: getattr(record, declared.name) for declared in fields(checks)})
+    ).items():
         object.__setattr__(record, name, value)
 
 
@@ -87,7 +91,7 @@ def _checks(record: Any) -> Any:
     """A class that takes values of a record by their names, and checks them by their types."""
     from raytrace.system.parameters import Parameters
 
-    kinds = {each.name: _checked(*_declaration(each)) for each in fields(record)}
+    kinds = {field.name: _checked(*_declaration(field)) for field in fields(record)}
     kinds = {name: kind for name, kind in kinds.items() if kind is not Any}
     return new_class("Values", (Parameters,), {"source": "options"}, lambda names: names.update(__annotations__=kinds))
 
@@ -98,25 +102,25 @@ def _checked(kind: Any, row: Option) -> Any:
 
     from raytrace.system.parameters import Switch, Whole
 
-    found: Any = Any
+    annotation: Any = Any
     plain = get_args(kind)[0] if NoneType in get_args(kind) else kind
     if get_origin(plain) is Literal:
         *names, last = get_args(plain)
-        found = Annotated[plain, Field(description=f"{', '.join(names)} or {last}")]
+        annotation = Annotated[plain, Field(description=f"{', '.join(names)} or {last}")]
     elif plain is bool:
-        found = Switch
+        annotation = Switch
     elif row.bounds:
         least, most = row.bounds
-        found = Annotated[Whole, Field(ge=least, le=most)]
+        annotation = Annotated[Whole, Field(ge=least, le=most)]
         if plain is float:
             text = f"a number from {least:g} to {most:g}".replace("e-0", "e-")
-            found = Annotated[float, Field(strict=True, ge=least, le=most, description=text)]
-    return found | None if plain is not kind and found is not Any else found
+            annotation = Annotated[float, Field(strict=True, ge=least, le=most, description=text)]
+    return annotation | None if plain is not kind and annotation is not Any else annotation
 
 
 def with_option_parameters(record: Callable[P, T]) -> Callable[[Callable[[Any, T], R]], Callable[P, R]]:
     """Let a function of a mesh and a record take the record's fields, some by earlier names too, and describe them."""
-    declared: list[Field[Any]] = sorted(fields(record), key=lambda each: bool(each.kw_only))  # type: ignore[arg-type]
+    declared: list[Field[Any]] = sorted(fields(record), key=lambda field: bool(field.kw_only))  # type: ignore[arg-type]
     new_names = {row.old_name: name for name, row in rows(record).items() if row.old_name}
 
     def with_fields(function: Callable[[Any, T], R]) -> Callable[P, R]:
@@ -147,23 +151,23 @@ def call_checked(function: Callable[..., R], options: object, mesh: object, **in
     """
     known = vars(function)
     arguments = object.__new__(known["record"])
-    values = {each.name: each.default for each in fields(arguments)} | vars(options) | {"mesh": mesh} | inputs
+    values = {field.name: field.default for field in fields(arguments)} | vars(options) | {"mesh": mesh} | inputs
     vars(arguments).update(values)
     called: Callable[[object, object], R] = known["__wrapped__"]
     return called(mesh, arguments)
 
 
-def _parameter(each: Field[Any]) -> Parameter:
-    kind = _declaration(each)[0]
-    default = Parameter.empty if each.default is MISSING else each.default
-    place = Parameter.KEYWORD_ONLY if each.kw_only else Parameter.POSITIONAL_OR_KEYWORD
+def _parameter(field: Field[Any]) -> Parameter:
+    kind = _declaration(field)[0]
+    default = Parameter.empty if field.default is MISSING else field.default
+    place = Parameter.KEYWORD_ONLY if field.kw_only else Parameter.POSITIONAL_OR_KEYWORD
     written = kind.__forward_arg__ if isinstance(kind, ForwardRef) else kind
-    return Parameter(each.name, place, default=default, annotation=written)
+    return Parameter(field.name, place, default=default, annotation=written)
 
 
-def _described(each: Field[Any]) -> str:
+def _described(field: Field[Any]) -> str:
     """A field under "Args:", its help in the names of Python."""
-    row = _declaration(each)[1]
+    row = _declaration(field)[1]
     text = re.sub("--([a-z-]+)", lambda flag: f"`{flag[1].replace('-', '_')}`", row.help)
-    line = f"{each.name}: {text} {row.python_help}".strip()
+    line = f"{field.name}: {text} {row.python_help}".strip()
     return fill(line, 116, initial_indent=" " * 4, subsequent_indent=" " * 8, break_on_hyphens=False)

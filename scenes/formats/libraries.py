@@ -60,7 +60,7 @@ def _collada(file: BinaryIO, path: Path) -> list[Instance]:
     content = Collada(file, ignore=[DaeError])
     up = str(content.assetInfo.upaxis or "y")[0].lower()
     made = []
-    rows = 0
+    placed_rows = 0
     for placed in content.scene.objects("geometry") if content.scene else ():
         shape = placed.original
         # Primitives that share vertices are one mesh.
@@ -73,8 +73,8 @@ def _collada(file: BinaryIO, path: Path) -> list[Instance]:
             corners = np.concatenate([np.ravel(piece.vertex_index) for piece in same]).astype(np.int64)
             counts = [getattr(piece, "vcounts", np.full(len(piece.vertex_index), 3)) for piece in same]
             sizes = np.concatenate(counts).astype(np.int64)
-            rows += len(vertices) + len(corners)
-            check_copies(rows, file.seek(0, os.SEEK_END), path)
+            placed_rows += len(vertices) + len(corners)
+            check_copies(placed_rows, file.seek(0, os.SEEK_END), path)
             cut = triangulate(vertices, corners, sizes, str(path))
             matrix = np.asarray(placed.matrix, np.float64)
             name = str(shape.name or shape.id)
