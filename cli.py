@@ -8,89 +8,112 @@ from obscurance import interrupts
 
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # or every package installed is searched for some
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-from typer.exceptions import TyperException
-from typer.main import get_command
+import click
 
+from ao.declared import Option
 from raytrace.errors import InputError, ObscuranceError, OptionError, OutputError
-from scenes.bake import options as choices
 from scenes.bake.console import columns, note, output_failed, readable_output, reopen_streams
-from scenes.bake.options import BAKE, MERGE, ROWS, BakeOptions
-from scenes.commands.parameters import EXAMPLES, TableCommand, name_of, parameter, parameters
-from scenes.commands.render import RENDER, RenderOptions, run_render
+from scenes.bake.options import BAKE, MERGE, RENDER, BakeOptions, Metric, RenderOptions, Up, named, of_bake, plain
+from scenes.commands.parameters import TableCommand
 from scenes.commands.usage import fault_in_words
 
 interrupts.all_imported()
 
-app = typer.Typer(
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-    help="Bake ambient occlusion or obscurance (1 = open) and render scenes, with Embree.",
+_COMPLETE = "_OBSCURANCE_COMPLETE"  # a variable by which a shell asks for completions
+_QUIET = Option("quiet", bool, False, "No summary.", short="-q")
+_SEED = Option("seed", int, 0, "Random seed of rays.")
+EXAMPLES = """\b
+Examples, with the mesh that obscurance demo writes:
+  obscurance bake demo/temple.ply -o temple.glb
+  obscurance bake demo/temple.ply -o temple.html --falloff binary --tolerance 0.02
+  obscurance bake 'demo/*.ply' --output-dir baked --format glb
+  obscurance bake demo/temple.ply -o temple.png --uv unwrap --mesh-output temple.glb
+"""
+
+
+class Commands(click.Group):
+    """The commands, in the order of this file."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(self.commands)
+
+
+@click.group(
+    cls=Commands,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"], "show_default": True},
     epilog="\b\nTo begin with:  obscurance demo\n                obscurance view demo/temple.ply --open\n"
     "More of each:   obscurance COMMAND -h",
 )
+@click.option("--version", is_flag=True, help="Show versions and the processor, and exit.")
+@click.pass_context
+def commands(context: click.Context, version: bool) -> None:
+    """Bake ambient occlusion or obscurance (1 = open) and render scenes, with Embree."""
+    if version:
+        from ao.report import versions
+        from raytrace.system.processor import processor
 
-Threads = Annotated[int | None, parameter(ROWS["threads"])]
+        found = versions()
+        print("obscurance", found["obscurance"])
+        print(columns([("Embree", found["embree"]), ("CPU", processor()), ("Python", found["python"])]))
+        context.exit()
+    if context.invoked_subcommand is None:
+        print(context.get_help())
 
 
-@app.command(cls=TableCommand, epilog=EXAMPLES)
-@parameters(BAKE)
-def bake(**options: Any) -> None:
+def command(*rows: Option, **settings: Any) -> Callable[[Callable[..., int | None]], click.Command]:
+    """Make a function a command, whose help it describes and whose arguments are the values of `rows`."""
+    return commands.command(cls=TableCommand, rows=rows, **settings)
+
+
+@command(*BAKE, epilog=EXAMPLES)
+def bake(**options: Any) -> int:
     """Bake ambient occlusion or obscurance to vertices or a texture.
 
     The result is w, one number for each vertex or texel: 1 where it is open, 0 where it is closed.
     """
     from scenes.commands.bake import run_bake
 
-    raise typer.Exit(run_bake(BakeOptions(**options)))
+    return run_bake(BakeOptions(**options))
 
 
-@app.command(cls=TableCommand)
-@parameters(MERGE)
-def merge(parts: Path, mesh: Path | None, **options: Any) -> None:
+@command(*MERGE)
+def merge(parts: Path, mesh: Path | None, **options: Any) -> int:
     """Write the output of a bake, or a batch, traced in parts."""
     from scenes.commands.bake import run_merge
 
-    raise typer.Exit(run_merge(parts, mesh, options))
+    return run_merge(parts, mesh, options)
 
 
-@app.command()
-def view(
-    result: Annotated[
-        Path, typer.Argument(metavar="RESULT", help="A baked file: .ply .glb .gltf .npz .npy; or any mesh.")
-    ],
-    other: Annotated[
-        Path | None, typer.Argument(metavar="OTHER", help="Another bake of the same mesh, with a slider between.")
-    ] = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="The page, .html; by default beside RESULT, with its name.")
-    ] = None,
-    mesh: Annotated[Path | None, typer.Option(help="The mesh file that a .npz or .npy belongs to.")] = None,
-    up: Annotated[choices.Up | None, typer.Option(help="Up axis at first, by default what it says, or y.")] = None,
-    open_: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary.")] = False,
-) -> None:
+@command(
+    Option("result", Path, ..., "A baked file: .ply .glb .gltf .npz .npy; or any mesh.", is_argument=True),
+    Option("other", Path | None, None, "Another bake of the same mesh, with a slider between.", is_argument=True),
+    Option("output", Path | None, None, "The page, .html; by default beside RESULT, with its name.", short="-o"),
+    Option("mesh", Path | None, None, "The mesh file that a .npz or .npy belongs to."),
+    Option("up", Up | None, None, "Up axis at first, by default what it says, or y."),
+    Option("open", bool, False, "Open it in the browser."),
+    _QUIET,
+)
+def view(**options: Any) -> None:
     """Make a page to look at a bake, or at any mesh: one file."""
     from scenes.commands.view import run_view
 
-    run_view(result, other, output, mesh, up, open_, quiet)
+    run_view(**options)
 
 
-@app.command()
-def falloff(
-    baked: Annotated[Path, typer.Argument(metavar="BAKED", help="A file of bake --profile: .npz .ply .glb .gltf .exr")],
-    half_distance: Annotated[
-        str, typer.Option(help='Mesh units, or "12%" of the radius; or several, "3%,40%", whose w is multiplied.')
-    ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Output file, format by ending, as of bake.")],
-    power: Annotated[str | None, typer.Option(help="Of w at each half-distance, 1 by default: 1,0.5.")] = None,
-    mesh: Annotated[Path | None, typer.Option(help="The mesh file that a .npz belongs to.")] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary.")] = False,
-) -> None:
+@command(
+    Option("baked", Path, ..., "A file of bake --profile: .npz .ply .glb .gltf .exr", is_argument=True),
+    Option("half_distance", str, ..., 'Mesh units, or "12%" of the radius; or "3%,40%", whose w is multiplied.'),
+    Option("output", Path, ..., "Output file, format by ending, as of bake.", short="-o"),
+    Option("power", str | None, None, "Of w at each half-distance, 1 by default: 1,0.5."),
+    Option("mesh", Path | None, None, "The mesh file that a .npz belongs to."),
+    _QUIET,
+)
+def falloff(baked: Path, half_distance: str, output: Path, power: str | None, mesh: Path | None, quiet: bool) -> None:
     """Change the falloff of a bake that has a profile, without rays."""
     from scenes.commands.falloff import change_falloff
     from scenes.formats.falloffs import make_scales
@@ -100,11 +123,11 @@ def falloff(
         print(summary)
 
 
-@app.command()
-def info(
-    mesh: Annotated[Path, typer.Argument(metavar="MESH", help="A mesh file, or - for standard input.")],
-    json: Annotated[bool, typer.Option("--json", help="As JSON, for other programs.")] = False,
-) -> None:
+@command(
+    Option("mesh", Path, ..., "A mesh file, or - for standard input.", is_argument=True),
+    Option("json", bool, False, "As JSON, for other programs."),
+)
+def info(mesh: Path, json: bool) -> None:
     """Describe a mesh file and its defects."""
     from scenes.commands.info import describe, facts
     from scenes.formats.load import load_mesh
@@ -118,41 +141,46 @@ def info(
         print(columns(describe(source)))
 
 
-@app.command()
-def validate(
-    samples: Annotated[int, typer.Option(help="Rays per vertex; allowed errors depend on it.")] = 4096,
-    seed: Annotated[int, typer.Option(help="Random seed of rays.")] = 0,
-    threads: Threads = None,
-    moved: Annotated[bool, typer.Option("--stress", "--generated", "--long", hidden=True)] = False,
-) -> None:
+@command(
+    Option("samples", int, 4096, "Rays per vertex; allowed errors depend on it."),
+    _SEED,
+    of_bake("threads"),
+    *(Option(name, bool, False) for name in ("stress", "generated", "long")),
+)
+def validate(samples: int, seed: int, threads: int | None, **moved: bool) -> int:
     """Compare bakes with exact solutions; exit status 1 on failure."""
     from ao.options import Options
     from scenes.validation.table import run_validation, validation_table
 
-    if moved:
+    if any(moved.values()):
         where = "python -m pytest tests/stress tests/random_meshes, in the source folder"
         note(f"validate: stress tests and random meshes are test suites: {where}")
-        raise typer.Exit(2)
+        return 2
     Options(samples=samples, seed=seed, threads=threads)
     results = run_validation(samples=samples, seed=seed, threads=threads)
     print(validation_table(results))
-    raise typer.Exit(0 if all(result.ok for result in results) else 1)
+    return 0 if all(result.ok for result in results) else 1
 
 
-@app.command()
-@parameters(RENDER)
+@command(*RENDER)
 def render(**options: Any) -> None:
     """Render a scene to an image; an .exr holds every layer."""
+    from scenes.commands.render import run_render
+
     run_render(RenderOptions(**options))
 
 
-@app.command()
-def scenes(
-    name: Annotated[
-        str | None, name_of("scenes.library.catalogue.BUILTIN", "A built-in scene; without, a list.")
-    ] = None,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the scene to this .toml file.")] = None,
-) -> None:
+def _scene_names() -> list[str]:
+    from scenes.library.catalogue import BUILTIN
+
+    return list(BUILTIN)
+
+
+@command(
+    Option("name", str | None, None, "A built-in scene; without, a list.", is_argument=True, words=_scene_names),
+    Option("output", Path | None, None, "Write the scene to this .toml file.", short="-o"),
+)
+def scenes(name: str | None, output: Path | None) -> None:
     """List the built-in scenes, or print or write one as TOML."""
     from scenes.library.catalogue import BUILTIN, builtin_toml, write_builtin
 
@@ -166,11 +194,17 @@ def scenes(
         write_builtin(name, output)
 
 
-@app.command()
-def materials(
-    name: Annotated[str | None, name_of("raytrace.materials.presets.PRESETS", "A preset; without, a list.")] = None,
-    check: Annotated[bool, typer.Option("--check", hidden=True)] = False,
-) -> None:
+def _preset_names() -> list[str]:
+    from raytrace import PRESETS
+
+    return list(PRESETS)
+
+
+@command(
+    Option("name", str | None, None, "A preset; without, a list.", is_argument=True, words=_preset_names),
+    Option("check", bool, False),
+)
+def materials(name: str | None, check: bool) -> None:
     """List the material presets, or print one as TOML."""
     from scenes.commands.materials import preset_toml, presets
 
@@ -183,14 +217,14 @@ def materials(
         print(preset_toml(name), end="")
 
 
-@app.command()
-def compare(
-    a: Annotated[Path, typer.Argument(metavar="A", help="The reference image.")],
-    b: Annotated[Path, typer.Argument(metavar="B", help="The image to compare with it.")],
-    threshold: Annotated[float | None, typer.Option(help="Exit status 1 if the metric is above it.")] = None,
-    metric: Annotated[choices.Metric, typer.Option(help="Metric that --threshold applies to.")] = "flip",
-    difference: Annotated[Path | None, typer.Option(help="Write the FLIP difference map: .png .tif .jpg")] = None,
-) -> None:
+@command(
+    Option("a", Path, ..., "The reference image.", is_argument=True),
+    Option("b", Path, ..., "The image to compare with it.", is_argument=True),
+    Option("threshold", float | None, None, "Exit status 1 if the metric is above it."),
+    Option("metric", Metric, "flip", "Metric that --threshold applies to."),
+    Option("difference", Path | None, None, "Write the FLIP difference map: .png .tif .jpg"),
+)
+def compare(a: Path, b: Path, threshold: float | None, metric: Metric, difference: Path | None) -> int:
     """Compare two images: mean, RMS and maximum error, PSNR, FLIP."""
     from raytrace.image.compare import compare as compared
     from raytrace.image.write import check_image_target
@@ -198,60 +232,38 @@ def compare(
     if threshold is not None and not threshold >= 0:
         raise OptionError("threshold", "a number in [0, inf)", threshold)
     if difference:
-        with choices.named("difference"):
+        with named("difference"):
             check_image_target(difference, layers=("beauty",))
     found = compared(a, b, difference)
     names = ("mean_error", "rms_error", "max_error", "psnr", "flip")
     print(columns([(name, f"{getattr(found, name):.6g}") for name in names]))
-    raise typer.Exit(0 if threshold is None or found.within(threshold, metric) else 1)
+    return 0 if threshold is None or found.within(threshold, metric) else 1
 
 
-@app.command()
-def bench(
-    mesh: Annotated[
-        Path | None, typer.Argument(metavar="MESH", help="A mesh file; without one, the built-in temple.")
-    ] = None,
-    falloff: Annotated[str, parameter(ROWS["falloff"])] = "exponential",
-    max_distance: Annotated[str, parameter(ROWS["max_distance"])] = "inf",
-    seed: Annotated[int, typer.Option(help="Random seed of the first round; later rounds count up.")] = 0,
-    threads: Threads = None,
-    report: Annotated[Path | None, typer.Option(help="Also write every round as JSON.")] = None,
-) -> None:
+@command(
+    Option("mesh", Path | None, None, "A mesh file; without one, the built-in temple.", is_argument=True),
+    of_bake("falloff"),
+    of_bake("max_distance"),
+    _SEED._replace(help="Random seed of the first round; later rounds count up."),
+    of_bake("threads"),
+    Option("report", Path | None, None, "Also write every round as JSON."),
+)
+def bench(report: Path | None, **options: Any) -> None:
     """Measure bake time against error on this machine."""
-    options = {name: choices.plain(value) for name, value in locals().items() if name != "report"}
     from scenes.commands.bench import bench_file
     from scenes.formats.falloffs import make_falloff
 
-    bench_file(mesh, make_falloff(falloff, None, None, max_distance), seed, threads, report, options)
+    written = {name: plain(value) for name, value in options.items()}
+    falloff = make_falloff(options["falloff"], None, None, options["max_distance"])
+    bench_file(options["mesh"], falloff, options["seed"], options["threads"], report, written)
 
 
-@app.command()
-def demo(
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the mesh and the image.")] = Path("demo"),
-    quiet: Annotated[bool, parameter(ROWS["quiet"])] = False,
-) -> None:
+@command(Option("output", Path, "demo", "Folder for the mesh and the image.", short="-o"), of_bake("quiet"))
+def demo(output: Path, quiet: bool) -> None:
     """Bake the built-in temple and render it."""
     from scenes.commands.demo import make_demo
 
     make_demo(output, quiet)
-
-
-@app.callback(invoke_without_command=True)
-def start(
-    context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", help="Show versions and the processor, and exit.")] = False,
-) -> None:
-    """Bake ambient occlusion or obscurance (1 = open) and render scenes, with Embree."""
-    if version:
-        from ao.report import versions
-        from raytrace.system.processor import processor
-
-        found = versions()
-        print("obscurance", found["obscurance"])
-        print(columns([("Embree", found["embree"]), ("CPU", processor()), ("Python", found["python"])]))
-        raise typer.Exit
-    if context.invoked_subcommand is None:
-        print(context.get_help())
 
 
 def main() -> None:
@@ -269,20 +281,33 @@ def main() -> None:
 def _run() -> int:
     gc.set_threshold(20_000)  # what is imported stays: to look for garbage in it takes 5 % of a short bake
     reopen_streams()
-    arguments, commands = sys.argv[1:], get_command(app)
+    arguments = sys.argv[1:]
     with readable_output():
         try:
-            status = commands.main(arguments, "obscurance", standalone_mode=False)
+            status = _called(arguments)
             sys.stdout.flush()
-        except (TyperException, ObscuranceError) as fault:
+        except (click.UsageError, ObscuranceError) as fault:
             note(fault_in_words(fault, commands, arguments))
-            status = 2 if isinstance(fault, TyperException | InputError | OutputError) else 1
+            status = 2 if isinstance(fault, click.UsageError | InputError | OutputError) else 1
         except MemoryError:
             note("out of memory: the system or a limit, ulimit -v for instance, gives no more")
             status = 2
         except OSError as failure:
             status = output_failed(failure)
     return status
+
+
+def _called(arguments: list[str]) -> int:
+    """Call a command, or complete the line of a shell. Returns: the exit status."""
+    if instruction := os.environ.get(_COMPLETE):
+        from click.shell_completion import shell_complete
+
+        return shell_complete(commands, {}, "obscurance", _COMPLETE, instruction)
+    try:
+        with commands.make_context("obscurance", list(arguments)) as context:
+            return commands.invoke(context) or 0
+    except click.exceptions.Exit as end:
+        return end.exit_code
 
 
 if __name__ == "__main__":

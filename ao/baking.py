@@ -22,7 +22,7 @@ from .options import DEFAULT_SAMPLES, Options, VertexOptions
 from .points.occluders import occluding
 from .points.receivers import Flag
 from .prepared import Inputs, Prepared
-from .result import Bake, Interpolation, PointValues, assemble
+from .result import Bake, Interpolation, PointValues, assemble, baked_vertices
 
 _LARGE = 1 << 14  # vertices of a mesh that is not kept until somebody asks for the error between them
 
@@ -34,7 +34,7 @@ class VertexArguments(VertexOptions, Inputs):
 
 @with_option_parameters(VertexArguments)
 def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
-    """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex of `mesh`.
+    """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex, or face, of `mesh`.
 
     Raises:
         OptionError: an argument is out of range, or of the other method.
@@ -47,10 +47,20 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     Warns:
         ToleranceWarning: the `tolerance` is not met, with too few `samples` allowed for instance.
     """
+    baked = _bake(mesh, options)
+    if options.both_sides:
+        backs = _bake(baked.mesh.reversed(), options)
+        baked = replace(baked, below=backs, rays=baked.rays + backs.rays)
+    return baked
+
+
+def _bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     # What is given: the mesh, what occludes it, and whether it fits into memory.
     high, only = options.high, options.only
     if high is not None and (options.method == "surface" or only is not None):
         raise ConflictError("high", "does not go with", "only" if only is not None else ("method", "surface"))
+    if high is not None and options.at == "faces":
+        raise ConflictError("high", "does not go with", ("at", "faces"))
     mesh = mesh_of(mesh, "bake")
     others = occluding(options.occluders, high)
     solid = mesh if high is None else mesh_of(high, "bake")
@@ -59,12 +69,18 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     _check_memory(len(mesh.vertices), [mesh, *others] if high is None else [solid, mesh], options)
 
     start = time.perf_counter()
-    checkpoint = options.checkpoint if high is None else None
-    # Estimates of w, by the method asked for.
+    # Estimates of w, where and by the method asked for.
+    at_vertices = high is None and options.at == "vertices"
+    checkpoint = options.checkpoint if at_vertices else None
     prepared = Prepared.of(solid, options, options.progress, checkpoint, others, mesh.radius)
-    if high is None and options.method == "vertex":
+    elements = None
+    if options.at == "faces":
+        from .face_values import sample_faces
+
+        elements, values = sample_faces(prepared, len(mesh.faces), options.checkpoint)
+    elif at_vertices and options.method == "vertex":
         values = _sample_vertices(prepared)
-    elif high is None:
+    elif at_vertices:
         from .surface_method import fit_to_surface  # its sparse matrices load for a fifth of a second
 
         values = fit_to_surface(prepared)
@@ -74,8 +90,8 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
         prepared, values = sample_fine_mesh(prepared, mesh, options)
     # The bake, and later the error between its vertices, of large meshes at once.
     build = prepared.receivers.tree_seconds
-    baked = assemble(prepared, mesh, values)
-    if high is None and (only is None or options.denoise):
+    baked = assemble(prepared, mesh, elements or baked_vertices(prepared, len(mesh.vertices)), values)
+    if at_vertices and (only is None or options.denoise):
         measure = partial(_measure_between, prepared, baked)
         if len(mesh.vertices) >= _LARGE:
             between = measure()
@@ -83,7 +99,8 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
         baked = replace(baked, measure_between=measure)
     baked.seconds.update(build=build, bake=time.perf_counter() - start - build)
     vertices = prepared.placement.vertices
-    return replace(baked, shortfalls=shortfalls(options, max(baked.rmses), values.samples, "vertex", solid, vertices))
+    each = "face" if options.at == "faces" else "vertex"
+    return replace(baked, shortfalls=shortfalls(options, max(baked.rmses), values.samples, each, solid, vertices))
 
 
 def _measure_between(prepared: Prepared, baked: Bake) -> Interpolation:

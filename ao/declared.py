@@ -4,14 +4,16 @@ From one follow the check of a value, the parameter of `ao.bake` with its descri
 """
 
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields, replace
-from functools import cache, wraps
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import MISSING, Field, fields
+from functools import wraps
 from inspect import Parameter, Signature, cleandoc
 from pathlib import Path
 from textwrap import fill
-from types import NoneType, new_class
-from typing import Annotated, Any, ForwardRef, Literal, ParamSpec, TypeVar, get_args, get_origin
+from types import NoneType
+from typing import Any, ForwardRef, Literal, NamedTuple, ParamSpec, TypeVar, get_args, get_origin
+
+from raytrace.errors import OptionError, nearest_name
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -20,27 +22,26 @@ Role = Literal["input", "output", "result", "run"]
 EVERY_BAKE = "vertices texture part batch"
 IMAGE = "texture part batch"
 SAME: Any = object()  # as the field has it
+_EXPECTED = {bool: "true or false", int: "a whole number", float: "a number", str: "a text", Path: "a file"}
 
 
-@dataclass(frozen=True, eq=False)
-class Option:
+class Option(NamedTuple):
     """A row of the command's table, or what annotates a field."""
 
     name: str = ""  # in Python and in reports
     kind: Any = SAME  # its type, or its choices
-    default: Any = SAME  # `...` of an argument that is needed
+    default: Any = SAME  # `...` of what has to be given
     help: str = ""  # in one line
     bake_kinds: str = EVERY_BAKE  # that take it: vertices, texture, part, merge, batch; none: Python alone
     role: Role = "result"  # a file that is read, what is written, what is computed, or how that is run
-    needs: Mapping[str, Any] = field(
-        default_factory=dict
-    )  # other options, and their value, `...` for any but the default
+    needs: Mapping[str, Any] = {}  # other options, and their value, `...` for any but the default
     excludes: tuple[str, ...] = ()  # other options
     metavar: str | None = None
     short: str | None = None
-    section: str = ""  # of the help
+    section: str = ""  # of the whole help; none of those that matter
     old_name: str | None = None
-    words: tuple[str, ...] = ()  # for completion
+    words: Sequence[str] | Callable[[], Iterable[str]] = ()  # for completion
+    is_argument: bool = False  # of the command, known by its place
     is_setting: bool = True  # whether `--options` takes it over, if it is no file that is written
     bounds: tuple[float, float] | None = None  # of a number
     python_help: str = ""  # what there is to say of it in Python beside `help`
@@ -54,6 +55,30 @@ class Option:
         return [flag + off, *([self.short] if self.short else [])]
 
     @property
+    def is_list(self) -> bool:
+        """Whether it takes several values."""
+        return list in (get_origin(self.kind), *map(get_origin, get_args(self.kind)))
+
+    @property
+    def element(self) -> Any:
+        """The type of one value that is not None."""
+        kind = _without_none(self.kind)
+        return get_args(kind)[0] if self.is_list else kind
+
+    def parsed(self, value: object) -> Any:
+        """One value of it, from a word of the command line or from JSON. Raises: OptionError: of another type."""
+        kind = self.element
+        names = get_args(kind)
+        if names:
+            return _one_of(names, self.name, value)
+        try:
+            if not isinstance(value, str | int | float) or isinstance(value, bool) is not (kind is bool):
+                raise TypeError
+            return value if kind is bool else kind(str(value))
+        except (TypeError, ValueError):
+            raise OptionError(self.name, _EXPECTED[kind], value) from None
+
+    @property
     def reusable(self) -> bool:
         """Whether `--options` takes it over."""
         return self.is_setting and self.role != "run" and not (self.role == "output" and self.kind == Path | None)
@@ -61,14 +86,12 @@ class Option:
 
 def rows(record: Any) -> dict[str, Option]:
     """The options that a record declares."""
-    options_of = {}
-    for declared in fields(record):
-        kind, row = _declaration(declared)
-        same = {"kind": kind, "default": declared.default}
-        options_of[declared.name] = replace(
-            row, name=declared.name, **{key: same[key] for key in same if getattr(row, key) is SAME}
-        )
-    return options_of
+    found = {}
+    for each in fields(record):
+        kind, row = _declaration(each)
+        same = {"kind": kind, "default": each.default}
+        found[each.name] = row._replace(name=each.name, **{key: same[key] for key in same if getattr(row, key) is SAME})
+    return found
 
 
 def _declaration(field: Field[Any]) -> tuple[Any, Option]:
@@ -79,43 +102,37 @@ def _declaration(field: Field[Any]) -> tuple[Any, Option]:
 
 def check_values(record: Any) -> None:
     """Make the numbers, choices and switches of a record plain. Raises: OptionError: one is out of range."""
-    checks = _checks(record.__class__)
-    for name, value in vars(
-        checks(**{declared.name: getattr(record, declared.name) for declared in fields(checks)})
-    ).items():
-        object.__setattr__(record, name, value)
+    for each in fields(record):
+        kind, row = _declaration(each)
+        value = getattr(record, each.name)
+        if value is not None or NoneType not in get_args(kind):
+            object.__setattr__(record, each.name, _checked(each.name, _without_none(kind), row.bounds, value))
 
 
-@cache
-def _checks(record: Any) -> Any:
-    """A class that takes values of a record by their names, and checks them by their types."""
-    from raytrace.system.parameters import Parameters
+def _checked(name: str, kind: Any, bounds: tuple[float, float] | None, value: Any) -> Any:
+    """A value as a plain one; meshes, falloffs and arrays, which are checked where they are used, as they are."""
+    plain = value.item() if hasattr(value, "item") and not getattr(value, "shape", ()) else value
+    if get_origin(kind) is Literal:
+        return _one_of(get_args(kind), name, plain)
+    if kind is bool and not isinstance(plain, bool):
+        raise OptionError(name, _EXPECTED[bool], value)
+    if bounds is None:
+        return plain if kind is bool else value
+    least, most = bounds
+    if not isinstance(plain, kind | int) or isinstance(plain, bool) or not least <= plain <= most:
+        number = f"a whole number from {least} to {most}" if kind is int else f"a number from {least:g} to {most:g}"
+        raise OptionError(name, number.replace("e-0", "e-"), value)
+    return kind(plain)
 
-    kinds = {field.name: _checked(*_declaration(field)) for field in fields(record)}
-    kinds = {name: kind for name, kind in kinds.items() if kind is not Any}
-    return new_class("Values", (Parameters,), {"source": "options"}, lambda names: names.update(__annotations__=kinds))
+
+def _one_of(names: tuple[str, ...], option: str, value: object) -> object:
+    if value in names:
+        return value
+    raise OptionError(option, "one of " + ", ".join(names), value, nearest=nearest_name(value, names))
 
 
-def _checked(kind: Any, row: Option) -> Any:
-    """The type of a field as pydantic checks it; Any of meshes, falloffs and arrays, which are checked where used."""
-    from pydantic import Field
-
-    from raytrace.system.parameters import Switch, Whole
-
-    annotation: Any = Any
-    plain = get_args(kind)[0] if NoneType in get_args(kind) else kind
-    if get_origin(plain) is Literal:
-        *names, last = get_args(plain)
-        annotation = Annotated[plain, Field(description=f"{', '.join(names)} or {last}")]
-    elif plain is bool:
-        annotation = Switch
-    elif row.bounds:
-        least, most = row.bounds
-        annotation = Annotated[Whole, Field(ge=least, le=most)]
-        if plain is float:
-            text = f"a number from {least:g} to {most:g}".replace("e-0", "e-")
-            annotation = Annotated[float, Field(strict=True, ge=least, le=most, description=text)]
-    return annotation | None if plain is not kind and annotation is not Any else annotation
+def _without_none(kind: Any) -> Any:
+    return get_args(kind)[0] if NoneType in get_args(kind) else kind
 
 
 def with_option_parameters(record: Callable[P, T]) -> Callable[[Callable[[Any, T], R]], Callable[P, R]]:

@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import math
 import sys
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from numbers import Real
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeGuard
+from typing import TYPE_CHECKING, Any, ClassVar, TypeGuard
 
 import numpy as np
-from pydantic import Field, PlainValidator, ValidationInfo
 
 from raytrace.errors import ConflictError, OptionError, nearest_name, numbers
-from raytrace.system.parameters import Parameters
 from raytrace.types import Float64s
 
 from .mu import MAX_KNOTS, ROUNDING, STEPS, Function, Mu, function_knots
@@ -50,16 +49,6 @@ def is_length(value: object) -> TypeGuard[Length]:
     return isinstance(value, str | Real)
 
 
-def _length(value: Length, field: ValidationInfo) -> Length:
-    resolve_length(str(field.field_name), value, 1.0)
-    return value
-
-
-def _finite_length(value: Length, field: ValidationInfo) -> Length:
-    _resolve_finite(str(field.field_name), value)
-    return value
-
-
 def _resolve_finite(field: str, length: Length, like: str = ', such as 0.5 or "25%"') -> float:
     """`length` in mesh units, or in percent."""
     value = resolve_length(field, length, 100.0)
@@ -68,25 +57,16 @@ def _resolve_finite(field: str, length: Length, like: str = ', such as 0.5 or "2
     return value
 
 
-def _listed(values: Any) -> tuple[Any, ...]:
-    try:
-        return tuple(np.asarray(values).tolist())
-    except (TypeError, ValueError):
-        raise ValueError("a list of numbers") from None
-
-
 FALLOFFS: dict[str, type[Any]] = {}
 """The classes of `Falloff` that have a name, by it; they take a `max_distance`."""
 POLYNOMIALS: dict[str, Mapping[int, float]] = {}
 """Coefficients of μ by powers of x/D, of each `Polynomial` by its name."""
-Rate = Annotated[float, Field(strict=True, gt=0, lt=math.inf, description="a finite rate above 0")]
-Limit = Annotated[Length, PlainValidator(_length)]
-Reach = Annotated[Length, PlainValidator(_finite_length)]
-Row = Annotated[Any, PlainValidator(_listed), Field(description="a list of numbers")]
 
 
-class Falloff(Parameters, kw_only=False, source="options"):
-    """Base class of falloffs. A subclass with a `name` is known by it in options and scene files."""
+@dataclass(frozen=True)
+class Falloff(ABC):
+    """Base class of falloffs, which are frozen dataclasses. A subclass with a `name` is known by it in options and
+    scene files."""
 
     if TYPE_CHECKING:  # a field or a property of every subclass
 
@@ -94,8 +74,7 @@ class Falloff(Parameters, kw_only=False, source="options"):
         def max_distance(self) -> Length:
             """From which on μ is 1: a length in mesh units, "P%" of the bounding-sphere radius, or inf."""
 
-    def __init_subclass__(cls, kw_only: bool = False, name: str = "") -> None:
-        super().__init_subclass__(kw_only, "options")
+    def __init_subclass__(cls, name: str = "") -> None:
         if name:
             FALLOFFS[name] = cls
 
@@ -104,7 +83,8 @@ class Falloff(Parameters, kw_only=False, source="options"):
         """μ for a mesh of bounding-sphere radius `radius`."""
 
 
-class Exponential(Falloff, kw_only=False, name="exponential"):
+@dataclass(frozen=True)
+class Exponential(Falloff, name="exponential"):
     """μ(x) = (1 − e^(−τx)) / (1 − e^(−τD)) for x < D, 1 beyond (12.74, with the limit D = `max_distance`).
 
     Args:
@@ -117,11 +97,14 @@ class Exponential(Falloff, kw_only=False, name="exponential"):
         OptionError: both rates given, or a value out of range.
     """
 
-    tau: Rate | None = None
-    half_distance: Limit | None = None
-    max_distance: Limit = math.inf
+    tau: float | None = None
+    half_distance: Length | None = None
+    max_distance: Length = math.inf
 
     def __post_init__(self) -> None:
+        if self.tau is not None and not (isinstance(self.tau, Real) and 0 < self.tau < math.inf):
+            raise OptionError("tau", "a finite rate above 0", self.tau)
+        resolve_length("max_distance", self.max_distance, 1.0)
         if self.tau is not None and self.half_distance is not None:
             raise ConflictError("tau", "excludes", "half_distance")
         if self.half_distance is not None:
@@ -136,7 +119,8 @@ class Exponential(Falloff, kw_only=False, name="exponential"):
         return Mu("exponential", resolve_length("max_distance", self.max_distance, radius or 1.0), tau)
 
 
-class Binary(Falloff, kw_only=False, name="binary"):
+@dataclass(frozen=True)
+class Binary(Falloff, name="binary"):
     """μ = 0 for a hit nearer than `max_distance`, else 1: cosine-weighted ambient visibility.
 
     Args:
@@ -146,14 +130,18 @@ class Binary(Falloff, kw_only=False, name="binary"):
         OptionError: `max_distance` is not a length above 0.
     """
 
-    max_distance: Limit = math.inf
+    max_distance: Length = math.inf
+
+    def __post_init__(self) -> None:
+        resolve_length("max_distance", self.max_distance, 1.0)
 
     def resolve(self, radius: float) -> Mu:
         """μ for a mesh of bounding-sphere radius `radius`."""
         return Mu("binary", resolve_length("max_distance", self.max_distance, radius or 1.0))
 
 
-class Polynomial(Falloff, kw_only=False):
+@dataclass(frozen=True)
+class Polynomial(Falloff):
     """Base class of forms that are polynomials in t = x/D for x < D, 1 beyond: linear between 1,025 values.
 
     A subclass has a `name` and `coefficients`, by powers of t: from 0 at t = 0 to 1 at t = 1, nowhere falling.
@@ -164,14 +152,17 @@ class Polynomial(Falloff, kw_only=False):
     """
 
     coefficients: ClassVar[Mapping[int, float]]
-    max_distance: Reach
+    max_distance: Length
 
-    def __init_subclass__(cls, kw_only: bool = False, name: str = "") -> None:
-        super().__init_subclass__(kw_only, name)
+    def __init_subclass__(cls, name: str = "") -> None:
+        super().__init_subclass__(name)
         cls.form = name
         POLYNOMIALS[name] = cls.coefficients
 
     form: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        _resolve_finite("max_distance", self.max_distance)
 
     def resolve(self, radius: float) -> Mu:
         """μ for a mesh of bounding-sphere radius `radius`."""
@@ -185,7 +176,7 @@ class Polynomial(Falloff, kw_only=False):
         return Mu(self.form, limit, knots=_knots(limit * t, t**lowest * values))
 
 
-class Linear(Polynomial, kw_only=False, name="linear"):
+class Linear(Polynomial, name="linear"):
     """μ(x) = x/D for x < D, 1 beyond: linear attenuation, the limit of the exponential form for τ → 0.
 
     Args, Raises: as `Polynomial`.
@@ -194,7 +185,7 @@ class Linear(Polynomial, kw_only=False, name="linear"):
     coefficients = {1: 1.0}  # noqa: RUF012
 
 
-class Smooth(Polynomial, kw_only=False, name="smooth"):
+class Smooth(Polynomial, name="smooth"):
     """μ(x) = 3t² − 2t³ with t = x/D for x < D, 1 beyond: the smooth step, by 1,025 knots exact to 1e-6.
 
     Args, Raises: as `Polynomial`.
@@ -203,7 +194,8 @@ class Smooth(Polynomial, kw_only=False, name="smooth"):
     coefficients = {2: 3.0, 3: -2.0}  # noqa: RUF012
 
 
-class Tabulated(Falloff, kw_only=False):
+@dataclass(frozen=True)
+class Tabulated(Falloff):
     """Any monotone μ (12.73): values at ascending distances, linear between them, 1 beyond the last.
 
     Args:
@@ -215,10 +207,15 @@ class Tabulated(Falloff, kw_only=False):
         OptionError: they are no such lists.
     """
 
-    distances: Row
-    values: Row
+    distances: Any
+    values: Any
 
     def __post_init__(self) -> None:
+        for name in ("distances", "values"):
+            try:
+                object.__setattr__(self, name, tuple(np.asarray(getattr(self, name)).tolist()))
+            except (TypeError, ValueError):
+                raise OptionError(name, "a list of numbers", getattr(self, name)) from None
         distances, _ = _in_one_unit(self.distances)
         values = numbers(self.values, "options", "values", "numbers from 0 to 1")
         if distances.shape != values.shape or not 2 <= len(distances) <= MAX_KNOTS:

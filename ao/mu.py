@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -110,8 +109,7 @@ def accumulate_occlusion(columns, distance, share, occlusion):
             occlusion[c] += share * (1.0 - mu)
 
 
-@dataclass(frozen=True)
-class Mu:
+class Mu(NamedTuple):
     """A falloff whose lengths are known, in mesh units: what a bake computes with."""
 
     form: str  # "binary", "exponential", "table" or the name of a polynomial

@@ -29,6 +29,8 @@ Normals = Literal["angle", "area", "equal", "file"]
 Interior = Literal["auto", "ignore", "mark", "fill"]
 Traversal = Literal["auto", "embree"]
 BackFaces = Literal["occlude", "ignore"]
+At = Literal["vertices", "faces"]
+_NOT_AT_FACES = "high", "cluster", "occluded_by", "colors", "report", "debug_image"
 Overlap = Literal["mean", "first", "refuse"]
 BentSpace = Literal["world", "tangent", "tangent-directx"]
 
@@ -194,6 +196,12 @@ class VertexOptions(Options):
         "Sample at the vertices, or all over the faces with a least-squares fit.", python_help=
         '"surface" fits the values whose interpolation is nearest to w all over the faces (Kavan, Bargteil & Sloan '
         "2011, Least Squares Vertex Baking).")] = "vertex"
+    at: Annotated[At, Option(bake_kinds="vertices batch", excludes=_NOT_AT_FACES, help=
+        "faces: w of each face, its mean over the face, into .npy, .npz or .ply.", python_help=
+        "Hemispheres are about the faces' own normals, and rows of the result are those of `mesh.faces`. Not by the "
+        "surface method, nor with `high`; with `only`, at faces of which all vertices are wanted.")] = "vertices"
+    both_sides: Annotated[bool, Option(bake_kinds="vertices batch", excludes=_NOT_AT_FACES, help=
+        "Also w of the backs of faces.", python_help="It is that of the result's `below`.")] = False
 
     def __post_init__(self) -> None:
         import numpy as np
@@ -205,6 +213,8 @@ class VertexOptions(Options):
             object.__setattr__(self, "only", np.asarray(self.only))
         if self.method == "vertex":
             return
+        if self.at == "faces":
+            raise ConflictError(("at", "faces"), "does not go with", ("method", "surface"))
         for name in ("denoise", "interior", "traversal", "back_faces"):
             if getattr(self, name) != getattr(Options, name):
                 raise ConflictError((name, getattr(self, name)), "does not go with", ("method", "surface"))

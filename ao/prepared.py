@@ -41,7 +41,8 @@ class Inputs:
         "what `ao.prepare` returns.")]
     _: KW_ONLY
     progress: Annotated[Progress | None, Option(bake_kinds="", role="run", help=
-        "Called with (rays traced, rays in all) as the work goes on.")] = None
+        "Called with (rays traced, rays in all, stage) as the work goes on; a stage without rays, as \"coverage\" and "
+        "\"seams\" of a texture, counts to 1.")] = None
     checkpoint: Annotated[Checkpoint | None, Option(bake_kinds="", role="run", help=
         "Keeps what is traced, and is asked for what an interrupted run traced; the bits are the same.")] = None
     high: Annotated[Mesh | Any | None, Option(bake_kinds="", role="input", help=

@@ -23,13 +23,13 @@ from raytrace.types import AnyFloats, Float32s, Float64s, Int64s, UInt8s
 from .estimate.calibration import Calibration
 from .estimate.tolerance import Estimate
 from .mu import Mu
-from .options import OCTAVES
+from .options import OCTAVES, At
 from .points.receivers import Flag
 from .prepared import Prepared
 from .profile import Profile
 
 _BLOCK = 1 << 12  # vertices
-_VISIBLE = 0.02
+_VISIBLE = 0.1  # 5 of 100 in the lightness of greys, twice what is noticed beside the right value
 _TIMES_RMSE = 3.0
 _REASONS = "duplicate", "no_normal", "not_wanted", "below_face", "predicted", "hidden"
 
@@ -45,7 +45,7 @@ class Interpolation(NamedTuple):
 
     @property
     def visible(self) -> bool:
-        """Whether it is surely more than .02, five steps of an 8-bit value."""
+        """Whether it is surely more than .1, so that shadows lack, or faces are dark all over."""
         return self.at_least > _VISIBLE
 
     @classmethod
@@ -106,7 +106,7 @@ class Columns:
 
 @dataclass(frozen=True, eq=False)
 class Bake(Columns):
-    """One row a vertex, in the mesh's own order.
+    """One row a vertex, in the mesh's own order; of a bake at faces one a face, where it says vertex and vertices.
 
     Attributes:
         w: float64 (n,), obscurance in [0, 1]; 1 is open. Vertices without a usable normal get 1.
@@ -122,6 +122,7 @@ class Bake(Columns):
         mesh: what was baked.
         shortfalls: what the result lacks of what was asked for, in words: a tolerance that is not met.
         calibration: of the squared errors, at vertices that were baked twice; None by the surface method.
+        at: what rows are of. below: of the backs of faces, where that was asked for; `rays` are those of both.
         measure_between: traces what `interpolation` is, when that is first asked for.
         values, errors: float64 (n, k), w and its standard error by each of k falloffs, of which `w` is the first.
         profile: w at half-distances an octave apart, (n, 10); None where it was not asked for. profile_errors: float32
@@ -140,6 +141,8 @@ class Bake(Columns):
     mesh: Mesh
     shortfalls: tuple[str, ...] = ()
     calibration: Calibration | None = None
+    at: At = "vertices"
+    below: Bake | None = None
     measure_between: Callable[[], Interpolation] | None = field(default=None, repr=False)
 
     @cached_property
@@ -152,7 +155,7 @@ class Bake(Columns):
 
     def __repr__(self) -> str:
         range_ = f"w from {self.w.min():.3f} to {self.w.max():.3f}"
-        return f"<Bake of {len(self.w):,} vertices: {range_}, RMSE {self.rmse:.2g}, {self.rays:,} rays>"
+        return f"<Bake of {len(self.w):,} {self.at}: {range_}, RMSE {self.rmse:.2g}, {self.rays:,} rays>"
 
     def _repr_html_(self) -> str | None:
         """HTML for notebooks, by a package with an entry point of the group `obscurance.html`."""
@@ -170,7 +173,7 @@ class Bake(Columns):
 
     @property
     def coarse(self) -> bool:
-        """Whether interpolation between the vertices surely errs by more than .02 and more than three times `rmse`."""
+        """Whether interpolation between the vertices surely errs by more than .1 and more than three times `rmse`."""
         interpolation = self.interpolation
         return interpolation is not None and interpolation.visible and interpolation.at_least > _TIMES_RMSE * self.rmse
 
@@ -204,14 +207,31 @@ class PointValues:
         return cls(w[0], error[0], estimate.rows[:, 1:], *rest)
 
 
-def assemble(prepared: Prepared, mesh: Mesh, values: PointValues) -> Bake:
-    """Spread values at points over the vertices of `mesh`, the first of the wanted ones."""
-    # w, errors and bent normals of each vertex, by its point.
-    count = len(mesh.vertices)
-    only = prepared.options.only
-    point = prepared.requested_receivers.of_vertex[:count]
-    flags = prepared.requested_receivers.flags[:count]
-    normals = prepared.requested_receivers.points.normals
+@dataclass(frozen=True, eq=False)
+class BakedElements:
+    """The n vertices or faces that have a row of the result each."""
+
+    point: Int64s  # (n,), the row in `PointValues`, −1 for none
+    flags: UInt8s  # (n,)
+    normals: Float32s  # (k, 3), of the points
+    wanted: int  # how many w was asked for at
+
+
+def baked_vertices(prepared: Prepared, count: int) -> BakedElements:
+    """The first `count` vertices of the mesh of `prepared`."""
+    only, receivers = prepared.options.only, prepared.requested_receivers
+    wanted = count if only is None else int(np.count_nonzero(only))
+    return BakedElements(receivers.of_vertex[:count], receivers.flags[:count], receivers.points.normals, wanted)
+
+
+def assemble(prepared: Prepared, mesh: Mesh, elements: BakedElements, values: PointValues) -> Bake:
+    """Spread values at points over the elements of `mesh` that have them."""
+    # w, errors and bent normals of each element, by its point.
+    point = elements.point
+    flags = elements.flags
+    normals = elements.normals
+    wanted = elements.wanted
+    count = len(point)
     bent = np.zeros((count, 3))
     run_blocks(count, _BLOCK, bind(_bent_normals, point, values.bent, normals, bent), prepared.threads)
     error = np.append(values.error, 0.0)[point]  # −1, for no point, is the last row
@@ -219,16 +239,15 @@ def assemble(prepared: Prepared, mesh: Mesh, values: PointValues) -> Bake:
         np.append(values_of, np.full((1, values_of.shape[1]), outside), axis=0)[point]
         for values_of, outside in zip(values.others, (1.0, 0.0), strict=False)
     ]
-    # Root mean squares over the vertices asked for, and rays not traced, by reason.
-    wanted = len(point) if only is None else int(np.count_nonzero(only))
-    errors = [error, *(column for values_of in spread[1:] for column in values_of.T)]
-    rmses = tuple(float(np.sqrt(np.sum(values_of**2) / max(wanted, 1))) for values_of in errors)
-    vertices_skipped = {
+    # Root mean squares over the elements asked for, and rays not traced, by reason.
+    errors = [error, *(column for each in spread[1:] for column in each.T)]
+    rmses = tuple(float(np.sqrt(np.sum(each**2) / max(wanted, 1))) for each in errors)
+    elements_skipped = {
         "duplicate": int(np.count_nonzero(point >= 0)) - len(normals),
         "no_normal": int(np.count_nonzero(flags & (Flag.UNREFERENCED | Flag.DEGENERATE))),
         "not_wanted": len(point) - wanted,
     }
-    skipped = {name: values.samples * count for name, count in vertices_skipped.items()} | values.rays_skipped
+    skipped = {name: values.samples * count for name, count in elements_skipped.items()} | values.rays_skipped
     return Bake(
         w=np.append(values.w, 1.0)[point],
         error=error,
@@ -242,6 +261,7 @@ def assemble(prepared: Prepared, mesh: Mesh, values: PointValues) -> Bake:
         mu=prepared.mu,
         calibration=values.calibration,
         mesh=mesh,
+        at=getattr(prepared.options, "at", "vertices"),
         **of_columns(prepared, spread),
     )
 

@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import copyreg
 from collections.abc import Callable, Iterable
-from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
@@ -55,6 +54,8 @@ class InputError(ObscuranceError, ValueError):
 
 def nearest_name(given: object, names: Iterable[str]) -> str | None:
     """The one of `names` that was probably meant by `given`, if it is like one of them."""
+    from difflib import get_close_matches
+
     by_case = {name.lower(): name for name in names}
     word = str(given).lower()[:80]
     begun = [name for name in by_case if len(word) > 1 and name.startswith(word)]

@@ -27,7 +27,8 @@ def derive(key: np.uint32, salt: int) -> np.uint32:
 
 
 def stratified_rows(count: int, wanted: int) -> Int64s:
-    """`wanted` of `count` rows, one from each equal stretch of Morton order, all if there are no more."""
+    """`wanted` of `count` rows, one from each equal stretch of Morton order, all if there are no more; ascending."""
     wanted = min(count, wanted)
+    bounds = np.arange(wanted + 1) * count // max(wanted, 1)
     chance = np.ldexp(hash32_array(np.arange(wanted, dtype=np.uint32)).astype(np.float64), -32)
-    return ((np.arange(wanted) + chance) * (count / max(wanted, 1))).astype(np.int64)
+    return bounds[:-1] + (chance * np.diff(bounds)).astype(np.int64)

@@ -27,13 +27,13 @@ class SampleMeans:
     """What makes a `Tracer` one of groups of samples: its points stand for the groups, by their numbers."""
 
     samples: SurfaceSamples
-    elsewhere: Callable[[Int64s], SurfaceSamples] | None = None  # with other samples of some groups (j,), by numbers
+    elsewhere: Callable[[Int64s, np.uint32], SurfaceSamples] | None = None  # of some groups (j,) others, by a key
 
-    def moved(self, points: Points) -> SampleMeans | None:
+    def moved(self, points: Points, key: np.uint32) -> SampleMeans | None:
         """The same with samples elsewhere in the groups of some `points`, if there are any."""
         if self.elsewhere is None:
             return None
-        return replace(self, samples=self.elsewhere(points.numbers.astype(np.int64)))
+        return replace(self, samples=self.elsewhere(points.numbers.astype(np.int64), key))
 
     def rows(self, tracer: Tracer, points: Points, rays: int, key: np.uint32) -> Float64s:
         """Rows (k, …, COLUMNS) of groups, by so many `rays` each or a few more."""
@@ -53,14 +53,14 @@ class SampleMeans:
     def _write_means(
         self, tracer: Tracer, groups: Int64s, samples: int, rays: tuple[int, np.uint32], to: tuple[Float64s, Int64s]
     ) -> None:
-        """Set rows of an array, `to`, to means over the first `samples` of each of the `groups`.
+        """Set rows of an array, `to`, to means over so many `samples` of each of the `groups`.
 
         Args: rays: of a sample, and the key of their directions.
         """
         samples_each, key = rays
         source = np.empty(samples * len(groups), np.int64)
         numbers = np.empty(len(source), np.uint32)
-        pick = bind(_pick, groups, samples, self.samples.starts, source, numbers)
+        pick = bind(_pick, groups, samples, self.samples.starts, int(key), source, numbers)
         run_blocks(len(groups), _BLOCK, pick, tracer.threads, most=_SHARE)
         points = replace(self.samples.points[source], numbers=numbers)
         table = tracer.scene.table(samples_each, tracer.total_points, key, samples)
@@ -81,11 +81,14 @@ class SampleMeans:
 
 
 @kernel
-def _pick(groups, samples, starts, source, numbers, start, stop):
-    """Write which samples are the first ones of each group, and their numbers."""
+def _pick(groups, samples, starts, chance, source, numbers, start, stop):
+    """Write which samples of each group are taken, one of its runs of so many by `chance`, and their numbers."""
     for i in range(start, stop):
+        begin = starts[groups[i]]
+        runs = (starts[groups[i] + 1] - begin) // samples
+        begin += samples * (chance % runs)
         for k in range(samples):
-            source[samples * i + k] = starts[groups[i]] + k
+            source[samples * i + k] = begin + k
             numbers[samples * i + k] = samples * groups[i] + k
 
 

@@ -21,7 +21,7 @@ from ..rays.traverse import TraversalState
 from .checkpoint import NOTHING_KEPT, Checkpoint
 from .work import Outputs
 
-Progress = Callable[[int, int], None]
+Progress = Callable[[int, int, str], None]
 T = TypeVar("T")
 _ONE = 1 + 1e-6  # by rounding
 
@@ -106,8 +106,8 @@ class Means(Protocol):
     def rows(self, tracer: "Tracer", points: Points, rays: int, key: np.uint32) -> Float64s:
         """Rows (k, …, COLUMNS) of what the points stand for, by about so many `rays` each."""
 
-    def moved(self, points: Points) -> "Means | None":
-        """The same with other samples of what some `points` stand for, if there are others."""
+    def moved(self, points: Points, key: np.uint32) -> "Means | None":
+        """The same with other samples of what some `points` stand for, if there are others, chosen by a key."""
 
 
 @dataclass(eq=False)
@@ -120,9 +120,10 @@ class Tracer:
     t_max: float  # length of rays, in render space
     threads: int
     total_points: int  # of the whole mesh, wanted or not
-    progress: Progress | None = None  # called with (rays traced, rays expected in all)
+    progress: Progress | None = None  # called with (rays traced, rays expected in all, stage)
     checkpoint: Checkpoint = NOTHING_KEPT
     expected: int = 0  # rays in all, 0 while none are planned
+    stage: str = "rays"  # of the work, for who watches its progress
     rays: int = 0  # traced
     column: int = 0  # of several falloffs the one whose rows are gathered
     means: Means | None = None  # over samples; None: hemispheres at the points themselves
@@ -155,7 +156,7 @@ class Tracer:
         Args: here: rows of the points themselves by independent rays, which are what vertices have elsewhere, too.
         """
         means = self.means
-        moved = means and means.moved(points)
+        moved = means and means.moved(points, key)
         if moved is None:
             return here
         self.means = moved
@@ -187,6 +188,6 @@ class Tracer:
         def advance(finished: int) -> None:
             self.rays += finished * samples
             if self.progress and self.expected:
-                self.progress(self.rays, max(self.rays, self.expected))
+                self.progress(self.rays, max(self.rays, self.expected), self.stage)
 
         return self.checkpoint.fill(work, self.scene, self.threads, advance)[0]

@@ -183,7 +183,7 @@ def gather_moments(prepared: Prepared, patch: Patch, total: int) -> tuple[Float6
         nonlocal done
         done += finished
         if progress:
-            progress(count * rays * done // len(work), count * rays)
+            progress(count * rays * done // len(work), count * rays, "rays")
 
     moments, counts = prepared.checkpoint.fill(work, prepared.scene, prepared.threads, advance)
     seen = np.zeros(patch.unknowns, np.bool_)

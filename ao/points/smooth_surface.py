@@ -1,7 +1,6 @@
 """Points on faces whose normals are interpolated between vertices: positions, normals, axes of hemispheres."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -43,8 +42,7 @@ class PointGroups(NamedTuple):
         return cls(np.concatenate([[0], np.cumsum(counts)]), face, barycentric)
 
 
-@dataclass(frozen=True, eq=False)
-class SmoothSurface:
+class SmoothSurface(NamedTuple):
     """Faces in render space. Attributes: axes: (n, 3), smooth normals of the vertices, unit or zero."""
 
     axes: Float64s

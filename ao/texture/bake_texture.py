@@ -71,6 +71,8 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
 
     start = time.perf_counter()
     prepared = Prepared.of(scene.solid, options, options.progress, None, scene.occluders, scene.mesh.radius)
+    watch = prepared.progress or _unwatched
+    watch(0, 1, "coverage")
     surface = _surface(scene, prepared, size, options.wrap)
     sampler = TexelSampler(Page.of(surface.layout, surface.areas), surface, prepared, options, scene.cage)
     coverage = sampler.page.cover(options.overlap, prepared.threads)
@@ -80,13 +82,16 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
         raise OptionError("overlap", expected, f"{overlapping:,} texels with several", scene.mesh.source)
     texels, filled, missed = sampler.find(coverage)
     del coverage
+    watch(1, 1, "coverage")
     tracer = prepared.sample_tracer(
         SampleMeans(texels.samples, partial(sampler.elsewhere, texels)), "texture", options.checkpoint
     )
     estimates = _estimates(tracer, surface, texels, prepared)
+    watch(0, 1, "seams")
     assembly = PageAssembly(surface.layout, texels, surface.seams, options.close_seams, prepared.threads)
     pages = assembly.assemble(estimates[0], _frames(options.bent_space, surface, texels))
     others = [assembly.assemble(estimate)[:2] for estimate in estimates[1:]]
+    watch(1, 1, "seams")
     rmses = tuple(float(np.sqrt(np.mean(estimate.variance))) for estimate in estimates)
     return BakedTexture(
         w=pages.w,
@@ -119,6 +124,10 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
             options, max(rmses), estimates[0].samples, "texel", scene.solid, prepared.placement.vertices
         ),
     )
+
+
+def _unwatched(done: int, total: int, stage: str) -> None:
+    """In place of a progress that nobody asked for."""
 
 
 class _Scene(NamedTuple):

@@ -52,20 +52,20 @@ class Page(NamedTuple):
 
     def cover(self, overlap: Overlap, threads: int) -> Coverage:
         """The texels that faces cover; where these overlap, samples lie on all of them ("mean"), or on the first."""
-        return self._cover(None, overlap == "mean", threads)
+        return self._cover(None, np.uint32(0), overlap == "mean", threads)
 
-    def cover_again(self, texels: Int64s, overlap: Overlap, threads: int) -> Coverage:
-        """`cover` of some `texels`, ascending, with samples elsewhere in them, by chance."""
-        return self._cover(texels, overlap == "mean", threads)
+    def cover_again(self, texels: Int64s, key: np.uint32, overlap: Overlap, threads: int) -> Coverage:
+        """`cover` of some `texels`, ascending, with samples elsewhere in them, by chance. Args: key: of that."""
+        return self._cover(texels, key, overlap == "mean", threads)
 
-    def _cover(self, texels: Int64s | None, layered: bool, threads: int) -> Coverage:
+    def _cover(self, texels: Int64s | None, key: np.uint32, layered: bool, threads: int) -> Coverage:
         size = self.rows * self.layout.width
         bands: dict[int, Coverage] = {}
 
         def work(first: int, last: int) -> None:
             window = Window(self.layout.width, first, last)
             triangles = self.listed[self.starts[first // size] : self.starts[first // size + 1]]
-            bands[first] = _Band.of(self, window, triangles, texels, layered).cover()
+            bands[first] = _Band.of(self, window, triangles, texels, key, layered).cover()
 
         run_blocks(self.layout.height * self.layout.width, size, work, threads)
         return Coverage.joined([band for _, band in sorted(bands.items())])
@@ -82,14 +82,16 @@ class _Band(NamedTuple):
     layered: bool  # whether all faces share a texel
 
     @classmethod
-    def of(cls, page: Page, window: Window, triangles: Int64s, texels: Int64s | None, layered: bool) -> Self:
-        """Args: texels: those that are asked for, ascending; None: all."""
+    def of(
+        cls, page: Page, window: Window, triangles: Int64s, texels: Int64s | None, key: np.uint32, layered: bool
+    ) -> Self:
+        """Args: texels: those that are asked for, ascending; None: all. key: of where their samples lie."""
         if texels is None:
             return cls(page, window, triangles, None, REGULAR, layered)
         some = texels[np.searchsorted(texels, window.first) : np.searchsorted(texels, window.last)]
         asked = np.full(window.size, -1, np.int32)
         asked[some - window.first] = np.arange(len(some))
-        return cls(page, window, triangles, asked, Places.by_chance(some), layered)
+        return cls(page, window, triangles, asked, Places.by_chance(some, key), layered)
 
     def cover(self) -> Coverage:
         layout, marks, how = self.page.layout, Marks.of(self.window.size), np.empty(self.window.size, np.int64)

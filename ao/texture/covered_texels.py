@@ -29,9 +29,9 @@ class Places(NamedTuple):
     offsets: Float64s  # (…, 2), see `PartialTexels`
 
     @classmethod
-    def by_chance(cls, texels: Int64s) -> Self:
-        """Of each of the texels its own, from their numbers."""
-        numbers = hash32_array(texels)[:, None] + np.arange(6, dtype=np.uint32)
+    def by_chance(cls, texels: Int64s, key: np.uint32) -> Self:
+        """Of each of the texels its own, from their numbers and a key."""
+        numbers = hash32_array(hash32_array(texels) ^ key)[:, None] + np.arange(6, dtype=np.uint32)
         random: Float64s = hash32_array(numbers).astype(np.float64) * 2.0**-32
         points = np.full((len(texels), POINTS, 2), 0.5)
         points[:, 0:SLOTS:2] = GRID[0:SLOTS:2] + random[:, :4].reshape(-1, 2, 2) / SLOTS - 1 / (2 * SLOTS)

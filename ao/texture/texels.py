@@ -71,11 +71,11 @@ class TexelSampler:
         texels = Texels(coverage.texels[order], samples, one.face[order], one.barycentric[order])
         return texels, len(alone) - len(texels), missed
 
-    def elsewhere(self, texels: Texels, rows: Int64s) -> SurfaceSamples:
+    def elsewhere(self, texels: Texels, rows: Int64s, key: np.uint32) -> SurfaceSamples:
         """Samples elsewhere in the texels `rows` (j,), by chance, but where these are in solids; none of others."""
         threads = self.prepared.threads
         ascending = rows[np.argsort(texels.texels[rows])]
-        coverage = self.page.cover_again(texels.texels[ascending], self.options.overlap, threads)
+        coverage = self.page.cover_again(texels.texels[ascending], key, self.options.overlap, threads)
         row_of = ascending[np.searchsorted(texels.texels[ascending], coverage.texels)]
         order = np.argsort(row_of)
         samples, _ = self._place(coverage, order, np.zeros(len(order), np.bool_))

@@ -1,20 +1,22 @@
 """Embree's C library: its functions, its one device, its errors.
 
-The only importer of embreex. Its extension module is linked to the Embree it ships, so opening that module with
-ctypes resolves Embree's whole C API without guessing where a wheel keeps the library. Kernels get
-the addresses by name.
+The only importer of embreex. Its extension module is linked to the Embree it ships, so opening that module with ctypes
+resolves Embree's whole C API without guessing where a wheel keeps the library; to import it would bring Python's
+logging, and take as long as to open it. Kernels get the addresses by name.
 """
 
 import ctypes
 import sys
 from functools import cache
+from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from ..errors import EmbreeError
 from ..kernel.library import provide
 
 try:
-    import embreex.rtcore_scene
+    import embreex
 except ImportError as failure:
     raise EmbreeError(
         f"embreex, which brings Embree, cannot be imported ({failure}): `python -m pip install embreex` installs it on "
@@ -46,8 +48,11 @@ _QUERIES = ("rtcIntersect8", "rtcOccluded8", "rtcIntersect16", "rtcOccluded16", 
 
 
 def _open_library() -> ctypes.CDLL:
-    path = "embree4.dll" if sys.platform == "win32" else embreex.rtcore_scene.__file__
-    library = ctypes.CDLL(path)
+    if sys.platform == "win32":
+        import_module("embreex.rtcore_scene")  # which loads it
+        library = ctypes.CDLL("embree4.dll")
+    else:
+        library = ctypes.CDLL(str(next(Path(embreex.__path__[0]).glob("rtcore_scene.*.so"))))
     try:
         for name, (result, arguments) in _SIGNATURES.items():
             function = getattr(library, name)

@@ -1,10 +1,7 @@
 """Encoding of layers or pixels as image files with metadata, checked to be complete on disk."""
 
 import errno
-import json
 import os
-import shutil
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -149,7 +146,9 @@ def write_data(
 
 def written(name: str, write: Callable[..., None], *given: Any) -> bytes:
     """The file of this name that `write` makes of what is `given`."""
-    with tempfile.TemporaryDirectory() as folder:
+    from tempfile import TemporaryDirectory
+
+    with TemporaryDirectory() as folder:
         target = Path(folder) / name
         write(target, *given)
         return target.read_bytes()
@@ -172,6 +171,8 @@ def _write(
         for name, text in metadata.items():
             spec.attribute(NAMESPACE + name, printable(text))
     elif metadata:
+        import json
+
         spec.attribute("ImageDescription", json.dumps(dict(metadata)))
     # The rows, into a file beside the target that replaces it when all is there.
     with atomic_path(path) as scratch:
@@ -187,6 +188,8 @@ def _write(
             done = output.close() and done
         reason = output.geterror()
         if not done or "Write error" in reason or not _complete(scratch, format_name, spec.height):
+            import shutil
+
             full = shutil.disk_usage(scratch.parent).free < _SPARE  # which OpenImageIO does not say
             first_line = os.strerror(errno.ENOSPC) if full else reason.replace(str(scratch), "").strip().split("\n")[0]
             raise OutputError(f"{os.fspath(path)}: cannot write: {first_line or 'the disk took only a part of it'}")

@@ -6,7 +6,6 @@ if Numba is there.
 """
 
 import ctypes
-import logging
 import os
 import struct
 import threading
@@ -134,6 +133,8 @@ def _code(signature: Signature, function: Callable[..., Any], arguments: tuple[A
     if found is None:
         if not find_spec("numba"):
             raise KernelError(library.what_is_missing(signature.line))
+        import logging
+
         logging.getLogger("obscurance").info("compiling kernel %s", signature.line)
         compiled.append(signature.line)
         identity = library.identity_of(function)

@@ -58,7 +58,7 @@ def inward_warnings(mesh: Mesh, vertices: Float32s | None = None) -> list[str]:
     if not inward:
         return []
     which = "its faces look" if closed == 1 else f"{inward:,} of {closed:,} closed parts look"
-    return [f"{mesh.source}: {which} inwards, and w is that of the inside: --flip turns all faces over"]
+    return [f"{mesh.source}: {which} inwards, so the inside is baked: --flip turns all faces over"]
 
 
 def _is_enclosed(number: int, vertices: Float32s, faces: Int64s, part: Int64s, volume: Float64s) -> bool:

@@ -1,11 +1,8 @@
 """Files that appear whole or not at all, and folders for what is on the way."""
 
 import io
-import json
 import os
-import secrets
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -43,7 +40,9 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """`atomic_write` for libraries that open files themselves: the name of an empty file for them to overwrite."""
     if is_standard_output(path):
-        with tempfile.TemporaryDirectory() as folder:
+        from tempfile import TemporaryDirectory
+
+        with TemporaryDirectory() as folder:
             made = Path(folder) / f"output{Path(path).suffix}"
             yield made
             _to_standard_output(made.read_bytes())
@@ -105,6 +104,8 @@ def write_bytes(path: str | os.PathLike[str], content: bytes | memoryview) -> No
 
 def write_json(path: str | os.PathLike[str], content: Any) -> None:
     """Write JSON, UTF-8, indented by two, whole or not at all. Raises: OutputError; ValueError: NaN or infinity."""
+    import json
+
     write_bytes(path, (json.dumps(content, indent=2, allow_nan=False) + "\n").encode())
 
 
@@ -131,7 +132,7 @@ def _regular_target(path: str | os.PathLike[str]) -> Path:
 
 
 def _temporary_name(target: Path) -> Path:
-    return target.parent / f"{_BEGIN}{secrets.token_hex(6)}{_END}"
+    return target.parent / f"{_BEGIN}{os.urandom(6).hex()}{_END}"
 
 
 def _create(path: Path) -> int:

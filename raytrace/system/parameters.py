@@ -1,8 +1,8 @@
 """Validated, immutable parameter classes, and the types of their fields.
 
 A wrong value raises `OptionError`, which names the class, the field, the accepted range and the value.
-pydantic, because the command imports it anyway (typer does) and ranges are declared by its own constraints; on
-dataclasses, so that positional values, `dataclasses.replace` and type checkers work; built when first used.
+pydantic, because ranges are declared by its own constraints; on dataclasses, so that positional values,
+`dataclasses.replace` and type checkers work; built when first used.
 """
 
 from abc import ABCMeta

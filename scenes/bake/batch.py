@@ -15,8 +15,9 @@ from raytrace.errors import printable
 from raytrace.system.checks import check_outputs, check_regular
 from raytrace.system.threads import run_blocks, thread_count
 
+from ..show.progress import progress
 from .cluster import Workers, cluster_checkpoint, run_remotely
-from .console import note, progress, warn
+from .console import note, warn
 from .inputs import created_folders
 from .manifest import MANIFEST, Entry, Manifest, assign_shards, digest, part_manifest
 from .plan import Plan

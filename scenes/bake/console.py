@@ -1,4 +1,4 @@
-"""Notes, warnings, progress bars and summaries of the commands."""
+"""Notes, warnings and summaries of the commands."""
 
 from __future__ import annotations
 
@@ -7,17 +7,13 @@ import io
 import os
 import sys
 import threading
-import time
 import unicodedata
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from raytrace.errors import LINE, printable
-
-from .options import ProgressForm
 
 if TYPE_CHECKING:
     import ao
@@ -106,7 +102,7 @@ def quietly(quiet: bool) -> Iterator[None]:
         _quiet.clear()
 
 
-COARSE = "between the vertices w errs by"  # how a warning about a result begins, in its second part
+COARSE = "between the vertices w, the openness, errs by"  # how a warning about a result begins, in its second part
 
 
 def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff | None = None) -> list[str]:
@@ -128,84 +124,12 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff
     return warnings
 
 
-_EVERY = 0.1  # seconds between lines of progress
-Advance = Callable[[int, int], None]
-
-
-@contextmanager
-def progress(
-    quiet: bool, *units: str, form: ProgressForm = "bar", status: Callable[[], str] = str
-) -> Iterator[tuple[Advance | None, ...]]:
-    """Progress bars on a terminal's standard error, one after the other, each from its first call on.
-
-    In the form "json" they are lines, ten a second at most, on standard error whatever that is, quiet or not. A bar is
-    full when the next one begins, and the last when the work is done.
-
-    Args: units: what each bar counts. status: says what else to show.
-    """
-    if form == "json":
-        start = time.perf_counter()
-        yield tuple(_json_lines(unit, start) for unit in units)
-        return
-    if quiet or not sys.stderr.isatty():
-        yield (None,) * len(units)
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
-
-    figures = TextColumn("{task.percentage:3.0f} % {task.fields[rate]}")
-    bars = Progress(BarColumn(), figures, TimeRemainingColumn(), console=Console(stderr=True), transient=True)
-    began: dict[TaskID, tuple[float, int]] = {}
-
-    def advance(task: TaskID, unit: str, done: int, total: int) -> None:
-        if task not in began:
-            fill()
-            began[task] = time.perf_counter(), done
-            bars.start()
-            bars.update(task, visible=True)
-        start, before = began[task]
-        rate = (done - before) / max(time.perf_counter() - start, 1e-6)
-        text = f"{rate / 1e6:.1f} M {unit}/s" if rate >= 1e5 else f"{rate:.0f} {unit}/s"
-        bars.update(task, completed=done, total=total, rate=f"{text} {status()}".rstrip())
-
-    def fill() -> None:
-        for task in began:
-            bars.update(task, completed=bars.tasks[task].total)
-            bars.refresh()
-            bars.update(task, visible=False)
-
-    tasks = [bars.add_task("", visible=False, rate="") for _ in units]
-    try:
-        yield tuple(partial(advance, task, unit) for task, unit in zip(tasks, units, strict=True))
-        fill()
-    finally:
-        bars.stop()
-
-
-def _json_lines(unit: str, start: float) -> Advance:
-    """Progress as objects with event, unit, done, total and seconds since `start`, one a line."""
-    import json
-
-    last = 0.0
-
-    def advance(done: int, total: int) -> None:
-        nonlocal last
-        now = time.perf_counter()
-        if done < total and now - last < _EVERY:
-            return
-        last = now
-        event = {"event": "progress", "unit": unit, "done": done, "total": total, "seconds": round(now - start, 3)}
-        print(json.dumps(event), file=sys.stderr, flush=True)
-
-    return advance
-
-
 def bake_summary(baked: ao.Bake, target: Path) -> str:
     """The line after a bake: file, vertices, rays, time, estimated error; and one for each flag that vertices have."""
     from ..show.report.verdict import flags_in_words
 
     took = f"{_took(baked)}, estimated RMSE {baked.rmse:.4f}"
-    text = f"{printable(str(target))}: {len(baked.w):,} vertices, {baked.rays:,} rays traced {took}"
+    text = f"{printable(str(target))}: {len(baked.w):,} {baked.at}, {baked.rays:,} rays traced {took}"
     flags = flags_in_words(baked.flagged, len(baked.w), baked.rays_skipped)
     return "\n".join([text, *(words for name, words in flags.items() if name != "contact")])  # usual where parts meet
 

@@ -7,9 +7,8 @@ import os
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import ao
 from raytrace.errors import OptionError
@@ -18,6 +17,7 @@ from raytrace.system.checks import make_folder
 from ..formats.load import MeshFile, load
 from ..formats.objects import ObjectSelection, match, select_objects
 from ..formats.table import endings
+from ..geometry.standing import lying_notes
 
 if TYPE_CHECKING:
     from raytrace.mesh.mesh import Mesh
@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     from .plan import Plan
 
 
-@dataclass(frozen=True, eq=False)
-class BakeInputs:
+class BakeInputs(NamedTuple):
     """The meshes of a bake.
 
     Attributes:
@@ -99,6 +98,9 @@ def read_inputs(plan: Plan, content: bytes | None = None) -> BakeInputs:
         size = wall.mesh.radius / (source.mesh.radius or 1.0)
         if not 1e-3 < size < 1e3:
             notes.append(f"{wall.mesh.source}: its radius is {size:.2g} of the mesh's: is its unit another?")
+    shown = any(path.suffix.lower() in (".html", ".glb") for path in (plan.output, options.report) if path)
+    if options.ground or options.debug_image or shown:
+        notes += lying_notes(source.mesh)
     paths = [path for file in files for path in file.files]
     return BakeInputs(source, chosen, fine, occluders, arguments, paths, content, notes, started)
 

@@ -5,14 +5,13 @@ Names stand for options that `ao.bake` or `ao.bake_texture` has, too, which are 
 report and a manifest say of a bake, and the line of a report that repeats it are made from the rows.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from ao.declared import EVERY_BAKE, IMAGE, Option, rows
-from ao.options import TextureOptions, VertexOptions
+from ao.options import Normals, TextureOptions, VertexOptions
 from raytrace.errors import ConflictError, InputError, OptionError
 
 PRESETS: dict[str, dict[str, Any]] = {
@@ -26,17 +25,7 @@ PRESETS: dict[str, dict[str, Any]] = {
 """`--preset`: values of options by program, as docs/programs.md explains them; a plan has them where they apply."""
 
 
-def _described(values: Mapping[str, Any]) -> str:
-    given = {name.replace("_", "-"): "" if value is True else f" {value}" for name, value in values.items()}
-    return " ".join(f"--{name}{value}" for name, value in given.items())
-
-
-_PRESET_HELP = "Options for a program where they apply and are not given: " + "; ".join(
-    f"{program}: {_described(values)}" for program, values in PRESETS.items()
-)  # fmt: skip
-
 REPORTS = ".json", ".html"  # endings
-T = TypeVar("T")
 Metric = Literal["flip", "rms", "max"]
 Alpha = Literal["auto", "ignore"]
 OccludedBy = Literal["all", "object", "name"]
@@ -50,31 +39,37 @@ _WRITTEN = "vertices texture batch merge"
 _SECTIONS: dict[str, tuple[Option | str, ...]] = {
     "": (
         Option("mesh", list[Path], ..., "A mesh file: PLY, OBJ, STL, OFF, GLB, glTF, 3MF, ...; several; a pattern "
-               "('meshes/*.obj'); or - for standard input.", role="input", metavar="INPUT"),
+               "('meshes/*.obj'); or - for standard input.", role="input", metavar="INPUT...", is_argument=True),
         Option("output", Path | None, None, "Output file, format by ending: .npy .npz .ply .glb .obj .vtp of the "
                "vertices; .html to look at them; .png .exr .tif a texture, with <UDIM>, <MATERIAL>, <OBJECT> in the "
                "name one for each.",
                EVERY_BAKE + " merge", "output", short="-o"),
         Option("output_dir", Path | None, None, "For several inputs: folder of their outputs, and of manifest.json.",
                EVERY_BAKE, "run", excludes=("output",), metavar="FOLDER"),
-        "samples", "tolerance",
-        Option("quiet", bool, False, "No progress bar and no summary.", EVERY_BAKE + " merge", "run", short="-q"),
-    ),
-    "What occludes": (
-        "thickness",
+        Option("preset", Literal[*PRESETS] | None, None, "Options that suit a program, where they apply and are not "
+               "given here.", "vertices texture batch", "output"),
+        "tolerance",
         Option("falloff", str, "exponential", "How occlusion fades with distance; not at all (binary: ambient "
                "occlusion); or a table of two columns, distance and what a hit there leaves open, 0 to 1: .csv .txt "
                ".npy.", metavar="exponential|binary|linear|smooth|table:FILE",
                words=("exponential", "binary", "linear", "smooth", "table:")),
-        Option("tau", float | None, None, "Rate of the exponential falloff, per mesh unit."),
         Option("half_distance", str | None, None,
                'Distance at which a hit occludes half: mesh units, or "50%" (the default) of the radius '
-               'that info prints of the input, as of all percentages.'),
-        Option("max_distance", str, "inf", 'Ignore hits farther away: mesh units, "25%" of the radius, or inf.'),
-        Option("occluder", list[Path] | None, None, "A mesh file that occludes and gets no w; several, one option for "
-               "each.", EVERY_BAKE, "input", excludes=("high",), metavar="MESH"),
+               'that info prints of the input, as of all percentages.', metavar="LENGTH"),
+        Option("max_distance", str, "inf", 'Ignore hits farther away: mesh units, "25%" of the radius, or inf.',
+               metavar="LENGTH"),
         Option("ground", str | None, None, "A ground plane without end: auto, just below the lowest vertex along the "
                "up axis, or its height.", EVERY_BAKE, excludes=("high",), metavar="auto|HEIGHT"),
+        Option("size", str | None, None, "Texture: texels across and down, 1024 by default.", IMAGE, metavar="N|WxH"),
+        Option("uv", str | None, None, "Texture: the file's texture coordinates, of a glTF the N-th; new ones (pip "
+               "install uvunwrap) of all, or filled in where there are none; or the file's charts packed side by side.",
+               IMAGE, metavar="auto|N|unwrap|fill|pack"),
+    ),
+    "What occludes": (
+        "thickness",
+        Option("tau", float | None, None, "Rate of the exponential falloff, per mesh unit."),
+        Option("occluder", list[Path] | None, None, "A mesh file that occludes and gets no w; several, one option for "
+               "each.", EVERY_BAKE, "input", excludes=("high",), metavar="MESH"),
         Option("receive", list[str] | None, None, "Only objects of this name get w, a pattern ('body*') or all others "
                "('!glass*'); several, one option for each.", EVERY_BAKE, excludes=("high",), metavar="PATTERN"),
         Option("cast", list[str] | None, None, "Only objects of this name occlude, likewise.", EVERY_BAKE,
@@ -90,9 +85,8 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
         Option("alpha", Alpha, "auto",
                "auto: what glTF and OBJ materials cut out or blend lets light through; ignore: opaque."),
     ),
-    "Sampling": ("method", "denoise", "traversal", "profile", "seed", "threads"),
+    "Sampling": ("samples", "method", "denoise", "traversal", "profile", "seed", "threads"),
     "What .glb and .ply show": (
-        Option("preset", Literal[*PRESETS] | None, None, f"{_PRESET_HELP}.", "vertices texture batch", "output"),
         Option("colors", Literal["rgb", "r", "g", "b", "a"] | None, None, "Write w as vertex colours, COLOR_0 of .glb, "
                "replacing a .ply's own; or into one channel, where the others stay as they are in the input.",
                "vertices batch merge", "output", metavar="[r|g|b|a]"),
@@ -107,12 +101,8 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
                "texture batch merge", "output"),
     ),
     "Textures": (
-        Option("size", str | None, None, "Texture: texels across and down, 1024 by default.", IMAGE, metavar="N|WxH"),
         Option("texel_size", str | None, None, 'Texture: what a texel covers at most, in mesh units or "1%" of the '
-               "radius; sets the size.", IMAGE, excludes=("size",)),
-        Option("uv", str | None, None, "Texture: the file's texture coordinates, of a glTF the N-th; new ones (pip "
-               "install uvunwrap) of all, or filled in where there are none; or the file's charts packed side by side.",
-               IMAGE, metavar="auto|N|unwrap|fill|pack"),
+               "radius; sets the size.", IMAGE, excludes=("size",), metavar="LENGTH"),
         Option("mesh_output", Path | None, None, "Texture: also write the mesh with it, and with new coordinates.",
                "texture merge", "output", metavar="GLB"),
         "overlap",
@@ -149,6 +139,7 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
                EVERY_BAKE, "run"),
         Option("input_format", InputFormat | None, None,
                "With - as INPUT: its format, if its first bytes do not tell.", EVERY_BAKE, "run"),
+        Option("quiet", bool, False, "No progress bar and no summary.", EVERY_BAKE + " merge", "run", short="-q"),
         Option("report", Path | None, None, "Also write a report, .html to read or .json.", "vertices texture merge",
                "run"),
         Option("debug_image", Path | None, None, "Also write an image that marks flagged vertices.", "vertices merge",
@@ -168,52 +159,87 @@ BAKER = {row.name: row for record in (VertexOptions, TextureOptions) for row in 
 """The options that `ao.bake` or `ao.bake_texture` has, too; one that the table does not name is of "Sampling"."""
 _SECTIONS["Sampling"] += tuple(name for name in BAKER if not any(name in rows for rows in _SECTIONS.values()))
 BAKE = tuple(
-    replace(BAKER[row] if isinstance(row, str) else row, section=section)
+    (BAKER[row] if isinstance(row, str) else row)._replace(section=section)
     for section, listed in _SECTIONS.items()
     for row in listed
 )
 ROWS = {row.name: row for row in BAKE}
 MERGE = (
-    Option("parts", Path, ..., "Where bake --part has put all parts.", metavar="FOLDER"),
+    Option("parts", Path, ..., "Where bake --part has put all parts.", metavar="FOLDER", is_argument=True),
     Option("mesh", Path | None, None, "The mesh file, if it is elsewhere than for the parts."),
-    replace(ROWS["output"], help="Output file, as of bake; none for parts of a batch."),
-    replace(ROWS["high"], help="Finer mesh files, likewise."),
-    replace(ROWS["occluder"], help="Files that only occlude, likewise."),
+    ROWS["output"]._replace(help="Output file, as of bake; none for parts of a batch."),
+    ROWS["high"]._replace(help="Finer mesh files, likewise."),
+    ROWS["occluder"]._replace(help="Files that only occlude, likewise."),
     *(row for row in BAKE if "merge" in row.bake_kinds and row.name != "output"),
 )
 
 
-@dataclass(frozen=True)
+def of_bake(name: str, **changes: Any) -> Option:
+    """An option of a bake as another command has it, which lists it without a section."""
+    return ROWS[name]._replace(section="", **changes)
+
+
+RENDER = (
+    Option("scene", Path, ..., "A .toml scene, a .glb or .gltf, or any mesh.", is_argument=True),
+    of_bake("output", help="Output image, format by ending: .exr .png .tif .jpg"),
+    Option("width", int | None, None, "Image width in pixels; needs --height.", needs={"height": ...}),
+    Option("height", int | None, None, "Image height in pixels; needs --width.", needs={"width": ...}),
+    Option("samples", int | None, None, "Most camera rays per pixel."),
+    Option("shading", str | None, None, "Interpolation over a face: constant, flat, gouraud, phong or quadratic.",
+           words=("constant", "flat", "gouraud", "phong", "quadratic")),
+    of_bake("normals", kind=Normals | None, default=None),
+    Option("obscurance", str | None, None, "What w scales: ambient (ambient light only), "
+           "'ambient and diffuse' (light, as in the textbook's equation 12.75), or off (nothing)."),
+    Option("baked", Path | None, None, "Read w from a baked file: .npy .npz .ply .glb"),
+    Option("half_distance", str | None, None, "Of the baked file's profile: mesh units, or \"12%\" of the radius; or "
+           "several with commas between, whose w are multiplied."),
+    Option("power", str | None, None, "Of w at each half-distance, 1 by default: 1,0.5 for instance.",
+           needs={"half_distance": ...}),
+    Option("own_occlusion", bool, True, "Use a glTF file's own occlusion textures; otherwise bake there, too."),
+    of_bake("alpha", help="auto: as the file has it; ignore: faces are opaque."),
+    Option("shadows", bool | None, None, "Trace shadow rays."),
+    of_bake("up", help="Up axis of a mesh file, by default what it says, or y."),
+    Option("view", str | None, None, "Where a mesh file is seen from: front, back, left, right, top, bottom, or a "
+           "direction X,Y,Z from it to the camera.", words=("front", "back", "left", "right", "top", "bottom")),
+    Option("crop", str | None, None, "Render only these pixels.", metavar="X,Y,W,H"),
+    of_bake("seed", kind=int | None, default=None, help="Random seed of the pixel samples."),
+    Option("preview", bool, False, "A quarter of the width and height, few samples."),
+    of_bake("half", help="16-bit floats in an .exr."),
+    Option("show", bool, False, "Show the image in the terminal, too, or instead.", role="run"),
+    *(of_bake(name) for name in ("threads", "cluster", "shared", "report", "progress", "quiet")),
+)  # fmt: skip
+
+
 class OptionValues:
-    """Values of the options of a command as attributes. Its subclasses have the fields of a table."""
+    """Values of the options of a command as attributes: as given, or the defaults of its table."""
+
+    table: ClassVar[Sequence[Option]] = ()
+
+    def __init__(self, **values: Any) -> None:
+        defaults = {row.name: row.default for row in self.table}
+        if unknown := values.keys() - defaults.keys():
+            raise TypeError(f"no options: {unknown}")
+        vars(self).update(defaults | values)
 
     if TYPE_CHECKING:
-
-        def __init__(self, **values: Any) -> None: ...
 
         def __getattr__(self, name: str) -> Any: ...
 
     def replaced(self, **changes: Any) -> Self:
         """A copy with some values changed."""
-        return replace(self, **changes)
+        return type(self)(**vars(self) | changes)
 
 
-def with_fields(table: Sequence[Option]) -> Callable[[type[T]], type[T]]:
-    """Make a class a frozen dataclass with a field for each row of a table, of its type and default."""
-
-    def declared(values: type[T]) -> type[T]:
-        values.__annotations__ = {row.name: row.kind for row in table}
-        for row in table:
-            if row.default is not ...:
-                setattr(values, row.name, row.default)
-        return dataclass(frozen=True, kw_only=True, eq=False)(values)
-
-    return declared
-
-
-@with_fields(BAKE)
 class BakeOptions(OptionValues):
     """The options of `bake`, and of `merge` those that it has."""
+
+    table = BAKE
+
+
+class RenderOptions(OptionValues):
+    """The options of `render`."""
+
+    table = RENDER
 
 
 def _given(row: Option, options: OptionValues) -> bool:
@@ -247,15 +273,17 @@ def check_kind(options: OptionValues, kind: str) -> None:
 
 def check_stored(source: Path, options: Mapping[str, Any]) -> None:
     """Check options by their names as a JSON file has them. Raises: InputError: one of another type than its."""
-    from pydantic import ConfigDict, TypeAdapter
-
     for name, value in options.items():
-        kind = ROWS[name].kind
+        row = ROWS[name]
+        if value is None and row.default is None:
+            continue
+        if row.is_list and not isinstance(value, list):
+            raise InputError(source, f"options.{name}", "a list of texts", repr(value))
         try:
-            TypeAdapter(kind, config=ConfigDict(coerce_numbers_to_str=True)).validate_python(value)
-        except ValueError:
-            expected = "a list of texts" if "list" in str(kind) else f"a value of --{name.replace('_', '-')}"
-            raise InputError(source, f"options.{name}", expected, repr(value)) from None
+            for each in value if row.is_list else [value]:
+                row.parsed(each)
+        except OptionError as fault:
+            raise InputError(source, f"options.{name}", fault.expected, fault.got, fault.nearest) from None
 
 
 @contextmanager

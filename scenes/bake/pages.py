@@ -62,7 +62,7 @@ class Layouts:
     def __init__(self, source: MeshFile, found: Coordinates) -> None:
         self.of, self.instance = np.zeros((2, len(source.mesh.faces)), np.int64)
         self.all = [
-            replace(piece, faces=piece.faces[each])
+            piece._replace(faces=piece.faces[each])
             for piece in primitive_groups(source, found.number or 0)
             for new in (found.new[piece.faces],)
             for each in (~new, new)
@@ -210,10 +210,10 @@ def layout_remarks(baked: ao.BakedTexture, wraps: bool, tiles: bool) -> list[str
         advice = f"; {UDIM} in the output's name would keep tiles apart" if tiles and _has_tiles(baked.uv) else ""
         lines.append(f"{facts.outside:,} faces reach out of the unit square and are taken modulo 1{advice}")
     if facts.missed:
-        outside = "points are not within the cage of the fine mesh and take the closest of it"
+        outside = "points lie outside the cage of the fine mesh and take its closest point"
         lines.append(f"{facts.missed:,} {outside}; a larger --cage reaches farther")
     if facts.flat:
-        flat = "faces whose texture coordinates have no area show texels of others"
+        flat = "faces have texture coordinates without area and show texels of other faces"
         lines.append(f"{facts.flat:,} {flat}; --uv unwrap makes new ones")
     return lines
 
@@ -234,7 +234,7 @@ def lacking(source: MeshFile, uv: Float64s, wanted: Bools, keeps_uv: bool) -> li
     without_uv = [piece for piece in primitive_groups(source) if without[piece.faces].any()]
     names = list(dict.fromkeys(f"{piece.object.name} ({piece.material.name})" for piece in without_uv))
     more = f" and {len(names) - _LISTED:,} more" if len(names) > _LISTED else ""
-    instead = "show w of their vertices" if keeps_uv else "get no texels"
+    instead = "show the w, the openness, of their vertices" if keeps_uv else "get no texels"
     what = f"{without.sum():,} faces, of {', '.join(names[:_LISTED])}{more}, have no texture coordinates and {instead}"
     return [f"{source.path}: {what}; --uv fill{'' if keeps_uv else ' with --mesh-output'} makes some for them"]
 

@@ -19,7 +19,7 @@ from ..formats.falloffs import make_falloff, table_of
 from ..formats.images import ENDINGS as IMAGES
 from ..formats.images import MATERIAL, PLACEHOLDERS, UDIM, check_texture_target
 from ..formats.table import Channels
-from ..formats.write import ENDINGS, channels, check_target
+from ..formats.write import ENDINGS, channels, check_holds, check_target
 from .options import BAKER, PRESETS, REPORTS, ROWS, BakeOptions, absolute, check_kind, named, plain
 
 if TYPE_CHECKING:
@@ -275,6 +275,8 @@ def _texels(text: str) -> tuple[int, int]:
 def _check_vertices(plan: Plan) -> None:
     """Raises: ConflictError."""
     options = plan.options
+    if not plan.is_part:
+        check_holds(plan.output, options.at, options.both_sides)
     if options.high is not None and options.method == "surface":
         raise ConflictError("high", "does not go with", ("method", "surface"))
     if options.profile and not plan.is_part and plan.ending == ".npy":

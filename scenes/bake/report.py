@@ -129,7 +129,7 @@ def saved_options(path: Path) -> dict[str, Any]:
     if options.get("occlusion") == _usual_occlusion(report):
         del options["occlusion"]
     options |= {name: [options[name]] for name in ("mesh", "high") if isinstance(options.get(name), str)}
-    check_stored(path, {name: value for name, value in options.items() if "list" in str(ROWS[name].kind)})
+    check_stored(path, options)
     kept = {name for name in options if ROWS[name].reusable} | ({"up"} if options.get("ground") else set())
     return {name: value for name, value in options.items() if name in kept}
 

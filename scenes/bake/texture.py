@@ -23,7 +23,8 @@ from raytrace.system.checks import check_outputs
 
 from ..formats.images import MATERIAL, write_grey, write_normals
 from ..formats.primitive_groups import primitive_groups
-from .console import progress, texture_summary, warn
+from ..show.progress import progress
+from .console import texture_summary, warn
 from .pages import Page, check_area, lacking, layout_remarks, pages_of
 from .report import OutputSummary, WorkSize, hashed_inputs, write_bake_report
 from .uv import Coordinates, coordinates
@@ -70,7 +71,7 @@ class Layout:
         source = inputs.source
         remarks = lacking(source, self.found.uv, inputs.chosen.receive, plan.keeps_uv)
         if self.found.cramped:
-            smaller = f"{self.found.cramped:,} faces show texels of others, for their charts are smaller"
+            smaller = f"{self.found.cramped:,} faces have charts smaller than a texel and show texels of other faces"
             remarks.append(f"{source.path}: {smaller}; a larger --size or --uv unwrap gives them texels")
         return warn(inputs.meshes, [*inputs.notes, *remarks], plan.falloff)
 

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import ao
 from ao.declared import call_checked
+from ao.options import VertexOptions
+from raytrace.errors import OptionError
 from raytrace.system.checks import check_outputs
 
 from ..formats.unsupported import unsupported_features
 from ..formats.write import write_vertices
-from .console import COARSE, bake_summary, progress, warn
+from ..show.progress import progress
+from .console import COARSE, bake_summary, warn
 from .report import OutputSummary, WorkSize, command_again, hashed_inputs, write_bake_report
 
 if TYPE_CHECKING:
@@ -55,8 +60,8 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
         lines = list(baked.shortfalls)
         missed = baked.flagged["missed"]
         if missed:
-            outside = "vertices are not within the cage of the fine mesh and take the closest point of it"
-            lines.append(f"{plan.output}: {missed:,} {outside}")
+            outside = "outside the cage of the fine mesh; they take its closest point"
+            lines.append(f"{plan.output}: {missed:,} of {len(baked.w):,} vertices lie {outside}")
         warnings += warn([], lines)
         traced = time.perf_counter()
         shown = plan.channels
@@ -64,7 +69,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
             shown = shown._replace(again=command_again(plan, inputs.source))
         write_vertices(plan.output, baked, inputs.source, shown)
         if baked.coarse and baked.interpolation is not None:
-            text = f"{COARSE} {baked.interpolation.rmse:.2f}, the faces are too large for it"
+            text = f"{COARSE} {baked.interpolation.rmse:.2f}, as the faces are too large for it"
             warnings += warn([], [f"{plan.output}: {text}: {_remedy(plan, inputs.source)}"])
     seconds = {"load": loaded - inputs.started, "write": time.perf_counter() - traced}
     if options.report:
@@ -86,8 +91,13 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
 def _remedy(plan: Plan, source: MeshFile) -> str:
     """What makes w right between the vertices in the output of a plan."""
     if plan.ending == ".glb" and not plan.channels.colors:
-        return "--occlusion texture" if source.uv is not None else "--occlusion texture --uv unwrap"
-    return "take smaller faces" if plan.arguments.method == "surface" else "--method surface"
+        return "add --occlusion texture" if source.uv is not None else "add --occlusion texture --uv unwrap"
+    arguments = plan.arguments
+    if isinstance(arguments, VertexOptions) and arguments.method == "vertex":
+        with suppress(OptionError):
+            replace(arguments, method="surface")  # which some options do not go with
+            return "add --method surface"
+    return "subdivide them"
 
 
 def trace(plan: Plan, inputs: BakeInputs, checkpoint: Checkpoint) -> ao.Bake:

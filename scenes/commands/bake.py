@@ -7,21 +7,21 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 from raytrace.errors import ConflictError, OptionError
 from raytrace.system.atomic import is_standard_output, standard_output
 
-from ..bake.batch import Batch
-from ..bake.cluster import Workers, cluster_checkpoint
 from ..bake.console import quietly
 from ..bake.inputs import expand, is_pattern, outputs_in
-from ..bake.manifest import is_batch_of_parts, merge_batch
 from ..bake.options import BAKE, BakeOptions, Format, check_kind, check_together
 from ..bake.plan import OpenCheckpoint, Plan, plan_bake, preset_format
 from ..bake.run import run, silence_tolerance_warnings
 from ..formats.load import PIPED, STANDARD, standard_input
-from .dry_run import dry_run
+
+if TYPE_CHECKING:
+    from ..bake.batch import Batch
+    from ..bake.cluster import Workers
 
 
 def run_bake(options: BakeOptions) -> int:
@@ -39,6 +39,8 @@ def run_bake(options: BakeOptions) -> int:
         batch = _batch(options)
         if not options.dry_run:
             return batch.run()
+        from .dry_run import dry_run
+
         batch.check_files(keep=False)
         return dry_run(batch.plans, [batch.manifest])
 
@@ -64,15 +66,19 @@ def _run_one(options: BakeOptions) -> int:
         return _trace_part(options)
     read = Path(f"{PIPED}.ply") if mesh == STANDARD else mesh
     plan = plan_bake(options.replaced(mesh=[read], output=output))
-    workers = Workers(options) if options.cluster else None
+    workers = _workers(options)
     plan.check_files()  # before any workers are asked for, and before anything is read from a pipe
     content = None
     if mesh == STANDARD:
         piped, content = standard_input(options.input_format)
         plan = plan.with_options(mesh=[piped])
     if options.dry_run:
+        from .dry_run import dry_run
+
         return dry_run([plan], content=content)
     if workers:
+        from ..bake.cluster import cluster_checkpoint
+
         with workers.session(plan.output) as session:
             _run(plan, open_checkpoint=partial(cluster_checkpoint, session, options.resume))
         if not options.quiet:
@@ -108,6 +114,8 @@ def run_merge(folder: Path, mesh: Path | None, values: dict[str, Any]) -> int:
 
     Args: mesh: the input, None where it was. values: of the options of `merge`.
     """
+    from ..bake.manifest import is_batch_of_parts, merge_batch
+
     options = BakeOptions(mesh=[], **values)
     check_together(options, BAKE)
     if not is_batch_of_parts(folder):
@@ -144,13 +152,22 @@ def _batch(options: BakeOptions) -> Batch:
     outputs = outputs_in(folder, inputs, preset_format(options))
     plan = plan_bake(options.replaced(mesh=inputs[:1], output=outputs[0]))
     plans = [plan.with_options(mesh=[mesh], output=output) for mesh, output in zip(inputs, outputs, strict=True)]
-    workers = Workers(options) if options.cluster else None
     part = None
     if options.part:
         from ..bake.parts import part_numbers
 
         part = part_numbers(options.part)
-    return Batch(plans, folder, workers, part)
+    from ..bake.batch import Batch
+
+    return Batch(plans, folder, _workers(options), part)
+
+
+def _workers(options: BakeOptions) -> Workers | None:
+    if not options.cluster:
+        return None
+    from ..bake.cluster import Workers
+
+    return Workers(options)
 
 
 def _check_folder(option: str, folder: Path, nearest: str | None = None) -> None:

@@ -10,10 +10,11 @@ from raytrace.image.write import write_image
 from raytrace.system.checks import check_outputs, make_folder
 from raytrace.types import Float64s
 
-from ..bake.console import bake_summary, progress
+from ..bake.console import bake_summary
 from ..formats.load import MeshFile
 from ..formats.write import write
 from ..geometry.builtin_shapes import temple
+from ..show.progress import progress
 
 _HALF = rt.Settings(width=720, height=560)
 _GAP = 6  # pixels between the halves

@@ -1,99 +1,119 @@
-"""Parameters of a command from the rows of its table, and its help in sections."""
+"""Parameters of a command from the rows of its table, and its help: the options that matter, or all by what they do."""
 
-from collections.abc import Callable, Iterable
-from importlib import import_module
-from inspect import Parameter, Signature
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Any, get_args
 
-import typer
-from typer.core import TyperCommand
+import click
+from click.shell_completion import CompletionItem
 
 from ao.declared import Option
 from raytrace.errors import OptionError
 
-from ..bake.options import BAKE, ROWS
-
-_OLD = {f"--{no}{row.old_name}": f"--{no}{row.name}" for row in BAKE if row.old_name for no in ("", "no-")}
 _GONE = {"--tiles": "--part K/N, each on a machine of its own, and obscurance merge"}
 """Options that are no more, and what to do instead."""
-EXAMPLES = """\b
-Examples, with the mesh that obscurance demo writes:
-  obscurance bake demo/temple.ply -o temple.glb
-  obscurance bake demo/temple.ply -o temple.html --falloff binary --tolerance 0.02
-  obscurance bake 'demo/*.ply' --output-dir baked --format glb
-  obscurance bake demo/temple.ply -o temple.png --uv unwrap --mesh-output temple.glb
-"""
-F = TypeVar("F", bound=Callable[..., object])
+_WHOLE = "whole help"
+_METAVARS = {int: "N", float: "NUMBER", str: "TEXT", Path: "FILE"}
 
 
-def parameters(rows: Iterable[Option]) -> Callable[[F], F]:
-    """Give a command that takes any values by their names a parameter for each row."""
+class Value(click.ParamType[Any, Any]):
+    """A value of a row, checked by `Option.parsed`."""
 
-    def with_parameters(command: F) -> F:
-        given = []
-        for row in rows:
-            default = Parameter.empty if row.default is ... else row.default
-            form = {"annotation": Annotated[row.kind, parameter(row)], "default": default}
-            given.append(Parameter(row.name, Parameter.KEYWORD_ONLY, **form))
-        command.__signature__ = Signature(given)  # type: ignore[attr-defined]
-        return command
+    name = "value"
 
-    return with_parameters
+    def __init__(self, row: Option) -> None:
+        self.row = row
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str | None:
+        """By its type; an argument's is its name."""
+        return None if self.row.is_argument else "|".join(get_args(self.row.element)) or _METAVARS[self.row.element]
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return self.row.parsed(value)
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        if self.row.element is Path:
+            return [CompletionItem(incomplete, type="file")]
+        words = self.row.words() if callable(self.row.words) else self.row.words or get_args(self.row.element)
+        return [CompletionItem(word) for word in words if word.startswith(incomplete)]
 
 
-def parameter(row: Option) -> Any:
-    """The row as Typer's parameter: an argument if it has no default."""
-    if row.default is ...:
-        return typer.Argument(metavar=row.metavar, help=row.help)
-    more: dict[str, Any] = {}
-    if row.words:
-        more["autocompletion"] = lambda incomplete: [word for word in row.words if word.startswith(incomplete)]
+def parameter(row: Option) -> click.Parameter:
+    """The row as Click's parameter."""
+    more: dict[str, Any] = {"help": row.help, "metavar": row.metavar, "required": row.default is ...}
+    if row.default is not ...:
+        more["default"] = row.default
+    if row.is_list:
+        more["callback"] = _listed
+    if row.is_argument:
+        return click.Argument([row.name], type=Value(row), nargs=-1 if row.is_list else 1, **more)
     if row.name == "options":
-        more |= {"parser": Path, "is_eager": True, "callback": _take_options, "expose_value": False}
-    return typer.Option(*row.flags, metavar=row.metavar, help=row.help, **more)
+        more |= {"is_eager": True, "callback": _take_options, "expose_value": False}
+    names = [row.name, *row.flags]
+    if row.element is bool:
+        return click.Option(names, is_flag=True, hidden=not row.help, **more)
+    return click.Option(names, type=Value(row), multiple=row.is_list, **more)
 
 
-def name_of(table: str, help: str) -> Any:
-    """The argument NAME, which a shell completes by a table given as module.TABLE and imported only then."""
-    module, _, name = table.rpartition(".")
-
-    def names(begun: str) -> list[str]:
-        return [each for each in getattr(import_module(module), name) if each.startswith(begun)]
-
-    return typer.Argument(metavar="NAME", help=help, autocompletion=names)
+def _listed(_: click.Context, __: click.Parameter, values: Sequence[Any]) -> list[Any] | None:
+    return list(values) or None
 
 
-class TableCommand(TyperCommand):
-    """`bake` and `merge`: their help lists options by what they are for; options by earlier names are understood.
-
-    `--colors` alone, before no word of letters only, which no file's name is, stands for `--colors rgb`.
-    """
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        bare = [each == "--colors" and not after.isalpha() for each, after in pairwise([*args, ""])]
-        pairs = [(f"{each}=rgb" if is_bare else each).partition("=") for each, is_bare in zip(args, bare, strict=True)]
-        for name, _, _ in pairs:
-            if name in _GONE:
-                raise OptionError(name.removeprefix("--"), _GONE[name], f"{name}, which is no more")
-        return super().parse_args(ctx, [_OLD.get(name, name) + sign + value for name, sign, value in pairs])
-
-    def format_options(self, ctx: Any, formatter: Any) -> None:
-        rows: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
-        for item in self.get_params(ctx):
-            if (record := item.get_help_record(ctx)) is not None:
-                general = "Arguments" if item.param_type_name == "argument" else "Options"
-                row = ROWS.get(str(item.name))
-                rows.setdefault((row and row.section) or general, []).append(record)
-        for title, found in rows.items():
-            with formatter.section(title):
-                formatter.write_dl(found)
-
-
-def _take_options(context: typer.Context, report: Path | None) -> None:
+def _take_options(context: click.Context, _: click.Parameter, report: Path | None) -> None:
     """Let options that are not given have the values that they had in an earlier bake."""
     if report is not None:
         from ..bake.report import saved_options
 
         context.default_map = saved_options(report)
+
+
+class TableCommand(click.Command):
+    """A command whose parameters are the rows of a table. Options by earlier names are understood.
+
+    Its help after `-h` has the options that matter, those without a section, after `-h all` every option.
+
+    `--colors` alone, before no word of letters only, which no file's name is, stands for `--colors rgb`.
+    """
+
+    def __init__(self, rows: Sequence[Option], **settings: Any) -> None:
+        super().__init__(**settings)
+        self._rows = rows
+        self._sections = {row.name: row.section for row in rows}
+        self._new = {f"--{no}{row.old_name}": f"--{no}{row.name}" for row in rows if row.old_name for no in ("", "no-")}
+
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        self.params = self.params or [*map(parameter, self._rows)]  # of the command that is called
+        return super().get_params(ctx)
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        ctx.meta[_WHOLE] = args[-1:] == ["all"]
+        bare = [each == "--colors" and not after.isalpha() for each, after in pairwise([*args, ""])]
+        pairs = [(f"{each}=rgb" if is_bare else each).partition("=") for each, is_bare in zip(args, bare, strict=True)]
+        for name, _, _ in pairs:
+            if name in _GONE:
+                raise OptionError(name.removeprefix("--"), _GONE[name], f"{name}, which is no more")
+        return super().parse_args(ctx, [self._new.get(name, name) + sign + value for name, sign, value in pairs])
+
+    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        self.format_usage(ctx, formatter)
+        self.format_help_text(ctx, formatter)
+        self.format_epilog(ctx, formatter)  # examples
+        self.format_arguments(ctx, formatter)
+        self.format_options(ctx, formatter)
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The options without a section; after `-h all` those with one, too."""
+        sections: dict[str, list[tuple[str, str]]] = {"Options": []}
+        for item in self.get_params(ctx):
+            record = item.get_help_record(ctx)
+            if record and isinstance(item, click.Option):
+                sections.setdefault(self._sections.get(item.name) or "Options", []).append(record)
+        shown = sections if ctx.meta.get(_WHOLE) else ["Options"]
+        for title in shown:
+            with formatter.section(title):
+                formatter.write_dl(sections[title])
+        rest = sum(len(records) for title, records in sections.items() if title not in shown)
+        if rest:
+            formatter.write_paragraph()
+            formatter.write_text(f"{rest} more options: {ctx.command_path} -h all")

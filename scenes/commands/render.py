@@ -6,67 +6,32 @@ import sys
 import time
 from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ao.declared import Option
-from ao.options import Normals
 from raytrace.errors import ConflictError, OptionError, printable
 
-from ..bake.console import progress, warn
-from ..bake.options import REPORTS, ROWS, OptionValues, check_together, plain, with_fields
+from ..bake.console import warn
+from ..bake.options import RENDER, REPORTS, RenderOptions, check_together, plain
 from ..bake.report import command_line
+from ..show.progress import progress
 
 if TYPE_CHECKING:
     import ao
     from ao.cluster.session import ClusterSession
-    from ao.execute.tracer import Progress
     from raytrace import Frame, Settings
 
     from ..bake.cluster import Workers
     from ..description.description import SceneDescription
     from ..formats.falloffs import Scales
+    from ..show.progress import Advance
     from ..show.report.pictures import Picture
 
 _SETTINGS = ("samples", "shading", "normals", "obscurance", "shadows", "seed")
 _PREVIEW = 4  # a preview's sides are that much shorter
 _PREVIEW_BAKE = 32  # and it bakes with that many rays a vertex
-RENDER = (
-    Option("scene", Path, ..., "A .toml scene, a .glb or .gltf, or any mesh.", metavar="SCENE"),
-    replace(ROWS["output"], help="Output image, format by ending: .exr .png .tif .jpg"),
-    Option("width", int | None, None, "Image width in pixels; needs --height.", needs={"height": ...}),
-    Option("height", int | None, None, "Image height in pixels; needs --width.", needs={"width": ...}),
-    Option("samples", int | None, None, "Most camera rays per pixel."),
-    Option("shading", str | None, None, "Interpolation over a face: constant, flat, gouraud, phong or quadratic.",
-           words=("constant", "flat", "gouraud", "phong", "quadratic")),
-    replace(ROWS["normals"], kind=Normals | None, default=None),
-    Option("obscurance", str | None, None, "What w scales: ambient (ambient light only), "
-           "'ambient and diffuse' (light, as in the textbook's equation 12.75), or off (nothing)."),
-    Option("baked", Path | None, None, "Read w from a baked file: .npy .npz .ply .glb"),
-    Option("half_distance", str | None, None, "Of the baked file's profile: mesh units, or \"12%\" of the radius; or "
-           "several with commas between, whose w are multiplied."),
-    Option("power", str | None, None, "Of w at each half-distance, 1 by default: 1,0.5 for instance.",
-           needs={"half_distance": ...}),
-    Option("own_occlusion", bool, True, "Use a glTF file's own occlusion textures; otherwise bake there, too."),
-    replace(ROWS["alpha"], help="auto: as the file has it; ignore: faces are opaque."),
-    Option("shadows", bool | None, None, "Trace shadow rays."),
-    replace(ROWS["up"], help="Up axis of a mesh file, by default what it says, or y."),
-    Option("view", str | None, None, "Where a mesh file is seen from: front, back, left, right, top, bottom, or a "
-           "direction X,Y,Z from it to the camera.", words=("front", "back", "left", "right", "top", "bottom")),
-    Option("crop", str | None, None, "Render only these pixels.", metavar="X,Y,W,H"),
-    replace(ROWS["seed"], kind=int | None, default=None, help="Random seed of the pixel samples."),
-    Option("preview", bool, False, "A quarter of the width and height, few samples."),
-    replace(ROWS["half"], help="16-bit floats in an .exr."),
-    Option("show", bool, False, "Show the image in the terminal, too, or instead.", role="run"),
-    *(ROWS[name] for name in ("threads", "cluster", "shared", "report", "progress", "quiet")),
-)  # fmt: skip
-
-
-@with_fields(RENDER)
-class RenderOptions(OptionValues):
-    """The options of `render`."""
 
 
 def run_render(given: RenderOptions) -> None:
@@ -186,8 +151,7 @@ def _quarter(settings: Settings) -> Settings:
     return replace(settings, width=width, height=height, crop=crop, samples=min(settings.samples, 4))
 
 
-@dataclass(frozen=True)
-class RenderedPicture:
+class RenderedPicture(NamedTuple):
     frame: Frame  # the layers that the file's format holds, and the renderer's counts
     bake: ao.Bake | None
     seconds: dict[str, float]  # bake, build, render, write
@@ -203,7 +167,7 @@ class RenderedPicture:
 
 
 def _picture(
-    source: Path, description: SceneDescription, all_layers: bool, threads: int, bars: Sequence[Progress | None],
+    source: Path, description: SceneDescription, all_layers: bool, threads: int, bars: Sequence[Advance | None],
     session: ClusterSession | None,
 ) -> RenderedPicture:  # fmt: skip
     """Bake what a described scene needs, and render it. Args: bars: of baking, and of rendering."""

@@ -1,10 +1,11 @@
 """Usage errors in one line: what was expected, what was given, the nearest name, and where help is."""
 
 import os
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+
+import click
 
 from raytrace.errors import ConflictError, InputError, ObscuranceError, OptionError, nearest_name, printable, shortened
 
@@ -16,50 +17,33 @@ def fault_in_words(fault: Any, app: Any, arguments: Sequence[str]) -> str:
     command = app.commands.get(arguments[0]) if arguments else None
     if isinstance(fault, InputError):
         return _option_in_words(fault, command)
-    return str(fault) if isinstance(fault, ObscuranceError) else _mistake_in_words(fault, app, command, arguments)
+    return str(fault) if isinstance(fault, ObscuranceError) else _mistake_in_words(fault, app, command)
 
 
-def _mistake_in_words(mistake: Any, app: Any, command: Any, arguments: Sequence[str]) -> str:
-    """A mistake that the parser found, a `TyperException`."""
-    place = command.name if command else ""
-    cause = mistake.__cause__
+def _mistake_in_words(mistake: click.UsageError, app: click.Group, command: click.Command | None) -> str:
+    """A mistake that the parser found."""
+    place = str(command.name) if command else ""
     near = None
-    if hasattr(mistake, "possibilities"):
-        given = mistake.option_name
+    if isinstance(mistake, click.NoSuchOption):
         names = [name for item in (command or app).params for name in (*item.opts, *item.secondary_opts)]
         expected = "one of its options"
-        got = given
-        near = nearest_name(given, [*names, "--help"])
-    elif hasattr(mistake, "option_name"):
+        got = mistake.option_name
+        near = nearest_name(got, [*names, "--help"])
+    elif isinstance(mistake, click.BadOptionUsage):
         place = f"{place} {mistake.option_name}".lstrip()
         takes = "requires" in mistake.message
         expected, got = ("a value", "nothing") if takes else ("the option alone", "a value")
-    elif getattr(mistake, "param", None) is not None and cause is not None:
-        fault = cause.errors()[0]
-        place = f"{place} {_shown(mistake.param)}"
-        got = fault["input"]
-        kinds = {"int": "a whole number", "float": "a number", "bool": "true or false"}
-        names = re.findall("'([^']*)'", str(fault["msg"]).partition(" is not one of ")[2])
-        expected = next((text for kind, text in kinds.items() if fault["type"].startswith(kind)), "")
-        if not expected and names:
-            expected = "one of " + ", ".join(names)
-            near = nearest_name(got, names)
-        expected = expected or str(fault["msg"])
-    elif getattr(mistake, "param", None) is not None:
+    elif isinstance(mistake, click.MissingParameter):
         expected = _shown(mistake.param)
         got = "nothing"
-    elif command is None:
-        given = arguments[0] if arguments else "nothing"
+    elif isinstance(mistake, click.exceptions.NoSuchCommand):
         place = "command"
         expected = "one of " + ", ".join(app.commands)
-        got = given
-        near = nearest_name(given, app.commands)
-    elif extra := re.fullmatch(r"Got unexpected extra argument\(?s?\)? \((.*)\)", mistake.message):
-        expected = "no more arguments"
-        got = extra[1]
+        got = mistake.command_name
+        near = nearest_name(got, app.commands)
     else:
-        expected = "valid arguments"
-        got = mistake.format_message()
+        expected = "no more arguments"
+        got = mistake.message.partition("(")[2].removesuffix(")")
     return _line(place, expected, got, near, command)
 
 
@@ -112,8 +96,8 @@ def _file_meant(missing: Path) -> str:
 
 def _shown(parameter: Any) -> str:
     """An option by its long name, an argument as help shows it."""
-    name = parameter.opts[0]
-    return str(name if name.startswith("-") else (parameter.metavar or parameter.name.upper()).strip("[]."))
+    is_option = isinstance(parameter, click.Option)
+    return str(parameter.opts[0] if is_option else parameter.human_readable_name.removesuffix("..."))
 
 
 def _given(parameter: Any) -> str:

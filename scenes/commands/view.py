@@ -17,18 +17,18 @@ _TOLERANCE = 0.02  # of w that is only looked at
 
 
 def run_view(
-    result: Path, other: Path | None, output: Path | None, mesh: Path | None, up: str | None, show: bool, quiet: bool
+    result: Path, other: Path | None, output: Path | None, mesh: Path | None, up: str | None, open: bool, quiet: bool
 ) -> None:
-    """Write the page, print a line, and open it in the browser if it is to `show`. Args: as of `view_results`."""
+    """Write the page, print a line, and open it in the browser if it is to `open`. Args: as of `view_results`."""
     if other is None and mesh is None and _is_unbaked(result):
         target = output or result.with_suffix(".html")
         check_ending("output", target, ".html")
         note(f"{result}: there is no w in it; it is baked with --tolerance {_TOLERANCE:g}, for a look")
         run_bake(BakeOptions(mesh=[result], output=target, tolerance=_TOLERANCE, up=up, quiet=quiet))
-        if show:
+        if open:
             webbrowser.open(target.resolve().as_uri())
         return
-    summary = view_results(result, other, output, mesh, up, show)
+    summary = view_results(result, other, output, mesh, up, open)
     if not quiet:
         print(summary)
 

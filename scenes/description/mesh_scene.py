@@ -18,6 +18,7 @@ from ..formats.objects import ObjectSelection
 from ..geometry.attributes import SourceMaterial
 from ..geometry.corners import PerCorner, split_corners, split_creases
 from ..geometry.primitives import Origin
+from ..geometry.standing import lying_notes
 from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, three_lights
 from .textured import colours_left_out, linear_colours
 
@@ -30,7 +31,7 @@ def mesh_scene(
     objects = tuple(Object(shape, name=source.path.stem) for shape, _ in shapes)
     camera = framing(source.mesh, up, settings.width, settings.height, view)
     lit = Scene(objects, three_lights(camera), BACKGROUND)
-    notes = (*source.notes, *colours_left_out(source.path, source.unread))
+    notes = (*source.notes, *colours_left_out(source.path, source.unread), *lying_notes(source.mesh, up))
     origins = tuple(origin for _, origin in shapes)
     return SceneDescription(lit, camera, settings, files=source.files, notes=notes, origins=origins)
 

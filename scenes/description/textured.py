@@ -20,6 +20,8 @@ from ..geometry.corners import split_corners
 from ..geometry.instances import flatten
 from ..geometry.primitives import Origin, TexturedMesh
 
+_COLOURS = "colours", "texture of map_Kd", "texture of diffuse"  # how words on what is left out begin
+
 
 def read_mesh(path: Path, textured: bool) -> tuple[TexturedMesh, list[str]]:
     """The mesh of a file, with texture coordinates if it is to be `textured` and all corners have some; and warnings.
@@ -56,5 +58,5 @@ def linear_colours(attributes: SourceAttributes | None) -> Float64s | None:
 
 
 def colours_left_out(path: Path, unread: Iterable[str]) -> list[str]:
-    """Warnings of colours among what a file holds that is not read."""
-    return [printable(f"{path}: left out: {words}") for words in unread if words.startswith("colours")]
+    """Warnings of colours and their pictures among what a file holds that is not read."""
+    return [printable(f"{path}: left out: {words}") for words in unread if words.startswith(_COLOURS)]

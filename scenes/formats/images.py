@@ -14,7 +14,6 @@ import numpy.typing as npt
 from ao.texture.uv_layout import tile_ranges
 from raytrace.errors import OptionError, OutputError, is_utf8, printable
 from raytrace.image.dither import dithered
-from raytrace.image.encode import write_data
 from raytrace.system.atomic import check_writable
 from raytrace.types import Float32s, Float64s
 
@@ -73,6 +72,8 @@ def write_grey(
     profile: Profile | None = None,
 ) -> None:
     """Write w or its error (h, w), linear: PNG of 16 bits, or 8 dithered; EXR, with a profile as a layer, and TIFF."""
+    from raytrace.image.encode import write_data  # OpenImageIO's side, which names and checks do not need
+
     whole = values[:, :, None]
     layers: list[npt.NDArray[Any]] = [dithered(whole) if path.suffix.lower() == ".png" and bits == 8 else whole]
     names = ["Y"]
@@ -86,6 +87,8 @@ def write_grey(
 
 def write_normals(path: Path, normals: Float32s, half: bool, metadata: Mapping[str, str], bits: int) -> None:
     """Write unit vectors (h, w, 3): n in files of floats, (n + 1)/2 in PNG. Raises: OutputError."""
+    from raytrace.image.encode import write_data
+
     encoded = (normals + 1) / 2 if path.suffix.lower() == ".png" else normals
     write_data(path, encoded.astype(np.float32), metadata, half, "RGB", bits)
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,8 +38,7 @@ def round_left(data: bytes, values: Float64s) -> None:
         values[some] = np.fromstring(b" ".join(next(_WORD.finditer(data, at))[0] for at in offsets), sep=" ")
 
 
-@dataclass(frozen=True, eq=False)
-class NumberRows:
+class NumberRows(NamedTuple):
     """The lines of a text file that have words, what follows a # left out."""
 
     data: bytes  # of the file

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -26,8 +25,7 @@ class Named(NamedTuple):
     name: str
 
 
-@dataclass(frozen=True, eq=False)
-class PrimitiveGroup:
+class PrimitiveGroup(NamedTuple):
     """Faces of one material in one object."""
 
     part: int  # number of the mesh file's part

@@ -7,7 +7,6 @@ import warnings
 import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -98,7 +97,7 @@ def checked_profile(path: Path, profile: Profile | None) -> Profile:
 def _of_mesh(path: Path, counts: tuple[int, ...], scales: Scales | None) -> Float64s:
     instances, asset = read_objects(path)
     if scales:
-        instances = [replace(instance, w=scales.of(checked_profile(path, instance.profile))) for instance in instances]
+        instances = [instance._replace(w=scales.of(checked_profile(path, instance.profile))) for instance in instances]
     columns = [instance.w for instance in instances] if asset is None else _of_gltf(instances, asset)
     stored = [(instance, w) for instance, w in zip(instances, columns, strict=True) if w is not None]
     if not stored or len(stored) < len(instances):

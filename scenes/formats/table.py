@@ -45,7 +45,7 @@ class FileFormat(NamedTuple):
     begins: bytes = b""  # a pattern of the first bytes, which identifies a pipe's format
     write: str = ""  # a bake, a `MeshFile` and `Channels` to bytes
     unsupported: str = ""  # a `MeshFile` and `Channels.colors` to words for what an output lacks
-    holds: tuple[str, ...] = ()  # of "w", "colors" of vertices, "uv" of polygons' corners, a "scene"
+    holds: tuple[str, ...] = ()  # "w", w of "faces" and backs, "colors" of vertices, "uv" of corners, a "scene"
 
 
 _REGISTERED: dict[str, FileFormat] = {}
@@ -88,7 +88,7 @@ def sniffed_format(content: bytes | bytearray) -> str | None:
 
 
 register(  # what no folder reads
-    FileFormat(".npy", "NumPy", write="scenes.formats.write:npy", holds=("w",)),
-    FileFormat(".npz", "NumPy", write="scenes.formats.write:npz", holds=("w",)),
+    FileFormat(".npy", "NumPy", write="scenes.formats.write:npy", holds=("w", "faces")),
+    FileFormat(".npz", "NumPy", write="scenes.formats.write:npz", holds=("w", "faces")),
     FileFormat(".html", "HTML", write="scenes.show.page.baked:html"),
 )

@@ -29,7 +29,7 @@ def unsupported_features(target: Path, mesh_file: MeshFile, channels: Channels =
     missing = resolve_name(row.unsupported)(mesh_file, colors)
     warnings = [f"{target}: not kept from {mesh_file.path}: {', '.join(missing)}"] if missing else []
     if row.name == "PLY" and not colors and has_own_colors(mesh_file.attributes):
-        instead = "w is in its property obscurance alone, and --colors puts it in their place"
+        instead = "w, the openness, is only in the property obscurance; --colors puts it in their place"
         warnings.append(f"{target}: keeps the colours of {mesh_file.path}; {instead}")
     if channels.ply_name and mesh_file.attributes and channels.ply_name in mesh_file.attributes.numbers:
         warnings.append(f"{target}: w takes the place of {channels.ply_name} of {mesh_file.path}")

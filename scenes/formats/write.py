@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, cast, get_args
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.errors import ConflictError, OptionError
+from raytrace.errors import ConflictError, OptionError, Term
 from raytrace.system.atomic import check_writable, write_bytes
 from raytrace.types import AnyFloats
 
@@ -29,7 +29,7 @@ Colors = Literal["rgb", "r", "g", "b", "a"]
 
 
 class VertexValues(Protocol):
-    """What is known of w at n vertices: an `ao.Bake`, or like it."""
+    """What is known of w at n vertices, or faces: an `ao.Bake`, or like it."""
 
     @property
     def w(self) -> AnyFloats: ...  # (n,)
@@ -46,11 +46,24 @@ class VertexValues(Protocol):
     @property
     def profile(self) -> Profile | None: ...
 
+    @property
+    def at(self) -> str: ...  # what there is a value of, "vertices" or "faces"
+
+    @property
+    def below(self) -> VertexValues | None: ...  # of the backs of faces
+
 
 def check_target(path: str | os.PathLike[str]) -> None:
     """Find out before the bake whether `write` will accept `path`. Raises: OptionError: of its ending; OutputError."""
     _writer(path)
     check_writable(path)
+
+
+def check_holds(path: str | os.PathLike[str], at: str, both_sides: bool) -> None:
+    """Raises: ConflictError: the format holds no w of faces, or of both sides."""
+    if "faces" not in format_of(path).holds and (at == "faces" or both_sides):
+        term: Term = ("at", "faces") if at == "faces" else "both_sides"
+        raise ConflictError(term, "needs", "an output that ends in " + " ".join(endings("", "faces")))
 
 
 def write(
@@ -66,7 +79,7 @@ def write(
 ) -> None:
     """Write a bake in the format of the ending, whole or not at all; the same input gives the same bytes.
 
-    - `.npy`: w, float32 (n,).
+    - `.npy`: w, float32 (n,), or (n, 2) with that of the backs.
     - `.npz`: `w` float32 (n,), `error` float32 (n,), `bent_normals` float32 (n, 3), `flags` uint8 (n,), as far as they
       are known; of a profile `profile` float32 (n, k), `half_distances` float64 (k,) and `radius`.
     - `.ply`: `obscurance`, and w as the grey `red green blue`, sRGB-encoded as Blender and three.js take the colours of
@@ -112,11 +125,13 @@ def write(
                 raise ConflictError(name, "does not go with", "a texture")
         _write_textures(Path(path), several, source, replace_occlusion)
         return
-    count = len(source.mesh.vertices)
+    values = cast("VertexValues", bake)
+    count = len(getattr(source.mesh, values.at))
+    check_holds(path, values.at, values.below is not None)
     if len(bake.w) != count:
-        raise OptionError("bake", f"w of the {count:,} vertices of {source.path}", f"{len(bake.w):,}")
+        raise OptionError("bake", f"w of the {count:,} {values.at} of {source.path}", f"{len(bake.w):,}")
     shown = channels(path, colors, occlusion, replace_occlusion, up, ply_name)
-    write_vertices(path, cast("VertexValues", bake), source, shown)
+    write_vertices(path, values, source, shown)
 
 
 def _source(target: str | os.PathLike[str], given: Any) -> MeshFile:
@@ -195,7 +210,8 @@ def _writer(path: str | os.PathLike[str]) -> Callable[..., bytes | memoryview]:
 
 def npy(bake: VertexValues, *_: object) -> memoryview:
     content = io.BytesIO()
-    np.save(content, bake.w.astype("<f4"), allow_pickle=False)
+    w = np.stack([bake.w, bake.below.w], axis=-1) if bake.below else bake.w
+    np.save(content, w.astype("<f4"), allow_pickle=False)
     return content.getbuffer()
 
 
@@ -204,6 +220,8 @@ def npz(bake: VertexValues, *_: object) -> memoryview:
     content = io.BytesIO()
     kinds = {"w": "<f4", "error": "<f4", "bent_normals": "<f4", "flags": "u1"}
     arrays = {name: getattr(bake, name).astype(kind) for name, kind in kinds.items() if getattr(bake, name) is not None}
+    if bake.below:
+        arrays |= {f"{name}_below": getattr(bake.below, name).astype(kind) for name, kind in kinds.items()}
     if known := bake.profile:
         arrays |= {"profile": known.values, "half_distances": known.half_distances, "radius": np.float64(known.radius)}
     np.savez(content, **arrays)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,8 +17,7 @@ from .corners import PerCorner
 from .polygons import Triangulation
 
 
-@dataclass(frozen=True)
-class SourceMaterial:
+class SourceMaterial(NamedTuple):
     """A material as OBJ libraries have it: a name, linear colours in [0, 1], glTF's factors, and a picture."""
 
     name: str
@@ -63,8 +63,7 @@ def is_opacity_map(path: Path, colour: Path | None) -> bool:
     return path != colour or channels[0] in (2, 4)
 
 
-@dataclass(frozen=True, eq=False)
-class Property:
+class Property(NamedTuple):
     """A column of an element of a PLY file."""
 
     name: str
@@ -83,7 +82,7 @@ class Property:
             counted = self.counted
             if self.sizes is not None and not np.array_equal(self.sizes.astype("<" + counted), self.sizes):
                 counted = "I"
-        return replace(self, kind=kind, counted=counted)
+        return self._replace(kind=kind, counted=counted)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,8 +94,7 @@ class Element:
     properties: tuple[Property, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class SourceAttributes:
+class SourceAttributes(NamedTuple):
     """What a mesh file holds beside the mesh.
 
     All arrays go by the file's own vertices and polygons, whose order the mesh has too.
@@ -108,7 +106,7 @@ class SourceAttributes:
     uv: PerCorner | None = None  # texture coordinates, v upwards, NaN at corners without, or None
     normals: PerCorner | None = None  # where some vertex has several, or None: then `Mesh.normals` are all there are
     colors: Float64s | None = None  # (n, 3) or (n, 4), red green blue and alpha in [0, 1], sRGB-encoded, or None
-    numbers: dict[str, Float64s] = field(default_factory=dict)  # further (n,) values of the vertices by name
+    numbers: Mapping[str, Float64s] = {}  # further (n,) values of the vertices by name
     materials: tuple[SourceMaterial, ...] = ()
     material_of: Int64s | None = None  # (p,) which of the materials each polygon has, −1: none; or None
     objects: tuple[str, ...] = ()  # names of a file's objects that are no parts of the mesh
@@ -137,8 +135,7 @@ def reversed_attributes(attributes: SourceAttributes) -> SourceAttributes:
     triangles = attributes.triangles
     if triangles.places is not None:
         triangles = triangles._replace(places=order[triangles.places[:, ::-1]])
-    return replace(
-        attributes,
+    return attributes._replace(
         corners=attributes.corners[order],
         triangles=triangles,
         uv=attributes.uv and attributes.uv._replace(of=attributes.uv.of[order]),
@@ -158,8 +155,52 @@ def _reversed_element(element: Element, sizes: Int64s, order: Int64s) -> Element
             wide = len(values) // max(len(order), 1)
             if np.array_equal(column.sizes, wide * sizes):
                 values = values.reshape(-1, wide)[order].ravel()
-        made.append(replace(column, values=values))
+        made.append(column._replace(values=values))
     return replace(element, properties=tuple(made))
+
+
+def join_attributes(several: Sequence[SourceAttributes], vertices: Sequence[int]) -> SourceAttributes:
+    """Those of several objects, one after the other: polygons, materials, texture coordinates and colours.
+
+    Args: vertices: how many each object has.
+    """
+    first_vertex = np.cumsum([0, *vertices[:-1]])
+    first_corner = np.cumsum([0, *(len(each.corners) for each in several[:-1])])
+    corners = [each.corners + start for each, start in zip(several, first_vertex, strict=True)]
+    triangles = [each.triangles for each in several]
+    numbers = [np.arange(len(each.corners)) for each in several]
+    places = [cut.take(own) + start for cut, own, start in zip(triangles, numbers, first_corner, strict=True)]
+    # Each material once; -1, none, is the last of a list.
+    materials = tuple(dict.fromkeys(material for each in several for material in each.materials))
+    material_of = []
+    for each in several:
+        number = np.array([*(materials.index(material) for material in each.materials), -1])
+        own = np.full(len(each.sizes), -1) if each.material_of is None else each.material_of
+        material_of.append(number[own])
+    # NaN where an object has no texture coordinates, white where it has no colours.
+    uv = [each.uv or PerCorner(np.full((1, 2), np.nan), np.zeros(len(each.corners), np.int64)) for each in several]
+    first_value = np.cumsum([0, *(len(values.values) for values in uv[:-1])])
+    of = [values.of + start for values, start in zip(uv, first_value, strict=True)]
+    colors = [
+        np.ones((count, 3)) if each.colors is None else each.colors[:, :3]
+        for each, count in zip(several, vertices, strict=True)
+    ]
+    return SourceAttributes(
+        np.concatenate(corners),
+        np.concatenate([each.sizes for each in several]),
+        Triangulation(
+            np.concatenate([cut.counts for cut in triangles]),
+            sum(cut.crossing for cut in triangles),
+            None if all(cut.places is None for cut in triangles) else np.concatenate(places),
+        ),
+        uv=PerCorner(np.concatenate([values.values for values in uv]), np.concatenate(of))
+        if any(each.uv for each in several)
+        else None,
+        colors=np.concatenate(colors) if any(each.colors is not None for each in several) else None,
+        materials=materials,
+        material_of=np.concatenate(material_of) if materials else None,
+        files=tuple(dict.fromkeys(path for each in several for path in each.files)),
+    )
 
 
 def triangle_attributes(faces: Int64s) -> SourceAttributes:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +12,7 @@ from raytrace import InputError, Mesh, MeshError, Opacity
 from raytrace.system.checks import check_memory
 from raytrace.types import Float64s, Int64s
 
-from .attributes import SourceAttributes
+from .attributes import SourceAttributes, join_attributes, reversed_attributes
 
 if TYPE_CHECKING:
     from ao import Profile
@@ -22,8 +21,7 @@ MAX_COPIED = 20_000_000
 _ROW = 80  # bytes of a placed vertex or triangle, with copies on the way to a mesh
 
 
-@dataclass(frozen=True)
-class Instance:
+class Instance(NamedTuple):
     """Triangles as a file stores them, and where its scene places them."""
 
     name: str  # what the file calls the object
@@ -46,8 +44,7 @@ class Instance:
         return not len(self.faces) or (self.matrix is not None and not np.linalg.det(self.matrix[:3, :3]))
 
 
-@dataclass(frozen=True)
-class Submesh:
+class Submesh(NamedTuple):
     """One placed object of a file: `mesh.vertices[part.vertices]`, `mesh.faces[part.faces]`."""
 
     name: str
@@ -117,6 +114,20 @@ def _parts(instances: Sequence[Instance]) -> tuple[Submesh, ...]:
         vertex = vertices.stop
         face = faces.stop
     return tuple(parts)
+
+
+def joined_attributes(instances: Sequence[Instance]) -> SourceAttributes | None:
+    """What is kept beside the mesh that `flatten` makes; None where an object has nothing, or of none."""
+    kept = []
+    for placed in instances:
+        own = placed.attributes
+        if own is None:
+            return None
+        is_mirrored = placed.matrix is not None and bool(np.linalg.det(placed.matrix[:3, :3]) < 0)
+        kept.append(reversed_attributes(own) if is_mirrored else own)
+    if len(kept) < 2:
+        return kept[0] if kept else None
+    return join_attributes(kept, [len(placed.vertices) for placed in instances])
 
 
 def _polygons(instances: Sequence[Instance], parts: Sequence[Submesh]) -> Int64s | None:

@@ -47,7 +47,7 @@ def test_rays_are_counted():
     calls = []
     sphere = trimesh.creation.icosphere(subdivisions=3)
     soup = Mesh(sphere.triangles.reshape(-1, 3), np.arange(3 * len(sphere.faces)).reshape(-1, 3))
-    baked = ao.bake(soup, ao.Binary(), samples=10, progress=lambda done, total: calls.append((done, total)))
+    baked = ao.bake(soup, ao.Binary(), samples=10, progress=lambda done, total, stage: calls.append((done, total)))
     points, calibration = len(sphere.vertices), 128
     assert baked.rays == 10 * (points + calibration)
     skipped = dict.fromkeys(("no_normal", "not_wanted", "predicted", "hidden"), 0)

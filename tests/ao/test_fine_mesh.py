@@ -123,7 +123,7 @@ def test_vertices_inside_of_solids_of_the_fine_mesh(interior):
 
 
 def test_the_same_bytes_for_any_number_of_threads_and_after_an_interruption(tmp_path):
-    def stop(done, total):
+    def stop(done, total, stage):
         if done > 0.5 * total:
             raise Stopped
 

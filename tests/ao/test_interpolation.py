@@ -57,7 +57,7 @@ def test_fine_meshes_are_not_coarse_however_noisy():
         assert baked.interpolation.rmse < 0.04
         assert not baked.coarse
     assert baked.interpolation.rmse < 0.015
-    assert ao.bake(hills(8), "binary").coarse
+    assert ao.bake(PART, "binary").coarse
     assert ao.bake(hills(8), "binary", method="surface").interpolation.rmse < ao.bake(hills(8)).interpolation.rmse
 
 
@@ -80,10 +80,10 @@ def test_a_command_reports_it_in_one_line(tmp_path, method):
     page = tmp_path / "r.html"
     line = tmp_path / "lid.ply", "-o", tmp_path / "w.ply", "--report", page, "--method", method, "--samples", 256
     result = obscurance("bake", *line)
-    found = [text for text in result.stderr.splitlines() if "between the vertices w errs by 0." in text]
+    found = [text for text in result.stderr.splitlines() if "between the vertices w, the openness, errs by 0." in text]
     assert len(found) == 1
-    assert found[0].endswith(": --method surface" if method == "vertex" else ": take smaller faces")
-    assert "between the vertices w errs by 0." in page.read_text()
+    assert found[0].endswith(": add --method surface" if method == "vertex" else ": subdivide them")
+    assert "between the vertices w, the openness, errs by 0." in page.read_text()
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def test_a_command_reports_it_in_one_line(tmp_path, method):
 def test_what_helps_a_glb_is_named(tmp_path, options, remedy):
     (tmp_path / "lid.ply").write_bytes(ply(*PART))
     result = obscurance("bake", tmp_path / "lid.ply", "-o", tmp_path / "w.glb", "--samples", 256, *options)
-    assert f"the faces are too large for it: {remedy}\n" in result.stderr
+    assert f"as the faces are too large for it: add {remedy}\n" in result.stderr
 
 
 def test_it_is_measured_when_it_is_asked_for():

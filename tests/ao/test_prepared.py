@@ -61,5 +61,5 @@ def test_other_normals_than_those_it_was_prepared_with_are_refused():
     assert all_bits(ao.bake(prepared, samples=8, normals="area")) == all_bits(ao.bake(HILLS, samples=8, normals="area"))
     with pytest.raises(OptionError, match=r"normals: expected .area., by which the mesh was prepared, got 'angle'$"):
         ao.bake(prepared)
-    with pytest.raises(OptionError, match="normals: expected angle, area, equal or file"):
+    with pytest.raises(OptionError, match="normals: expected one of angle, area, equal, file"):
         ao.prepare(HILLS, normals="smooth")

@@ -5,7 +5,6 @@ sum; normals by the inverse transpose of the blended matrix. The transform of a 
 Format: Khronos glTF 2.0 specification, sections 3.7.2.2 (morph targets) and 3.7.3 (skins).
 """
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -52,7 +51,7 @@ class Poses:
         vertices = moved["POSITION"]
         normals = moved["NORMAL"]
         assert vertices is not None
-        made = replace(stored, vertices=vertices, normals=normals)
+        made = stored._replace(vertices=vertices, normals=normals)
         return made if drawn.skin is None else self._skinned(drawn.skin, drawn, made, f"{at}.attributes")
 
     def _morphed(self, drawn: DrawnPrimitive, name: str, values: npt.NDArray[Any], at: str) -> npt.NDArray[Any]:
@@ -90,9 +89,9 @@ class Poses:
             if normals is not None and stored.normals is not None:
                 normals[rows] = _times(cofactor, stored.normals[rows]) * sign[:, None]
         if turned >= 0:
-            return replace(stored, vertices=vertices, normals=normals, matrix=np.eye(4))
+            return stored._replace(vertices=vertices, normals=normals, matrix=np.eye(4))
         normals = None if normals is None else normals * _MIRROR
-        return replace(stored, vertices=vertices * _MIRROR, normals=normals, matrix=np.diag([*_MIRROR, 1.0]))
+        return stored._replace(vertices=vertices * _MIRROR, normals=normals, matrix=np.diag([*_MIRROR, 1.0]))
 
     def _joints(self, number: int) -> Float64s:
         """The maps of a skin's joints, (j, 3, 4), from where the mesh is stored to the world at rest."""

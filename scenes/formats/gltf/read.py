@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -42,7 +41,7 @@ def read_gltf(given: MeshInput) -> tuple[list[Instance], Gltf]:
     for drawn in asset.drawn:
         if drawn.shape not in shapes:
             shape = poses.posed(drawn, _shape(asset, drawn.primitive))
-            shape = replace(shape, opacity=opacity_of(drawn.primitive, shape.faces)) if opacity_of else shape
+            shape = shape._replace(opacity=opacity_of(drawn.primitive, shape.faces)) if opacity_of else shape
             shapes[drawn.shape] = shape
         shape = shapes[drawn.shape]
         copied += len(shape.vertices) + len(shape.faces)
@@ -52,7 +51,7 @@ def read_gltf(given: MeshInput) -> tuple[list[Instance], Gltf]:
         if _COPIES in asset.geometry.nodes[drawn.node].extensions:
             notes += (f"{name} is drawn many times by {_COPIES}, which is not read: once here",)
         matrix = asset.world[drawn.node] if drawn.skin is None else shape.matrix
-        made.append(replace(shape, name=name, matrix=matrix, notes=notes))
+        made.append(shape._replace(name=name, matrix=matrix, notes=notes))
     return made, asset
 
 

@@ -85,11 +85,11 @@ def _warnings(kept: int, apart: int) -> list[str]:
     """Lines on `kept` occlusion textures, and on images of w `apart` from metallic-roughness textures."""
     lines = []
     if kept:
-        advice = "whose w viewers do not show; --replace-occlusion replaces them"
-        lines.append(f"keeps the occlusion textures of {kept:,} primitives, {advice}")
+        advice = "so viewers do not show the bake there; --replace-occlusion replaces them"
+        lines.append(f"keeps the file's own occlusion textures (primitives: {kept:,}), {advice}")
     if apart:
-        reason = "by other coordinates than the bake, moved by KHR_texture_transform, or no PNG or JPEG"
-        lines.append(f"has w in an image apart from {apart:,} metallic-roughness textures, {reason}")
+        reason = "which have other coordinates, are moved by KHR_texture_transform, or are neither PNG nor JPEG"
+        lines.append(f"has its occlusion in images apart from metallic-roughness textures ({apart:,}), {reason}")
     return lines
 
 

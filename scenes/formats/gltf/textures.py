@@ -153,7 +153,7 @@ def gltf_attributes(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tup
         colors = colors[:, :3] if (colors[:, 3] == 1).all() else colors
     made = triangle_attributes(faces)
     coordinates = None if uv is None else PerCorner(flipped(uv), made.corners)
-    return replace(made, uv=coordinates, colors=colors), tuple(unread)
+    return made._replace(uv=coordinates, colors=colors), tuple(unread)
 
 
 def texture_coordinates(asset: Gltf, parts: Sequence[Submesh], faces: Int64s, number: int) -> Float64s | None:

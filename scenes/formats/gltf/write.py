@@ -176,8 +176,8 @@ def ramp_warnings(asset: Gltf, replace: bool) -> list[str]:
     taking = [primitive for primitive in primitives if textures.materials(primitive)]
     lines = []
     if kept := len(primitives) - len(taking):
-        of = f"keeps the occlusion textures of {kept:,} of {len(primitives):,} primitives"
-        lines.append(f"{of}, whose w viewers do not show; --replace-occlusion replaces them")
+        of = f"keeps the file's own occlusion textures (primitives: {kept:,} of {len(primitives):,})"
+        lines.append(f"{of}, so viewers do not show the bake there; --replace-occlusion replaces them")
     highest = max((free_set(header, primitive) for primitive in taking), default=0)
     if highest >= SETS_OF_ALL_VIEWERS:
         most = f"not every viewer reads more than {SETS_OF_ALL_VIEWERS}"

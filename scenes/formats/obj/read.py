@@ -4,8 +4,6 @@ trimesh's reader splits, repeats or drops vertices, takes index 0 for 1 and wrap
 9 times the bytes of a file, where what trimesh reads takes 22 times (evidence/reliability.md).
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from ...geometry.instances import Instance
@@ -29,9 +27,9 @@ def read_obj(given: MeshInput) -> list[Instance]:
     made = Instance(given.name, file.vertices, triangles.take(file.corners), vertex_normals, notes=notes)
     if given.keep:
         attributes, unread = obj_attributes(file, folder, triangles, normals, vertex_normals is not None)
-        made = replace(made, attributes=attributes, unread=unread)
+        made = made._replace(attributes=attributes, unread=unread)
     if given.alpha:
         opacity, of_alpha = obj_opacity(file, folder, triangles)
         unread = tuple(words for words in made.unread if not any(note.startswith(words) for note in of_alpha))
-        made = replace(made, opacity=opacity, unread=unread, notes=notes + of_alpha)
-    return [replace(made, polygons=triangles.polygons)]
+        made = made._replace(opacity=opacity, unread=unread, notes=notes + of_alpha)
+    return [made._replace(polygons=triangles.polygons)]

@@ -11,6 +11,6 @@ register(
         begins=rb"ply\r?\n",
         write="scenes.formats.ply.write:ply",
         unsupported="scenes.formats.ply.write:unsupported_features",
-        holds=("w", "colors", "uv"),
+        holds=("w", "faces", "colors", "uv"),
     )
 )

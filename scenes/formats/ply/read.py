@@ -50,10 +50,10 @@ def read_ply(given: MeshInput) -> list[Instance]:
         kept = list(map(_declared, elements, header.elements)) if header.text else elements
         folder = given.path.parent
         attributes = ply_attributes(tuple(kept), header.comments, corners, sizes, triangles, folder)
-        made = replace(made, attributes=attributes)
+        made = made._replace(attributes=attributes)
     w = vertex.get("obscurance")
     profile = header.profile(vertex)
-    return [replace(made, w=w, profile=profile, polygons=triangles.polygons)]
+    return [made._replace(w=w, profile=profile, polygons=triangles.polygons)]
 
 
 def _read_text(data: bytes, header: PlyHeader, source: str) -> list[Element]:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ao import Bake
+from raytrace.mesh.normals import face_normals
 from raytrace.mesh.up import up_axis
 
 from ...geometry.attributes import Element, Property, SourceAttributes
@@ -45,8 +46,10 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
         numbers = [profile.radius, *profile.half_distances.tolist()]
         comments.insert(1, layout.PROFILE_COMMENT + " ".join(map(repr, numbers)))
     further = channels.ply_name
+    named = "vertex" if bake.at == "vertices" else "face"
+    values = bake if bake.at == "vertices" else _of_polygons(bake, mesh_file)
     annotated = [
-        _annotate(element, bake, shown, further) if element.name == "vertex" else element for element in elements
+        _annotate(element, values, shown, further) if element.name == named else element for element in elements
     ]
     fitting = [
         replace(element, properties=tuple(column.fitting() for column in element.properties)) for element in annotated
@@ -82,10 +85,24 @@ def unsupported_features(mesh_file: MeshFile, colors: str) -> list[str]:
     return missing
 
 
+def _of_polygons(bake: Bake, mesh_file: MeshFile) -> Bake:
+    """w of the polygons that the faces of a bake were cut from: the mean by area. Its profile is left out."""
+    attributes = mesh_file.attributes
+    polygon = attributes.triangles.polygons if attributes else None
+    if polygon is None:
+        return replace(bake, profile=None)
+    areas = np.maximum(face_normals(bake.mesh.vertices, bake.mesh.faces)[1], 1e-300)
+    w = np.bincount(polygon, areas * bake.w) / np.bincount(polygon, areas)
+    below = bake.below and _of_polygons(bake.below, mesh_file)
+    return replace(bake, w=w, below=below, profile=None)
+
+
 def _annotate(element: Element, bake: Bake, shown: str, further: str | None) -> Element:
     replaced = ("obscurance", further, *(RGB if shown else ()), *(("alpha",) if len(shown) == 1 else ()))
     kept = [each for each in element.properties if each.name not in replaced and not is_profile(each.name)]
     made = [Property(name, "f", bake.w.astype("<f4")) for name in filter(None, ("obscurance", further))]
+    if bake.below:
+        made.append(Property("obscurance_below", "f", bake.below.w.astype("<f4")))
     if bake.profile:
         columns = enumerate(bake.profile.values.T)
         made += [Property(f"{layout.PROFILE}{number:02}", "f", column.astype("<f4")) for number, column in columns]
@@ -101,7 +118,7 @@ def _elements(mesh_file: MeshFile, attributes: SourceAttributes | None) -> tuple
     # Coordinates and normals.
     columns = [Property(axis, "f", mesh.vertices[:, number]).fitting() for number, axis in enumerate("xyz")]
     if any(column.kind == "d" for column in columns):
-        columns = [replace(column, kind="d") for column in columns]
+        columns = [column._replace(kind="d") for column in columns]
     if mesh.normals is not None:
         normals = np.nan_to_num(mesh.normals)
         longest = np.abs(normals).max(axis=1, keepdims=True)

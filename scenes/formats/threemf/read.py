@@ -3,25 +3,29 @@
 An own reader because damaged archives must neither crash nor grow: nothing is kept of the XML but the numbers, at most
 100 times an archive's bytes + 16 MiB are unpacked, and copies are counted before they are made
 (evidence/reliability.md).
-Format: 3D Manufacturing Format, core specification 1.3, chapters 3 to 5; production extension 1.1 for `path`.
+Format: 3D Manufacturing Format, core specification 1.3, chapters 3 to 5; materials and properties extension 1.2,
+chapter 2, for `colorgroup`; production extension 1.1 for `path`.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import zipfile
 from array import array
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 from typing import BinaryIO
 
 import numpy as np
 
 from raytrace.errors import MeshError
+from raytrace.image.srgb import decode_srgb
 from raytrace.system.checks import check_memory
-from raytrace.types import Float64s
+from raytrace.types import Float64s, Int64s
 
+from ...geometry.attributes import SourceAttributes, SourceMaterial, triangle_attributes
 from ...geometry.instances import Instance, check_copies
 from ..table import MeshInput
 
@@ -30,9 +34,12 @@ GROWTH, SPARE = 100, 1 << 24  # an archive may unpack to 100 times its size, and
 MAX_PLACED = 1_000_000
 _BLOCK = 1 << 16
 _READ = 2  # bytes of memory a byte of XML
-_MATERIALS = ("basematerials", "colorgroup", "texture2dgroup", "compositematerials", "multiproperties")
+_COLOURED = ("basematerials", "colorgroup")
+_UNREAD = ("texture2dgroup", "compositematerials", "multiproperties")
+_MOST_COLOURS = 1024  # of a file, each of which is a material
 
 Key = tuple[str, str]  # model file and object id
+Paint = tuple[str, str]  # id of a group of colours, and the number of one in it
 
 
 @dataclass
@@ -41,6 +48,8 @@ class _Object:
     vertices: array[float] = field(default_factory=lambda: array("d"))
     faces: array[int] = field(default_factory=lambda: array("q"))
     components: list[tuple[Key, Float64s]] = field(default_factory=list)
+    paints: list[Paint | None] = field(default_factory=list)  # of each face
+    paint: Paint | None = None  # of faces without their own
 
 
 class _Reader:
@@ -51,7 +60,10 @@ class _Reader:
         self.objects = objects
         self.items: list[tuple[Key, Float64s]] = []
         self.current = _Object("")
-        self.has_materials = False
+        self.group = ""
+        self.colours: dict[Paint, SourceMaterial] = {}
+        self.sizes: dict[str, int] = {}  # of groups, as far as they are read
+        self.has_unread = False
 
     def start(self, tag: str, attributes: Mapping[str, str]) -> None:
         match tag.rpartition("}")[2]:
@@ -59,16 +71,43 @@ class _Reader:
                 number = attributes["id"]
                 self.current = _Object(attributes.get("name", number))
                 self.objects[self.model, number] = self.current
+                if "pid" in attributes:
+                    self.current.paint = attributes["pid"], attributes.get("pindex", "0")
             case "vertex":
                 self.current.vertices.extend(float(attributes[axis]) for axis in "xyz")
             case "triangle":
                 self.current.faces.extend(int(attributes[corner]) for corner in ("v1", "v2", "v3"))
+                self.current.paints.append(self._paint(attributes))
             case "component":
                 self.current.components.append(self._placed(attributes))
-            case name if name in _MATERIALS:
-                self.has_materials = True
+            case name if name in _COLOURED:
+                self.group = attributes["id"]
+            case "base" | "color":
+                self._add_colour(
+                    attributes.get("name", ""), attributes.get("displaycolor", attributes.get("color", ""))
+                )
+            case name if name in _UNREAD:
+                self.has_unread = True
             case "item":
                 self.items.append(self._placed(attributes))
+
+    def _add_colour(self, name: str, code: str) -> None:
+        """Add a colour "#RRGGBB" or "#RRGGBBAA", sRGB, to the group that is read."""
+        number = self.sizes.get(self.group, 0)
+        self.sizes[self.group] = number + 1
+        if not re.fullmatch("#([0-9A-Fa-f]{6}|[0-9A-Fa-f]{8})", code):
+            self.has_unread = True
+            return
+        codes = np.frombuffer(bytes.fromhex(code[1:7]), np.uint8)
+        red, green, blue = decode_srgb(codes / 255).tolist()
+        self.colours[self.group, str(number)] = SourceMaterial(name or code, (red, green, blue))
+
+    def _paint(self, attributes: Mapping[str, str]) -> Paint | None:
+        """The colour of a triangle, at its first corner."""
+        own = self.current.paint
+        if "p1" not in attributes:
+            return own
+        return attributes.get("pid") or (own or ("", ""))[0], attributes["p1"]
 
     def _placed(self, attributes: Mapping[str, str]) -> tuple[Key, Float64s]:
         path = next((value for name, value in attributes.items() if name.rpartition("}")[2] == "path"), "")
@@ -82,7 +121,9 @@ class _Reader:
 
 
 def read_3mf(given: MeshInput) -> list[Instance]:
-    """The meshes where the build items place them, sharing arrays by object; materials are not read.
+    """The meshes where the build items place them, sharing arrays by object.
+
+    Of materials are read the colours of faces, at the first corner of each.
 
     Raises: MeshError: what unpacks to very much, or very many copies. Exception: of zipfile and lxml.
     """
@@ -93,15 +134,25 @@ def read_3mf(given: MeshInput) -> list[Instance]:
     build = readers[next(name for name in readers if name.endswith(ROOT))].items
     _check_build(build, objects, unpacked, given.source)
     # A shape of each object.
-    unread = ("materials and colours",) if any(reader.has_materials for reader in readers.values()) else ()
-    shapes = {key: _shape(item, unread) for key, item in objects.items()}
+    colours = {name: reader.colours for name, reader in readers.items()}
+    has_unread = any(reader.has_unread for reader in readers.values())
+    if sum(map(len, colours.values())) > _MOST_COLOURS:
+        colours = {}
+        has_unread = True
+    unread = ("colours of textures or mixtures, of very many kinds, or malformed",) if has_unread else ()
+    shapes: dict[Key, Instance] = {}
+    for key, item in objects.items():
+        vertices = np.array(item.vertices).reshape(-1, 3)
+        faces = np.array(item.faces).reshape(-1, 3)
+        attributes = _attributes(faces, item.paints, colours.get(key[0], {})) if given.keep else None
+        shapes[key] = Instance(item.name, vertices, faces, attributes=attributes, unread=unread, up="z")
     # Placed by the build items, with the components of each.
     placed = []
     stack = build[::-1]
     while stack:
         key, matrix = stack.pop()
         if len(shapes[key].faces):
-            placed.append(replace(shapes[key], matrix=matrix))
+            placed.append(shapes[key]._replace(matrix=matrix))
         stack.extend((child, matrix @ local) for child, local in objects[key].components[::-1])
     return placed
 
@@ -123,10 +174,17 @@ def _read_models(file: BinaryIO, objects: dict[Key, _Object]) -> dict[str, _Read
     return readers
 
 
-def _shape(item: _Object, unread: tuple[str, ...]) -> Instance:
-    vertices = np.array(item.vertices).reshape(-1, 3)
-    faces = np.array(item.faces).reshape(-1, 3)
-    return Instance(item.name, vertices, faces, unread=unread, up="z")
+def _attributes(
+    faces: Int64s, paints: Sequence[Paint | None], colours: Mapping[Paint, SourceMaterial]
+) -> SourceAttributes:
+    """The colours of faces (m, 3) as materials."""
+    attributes = triangle_attributes(faces)
+    used = [paint for paint in dict.fromkeys(paints) if paint and paint in colours]
+    if not used:
+        return attributes
+    number = {paint: row for row, paint in enumerate(used)}
+    material_of = np.array([number.get(paint, -1) if paint else -1 for paint in paints])
+    return attributes._replace(materials=tuple(colours[paint] for paint in used), material_of=material_of)
 
 
 def check_archive(file: BinaryIO, source: str) -> int:

@@ -55,6 +55,8 @@ class Values:
     name: str = "bake"
     textures: TexturedW | None = None  # what shows w in place of the vertices
     profile: Profile | None = None
+    at: str = "vertices"
+    below: None = None
     permanent: str = 'baked.profile.at("{}")'  # the command that bakes a half-distance, which "{}" stands for
 
     def checked(self, count: int) -> Values:

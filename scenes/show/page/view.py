@@ -19,6 +19,7 @@ from ...formats.gltf.occlusion import is_ramp
 from ...formats.gltf.textures import Textures
 from ...formats.load import MeshFile, load, mesh_errors
 from ...formats.stored_w import ENDINGS, find_profile, read_beside_w, read_w, unrepeated
+from ...geometry.standing import lying_notes
 from .base_colour import base_colour
 from .document import html_of_bakes
 from .encode import TexturedW, Values
@@ -55,7 +56,8 @@ def view_results(
     write_bytes(target, page)
     if show:
         webbrowser.open(target.resolve().as_uri())
-    return printable(f"{target}: {len(whole.mesh.vertices):,} vertices, {len(page) / 1e6:.2f} MB; open it in a browser")
+    written = f"{target}: {len(whole.mesh.vertices):,} vertices, {len(page) / 1e6:.2f} MB; open it in a browser"
+    return "\n".join(printable(line) for line in (written, *lying_notes(whole.mesh, up)))
 
 
 def _values(path: Path, count: int, source: MeshFile | None) -> Values:

@@ -18,18 +18,21 @@ Pictures = Callable[[], "Sequence[Sequence[Picture]]"]
 _LEVELS = "bad", "note", "good"
 _NOISY = 0.02  # RMSE of w that shows in a picture
 _OPEN, _CLOSED = 0.999, 0.05  # w of a mesh without occlusion, and of one that is inside out
-_INSIDE_OUT = "look inwards, and w is that of the inside"  # in a warning of `inward_warnings`
+_INSIDE_OUT = "inwards, so the inside is baked"  # in a warning of `inward_warnings`
 _MISSED = 2.0  # times its estimate may an error be measured
 _CLIPPED = 0.05  # of the pixels, brighter than an 8-bit picture holds
 
 _OF_FLAGS = {
-    "unreferenced": ("belong to no face; w is 1 there", "They can be removed from the mesh."),
-    "degenerate": ("belong to faces without area alone; w is 1 there", "Remove such faces, or ignore these vertices."),
-    "opposed": ("have faces that look away from each other; w is the mean over them", "Split these vertices."),
+    "unreferenced": ("belong to no face; w, the openness, is 1 there", "They can be removed from the mesh."),
+    "degenerate": ("belong only to faces without area; w is 1 there", "Remove such faces, or ignore these vertices."),
+    "opposed": ("have faces that point in opposite directions; w is their mean", "Split these vertices."),
     "hidden": ("lie inside solids{}", "Nothing to do if parts are meant to cross; --interior says what they become."),
-    "missed": ("are not within the cage and take the closest point of the fine mesh", "Make --cage larger."),
-    "contact": ("touch faces of which they are no corner; w is that of one side", "Nothing to do if parts touch."),
-    "folded": ("have a normal behind one of their faces; w is the mean over them", "Nothing to do if they are few."),
+    "missed": ("lie outside the cage and take the closest point of the fine mesh", "Make --cage larger."),
+    "contact": ("touch other faces; w, the openness, is that of one side", "Nothing to do if parts touch."),
+    "folded": (
+        "have a normal that points behind one of their faces; w is their mean",
+        "Nothing to do if they are few.",
+    ),
 }
 _SINGULAR = {"belong": "belongs", "lie": "lies", "have": "has", "are": "is", "touch": "touches"}
 
@@ -95,13 +98,13 @@ def _error(report: Facts) -> Iterator[Finding]:
 
 def flags_in_words(flagged: dict[str, int], vertices: int, rays_skipped: dict[str, int]) -> dict[str, str]:
     """The treatment of a bake's flagged vertices, by flag, in words. Args: `flagged`, `rays_skipped`: see `ao.Bake`."""
-    hidden = "; w there is filled from visible neighbours" if rays_skipped.get("hidden") else ""
+    hidden = "; w, the openness, is taken from visible neighbours" if rays_skipped.get("hidden") else ""
     words = {}
     for name, count in flagged.items():
         what = _OF_FLAGS[name][0].format(hidden)
         verb, _, rest = what.partition(" ")
         if count == 1:
-            words[name] = f"One vertex {_SINGULAR[verb]} {rest.replace('they are', 'it is')}"
+            words[name] = f"One vertex {_SINGULAR[verb]} {rest}"
         elif count:
             words[name] = f"{count:,} of {vertices:,} vertices {what}"
     return words

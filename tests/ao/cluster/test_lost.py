@@ -24,7 +24,7 @@ from dataclasses import replace
 from pathlib import Path
 from clusters import LONG, SMALL_BLOCKS, bake_on
 
-def progress(done, total):
+def progress(done, total, stage):
     print(f"{done / total:.3f}", flush=True)
 
 if __name__ == "__main__":
@@ -50,7 +50,7 @@ def test_workers_killed_at_random_moments(tmp_path, victims):
             moment, killed = chance.uniform(0, 0.95), []
             with victims_of(cluster, 2) as workers:
 
-                def progress(done, total, moment=moment, killed=killed, workers=workers):
+                def progress(done, total, stage, moment=moment, killed=killed, workers=workers):
                     if not killed and done >= moment * total:
                         time.sleep(chance.uniform(0, 0.1))
                         killed.extend(chance.sample(workers, victims))

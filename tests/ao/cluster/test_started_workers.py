@@ -23,7 +23,7 @@ def test_workers_may_come_late_and_a_lost_scheduler_leaves_a_journal_for_one_pro
     script.write_text(f"from clusters import holding\nholding(1, {str(lost)!r})()")
     with scheduler(0, [str(script)]) as late:
 
-        def progress(done, total):
+        def progress(done, total, stage):
             late.sync(late.scheduler.close)
             late.shutdown_scheduler = False  # it need not be asked again
             lost.touch()

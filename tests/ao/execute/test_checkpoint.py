@@ -198,7 +198,7 @@ def test_a_journal_that_vanishes_while_it_is_continued_costs_no_row(tmp_path, wh
     path.parent.mkdir()
     interrupted(path)
 
-    def vanish(done, total):
+    def vanish(done, total, stage):
         if path.exists() and done > 0.8 * total:
             path.unlink() if gone == "journal" else shutil.rmtree(path.parent)
 

@@ -142,7 +142,7 @@ def test_parts_of_another_mesh_or_processor_than_the_merging_ones_are_refused(pa
 
 
 def test_an_interrupted_part_is_named_and_continued(tmp_path):
-    def stop(done, total):
+    def stop(done, total, stage):
         if done > 0.7 * total:
             raise KeyboardInterrupt
 
@@ -193,7 +193,7 @@ def test_a_part_whose_folder_vanishes_is_reported(tmp_path):
     folder = tmp_path / "parts"
     folder.mkdir()
 
-    def vanish(done, total):
+    def vanish(done, total, stage):
         if done < total and part.path.exists():
             shutil.rmtree(folder)
 

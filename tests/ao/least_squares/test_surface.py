@@ -191,7 +191,7 @@ def test_coincident_vertices_of_a_smooth_surface_share_a_value():
 def test_it_spends_no_more_rays_than_the_vertex_method(samples):
     calls = []
     mesh = Mesh(*hills(20))
-    baked = bake_surface(mesh, samples=samples, progress=lambda done, total: calls.append((done, total)))
+    baked = bake_surface(mesh, samples=samples, progress=lambda done, total, stage: calls.append((done, total)))
     total = baked.rays + baked.rays_skipped["below_face"]
     assert samples * 400 - 32 < total <= samples * 400
     assert calls[-1] == (total, total)

@@ -114,7 +114,7 @@ def test_a_bake_interrupted_among_corners_continues_to_the_same_bits(noisy, tmp_
     class Stopped(Exception):
         pass
 
-    def stop(done, total):
+    def stop(done, total, stage):
         assert done <= total
         if done > 0.9 * total:
             raise Stopped

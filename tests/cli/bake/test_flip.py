@@ -61,7 +61,7 @@ def test_a_ply_keeps_its_properties_and_has_its_normals_negated(tmp_path):
     (tmp_path / "box.ply").write_bytes(ply(mesh.vertices, mesh.faces[:, ::-1]))
     report = tmp_path / "r.json"
     arguments = "bake", tmp_path / "box.ply", "-o", tmp_path / "w.ply", "--samples", 4, "--report", report
-    assert "look inwards, and w is that of the inside: --flip" in obscurance(*arguments).stderr
+    assert "look inwards, so the inside is baked: --flip" in obscurance(*arguments).stderr
     found = json.loads(report.read_text())
     assert any("look inwards" in line for line in found["warnings"])
     assert not found["verdict"]["good"]

@@ -146,6 +146,7 @@ def test_quiet_leaves_out_warnings_about_w_that_the_report_keeps(tmp_path):
         tmp_path / "r.json",
         *("--samples", 256, "--half-distance", "10%"),
     )
-    assert "between the vertices w errs by" in obscurance(*arguments).stderr
+    assert "between the vertices w, the openness, errs by" in obscurance(*arguments).stderr
     assert obscurance(*arguments, "-q").stderr == ""
-    assert "between the vertices w errs by" in json.loads((tmp_path / "r.json").read_text())["warnings"][0]
+    warning = json.loads((tmp_path / "r.json").read_text())["warnings"][0]
+    assert "between the vertices w, the openness, errs by" in warning

@@ -17,15 +17,16 @@ VERTICES, FACES = two_boxes()
 
 def test_a_pipe_gives_the_bytes_of_a_file(tmp_path):
     (tmp_path / "hills.obj").write_bytes(obj(*hills(6)))
-    single = obscurance("bake", tmp_path / "hills.obj", "-o", tmp_path / "w.ply", "--samples", 64)
+    options = "--samples", "64", "--half-distance", "5%"  # which vertices so far apart cannot show
+    single = obscurance("bake", tmp_path / "hills.obj", "-o", tmp_path / "w.ply", *options)
     assert single.returncode == 0
-    command = [*COMMAND, "bake", "-", "-o", "-", "--format", "ply", "--samples", "64"]
+    command = [*COMMAND, "bake", "-", "-o", "-", "--format", "ply", *options]
     done = subprocess.run(command, input=obj(*hills(6)), capture_output=True, cwd=tmp_path, check=True)
     assert done.stdout == (tmp_path / "w.ply").read_bytes()
     *warnings, summary = done.stderr.decode().splitlines()
     assert summary.startswith("<stdout>.ply: 36 vertices, ")
     assert warnings == single.stderr.replace(str(tmp_path / "w.ply"), "<stdout>.ply").splitlines()
-    assert [line.split(" w errs ")[0] for line in warnings] == ["warning: <stdout>.ply: between the vertices"]
+    assert [line.split(" w, ")[0] for line in warnings] == ["warning: <stdout>.ply: between the vertices"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["hills.obj", "w.ply"]
 
 

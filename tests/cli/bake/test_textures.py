@@ -139,8 +139,8 @@ def test_w_of_a_fine_mesh_at_vertices(corner, tmp_path):
     fine, target, report = tmp_path / "fine.obj", tmp_path / "w.npz", tmp_path / "r.json"
     fine.write_text("v -1 -1 .01\nv 1 -1 .01\nv 1 1 .01\nv -1 1 .01\nf 1 2 3 4\n")
     result = bake(corner, "--high", fine, "--cage", 0.1, "-o", target, "--samples", 8, "--report", report)
-    assert "w.npz: 2 vertices are not within the cage of the fine mesh" in result.stderr
-    assert "2 of 6 vertices are not within the cage and take the closest point" in result.stdout
+    assert "w.npz: 2 of 6 vertices lie outside the cage of the fine mesh" in result.stderr
+    assert "2 of 6 vertices lie outside the cage and take the closest point" in result.stdout
     assert np.load(target)["w"].tolist() == [1] * 6
     assert json.loads(report.read_text())["flagged_vertices"] == {"missed": [4, 5]}
 
@@ -231,7 +231,7 @@ def test_faces_without_area_on_the_page_get_charts_of_their_own_in_a_glb(tmp_pat
     path.write_text(f"{flat_wall}v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nf 10/1 9/1 8/1 7/1\n")
     assert "8,192 texels" in bake(path, "-o", dry, *line, "--dry-run").stdout
     result = bake(path, "-o", made, *line, "--report", tmp_path / "r.json")
-    assert "show texels of others" not in result.stderr
+    assert "show texels of other faces" not in result.stderr
     assert len(json.loads((tmp_path / "r.json").read_text())["pages"]) == 2
     found = load(made)
     sets = [found.texture_coordinates(number) for number in range(2)]
@@ -261,7 +261,7 @@ def test_coordinates_within_a_millionth_of_the_page(tmp_path, at):
 def test_faces_without_area_on_an_image_are_told(tmp_path):
     path, report = tmp_path / "palette.obj", tmp_path / "r.json"
     path.write_text(FLOOR_AND_WALL.replace("f 4/5 3/6 6/7 5/8", "f 4/5 3/5 6/5 5/5"))
-    told = "2 faces whose texture coordinates have no area show texels of others"
+    told = "2 faces have texture coordinates without area and show texels of other faces"
     assert told in bake(path, "-o", tmp_path / "w.png", *FEW, "--report", report).stderr
     assert told in report.read_text()
     glb = "-o", tmp_path / "w.glb", "--occlusion", "texture"
@@ -276,7 +276,7 @@ def test_charts_within_a_texel_get_larger_ones_in_a_glb(tmp_path):
     small = "vt .501 .101\nvt .507 .101\nvt .507 .107\nvt .501 .107\n"
     path.write_text(FLOOR_AND_WALL.replace("f 1/1", f"{small}f 1/1").replace("4/5 3/6 6/7 5/8", "4/9 3/10 6/11 5/12"))
     line = "--samples", 64, "--size", 64, "--falloff", "binary"
-    told = "2 faces show texels of others, for their charts are smaller"
+    told = "2 faces have charts smaller than a texel and show texels of other faces"
     assert told in bake(path, "-o", tmp_path / "w.png", *line).stderr
     assert told not in bake(path, "-o", made, "--occlusion", "texture", *line).stderr
     found = load(made)

@@ -58,7 +58,7 @@ def test_a_bad_file_has_its_line_and_the_others_are_baked(folder):
     lines = sorted(done.stderr.splitlines())
     assert "gone.obj: file: expected an existing file, got none" in lines[0]
     assert "noise.obj: faces: expected at least one triangle" in lines[1]
-    assert lines[2].startswith("warning: out/deep/hill0.ply: between the vertices w errs by ")
+    assert lines[2].startswith("warning: out/deep/hill0.ply: between the vertices w, the openness, errs by ")
     assert all(line.startswith("warning: out/deep/hill") for line in lines[2:])
     assert done.stdout.startswith("2 of 4 meshes baked to out/deep, 2 failed in ")
     found = json.loads((folder / "out" / "deep" / "manifest.json").read_text())

@@ -100,7 +100,10 @@ def test_the_summary_says_what_became_of_vertices_inside_solids(tmp_path):
     trimesh.util.concatenate([post.apply_translation((0, 0, 2)), block]).export(path)
     command = ("bake", path, "-o", tmp_path / "w.npy", "--samples", 16)
     inside = "9 of 34 vertices lie inside solids"
-    assert f"{inside}; w there is filled from visible neighbours\n" in obscurance(*command, "--interior", "fill").stdout
+    assert (
+        f"{inside}; w, the openness, is taken from visible neighbours\n"
+        in obscurance(*command, "--interior", "fill").stdout
+    )
     assert f"{inside}\n" in obscurance(*command, "--interior", "mark").stdout
 
 

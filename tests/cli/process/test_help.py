@@ -1,12 +1,12 @@
 """`--help`, `--version` and completion in a shell."""
 
 import os
+import re
 
 import pytest
 from command import obscurance, process
-from typer.main import get_command
 
-from cli import app
+from cli import commands
 from scenes.bake.options import BAKE
 
 
@@ -14,7 +14,7 @@ from scenes.bake.options import BAKE
 def test_help_of_the_whole(arguments):
     result = obscurance(*arguments)
     assert (result.returncode, result.stderr) == (0, "")
-    assert result.stdout.startswith("Usage: obscurance [OPTIONS] COMMAND")
+    assert result.stdout.startswith("Usage: obscurance [OPTIONS] [COMMAND]")
     assert result.stdout.count("\n") > 10
     assert "..." not in result.stdout.split("Commands:")[1]  # no sentence cut short
 
@@ -31,15 +31,23 @@ def test_help_of_every_command():
         assert short.stdout.startswith(f"Usage: obscurance {command}")
 
 
-def test_the_help_of_bake_has_a_place_for_every_option_and_examples_that_work(tmp_path, monkeypatch):
+def test_the_help_of_bake_begins_with_examples_that_work_and_has_a_place_for_every_option(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    shown = obscurance("bake", "--help").stdout
-    assert [str(item.name) for item in get_command(app).commands["bake"].params] == [row.name for row in BAKE]
-    for title in ("Arguments", "Options", *(row.section for row in BAKE if row.section)):
-        assert shown.count(f"\n{title}:\n") == 1
-    for option in ("--output-dir", "--falloff", "--size", "--options", "--quiet"):
-        assert shown.count(f"  {option} ") + shown.count(f", {option} ") == 1
-    examples = [line.split()[1:] for line in shown.splitlines() if line.startswith("    obscurance ")]
+    few, every = (obscurance("bake", *words).stdout for words in (["-h"], ["--help", "all"]))
+    assert [str(item.name) for item in commands.commands["bake"].params] == [row.name for row in BAKE]
+    matter = [row for row in BAKE if not row.section and not row.is_argument]
+    assert len(matter) == 10
+    for row in BAKE[1:]:
+        flag = re.compile(rf"^  (-\w, )?{row.flags[0].split('/')[0]} ", re.MULTILINE)
+        assert len(flag.findall(every)) == 1
+        assert len(flag.findall(few)) == (row in matter)
+    titles = [row.section for row in BAKE if row.section]
+    for title in ("Positional arguments", "Options", *titles):
+        assert every.count(f"\n{title}:\n") == 1
+        assert few.count(f"\n{title}:\n") == (title not in titles)
+    assert few.endswith(f"\n{len(BAKE) - 1 - len(matter)} more options: obscurance bake -h all\n")
+    assert few.index("Examples") < few.index("Options:")
+    examples = [line.split()[1:] for line in few.splitlines() if line.startswith("    obscurance ")]
     assert len(examples) >= 3
     for words in examples:
         result = obscurance(*(word.strip("'") for word in words))
@@ -57,12 +65,13 @@ def test_the_version():
 
 def test_a_shell_completes_commands_options_and_choices():
     for words, count, expected in (
-        ("obscurance be", 1, "bench"),
-        ("obscurance bake --fal", 2, "--falloff"),
-        ("obscurance bake --falloff b", 3, "binary"),
-        ("obscurance render a.ply --shading g", 4, "gouraud"),
-        ("obscurance scenes cor", 2, "cornell"),
-        ("obscurance materials red_p", 2, "red_plastic"),
+        ("obscurance be", 1, "plain,bench"),
+        ("obscurance bake --fal", 2, "plain,--falloff"),
+        ("obscurance bake --falloff b", 3, "plain,binary"),
+        ("obscurance render a.ply --shading g", 4, "plain,gouraud"),
+        ("obscurance render a.ply --alpha i", 4, "plain,ignore"),
+        ("obscurance scenes cor", 2, "plain,cornell"),
+        ("obscurance materials red_p", 2, "plain,red_plastic"),
     ):
-        asked = {"_OBSCURANCE_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(count)}
+        asked = {"_OBSCURANCE_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(count)}
         assert process(env={**os.environ, **asked}).stdout.split() == [expected]

@@ -59,10 +59,16 @@ WRONG = {
     "another report": ('{"settings": {}}', "got the report of a rendering"),
     "an option that is gone": ('{"options": {"smaples": 3}}', "r.json: options.smaples", "did you mean samples?"),
     "an option of no report": ('{"options": {"output_dir": "x"}}', "expected options of this version"),
-    "a number that is none": ('{"options": {"samples": "many"}}', "bake --samples: expected a whole number, got many"),
-    "a switch that is none": ('{"options": {"reconstruct": "maybe"}}', "bake --denoise: expected true or false"),
+    "a number that is none": (
+        '{"options": {"samples": "many"}}',
+        "r.json: options.samples: expected a whole number, got many",
+    ),
+    "a switch that is none": (
+        '{"options": {"reconstruct": "maybe"}}',
+        "r.json: options.denoise: expected true or false",
+    ),
     "a choice that is none": ('{"options": {"falloff": "exp"}}', "did you mean exponential?"),
-    "a table": ('{"options": {"seed": {"a": 1}}}', "bake --seed: expected a whole number"),
+    "a table": ('{"options": {"seed": {"a": 1}}}', "r.json: options.seed: expected a whole number"),
 }
 
 

@@ -19,8 +19,8 @@ try:
     cli.main()
 except SystemExit:
     from raytrace.kernel import jit
-    heavy = ("numba", "llvmlite", "scipy", "trimesh", "OpenImageIO", "rich", "PIL", "lxml", "pydantic.v1", "asyncio")
-    heavy = (*heavy, "scenes.formats.gltf.asset", "scenes.formats.gltf.occlusion")
+    heavy = ("numba", "llvmlite", "scipy", "trimesh", "OpenImageIO", "rich", "PIL", "lxml", "pydantic", "asyncio")
+    heavy = (*heavy, "scenes.formats.gltf.asset", "scenes.formats.gltf.occlusion", "scenes.bake.batch")
     print(json.dumps([[name for name in heavy if name in sys.modules], len(jit.loaded), jit.compiled]))
 """
 
@@ -49,12 +49,12 @@ COMMANDS = {
     "bake a ply": ("bake hills.ply -o w.npz --falloff binary", []),
     "bake closed parts": ("bake boxes.stl -o w.npz --samples 64", []),
     "bake to a tolerance": ("bake hills.obj -o w.npy --tolerance 0.01", []),
-    "bake to a page": ("bake hills.obj -o w.html --samples 64 --report r.json", []),
+    "bake to a page": ("bake hills.obj -o w.html --samples 64 --report r.json", ["pydantic"]),
     "bake a texture": ("bake textured.obj -o w.png --size 16 --samples 16", ["scipy", "OpenImageIO"]),
     "fit": ("bake hills.obj -o w.ply --method surface --samples 64", ["scipy"]),
     "render": (
         "render hills.obj -o w.png --width 32 --height 32 --samples 4",
-        ["OpenImageIO"],
+        ["OpenImageIO", "pydantic"],
     ),
 }
 
@@ -91,11 +91,11 @@ runpy.run_path({cli!r}, run_name="__main__")
 """
 
 
-MODULES = ["typer", "scenes.commands.parameters", "scenes.commands.bake", "numpy", "raytrace.kernel.library"]
+MODULES = ["click", "scenes.commands.parameters", "scenes.commands.bake", "numpy", "raytrace.kernel.library"]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
-@pytest.mark.parametrize(("name", "by"), [*((name, "SIGINT") for name in MODULES), ("typer", "SIGTERM")])
+@pytest.mark.parametrize(("name", "by"), [*((name, "SIGINT") for name in MODULES), ("click", "SIGTERM")])
 def test_an_interrupt_while_modules_are_imported_is_reported_in_a_line(meshes, name, by):
     files = {"mesh": str(meshes / "hills.obj"), "target": str(meshes / "w.npy"), "cli": str(ROOT / "cli.py")}
     command = [sys.executable, "-c", INTERRUPTED.format(name=name, by=by, **files)]

@@ -24,7 +24,7 @@ def bake(path, notify=None, stop=None, options=OPTIONS, make=ao.bake, **settings
     """Bake `MESH` with a journal at `path`; `stop` is the fraction of the rays after which it fails."""
     messages = [] if notify is None else notify
 
-    def progress(done, total):
+    def progress(done, total, stage):
         if stop is not None and done >= stop * total:
             raise Stopped
 

@@ -44,6 +44,6 @@ def test_parts_that_look_inwards_are_counted(name):
 def test_bakes_say_so_and_thickness_does_not():
     mesh = Mesh(*ball(inverted=True))
     (line,) = ao.bake(mesh, samples=4).shortfalls
-    assert line.endswith("its faces look inwards, and w is that of the inside: --flip turns all faces over")
+    assert line.endswith("its faces look inwards, so the inside is baked: --flip turns all faces over")
     assert ao.bake(mesh.reversed(), samples=4).shortfalls == ()
     assert ao.bake(mesh.reversed(), samples=4, thickness=True).shortfalls == ()

@@ -8,11 +8,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from meshes import hills
 
 import ao
 from raytrace import Mesh
-from scenes.bake.console import progress
 from scenes.geometry.polyhedra import icosphere
+from scenes.show.progress import progress
 from scenes.show.terminal import show_picture
 
 
@@ -76,15 +77,45 @@ def interrupted_at_a_tenth():
         raise KeyboardInterrupt
 
 
-def test_no_bar_where_nobody_looks():
-    for quiet in (True, False):
-        with progress(quiet, "rays", "tiles") as advances:
-            assert advances == (None, None)
+def test_each_stage_of_a_texture_has_a_bar_with_its_label(terminal):
+    screen = terminal()
+    mesh = Mesh(*hills(30))
+    low, high = mesh.bounds
+    uv = ((mesh.vertices - low) / (high - low))[:, :2]
+    with progress(False, "rays") as (advance,):
+        ao.bake_texture(mesh, uv, size=64, tolerance=0.005, progress=advance)
+    shown = screen.getvalue()
+    labels = "coverage", "rays, round 1", "rays, round 2", "seams"
+    places = [shown.find(label) for label in labels]
+    assert -1 not in places
+    assert places == sorted(places)
+    assert percentages(shown)[-1] == 100
+
+
+def test_nothing_is_said_to_who_wants_quiet():
+    with progress(True, "rays", "tiles") as advances:
+        assert advances == (None, None)
+
+
+def test_off_a_terminal_there_is_a_line_every_ten_seconds(monkeypatch, capsys):
+    clock = [0.0]
+    monkeypatch.setattr("scenes.show.progress.time", SimpleNamespace(perf_counter=lambda: clock[0]))
+    with progress(False, "rays", "tiles") as (rays, tiles):
+        for second in range(1, 30):
+            clock[0] = float(second)
+            rays(second * 10**6, 4 * 10**7, "rays, round 2")
+        clock[0] = 31.0
+        tiles(1, 4)
+    assert capsys.readouterr().err.splitlines() == [
+        "obscurance: rays, round 2: 25 %, 1.0 M rays/s",
+        "obscurance: rays, round 2: 50 %, 1.0 M rays/s",
+        "obscurance: tiles: 25 %",
+    ]
 
 
 def test_progress_as_json_is_a_line_for_what_is_new_and_for_the_end(monkeypatch, capsys):
     clock = iter([0.0, 1.0, 1.05, 1.2, 1.21, 2.0])
-    monkeypatch.setattr("scenes.bake.console.time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    monkeypatch.setattr("scenes.show.progress.time", SimpleNamespace(perf_counter=lambda: next(clock)))
     with progress(True, "rays", "tiles", form="json") as (rays, tiles):
         for done in (1, 2, 3, 4):
             rays(done, 4)

@@ -46,7 +46,7 @@ def run(*line):
         except SystemExit as end:
             return end.code, streams[0].getvalue() + streams[1].getvalue()
 
-found = {"help": run("bake", "--help")[1]}
+found = {"help": run("bake", "--help", "all")[1]}
 functions = ao.bake, ao.bake_texture
 found["python"] = [(str(inspect.signature(each).parameters["grain"]), inspect.getdoc(each)) for each in functions]
 found["identities"] = [repr(module.Options(grain=each).identity) for each in (None, "oak")]
@@ -77,7 +77,7 @@ def test_an_option_that_is_declared_in_one_line_is_found_everywhere(tmp_path):
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout.splitlines()[-1])
     section = found["help"].partition("Sampling:")[2].partition("\n\n")[0]
-    assert "--grain <str>" in section
+    assert "--grain TEXT" in section
     assert "Grain of the wood." in section
     for parameter, text in found["python"]:
         assert parameter == "grain: str | None = None"
@@ -154,6 +154,7 @@ CHANGED = {
     "bits": "8", "bent_space": "tangent", "resume": True, "progress": "json", "output_dir": "out", "format": "ply",
     "input_format": "ply", "part": "1/1", "cluster": "local", "ground": "-9", "shared": ".", "options": "r.json",
     "dry_run": True, "back_faces": "ignore", "spread": 90.0, "thickness": True, "flip": True,
+    "at": "faces", "both_sides": True,
     "receive": ["stone"], "cast": ["stone"], "exclude": ["glass"],
 }  # fmt: skip
 """Of each option another value than that of the bakes below."""

@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 
 from ao import Flag
-from scenes.bake.options import BAKE
+from scenes.bake.options import BAKE, RENDER
 from scenes.bake.report import command_line
-from scenes.commands.render import RENDER
 from scenes.show.report.verdict import flags_in_words, hashed, verdict
 
 W = {"least": 0.1, "quantiles": {"0.5": 0.8}}
@@ -30,7 +29,7 @@ SEEN = {"picture": {"covered": 0.4, "brightest": 0.8, "clipped": 0.0}, "rmse_est
             GOOD,
             {"flagged": {"hidden": 2}, "rays_skipped": {"hidden": 64}},
             "note",
-            "inside solids; w there is filled from",
+            "inside solids; w, the openness, is taken from",
         ),
         (GOOD, {"flagged": {"hidden": 1}}, "note", "One vertex lies inside solids"),
         (GOOD, {"warnings": ["m.ply: normals of 3 of 9 vertices are uncertain by 2°"]}, "note", "uncertain by"),

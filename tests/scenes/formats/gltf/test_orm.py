@@ -151,7 +151,7 @@ def test_an_occlusion_texture_of_the_file_and_its_image_are_kept_unless_replaced
     image = RNG.integers(0, 256, (8, 8, 3), np.uint8)
     own = rough({"index": 0}, occlusionTexture={"index": 0, "strength": 0.5})
     file = source(tmp_path, png(image), own)
-    kept = "keeps the occlusion textures of 1 primitives"
+    kept = "keeps the file's own occlusion textures (primitives: 1)"
     assert packed(tmp_path, file, said=[kept]).header["materials"] == [own]
     asset = packed(tmp_path, file, replace=True)
     assert both(asset)[0] == both(asset)[1] == {"index": 1}
@@ -170,7 +170,7 @@ def test_a_transform_that_moves_nothing_goes(tmp_path):
     assert both(packed(tmp_path, file)) == ({"index": 1}, {"index": 1})
 
 
-APART = ["has w in an image apart from 1 metallic-roughness textures"]
+APART = ["has its occlusion in images apart from metallic-roughness textures (1)"]
 OTHER_UV = np.array([[[0.1, 0.1], [0.9, 0.1], [0.9, 0.9]], [[0.1, 0.1], [0.9, 0.9], [0.1, 0.9]]])
 
 

@@ -195,7 +195,7 @@ def test_an_occlusion_texture_of_the_file_is_kept_and_that_is_reported(tmp_path)
     np.testing.assert_array_equal(values(header, binary, first["attributes"]["_OBSCURANCE"]), w[:4].astype("<f4"))
     assert occlusion(header, second) == {"index": 1, "texCoord": 1}
     (warning,) = unsupported_features(tmp_path / "out.glb", source, channels("out.glb", False, None, False))
-    assert "keeps the occlusion textures of 1 of 2 primitives" in warning
+    assert "keeps the file's own occlusion textures (primitives: 1 of 2)" in warning
     assert not unsupported_features(tmp_path / "out.glb", source, channels("out.glb", False, None, True))
 
 

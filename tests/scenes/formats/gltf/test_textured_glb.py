@@ -138,7 +138,7 @@ def test_own_occlusion_textures_are_kept_unless_replaced(tmp_path):
     file = source(tmp_path, builder.glb([{"mesh": 0}], **fields))
     baked = ao.bake_texture(file.mesh, file.uv, 8, samples=8)
     content, (warning,) = textured_glb(file, [baked])
-    assert warning.startswith("keeps the occlusion textures of 1 primitives")
+    assert warning.startswith("keeps the file's own occlusion textures (primitives: 1)")
     assert written(tmp_path, content)[0].header["materials"] == [own]
     content, warnings = textured_glb(file, [baked], replace=True)
     assert warnings == []

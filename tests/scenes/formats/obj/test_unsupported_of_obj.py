@@ -49,7 +49,7 @@ def write_obj(folder, faces):
 def test_a_ply_keeps_polygons_colours_and_texture_coordinates_of_an_obj(tmp_path):
     write_obj(tmp_path, NO_SEAM)
     printed = bake(tmp_path, "m.obj", "out.ply")
-    expected = "w is in its property obscurance alone, and --colors puts it in their place"
+    expected = "w, the openness, is only in the property obscurance; --colors puts it in their place"
     assert printed == f"warning: out.ply: keeps the colours of m.obj; {expected}\n"
     elements, detail = columns(tmp_path / "out.ply")
     assert detail.sizes.tolist() == [4, 4]

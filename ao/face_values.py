@@ -1,0 +1,148 @@
+"""w of faces: the mean over samples spread over each face, less what its hemispheres have below the face."""
+
+from functools import partial
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+
+from raytrace.errors import MeshError
+from raytrace.mesh.morton import morton_order
+from raytrace.mesh.normals import face_normals
+from raytrace.sampling.sequences import hash32_array
+from raytrace.types import Bools, Float32s, Float64s, Int64s
+
+from .estimate.estimate import NeighboursOf, estimate_outside
+from .estimate.inside import inside_solids
+from .estimate.one_ring import Neighbours
+from .estimate.sampling_error import derive
+from .estimate.tolerance import Estimate
+from .execute.checkpoint import Checkpoint
+from .execute.sample_means import SampleMeans
+from .points.corners import CornerSamples
+from .points.receivers import Flag
+from .points.smooth_surface import PointGroups, SmoothSurface
+from .points.surface_samples import SurfaceSamples
+from .prepared import Prepared
+from .result import BakedElements, PointValues
+
+_SAMPLES = 1 << 16  # of all faces together, by area, where there are few
+_LEAST, _MOST = 1, 6  # subdivisions of a face into four, with a sample in each triangle
+_PLACES, _JITTER = 11, 13  # salts of keys
+
+
+def sample_faces(prepared: Prepared, count: int, checkpoint: Checkpoint | None) -> tuple[BakedElements, PointValues]:
+    """Estimate w at the first `count` faces of the mesh of `prepared`: those of which all vertices are wanted.
+
+    By a binary falloff it is 1 − Σ F, F the form factors to all other faces.
+
+    Raises: MeshError: no face has an area.
+    """
+    receivers, options, threads = prepared.receivers, prepared.options, prepared.threads
+    vertices = prepared.placement.vertices.astype(np.float64)
+    with_area = np.flatnonzero(face_normals(vertices, prepared.mesh.faces)[1] > 0)
+    is_wanted = with_area < count
+    if prepared.requested is not None:
+        is_wanted &= prepared.requested[prepared.mesh.faces[with_area]].all(axis=1)
+    faces = np.flatnonzero(is_wanted)
+    if not len(faces):
+        raise MeshError(prepared.mesh.source, "faces", "some that have an area", "none")
+    faces = faces[morton_order(vertices[receivers.faces[faces]].mean(axis=1).astype(np.float32))]
+    areas = face_normals(vertices, receivers.faces[faces])[1]
+    flat = SmoothSurface(np.zeros_like(vertices), SmoothSurface.of(vertices, receivers).surface)
+
+    def samples_of(rows: Int64s, key: np.uint32) -> SurfaceSamples:
+        on_faces = _spread(faces[rows], areas[rows] / areas.sum(), key)
+        all_count = np.zeros(len(rows), np.bool_)
+        return SurfaceSamples.place(on_faces, all_count, flat, receivers, threads)
+
+    def outside(samples: SurfaceSamples) -> tuple[SurfaceSamples, Bools]:
+        vertex = receivers.faces[samples.face, 0]
+        inside = inside_solids(samples.points, vertex, prepared.placement, receivers, options.interior, threads)
+        hidden = np.ones(len(samples), np.bool_)
+        hidden[samples.groups_outside(inside)] = False
+        inside &= ~np.repeat(hidden, samples.counts)
+        return samples.without(inside, threads) if inside.any() else samples, hidden
+
+    def elsewhere(rows: Int64s, key: np.uint32) -> SurfaceSamples:
+        ascending = np.sort(rows)
+        return outside(samples_of(ascending, key))[0].spread(ascending, len(faces))
+
+    samples, hidden = outside(samples_of(np.arange(len(faces)), derive(prepared.key, _PLACES)))
+    points = samples.first_points
+    tracer = prepared.sample_tracer(SampleMeans(samples, elsewhere), "faces", checkpoint)
+    beside = _neighbours(receivers.of_vertex[receivers.faces[faces]], points.normals, threads)
+    filled = hidden & (options.interior != "mark")
+
+    def estimated() -> tuple[Estimate, int]:
+        return estimate_outside(tracer, points, CornerSamples.none(), beside, filled, options)
+
+    row = np.full(count, -1)
+    row[with_area[faces]] = np.arange(len(faces))
+    flags = np.full(count, Flag.DEGENERATE, np.uint8)
+    flags[with_area[with_area < count]] = 0
+    flags[with_area[faces[hidden]]] = Flag.HIDDEN
+    normals = samples.geometric_normals[samples.starts[:-1], :3]
+    elements = BakedElements(row, flags, np.ascontiguousarray(normals), len(faces))
+    return elements, PointValues.of(tracer.each_column(estimated), tracer.rays)
+
+
+def _spread(faces: Int64s, shares: Float64s, key: np.uint32) -> PointGroups:
+    """Jittered samples of each face, one in each of its 4, 16, … congruent parts. Args: shares: (k,), of the area.
+
+    However few of the first ones are taken, their mean is unbiased: the parts are in the order of a van der Corput
+    sequence in base 4, whose digits are turned at random for each face (Basu & Owen 2015, triangular van der Corput).
+    """
+    wanted = np.log(np.maximum(_SAMPLES * shares, 1e-300)) / np.log(4)
+    depth = np.clip(np.rint(wanted), _LEAST, _MOST).astype(np.int64)
+    starts = np.concatenate([[0], np.cumsum(4**depth)])
+    barycentric = np.empty((starts[-1], 3), np.float32)
+    parts = np.eye(3)[None]
+    for k in range(1, _MOST + 1):
+        parts = _quartered(parts)
+        rows = np.flatnonzero(depth == k)
+        turns = hash32_array(hash32_array(faces[rows]) ^ key)[:, None]
+        number = np.arange(4**k)
+        part = np.zeros((len(rows), len(number)), np.int64)
+        for digit in range(k):
+            part += (number // 4**digit + (turns >> np.uint32(2 * digit))) % 4 * 4**digit
+        sample = starts[rows][:, None] + number
+        within = _uniform(sample, derive(key, _JITTER))
+        barycentric[sample] = np.einsum("rsc,rscb->rsb", within, parts[part])
+    return PointGroups(starts, np.repeat(faces, 4**depth).astype(np.int32), barycentric)
+
+
+def _quartered(triangles: Float64s) -> Float64s:
+    """Four congruent parts (4 t, 3, 3) of each triangle (t, 3, 3), first one of all."""
+    opposite = (triangles.sum(axis=1, keepdims=True) - triangles) / 2  # midpoints of edges
+    corners = [(triangles + triangles[:, corner : corner + 1]) / 2 for corner in range(3)]
+    return np.concatenate([opposite, *corners])
+
+
+def _uniform(numbers: Int64s, key: np.uint32) -> Float32s:
+    """Barycentric coordinates (…, 3) of points that are uniform in a triangle."""
+    random = hash32_array(np.stack([2 * numbers, 2 * numbers + 1])) ^ key
+    u, v = np.ldexp(hash32_array(random), -32)
+    root = np.sqrt(u)
+    return np.stack([1 - root, root * (1 - v), root * v], axis=-1).astype(np.float32)
+
+
+def _neighbours(corners: Int64s, normals: Float32s, threads: int) -> NeighboursOf:
+    """The faces across the edges of each. Args: corners: (k, 3), the points of each face."""
+    count = len(corners)
+    edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
+    order = np.lexsort(edges.T)
+    is_same = (edges[order[1:]] == edges[order[:-1]]).all(axis=1)
+    here, there = order[:-1][is_same] // 3, order[1:][is_same] // 3
+    ones = np.ones(2 * len(here), np.float32)
+    ends = np.concatenate([here, there]), np.concatenate([there, here])
+    graph: csr_array = coo_array((ones, ends), (count, count)).tocsr()
+    graph.setdiag(0)
+    graph.eliminate_zeros()
+    return partial(_among, graph, normals, threads)
+
+
+def _among(graph: csr_array, normals: Float32s, threads: int, rows: Int64s) -> Neighbours:
+    """The neighbours among some faces, `rows` (k,)."""
+    part = graph[rows][:, rows] if len(rows) < len(normals) else graph
+    starts, indices = part.indptr.astype(np.int64), part.indices.astype(np.int32)
+    return Neighbours.weighted(starts, indices, np.ones(len(indices), np.float32), normals[rows], threads)

@@ -1,0 +1,1 @@
+"""COLLADA, by the optional library pycollada."""

@@ -1,0 +1,159 @@
+"""COLLADA by pycollada: geometry where nodes place it, with materials, texture coordinates and colours of vertices.
+
+Of a material are read the colours and the picture of the COMMON profile: diffuse, emission, specular and shininess,
+which is taken for the exponent of Blinn–Phong. Format: COLLADA 1.4.1, chapter 8, "FX reference".
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raytrace.text.safe_paths import resolve_inside
+from raytrace.types import Float64s, Int64s
+
+from ...geometry.attributes import SourceAttributes, SourceMaterial, is_picture
+from ...geometry.corners import PerCorner
+from ...geometry.instances import Instance, check_copies
+from ...geometry.polygons import triangulate
+from ..table import MeshInput
+from ..threemf.read import check_archive
+
+Colour = tuple[float, float, float]
+
+
+def read_dae(given: MeshInput) -> list[Instance]:
+    """Every geometry where its nodes place it, its vertices once, whatever uses them.
+
+    Raises: MeshError: very many copies, or an archive that unpacks to very much. Exception: of pycollada.
+    """
+    from collada import Collada
+    from collada.common import DaeError
+    from collada.polylist import Polylist
+    from collada.triangleset import TriangleSet
+
+    file = given.file
+    if given.path.suffix.lower() == ".zae":
+        check_archive(file, given.source)
+    content = Collada(file, ignore=[DaeError])
+    up = str(content.assetInfo.upaxis or "y")[0].lower()
+    made = []
+    rows = 0
+    for placed in content.scene.objects("geometry") if content.scene else ():
+        shape = placed.original
+        # Primitives that share vertices are one mesh.
+        sets: dict[int, list[Any]] = {}
+        for piece in shape.primitives:
+            if isinstance(piece, Polylist | TriangleSet) and piece.vertex is not None:
+                sets.setdefault(id(piece.vertex), []).append(piece)
+        for same in sets.values():
+            vertices = np.asarray(same[0].vertex, np.float64)
+            corners = np.concatenate([np.ravel(piece.vertex_index) for piece in same]).astype(np.int64)
+            counts = [getattr(piece, "vcounts", np.full(len(piece.vertex_index), 3)) for piece in same]
+            sizes = np.concatenate(counts).astype(np.int64)
+            rows += len(vertices) + len(corners)
+            check_copies(rows, file.seek(0, os.SEEK_END), given.path)
+            triangles = triangulate(vertices, corners, sizes, given.source)
+            matrix = np.asarray(placed.matrix, np.float64)
+            name = str(shape.name or shape.id)
+            attributes = None
+            unread: tuple[str, ...] = ()
+            if given.keep:
+                materials, unread = _materials(placed, same, given.path.parent)
+                attributes = SourceAttributes(
+                    corners,
+                    sizes,
+                    triangles,
+                    uv=_coordinates(same),
+                    colors=_colours(same, len(vertices)),
+                    materials=materials,
+                    material_of=np.repeat(np.arange(len(same)), [len(count) for count in counts]),
+                    files=tuple(material.texture for material in materials if material.texture),
+                )
+            faces = triangles.take(corners)
+            made.append(
+                Instance(name, vertices, faces, None, matrix, triangles.notes, attributes, unread=unread, up=up)
+            )
+    return made
+
+
+def _coordinates(pieces: list[Any]) -> PerCorner | None:
+    """The first set of texture coordinates of all corners, NaN where a primitive has none; None if none has."""
+    values = [np.full((1, 2), np.nan)]
+    of: list[Int64s] = []
+    for piece in pieces:
+        count = np.size(piece.vertex_index)
+        if len(piece.texcoord_indexset):
+            of.append(np.ravel(piece.texcoord_indexset[0]).astype(np.int64) + sum(map(len, values)))
+            values.append(np.asarray(piece.texcoordset[0], np.float64)[:, :2])
+        else:
+            of.append(np.zeros(count, np.int64))
+    if len(values) == 1:
+        return None
+    return PerCorner(np.concatenate(values), np.concatenate(of))
+
+
+def _colours(pieces: list[Any], count: int) -> Float64s | None:
+    """Colours (n, 3) of the vertices, of one of their corners each; None unless all primitives have some."""
+    colours = np.ones((count, 3))
+    for piece in pieces:
+        sources = piece.sources.get("COLOR")
+        if not sources:
+            return None
+        offset = sources[0][0]
+        values = np.asarray(sources[0][4].data, np.float64)[:, :3]
+        places = np.reshape(piece.index, (-1, piece.index.shape[-1]))[:, offset]
+        colours[np.ravel(piece.vertex_index)] = values[places].clip(0, 1)
+    return colours
+
+
+def _materials(placed: Any, pieces: list[Any], folder: Path) -> tuple[tuple[SourceMaterial, ...], tuple[str, ...]]:
+    """The material of each primitive as its node binds it, and textures that are left out, in words."""
+    materials = []
+    unread = []
+    for piece in pieces:
+        node = placed.materialnodebysymbol.get(piece.material)
+        material = node.target if node else None
+        name = str(piece.material or "default")
+        if material is None:
+            materials.append(SourceMaterial(name))
+            continue
+        effect = material.effect
+        colour = _colour(effect.diffuse, 1.0)
+        texture = None
+        if picture := _picture(effect.diffuse):
+            texture = resolve_inside(picture.replace("\\", "/").removeprefix("./"), folder)
+            if texture is None or not is_picture(texture):
+                unread.append(f"texture of diffuse ({picture})")
+                texture = None
+        specular = _colour(effect.specular, 0.0)
+        shininess = effect.shininess
+        exponent = float(shininess) if isinstance(shininess, int | float) and shininess > 0 else 0.0
+        emission = _colour(effect.emission, 0.0)
+        made = SourceMaterial(
+            str(material.name or name),
+            colour,
+            emission=emission,
+            specular=specular,
+            exponent=exponent,
+            texture=texture,
+        )
+        materials.append(made)
+    return tuple(materials), tuple(dict.fromkeys(unread))
+
+
+def _colour(value: Any, otherwise: float) -> Colour:
+    """A colour of an effect, where that is no texture."""
+    if not isinstance(value, tuple | list) or len(value) < 3:
+        return otherwise, otherwise, otherwise
+    red, green, blue = np.clip(np.asarray(value[:3], np.float64), 0, 1).tolist()
+    return red, green, blue
+
+
+def _picture(value: Any) -> str | None:
+    """The name of the image that an effect has in place of a colour."""
+    sampler = getattr(value, "sampler", None)
+    return str(sampler.surface.image.path) if sampler else None

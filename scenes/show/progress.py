@@ -1,0 +1,127 @@
+"""The progress of work: labelled bars on a terminal, lines every 10 s elsewhere, or JSON for other programs."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from typing import Protocol
+
+_EVERY = 0.1  # seconds between lines of JSON
+_EVERY_LINE = 10.0  # and between lines off a terminal
+_RATED = 1000  # a count of fewer has no rate worth telling
+
+
+class Advance(Protocol):
+    """What work calls as it goes on."""
+
+    def __call__(self, done: int, total: int, stage: str = "") -> None:
+        """Args: done, total: of the work's unit. stage: of the work; empty if it has no other name than its unit."""
+
+
+@contextmanager
+def progress(
+    quiet: bool, *units: str, form: str = "bar", status: Callable[[], str] = str
+) -> Iterator[tuple[Advance | None, ...]]:
+    """A labelled bar for each stage on a terminal's standard error, one after the other; elsewhere a line every 10 s.
+
+    In the form "json" they are lines, ten a second at most, on standard error whatever that is, quiet or not. A bar is
+    full when the next one begins, and the last when the work is done.
+
+    Args: units: what each kind of work counts. status: says what else to show.
+    """
+    start = time.perf_counter()
+    if form == "json":
+        yield tuple(_json_lines(unit, start) for unit in units)
+        return
+    if quiet:
+        yield (None,) * len(units)
+        return
+    shown = _bars() if sys.stderr.isatty() else nullcontext(_lines(start))
+    with shown as show:
+        yield tuple(_stages(unit, show, status) for unit in units)
+
+
+Show = Callable[[str, int, int, str], None]  # of a stage: its label, what is done and in all, and what else to say
+
+
+def _stages(unit: str, show: Show, status: Callable[[], str]) -> Advance:
+    """Shows each stage of a work by its label and its rate since it began."""
+    began: dict[str, tuple[float, int]] = {}
+
+    def advance(done: int, total: int, stage: str = "") -> None:
+        label = stage or unit
+        start, before = began.setdefault(label, (time.perf_counter(), done))
+        rate = (done - before) / max(time.perf_counter() - start, 1e-6)
+        text = f"{rate / 1e6:.1f} M {unit}/s" if rate >= 1e5 else f"{rate:.0f} {unit}/s"
+        if total < _RATED or done == before:
+            text = ""
+        show(label, done, total, ", ".join(filter(None, (text, status()))))
+
+    return advance
+
+
+def _lines(last: float) -> Show:
+    """Lines on standard error, 10 s apart, the first so long after `last`."""
+
+    def show(label: str, done: int, total: int, text: str) -> None:
+        nonlocal last
+        now = time.perf_counter()
+        if now - last >= _EVERY_LINE:
+            last = now
+            words = f"{100 * done // max(total, 1)} %", text
+            print(f"obscurance: {label}: {', '.join(filter(None, words))}", file=sys.stderr, flush=True)
+
+    return show
+
+
+@contextmanager
+def _bars() -> Iterator[Show]:
+    """Bars on a terminal, of which one is seen at a time."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+
+    label = TextColumn("{task.description}")
+    figures = TextColumn("{task.percentage:3.0f} % {task.fields[text]}")
+    columns = label, BarColumn(), figures, TimeRemainingColumn()
+    bars = Progress(*columns, console=Console(stderr=True), transient=True)
+    tasks: dict[str, TaskID] = {}
+
+    def show(label: str, done: int, total: int, text: str) -> None:
+        if label not in tasks:
+            fill()
+            tasks[label] = bars.add_task(label, text="")
+            bars.start()
+        bars.update(tasks[label], completed=done, total=total, text=text)
+
+    def fill() -> None:
+        for task in tasks.values():
+            bars.update(task, completed=bars.tasks[task].total)
+            bars.refresh()
+            bars.update(task, visible=False)
+
+    try:
+        yield show
+        fill()
+    finally:
+        bars.stop()
+
+
+def _json_lines(unit: str, start: float) -> Advance:
+    """Progress as objects with event, unit, stage, done, total and seconds since `start`, one a line."""
+    import json
+
+    last = 0.0
+
+    def advance(done: int, total: int, stage: str = "") -> None:
+        nonlocal last
+        now = time.perf_counter()
+        if done < total and now - last < _EVERY:
+            return
+        last = now
+        counts = {"unit": unit, "stage": stage or unit, "done": done, "total": total}
+        event = {"event": "progress", **counts, "seconds": round(now - start, 3)}
+        print(json.dumps(event), file=sys.stderr, flush=True)
+
+    return advance

@@ -1,0 +1,105 @@
+"""w of faces, against form factors, and what is true of both sides of a face."""
+
+import numpy as np
+import pytest
+import trimesh
+from meshes import hills
+
+import ao
+from ao.estimate.sampling_error import stratified_rows
+from raytrace import Mesh
+from raytrace.errors import ConflictError
+from scenes.geometry.polyhedra import generic_rotation
+
+PERPENDICULAR_SQUARES = 0.2000438  # form factor of unit squares with an edge in common
+TURNED = generic_rotation(5)
+CORNER = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1.0]])
+CORNER_FACES = np.array([[0, 1, 2], [0, 2, 3], [0, 4, 5], [0, 5, 1]])
+
+
+def box(side, inwards=False):
+    solid = trimesh.creation.box((side,) * 3)
+    return solid.vertices @ TURNED.as_matrix().T, solid.faces[:, ::-1] if inwards else solid.faces
+
+
+def both(*meshes):
+    return Mesh(*trimesh.util.append_faces(*zip(*meshes, strict=True)))
+
+
+@pytest.mark.parametrize(
+    "options", [{"samples": 1 << 13}, {"tolerance": 0.002}, {"samples": 1 << 13, "denoise": False}]
+)
+def test_w_of_a_binary_falloff_is_one_less_the_form_factors(options):
+    baked = ao.bake((CORNER @ TURNED.as_matrix().T, CORNER_FACES), ao.Binary(), at="faces", **options)
+    assert baked.w.shape == baked.error.shape == baked.flags.shape == (4,)
+    assert np.abs(baked.w.reshape(2, 2).mean(axis=1) - (1 - PERPENDICULAR_SQUARES)).max() < 0.004
+    assert np.abs(baked.bent_normals.mean(axis=0) @ TURNED.as_matrix() - [0, 0.5, 0.5]).max() < 0.15
+
+
+def test_a_box_in_a_box():
+    """Nothing is seen from between the boxes, everything from outside; of solids the inner one is hidden."""
+    mesh = both(box(1), box(2))
+    between = ao.bake(mesh, ao.Binary(), at="faces", both_sides=True, interior="ignore", samples=256)
+    assert (between.w[:12] == 0).all()
+    assert (between.w[12:] == 1).all()
+    assert (between.below.w == 0).all()
+    hidden = ao.bake(mesh, ao.Binary(), at="faces", interior="mark", samples=16)
+    assert (hidden.flags == [ao.Flag.HIDDEN] * 12 + [0] * 12).all()
+
+
+@pytest.mark.parametrize("tolerance", [0.02, 0.006])
+@pytest.mark.parametrize("shape", ["hills", "cones"])
+def test_the_error_is_told(shape, tolerance):
+    """On faces of which w varies, too: the samples that measure the error lie elsewhere on them."""
+    cones = both(*((v + np.array([3 * k, 0, 0]), f) for k, (v, f) in enumerate([_cone()] * 3)))
+    mesh = Mesh(*hills(30)) if shape == "hills" else cones
+    truth = np.mean(
+        [ao.bake(mesh, ao.Binary(), at="faces", samples=1024, seed=seed).w for seed in range(90, 98)], axis=0
+    )
+    ratios = []
+    for seed in range(4):
+        baked = ao.bake(mesh, ao.Binary(), at="faces", tolerance=tolerance, seed=seed)
+        assert baked.rmse <= tolerance
+        ratios.append(baked.rmse / np.sqrt(np.mean((baked.w - truth) ** 2)))
+    assert 1 / 1.4 < np.exp(np.mean(np.log(ratios))) < 1.4
+
+
+def _cone():
+    """A funnel of long, thin faces that look inwards."""
+    cone = trimesh.creation.cone(1, 2, sections=48)
+    side = np.abs(cone.face_normals[:, 2]) < 0.9
+    return cone.vertices, cone.faces[side][:, ::-1]
+
+
+def test_faces_of_vertices_that_are_not_wanted_and_without_area_have_none():
+    vertices = np.append(CORNER, [[2, 0, 0], [3, 0, 0]], axis=0)
+    faces = np.append(CORNER_FACES, [[1, 6, 7]], axis=0)
+    only = np.ones(8, np.bool_)
+    only[4] = False
+    baked = ao.bake((vertices, faces), ao.Binary(), at="faces", only=only, samples=64)
+    assert (baked.w[2:] == [1, baked.w[3], 1]).all()
+    assert (baked.error[[2, 4]] == 0).all()
+    assert baked.flags.tolist() == [0, 0, 0, 0, ao.Flag.DEGENERATE]
+    assert (baked.w[[0, 1, 3]] < 0.95).all()
+
+
+def test_the_same_bits_for_any_number_of_threads_and_among_occluders():
+    mesh = Mesh(*hills(40))
+    wall = ([[0, -9, -9], [0, 9, -9], [0, 9, 9], [0, -9, 9]], [[0, 1, 2], [0, 2, 3]])
+    one, two = (ao.bake(mesh, at="faces", occluders=[wall], tolerance=0.01, threads=threads) for threads in (1, 2))
+    assert one.w.tobytes() == two.w.tobytes()
+    assert len(one.w) == len(mesh.faces)
+    assert one.interpolation is None
+
+
+@pytest.mark.parametrize("options", [{"method": "surface"}, {"high": Mesh(CORNER, CORNER_FACES)}])
+def test_what_faces_do_not_go_with(options):
+    with pytest.raises(ConflictError):
+        ao.bake((CORNER, CORNER_FACES), at="faces", **options)
+
+
+@pytest.mark.parametrize(("count", "wanted"), [(12946, 809), (100, 100), (5, 9), (1537, 96), (0, 3)])
+def test_rows_that_are_probed_are_distinct(count, wanted):
+    rows = stratified_rows(count, wanted)
+    assert len(rows) == min(count, wanted)
+    assert (np.diff(rows) > 0).all()

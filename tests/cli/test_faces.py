@@ -1,0 +1,55 @@
+"""`--at faces` and `--both-sides` by the command."""
+
+import numpy as np
+import pytest
+from command import obscurance, refused
+
+QUADS = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nf 1 2 3 4\nf 1 5 6 2\n"
+
+
+@pytest.fixture
+def quads(tmp_path, monkeypatch):
+    (tmp_path / "quads.obj").write_text(QUADS)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def bake(*options):
+    return obscurance("bake", "quads.obj", "--at", "faces", "--falloff", "binary", "--samples", 4096, *options)
+
+
+def test_arrays_have_a_row_a_triangle_and_ply_a_property_of_polygons(quads):
+    done = bake("-o", "w.npz", "--both-sides")
+    assert "4 faces" in done.stdout, done.stderr
+    arrays = np.load("w.npz")
+    assert arrays["w"].shape == arrays["w_below"].shape == (4,)
+    assert (arrays["w_below"] == 1).all()
+    assert bake("-o", "w.npy", "-q", "--both-sides").returncode == 0
+    assert np.array_equal(np.load("w.npy"), np.stack([arrays["w"], arrays["w_below"]], axis=1))
+    assert bake("-o", "w.ply", "-q", "--both-sides").returncode == 0
+    header, body = (quads / "w.ply").read_bytes().split(b"end_header\n")
+    lines = header.decode().splitlines()
+    assert lines[lines.index("element face 2") :][2:4] == [
+        "property float obscurance",
+        "property float obscurance_below",
+    ]
+    assert b"obscurance" not in header[header.index(b"element vertex") : header.index(b"element face")]
+    row = np.dtype([("n", "u1"), ("v", "<i4", 4), ("w", "<f4", 2), ("grey", "u1", 3)])
+    w = np.frombuffer(body[-2 * row.itemsize :], row)["w"]
+    assert np.abs(w - np.stack([arrays["w"].reshape(2, 2).mean(axis=1), [1, 1]], axis=1)).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        (("--at", "faces", "-o", "w.glb"), "--at faces needs an output that ends in .npy .npz .ply"),
+        (("--at", "faces", "-o", "w.png"), "--at does not go with a texture"),
+        (("--both-sides", "-o", "w.obj"), "--both-sides needs an output that ends in .npy .npz .ply"),
+        (("--at", "faces", "--method", "surface", "-o", "w.npy"), "--at faces does not go with --method surface"),
+        (("--at", "faces", "--report", "r.html", "-o", "w.npy"), "--at and --report exclude each other"),
+        (("--at", "corners", "-o", "w.npy"), "corners"),
+    ],
+)
+def test_what_is_refused(quads, options, line):
+    refused(obscurance("bake", "quads.obj", *options), line)
+    assert {path.name for path in quads.iterdir()} == {"quads.obj"}

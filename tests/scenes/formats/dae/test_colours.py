@@ -1,0 +1,103 @@
+"""Materials of COLLADA and 3MF: their colours and pictures, in pictures, pages and .glb alike."""
+
+import numpy as np
+import pytest
+from command import obscurance
+from fuzz_seeds import DAE, MODEL, archive
+from PIL import Image
+
+from raytrace.image.read import read_image
+from raytrace.image.srgb import decode_srgb
+from scenes.formats.load import load
+from scenes.show.page.base_colour import base_colour
+
+EFFECT = """<effect id="%s"><profile_COMMON>%s<technique sid="t"><phong><emission><color>0 0 0 1</color></emission>
+<diffuse>%s</diffuse><specular><color>.5 .5 .5 1</color></specular><shininess><float>20</float></shininess>
+</phong></technique></profile_COMMON></effect>"""
+IMAGE = """<newparam sid="s"><surface type="2D"><init_from>i</init_from></surface></newparam>
+<newparam sid="p"><sampler2D><source>s</source></sampler2D></newparam>"""
+LIBRARIES = f"""<library_images><image id="i"><init_from>skin.png</init_from></image></library_images>
+<library_effects>{EFFECT % ("e", "", "<color>1 0 0 1</color>")}
+{EFFECT % ("f", IMAGE, '<texture texture="p" texcoord="U"/>')}</library_effects>
+<library_materials><material id="m" name="red"><instance_effect url="#e"/></material>
+<material id="n" name="skin"><instance_effect url="#f"/></material></library_materials><library_geometries>"""
+UV = """<source id="t"><float_array id="b" count="6">0 0 1 0 0 1</float_array><technique_common>
+<accessor source="#b" count="3" stride="2"><param name="S" type="float"/><param name="T" type="float"/></accessor>
+</technique_common></source><vertices"""
+BOUND = """<instance_geometry url="#g"><bind_material><technique_common><instance_material symbol="A" target="#m"/>
+<instance_material symbol="B" target="#n"/></technique_common></bind_material></instance_geometry>"""
+
+
+def collada():
+    """The seed with a red roof, and two of its triangles in a picture."""
+    text = DAE.decode().replace("<library_geometries>", LIBRARIES).replace("<vertices", UV, 1)
+    text = text.replace('<polylist count="1">', '<polylist count="1" material="A">')
+    text = text.replace('<triangles count="2">', '<triangles count="2" material="B">')
+    inputs = '<input semantic="VERTEX" source="#v" offset="0"/>'
+    with_uv = '<input semantic="TEXCOORD" source="#t" offset="1" set="0"/><p>0 0 1 1 4 2 1 0 2 1 4 2</p>'
+    text = text.replace(f"{inputs}<p>0 1 4 1 2 4</p>", inputs + with_uv)
+    return text.replace('<instance_geometry url="#g"/>', BOUND).encode()
+
+
+@pytest.fixture
+def dae(tmp_path):
+    Image.new("RGB", (4, 4), (0, 255, 0)).save(tmp_path / "skin.png")
+    (tmp_path / "m.dae").write_bytes(collada())
+    return tmp_path / "m.dae"
+
+
+def painted():
+    """The seed as a 3MF: a face of the object's red, the other of its own colour."""
+    text = MODEL.decode().replace(
+        "<resources>",
+        '<resources><basematerials id="7"><base name="red" displaycolor="#FF0000"/></basematerials>'
+        '<m:colorgroup xmlns:m="m" id="8"><m:color color="#00FF00"/><m:color color="#0000FF80"/></m:colorgroup>',
+    )
+    text = text.replace('<object id="1"', '<object id="1" pid="7" pindex="0"')
+    return text.replace('v1="0" v2="1" v3="3"', 'v1="0" v2="1" v3="3" pid="8" p1="1"').encode()
+
+
+def test_collada_has_materials_textures_and_coordinates(dae):
+    kept = load(dae, "m.glb").attributes
+    assert [material.name for material in kept.materials] == ["red", "skin"]
+    assert kept.materials[0].colour == (1, 0, 0)
+    assert (kept.materials[0].specular, kept.materials[0].exponent) == ((0.5, 0.5, 0.5), 20)
+    assert kept.materials[1].texture == dae.parent / "skin.png"
+    assert kept.material_of.tolist() == [0, 1, 1, 0, 1, 1]
+    uv = kept.corner_uv()
+    assert np.isnan(uv[[0, 1, 4, 5]]).all()
+    assert uv[2].tolist() == uv[6].tolist() == [[0, 0], [1, 0], [0, 1]]
+
+
+def test_a_picture_and_a_glb_of_collada_have_the_colours(dae, tmp_path):
+    options = "--width", 48, "--height", 48, "--samples", 4, "--obscurance", "off"
+    assert obscurance("render", dae, "-o", tmp_path / "p.exr", *options).returncode == 0
+    beauty = read_image(tmp_path / "p.exr")[0]["beauty"].reshape(-1, 4)
+    assert (beauty[:, 1] > 2 * beauty[:, 0]).any()
+    assert obscurance("bake", dae, "-o", tmp_path / "m.glb", "--samples", 16).returncode == 0
+    made = load(tmp_path / "m.glb").gltf.header["materials"]
+    assert {material.get("name") for material in made} >= {"red", "skin"}
+    assert base_colour(load(dae, "page.html")).images
+
+
+def test_what_no_viewer_shows_is_left_out_in_a_line(dae, tmp_path):
+    (tmp_path / "skin.png").unlink()
+    done = obscurance("render", dae, "-o", tmp_path / "p.png", "--width", 8, "--height", 8, "--samples", 1)
+    assert "m.dae: left out: texture of diffuse (skin.png)" in done.stderr
+
+
+def test_faces_of_3mf_have_their_colours_in_every_copy(tmp_path):
+    (tmp_path / "m.3mf").write_bytes(archive(**{"3D/3dmodel.model": painted()}))
+    kept = load(tmp_path / "m.3mf", "m.glb").attributes
+    assert [material.colour for material in kept.materials] == [(1, 0, 0), (0, 0, 1)]
+    assert kept.material_of.tolist() == [0, 1] * 3
+    codes = base_colour(load(tmp_path / "m.3mf", "page.html")).codes
+    np.testing.assert_array_equal(decode_srgb(codes[:2, 0] / 255), [(1, 0, 0), (0, 0, 1)])
+
+
+def test_a_malformed_colour_of_3mf_is_left_out(tmp_path):
+    content = painted().replace(b"#0000FF80", b"blue")
+    (tmp_path / "m.3mf").write_bytes(archive(**{"3D/3dmodel.model": content}))
+    file = load(tmp_path / "m.3mf", "m.glb")
+    assert len(file.attributes.materials) == 1
+    assert file.unread == ("colours of textures or mixtures, of very many kinds, or malformed",)
