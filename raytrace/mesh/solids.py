@@ -48,7 +48,7 @@ def inward_looking(vertices: Float32s, faces: Int64s) -> tuple[int, int]:
         return 0, 0
     part, volume = closed_parts(vertices, faces)
     inward = np.flatnonzero(volume < 0)
-    enclosed = [_is_enclosed(solid, vertices, faces, part, volume) for solid in inward.tolist()]
+    enclosed = [_is_enclosed(each, vertices, faces, part, volume) for each in inward.tolist()]
     return enclosed.count(False), int(np.count_nonzero(volume))
 
 

@@ -75,14 +75,14 @@ class RenderJob:
     def __reduce__(self) -> tuple[type[RenderJob], tuple[object, ...]]:
         return RenderJob, (*self._given, self.scene.lit_vertices)
 
-    def film(self, start: int = 0, stop: int | None = None) -> Film:
-        """A film for the tiles of the rows [first, end), None: all."""
+    def film(self, first: int = 0, stop: int | None = None) -> Film:
+        """A film for the tiles of the rows [first, stop), None: all."""
         stop = self.rows if stop is None else stop
-        high = min(stop * TILE, self._high) - start * TILE
-        tiles = self.columns * (stop - start) if self.adaptive else 0
+        high = min(stop * TILE, self._high) - first * TILE
+        tiles = self.columns * (stop - first) if self.adaptive else 0
         pixels = np.empty((high, self._wide, self.channels), np.float32)
         edges = np.empty((tiles, 4, TILE, EDGE), np.float32)
-        return Film(pixels, self._left, self._top + start * TILE, edges, self.geometry.scale)
+        return Film(pixels, self._left, self._top + first * TILE, edges, self.geometry.scale)
 
     def scratch(self) -> Scratch:
         """Room for what a thread writes while it renders a tile."""
