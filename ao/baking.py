@@ -12,7 +12,7 @@ from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import opacity_bytes
 from raytrace.system.checks import NEGLIGIBLE, check_memory
 
-from .declared import with_option_parameters
+from .declared import call_checked, with_option_parameters
 from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids
 from .estimate.tolerance import Estimate, shortfalls
@@ -47,14 +47,7 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     Warns:
         ToleranceWarning: the `tolerance` is not met, with too few `samples` allowed for instance.
     """
-    baked = _bake(mesh, options)
-    if options.both_sides:
-        backs = _bake(baked.mesh.reversed(), options)
-        baked = replace(baked, below=backs, rays=baked.rays + backs.rays)
-    return baked
-
-
-def _bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
+    # What is given: the mesh, what occludes it, and whether it fits into memory.
     high, only = options.high, options.only
     if high is not None and (options.method == "surface" or only is not None):
         raise ConflictError("high", "does not go with", "only" if only is not None else ("method", "surface"))
@@ -68,6 +61,7 @@ def _bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     _check_memory(len(mesh.vertices), [mesh, *others] if high is None else [solid, mesh], options)
 
     start = time.perf_counter()
+    # Estimates of w, where and by the method asked for.
     at_vertices = high is None and options.at == "vertices"
     checkpoint = options.checkpoint if at_vertices else None
     prepared = Prepared.of(solid, options, options.progress, checkpoint, others, mesh.radius)
@@ -86,6 +80,7 @@ def _bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
         from .fine_mesh import sample_fine_mesh
 
         prepared, values = sample_fine_mesh(prepared, mesh, options)
+    # The bake, and later the error between its vertices, of large meshes at once.
     build = prepared.receivers.tree_seconds
     baked = assemble(prepared, mesh, elements or baked_vertices(prepared, len(mesh.vertices)), values)
     if at_vertices and (only is None or options.denoise):
@@ -97,6 +92,9 @@ def _bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     baked.seconds.update(build=build, bake=time.perf_counter() - start - build)
     vertices = prepared.placement.vertices
     each = "face" if options.at == "faces" else "vertex"
+    if options.both_sides:
+        below = call_checked(bake, options, mesh.reversed(), both_sides=False)
+        baked = replace(baked, below=below, rays=baked.rays + below.rays)
     return replace(baked, shortfalls=shortfalls(options, max(baked.rmses), values.samples, each, solid, vertices))
 
 
@@ -114,14 +112,14 @@ def _same(between: Interpolation) -> Interpolation:
 
 def _sample_vertices(prepared: Prepared) -> PointValues:
     """w by Monte Carlo integration at every point that is wanted; vertices inside solids are flagged in place."""
-    options, receivers = prepared.options, prepared.wanted
+    options, receivers = prepared.options, prepared.requested_receivers
     points, point, total = receivers.points, receivers.of_vertex, len(prepared.receivers.points)
     needed = TRACED * len(points) + column_bytes(len(points), options.columns)
     if needed > NEGLIGIBLE:
         check_memory(prepared.mesh.source, needed, f"to trace rays at {len(points):,} points")
     tracer = prepared.tracer(total)
-    if options.tolerance is None and options.rays >= tracer.packets_below:
-        tracer.packets_below = 0  # Embree's hierarchy is not worth building for corner samples alone
+    if options.tolerance is None and options.rays >= tracer.embree_below:
+        tracer.embree_below = 0  # Embree's hierarchy is not worth building for corner samples alone
     inside = inside_solids(
         points, receivers.first_vertex, prepared.placement, receivers, options.interior, tracer.threads, total
     )

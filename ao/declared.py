@@ -94,9 +94,9 @@ def rows(record: Any) -> dict[str, Option]:
     return found
 
 
-def _declaration(each: Field[Any]) -> tuple[Any, Option]:
+def _declaration(field: Field[Any]) -> tuple[Any, Option]:
     """The type of a field in Python, and its row."""
-    kind: Any = each.type
+    kind: Any = field.type
     return kind.__origin__, kind.__metadata__[0]
 
 
@@ -137,7 +137,7 @@ def _without_none(kind: Any) -> Any:
 
 def with_option_parameters(record: Callable[P, T]) -> Callable[[Callable[[Any, T], R]], Callable[P, R]]:
     """Let a function of a mesh and a record take the record's fields, some by earlier names too, and describe them."""
-    declared: list[Field[Any]] = sorted(fields(record), key=lambda each: bool(each.kw_only))  # type: ignore[arg-type]
+    declared: list[Field[Any]] = sorted(fields(record), key=lambda field: bool(field.kw_only))  # type: ignore[arg-type]
     new_names = {row.old_name: name for name, row in rows(record).items() if row.old_name}
 
     def with_fields(function: Callable[[Any, T], R]) -> Callable[P, R]:
@@ -168,23 +168,23 @@ def call_checked(function: Callable[..., R], options: object, mesh: object, **in
     """
     known = vars(function)
     arguments = object.__new__(known["record"])
-    values = {each.name: each.default for each in fields(arguments)} | vars(options) | {"mesh": mesh} | inputs
+    values = {field.name: field.default for field in fields(arguments)} | vars(options) | {"mesh": mesh} | inputs
     vars(arguments).update(values)
     called: Callable[[object, object], R] = known["__wrapped__"]
     return called(mesh, arguments)
 
 
-def _parameter(each: Field[Any]) -> Parameter:
-    kind = _declaration(each)[0]
-    default = Parameter.empty if each.default is MISSING else each.default
-    place = Parameter.KEYWORD_ONLY if each.kw_only else Parameter.POSITIONAL_OR_KEYWORD
+def _parameter(field: Field[Any]) -> Parameter:
+    kind = _declaration(field)[0]
+    default = Parameter.empty if field.default is MISSING else field.default
+    place = Parameter.KEYWORD_ONLY if field.kw_only else Parameter.POSITIONAL_OR_KEYWORD
     written = kind.__forward_arg__ if isinstance(kind, ForwardRef) else kind
-    return Parameter(each.name, place, default=default, annotation=written)
+    return Parameter(field.name, place, default=default, annotation=written)
 
 
-def _described(each: Field[Any]) -> str:
+def _described(field: Field[Any]) -> str:
     """A field under "Args:", its help in the names of Python."""
-    row = _declaration(each)[1]
+    row = _declaration(field)[1]
     text = re.sub("--([a-z-]+)", lambda flag: f"`{flag[1].replace('-', '_')}`", row.help)
-    line = f"{each.name}: {text} {row.python_help}".strip()
+    line = f"{field.name}: {text} {row.python_help}".strip()
     return fill(line, 116, initial_indent=" " * 4, subsequent_indent=" " * 8, break_on_hyphens=False)

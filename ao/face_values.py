@@ -41,8 +41,8 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Checkpoint | None) 
     vertices = prepared.placement.vertices.astype(np.float64)
     with_area = np.flatnonzero(face_normals(vertices, prepared.mesh.faces)[1] > 0)
     is_wanted = with_area < count
-    if prepared.asked is not None:
-        is_wanted &= prepared.asked[prepared.mesh.faces[with_area]].all(axis=1)
+    if prepared.requested is not None:
+        is_wanted &= prepared.requested[prepared.mesh.faces[with_area]].all(axis=1)
     faces = np.flatnonzero(is_wanted)
     if not len(faces):
         raise MeshError(prepared.mesh.source, "faces", "some that have an area", "none")

@@ -281,11 +281,13 @@ def _knots(distances: Float64s, values: Float64s) -> tuple[tuple[float, float], 
 def _in_one_unit(distances: Sequence[Any]) -> tuple[Float64s, bool]:
     """Distances as numbers, and whether they are percentages. Raises: OptionError: they are neither."""
     texts = [str(distance).strip() for distance in distances]
-    found = numbers([text.removesuffix("%") for text in texts], "options", "distances", 'lengths, such as 0.5 or "25%"')
+    lengths = numbers(
+        [text.removesuffix("%") for text in texts], "options", "distances", 'lengths, such as 0.5 or "25%"'
+    )
     relative = np.array([text.endswith("%") for text in texts], bool)
-    if relative.any() and not (relative | (found == 0)).all():
+    if relative.any() and not (relative | (lengths == 0)).all():
         raise OptionError("distances", "all in mesh units, or all percentages", "some of both")
-    return found, bool(relative.any())
+    return lengths, bool(relative.any())
 
 
 Falloffs = Falloff | str | Function | Sequence[Falloff | str | Function] | None

@@ -31,6 +31,7 @@ def sample_fine_mesh(prepared: Prepared, coarse: Mesh, inputs: Inputs) -> tuple[
     Raises: MeshError: nothing is within the cage around `coarse`, or it is one of another mesh; or faces lack areas.
     """
     options, fine, threads = prepared.options, prepared.receivers, prepared.threads
+    # Points of the fine mesh in place of the vertices, and which of them are missed or hidden.
     vertices = find_receivers(coarse, Placement.of(coarse), options.normals)
     if not len(vertices.points):
         raise MeshError(coarse.source, "faces", "some that have an area", "none")
@@ -44,18 +45,20 @@ def sample_fine_mesh(prepared: Prepared, coarse: Mesh, inputs: Inputs) -> tuple[
     _flag(flags, vertices, order[inside], Flag.HIDDEN)
     tracer = prepared.sample_tracer(SampleMeans(samples), "high to low", inputs.checkpoint)
 
+    # Edges between them as the coarse mesh has them, over which estimates are denoised.
     row_of = np.full(len(order) + 1, -1)
     row_of[order] = np.arange(len(order))
     edges = edges_of(samples.points, row_of[vertices.of_vertex], vertices.faces, tracer)
     filled = inside & (options.interior != "mark")
 
     def estimated() -> tuple[Estimate, int]:
-        found, untraced = estimate_outside(tracer, samples.points, CornerSamples.none(), edges, filled, options)
-        rows = row_of[:-1]
-        return replace(found, rows=found.rows[rows], variance=found.variance[rows]), untraced
+        estimate, untraced = estimate_outside(tracer, samples.points, CornerSamples.none(), edges, filled, options)
+        sample_of = row_of[:-1]
+        return replace(estimate, rows=estimate.rows[sample_of], variance=estimate.variance[sample_of]), untraced
 
+    # Values in the order of the vertices.
     values = PointValues.of(tracer.each_column(estimated), tracer.rays)
-    return replace(prepared, wanted=replace(vertices, flags=flags)), values
+    return replace(prepared, requested_receivers=replace(vertices, flags=flags)), values
 
 
 def _project(prepared: Prepared, coarse: Mesh, vertices: Receivers, inputs: Inputs) -> tuple[SurfacePoints, Int64s]:

@@ -35,8 +35,8 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     receivers = prepared.receivers
     vertices = placement.vertices.astype(np.float64)
     normals, areas = face_normals(vertices, receivers.faces)
-    if prepared.asked is not None:
-        areas = np.where(prepared.asked[receivers.faces].all(axis=1), areas, 0.0)
+    if prepared.requested is not None:
+        areas = np.where(prepared.requested[receivers.faces].all(axis=1), areas, 0.0)
     if not areas.any() or not len(receivers.points):
         return NOWHERE
 
@@ -46,7 +46,7 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     corners = receivers.faces[face]
     corner_points = receivers.of_vertex[corners]
     axes = np.where(corner_points[..., None] < 0, np.float32(0), receivers.points.normals[corner_points])
-    points, sides = _on_faces(vertices[corners], normals[face], axes, weights)
+    points, geometric_normals = _on_faces(vertices[corners], normals[face], axes, weights)
     del vertices, normals, areas
 
     # Those outside solids, estimated twice, and what w is interpolated to there.
@@ -54,8 +54,8 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     outside = ~inside_solids(points, corners[:, 0], placement, receivers, interior, prepared.threads)
     if not outside.any():
         return NOWHERE
-    sides = with_alpha(sides, receivers.opacity, face, weights)[outside]
-    estimates = _estimate_twice(prepared, points[outside], sides, 2 * count)
+    geometric_normals = with_alpha(geometric_normals, receivers.opacity, face, weights)[outside]
+    estimates = _estimate_twice(prepared, points[outside], geometric_normals, 2 * count)
     weights64 = weights[outside].astype(np.float64)
     corners = corners[outside]
     values = np.einsum("ki,ki->k", weights64, w[corners])
@@ -68,17 +68,17 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     return Interpolation.of(face, weights64, estimates, values, variance)
 
 
-def _estimate_twice(prepared: Prepared, points: Points, sides: Float32s, total: int) -> Float64s:
-    """Two estimates of w (k, 2) at points, whose hemispheres end at faces of these sides, as of `total` points."""
+def _estimate_twice(prepared: Prepared, points: Points, geometric_normals: Float32s, total: int) -> Float64s:
+    """Two estimates of w (k, 2) at points, whose hemispheres end at faces of these normals, as of `total` points."""
     mu = prepared.mu.in_render_space(prepared.placement.scale)
     t_max = min(mu.limit, prepared.placement.diagonal)
     tracer = Tracer(prepared.scene, 0, mu, t_max, prepared.threads, total)
     twice = points[np.tile(np.arange(len(points)), 2)]
     twice = replace(twice, numbers=np.arange(len(twice), dtype=np.uint32))
     key = derive(prepared.key, 8)
-    rows = tracer.gather(twice, _RAYS, key)
-    leave_out_below(twice.arrays, np.tile(sides, (2, 1)), tracer.scene.table(_RAYS, total, key), rows)
-    return np.asarray(rows[:, W].reshape(2, -1).T)
+    gathered = tracer.gather(twice, _RAYS, key)
+    leave_out_below(twice.arrays, np.tile(geometric_normals, (2, 1)), tracer.scene.table(_RAYS, total, key), gathered)
+    return np.asarray(gathered[:, W].reshape(2, -1).T)
 
 
 def _spread(areas: Float64s, count: int, key: np.uint32) -> tuple[Int64s, Float32s]:
@@ -91,13 +91,13 @@ def _spread(areas: Float64s, count: int, key: np.uint32) -> tuple[Int64s, Float3
 
 
 def _on_faces(corners: Float64s, normals: Float64s, axes: Float32s, weights: Float32s) -> tuple[Points, Float32s]:
-    """Points on faces of `corners` (k, 3, 3), whose vertices have `axes` (k, 3, 3), and the sides of hemispheres."""
+    """Points on faces of `corners` (k, 3, 3), whose vertices have `axes` (k, 3, 3), and the normals of the faces."""
     count = len(corners)
-    rows = np.arange(count)
+    numbers = np.arange(count)
     surface = Surface.of(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3), normals)
-    magnitude = surface.magnitudes(np.repeat(rows[:, None], 3, axis=1), count)
+    magnitude = surface.magnitudes(np.repeat(numbers[:, None], 3, axis=1), count)
     faces = SmoothSurface(axes.reshape(-1, 3).astype(np.float64), surface)
-    places, sides, hemispheres = faces.points_at(rows, weights, 1)
-    origins = places + ray_offset(sides, magnitude, np.ones(count))[:, None] * sides
-    points = Points(origins.astype(np.float32), hemispheres.astype(np.float32), rows.astype(np.uint32))
-    return points, sides.astype(np.float32)
+    positions, geometric_normals, hemispheres = faces.points_at(numbers, weights, 1)
+    origins = positions + ray_offset(geometric_normals, magnitude, np.ones(count))[:, None] * geometric_normals
+    points = Points(origins.astype(np.float32), hemispheres.astype(np.float32), numbers.astype(np.uint32))
+    return points, geometric_normals.astype(np.float32)

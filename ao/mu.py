@@ -33,10 +33,12 @@ class KernelColumns(NamedTuple):
     values: Float64s
 
     def each(self) -> list[KernelMu]:
-        rows = zip(self.taus.tolist(), self.limits.tolist(), self.scales.tolist(), pairwise(self.starts), strict=True)
+        columns = zip(
+            self.taus.tolist(), self.limits.tolist(), self.scales.tolist(), pairwise(self.starts), strict=True
+        )
         return [
             KernelMu(tau, limit, scale, self.distances[slice(*own)], self.values[slice(*own)])
-            for tau, limit, scale, own in rows
+            for tau, limit, scale, own in columns
         ]
 
 
@@ -57,14 +59,14 @@ class KernelMu(NamedTuple):
 
 
 @inline
-def fades(falloff):
+def depends_on_distance(falloff):
     """Whether a `KernelMu` depends on the distance of what is hit: not if it is binary."""
     return falloff.tau > 0.0 or len(falloff.values) > 0 or falloff.columns is not None
 
 
 @inline
-def faded(distance, falloff):
-    """μ at a distance below the limit of a `KernelMu` that fades (12.74)."""
+def attenuation(distance, falloff):
+    """μ at a distance below the limit of a `KernelMu` that depends on distance (12.74)."""
     if falloff.tau > 0.0:
         return -np.expm1(-falloff.tau * distance) * falloff.scale
     return _between_knots(distance, falloff.distances, falloff.values, 0, len(falloff.distances) - 1)
@@ -86,8 +88,8 @@ def _between_knots(distance, distances, values, first, last):
 
 
 @inline
-def add_losses(columns, distance, share, losses):
-    """Add `share` times 1 − μ at a distance, by each of `KernelColumns`, to `losses`, float64 (k,)."""
+def accumulate_occlusion(columns, distance, share, occlusion):
+    """Add `share` times 1 − μ at a distance, by each of `KernelColumns`, to `occlusion`, float64 (k,)."""
     power = 0.0
     for c in range(len(columns.taus) - 1, -1, -1):
         mu = 0.0
@@ -104,7 +106,7 @@ def add_losses(columns, distance, share, losses):
             last = columns.starts[c + 1] - 1
             mu = _between_knots(distance, columns.distances, columns.values, first, last)
         if distance < columns.limits[c]:
-            losses[c] += share * (1.0 - mu)
+            occlusion[c] += share * (1.0 - mu)
 
 
 class Mu(NamedTuple):

@@ -114,8 +114,8 @@ class Options:
             object.__setattr__(self, "tolerance", DEFAULT_TOLERANCE)
         if is_length(self.cage):
             resolve_length("cage", self.cage, 1.0)
-        first = self.falloffs[0]
-        if self.profile and not isinstance(first, Tabulated) and str(first.max_distance) != "inf":
+        main = self.falloffs[0]
+        if self.profile and not isinstance(main, Tabulated) and str(main.max_distance) != "inf":
             raise ConflictError("profile", "excludes", "max_distance")
         if self.thickness and self.interior in ("mark", "fill"):
             raise ConflictError("thickness", "does not go with", ("interior", self.interior))
@@ -152,7 +152,7 @@ class Options:
         from .falloff import Exponential
 
         octaves = [Exponential(half_distance=f"{100 * share:g}%") for share in OCTAVES] if self.profile else []
-        return tuple(each.resolve(radius) for each in (*self.falloffs, *octaves))
+        return tuple(falloff.resolve(radius) for falloff in (*self.falloffs, *octaves))
 
     @property
     def identity(self) -> tuple[object, ...]:

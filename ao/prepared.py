@@ -28,7 +28,7 @@ from .options import Normals, Options
 from .points.occluders import joined
 from .points.receivers import Receivers, find_receivers
 from .rays.ray_scene import RayScene
-from .rays.traverse import packets_below, tried
+from .rays.traverse import embree_below, sample_rows
 
 
 # fmt: off
@@ -97,7 +97,7 @@ def prepare(mesh: Mesh | Any, normals: Normals = "angle") -> PreparedMesh:
     Options(normals=normals)
     mesh = mesh_of(mesh, "prepare")
     check_memory(mesh.source, vertex_bytes(len(mesh.vertices), len(mesh.faces), 1), "to prepare the mesh")
-    return PreparedMesh(**{each.name: getattr(mesh, each.name) for each in fields(Mesh)}, axes=normals)
+    return PreparedMesh(**{field.name: getattr(mesh, field.name) for field in fields(Mesh)}, axes=normals)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,8 +109,8 @@ class Prepared:
     mus: tuple[Mu, ...]  # in mesh units; the first is that of w
     placement: Placement
     receivers: Receivers  # of all vertices, also of occluders
-    asked: Bools | None  # the vertices in `options.only` and none of occluders; None: all
-    wanted: Receivers  # those of these; the same object if all are
+    requested: Bools | None  # the vertices in `options.only` and none of occluders; None: all
+    requested_receivers: Receivers  # those of these; the same object if all are
     progress: Progress | None
     checkpoint: Checkpoint  # begun
 
@@ -129,9 +129,9 @@ class Prepared:
         Raises: OptionError: `options.only` is not one truth value a vertex; as `find_receivers`, `Checkpoint.begin`.
         """
         count = len(mesh.vertices)
-        asked = options.only
-        if asked is not None and (asked.shape != (count,) or asked.dtype != np.bool_):
-            raise OptionError("only", f"bool ({count},)", f"{asked.dtype} {asked.shape}")
+        requested = options.only
+        if requested is not None and (requested.shape != (count,) or requested.dtype != np.bool_):
+            raise OptionError("only", f"bool ({count},)", f"{requested.dtype} {requested.shape}")
         checkpoint = checkpoint or NOTHING_KEPT
         if checkpoint.partial and options.tolerance is not None:
             raise ConflictError("part", "excludes", "tolerance")
@@ -144,11 +144,11 @@ class Prepared:
             placement = Placement.of(mesh)
             receivers = find_receivers(mesh, placement, options.normals)
         if occluders:
-            asked = np.zeros(len(receivers.of_vertex), np.bool_)
-            asked[:count] = True if options.only is None else options.only
-        wanted = receivers if asked is None else receivers.only(asked)
+            requested = np.zeros(len(receivers.of_vertex), np.bool_)
+            requested[:count] = True if options.only is None else options.only
+        requested_receivers = receivers if requested is None else receivers.only(requested)
         checkpoint.begin(placement, receivers, mus, options.identity, *([count] if occluders else []))
-        return cls(mesh, options, mus, placement, receivers, asked, wanted, progress, checkpoint)
+        return cls(mesh, options, mus, placement, receivers, requested, requested_receivers, progress, checkpoint)
 
     @property
     def mu(self) -> Mu:
@@ -165,16 +165,16 @@ class Prepared:
         return RayScene(self.placement.vertices, receivers.faces, *hierarchies, opacity, self.options.cone)
 
     def tracer(self, total_points: int) -> Tracer:
-        """A tracer of up to `total_points` points, for a mesh all of its points, wanted or not."""
+        """A tracer of up to `total_points` points, for a mesh all of its points, requested or not."""
         options = self.options
         placement = self.placement
         mu = in_render_space(self.mus, placement.scale)
         t_max = min(mu.limit, placement.diagonal)
         points = self.receivers.points
         layered = self.scene.opacity is not None
-        normals = points.normals[tried(len(points))]
+        normals = points.normals[sample_rows(len(points))]
         reach = t_max / placement.diagonal
-        below = packets_below(options.traversal, layered, normals, reach, len(points), mu)
+        below = embree_below(options.traversal, layered, normals, reach, len(points), mu)
         return Tracer(self.scene, below, mu, t_max, self.threads, total_points, self.progress, self.checkpoint)
 
     def sample_tracer(self, means: SampleMeans, kind: str, checkpoint: Checkpoint | None) -> Tracer:

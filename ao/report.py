@@ -60,6 +60,7 @@ def report(
             "flagged_vertices_at_most": LISTED,
             "interpolation": between and {"rmse": between.rmse, "at_least": between.at_least},
         }
+    # What both have.
     lengths = [] if bake.profile is None else bake.profile.half_distances.tolist()
     return {
         "schema_version": SCHEMA_VERSION,

@@ -185,7 +185,7 @@ class Bake(Columns):
 
 @dataclass(frozen=True, eq=False)
 class PointValues:
-    """Values at the k points of `Prepared.wanted`; see `Bake`."""
+    """Values at the k points of `Prepared.requested_receivers`; see `Bake`."""
 
     w: Float64s
     error: Float64s
@@ -199,12 +199,12 @@ class PointValues:
     @classmethod
     def of(cls, columns: Sequence[tuple[Estimate, int]], rays: int, displaced: Float64s | float = 0.0) -> PointValues:
         """Of estimates by each falloff, and how many points were not traced. Args: displaced: errors besides, (k,)."""
-        w = [np.clip(found.rows[:, 0], 0.0, 1.0) for found, _ in columns]
-        error = [np.sqrt(found.variance + np.square(displaced)) for found, _ in columns]
-        others = tuple(np.stack(each[1:], axis=-1) for each in (w, error)) if len(columns) > 1 else ()
-        found, hidden = columns[0]
-        rest = found.samples, rays, found.skipped(hidden), found.calibration, others
-        return cls(w[0], error[0], found.rows[:, 1:], *rest)
+        w = [np.clip(estimate.rows[:, 0], 0.0, 1.0) for estimate, _ in columns]
+        error = [np.sqrt(estimate.variance + np.square(displaced)) for estimate, _ in columns]
+        others = tuple(np.stack(columns_of[1:], axis=-1) for columns_of in (w, error)) if len(columns) > 1 else ()
+        estimate, hidden = columns[0]
+        rest = estimate.samples, rays, estimate.skipped(hidden), estimate.calibration, others
+        return cls(w[0], error[0], estimate.rows[:, 1:], *rest)
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +219,7 @@ class BakedElements:
 
 def baked_vertices(prepared: Prepared, count: int) -> BakedElements:
     """The first `count` vertices of the mesh of `prepared`."""
-    only, receivers = prepared.options.only, prepared.wanted
+    only, receivers = prepared.options.only, prepared.requested_receivers
     wanted = count if only is None else int(np.count_nonzero(only))
     return BakedElements(receivers.of_vertex[:count], receivers.flags[:count], receivers.points.normals, wanted)
 
@@ -236,8 +236,8 @@ def assemble(prepared: Prepared, mesh: Mesh, elements: BakedElements, values: Po
     run_blocks(count, _BLOCK, bind(_bent_normals, point, values.bent, normals, bent), prepared.threads)
     error = np.append(values.error, 0.0)[point]  # −1, for no point, is the last row
     spread = [
-        np.append(each, np.full((1, each.shape[1]), outside), axis=0)[point]
-        for each, outside in zip(values.others, (1.0, 0.0), strict=False)
+        np.append(values_of, np.full((1, values_of.shape[1]), outside), axis=0)[point]
+        for values_of, outside in zip(values.others, (1.0, 0.0), strict=False)
     ]
     # Root mean squares over the elements asked for, and rays not traced, by reason.
     errors = [error, *(column for each in spread[1:] for column in each.T)]
@@ -267,8 +267,8 @@ def assemble(prepared: Prepared, mesh: Mesh, elements: BakedElements, values: Po
 
 
 @kernel
-def _bent_normals(point, bent, normals, out, first, last):
-    for i in range(first, last):
+def _bent_normals(point, bent, normals, out, start, stop):
+    for i in range(start, stop):
         if point[i] >= 0:
             direction = load(bent, point[i])
             clear = dot(direction, direction) > 1e-18
@@ -280,10 +280,10 @@ def of_columns(prepared: Prepared, columns: Sequence[AnyFloats]) -> dict[str, An
     if not len(columns):
         return {}
     listed = len(prepared.options.falloffs) - 1
-    found: dict[str, Any] = {"others": tuple(each[..., :listed] for each in columns)} if listed else {}
+    further: dict[str, Any] = {"others": tuple(column[..., :listed] for column in columns)} if listed else {}
     if prepared.options.profile:
         lengths = np.array([math.log(2) / (mu.tau or math.inf) for mu in prepared.mus[1 + listed :]])
         values, errors = columns
-        found["profile"] = Profile(lengths, values[..., listed:].astype(np.float32), lengths[0] / OCTAVES[0])
-        found["profile_errors"] = errors[..., listed:].astype(np.float32)
-    return found
+        further["profile"] = Profile(lengths, values[..., listed:].astype(np.float32), lengths[0] / OCTAVES[0])
+        further["profile_errors"] = errors[..., listed:].astype(np.float32)
+    return further

@@ -20,9 +20,9 @@ _AIM = 0.8  # of the tolerance
 
 
 def fit_to_surface(prepared: Prepared) -> PointValues:
-    """Fit w over the faces of every point that is wanted: once, or from ever more rays until a tolerance is met."""
+    """Fit w over the faces of every point that is requested: once, or from ever more rays until a tolerance is met."""
     receivers = prepared.receivers
-    wanted = prepared.wanted
+    requested = prepared.requested_receivers
     options = prepared.options
     tolerance = options.tolerance
     vertices = _unknowns(prepared)
@@ -32,7 +32,7 @@ def fit_to_surface(prepared: Prepared) -> PointValues:
         rays = min(max(_FIRST * vertices, _LEAST), most)
     fit, counts = _fit(prepared, rays)
     while tolerance is not None and rays < most:
-        error = fit.error[receivers.of_vertex[wanted.of_vertex >= 0]]
+        error = fit.error[receivers.of_vertex[requested.of_vertex >= 0]]
         rmse = float(np.sqrt(np.sum(error**2) / max(len(error), 1)))
         if rmse <= tolerance:
             break
@@ -40,26 +40,28 @@ def fit_to_surface(prepared: Prepared) -> PointValues:
         fit, more = _fit(prepared, rays)
         counts += more
     # The values at the points asked for.
-    rows = receivers.of_vertex[wanted.first_vertex]
+    unknowns = receivers.of_vertex[requested.first_vertex]
     return PointValues(
-        w=fit.w[rows],
-        error=fit.error[rows],
-        bent=fit.bent[rows],
+        w=fit.w[unknowns],
+        error=fit.error[unknowns],
+        bent=fit.bent[unknowns],
         samples=rays // max(vertices, 1),
         rays=int(counts[TRACED]),
         rays_skipped={"below_face": int(counts[BELOW])},
     )
 
 
-def _wanted(prepared: Prepared) -> Bools:
+def _requested(prepared: Prepared) -> Bools:
     """The vertices (n,) that are to get w."""
-    return np.ones(len(prepared.wanted.flags), np.bool_) if prepared.asked is None else prepared.asked
+    if prepared.requested is not None:
+        return prepared.requested
+    return np.ones(len(prepared.requested_receivers.flags), np.bool_)
 
 
 def _unknowns(prepared: Prepared) -> int:
     """How many values a fit has: points and vertices without one, of all faces that have a wanted vertex."""
     receivers = prepared.receivers
-    faces = receivers.faces[_wanted(prepared)[receivers.faces].any(axis=1)]
+    faces = receivers.faces[_requested(prepared)[receivers.faces].any(axis=1)]
     points = receivers.of_vertex[faces]
     return len(np.unique(points[points >= 0])) + len(np.unique(faces[points < 0]))
 
@@ -68,7 +70,7 @@ def _fit(prepared: Prepared, rays: int) -> tuple[Fit, Int64s]:
     """A fit from so many `rays`, and counts (3,), see `gather_faces`; arrays that are used up are freed before it."""
     receivers = prepared.receivers
     checkpoint = prepared.checkpoint
-    patch = Patch.of(prepared.placement, receivers, _wanted(prepared))
+    patch = Patch.of(prepared.placement, receivers, _requested(prepared))
     moments, counts = gather_moments(prepared, patch, rays)
     totals = counts.sum(axis=0)
     if prepared.options.tolerance is None:

@@ -60,8 +60,8 @@ def nearest_name(given: object, names: Iterable[str]) -> str | None:
     word = str(given).lower()[:80]
     begun = [name for name in by_case if len(word) > 1 and name.startswith(word)]
     initials = [name for name in by_case if "".join(part[:1] for part in name.split("_")) == word]
-    found = initials or (begun if len(begun) == 1 else get_close_matches(word, by_case, n=1))
-    return by_case[found[0]] if found else None
+    near = initials or (begun if len(begun) == 1 else get_close_matches(word, by_case, n=1))
+    return by_case[near[0]] if near else None
 
 
 def check_type(value: object, kind: type | tuple[type, ...], source: str, field: str, expected: str) -> None:

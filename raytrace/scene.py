@@ -108,14 +108,18 @@ class Shape:
     @property
     def opacity(self) -> Opacity | None:
         """Alpha of the faces, times the opacity of a transparent material where there is no cutoff."""
-        own, alpha = self.mesh.opacity, float(self.material.pack().row[ALPHA])
+        opacity, alpha = self.mesh.opacity, float(self.material.pack().row[ALPHA])
         if alpha == 1:
-            return own
-        if own is None:
+            return opacity
+        if opacity is None:
             return Opacity.uniform(AlphaSurface(alpha), self.mesh.faces)
-        blended = {each: replace(each, factor=alpha * each.factor) for each in own.surfaces if each.cutoff is None}
-        surfaces = (*(blended.get(each, each) for each in own.surfaces), AlphaSurface(alpha))
-        return replace(own, of=np.where(own.of < 0, len(own.surfaces), own.of), surfaces=surfaces)
+        blended = {
+            surface: replace(surface, factor=alpha * surface.factor)
+            for surface in opacity.surfaces
+            if surface.cutoff is None
+        }
+        surfaces = (*(blended.get(surface, surface) for surface in opacity.surfaces), AlphaSurface(alpha))
+        return replace(opacity, of=np.where(opacity.of < 0, len(opacity.surfaces), opacity.of), surfaces=surfaces)
 
     def __repr__(self) -> str:
         texture = "" if self.texture is None else f", {self.texture.path.name}"
@@ -200,7 +204,7 @@ class Scene:
             opacity = item.shape.opacity
             opacities.append(opacity.reversed() if opacity and mirrored else opacity)
             start += len(mesh.vertices)
-        opacity = Opacity.joined(opacities, [len(each) for each in faces])
+        opacity = Opacity.joined(opacities, [len(triangles) for triangles in faces])
         return Mesh(np.concatenate(vertices), np.concatenate(faces), source="scene", opacity=opacity)
 
     def without_occlusion(self) -> Scene:

@@ -104,8 +104,8 @@ class DaskCluster:
         if self._client.status != "running":
             raise ClusterError(f"{lost}: its scheduler has gone")
         try:  # not by `scheduler_info`, whose workers a callback of Dask's takes away now and then
-            found = self._client.sync(self._client.scheduler.identity)["workers"]
-            return {name: about["last_seen"] for name, about in found.items()}
+            known = self._client.sync(self._client.scheduler.identity)["workers"]
+            return {name: about["last_seen"] for name, about in known.items()}
         except Exception as reason:  # whatever Dask makes of it
             text = " ".join(f"{lost}: {type(reason).__name__}: {reason}".rstrip(": ").split())
             raise ClusterError(text) from None

@@ -18,7 +18,7 @@ from raytrace.shade.layout import COUNTERS
 from raytrace.system.threads import thread_count
 from raytrace.types import Float32s, Int64s
 
-from ..execute.work import Tables
+from ..execute.work import Outputs
 from .session import ClusterSession
 
 
@@ -44,17 +44,17 @@ class Tiles:
     def __getitem__(self, rows: slice) -> Self:
         return replace(self, numbers=self.numbers[rows], around=None if self.around is None else self.around[rows])
 
-    def tables(self) -> Tables:
+    def tables(self) -> Outputs:
         pixels = np.zeros((len(self), TILE, TILE, self.channels), np.float32)
         edges = np.zeros((len(self), EDGES if self.adaptive else 0), np.float32)
         return pixels, edges, np.zeros((len(self), COUNTERS), np.int64)
 
-    def writer(self, scene: RenderJob, tables: Tables) -> Callable[[int, int], None]:
-        def write(first: int, last: int) -> None:
-            around = None if self.around is None else self.around[first:last]
+    def writer(self, scene: RenderJob, tables: Outputs) -> Callable[[int, int], None]:
+        def write(start: int, stop: int) -> None:
+            around = None if self.around is None else self.around[start:stop]
             pixels, edges, counts = tables
-            outputs = pixels[first:last], edges[first:last], counts[first:last]
-            scene.render_numbered(self.numbers[first:last], around, outputs)
+            outputs = pixels[start:stop], edges[start:stop], counts[start:stop]
+            scene.render_numbered(self.numbers[start:stop], around, outputs)
 
         return write
 
@@ -74,6 +74,7 @@ def render_on(
 
     Raises: as `raytrace.render`, and as `ClusterSession.trace`.
     """
+    # The scene as workers get it, and the picture that their tiles go into.
     workers = thread_count(threads)
     start = time.perf_counter()
     picture = prepare_picture(scene, camera, settings, layers)
@@ -95,6 +96,7 @@ def render_on(
             if progress and not again:
                 progress(done, picture.tiles)
 
+    # All tiles, and once more those with pixels that turned out to need more samples.
     render_tiles(Tiles(np.arange(picture.tiles), TILE * TILE * samples, channels, picture.adaptive))
     if picture.adaptive:  # some pixels need all samples for a neighbour in another tile
         numbers = picture.reopened(film)

@@ -17,7 +17,7 @@ from typing import Any, Self
 
 from raytrace.errors import ClusterError, InputError
 
-from ..execute.work import Finished, Span, Tables, Work, fill, fill_spans, machine
+from ..execute.work import Finished, Outputs, RowTask, Span, bit_environment, fill, fill_spans
 from .dask_cluster import DaskCluster, unguarded
 from .worker import SceneFile, trace_block, unpack, write_scene
 
@@ -28,7 +28,7 @@ _ENDGAME = 4  # blocks to each worker that what is left is cut into at least
 _MOST_BYTES = 10 << 20  # of a block's tables
 _KEPT = 0.5  # of what was known of a worker's speed, when a block comes back
 
-Found = tuple[int, int, Tables]
+Found = tuple[int, int, Outputs]
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Dispatch:
     _rays: float = 1.0
     _most_rows: int = 1
 
-    def begin(self, work: Work, spans: Sequence[Span]) -> None:
+    def begin(self, work: RowTask, spans: Sequence[Span]) -> None:
         """Hand out the rows `spans` of `work` from now on, and none of the last work."""
         self.spans = deque(spans)
         self.left = sum(last - first for first, last in spans)
@@ -91,12 +91,12 @@ class Dispatch:
             self.spans.appendleft((end, last))
         return first, end
 
-    def came_back(self, worker: str, rows: int, seconds: float) -> None:
+    def came_back(self, worker: str, finished: int, seconds: float) -> None:
         """Take note of a traced block."""
         self.blocks[worker] += 1
-        self.rows_traced += rows
-        self.left -= rows
-        speed = rows * self._rays / min(max(1e-6, seconds), 1e9)  # whatever number it is
+        self.rows_traced += finished
+        self.left -= finished
+        speed = finished * self._rays / min(max(1e-6, seconds), 1e9)  # whatever number it is
         self.speed[worker] = _KEPT * self.speed.get(worker, speed) + (1 - _KEPT) * speed
 
     def lost(self, span: Span) -> None:
@@ -157,25 +157,25 @@ class ClusterSession:
             self._remove()
 
     def fill_spans(
-        self, work: Work, scene: Any, spans: Sequence[Span], tables: Tables, threads: int, finished: Finished
+        self, work: RowTask, scene: Any, spans: Sequence[Span], tables: Outputs, threads: int, finished: Finished
     ) -> None:
         """As `ao.execute.work.fill_spans`, by workers unless that is little. Errors as `trace`."""
         if sum(last - first for first, last in spans) * work.rays < self._pace.few_rays:
             fill_spans(work, scene, spans, tables, threads, finished)
             return
-        for first, last, found in self.trace(work, scene, spans):
-            for table, rows in zip(tables, found, strict=True):
-                table[first:last] = rows
+        for first, last, made in self.trace(work, scene, spans):
+            for table, values in zip(tables, made, strict=True):
+                table[first:last] = values
             finished(first, last)
 
-    def rows(self, work: Work, scene: Any, threads: int) -> Iterator[Found]:
+    def rows(self, work: RowTask, scene: Any, threads: int) -> Iterator[Found]:
         """All rows of `work` in blocks, by workers or, if they are few, by so many threads here. Errors as `trace`."""
         if len(work) * work.rays >= self._pace.few_rays:
             yield from self.trace(work, scene, [(0, len(work))])
         else:
             yield 0, len(work), fill(work, scene, threads)
 
-    def trace(self, work: Work, scene: Any, spans: Sequence[Span]) -> Iterator[Found]:
+    def trace(self, work: RowTask, scene: Any, spans: Sequence[Span]) -> Iterator[Found]:
         """The rows `spans` of `work` in a scene, in blocks as they come: first row, last row, tables.
 
         Raises:
@@ -264,17 +264,17 @@ class ClusterSession:
             self._notify(f"{self._address}: no workers; waiting for some to join")
             self._told_alone = True
 
-    def _hand_out(self, work: Work) -> None:
+    def _hand_out(self, work: RowTask) -> None:
         """Give blocks to workers that have few of them."""
         busy = Counter(worker for worker, _ in self._calls.values())
         for worker in (worker for worker, reason in self._workers.items() if not reason):
             while busy[worker] < IN_FLIGHT and self.dispatch.spans:
                 first, last = self.dispatch.take(worker)
-                block = machine(), self._file, self._cluster.threads, work[first:last]
+                block = bit_environment(), self._file, self._cluster.threads, work[first:last]
                 self._calls[self._cluster.call(worker, trace_block, *block)] = worker, (first, last)
                 busy[worker] += 1
 
-    def _answer(self, work: Work, worker: str, span: Span, call: Future[Any]) -> Tables | None:
+    def _answer(self, work: RowTask, worker: str, span: Span, call: Future[Any]) -> Outputs | None:
         """The rows of a block; None if there are none, and the worker gets no more.
 
         Raises: InputError: every worker would say so. ClusterError: the block has failed on several.
@@ -298,8 +298,8 @@ class ClusterSession:
             raise error
         text, self._workers[worker] = str(error).removeprefix(nobody), error
         self._notify(f"worker {worker} gets no work{text}")
-        for each in self._drop(worker):
-            self.dispatch.lost(each)
+        for lost in self._drop(worker):
+            self.dispatch.lost(lost)
         self._lost(span, _FAILURES if kind == "failed" else 0, f"a block fails on every worker{text}")
         return None
 

@@ -24,7 +24,7 @@ from raytrace.errors import InputError, MemoryLimitError
 from raytrace.system.atomic import atomic_write
 from raytrace.system.threads import thread_count
 
-from ..execute.work import Tables, Work, fill, first_difference, machine
+from ..execute.work import Outputs, RowTask, bit_environment, fill, first_difference
 
 _SIZE = struct.Struct("<q")
 _lock = threading.Lock()  # one block at a time, on all cores, however many threads the worker has for tasks
@@ -77,16 +77,16 @@ def load_scene(file: SceneFile) -> Any:
     return pickle.loads(parts[0], buffers=parts[1:])
 
 
-def trace_block(expected: Mapping[str, str], file: SceneFile, threads: int | None, work: Work) -> tuple[object, ...]:
+def trace_block(expected: Mapping[str, str], file: SceneFile, threads: int | None, work: RowTask) -> tuple[object, ...]:
     """The seconds that the rows of `work` took, and their tables as `pack` has them.
 
     Or a text, and texts: "refused" and what is wrong with this worker, what was expected of it, and what came; "wrong"
     and what an `InputError` says that every worker would raise; "failed" and a reason.
 
-    Args: expected: `machine()` of who asks. file: the scene to load. threads: None for all cores.
+    Args: expected: `bit_environment()` of who asks. file: the scene to load. threads: None for all cores.
     """
-    if found := first_difference(expected, machine()):
-        return "refused", *found
+    if difference := first_difference(expected, bit_environment()):
+        return "refused", *difference
     with _lock:
         try:
             if file.digest not in _loaded:
@@ -108,12 +108,12 @@ def trace_block(expected: Mapping[str, str], file: SceneFile, threads: int | Non
             return "failed", f"{type(reason).__name__}: {reason}"
 
 
-def pack(tables: Tables) -> tuple[bytes, ...]:
+def pack(tables: Outputs) -> tuple[bytes, ...]:
     """The content of each table; objects, which are JSON-ready, as JSON."""
     return tuple(json.dumps(table.tolist()).encode() if table.dtype == object else table.tobytes() for table in tables)
 
 
-def unpack(work: Work, contents: Sequence[object]) -> Tables:
+def unpack(work: RowTask, contents: Sequence[object]) -> Outputs:
     """The tables of `work` that `pack` has packed. Raises: ValueError: these are contents of other tables."""
     tables = work.tables()
     for table, content in zip(tables, contents, strict=True):

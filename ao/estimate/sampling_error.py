@@ -12,18 +12,18 @@ TYPICAL, PRIOR = 0.09, 8  # variance of n rays · n^1.5, and how many points tha
 def sampling_variance(first: Float64s, second: Float64s, rays: int) -> float:
     """Mean square error of either of two independent estimates (k,) with `rays` rays a point."""
     halves = float(np.sum((first - second) ** 2)) / 2
-    return (halves + PRIOR * TYPICAL * rays**-RATE) / (len(first) + PRIOR)
+    return float((halves + PRIOR * TYPICAL * rays**-RATE) / (len(first) + PRIOR))
 
 
 def variance_factor(samples: Float64s, more: int) -> Float64s:
     """By what `more` rays multiply the variance of `samples` (k,): lattices of n and m are worth n^1.5 + m^1.5."""
     now = samples**RATE
-    return now / (now + float(more) ** RATE)
+    return np.asarray(now / (now + float(more) ** RATE))
 
 
 def derive(key: np.uint32, salt: int) -> np.uint32:
     """A key of directions that are independent of the directions of `key`."""
-    return hash32_array(hash32_array([salt]) ^ key)[0]
+    return np.uint32(hash32_array(hash32_array([salt]) ^ key)[0])
 
 
 def stratified_rows(count: int, wanted: int) -> Int64s:

@@ -116,7 +116,8 @@ def _compare_with_neighbours(
     means((closed, 1.0), then=lean)
     leaning, excess = means((near.leaning, 0.0), (at.excess, 1.0))
     means((neighbours.smooth(excess, 1), 0.0), then=lambda rough: bind(_weigh, leaning, rough, at, near))
-    return spread
+    smoothed: Float32s = spread
+    return smoothed
 
 
 def _empty(kind: Callable[..., Named], count: int) -> Named:

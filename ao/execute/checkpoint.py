@@ -21,7 +21,7 @@ from raytrace.types import Bools, Float64s
 from ..points.receivers import Receivers
 from ..rays.ray_scene import RayScene
 from .journal import IDENTITY, Block, Journal, record
-from .work import Advance, FillSpans, KeptWork, Tables, Work, fill_spans, machine
+from .work import Advance, FillSpans, KeptRowTask, Outputs, RowTask, bit_environment, fill_spans
 
 
 class Checkpoint:
@@ -91,35 +91,35 @@ class Checkpoint:
         self._identity = cache(lambda: identity(placement, receivers, settings))
         self._due = time.monotonic() + self.after
         try:
-            found = Journal(self.path, create=False)
+            journal = Journal(self.path, create=False)
         except FileNotFoundError:
-            found = None
+            journal = None
         except OSError as reason:
             if isinstance(reason, OutputError) or self.resume:
                 raise _refused(self.path, reason) from None
             return
-        if found and self.resume and found.identity == self._identity():
-            self._journal, self._due = found, time.monotonic() + self.every
+        if journal and self.resume and journal.identity == self._identity():
+            self._journal, self._due = journal, time.monotonic() + self.every
             return
-        if found:
-            found.close()
+        if journal:
+            journal.close()
         if self.resume:
-            if found and found.identity:
+            if journal and journal.identity:
                 raise InputError(self.path, "header", self._expected, "that of another or of a change")
             self.notify(f"{self.path}: nothing to resume; starting from the beginning")
-        self._left_over = found is not None
-        if found and found.identity == self._identity():
+        self._left_over = journal is not None
+        if journal and journal.identity == self._identity():
             self.notify(f"{self.path}: left by an interrupted run; --resume would continue it; starting over")
 
-    def fill(self, work: KeptWork, scene: RayScene, threads: int, advance: Advance) -> Tables:
+    def fill(self, work: KeptRowTask, scene: RayScene, threads: int, advance: Advance) -> Outputs:
         """All rows of `work`: those that are kept, and the others made. Args: advance: called with numbers of rows."""
         name, tables = work.name, work.tables()
         wanted = self.choose(work, ~self.restored(work, tables))
 
-        def finished(first: int, last: int) -> None:
+        def finished(start: int, stop: int) -> None:
             if not self._given_up:
-                self.put((name, first, last), b"".join(table[first:last].tobytes() for table in tables))
-            advance(last - first)
+                self.put((name, start, stop), b"".join(table[start:stop].tobytes() for table in tables))
+            advance(stop - start)
 
         if done := len(work) - int(np.count_nonzero(wanted)):
             advance(done)
@@ -129,11 +129,11 @@ class Checkpoint:
             self.fill_spans(work, scene, spans, tables, threads, finished)
         return tables
 
-    def choose(self, work: Work, missing: Bools) -> Bools:
+    def choose(self, work: RowTask, missing: Bools) -> Bools:
         """Which of the `missing` rows, bool (k,), are to be made here: all."""
         return missing
 
-    def restored(self, work: KeptWork, tables: Tables) -> Bools:
+    def restored(self, work: KeptRowTask, tables: Outputs) -> Bools:
         """Which rows of the work are kept, bool (k,); they are copied into `tables`."""
         is_kept = np.zeros(len(work), np.bool_)
         name = work.name
@@ -187,7 +187,7 @@ NOTHING_KEPT = Checkpoint(None)
 
 def identity(placement: Placement, receivers: Receivers, settings: tuple[object, ...]) -> bytes:
     """Hash of all that decides a bake's rows, 32 bytes."""
-    digest = hashlib.blake2b(repr((machine(), placement.scale, placement.diagonal, settings)).encode())
+    digest = hashlib.blake2b(repr((bit_environment(), placement.scale, placement.diagonal, settings)).encode())
     arrays: list[npt.NDArray[Any]] = [placement.vertices, receivers.faces]
     for points in (receivers.points, receivers.corners.points):
         arrays += [points.origins, points.normals, points.numbers]
@@ -198,17 +198,17 @@ def identity(placement: Placement, receivers: Receivers, settings: tuple[object,
     return digest.digest()[:IDENTITY]
 
 
-def restore(block: Block, content: bytes, work: KeptWork, tables: Tables, restored: Bools) -> None:
+def restore(block: Block, content: bytes, work: KeptRowTask, tables: Outputs, restored: Bools) -> None:
     """Copy recorded rows into `tables` and mark them in `restored` (k,), if they can be rows of these."""
     _, first, last = block
-    rows = last - first
-    if not 0 <= first < last <= len(restored) or len(content) != sum(table[:1].nbytes for table in tables) * rows:
+    row_count = last - first
+    if not 0 <= first < last <= len(restored) or len(content) != sum(table[:1].nbytes for table in tables) * row_count:
         return
     begin = 0
     stored = []
     for table in tables:
         size = table[first:last].size
-        stored.append(np.frombuffer(content, table.dtype, size, begin).reshape(rows, *table.shape[1:]))
+        stored.append(np.frombuffer(content, table.dtype, size, begin).reshape(row_count, *table.shape[1:]))
         begin += stored[-1].nbytes
     if work.could_make(tuple(stored)):
         for table, values in zip(tables, stored, strict=True):

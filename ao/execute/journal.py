@@ -58,7 +58,7 @@ class Journal:
         self.identity = head[len(MAGIC) :] if head.startswith(MAGIC) and len(head) == len(MAGIC) + IDENTITY else None
         begun = head.startswith(MAGIC) or MAGIC.startswith(head.rstrip(b"\0"))
         rest = iter(lambda: self._file.read(1 << 20), b"")
-        if self.identity is None and not (begun and not any(chunk.strip(b"\0") for chunk in rest)):  # torn by a crash
+        if self.identity is None and not (begun and not any(chunk.strip(b"\0") for chunk in rest)):  # cut by a crash
             raise _another(self.path, "another file")
         self._end = self._file.tell() if self.identity else 0
         while self.identity and len(start := self._file.read(_RECORD.size)) == _RECORD.size:

@@ -20,7 +20,7 @@ from raytrace.types import Bools, Int64s
 from ..points.receivers import Receivers
 from .checkpoint import Checkpoint, identity, restore
 from .journal import Block, Journal, record
-from .work import KeptWork, Tables, Work, first_difference, machine
+from .work import KeptRowTask, Outputs, RowTask, bit_environment, first_difference
 
 ENDING = ".part"
 _RUNS, _LEAST = 16, 64  # runs of neighbouring rows to each part, and rows in one at least
@@ -69,12 +69,12 @@ class ShardCheckpoint(Checkpoint):
         self._description = {**description, "part": number, "of": of}
 
     def begin(self, placement: Placement, receivers: Receivers, *settings: object) -> None:
-        self._description |= {"mesh digest": digest_of(placement, receivers), "machine": machine()}
+        self._description |= {"mesh digest": digest_of(placement, receivers), "machine": bit_environment()}
         super().begin(placement, receivers, *settings)
         if not self._journal or DESCRIPTION not in self._journal.blocks:
             self._pending.append(record(DESCRIPTION, json.dumps(self._description).encode()))
 
-    def choose(self, work: Work, missing: Bools) -> Bools:
+    def choose(self, work: RowTask, missing: Bools) -> Bools:
         is_own = assign_shards(len(work), self.of) == self.number
         self.rays += int(np.count_nonzero(is_own) * work.rays)
         return np.asarray(missing & is_own)
@@ -174,19 +174,19 @@ def _read(path: Path) -> PartFile:
 
 def _parse_description(path: Path, content: bytes) -> dict[str, Any]:
     try:
-        found: dict[str, Any] = parse_json(content)
-        number = found["part"]
-        of = found["of"]
-        options = found["options"]
-        facts = found["machine"]
+        description: dict[str, Any] = parse_json(content)
+        number = description["part"]
+        of = description["of"]
+        options = description["options"]
+        facts = description["machine"]
         whole = type(number) is type(of) is int and 1 <= number <= of
-        whole = whole and isinstance(options, dict) and isinstance(facts, dict) and "mesh digest" in found
-        whole = whole and isinstance(found["mesh"], str)
+        whole = whole and isinstance(options, dict) and isinstance(facts, dict) and "mesh digest" in description
+        whole = whole and isinstance(description["mesh"], str)
     except (ValueError, KeyError, TypeError, RecursionError):
         whole = False
     if not whole:
         raise InputError(path, "description", "that of a part, with its number, options and machine", "something else")
-    return found
+    return description
 
 
 class Merge(Checkpoint):
@@ -199,13 +199,13 @@ class Merge(Checkpoint):
     def begin(self, placement: Placement, receivers: Receivers, *settings: object) -> None:
         if identity(placement, receivers, settings) == self.parts[0].identity:
             return
-        own: Mapping[str, str] = machine() | {"mesh": digest_of(placement, receivers)}
+        here: Mapping[str, str] = bit_environment() | {"mesh": digest_of(placement, receivers)}
         facts = self.parts[0].facts
-        difference = first_difference({name: facts.get(name, "nothing") for name in own}, own)
+        difference = first_difference({name: facts.get(name, "nothing") for name in here}, here)
         name, expected, got = difference or ("header", "that of this very bake", "that of another")
         raise InputError(self.parts[0].path.parent, name, f"{expected}, as in the parts", f"{got} here")
 
-    def restored(self, work: KeptWork, tables: Tables) -> Bools:
+    def restored(self, work: KeptRowTask, tables: Outputs) -> Bools:
         taken, name = np.zeros(len(work), np.bool_), work.name
         for part in self.parts:
             with part.path.open("rb") as file:

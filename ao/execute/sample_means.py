@@ -57,33 +57,33 @@ class SampleMeans:
 
         Args: rays: of a sample, and the key of their directions.
         """
-        each, key = rays
+        samples_each, key = rays
         source = np.empty(samples * len(groups), np.int64)
         numbers = np.empty(len(source), np.uint32)
         pick = bind(_pick, groups, samples, self.samples.starts, int(key), source, numbers)
         run_blocks(len(groups), _BLOCK, pick, tracer.threads, most=_SHARE)
         points = replace(self.samples.points[source], numbers=numbers)
-        table = tracer.scene.table(each, tracer.total_points, key, samples)
-        values = tracer.trace(points, each, key, samples)
+        table = tracer.scene.table(samples_each, tracer.total_points, key, samples)
+        values = tracer.trace(points, samples_each, key, samples)
         by_falloff = values.reshape(len(values), -1, COLUMNS)
         out = to[0].reshape(len(to[0]), -1, COLUMNS)
 
-        def average(first: int, last: int) -> None:
-            block = slice(samples * first, samples * last)
+        def average(start: int, stop: int) -> None:
+            block = slice(samples * start, samples * stop)
             arrays = points[block].arrays
             normals = self.samples.geometric_normals.take(source[block], axis=0)
             for falloff in range(by_falloff.shape[1]):
                 column = np.ascontiguousarray(by_falloff[block, falloff])
                 leave_out_below(arrays, normals, table, column)
-                _average(column, samples, to[1][first:last], out[:, falloff])
+                _average(column, samples, to[1][start:stop], out[:, falloff])
 
         run_blocks(len(groups), _BLOCK, average, tracer.threads, most=_SHARE)
 
 
 @kernel
-def _pick(groups, samples, starts, chance, source, numbers, first, last):
+def _pick(groups, samples, starts, chance, source, numbers, start, stop):
     """Write which samples of each group are taken, one of its runs of so many by `chance`, and their numbers."""
-    for i in range(first, last):
+    for i in range(start, stop):
         begin = starts[groups[i]]
         runs = (starts[groups[i] + 1] - begin) // samples
         begin += samples * (chance % runs)

@@ -13,13 +13,13 @@ from raytrace.types import Float64s, Int64s
 from ..mu import KernelMu
 from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, COLUMNS, W, gather_hemispheres, gather_streams
-from ..rays.layers import Layers
+from ..rays.layers import AlphaHits
 from ..rays.ray_blocks import Rays
 from ..rays.ray_packet import RayPacket
 from ..rays.ray_scene import RayScene
 from ..rays.traverse import TraversalState
 from .checkpoint import NOTHING_KEPT, Checkpoint
-from .work import Tables
+from .work import Outputs
 
 Progress = Callable[[int, int, str], None]
 T = TypeVar("T")
@@ -36,7 +36,7 @@ class Hemispheres:
     total_points: int
     mu: KernelMu
     t_max: float
-    packets_below: int
+    embree_below: int
     leap: int = 1  # how many points share a lattice of directions
     block_rays: ClassVar = 1 << 11
 
@@ -56,42 +56,45 @@ class Hemispheres:
     def rays(self) -> float:
         return self.samples
 
-    def tables(self) -> Tables:
+    def tables(self) -> Outputs:
         return (np.zeros((len(self), *self.mu.shape, COLUMNS)),)
 
-    def could_make(self, rows: Tables) -> bool:
+    def could_make(self, rows: Outputs) -> bool:
         least = np.full(COLUMNS, -_ONE)
         least[[W, BATCH_VARIANCE]] = 0.0
         return bool(((rows[0] >= least) & (rows[0] <= _ONE)).all())
 
-    def writer(self, scene: RayScene, tables: Tables) -> Callable[[int, int], None]:
+    def writer(self, scene: RayScene, tables: Outputs) -> Callable[[int, int], None]:
+        # What all blocks share.
         table = scene.table(self.samples, self.total_points, self.key, self.leap)
         points, mu, t_max = self.points, self.mu, self.t_max
         out = tables[0].reshape(-1, *(mu.shape or (1,)), COLUMNS)
-        if self.samples < self.packets_below:
+        # Few rays a point: packets of rays by Embree.
+        if self.samples < self.embree_below:
             embree = scene.embree()
 
-            def by_packets(first: int, last: int) -> None:
-                packet, subset = RayPacket.of(embree, scene.opacity), points[first:last].arrays
+            def by_packets(start: int, stop: int) -> None:
+                packet, subset = RayPacket.of(embree, scene.opacity), points[start:stop].arrays
                 if mu.columns is None or scene.opacity is None:
-                    gather_hemispheres(packet, subset, table, mu, t_max, out[first:last])
+                    gather_hemispheres(packet, subset, table, mu, t_max, out[start:stop])
                 else:  # to check the other traversal, without haste
-                    for column, each in enumerate(mu.columns.each()):
-                        rows = np.empty((last - first, 1, COLUMNS))
-                        gather_hemispheres(packet, subset, table, each, min(t_max, each.limit), rows)
-                        out[first:last, column] = rows[:, 0]
+                    for column, column_mu in enumerate(mu.columns.each()):
+                        gathered = np.empty((stop - start, 1, COLUMNS))
+                        gather_hemispheres(packet, subset, table, column_mu, min(t_max, column_mu.limit), gathered)
+                        out[start:stop, column] = gathered[:, 0]
 
             return by_packets
+        # Many rays a point: all of a point's through the tree together.
         tree, idle = scene.tree, deque[tuple[Rays, TraversalState]]()  # as many at most as threads
 
-        def by_streams(first: int, last: int) -> None:
-            subset = points[first:last].arrays
+        def by_streams(start: int, stop: int) -> None:
+            subset = points[start:stop].arrays
             try:
                 rays, state = idle.pop()
             except IndexError:
                 rays = Rays.of(table)
-                state = TraversalState.of(tree, Layers.of(scene.opacity, rays.t_hit.size, mu))
-            gather_streams(tree, rays, state, subset, table, mu, t_max, out[first:last])
+                state = TraversalState.of(tree, AlphaHits.of(scene.opacity, rays.t_hit.size, mu))
+            gather_streams(tree, rays, state, subset, table, mu, t_max, out[start:stop])
             idle.append((rays, state))
 
         return by_streams
@@ -112,7 +115,7 @@ class Tracer:
     """Gathers hemispheres in a scene."""
 
     scene: RayScene
-    packets_below: int  # points with fewer rays are traced by Embree, else by `ao.rays.traverse`
+    embree_below: int  # points with fewer rays are traced by Embree, else by `ao.rays.traverse`
     mu: KernelMu
     t_max: float  # length of rays, in render space
     threads: int
@@ -132,20 +135,20 @@ class Tracer:
         if self.mu.columns is None:
             return self._rows(points, samples, key)
         nothing = np.zeros(0, np.int64), np.zeros((0, *self.mu.shape, COLUMNS))
-        numbers, rows = self._traced.get((samples, int(key)), nothing)  # by number, ascending
+        numbers, values = self._traced.get((samples, int(key)), nothing)  # by number, ascending
         if np.array_equal(numbers, points.numbers):
-            return np.ascontiguousarray(rows[:, self.column])
+            return np.ascontiguousarray(values[:, self.column])
         missing = np.append(numbers, -1)[np.searchsorted(numbers, points.numbers)] != points.numbers
         if missing.any():
             numbers = np.append(numbers, points.numbers[missing].astype(np.int64))
-            found = self._rows(points[missing], samples, key)
-            rows = np.concatenate([rows, found]) if len(rows) else found
+            traced = self._rows(points[missing], samples, key)
+            values = np.concatenate([values, traced]) if len(values) else traced
             if (np.diff(numbers) < 0).any():
                 order = np.argsort(numbers, kind="stable")
                 numbers = numbers[order]
-                rows = rows[order]
-            self._traced[samples, int(key)] = numbers, rows
-        return np.asarray(rows[np.searchsorted(numbers, points.numbers), self.column])
+                values = values[order]
+            self._traced[samples, int(key)] = numbers, values
+        return np.asarray(values[np.searchsorted(numbers, points.numbers), self.column])
 
     def gather_elsewhere(self, points: Points, samples: int, key: np.uint32, here: Float64s) -> Float64s:
         """`gather` elsewhere in what each of the `points` stands for, by a `key` that no other rows have.
@@ -157,9 +160,9 @@ class Tracer:
         if moved is None:
             return here
         self.means = moved
-        rows = self.gather(points, samples, key)
+        values = self.gather(points, samples, key)
         self.means = means
-        return rows
+        return values
 
     @property
     def columns(self) -> int:
@@ -168,22 +171,22 @@ class Tracer:
 
     def each_column(self, estimate: Callable[[], T]) -> list[T]:
         """What `estimate` returns for each falloff in turn; what one of them has traced is there for the next."""
-        found, before = [], self.column
+        results, before = [], self.column
         for column in range(self.columns):
             self.column = column
-            found.append(estimate())
+            results.append(estimate())
         self.column = before
-        return found
+        return results
 
     def _rows(self, points: Points, samples: int, key: np.uint32) -> Float64s:
         return self.means.rows(self, points, samples, key) if self.means else self.trace(points, samples, key)
 
     def trace(self, points: Points, samples: int, key: np.uint32, leap: int = 1) -> Float64s:
         """Rows (k, COLUMNS), or with several falloffs (k, c, COLUMNS). Args: leap: see `DirectionTable`."""
-        work = Hemispheres(points, samples, key, self.total_points, self.mu, self.t_max, self.packets_below, leap)
+        work = Hemispheres(points, samples, key, self.total_points, self.mu, self.t_max, self.embree_below, leap)
 
-        def advance(rows: int) -> None:
-            self.rays += rows * samples
+        def advance(finished: int) -> None:
+            self.rays += finished * samples
             if self.progress and self.expected:
                 self.progress(self.rays, max(self.rays, self.expected), self.stage)
 

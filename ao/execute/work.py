@@ -16,16 +16,16 @@ from raytrace.kernel.library import built_by, cpu_features
 from raytrace.system.processor import model
 from raytrace.system.threads import granted, run_blocks, shares
 
-Tables = tuple[npt.NDArray[Any], ...]
+Outputs = tuple[npt.NDArray[Any], ...]
 Span = tuple[int, int]
 Advance = Callable[[int], None]
 Finished = Callable[[int, int], None]
-FillSpans = Callable[["Work", Any, Sequence[Span], Tables, int, Finished], None]  # `fill_spans`, or by other machines
+FillSpans = Callable[["RowTask", Any, Sequence[Span], Outputs, int, Finished], None]  # `fill_spans`, or elsewhere
 _EACH = 4  # blocks for each thread; where rows are few, blocks are smaller for that, to a quarter
 _MOST_RAYS = 1 << 17  # of blocks made at once: what Ctrl-C waits for
 
 
-class Work(Protocol):
+class RowTask(Protocol):
     """Rows to be made by tracing rays in a scene of its sort. Each is the same whichever others are made with it."""
 
     @property
@@ -41,27 +41,29 @@ class Work(Protocol):
     def __getitem__(self, rows: slice) -> Self:
         """Some of the rows, to be sent to another process."""
 
-    def tables(self) -> Tables:
+    def tables(self) -> Outputs:
         """Arrays for all rows, to be written."""
 
-    def writer(self, scene: Any, tables: Tables) -> Callable[[int, int], None]:
+    def writer(self, scene: Any, tables: Outputs) -> Callable[[int, int], None]:
         """A function that writes the rows from a first one to a last one, to be called from any thread."""
 
 
-def fill(work: Work, scene: Any, threads: int) -> Tables:
+def fill(work: RowTask, scene: Any, threads: int) -> Outputs:
     """All rows, made on threads."""
     tables = work.tables()
     fill_spans(work, scene, [(0, len(work))], tables, threads, lambda *_: None)
     return tables
 
 
-def fill_spans(work: Work, scene: Any, spans: Sequence[Span], tables: Tables, threads: int, finished: Finished) -> None:
+def fill_spans(
+    work: RowTask, scene: Any, spans: Sequence[Span], tables: Outputs, threads: int, finished: Finished
+) -> None:
     """Make the rows of `spans` on threads. Args: finished: called on this one, with a first and a last row."""
     write = work.writer(scene, tables)
-    rows = sum(last - first for first, last in spans)
+    row_count = sum(last - first for first, last in spans)
     threads = granted(threads)
     block = max(int(work.block_rays / max(work.rays, 1e-9)), 1)
-    size = max(min(block, rows // (_EACH * threads)), -(-block // 4))
+    size = max(min(block, row_count // (_EACH * threads)), -(-block // 4))
     most = int(_MOST_RAYS / (size * max(work.rays, 1)))
     blocks = [(first + a, first + b) for first, last in spans for a, b in shares(last - first, size, threads, most)]
     made: deque[Span] = deque()
@@ -73,19 +75,19 @@ def fill_spans(work: Work, scene: Any, spans: Sequence[Span], tables: Tables, th
     run_blocks(len(blocks), 1, make, threads, lambda _: finished(*made.popleft()))
 
 
-class KeptWork(Work, Protocol):
+class KeptRowTask(RowTask, Protocol):
     """Work whose rows a journal keeps."""
 
     @property
     def name(self) -> bytes:
         """16 bytes that no other work in the same bake has."""
 
-    def could_make(self, rows: Tables) -> bool:
+    def could_make(self, rows: Outputs) -> bool:
         """Whether the numbers in some rows, of a file that anybody may have written, are in their ranges."""
 
 
 @cache
-def machine() -> dict[str, str]:
+def bit_environment() -> dict[str, str]:
     """Facts that must be equal for rows of the same bits, by name.
 
     The C library counts for its sines, and NumPy and Embree choose instructions by what the processor has.

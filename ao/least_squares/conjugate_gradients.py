@@ -47,11 +47,11 @@ def _run_rows(count: int, block: int, work: Callable[[int, int], None], threads:
 
 
 @kernel
-def _invert(starts, columns, values, free, inverse, first, last):
+def _invert(starts, columns, values, free, inverse, start, stop):
     """The matrix's blocks of `_GROUP` rows on the diagonal, inverted by sweeps, and 0 for unknowns that are fixed."""
     diagonal = np.zeros(_GROUP)
-    for begin in range(first, last, _GROUP):
-        block = inverse[begin : min(begin + _GROUP, last)]
+    for begin in range(start, stop, _GROUP):
+        block = inverse[begin : min(begin + _GROUP, stop)]
         size = len(block)
         for i in range(size):
             for j in range(_GROUP):
@@ -76,14 +76,14 @@ def _invert(starts, columns, values, free, inverse, first, last):
 
 
 @kernel
-def _descend(step, inverse, x, residual, image, length, first, last):
+def _descend(step, inverse, x, residual, image, length, start, stop):
     """Go on by `length` · `step`; the preconditioned residual takes the place of the step's `image`."""
-    for i in range(first, last):
+    for i in range(start, stop):
         residual[i] -= image[i] * length
         x[i] += step[i] * length
     sums = np.zeros(_GROUP)
-    for begin in range(first, last, _GROUP):
-        end = min(begin + _GROUP, last)
+    for begin in range(start, stop, _GROUP):
+        end = min(begin + _GROUP, stop)
         for i in range(_GROUP):
             sums[i] = 0.0
         for j in range(begin, end):
@@ -94,15 +94,15 @@ def _descend(step, inverse, x, residual, image, length, first, last):
 
 
 @kernel
-def _next_step(step, scaled, ratio, first, last):
+def _next_step(step, scaled, ratio, start, stop):
     """The next direction of descent: the preconditioned residual, conjugate to the step before."""
-    for i in range(first, last):
+    for i in range(start, stop):
         step[i] = step[i] * ratio + scaled[i]
 
 
 @kernel
-def _multiply(starts, columns, values, x, out, first, last):
-    for i in range(first, last):
+def _multiply(starts, columns, values, x, out, start, stop):
+    for i in range(start, stop):
         total = 0.0
         for k in range(starts[i], starts[i + 1]):
             total += values[k] * x[columns[k]]
@@ -142,10 +142,10 @@ def solve(
     def dot_after(work: Callable[[int, int], None], a: Float64s, b: Float64s) -> float:
         """Σ a_i b_i after `work`: of the sums of blocks, so that it is the same for any number of threads."""
 
-        def work_and_add(first: int, last: int) -> None:
-            work(first, last)
-            for begin in range(first, last, _BLOCK):
-                end = min(begin + _BLOCK, last)
+        def work_and_add(start: int, stop: int) -> None:
+            work(start, stop)
+            for begin in range(start, stop, _BLOCK):
+                end = min(begin + _BLOCK, stop)
                 sums[begin // _BLOCK] = dot(a[begin:end], b[begin:end])
 
         _run_rows(len(x), _BLOCK, work_and_add, threads)

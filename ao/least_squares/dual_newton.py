@@ -92,5 +92,5 @@ def _meet_along_lines(differences: csr_array) -> bool:
     order = reverse_cuthill_mckee(graph, symmetric_mode=True)
     graph = graph[order][:, order]
     graph.sort_indices()
-    first = graph.indices[graph.indptr[:-1]]
-    return bool(np.mean(np.arange(len(first)) - first) <= _WIDEST)
+    first_neighbour = graph.indices[graph.indptr[:-1]]
+    return bool(np.mean(np.arange(len(first_neighbour)) - first_neighbour) <= _WIDEST)

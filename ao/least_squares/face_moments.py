@@ -18,7 +18,7 @@ from raytrace.sampling.sequences import cosine_hemisphere, hash32
 from raytrace.types import Float32s, Float64s, Int64s
 
 from ..rays.directions import turned_frame
-from ..rays.ray_packet import aim, backs, mu_of, passed_of, start_from, trace
+from ..rays.ray_packet import aim, backface_share, mu_of, new_alpha_rows, start_from, trace
 
 HIDDEN = 1e-4  # weight of a sample that sees backs of faces; not 0, so that hidden faces have a value too
 _MOSTLY = 0.5
@@ -120,7 +120,7 @@ def gather_faces(packet, faces, samples, drawn, falloff, reach, moments, counts)
     falloff = unrefcounted_view(falloff)
     moments = unrefcounted_view(moments)
     counts = unrefcounted_view(counts)
-    passed = passed_of(packet.opacity)
+    alpha_rows = new_alpha_rows(packet.opacity)
     values = np.zeros(4)
     b = np.zeros(3)
     side = np.zeros(3)
@@ -134,7 +134,7 @@ def gather_faces(packet, faces, samples, drawn, falloff, reach, moments, counts)
             _start_on(packet.rays, corners[f], b, n, g, lift, side)
             # Its rays, less those below the face.
             local, frame = _draw_rays(k, drawn, n)
-            traced, behind = _trace_above(packet, passed, local, frame, side, falloff, reach, values)
+            traced, behind = _trace_above(packet, alpha_rows, local, frame, side, falloff, reach, values)
             counts[f, TRACED] += traced
             counts[f, BELOW] += local.shape[1] - traced
             if traced == 0:
@@ -170,7 +170,7 @@ def _start_on(rays, corners, b, n, g, lift, side):
 
 
 @inline
-def _trace_above(packet, passed, local, frame, side, falloff, reach, values):
+def _trace_above(packet, alpha_rows, local, frame, side, falloff, reach, values):
     """Trace rays above a face, seen from `side`: how many, and how many hit backs; `values`: Σ 1 − μ, Σ μ·direction."""
     rays = packet.rays
     valid = packet.valid
@@ -184,12 +184,12 @@ def _trace_above(packet, passed, local, frame, side, falloff, reach, values):
             height = rays[DIR_X, lane] * side[0] + rays[DIR_Y, lane] * side[1] + rays[DIR_Z, lane] * side[2]
             valid[lane] = -1 if height > 0.0 else 0
             traced -= valid[lane]
-        trace(packet, True, falloff, reach, passed)
+        trace(packet, True, falloff, reach, alpha_rows)
         for lane in range(LANES):
             if valid[lane] == 0:
                 continue
-            behind += backs(rays, lane, passed)
-            mu = mu_of(rays, lane, True, falloff, passed)
+            behind += backface_share(rays, lane, alpha_rows)
+            mu = mu_of(rays, lane, True, falloff, alpha_rows)
             values[0] += 1.0 - mu
             for axis in range(3):
                 values[1 + axis] += mu * rays[DIR_X + axis, lane]

@@ -83,8 +83,8 @@ def build_problems(patch: Patch, moments: Float64s, threads: int) -> tuple[Probl
     if len(moments) <= 2 * _RUNS * _RUN:
         return whole, whole
     starts = np.arange(_RUNS) * (len(moments) - _RUN) // (_RUNS - 1)
-    rows = (starts[:, None] + np.arange(_RUN)).ravel()
-    return whole, _build_problem(patch.part(rows), moments[rows], laplacian[rows], threads)
+    trial_faces = (starts[:, None] + np.arange(_RUN)).ravel()
+    return whole, _build_problem(patch.part(trial_faces), moments[trial_faces], laplacian[trial_faces], threads)
 
 
 def fit_values(problem: Problem, trial: Problem, cached: Cached) -> Fit:

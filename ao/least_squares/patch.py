@@ -17,7 +17,7 @@ from raytrace.mesh.weld import CREASE
 from raytrace.sampling.sequences import hash32_array
 from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
-from ..execute.work import Tables
+from ..execute.work import Outputs
 from ..mu import KernelMu
 from ..points.receivers import Receivers
 from ..prepared import Prepared
@@ -105,7 +105,7 @@ class Patch:
 class Moments:
     """Moments and counts of faces, as work that any process can do; see `gather_faces`."""
 
-    faces: Tables  # corners, normals and axes of m faces, as `Patch` has them
+    faces: Outputs  # corners, normals and axes of m faces, as `Patch` has them
     samples: Samples
     points: Int32s  # (m, 3), unknowns, which identify the faces
     rays_of_sample: int
@@ -122,7 +122,9 @@ class Moments:
         first, last, _ = rows.indices(len(self))
         shift, ends, starts, weights = self.samples
         samples = Samples(shift, ends[first : last + 1], starts[first : last + 1], weights[rows])
-        return replace(self, faces=tuple(each[rows] for each in self.faces), samples=samples, points=self.points[rows])
+        return replace(
+            self, faces=tuple(column[rows] for column in self.faces), samples=samples, points=self.points[rows]
+        )
 
     @property
     def name(self) -> bytes:
@@ -135,23 +137,23 @@ class Moments:
         count = int(self.samples.starts[-1] - self.samples.starts[0])
         return self.rays_of_sample * count / max(len(self), 1)
 
-    def tables(self) -> Tables:
+    def tables(self) -> Outputs:
         return np.zeros((len(self), MOMENTS)), np.zeros((len(self), 3), np.int64)
 
-    def could_make(self, rows: Tables) -> bool:
+    def could_make(self, rows: Outputs) -> bool:
         moments, counts = rows  # weights of all samples of a face sum up to less than 4
         most = self.rays_of_sample * self.count
         return bool((np.abs(moments) <= 4).all() and ((counts >= 0) & (counts <= most)).all())
 
-    def writer(self, scene: RayScene, tables: Tables) -> Callable[[int, int], None]:
+    def writer(self, scene: RayScene, tables: Outputs) -> Callable[[int, int], None]:
         embree = scene.embree()
         drawn = lattices(self.rays_of_sample, scene.cone), self.key
         moments, counts = tables
 
-        def write(first: int, last: int) -> None:
-            faces = self[first:last]
+        def write(start: int, stop: int) -> None:
+            faces = self[start:stop]
             packet = RayPacket.of(embree, scene.opacity)
-            outputs = moments[first:last], counts[first:last]
+            outputs = moments[start:stop], counts[start:stop]
             gather_faces(packet, faces.faces, faces.samples, drawn, self.mu, self.reach, *outputs)
 
         return write

@@ -15,7 +15,7 @@ from raytrace.bvh.bvh16 import BVH16
 from raytrace.mesh.placement import NEAR
 from raytrace.ray_origins.origins import ray_offset, ray_origins
 from raytrace.ray_origins.surface import Surface
-from raytrace.types import Bools, Float64s, Int64s
+from raytrace.types import Float64s, Int64s
 
 from .points import Points
 
@@ -63,9 +63,9 @@ class CornerSamples:
 
     def mean(self, values: Float64s) -> Float64s:
         """Means (j, c) of `values` (k, c); equal values keep every bit."""
-        first = values[self.starts[:-1]]
-        apart = (values - np.repeat(first, np.diff(self.starts), axis=0)) * self.weights[:, None]
-        return first + np.add.reduceat(apart, self.starts[:-1], axis=0)
+        at_first = values[self.starts[:-1]]
+        apart = (values - np.repeat(at_first, np.diff(self.starts), axis=0)) * self.weights[:, None]
+        return at_first + np.add.reduceat(apart, self.starts[:-1], axis=0)
 
     def variance(self, values: Float64s) -> Float64s:
         """Variance (j,) of means of independent values of variances `values` (k,)."""
@@ -78,16 +78,13 @@ class CornerSamples:
         return np.where(np.linalg.norm(mean, axis=1)[:, None] > _CANCELLED * lengths, mean, 0.0)
 
 
-def find_corner_samples(
-    tree: BVH16, surface: Surface, corners: Int64s, points: Int64s, first: int, flattest: float | None = None
-) -> CornerSamples:
+def find_corner_samples(tree: BVH16, surface: Surface, corners: Int64s, points: Int64s, first: int) -> CornerSamples:
     """Sample the face corners of folded vertices.
 
     Args:
         tree: over the faces of `surface`.
         corners: (c,), ascending: all face corners at the points, at least one; 3 f + k is face f's k-th.
         points: (c,), the point of each corner. first: number of the first sample.
-        flattest: `flattest_elsewhere` of the whole mesh, of which `surface` may be a part.
     """
     order = np.argsort(points, kind="stable")
     face, corner = np.divmod(corners[order], 3)
@@ -97,8 +94,7 @@ def find_corner_samples(
 
     number = np.full(surface.faces.shape, len(face))
     number[face, corner] = np.arange(len(face))
-    if flattest is None:
-        flattest = flattest_elsewhere(surface, number == len(face))
+    flattest = surface.flat[(number == len(face)).any(axis=1)].max(initial=0.0)  # of faces not all sampled
     extent = surface.extent[face]
     has_whole = (number[face] == len(face)).any(axis=1)  # beside the sampled corner, a corner that is not sampled
     least = np.where(has_whole, np.minimum(flattest, np.maximum(NEAR, extent)), 0.0)
@@ -133,8 +129,3 @@ def _spread_over_corners(surface: Surface, face: Int64s, corner: Int64s) -> tupl
     t = np.sin(theta) / b[:, None]
     along = (s[:, :, None] * one[:, None] + t[:, :, None] * other[:, None]) / (s + t)[:, :, None]
     return (here[:, None] + inside[:, None, None] * along).reshape(-1, 3), angle
-
-
-def flattest_elsewhere(surface: Surface, elsewhere: Bools) -> float:
-    """The largest `Surface.flat` of faces with corners that are not sampled. Args: elsewhere: bool (m, 3), these."""
-    return float(surface.flat[elsewhere.any(axis=1)].max(initial=0.0))

@@ -46,23 +46,23 @@ def occluding(occluders: Sequence[Mesh | Any], high: Mesh | Any | None) -> list[
     """The `occluders` of a bake. Raises: MeshError: one is no mesh; ConflictError: with a finer mesh `high`."""
     if high is not None and len(occluders):
         raise ConflictError("occluders", "does not go with", "high")
-    return [mesh_of(each, "occluders") for each in occluders]
+    return [mesh_of(occluder, "occluders") for occluder in occluders]
 
 
 def joined(meshes: Sequence[Mesh], all_normals: bool = False) -> Mesh:
     """Meshes as one, with the name of the first; normals of their own are those of the first alone, or all of them."""
-    first = meshes[0]
+    main = meshes[0]
     if len(meshes) == 1:
-        return first
+        return main
     vertices = np.concatenate([mesh.vertices for mesh in meshes])
     faces = np.concatenate([mesh.faces for mesh in meshes])
     counts = [len(mesh.faces) for mesh in meshes]
     before = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
     sources = meshes if all_normals else meshes[:1]
-    own = [mesh.normals for mesh in sources if mesh.normals is not None]
-    normals = np.concatenate(own) if len(own) == len(sources) else None
+    own_normals = [mesh.normals for mesh in sources if mesh.normals is not None]
+    normals = np.concatenate(own_normals) if len(own_normals) == len(sources) else None
     if normals is not None:
         normals = np.append(normals, np.zeros((len(vertices) - len(normals), 3)), axis=0)
     opacity = Opacity.joined([mesh.opacity for mesh in meshes], counts)
     faces += np.repeat(before, counts)[:, None]
-    return Mesh(vertices, faces, normals, source=first.source, up=first.up, opacity=opacity)
+    return Mesh(vertices, faces, normals, source=main.source, up=main.up, opacity=opacity)

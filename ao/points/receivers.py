@@ -80,9 +80,9 @@ class Receivers:
     def first_vertex(self) -> Int64s:
         """The first vertex (k,) of each point."""
         vertices = np.flatnonzero(self.of_vertex >= 0)[::-1]
-        first = np.empty(len(self.points), np.int64)
-        first[self.of_vertex[vertices]] = vertices
-        return first
+        first_vertex = np.empty(len(self.points), np.int64)
+        first_vertex[self.of_vertex[vertices]] = vertices
+        return first_vertex
 
     def only(self, wanted: Bools) -> Receivers:
         """The points of the `wanted` vertices, bool (n,)."""
@@ -123,6 +123,7 @@ def offset_points(
 
     Args: weighting: of the faces' normals. given: (n, 3), axes of any length in the place of these.
     """
+    # Vertices of no face have no point.
     vertices = placed.astype(np.float64)
     count = len(vertices)
     flags = np.full(count, Flag.UNREFERENCED, np.uint8)
@@ -136,12 +137,14 @@ def offset_points(
     else:
         welded = weld_points(vertices, faces, weighting)
         folded = (welded.clearance <= 0) | nonzero(welded.axes != welded.normals)
+    # Where rays start: beside the faces, and on which side of those that the point touches.
     surface = welded.surface(vertices)
     start = time.perf_counter()
     tree = BVH16.of(placed, welded.faces)
     tree_seconds = time.perf_counter() - start
     origins, ambiguous = welded.ray_origins(tree, surface)
 
+    # What is special about vertices.
     group = welded.group
     usable = nonzero(welded.directions) & nonzero(welded.axes)
     flags[~usable[group] & (flags == 0)] = Flag.DEGENERATE
@@ -171,16 +174,18 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     else:
         weighting = normals
     offset = offset_points(placement.vertices, mesh.faces, weighting, given)
-    welded, rows = offset.welded, np.flatnonzero(offset.usable)
-    few = len(rows) < len(offset.usable)
-    order = morton_order(offset.origins.take(rows, axis=0) if few else offset.origins)
-    rows = rows[order] if few else order
+    # Points that have a hemisphere, in Morton order.
+    welded, usable = offset.welded, np.flatnonzero(offset.usable)
+    few = len(usable) < len(offset.usable)
+    order = morton_order(offset.origins.take(usable, axis=0) if few else offset.origins)
+    usable = usable[order] if few else order
     index = np.full(len(offset.usable), -1)
-    origins = np.empty((len(rows), 3), np.float32)
-    axes = np.empty((len(rows), 3), np.float32)
-    points = Points(origins, axes, np.arange(len(rows), dtype=np.uint32))
-    take = bind(_take, rows, offset.origins, welded.axes, origins, axes, index)
-    run_blocks(len(rows), _BLOCK, take, thread_count(None))
+    origins = np.empty((len(usable), 3), np.float32)
+    axes = np.empty((len(usable), 3), np.float32)
+    points = Points(origins, axes, np.arange(len(usable), dtype=np.uint32))
+    take = bind(_take, usable, offset.origins, welded.axes, origins, axes, index)
+    run_blocks(len(usable), _BLOCK, take, thread_count(None))
+    # How far rays start from the surface, and samples of corners where faces share no hemisphere.
     displaced = np.minimum(_DISPLACED * welded.displacement(offset.surface, offset.origins), 0.5)
     displaced[offset.split] = 0.0
     corners, faces = CornerSamples.none(), welded.faces
@@ -190,20 +195,21 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
         if needed > NEGLIGIBLE:
             check_memory(mesh.source, needed, f"for the {len(split):,} corners of folded vertices")
         numbered = index[welded.face_points.ravel()[split]]
-        corners = find_corner_samples(offset.tree, offset.surface, split, numbered, len(rows))
+        corners = find_corner_samples(offset.tree, offset.surface, split, numbered, len(usable))
+    # What rays meet.
     embree = cache(partial(TriangleScene, placement.vertices, faces))
     of_vertex, flags = index[welded.group], offset.flags
     opacity = mesh.opacity.packed() if mesh.opacity else None
     if opacity:
         opacity = opacity.only(face_normals(placement.vertices.astype(np.float64), mesh.faces)[1] > 0)
     tree = offset.tree, offset.tree_seconds
-    return Receivers(points, corners, of_vertex, flags, faces, *tree, displaced[rows], embree, opacity)
+    return Receivers(points, corners, of_vertex, flags, faces, *tree, displaced[usable], embree, opacity)
 
 
 @kernel
-def _take(rows, origins, axes, own_origins, own_axes, index, first, last):
-    for k in range(first, last):
-        index[rows[k]] = k
+def _take(usable, origins, axes, own_origins, own_axes, index, start, stop):
+    for k in range(start, stop):
+        index[usable[k]] = k
         for axis in range(3):
-            own_origins[k, axis] = origins[rows[k], axis]
-            own_axes[k, axis] = axes[rows[k], axis]
+            own_origins[k, axis] = origins[usable[k], axis]
+            own_axes[k, axis] = axes[usable[k], axis]

@@ -72,8 +72,8 @@ class SmoothSurface(NamedTuple):
 
 
 @kernel
-def _interpolate(face, barycentric, vertices, faces, positions, first, last):
-    for i in range(first, last):
+def _interpolate(face, barycentric, vertices, faces, positions, start, stop):
+    for i in range(start, stop):
         a, b, c = load_triangle(vertices, faces, face[i])
         u, v, w = load(barycentric, i)
         store(positions, i, add(add(scale(u, a), scale(v, b)), scale(w, c)))
@@ -106,10 +106,10 @@ def point_on(surface, axes, f, barycentric):
 
 
 @kernel
-def _locate(face, barycentric, surface, axes, out, first, last):
+def _locate(face, barycentric, surface, axes, out, start, stop):
     surface = unrefcounted_view(surface)
     positions, normals, hemispheres = unrefcounted_view(out)
-    for i in range(first, last):
+    for i in range(start, stop):
         position, normal, axis = point_on(surface, axes, face[i], barycentric[i])
         store(positions, i, position)
         store(normals, i, normal)

@@ -131,20 +131,20 @@ class SurfaceSamples:
 
 def with_alpha(normals: AnyFloats, opacity: PackedOpacity | None, face: AnyInts, barycentric: Float32s) -> Float32s:
     """Normals (k, 3) of faces (k,), and alpha at `barycentric` (k, 3) on them: float32 (k, 4)."""
-    found = np.empty((len(face), 4), np.float32)
-    found[:, :3] = normals
-    found[:, 3] = 1.0
+    packed = np.empty((len(face), 4), np.float32)
+    packed[:, :3] = normals
+    packed[:, 3] = 1.0
     if opacity is not None:
         alpha = np.ones(len(face))
         alphas(opacity, face, barycentric[:, 1:].astype(np.float64), alpha)
-        found[:, 3] = alpha
-    return found
+        packed[:, 3] = alpha
+    return packed
 
 
 @kernel
-def _replace(groups, starts, hidden, new_starts, source, first, last):
+def _replace(groups, starts, hidden, new_starts, source, start, stop):
     """Write which samples of the `groups` are not `hidden`, over and over, until each group has as many as before."""
-    for i in range(first, last):
+    for i in range(start, stop):
         begin = starts[groups[i]]
         end = starts[groups[i] + 1]
         sample = begin

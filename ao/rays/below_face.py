@@ -18,35 +18,37 @@ _NOTHING = 1e-9  # of the rays lost: rounding
 
 
 @kernel
-def leave_out_below(points, sides, table, out):
+def leave_out_below(points, geometric_normals, table, out):
     """Correct estimates for rays below the face.
 
     Args:
         points: PointArrays. table: DirectionTable by which they were gathered.
-        sides: float32 (n, 4), unit normals of the faces, on the side of the hemispheres, and alpha there.
+        geometric_normals: float32 (n, 4), unit normals of the faces, on the side of the hemispheres, and alpha there.
         out: float64 (n, COLUMNS), of `Tracer.gather`, changed in place.
     """
     points = unrefcounted_view(points)
     table = unrefcounted_view(table)
-    sides = unrefcounted_view(sides)
+    geometric_normals = unrefcounted_view(geometric_normals)
     out = unrefcounted_view(out)
     directions, samples = table.directions, len(table.batches)
     for i in range(len(points.normals)):
         n = points.normals[i]
-        side = sides[i]
-        if n[0] == side[0] and n[1] == side[1] and n[2] == side[2]:
+        geometric_normal = geometric_normals[i]
+        if n[0] == geometric_normal[0] and n[1] == geometric_normal[1] and n[2] == geometric_normal[2]:
             continue
+        # The face's side in the frame of the directions, and how many of these lie below it.
         chosen, turn = choose(points.numbers[i], table)
         t, b = turned_frame(n, turn)
-        x = dot(t, side)
-        y = dot(b, side)
-        z = dot(n, side)
+        x = dot(t, geometric_normal)
+        y = dot(b, geometric_normal)
+        z = dot(n, geometric_normal)
         local, below = directions[chosen], 0
         for k in range(samples):
             below += x * local[0, k] + y * local[1, k] + z * local[2, k] < 0.0
         if below == 0 or below == samples:
             continue
-        ended = below * np.float64(side[3])
+        # Rays below count as ended there, as far as the face is opaque; the others stand for all.
+        ended = below * np.float64(geometric_normal[3])
         above = samples - ended
         lost = (1.0 - out[i, W]) * samples - ended
         if lost <= _NOTHING * samples:

@@ -60,11 +60,12 @@ class DirectionTable(NamedTuple):
         def apart(numbers: Float64s) -> Float64s:
             return numbers.reshape(-1, samples, leap).swapaxes(1, 2).reshape(-1, samples)
 
-        def hemispheres(first: int, last: int) -> Float64s:
-            u, v = jittered_lattice(lattices, samples * leap, key, step, slice(first, last))
+        def hemispheres(start: int, stop: int) -> Float64s:
+            u, v = jittered_lattice(lattices, samples * leap, key, step, slice(start, stop))
             v -= step * (np.arange(samples * leap) % leap)  # parts that are alike: `choose` turns them back
             return cosine_hemisphere(apart(u) * cone, apart(v))  # u = sin²θ
 
+        # Directions that lie together stand together, so that cones about blocks of them are narrow.
         order = _in_blocks(*hemispheres(0, 1)[0, :2])
         directions = aligned((sets, 3, samples + -samples % WIDE), np.float32, zeroed=False)
         blocks = directions.shape[2] // WIDE
@@ -72,16 +73,17 @@ class DirectionTable(NamedTuple):
         mean = np.empty((sets, 3))
         lowest = np.empty(sets, np.float32)
 
-        def fill(first: int, last: int) -> None:
-            lattice = hemispheres(first, last)[:, :, order]
-            first = first * leap
-            last = last * leap
-            some = directions[first:last]
+        def fill(start: int, stop: int) -> None:
+            lattice = hemispheres(start, stop)[:, :, order]
+            start = start * leap
+            stop = stop * leap
+            some = directions[start:stop]
             some[:, :, :samples], some[:, :, samples:] = lattice, lattice[:, :, -1:]
-            mean[first:last] = lattice.mean(axis=2)
-            lowest[first:last] = some[:, 2].min(axis=1)
-            _write_cones(some, cones[first:last])
+            mean[start:stop] = lattice.mean(axis=2)
+            lowest[start:stop] = some[:, 2].min(axis=1)
+            _write_cones(some, cones[start:stop])
 
+        # All sets, and which batch each direction belongs to.
         run_blocks(lattices, max(_BLOCK // (samples * leap), 1), fill, thread_count(None), most=_MOST)
         batches = (order % BATCHES).astype(np.uint8)
         sizes = np.bincount(batches, minlength=BATCHES).astype(np.float64)

@@ -13,11 +13,11 @@ from raytrace.kernel.jit import inline, kernel
 from raytrace.kernel.simd import WIDE, lowest_bit
 from raytrace.kernel.vector import load
 
-from ..mu import add_losses, fades
+from ..mu import accumulate_occlusion, depends_on_distance
 from .directions import BATCHES, choose, turned_frame
-from .layers import clear, lose, rays_that_met
+from .layers import clear, hit_mask, write_occlusion
 from .ray_blocks import init_rays
-from .ray_packet import aim, mu_of, passed_of, start_from, trace
+from .ray_packet import aim, mu_of, new_alpha_rows, start_from, trace
 from .traverse import traverse
 
 W, BATCH_VARIANCE, BENT = range(3)  # columns of rows: w, the variance between batches, the mean of μ·direction
@@ -41,16 +41,17 @@ def gather_hemispheres(packet, points, table, falloff, t_max, out):
     out = unrefcounted_view(out)
     rays, valid, origins = packet.rays, packet.valid, points.origins
     samples = len(table.batches)
-    passed = passed_of(packet.opacity)
+    alpha_rows = new_alpha_rows(packet.opacity)
     falloff = unrefcounted_view(falloff)
-    fading = fades(falloff)
+    fading = depends_on_distance(falloff)
     sums = np.zeros((_SUMS, out.shape[1]))
-    losses = np.zeros(out.shape[1])
+    occlusion = np.zeros(out.shape[1])
     for i in range(len(origins)):
         chosen, turn = choose(points.numbers[i], table)
         n = points.normals[i]
         local = table.directions[chosen]
         t, b = turned_frame(n, turn)
+        # A packet of rays at a time: what of each is lost goes into the point's sums.
         sums[:] = 0.0
         valid[:] = -1
         start_from(rays, origins[i])
@@ -58,23 +59,23 @@ def gather_hemispheres(packet, points, table, falloff, t_max, out):
             lanes = min(LANES, samples - first)
             valid[lanes:] = 0
             aim(rays, local, first, t, b, n, t_max)
-            trace(packet, fading, falloff, t_max, passed)
+            trace(packet, fading, falloff, t_max, alpha_rows)
             for lane in range(lanes):
-                if _lost_by_lane(rays, lane, fading, falloff, falloff.columns, passed, losses):
-                    _add(losses, table.batches[first + lane], local, first + lane, sums)
+                if _lost_by_lane(rays, lane, fading, falloff, falloff.columns, alpha_rows, occlusion):
+                    _add(occlusion, table.batches[first + lane], local, first + lane, sums)
         _write(out[i], sums, table, chosen, (t, b, n))
 
 
 @inline
-def _lost_by_lane(rays, lane, fading, falloff, columns, passed, losses):
+def _lost_by_lane(rays, lane, fading, falloff, columns, alpha_rows, occlusion):
     """Write 1 − μ of a ray of a packet by each falloff; whether that is anything."""
     if columns is None:
-        losses[0] = 1.0 - mu_of(rays, lane, fading, falloff, passed)
-        return losses[0] != 0.0
+        occlusion[0] = 1.0 - mu_of(rays, lane, fading, falloff, alpha_rows)
+        return occlusion[0] != 0.0
     if rays.view(np.uint32)[GEOM_ID, lane] == INVALID:
         return False
-    losses[:] = 0.0
-    add_losses(columns, rays[TFAR, lane], 1.0, losses)
+    occlusion[:] = 0.0
+    accumulate_occlusion(columns, rays[TFAR, lane], 1.0, occlusion)
     return True
 
 
@@ -90,35 +91,37 @@ def gather_streams(tree, rays, state, points, table, falloff, t_max, out):
     falloff = unrefcounted_view(falloff)
     t_max = np.float32(t_max)
     samples = len(table.batches)
-    fading = fades(falloff)
+    fading = depends_on_distance(falloff)
     sums = np.zeros((_SUMS, out.shape[1]))
-    losses = np.zeros(out.shape[1])
+    occlusion = np.zeros(out.shape[1])
     for i in range(len(points.origins)):
         normal = load(points.normals, i)
         chosen, turn = choose(points.numbers[i], table)
         t, b = turned_frame(normal, turn)
+        # All rays of the point through the tree together.
         init_rays(rays, table.directions, table.cones, chosen, samples, (t, b, normal), t_max)
         clear(state.layers)
         traverse(tree, state, rays, load(points.origins, i), normal, table.lowest[chosen], fading, t_max)
+        # What is lost of those that met something.
         sums[:] = 0.0
         for k in range(len(rays.t_hit)):
             sent = (1 << min(samples - WIDE * k, WIDE)) - 1
-            met = rays_that_met(state.layers, rays, k, sent, fading)
+            met = hit_mask(state.layers, rays, k, sent, fading)
             while met != 0:
                 ray = WIDE * k + lowest_bit(met)
                 met &= met - 1
-                lose(state.layers, rays, ray, falloff, falloff.columns, losses)
-                _add(losses, table.batches[ray], table.directions[chosen], ray, sums)
+                write_occlusion(state.layers, rays, ray, falloff, falloff.columns, occlusion)
+                _add(occlusion, table.batches[ray], table.directions[chosen], ray, sums)
         _write(out[i], sums, table, chosen, (t, b, normal))
 
 
 @inline
-def _add(losses, batch, directions, ray, sums):
+def _add(occlusion, batch, directions, ray, sums):
     x = directions[0, ray]
     y = directions[1, ray]
     z = directions[2, ray]
-    for c in range(len(losses)):
-        loss = losses[c]
+    for c in range(len(occlusion)):
+        loss = occlusion[c]
         sums[batch, c] += loss
         sums[BATCHES, c] += loss * x
         sums[BATCHES + 1, c] += loss * y

@@ -18,14 +18,14 @@ from raytrace.kernel.vector import column, cross, dot, subtract
 from raytrace.mesh.opacity import PackedOpacity, alpha
 from raytrace.types import Float32s, Int64s
 
-from ..mu import KernelMu, add_losses, faded, fades
+from ..mu import KernelMu, accumulate_occlusion, attenuation, depends_on_distance
 from .ray_blocks import T_MISS, deactivate, is_active, shrink_t_max
 
 LEAST = 2.0**-12  # of a ray: what is left of it where it ends
 _MOST = 8
 
 
-class Layers(NamedTuple):
+class AlphaHits(NamedTuple):
     """The layers that r rays of a point have passed.
 
     Attributes:
@@ -39,7 +39,7 @@ class Layers(NamedTuple):
     alphas: Float32s
 
     @classmethod
-    def of(cls, opacity: PackedOpacity | None, rays: int, falloff: KernelMu) -> Layers | None:
+    def of(cls, opacity: PackedOpacity | None, rays: int, falloff: KernelMu) -> AlphaHits | None:
         """Room for so many rays, None for opaque faces."""
         if opacity is None:
             return None
@@ -55,43 +55,43 @@ def clear(layers):
 
 @inline
 def leaf_of(layers, tree, node, origin):
-    """A leaf of a `BVH16` seen from a point, as `pass_through` takes it; None where all is opaque."""
+    """A leaf of a `BVH16` seen from a point, as `alpha_test` takes it; None where all is opaque."""
     if layers is None:
         return None
     return layers, tree.rows[node], tree.triangles[node], origin
 
 
 @inline
-def has_alpha(leaf, place):
+def has_alpha(leaf, slot):
     """Whether the triangle at a place of a leaf is not opaque everywhere and from both sides."""
     layers, faces, _, _ = leaf
-    return layers.opacity.of[faces[place]] >= 0 or layers.opacity.one_sided != 0
+    return layers.opacity.of[faces[slot]] >= 0 or layers.opacity.one_sided != 0
 
 
 @inline
-def pass_through(leaf, rays, block, lane, place, distance, closest, t_max):
+def alpha_test(leaf, rays, block, lane, slot, distance, closest, t_max):
     """Let a ray, lane of a block, meet the triangle at a place of a leaf: end it there, or note a layer."""
     layers, faces, triangles, origin = leaf
     if closest and distance >= rays.t_hit[block, lane]:
         return
     v = column(rays.directions, block, len(rays.t_hit), lane)
-    a = subtract(column(triangles, 0, 1, place), origin)
-    b = subtract(column(triangles, 3, 1, place), origin)
-    c = subtract(column(triangles, 6, 1, place), origin)
-    first = dot(v, cross(b, c))
-    second = dot(v, cross(c, a))
-    third = dot(v, cross(a, b))
-    total = first + second + third  # v·2N: above 0 the ray meets the back
+    a = subtract(column(triangles, 0, 1, slot), origin)
+    b = subtract(column(triangles, 3, 1, slot), origin)
+    c = subtract(column(triangles, 6, 1, slot), origin)
+    weight_a = dot(v, cross(b, c))
+    weight_b = dot(v, cross(c, a))
+    weight_c = dot(v, cross(a, b))
+    total = weight_a + weight_b + weight_c  # v·2N: above 0 the ray meets the back
     if total > 0.0 and layers.opacity.one_sided != 0:
         return
     if total == 0.0:
-        first, second, third, total = 1.0, 1.0, 1.0, 3.0
-    found = alpha(layers.opacity, faces[place], second / total, third / total)
-    if found > 0.0 and found < 1.0:
-        left = _add(layers, WIDE * block + lane, distance, found)
+        weight_a, weight_b, weight_c, total = 1.0, 1.0, 1.0, 3.0
+    alpha_there = alpha(layers.opacity, faces[slot], weight_b / total, weight_c / total)
+    if alpha_there > 0.0 and alpha_there < 1.0:
+        left = _add(layers, WIDE * block + lane, distance, alpha_there)
         if closest or left > LEAST:
             return
-    if found > 0.0:
+    if alpha_there > 0.0:
         if closest:
             rays.t_hit[block, lane] = distance
             shrink_t_max(rays, block, t_max)
@@ -100,20 +100,20 @@ def pass_through(leaf, rays, block, lane, place, distance, closest, t_max):
 
 
 @inline
-def _add(layers, ray, distance, found):
+def _add(layers, ray, distance, alpha_there):
     """Insert a layer; the part of the ray that goes on behind it, if there is room for one layer alone."""
     distances = layers.distances[ray]
     alphas = layers.alphas[ray]
-    place = layers.counts[ray]
-    while place > 0 and distances[place - 1] > distance:
-        distances[place] = distances[place - 1]
-        alphas[place] = alphas[place - 1]
-        place -= 1
-    distances[place], alphas[place] = distance, found
+    slot = layers.counts[ray]
+    while slot > 0 and distances[slot - 1] > distance:
+        distances[slot] = distances[slot - 1]
+        alphas[slot] = alphas[slot - 1]
+        slot -= 1
+    distances[slot], alphas[slot] = distance, alpha_there
     last = layers.counts[ray]
     if last < len(distances) - 1:
         layers.counts[ray] = last + 1
-        return 1.0 - found
+        return 1.0 - alpha_there
     behind = (1.0 - alphas[last - 1]) * alphas[last]
     both = alphas[last - 1] + behind
     distances[last - 1] += behind / both * (distances[last] - distances[last - 1])
@@ -122,7 +122,7 @@ def _add(layers, ray, distance, found):
 
 
 @inline
-def rays_that_met(layers, rays, block, sent, closest):
+def hit_mask(layers, rays, block, sent, closest):
     """The rays among `sent`, bits of a block, that may be occluded in part or whole."""
     if layers is not None:
         return sent
@@ -130,28 +130,28 @@ def rays_that_met(layers, rays, block, sent, closest):
 
 
 @inline
-def lose(layers, rays, ray, falloff, columns, losses):
-    """Write 1 − μ of a ray of those `rays_that_met`, float64 (k,): by a `KernelMu`, or by each of its k `columns`."""
-    losses[:] = 0.0
-    if not fades(falloff) and (layers is None or not is_active(rays, ray)):
-        losses[0] = 1.0
+def write_occlusion(layers, rays, ray, falloff, columns, occlusion):
+    """Write 1 − μ of a ray in a `hit_mask`, float64 (k,): by a `KernelMu`, or by each of its k `columns`."""
+    occlusion[:] = 0.0
+    if not depends_on_distance(falloff) and (layers is None or not is_active(rays, ray)):
+        occlusion[0] = 1.0
         return
     t_hit, left = rays.t_hit[ray // WIDE, ray % WIDE], 1.0
     if layers is not None:
         for layer in range(layers.counts[ray]):
             distance = layers.distances[ray, layer]
-            found = np.float64(layers.alphas[ray, layer])
+            alpha_there = np.float64(layers.alphas[ray, layer])
             if distance >= t_hit:
                 break
-            _lose_at(distance, left * found, falloff, columns, losses)
-            left *= 1.0 - found
+            _accumulate_at(distance, left * alpha_there, falloff, columns, occlusion)
+            left *= 1.0 - alpha_there
     if t_hit < T_MISS:
-        _lose_at(t_hit, left, falloff, columns, losses)
+        _accumulate_at(t_hit, left, falloff, columns, occlusion)
 
 
 @inline
-def _lose_at(distance, share, falloff, columns, losses):
+def _accumulate_at(distance, share, falloff, columns, occlusion):
     if columns is not None:
-        add_losses(columns, distance, share, losses)
+        accumulate_occlusion(columns, distance, share, occlusion)
     else:
-        losses[0] += share * (1.0 - faded(distance, falloff) if fades(falloff) else 1.0)
+        occlusion[0] += share * (1.0 - attenuation(distance, falloff) if depends_on_distance(falloff) else 1.0)

@@ -157,10 +157,10 @@ def list_within(rays, axis, cosine, gap, max_count, out, first):
 
 
 @inline
-def list_active(rays, first, last, out):
-    """List the active of the rays from `first` to `last` in `out`; returns how many they are."""
+def list_active(rays, start, stop, out):
+    """List the active of the rays from `start` to `stop` in `out`; returns how many they are."""
     count = 0
-    for ray in range(first, last):
+    for ray in range(start, stop):
         if is_active(rays, ray):
             out[count] = ray
             count += 1

@@ -17,12 +17,12 @@ from raytrace.kernel.jit import inline
 from raytrace.mesh.opacity import PackedOpacity, alpha
 from raytrace.types import Float32s, Int32s
 
-from ..mu import faded, fades
+from ..mu import attenuation, depends_on_distance
 
 LEAST = 2.0**-12  # of a ray: what is left of it where it ends
 _FARTHER = np.float32(1.0 + 2.0**-23)
 _LEAST_T = np.float32(2.0**-126)  # so that a hit at 0 is left behind, too
-_LEFT, _LOST, _BACKS, _LAST = range(4)  # rows: what goes on, 1 − μ, the part that ended on backs, the last face
+_TRANSMITTANCE, _OCCLUSION, _BACKFACES, _LAST = range(4)  # rows: what goes on, 1 − μ, what backs end, the last face
 
 
 class RayPacket(NamedTuple):
@@ -66,7 +66,7 @@ def aim(rays, local, first, t, b, n, t_max):
 
 
 @inline
-def passed_of(opacity):
+def new_alpha_rows(opacity):
     """Room for what the rays of a packet pass; None where all faces are opaque."""
     if opacity is None:
         return None
@@ -74,10 +74,10 @@ def passed_of(opacity):
 
 
 @inline
-def trace(packet, closest, falloff, t_max, passed):
+def trace(packet, closest, falloff, t_max, alpha_rows):
     """Trace the valid rays of a `RayPacket`. Args: closest: whether distances, or backs, matter."""
-    if passed is not None:
-        _trace_through(packet, falloff, t_max, passed)
+    if alpha_rows is not None:
+        _trace_through(packet, falloff, t_max, alpha_rows)
     elif closest:
         packets.intersect8(packet.scene, packet.rays, packet.valid)
     else:
@@ -85,10 +85,10 @@ def trace(packet, closest, falloff, t_max, passed):
 
 
 @inline
-def mu_of(rays, lane, closest, falloff, passed):
+def mu_of(rays, lane, closest, falloff, alpha_rows):
     """μ of a ray that was traced."""
-    if passed is not None:
-        return 1.0 - passed[_LOST, lane]
+    if alpha_rows is not None:
+        return 1.0 - alpha_rows[_OCCLUSION, lane]
     if not closest:
         return 0.0 if rays[TFAR, lane] < 0.0 else 1.0
     if rays.view(np.uint32)[packets.GEOM_ID, lane] == packets.INVALID:
@@ -97,10 +97,10 @@ def mu_of(rays, lane, closest, falloff, passed):
 
 
 @inline
-def backs(rays, lane, passed):
+def backface_share(rays, lane, alpha_rows):
     """The part of a ray, traced for the closest hit, that ends on the back of a face."""
-    if passed is not None:
-        return passed[_BACKS, lane]
+    if alpha_rows is not None:
+        return alpha_rows[_BACKFACES, lane]
     return 1.0 if rays.view(np.uint32)[packets.GEOM_ID, lane] != packets.INVALID and _is_back(rays, lane) else 0.0
 
 
@@ -108,7 +108,7 @@ def backs(rays, lane, passed):
 def _mu_at(distance, falloff):
     if distance >= falloff.limit:
         return 1.0
-    return faded(distance, falloff) if fades(falloff) else 0.0
+    return attenuation(distance, falloff) if depends_on_distance(falloff) else 0.0
 
 
 @inline
@@ -120,39 +120,42 @@ def _is_back(rays, lane):
 
 
 @inline
-def _trace_through(packet, falloff, t_max, passed):
+def _trace_through(packet, falloff, t_max, alpha_rows):
     rays, valid = packet.rays, packet.valid
     ids = rays.view(np.uint32)
-    asked = going = 0
+    valid_rays = active_rays = 0
     for lane in range(LANES):
-        passed[_LEFT, lane], passed[_LOST, lane], passed[_BACKS, lane], passed[_LAST, lane] = 1.0, 0.0, 0.0, -1.0
-        asked |= -valid[lane] << lane
-    going = asked
-    while going != 0:
+        alpha_rows[_TRANSMITTANCE, lane] = 1.0
+        alpha_rows[_OCCLUSION, lane] = 0.0
+        alpha_rows[_BACKFACES, lane] = 0.0
+        alpha_rows[_LAST, lane] = -1.0
+        valid_rays |= -valid[lane] << lane
+    active_rays = valid_rays
+    while active_rays != 0:
         packets.intersect8(packet.scene, rays, valid)
         for lane in range(LANES):
             if valid[lane] == 0:
                 continue
             if ids[packets.GEOM_ID, lane] != packets.INVALID:
-                _meet(packet.opacity, falloff, rays, lane, passed)
+                _meet(packet.opacity, falloff, rays, lane, alpha_rows)
                 rays[packets.TNEAR, lane] = max(rays[TFAR, lane] * _FARTHER, _LEAST_T)
                 rays[TFAR, lane] = t_max
-            if ids[packets.GEOM_ID, lane] == packets.INVALID or passed[_LEFT, lane] <= LEAST:
+            if ids[packets.GEOM_ID, lane] == packets.INVALID or alpha_rows[_TRANSMITTANCE, lane] <= LEAST:
                 valid[lane] = 0
-                going &= ~(1 << lane)
+                active_rays &= ~(1 << lane)
     for lane in range(LANES):
-        valid[lane] = -(asked >> lane & 1)
+        valid[lane] = -(valid_rays >> lane & 1)
         rays[packets.TNEAR, lane] = 0.0
 
 
 @inline
-def _meet(opacity, falloff, rays, lane, passed):
+def _meet(opacity, falloff, rays, lane, alpha_rows):
     """Leave at a hit the part of a ray that ends there."""
     face = np.int64(rays.view(np.uint32)[packets.PRIM_ID, lane])
-    if face == passed[_LAST, lane] or (opacity.one_sided != 0 and _is_back(rays, lane)):
+    if face == alpha_rows[_LAST, lane] or (opacity.one_sided != 0 and _is_back(rays, lane)):
         return
-    share = passed[_LEFT, lane] * alpha(opacity, face, rays[packets.U, lane], rays[packets.V, lane])
-    passed[_LEFT, lane] -= share
-    passed[_LOST, lane] += share * (1.0 - _mu_at(rays[TFAR, lane], falloff))
-    passed[_BACKS, lane] += share * _is_back(rays, lane)
-    passed[_LAST, lane] = face
+    share = alpha_rows[_TRANSMITTANCE, lane] * alpha(opacity, face, rays[packets.U, lane], rays[packets.V, lane])
+    alpha_rows[_TRANSMITTANCE, lane] -= share
+    alpha_rows[_OCCLUSION, lane] += share * (1.0 - _mu_at(rays[TFAR, lane], falloff))
+    alpha_rows[_BACKFACES, lane] += share * _is_back(rays, lane)
+    alpha_rows[_LAST, lane] = face

@@ -25,9 +25,9 @@ from raytrace.kernel.vector import column, dot, subtract
 from raytrace.system.processor import lanes
 from raytrace.types import Float32s, Int64s
 
-from ..mu import KernelMu, fades
+from ..mu import KernelMu, depends_on_distance
 from ..options import MAX_SAMPLES, Traversal
-from .layers import Layers, leaf_of
+from .layers import AlphaHits, leaf_of
 from .ray_blocks import FULL_SPHERE, LEAST, ONE, SLACK, ZERO, cone_around, is_active, list_active, list_within, root
 from .triangles import PLANES, find_cones, find_planes, intersect_by_rays, intersect_by_triangles, store_triple
 
@@ -61,10 +61,10 @@ class TraversalState(NamedTuple):
     child_counts: Int64s
     children: Float32s
     planes: Float32s
-    layers: Layers | None
+    layers: AlphaHits | None
 
     @classmethod
-    def of(cls, tree: BVH16, layers: Layers | None = None) -> TraversalState:
+    def of(cls, tree: BVH16, layers: AlphaHits | None = None) -> TraversalState:
         entries = np.zeros((_ENTRIES, 4), np.int64)
         bounds = np.zeros((_ENTRIES, 5), np.float32)
         listed = np.zeros((len(tree.starts) + 1) * WIDE * _LISTED, np.int64)
@@ -85,6 +85,7 @@ def traverse(tree, state, rays, origin, normal, lowest_sine, closest, t_max):
     levels = len(starts) - 1
     last = WIDE * len(rays.t_hit)
     for ray in range(0, last, last if tree.axes is None else _LISTED):
+        # The root, with all rays, or with a list of some where boxes are oriented.
         entries[0, _NODE], entries[0, _LEVEL], entries[0, _FIRST] = starts[levels] - 1, levels, 0
         entries[0, _COUNT] = -1
         if tree.axes is not None:  # there are no cones around oriented boxes
@@ -97,12 +98,14 @@ def traverse(tree, state, rays, origin, normal, lowest_sine, closest, t_max):
             level = entries[waiting, _LEVEL]
             first = entries[waiting, _FIRST]
             count = entries[waiting, _COUNT]
+            # Which rays of the node are still to be traced: unlisted ones are within its cone.
             if count < 0:
                 bound = bounds[waiting]
                 axis = bound[_AXIS], bound[_AXIS + 1], bound[_AXIS + 2]
                 count = list_within(rays, axis, bound[_COSINE], bound[_GAP], _LISTED, state.listed, first)
             if count == 0:
                 continue
+            # A leaf: many rays against each triangle, or each of few against all.
             if level == 0:
                 a, b, c = find_planes(triangles[node], origin, state.planes)
                 leaf = leaf_of(state.layers, tree, node, origin)
@@ -112,6 +115,7 @@ def traverse(tree, state, rays, origin, normal, lowest_sine, closest, t_max):
                 else:
                     intersect_by_rays(rays, state.listed, first, first + count, state.planes, closest, t_max, leaf)
                 continue
+            # A node: children that some rays reach, the nearest to be visited next.
             child = (node - starts[level - 1]) * WIDE + (starts[level - 2] if level > 1 else 0)
             if count < 0:
                 opened = _open_children(boxes, node, state, origin, normal, lowest_sine, t_max)
@@ -131,22 +135,22 @@ def _push(state, opened, waiting, child, level, first, listed):
     while opened != 0:
         k = lowest_bit(opened)
         opened &= opened - 1
-        place, gap = waiting, state.children[_GAP, k]
-        while place > bottom and bounds[place - 1, _GAP] < gap:
-            entries[place, _NODE] = entries[place - 1, _NODE]
-            bounds[place, _GAP] = bounds[place - 1, _GAP]
-            place -= 1
-        entries[place, _NODE], bounds[place, _GAP] = k, gap
+        slot, gap = waiting, state.children[_GAP, k]
+        while slot > bottom and bounds[slot - 1, _GAP] < gap:
+            entries[slot, _NODE] = entries[slot - 1, _NODE]
+            bounds[slot, _GAP] = bounds[slot - 1, _GAP]
+            slot -= 1
+        entries[slot, _NODE], bounds[slot, _GAP] = k, gap
         waiting += 1
-    for place in range(bottom, waiting):
-        k = entries[place, _NODE]
-        entries[place, _NODE], entries[place, _LEVEL], entries[place, _FIRST] = child + k, level, first
+    for slot in range(bottom, waiting):
+        k = entries[slot, _NODE]
+        entries[slot, _NODE], entries[slot, _LEVEL], entries[slot, _FIRST] = child + k, level, first
         if not listed:
-            entries[place, _COUNT] = -1
+            entries[slot, _COUNT] = -1
             for column in range(_GAP):
-                bounds[place, column] = state.children[column, k]
+                bounds[slot, column] = state.children[column, k]
         else:
-            entries[place, _COUNT] = state.child_counts[k]
+            entries[slot, _COUNT] = state.child_counts[k]
             for q in range(state.child_counts[k]):
                 state.listed[first + q] = state.child_rays[k, q]
             first += state.child_counts[k]
@@ -213,8 +217,9 @@ def _intersect_children(tree, node, state, rays, listed, origin, t_max):
     opened = 0
     for k in range(WIDE):
         state.child_counts[k] = 0
-    for place in range(listed[0], listed[1]):
-        ray = state.listed[place]
+    # Each ray against the slabs of all children at once.
+    for child in range(listed[0], listed[1]):
+        ray = state.listed[child]
         if not is_active(rays, ray):
             continue
         k = ray // WIDE
@@ -238,26 +243,24 @@ def _intersect_children(tree, node, state, rays, listed, origin, t_max):
     return opened
 
 
-def packets_below(
-    traversal: Traversal, layered: bool, normals: Float32s, reach: float, count: int, mu: KernelMu
-) -> int:
+def embree_below(traversal: Traversal, layered: bool, normals: Float32s, reach: float, count: int, mu: KernelMu) -> int:
     """The number of rays a point below which Embree traces them.
 
     Args:
         layered: whether rays pass faces with alpha; packets begin anew behind each.
-        normals: (k, 3), at points that are `tried`. reach: length of rays over the mesh's diagonal.
+        normals: (k, 3), at the points of `sample_rows`. reach: length of rays over the mesh's diagonal.
         count: points of the whole mesh, so that a bake of a part of it is that part of the whole.
     """
     if traversal == "embree":
         return MAX_SAMPLES + 1
     if layered or not count:
         return 0
-    own, along, within = (_WIDE if lanes()[0] == WIDE else _NARROW)[fades(mu)]
+    constant, along, within = (_WIDE if lanes()[0] == WIDE else _NARROW)[depends_on_distance(mu)]
     aligned = float(np.mean(np.abs(normals).max(axis=1) > _ALONG))
-    power = own - along * aligned - within * math.log(max(reach * math.sqrt(count), 1.0))
+    power = constant - along * aligned - within * math.log(max(reach * math.sqrt(count), 1.0))
     most = -math.log(_ONE_RAY) / math.log(MAX_SAMPLES)
     return MAX_SAMPLES + 1 if power < most else math.ceil(_ONE_RAY ** (-1 / power))
 
 
-def tried(count: int) -> Int64s:
+def sample_rows(count: int) -> Int64s:
     return np.arange(min(count, _TRIED)) * count // max(min(count, _TRIED), 1)

@@ -13,7 +13,7 @@ from raytrace.kernel.jit import inline
 from raytrace.kernel.simd import WIDE, bits, load_row, lowest, lowest_bit, multiply_add, pick, select, some, store_row
 from raytrace.kernel.vector import add, choose, column, dot, scale, subtract
 
-from .layers import has_alpha, pass_through
+from .layers import alpha_test, has_alpha
 from .ray_blocks import ONE, SLACK, T_MISS, ZERO, along, blocks_within, cone_around, deactivate, is_active, shrink_t_max
 
 PLANES = 18  # rows of sixteen: the three edges' normals, N, a·N, and a cone around each: axis, cosine, sine
@@ -110,12 +110,12 @@ def _meets(sides, ahead, volume, t_max):
 
 
 @inline
-def intersect_by_rays(rays, listed, first, last, planes, closest, t_max, leaf):
+def intersect_by_rays(rays, listed, start, stop, planes, closest, t_max, leaf):
     """Test listed rays one by one, each against all sixteen triangles. Args: leaf: of `leaf_of`."""
     blocks = len(rays.t_hit)
     volume = load_row(planes, _VOLUME)
-    for place in range(first, last):
-        ray = listed[place]
+    for entry in range(start, stop):
+        ray = listed[entry]
         k = ray // WIDE
         lane = ray % WIDE
         if not is_active(rays, ray):
@@ -126,13 +126,14 @@ def intersect_by_rays(rays, listed, first, last, planes, closest, t_max, leaf):
         met = _meets(sides, ahead, volume, t_max)
         if not some(met):
             continue
+        # What the ray meets: faces with alpha one by one, else the nearest, or any.
         if leaf is not None:
             distances = volume / ahead
-            found = bits(met)
-            while found != 0 and is_active(rays, ray):
-                j = lowest_bit(found)
-                found &= found - 1
-                pass_through(leaf, rays, k, lane, j, pick(distances, j), closest, t_max)
+            hit_lanes = bits(met)
+            while hit_lanes != 0 and is_active(rays, ray):
+                j = lowest_bit(hit_lanes)
+                hit_lanes &= hit_lanes - 1
+                alpha_test(leaf, rays, k, lane, j, pick(distances, j), closest, t_max)
         elif closest:
             distance = lowest(select(met, volume / ahead, T_MISS))
             rays.t_hit[k, lane] = min(rays.t_hit[k, lane], distance)
@@ -154,6 +155,7 @@ def intersect_by_triangles(rays, triangles, planes, closest, t_max, leaf):
         n = column(planes, _NORMAL, 1, j)
         axis = column(planes, _AXIS, 1, j)
         volume = planes[_VOLUME, j]
+        # Only blocks whose cone meets that about the triangle.
         for g in range(len(rays.groups)):
             inside = blocks_within(rays, g, axis, planes[_COSINE, j], planes[_SINE, j])
             while inside != 0:
@@ -166,13 +168,14 @@ def intersect_by_triangles(rays, triangles, planes, closest, t_max, leaf):
                 met = _meets(sides, ahead, volume, t_max)
                 if not some(met):
                     continue
+                # What they meet: of a face with alpha one by one, else nearer ones than before, or any.
                 if leaf is not None and has_alpha(leaf, j):
                     distances = volume / ahead
-                    found = bits(met) & rays.active[k]
-                    while found != 0:
-                        lane = lowest_bit(found)
-                        found &= found - 1
-                        pass_through(leaf, rays, k, lane, j, pick(distances, lane), closest, t_max)
+                    hit_lanes = bits(met) & rays.active[k]
+                    while hit_lanes != 0:
+                        lane = lowest_bit(hit_lanes)
+                        hit_lanes &= hit_lanes - 1
+                        alpha_test(leaf, rays, k, lane, j, pick(distances, lane), closest, t_max)
                 elif closest:
                     t_hit = load_row(rays.t_hit, k)
                     store_row(rays.t_hit, k, select(met, min(volume / ahead, t_hit), t_hit))

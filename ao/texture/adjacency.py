@@ -58,7 +58,7 @@ def _texel_sizes(uv: Float64s, vertices: Float64s, faces: Int64s, most: float) -
     """The size (m,) of a texel on each face, in render space, `most` at most."""
     p, q, r = (vertices[faces[:, corner]] for corner in range(3))
     surface = np.linalg.norm(np.cross(q - p, r - p), axis=1)
-    return np.sqrt(surface / np.maximum(np.abs(doubled_areas(uv)), surface / most**2))
+    return np.asarray(np.sqrt(surface / np.maximum(np.abs(doubled_areas(uv)), surface / most**2)))
 
 
 @kernel

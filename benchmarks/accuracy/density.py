@@ -1,4 +1,4 @@
-"""Bakes to a tolerance against rays: what a mesh's density costs, and whether the error that is told is the true one.
+"""Bakes to a tolerance against rays: what a mesh's density costs, and whether the error reported is the true one.
 
     python -m benchmarks.accuracy.density [MESH ...] [--seeds 1 2 3] [--tolerances .01 .004] [--jumps]
 
@@ -43,12 +43,12 @@ class Truth(NamedTuple):
 
 
 class Judgement(NamedTuple):
-    """How a bake went: rays in all and for each vertex, true RMSE and the one told, a quantile of |w − truth|."""
+    """How a bake went: rays in all and for each vertex, true RMSE and the one reported, a quantile of |w − truth|."""
 
     rays: int
     each: float
     rmse: float
-    told: float
+    reported: float
     quantile: float
 
     @classmethod
@@ -60,7 +60,7 @@ class Judgement(NamedTuple):
         return cls(baked.rays, baked.rays / len(mesh.vertices), rmse, baked.rmse, quantile)
 
     def line(self, name: str, tolerance: float) -> str:
-        errors = f"{self.rmse:.5f} ({self.rmse / tolerance:4.2f} of it) told/true {self.told / self.rmse:4.2f}"
+        errors = f"{self.rmse:.5f} ({self.rmse / tolerance:4.2f} of it) reported/true {self.reported / self.rmse:4.2f}"
         return (
             f"{name:32s} {tolerance:<6g} {self.rays / 1e6:8.2f} M {self.each:7.1f} {errors} 99.9 % {self.quantile:.3f}"
         )

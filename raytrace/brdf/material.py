@@ -137,7 +137,7 @@ class Glossy(TwoTerm):
 def pack_materials(materials: Sequence[Material]) -> tuple[Int64s, Float64s]:
     """Kinds (k,) int64 and rows (k, longest) float64 of materials, for a kernel that meets them all."""
     packed = [material.pack() for material in materials]
-    rows = np.zeros((len(packed), max((len(material.row) for material in packed), default=layout.MODEL)))
-    for row, material in zip(rows, packed, strict=True):
+    material_rows = np.zeros((len(packed), max((len(material.row) for material in packed), default=layout.MODEL)))
+    for row, material in zip(material_rows, packed, strict=True):
         row[: len(material.row)] = material.row
-    return np.array([material.kind for material in packed], np.int64), rows
+    return np.array([material.kind for material in packed], np.int64), material_rows

@@ -55,15 +55,15 @@ class BVH16(NamedTuple):
                 break
         boxes = aligned((starts[-1], 6, WIDE), np.float32)
         np.concatenate(levels, out=boxes)
-        rows = np.full((leaves, WIDE), -1)
-        rows.ravel()[: len(order)] = order
-        return cls(triangles, rows, *orient(triangles, boxes, np.array(starts)))
+        leaf_faces = np.full((leaves, WIDE), -1)
+        leaf_faces.ravel()[: len(order)] = order
+        return cls(triangles, leaf_faces, *orient(triangles, boxes, np.array(starts)))
 
 
 @kernel
-def _fill_leaves(vertices, faces, order, triangles, bounds, first, last):
+def _fill_leaves(vertices, faces, order, triangles, bounds, start, stop):
     """Write triangles into leaves, and the low and high corners of the boxes around these into `bounds` (leaves, 6)."""
-    for leaf in range(first, last):
+    for leaf in range(start, stop):
         triangles[leaf] = np.nan
         bounds[leaf, :3], bounds[leaf, 3:] = np.inf, -np.inf
         for lane in range(min(WIDE, len(order) - leaf * WIDE)):

@@ -34,24 +34,24 @@ _NODE, _LEVEL = range(2)  # columns; the last row has how many wait
 def closest_points(
     tree: BVH16,
     surface: tuple[Float64s, Int64s],
-    places: Float64s,
+    points: Float64s,
     radius: float,
     match: tuple[Int64s, Int64s],
     threads: int,
 ) -> tuple[Int64s, Float32s]:
-    """The face (k,) nearest to each of `places` (k, 3) among those of its group, and where on it, barycentric (k, 3).
+    """The face (k,) nearest to each of `points` (k, 3) among those of its group, and where on it, barycentric (k, 3).
 
     Args: tree: over `surface`: vertices (n, 3) and faces (m, 3). radius: how far to look at first, above 0.
         match: groups, of the places (k,) and of the faces (m,), with a face for each that occurs.
     """
-    face = np.full(len(places), -1)
-    weights = np.zeros((len(places), 3), np.float32)
+    face = np.full(len(points), -1)
+    weights = np.zeros((len(points), 3), np.float32)
 
-    def search(first: int, last: int) -> None:
-        out = face[first:last], weights[first:last]
-        _search(tree, new_stack(), surface, places[first:last], radius, (match[0][first:last], match[1]), *out)
+    def search(start: int, stop: int) -> None:
+        out = face[start:stop], weights[start:stop]
+        _search(tree, new_stack(), surface, points[start:stop], radius, (match[0][start:stop], match[1]), *out)
 
-    run_blocks(len(places), _BLOCK, search, threads, most=_SHARE)
+    run_blocks(len(points), _BLOCK, search, threads, most=_SHARE)
     return face, weights
 
 
@@ -99,13 +99,13 @@ def closest_on_triangle(p, a, b, c):
 
 
 @kernel
-def _search(tree, stack, surface, places, radius, match, face, weights):
-    """Write the closest points of `places`, on faces of their groups; `radius`: how far to look at first."""
+def _search(tree, stack, surface, points, radius, match, face, weights):
+    """Write the closest points of `points`, on faces of their groups; `radius`: how far to look at first."""
     tree = unrefcounted_view(tree)
     vertices, faces = surface
     group, of_face = match
-    for i in range(len(places)):
-        p, reach, best = load(places, i), radius, np.inf
+    for i in range(len(points)):
+        p, reach, best = load(points, i), radius, np.inf
         while best > reach:
             if best < np.inf:
                 reach = best

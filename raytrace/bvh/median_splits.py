@@ -47,59 +47,59 @@ def median_order(vertices: Float32s, faces: Int64s) -> Int64s:
     return order
 
 
-def _middle(first: int, last: int) -> int:
+def _middle(start: int, stop: int) -> int:
     """Where the second half of a part begins: after full children."""
     child = WIDE
-    while child * WIDE < last - first:
+    while child * WIDE < stop - start:
         child *= WIDE
-    return first + (last - first + child - 1) // child // 2 * child
+    return start + (stop - start + child - 1) // child // 2 * child
 
 
 _middle_of = inline(_middle)
 
 
 @kernel
-def _find_centroids(vertices, faces, out, first, last):
+def _find_centroids(vertices, faces, out, start, stop):
     """Write three times the centroid of each face."""
-    for f in range(first, last):
+    for f in range(start, stop):
         a, b, c = load_triangle(vertices, faces, f)
         for axis in range(3):
             out[f, axis] = a[axis] + b[axis] + c[axis]
 
 
 @kernel
-def _halve(centroids, order, first, last):
+def _halve(centroids, order, start, stop):
     """Reorder order[first:last] so that all before the place that is returned lie below all after it."""
-    middle = _middle_of(first, last)
-    _partition(centroids, order, first, last, middle, _longest_axis(centroids, order, first, last))
+    middle = _middle_of(start, stop)
+    _partition(centroids, order, start, stop, middle, _longest_axis(centroids, order, start, stop))
     return middle
 
 
 @kernel
-def _split(centroids, order, first, last):
+def _split(centroids, order, start, stop):
     """Reorder order[first:last] by halves of halves until parts have at most sixteen triangles."""
     firsts = np.empty(_STACK, np.int64)
     lasts = np.empty(_STACK, np.int64)
-    firsts[0], lasts[0] = first, last
+    firsts[0], lasts[0] = start, stop
     waiting = 1
     while waiting > 0:
         waiting -= 1
-        first = firsts[waiting]
-        last = lasts[waiting]
-        if last - first <= WIDE:
+        start = firsts[waiting]
+        stop = lasts[waiting]
+        if stop - start <= WIDE:
             continue
-        middle = _halve(centroids, order, first, last)
-        firsts[waiting], lasts[waiting] = middle, last
-        firsts[waiting + 1], lasts[waiting + 1] = first, middle
+        middle = _halve(centroids, order, start, stop)
+        firsts[waiting], lasts[waiting] = middle, stop
+        firsts[waiting + 1], lasts[waiting + 1] = start, middle
         waiting += 2
 
 
 @inline
-def _longest_axis(centroids, order, first, last):
+def _longest_axis(centroids, order, start, stop):
     """The axis along which the centroids of a part extend farthest."""
     low = np.full(3, np.inf, np.float32)
     high = np.full(3, -np.inf, np.float32)
-    for k in range(first, last):
+    for k in range(start, stop):
         for axis in range(3):
             x = centroids[order[k], axis]
             low[axis] = min(low[axis], x)
@@ -108,9 +108,9 @@ def _longest_axis(centroids, order, first, last):
 
 
 @inline
-def _partition(centroids, order, first, last, middle, axis):
+def _partition(centroids, order, start, stop, middle, axis):
     """Reorder a part so that none before `middle` lies behind any after it (quickselect, Hoare 1961)."""
-    low, high = first, last - 1
+    low, high = start, stop - 1
     while low < high:
         a = centroids[order[low], axis]
         b = centroids[order[high], axis]

@@ -41,13 +41,13 @@ def orient(triangles: Float32s, boxes: Float32s, starts: Int64s) -> tuple[Float3
     return (oriented, starts, axes) if fewer else (boxes, starts, None)
 
 
-def _turn(triangles: Float32s, span: int, axes: Float32s, boxes: Float32s, first: int, last: int) -> None:
-    """Write axes and boxes of the children of a level from `first` to `last`, each around `span` leaves."""
-    covariances = np.zeros((last - first, 3, 3))
-    _covariances(triangles, span, first, covariances)
-    node, lane = np.divmod(np.arange(first, last), WIDE)
+def _turn(triangles: Float32s, span: int, axes: Float32s, boxes: Float32s, start: int, stop: int) -> None:
+    """Write axes and boxes of the children of a level from `start` to `stop`, each around `span` leaves."""
+    covariances = np.zeros((stop - start, 3, 3))
+    _covariances(triangles, span, start, covariances)
+    node, lane = np.divmod(np.arange(start, stop), WIDE)
     axes[node, :, lane] = np.linalg.eigh(covariances)[1].transpose(0, 2, 1).reshape(-1, 9)
-    _enclose(triangles, span, axes, boxes, first, last)
+    _enclose(triangles, span, axes, boxes, start, stop)
 
 
 def _overlap(triangles: Float32s, boxes: Float32s, axes: Float32s | None) -> float:
@@ -77,9 +77,9 @@ def _covariances(triangles, span, first, out):
         total = np.zeros(3)
         offset = np.zeros(3)
         for leaf in range(k * span, min((k + 1) * span, len(triangles))):
-            for place in range(3 * WIDE):
-                corner = place // WIDE
-                lane = place % WIDE
+            for slot in range(3 * WIDE):
+                corner = slot // WIDE
+                lane = slot % WIDE
                 if np.isnan(triangles[leaf, 0, lane]):
                     continue
                 corners += 1
@@ -95,9 +95,9 @@ def _covariances(triangles, span, first, out):
 
 
 @kernel
-def _enclose(triangles, span, axes, boxes, first, last):
+def _enclose(triangles, span, axes, boxes, start, stop):
     """Write boxes (nodes, 6, 16) along `axes` (nodes, 9, 16), each around `span` leaves, from a first to a last one."""
-    for k in range(first, last):
+    for k in range(start, stop):
         node = k // WIDE
         lane = k % WIDE
         low = np.full(3, np.inf)
@@ -106,9 +106,9 @@ def _enclose(triangles, span, axes, boxes, first, last):
         along = np.zeros(3)
         # The bounds of all corners along the axes.
         for leaf in range(k * span, min((k + 1) * span, len(triangles))):
-            for place in range(3 * WIDE):
-                corner = 3 * (place // WIDE)
-                at = place % WIDE
+            for slot in range(3 * WIDE):
+                corner = 3 * (slot // WIDE)
+                at = slot % WIDE
                 if np.isnan(triangles[leaf, 0, at]):
                     continue
                 for axis in range(3):
@@ -147,9 +147,9 @@ def along_axes(axes, node, v):
     """A vector, or sixteen, along the axes of a node's boxes; as it is where they are aligned."""
     if axes is None:
         return v
-    own = axes[node]
+    frame = axes[node]
     return (
-        dot((load_row(own, 0), load_row(own, 1), load_row(own, 2)), v),
-        dot((load_row(own, 3), load_row(own, 4), load_row(own, 5)), v),
-        dot((load_row(own, 6), load_row(own, 7), load_row(own, 8)), v),
+        dot((load_row(frame, 0), load_row(frame, 1), load_row(frame, 2)), v),
+        dot((load_row(frame, 3), load_row(frame, 4), load_row(frame, 5)), v),
+        dot((load_row(frame, 6), load_row(frame, 7), load_row(frame, 8)), v),
     )

@@ -28,8 +28,8 @@ class Hits:
 
 
 @kernel
-def _closest(scene, traced, rays, found, begin, end):
-    (packet, valid), (origins, directions, reach), (distance, face, barycentric) = traced, rays, found
+def _closest(scene, traced, rays, hits, begin, end):
+    (packet, valid), (origins, directions, reach), (distance, face, barycentric) = traced, rays, hits
     ids = packet.view(np.uint32)
     for first in range(begin, end, LANES):
         for lane in range(LANES):
@@ -70,10 +70,10 @@ def intersect(
         raise OptionError("origins, directions", "finite origins and finite directions that are not zero", "others")
     count = len(origins)
     rays = origins, directions, np.ascontiguousarray(np.broadcast_to(np.float32(reach), count))
-    found = np.full(count, np.inf, np.float32), np.full(count, -1), np.zeros((count, 3), np.float32)
+    hits = np.full(count, np.inf, np.float32), np.full(count, -1), np.zeros((count, 3), np.float32)
 
-    def work(first: int, last: int) -> None:
-        _closest(scene.handle, new_packet(), rays, found, first, last)
+    def work(start: int, stop: int) -> None:
+        _closest(scene.handle, new_packet(), rays, hits, start, stop)
 
     run_blocks(count, _BLOCK, work, thread_count(threads), most=_MOST)
-    return Hits(*found)
+    return Hits(*hits)

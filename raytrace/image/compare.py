@@ -71,13 +71,13 @@ def compare(
         raise InputError(os.fspath(b), "size", expected, "{}×{} pixels".format(*other))
     work = f"to compare {width:,}×{height:,} pixels"
     check_memory(os.fspath(a), _READ * width * height, work)
-    first = _buffer(_colour(a))
+    one = _buffer(_colour(a))
     second = _buffer(_colour(b))
-    figures = oiio.ImageBufAlgo.compare(first, second, 0.0, 0.0)
+    figures = oiio.ImageBufAlgo.compare(one, second, 0.0, 0.0)
     seen = _buffer(np.zeros((height, width, 1), np.float32))
     if figures.maxerror:
         check_memory(os.fspath(a), _FLIP * width * height, work)
-        seen = oiio.ImageBufAlgo.FLIP_diff(first, second)
+        seen = oiio.ImageBufAlgo.FLIP_diff(one, second)
     if difference is not None:
         coloured: Any = oiio.ImageBufAlgo.color_map(seen, 0, "magma")
         write_image(difference, decode_srgb(coloured.get_pixels(oiio.FLOAT)))

@@ -16,8 +16,8 @@ def dithered(values: Float32s, left: int = 0, top: int = 0) -> UInt8s:
     Args: left, top: numbers of the first column and row: a part of a picture has the pixels of the whole.
     """
     height, width = values.shape[:2]
-    rows = np.arange(top, top + height)[:, None]
+    row_numbers = np.arange(top, top + height)[:, None]
     columns = np.arange(left, left + width)
-    noise = np.mod(52.9829189 * np.mod(0.06711056 * columns + 0.00583715 * rows, 1.0), 1.0)
+    noise = np.mod(52.9829189 * np.mod(0.06711056 * columns + 0.00583715 * row_numbers, 1.0), 1.0)
     threshold = _EXACT + (1.0 - 2.0 * _EXACT) * noise
     return np.floor(255.0 * values + threshold[..., None]).astype(np.uint8)

@@ -61,7 +61,7 @@ def write_layers(
         formats += ["half" if half and name not in _ALWAYS_FLOAT else "float"] * layer.shape[2]
     spec = oiio.ImageSpec(width, height, len(names), "float")
     spec.channelnames = tuple(names)
-    spec.channelformats = tuple(oiio.TypeDesc(each) for each in formats)
+    spec.channelformats = tuple(oiio.TypeDesc(name_of_format) for name_of_format in formats)
     spec.attribute("compression", "zip")
     spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
 

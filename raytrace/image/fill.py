@@ -26,9 +26,9 @@ def fill_holes(pixels: Float32s, known: Bools, threads: int | None = None) -> Fl
     levels = [(pixels.copy(), known.copy())]
 
     def each_row(work: Callable[..., None], *arrays: Any) -> None:
-        rows, columns, channels = levels[-1][0].shape
+        height, columns, channels = levels[-1][0].shape
         block = max(_BLOCK // (columns * channels), 1)
-        run_blocks(rows, block, bind(work, *arrays), thread_count(threads))
+        run_blocks(height, block, bind(work, *arrays), thread_count(threads))
 
     while not levels[-1][1].all():
         fine = levels[-1]
@@ -43,9 +43,9 @@ def fill_holes(pixels: Float32s, known: Bools, threads: int | None = None) -> Fl
 
 
 @kernel
-def _pull(fine, known, out, out_known, first, last):
+def _pull(fine, known, out, out_known, start, stop):
     """Means of the known ones of 2×2 pixels."""
-    for i in range(first, last):
+    for i in range(start, stop):
         for j in range(out.shape[1]):
             count = 0
             out[i, j] = np.float32(0.0)
@@ -59,9 +59,9 @@ def _pull(fine, known, out, out_known, first, last):
 
 
 @kernel
-def _push(coarse, fine, known, first, last):
+def _push(coarse, fine, known, start, stop):
     """Give unknown pixels what a bilinear lookup sees in the `coarse` level."""
-    for y in range(first, last):
+    for y in range(start, stop):
         row = y // 2
         above = min(max(y // 2 + 2 * (y % 2) - 1, 0), len(coarse) - 1)
         for x in range(fine.shape[1]):

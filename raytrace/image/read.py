@@ -48,13 +48,13 @@ def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Float32s], dict[
     groups = _layers(list(spec.channelnames))
     layers = {name: np.empty((spec.height, spec.width, len(group)), np.float32) for name, group in groups.items()}
     values = decoding_table(spec)
-    for rows, block in row_blocks(image, path):
+    for block_rows, block in row_blocks(image, path):
         for name, group in groups.items():
             linear = block[..., group] if values is None else values[block[..., group]]
             if values is not None and spec.alpha_channel in group:
                 linear[..., -1] = block[..., group[-1]] / np.float32(len(values) - 1)
                 linear[..., :-1] *= linear[..., -1:]
-            layers[name][rows] = linear
+            layers[name][block_rows] = linear
     return layers, _metadata(spec)
 
 
@@ -102,10 +102,10 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
     return image
 
 
-def check_pixels(image: Any, path: str | os.PathLike[str], each: int) -> None:
-    """Refuse to decode an opened image whose pixels of `each` bytes do not fit. Raises: MemoryLimitError."""
+def check_pixels(image: Any, path: str | os.PathLike[str], pixel_bytes: int) -> None:
+    """Refuse to decode an opened image whose pixels of `pixel_bytes` bytes do not fit. Raises: MemoryLimitError."""
     spec = image.spec()
-    needed = each * spec.width * spec.height
+    needed = pixel_bytes * spec.width * spec.height
     if needed > _FEW:
         check_memory(os.fspath(path), needed, f"to read {spec.width:,}×{spec.height:,} pixels")
 
@@ -115,19 +115,19 @@ def row_blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice
     spec = image.spec()
     kind = stored_type(spec).replace("float32", "float")  # as OpenImageIO calls it
     step = spec.tile_height or _ROWS
-    for first in range(0, spec.height, step):
-        end = min(first + step, spec.height)
-        rows = (spec.y + first, spec.y + end)
+    for top in range(0, spec.height, step):
+        end = min(top + step, spec.height)
+        scanlines = (spec.y + top, spec.y + end)
         channels = (0, spec.nchannels)
         with _silenced():
             if spec.tile_width:
-                numbers = image.read_tiles(0, 0, spec.x, spec.x + spec.width, *rows, 0, 1, *channels, kind)
+                numbers = image.read_tiles(0, 0, spec.x, spec.x + spec.width, *scanlines, 0, 1, *channels, kind)
             else:
-                numbers = image.read_scanlines(0, 0, *rows, 0, *channels, kind)
+                numbers = image.read_scanlines(0, 0, *scanlines, 0, *channels, kind)
         reason = _reason(image, Path(path))
         if numbers is None or "premature end" in reason.lower():  # other messages about JPEG data are warnings
             raise InputError(os.fspath(path), "content", "a complete image", reason)
-        yield slice(first, end), np.asarray(numbers).reshape(end - first, spec.width, spec.nchannels)
+        yield slice(top, end), np.asarray(numbers).reshape(end - top, spec.width, spec.nchannels)
 
 
 def decoding_table(spec: Any, srgb: bool | None = None) -> Float32s | None:
@@ -190,12 +190,12 @@ def _layers(names: list[str]) -> dict[str, list[int]]:
 
 
 def _metadata(spec: Any) -> dict[str, str]:
-    found = {each.name: each.value for each in spec.extra_attribs}
-    metadata = {name.removeprefix(NAMESPACE): str(text) for name, text in found.items() if name.startswith(NAMESPACE)}
+    by_name = {attribute.name: attribute.value for attribute in spec.extra_attribs}
+    metadata = {name.removeprefix(NAMESPACE): str(text) for name, text in by_name.items() if name.startswith(NAMESPACE)}
     if metadata:
         return metadata
     with suppress(TypeError, ValueError, RecursionError, AttributeError):  # not JSON, or no object
-        metadata = {name: str(text) for name, text in json.loads(found.get("ImageDescription", "")).items()}
+        metadata = {name: str(text) for name, text in json.loads(by_name.get("ImageDescription", "")).items()}
     return metadata
 
 

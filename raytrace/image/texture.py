@@ -110,7 +110,7 @@ class LazyTextures:
                     self._locks[image].release()
 
     def _read(self, image: Texture) -> None:
-        numbers = [number for number, each in enumerate(self._images) if each == image]
+        numbers = [number for number, read in enumerate(self._images) if read == image]
         texels, sizes = self.packed.texels, self._sizes[image]
         if self.packed.depth[numbers[0]]:
             return

@@ -19,20 +19,20 @@ def sample_texture(textures, number, u, v, footprint):
     Args: textures: `PackedTextures`. footprint: width in uv of what a pixel sees; 0 looks at the finest level alone.
     """
     texels, levels = textures.texels, textures.levels
-    first = textures.first[number]
+    first_texel = textures.first[number]
     depth = textures.depth[number]
     wrap = textures.wrap[number]
     if depth == 0:
         return (1.0, 1.0, 1.0)
-    width = footprint * max(levels[first, 1], levels[first, 2])
+    width = footprint * max(levels[first_texel, 1], levels[first_texel, 2])
     if not width > 1.0:
-        return bilinear(texels, levels, first, wrap, u, v)
+        return bilinear(texels, levels, first_texel, wrap, u, v)
     level = min(log2(width), depth - 1.0)
     lower = int(level)
-    r, g, b = bilinear(texels, levels, first + lower, wrap, u, v)
+    r, g, b = bilinear(texels, levels, first_texel + lower, wrap, u, v)
     part = level - lower
     if part > 0.0:
-        coarse = bilinear(texels, levels, first + lower + 1, wrap, u, v)
+        coarse = bilinear(texels, levels, first_texel + lower + 1, wrap, u, v)
         r += part * (coarse[0] - r)
         g += part * (coarse[1] - g)
         b += part * (coarse[2] - b)
@@ -64,15 +64,15 @@ def bilinear(texels, levels, level, wrap, u, v):
 
 
 @inline
-def neighbours(place, size, wrap):
-    """Along an axis of `size` texels: the two around `place`, and the part of the way to the second."""
-    x = wrapped(place, wrap) * size - 0.5
+def neighbours(position, size, wrap):
+    """Along an axis of `size` texels: the two around `position`, and the part of the way to the second."""
+    x = wrapped(position, wrap) * size - 0.5
     before = np.floor(x)
-    first = int(before)
+    lower = int(before)
     second = int(before) + 1
     if wrap == REPEAT:
-        return first if first >= 0 else size - 1, second if second < size else 0, x - before
-    return max(first, 0), min(second, size - 1), x - before
+        return lower if lower >= 0 else size - 1, second if second < size else 0, x - before
+    return max(lower, 0), min(second, size - 1), x - before
 
 
 @inline

@@ -58,19 +58,19 @@ def read_environment(path: Path) -> Float64s:
     rgb = image[..., :3] if channels >= 3 else np.broadcast_to(image[..., :1], (height, width, 3))
     if not 0 <= rgb.min() <= rgb.max() < np.inf:
         raise InputError(path, "pixels", "finite numbers, none negative", "others")
-    strips = (rgb[:, first : first + _COLUMNS] for first in range(0, width, _COLUMNS))  # float64 of all is large
-    rows = [resampled(strip.astype(np.float64), MAP_HEIGHT, 0) for strip in strips]
-    return resampled(np.concatenate(rows, axis=1), MAP_WIDTH, 1)
+    strips = (rgb[:, left : left + _COLUMNS] for left in range(0, width, _COLUMNS))  # float64 of all is large
+    resampled_strips = [resampled(strip.astype(np.float64), MAP_HEIGHT, 0) for strip in strips]
+    return resampled(np.concatenate(resampled_strips, axis=1), MAP_WIDTH, 1)
 
 
 def resampled(image: Float64s, size: int, axis: int) -> Float64s:
     """Means over `size` equal parts of an axis, of values that are constant over each of its pixels."""
-    rows = np.moveaxis(image, axis, 0)
-    integral = np.concatenate([np.zeros((1, *rows.shape[1:])), np.cumsum(rows, axis=0)])
-    places = np.linspace(0, len(rows), size + 1)
-    below = np.minimum(places.astype(int), len(rows) - 1)
-    at = integral[below] + (places - below).reshape(-1, *[1] * (rows.ndim - 1)) * rows[below]
-    return np.moveaxis(np.diff(at, axis=0) * size / len(rows), 0, axis)
+    pixel_rows = np.moveaxis(image, axis, 0)
+    integral = np.concatenate([np.zeros((1, *pixel_rows.shape[1:])), np.cumsum(pixel_rows, axis=0)])
+    bounds = np.linspace(0, len(pixel_rows), size + 1)
+    below = np.minimum(bounds.astype(int), len(pixel_rows) - 1)
+    at = integral[below] + (bounds - below).reshape(-1, *[1] * (pixel_rows.ndim - 1)) * pixel_rows[below]
+    return np.moveaxis(np.diff(at, axis=0) * size / len(pixel_rows), 0, axis)
 
 
 def irradiance_harmonics(image: Float64s, frame: Float64s) -> Float64s:

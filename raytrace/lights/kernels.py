@@ -59,15 +59,15 @@ def cannot_matter_in(kind, row, low, high):
     brightest = max(row[layout.INTENSITY], row[layout.INTENSITY + 1], row[layout.INTENSITY + 2])
     if kind in (layout.AMBIENT, layout.DIRECTIONAL):
         return brightest <= 0.0
-    place = triple(row, layout.POSITION)
+    position = triple(row, layout.POSITION)
     nearest = 0.0
     for k in range(3):
-        gap = max(low[k] - place[k], place[k] - high[k], 0.0)
+        gap = max(low[k] - position[k], position[k] - high[k], 0.0)
         nearest += gap * gap
     # the hair's breadth covers the rounding of the distance
     if brightest * radial(row, sqrt(nearest) * (1.0 - 1e-12)) <= 0.0:
         return True
-    way = subtract(place, scale(0.5, add(low, high)))
+    way = subtract(position, scale(0.5, add(low, high)))
     half = scale(0.5, subtract(high, low))
     distance = sqrt(dot(way, way))
     radius = sqrt(dot(half, half))

@@ -206,10 +206,10 @@ def light_from_dict(data: dict[str, Any]) -> BaseLight:
 
 def pack_lights(lights: Sequence[LightSource]) -> tuple[Int64s, Float64s]:
     """Kinds (k,) int64 and rows (k, WIDTH) float64 of lights, and behind them of what these add to ambient light."""
-    ambient = [AmbientLight(intensity=each.ambient) for each in lights if isinstance(each, _Directed)]
-    packed = [light.pack() for light in (*lights, *(each for each in ambient if any(each.intensity)))]
-    rows = np.array([row for _, row in packed], np.float64).reshape(-1, layout.WIDTH)
-    return np.array([kind for kind, _ in packed], np.int64), rows
+    ambient = [AmbientLight(intensity=directed.ambient) for directed in lights if isinstance(directed, _Directed)]
+    packed = [light.pack() for light in (*lights, *(directed for directed in ambient if any(directed.intensity)))]
+    light_rows = np.array([row for _, row in packed], np.float64).reshape(-1, layout.WIDTH)
+    return np.array([kind for kind, _ in packed], np.int64), light_rows
 
 
 def irradiance(

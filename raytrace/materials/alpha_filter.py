@@ -20,12 +20,12 @@ TRANSMITTANCE, MET_ALPHA, STOPPED, COUNT, LAYERS = range(ROOM, ROOM + 5)
 
 
 @kernel
-def filter_hits(call, opacity, first_face, rows):
+def filter_hits(call, opacity, first_face, materials):
     """Embree's filter, as `filtered` has it. Args: as in `raytrace.shade.layout.Geometry`."""
     valid, rays, hits, packet = filtered(call)
     opacity = unrefcounted_view(opacity)
     first_face = unrefcounted_view(first_face)
-    rows = unrefcounted_view(rows)
+    materials = unrefcounted_view(materials)
     ids = hits.view(np.int32)
     for k in range(len(valid)):
         if valid[k] != 0:
@@ -33,7 +33,7 @@ def filter_hits(call, opacity, first_face, rows):
             item = ids[INST_ID - NG_X, k] if ids[INST_ID - NG_X, k] >= 0 else ids[GEOM_ID - NG_X, k]
             face = first_face[item] + ids[PRIM_ID - NG_X, k]
             cover = np.float32(alpha(opacity, face, np.float64(hits[U - NG_X, k]), np.float64(hits[V - NG_X, k])))
-            stopped = cover * np.float32(rows[item, ALPHA])
+            stopped = cover * np.float32(materials[item, ALPHA])
             transmittance = packet[TRANSMITTANCE, lane]
             if transmittance < 0.0 < cover:  # a viewing ray ends at what is there
                 packet[MET_ALPHA, lane] = cover

@@ -48,7 +48,7 @@ def quadratic_normal(p0, p1, p2, n0, n1, n2, u, v):
     """n = Σ n_i λ_i² + Σ_{i<j} n_ij λ_i λ_j, renormalised; on an edge it is n0 + b s + a s² of the paper."""
     t = 1.0 - u - v
     squares = add(add(scale(t * t, n0), scale(u * u, n1)), scale(v * v, n2))
-    first = edge_term(p0, p1, n0, n1)
+    along_first = edge_term(p0, p1, n0, n1)
     second = edge_term(p1, p2, n1, n2)
     third = edge_term(p0, p2, n0, n2)
-    return unit(add(add(squares, scale(t * u, first)), add(scale(u * v, second), scale(t * v, third))))
+    return unit(add(add(squares, scale(t * u, along_first)), add(scale(u * v, second), scale(t * v, third))))

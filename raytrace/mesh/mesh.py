@@ -91,11 +91,11 @@ class Mesh:
         return f"<Mesh {self.source!r}: {len(self.vertices):,} vertices, {len(self.faces):,} faces>"
 
     def _check_range(self, name: str, least: float, most: float, expected: str) -> None:
-        rows = getattr(self, name)
-        if not (rows.min() >= least and rows.max() <= most):
-            bad = ~((rows >= least) & (rows <= most)).all(axis=1)
-            first = int(np.argmax(bad))
-            raise MeshError(self.source, f"{name}[{first}]", expected, f"{rows[first]} ({bad.sum()} such)")
+        values = getattr(self, name)
+        if not (values.min() >= least and values.max() <= most):
+            bad = ~((values >= least) & (values <= most)).all(axis=1)
+            row = int(np.argmax(bad))
+            raise MeshError(self.source, f"{name}[{row}]", expected, f"{values[row]} ({bad.sum()} such)")
 
     def _array(self, name: str, values: Any, dtype: type[np.generic]) -> npt.NDArray[Any]:
         try:
@@ -155,17 +155,22 @@ def mesh_of(given: Mesh | Any, source: str) -> Mesh:
     """
     if isinstance(given, Mesh):
         return given
-    if isinstance(getattr(given, "mesh", None), Mesh):
-        return given.mesh
+    within = getattr(given, "mesh", None)
+    if isinstance(within, Mesh):
+        return within
     if isinstance(given, tuple | list) and len(given) == 2:
         return Mesh(*given, source=source)
+    # trimesh
     if hasattr(given, "vertices") and hasattr(given, "faces"):
         return Mesh(given.vertices, given.faces, source=source)
+    # PyVista
     if hasattr(given, "points") and hasattr(given, "strips"):
         triangles = given if given.is_all_triangles else given.triangulate()
         return Mesh(triangles.points, np.reshape(triangles.faces, (-1, 4))[:, 1:], source=source)
+    # meshio
     if hasattr(given, "points") and isinstance(getattr(given, "cells", None), list):
         return Mesh(given.points, _triangles(given, source), source=source)
+    # Open3D
     if hasattr(given, "vertices") and hasattr(given, "triangles"):
         return Mesh(given.vertices, given.triangles, source=source)
     if hasattr(given, "vertex") and hasattr(given, "triangle"):
@@ -174,6 +179,7 @@ def mesh_of(given: Mesh | Any, source: str) -> Mesh:
         except KeyError:
             raise MeshError(source, "mesh", "vertex.positions and triangle.indices", "an empty mesh") from None
         return Mesh(*arrays, source=source)
+    # Anything else is refused with the nearest way to a mesh.
     methods = "extract_surface", "combine", "to_mesh"
     nearest = next((f"its {name}()" for name in methods if hasattr(given, name)), None)
     if isinstance(given, str | os.PathLike):

@@ -67,28 +67,28 @@ def radix_order(keys: AnyInts, bits: int) -> Int64s:
     threads = thread_count(None)
     order = np.arange(count)
     sorted_ = np.empty(count, np.int64)
-    places = np.empty((-(-count // _BLOCK), 1 << _DIGIT), np.int64)
+    digit_counts = np.empty((-(-count // _BLOCK), 1 << _DIGIT), np.int64)
     for shift in range(0, bits, _DIGIT):
-        run_blocks(count, _BLOCK, bind(_count_digits, keys, order, shift, places), threads)
-        before = np.cumsum(places.T).reshape(places.T.shape) - places.T
-        places[:] = before.T
-        run_blocks(count, _BLOCK, bind(_place_by_digit, keys, order, shift, places, sorted_), threads)
+        run_blocks(count, _BLOCK, bind(_count_digits, keys, order, shift, digit_counts), threads)
+        before = np.cumsum(digit_counts.T).reshape(digit_counts.T.shape) - digit_counts.T
+        digit_counts[:] = before.T
+        run_blocks(count, _BLOCK, bind(_place_by_digit, keys, order, shift, digit_counts, sorted_), threads)
         order, sorted_ = sorted_, order
     return order
 
 
 @kernel
-def _count_digits(keys, order, shift, places, first, last):
-    counts = places[first // _BLOCK]
+def _count_digits(keys, order, shift, digit_counts, start, stop):
+    counts = digit_counts[start // _BLOCK]
     counts[:] = 0
-    for k in range(first, last):
+    for k in range(start, stop):
         counts[np.int64(keys[order[k]] >> shift) & (len(counts) - 1)] += 1
 
 
 @kernel
-def _place_by_digit(keys, order, shift, places, out, first, last):
-    place = places[first // _BLOCK]
-    for k in range(first, last):
-        digit = np.int64(keys[order[k]] >> shift) & (len(place) - 1)
-        out[place[digit]] = order[k]
-        place[digit] += 1
+def _place_by_digit(keys, order, shift, digit_counts, out, start, stop):
+    next_slots = digit_counts[start // _BLOCK]
+    for k in range(start, stop):
+        digit = np.int64(keys[order[k]] >> shift) & (len(next_slots) - 1)
+        out[next_slots[digit]] = order[k]
+        next_slots[digit] += 1

@@ -28,9 +28,9 @@ Weighting = Literal["angle", "area", "equal"]
 
 def normalize(vectors: Float64s) -> Float64s:
     """Unit vectors along `vectors` (…, 3); zero, and what is not finite, becomes zero."""
-    rows = np.ascontiguousarray(vectors, np.float64).reshape(-1, 3)
-    out = np.empty(rows.shape)
-    run_blocks(len(rows), _BLOCK, bind(_normalize, rows, out), thread_count(None), most=_MOST)
+    result = np.ascontiguousarray(vectors, np.float64).reshape(-1, 3)
+    out = np.empty(result.shape)
+    run_blocks(len(result), _BLOCK, bind(_normalize, result, out), thread_count(None), most=_MOST)
     return out.reshape(np.shape(vectors))
 
 
@@ -77,8 +77,8 @@ def vertex_normals(vertices: Float64s, faces: AnyInts, weighting: Weighting = "a
 
 
 @kernel
-def _normalize(vectors, out, first, last):
-    for i in range(first, last):
+def _normalize(vectors, out, start, stop):
+    for i in range(start, stop):
         store(out, i, normalized(load(vectors, i)))
 
 
@@ -93,8 +93,8 @@ def normalized(v):
 
 
 @kernel
-def _face_normals(vertices, faces, normals, areas, first, last):
-    for f in range(first, last):
+def _face_normals(vertices, faces, normals, areas, start, stop):
+    for f in range(start, stop):
         i, j, k = load_triangle(vertices, faces, f)
         a = subtract(j, i)
         b = subtract(k, j)
@@ -112,23 +112,23 @@ def _face_normals(vertices, faces, normals, areas, first, last):
 
 
 @kernel
-def _vertex_sums(vertices, faces, normals, areas, weighting, sums, first, last):
-    magnitude = np.zeros(last - first)
+def _vertex_sums(vertices, faces, normals, areas, weighting, sums, start, stop):
+    magnitude = np.zeros(stop - start)
     for f in range(len(faces)):
         for corner in range(3):
             i = faces[f, corner]
-            if first <= i < last and areas[f] > 0.0:
+            if start <= i < stop and areas[f] > 0.0:
                 weight = areas[f] if weighting == 1 else 1.0  # (12.32), (12.31)
                 if weighting == 0:  # (12.33)
                     here = load(vertices, i)
                     ahead = load(vertices, faces[f, (corner + 1) % 3])
                     behind = load(vertices, faces[f, (corner + 2) % 3])
                     weight = np.arctan2(2.0 * areas[f], dot(subtract(ahead, here), subtract(behind, here)))
-                magnitude[i - first] += weight
+                magnitude[i - start] += weight
                 for axis in range(3):
                     sums[i, axis] += weight * normals[f, axis]
-    for i in range(first, last):
-        if max(abs(sums[i, 0]), abs(sums[i, 1]), abs(sums[i, 2])) <= 1e-12 * magnitude[i - first]:
+    for i in range(start, stop):
+        if max(abs(sums[i, 0]), abs(sums[i, 1]), abs(sums[i, 2])) <= 1e-12 * magnitude[i - start]:
             sums[i] = 0.0
 
 
@@ -144,10 +144,10 @@ def creased_normals(mesh: Mesh) -> tuple[Float64s, Int64s]:
         known = normalize(mesh.normals)
         missing = len(known) + np.arange(len(faces))[:, None]
         return np.concatenate([known, across]), np.where(nonzero(known)[faces], faces, missing)
-    places = weld(vertices, faces, np.ones((len(vertices), 3)), CREASE)[faces]
+    corner_points = weld(vertices, faces, np.ones((len(vertices), 3)), CREASE)[faces]
     fan = np.arange(faces.size)
-    edges = counting_sort(np.minimum(places, places[:, [1, 2, 0]]), int(places.max()) + 1)
-    _join_smooth(places.ravel(), across, *edges, fan)
+    edges = counting_sort(np.minimum(corner_points, corner_points[:, [1, 2, 0]]), int(corner_points.max()) + 1)
+    _join_smooth(corner_points.ravel(), across, *edges, fan)
     renumber_components(fan)
     corners = vertices[faces.ravel()].astype(np.float64)
     sums = sum_groups(fan, vertex_sums(corners, np.arange(faces.size).reshape(-1, 3), across, areas))
@@ -162,24 +162,28 @@ def creased_normals(mesh: Mesh) -> tuple[Float64s, Int64s]:
 
 
 @kernel
-def _join_smooth(places, normals, edges, starts, fan):
+def _join_smooth(corner_points, normals, edges, starts, fan):
     """Connect corners at one end of a smooth edge, which two faces share that run along it in opposite ways.
 
-    Args: places: (3 m,), a number for each corner's place. fan: (3 m,), a forest of corners.
+    Args: corner_points: (3 m,), a number for each corner's place. fan: (3 m,), a forest of corners.
         edges: edges[starts[i] : starts[i + 1]] have the lower end i; edge e begins at places[e].
     """
     count = np.zeros(len(starts), np.int64)
     pair = np.zeros((len(starts), 2), np.int64)
     for i in range(len(starts) - 1):
         for edge in edges[starts[i] : starts[i + 1]]:
-            other = max(places[edge], places[_after(edge)])
+            other = max(corner_points[edge], corner_points[_after(edge)])
             pair[other, min(count[other], 1)] = edge
             count[other] += 1
         for edge in edges[starts[i] : starts[i + 1]]:
-            other = max(places[edge], places[_after(edge)])
+            other = max(corner_points[edge], corner_points[_after(edge)])
             a = pair[other, 0]
             b = pair[other, 1]
-            if count[other] == 2 and places[a] == places[_after(b)] and cosine(normals, a // 3, b // 3) >= CREASE:
+            if (
+                count[other] == 2
+                and corner_points[a] == corner_points[_after(b)]
+                and cosine(normals, a // 3, b // 3) >= CREASE
+            ):
                 connect(fan, a, _after(b))
                 connect(fan, _after(a), b)
             count[other] = 0

@@ -204,8 +204,8 @@ def opacity_bytes(opacities: Sequence[Opacity]) -> int:
         return 0
     from ..image.texture import texel_counts
 
-    images = (surface.texture for each in opacities for surface in each.surfaces if surface.texture)
-    return _FACE * sum(len(each.of) for each in opacities) + 2 * 4 * sum(texel_counts(images))
+    images = (surface.texture for opacity in opacities for surface in opacity.surfaces if surface.texture)
+    return _FACE * sum(len(opacity.of) for opacity in opacities) + 2 * 4 * sum(texel_counts(images))
 
 
 @inline
@@ -243,7 +243,7 @@ def _texture_alpha(texels, image, u, v):
 
 
 @kernel
-def alphas(opacity, faces, places, out):
+def alphas(opacity, faces, barycentric, out):
     """Write the opacity (k,) at barycentric places (k, 2) of faces (k,)."""
     for row in range(len(faces)):
-        out[row] = alpha(opacity, faces[row], places[row, 0], places[row, 1])
+        out[row] = alpha(opacity, faces[row], barycentric[row, 0], barycentric[row, 1])

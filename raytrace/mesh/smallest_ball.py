@@ -15,19 +15,19 @@ def smallest_ball(points: Float64s) -> tuple[Float64s, float]:
     """Centre (3,) and radius of the smallest ball about `points` (n, 3), n > 0: that of a sample of them first, then
     that of what carries it and all that is outside of it, until nothing is (Clarkson 1995)."""
     size = float(max(np.ptp(column) for column in points.T)) or 1.0
-    places = (points - points[0]) / size
-    some = places[:: -(-len(places) // _SAMPLE)]
-    centre = places[0]
+    scaled = (points - points[0]) / size
+    some = scaled[:: -(-len(scaled) // _SAMPLE)]
+    centre = scaled[0]
     square = -1.0
-    carriers = places[:1]
+    carriers = scaled[:1]
     while True:
         before = square
         centre, square, carriers = _pivot(some, carriers)
-        squares = _squares(places - centre)
+        squares = _squares(scaled - centre)
         outside = squares > square + _ROUNDING
         if not outside.any() or square <= before:
             return points[0] + size * centre, size * float(np.sqrt(squares.max()))
-        some = places[outside]
+        some = scaled[outside]
 
 
 def _pivot(points: Float64s, carriers: Float64s) -> tuple[Float64s, float, Float64s]:

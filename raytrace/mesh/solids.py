@@ -22,18 +22,18 @@ def closed_parts(vertices: Float32s, faces: Int64s, alone: bool = True) -> tuple
 
     Args: alone: whether a part that is the only one matters; if not, it counts as open.
     """
-    place = coincident(vertices, faces)
-    corners = place[faces]
-    part = connected_components(corners, int(place.max()) + 1)
+    representative = coincident(vertices, faces)
+    corners = representative[faces]
+    part = connected_components(corners, int(representative.max()) + 1)
     volume = np.zeros(int(part.max()) + 1)
     of_face = part[corners[:, 0]]
     if not alone and (of_face == of_face[:1]).all():
-        return part[place], volume
-    _add_volumes(vertices, faces, part[place], volume)
+        return part[representative], volume
+    _add_volumes(vertices, faces, part[representative], volume)
     closed = np.ones(len(volume), np.bool_)
     edges, starts = counting_sort(np.minimum(corners, corners[:, [1, 2, 0]]), len(part))
     _strike_open(corners, edges, starts, part, closed)
-    return part[place], np.where(closed, volume, 0.0)
+    return part[representative], np.where(closed, volume, 0.0)
 
 
 def inward_looking(vertices: Float32s, faces: Int64s) -> tuple[int, int, float]:
@@ -79,8 +79,8 @@ def _is_enclosed(number: int, vertices: Float32s, faces: Int64s, part: Int64s, v
     within = faces[around[of_face]]
     if len(within) * np.count_nonzero(volume < 0) > _MOST_WORK:
         return True
-    own = vertices[faces[np.argmax(of_face == number), 0]]
-    return bool(_winding(vertices, within, own.astype(np.float64)) > 0.5)
+    corner = vertices[faces[np.argmax(of_face == number), 0]]
+    return bool(_winding(vertices, within, corner.astype(np.float64)) > 0.5)
 
 
 @kernel

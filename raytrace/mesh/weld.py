@@ -57,9 +57,9 @@ def connect(parent, a, b):
 
 
 @kernel
-def join(links, parent, first, last):
+def join(links, parent, start, stop):
     """Connect the members in each row of links[first:last], (m, any), in the forest `parent`, as `connect` does two."""
-    for row in range(first, last):
+    for row in range(start, stop):
         for k in range(1, links.shape[1]):
             connect(parent, links[row, 0], links[row, k])
 
@@ -81,11 +81,11 @@ def weld(positions: Float32s, faces: Int64s, normals: Float64s, agreement: float
 
     Args: normals: (n, 3), unit or zero (agrees with none). agreement: the least cosine.
     """
-    place = coincident(positions, faces)
+    representative = coincident(positions, faces)
     group = np.arange(len(positions))
-    count = int(place.max(initial=-1)) + 1
+    count = int(representative.max(initial=-1)) + 1
     if count < len(positions):
-        _join_agreeing(*counting_sort(place, count), normals, agreement, group)
+        _join_agreeing(*counting_sort(representative, count), normals, agreement, group)
         renumber_components(group)
     return group
 
@@ -96,34 +96,34 @@ def coincident(positions: Float32s, faces: Int64s) -> Int64s:
     Positions share a place if they are equal or within their `contact_radius`, or are linked by others that are; but
     for vertices all whose edges are hardly longer than that, which must be equal.
     """
-    first = first_alike(positions + np.float32(0.0))  # −0 becomes 0
-    rows = np.flatnonzero(first == np.arange(len(first)))
-    beside = np.zeros(len(rows), np.bool_)
-    for subset, keys in grids(positions[rows]):
+    representative = first_alike(positions + np.float32(0.0))  # −0 becomes 0
+    distinct = np.flatnonzero(representative == np.arange(len(representative)))
+    beside = np.zeros(len(distinct), np.bool_)
+    for subset, keys in grids(positions[distinct]):
         alike = first_alike(keys[:, None])
         again = alike != np.arange(len(alike))
         beside[subset[again]] = beside[subset[alike[again]]] = True
-    rows = rows[beside]
-    if len(rows):
-        rows = rows[np.lexsort(positions[rows].T[::-1])]
-        pairs = rows[_near(positions, faces, rows)]
-        join(pairs, first, 0, len(pairs))
-    renumber_components(first)
-    return first
+    distinct = distinct[beside]
+    if len(distinct):
+        distinct = distinct[np.lexsort(positions[distinct].T[::-1])]
+        pairs = distinct[_near(positions, faces, distinct)]
+        join(pairs, representative, 0, len(pairs))
+    renumber_components(representative)
+    return representative
 
 
 def first_alike(values: npt.NDArray[Any]) -> Int64s:
     """The first of the rows of `values` (n, any) that are equal bit by bit to each row, (n,)."""
-    first = np.empty(len(values), np.int64)
+    representative = np.empty(len(values), np.int64)
     table = np.zeros(2 << len(values).bit_length(), np.uint32)
     key = np.frombuffer(os.urandom(8), np.uint64)[0]  # so that no file is made of positions that collide
-    _find_first(np.ascontiguousarray(values).view(np.uint32), key, table, first)
-    return first
+    _find_first(np.ascontiguousarray(values).view(np.uint32), key, table, representative)
+    return representative
 
 
 @kernel
-def _find_first(words, key, table, first):
-    """Fill in the `first` row (n,) of `words` (n, any) that is equal to each one.
+def _find_first(words, key, table, representative):
+    """Fill in the `representative` row (n,) of `words` (n, any) that is equal to each one.
 
     Args: table: of zeros, a power of two and more than n; filled with rows, from 1 on, by hash.
     """
@@ -145,7 +145,7 @@ def _find_first(words, key, table, first):
             at = at + 1 & last
         if row < 0:
             table[at] = i + 1
-        first[i] = i if row < 0 else row
+        representative[i] = i if row < 0 else row
 
 
 @inline

@@ -31,36 +31,36 @@ def outermost_normals(
     clearance = np.ones(len(normals))
     work = bind(_least_cosines, moved, face_points, face_normals, clearance)
     run_ranges(len(moved), _LEAST, work, thread_count(None))
-    rows = np.flatnonzero(clearance <= SHARP)
-    if len(rows):
+    sharp = np.flatnonzero(clearance <= SHARP)
+    if len(sharp):
         number = np.full(len(normals), -1)
-        number[rows] = np.arange(len(rows))
-        corners, starts = counting_sort(number[face_points], len(rows))
+        number[sharp] = np.arange(len(sharp))
+        corners, starts = counting_sort(number[face_points], len(sharp))
         faces = face_normals[corners // face_points.shape[1]]
-        _outermost(moved, directions, clearance, rows, starts, faces)
+        _outermost(moved, directions, clearance, sharp, starts, faces)
     return moved, directions, clearance
 
 
 @kernel
-def _least_cosines(normals, face_points, face_normals, clearance, first, last):
+def _least_cosines(normals, face_points, face_normals, clearance, start, stop):
     for f in range(len(face_points)):
         for corner in range(face_points.shape[1]):
             row = face_points[f, corner]
-            if first <= row < last:
+            if start <= row < stop:
                 clearance[row] = min(clearance[row], dot(load(normals, row), load(face_normals, f)))
 
 
 @kernel
-def _outermost(normals, directions, clearance, rows, starts, faces):
-    for k in range(len(rows)):
-        row = rows[k]
-        own = faces[starts[k] : starts[k + 1]]
+def _outermost(normals, directions, clearance, sharp, starts, faces):
+    for k in range(len(sharp)):
+        row = sharp[k]
+        around = faces[starts[k] : starts[k + 1]]
         direction = load(normals, row)
         if clearance[row] <= 0.0:
-            direction, clearance[row] = _moved(direction, own, 0.0, _MOVES)
+            direction, clearance[row] = _moved(direction, around, 0.0, _MOVES)
             store(normals, row, direction)
         if clearance[row] > 0.0:
-            direction, clearance[row] = _moved(direction, own, ENOUGH, _FEW)
+            direction, clearance[row] = _moved(direction, around, ENOUGH, _FEW)
         store(directions, row, direction)
 
 
@@ -81,7 +81,7 @@ def _moved(before, faces, enough, moves):
     After all `moves` the best normal found is kept, but not for the two sides of a sheet, in which it would lie: there
     the normal stays what it was, or is the first face's where it was zero.
     """
-    normal, best, found = before, -2.0, before
+    normal, best, moved = before, -2.0, before
     for _ in range(moves):
         size = length(normal)
         if size < 1e-12:
@@ -92,13 +92,13 @@ def _moved(before, faces, enough, moves):
             if cosine < least:
                 least, worst = cosine, f
         if least > best:
-            best, found = least, divide(normal, size)
+            best, moved = least, divide(normal, size)
         if least > enough:
             break
         normal = add(normal, load(faces, worst))
     if best <= 0.0 and _two_sides(faces):
         return (load(faces, 0) if dot(before, before) == 0.0 else before), -1.0
-    return found, best
+    return moved, best
 
 
 @inline

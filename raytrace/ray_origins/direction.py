@@ -54,9 +54,9 @@ def resolve_contacts(
     kept = np.where(needed, np.cumsum(needed) - 1, -1)
     corners, starts = counting_sort(kept[face_points], int(np.count_nonzero(needed)))
     at = kept[numbers[rows]]
-    own = PointFaces(corners // 3, starts[at], starts[at + 1])
+    own_faces = PointFaces(corners // 3, starts[at], starts[at + 1])
     others = PointFaces(touched.face, first, np.append(first, len(touched.point))[1:])
-    work = bind(_turn, surface, points, found, rows, own, others)
+    work = bind(_turn, surface, points, found, rows, own_faces, others)
     run_blocks(len(rows), _BLOCK, work, thread_count(None), most=_MOST)
 
 

@@ -91,9 +91,9 @@ def offsets_and_reaches(
 
 
 @kernel
-def _offsets_and_reaches(points, directions, magnitude, clearance, found, first, last):
+def _offsets_and_reaches(points, directions, magnitude, clearance, found, start, stop):
     offset, touching, reach = found
-    for i in range(first, last):
+    for i in range(start, stop):
         direction = load(directions, i)
         point = load(points, i)
         offset[i] = OFFSET_ULPS * ULP * _span(direction) * magnitude[i] / max(clearance[i], 0.01)
@@ -170,12 +170,12 @@ class WeldedPoints(NamedTuple):
 
     def displacement(self, surface: Surface, origins: Float64s) -> Float64s:
         """Distances (k,) of origins (k, 3) from points in folds as sharp as `SHARP`, in shortest edges; elsewhere 0."""
-        found = np.zeros(len(self.first))
+        displaced = np.zeros(len(self.first))
         sharp = np.flatnonzero(nonzero(self.directions) & (self.clearance < SHARP))
         if len(sharp):
             away = np.linalg.norm(origins[sharp] - surface.vertices[self.first[sharp]], axis=1)
-            found[sharp] = away / surface.shortest_edges(self.face_points, sharp)
-        return found
+            displaced[sharp] = away / surface.shortest_edges(self.face_points, sharp)
+        return displaced
 
 
 def weld_points(
@@ -199,14 +199,14 @@ def weld_points(
         face_normal = face_normal[area > 0]
     mean = normalize(sums)
     group = weld(vertices.astype(np.float32), faces, mean if normals is None else normals, agreement)
-    first, face_points = group, np.ascontiguousarray(faces)
+    first_vertices, face_points = group, np.ascontiguousarray(faces)
     if len(group) > group.max() + 1:
-        first = np.empty(int(group.max()) + 1, np.int64)
-        first[group[::-1]] = np.arange(len(group))[::-1]
+        first_vertices = np.empty(int(group.max()) + 1, np.int64)
+        first_vertices[group[::-1]] = np.arange(len(group))[::-1]
         face_points = group.take(faces)
         mean = normalize(sum_groups(group, sums))
     axes, directions, clearance = outermost_normals(mean, face_points, face_normal)
     if normals is not None:
-        behind = np.einsum("ij,ij->i", directions, normals[first]) < 0
+        behind = np.einsum("ij,ij->i", directions, normals[first_vertices]) < 0
         directions = np.where(behind[:, None], -directions, directions)
-    return WeldedPoints(group, first, faces, face_normal, face_points, mean, axes, directions, clearance)
+    return WeldedPoints(group, first_vertices, faces, face_normal, face_points, mean, axes, directions, clearance)

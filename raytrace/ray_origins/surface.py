@@ -65,11 +65,11 @@ class Surface(NamedTuple):
         """The shortest edge (k,) at each of some `points` (k,), numbers in `face_points` (m, 3); ∞ at none."""
         shortest = np.full(int(max(face_points.max(), points.max())) + 1, -1.0)
         shortest[points] = np.inf
-        rows, corners = np.nonzero(shortest[face_points] > 0)
-        here = self.vertices[self.faces[rows, corners]]
+        edged_faces, corners = np.nonzero(shortest[face_points] > 0)
+        here = self.vertices[self.faces[edged_faces, corners]]
         for step in (1, 2):
-            edge = np.linalg.norm(self.vertices[self.faces[rows, (corners + step) % 3]] - here, axis=1)
-            np.minimum.at(shortest, face_points[rows, corners], edge)
+            edge = np.linalg.norm(self.vertices[self.faces[edged_faces, (corners + step) % 3]] - here, axis=1)
+            np.minimum.at(shortest, face_points[edged_faces, corners], edge)
         return shortest[points]
 
     def magnitudes(self, face_points: Int64s, count: int) -> Float64s:
@@ -83,10 +83,10 @@ class Surface(NamedTuple):
 
 
 @kernel
-def _measure(surface, first, last):
+def _measure(surface, start, stop):
     """Fill in `extent`, `flat` and `rounding` of some faces."""
     surface = unrefcounted_view(surface)
-    for f in range(first, last):
+    for f in range(start, stop):
         a, b, c = load_triangle(surface.vertices, surface.faces, f)
         across = 0.0
         for axis in range(3):
@@ -108,26 +108,26 @@ def _largest(p):
 
 
 @kernel
-def _spread_flat(flat, face_points, around, first, last):
+def _spread_flat(flat, face_points, around, start, stop):
     """The largest `flat` of the faces of each point."""
     for f in range(len(face_points)):
         for corner in range(3):
             point = face_points[f, corner]
-            if first <= point < last and flat[f] > around[point]:  # seldom; a store each time would be waited for
+            if start <= point < stop and flat[f] > around[point]:  # seldom; a store each time would be waited for
                 around[point] = flat[f]
 
 
 @kernel
-def _magnitudes(extent, face_points, around, magnitude, first, last):
+def _magnitudes(extent, face_points, around, magnitude, start, stop):
     """The largest `extent` of a point's faces, and `flat` of these and of its neighbours' faces, which rays pass by."""
     for f in range(len(face_points)):
         a = face_points[f, 0]
         b = face_points[f, 1]
         c = face_points[f, 2]
-        if first <= a < last or first <= b < last or first <= c < last:
+        if start <= a < stop or start <= b < stop or start <= c < stop:
             largest = max(extent[f], max(around[a], around[b], around[c]))
             for point in (a, b, c):
-                if first <= point < last and largest > magnitude[point]:
+                if start <= point < stop and largest > magnitude[point]:
                     magnitude[point] = largest
 
 
@@ -164,16 +164,16 @@ def find_contacts(
     least = -1.0
     while least < most:
         limit = max(_CLASS * least, _USUAL_ROUNDING)
-        rows = np.flatnonzero((surface.rounding > least) & (surface.rounding <= limit))
-        if len(rows):
-            some = BVH16.of(surface.vertices.astype(np.float32), surface.faces[rows])
-            some = some._replace(rows=np.where(some.rows < 0, -1, rows[some.rows]))
+        uncertain = np.flatnonzero((surface.rounding > least) & (surface.rounding <= limit))
+        if len(uncertain):
+            some = BVH16.of(surface.vertices.astype(np.float32), surface.faces[uncertain])
+            some = some._replace(rows=np.where(some.rows < 0, -1, uncertain[some.rows]))
             found.append(_find(some, surface, around, limit))
         least = limit
     joined = Contacts(*(np.concatenate(column) for column in zip(*found, strict=True)))
     joined = joined.only(np.lexsort((joined.face, joined.point)))
-    place = np.arange(len(joined.point)) - np.searchsorted(joined.point, joined.point)
-    return joined.only(place < _MOST_CONTACTS)
+    rank = np.arange(len(joined.point)) - np.searchsorted(joined.point, joined.point)
+    return joined.only(rank < _MOST_CONTACTS)
 
 
 def _find(tree: BVH16, surface: Surface, around: _Points, most: float) -> Contacts:
@@ -181,14 +181,14 @@ def _find(tree: BVH16, surface: Surface, around: _Points, most: float) -> Contac
     count = len(around[0])
     parts: list[Contacts] = [_empty(0)] * -(-count // _SEARCHED)
 
-    def search(first: int, last: int) -> None:
+    def search(start: int, stop: int) -> None:
         found = _empty(_USUAL * _SEARCHED)
         fill = bind(_search, tree, new_stack(), surface, around, most)
-        size = fill(first, last, found)
+        size = fill(start, stop, found)
         if size > len(found.point):
             found = _empty(size)
-            fill(first, last, found)
-        parts[first // _SEARCHED] = found.only(np.arange(size))  # copies, so that the rest is let go
+            fill(start, stop, found)
+        parts[start // _SEARCHED] = found.only(np.arange(size))  # copies, so that the rest is let go
 
     run_blocks(count, _SEARCHED, search, thread_count(None))
     return Contacts(*(np.concatenate(column) for column in zip(*parts, strict=True)))
@@ -205,8 +205,8 @@ def _beside(p, reach, a, b, c):
 
 
 @kernel
-def _search(tree, stack, surface, around, most, first, last, found):
-    """Write the contacts of points from `first` to `last` into `found` as far as they fit; returns their number."""
+def _search(tree, stack, surface, around, most, start, stop, found):
+    """Write the contacts of points from `start` to `stop` into `found` as far as they fit; returns their number."""
     tree = unrefcounted_view(tree)
     surface = unrefcounted_view(surface)
     found = unrefcounted_view(found)
@@ -214,7 +214,7 @@ def _search(tree, stack, surface, around, most, first, last, found):
     count = 0
     kept = np.empty(_MOST_CONTACTS, np.int64)
     distances = np.empty(_MOST_CONTACTS)
-    for i in range(first, last):
+    for i in range(start, stop):
         if reach[i] < 0.0:
             continue
         # The nearest faces that the point is no corner of, leaf by leaf.
@@ -222,8 +222,8 @@ def _search(tree, stack, surface, around, most, first, last, found):
         number = numbers[i]
         filled = 0
         seen = 0
-        place = begin(tree, stack, p, max(reach[i], most))
-        leaf, near = next_leaf(tree, stack, place)
+        waiting = begin(tree, stack, p, max(reach[i], most))
+        leaf, near = next_leaf(tree, stack, waiting)
         while near != 0 and seen < _SEEN:
             while near != 0:
                 f = tree.rows[leaf, lowest_bit(near)]
@@ -231,7 +231,7 @@ def _search(tree, stack, surface, around, most, first, last, found):
                 seen += filled == _MOST_CONTACTS
                 if corners[f, 0] != number and corners[f, 1] != number and corners[f, 2] != number:
                     filled = _keep(surface, f, p, max(reach[i], surface.rounding[f]), (kept, distances), filled)
-            leaf, near = next_leaf(tree, stack, place)
+            leaf, near = next_leaf(tree, stack, waiting)
         # They are counted even where they do not fit.
         for k in range(filled):
             if count < len(found.point):

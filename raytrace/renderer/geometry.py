@@ -150,9 +150,10 @@ def _place_shapes(
     uses: dict[int, list[Object]] = {}
     for item in objects:
         uses.setdefault(id(item.shape), []).append(item)
-    place = _scaling(space.centre, space.scale)
+    to_render = _scaling(space.centre, space.scale)
     shapes = [
-        _placed(item.shape, None if others else place @ item.transform, weighting) for item, *others in uses.values()
+        _placed(item.shape, None if others else to_render @ item.transform, weighting)
+        for item, *others in uses.values()
     ]
     row_of = {key: row for row, key in enumerate(uses)}
     return shapes, np.array([row_of[id(item.shape)] for item in objects])
@@ -192,20 +193,20 @@ def _polygons(shapes: list[_PlacedShape]) -> Polygons:
     vertex, number = 0, sum(len(mesh.vertices) for mesh in meshes)
     polygons = []
     for mesh, placed in zip(meshes, shapes, strict=True):
-        own = mesh_polygons(placed.vertices, mesh.faces, mesh.polygons)
+        outlines = mesh_polygons(placed.vertices, mesh.faces, mesh.polygons)
         mirrored = placed.scene is None and np.linalg.slogdet(placed.from_shape[:3, :3])[0] < 0
-        own.of[own.of >= 0] += number
-        own.edges[:] += vertex
-        polygons.append(own._replace(normals=-own.normals) if mirrored else own)
+        outlines.of[outlines.of >= 0] += number
+        outlines.edges[:] += vertex
+        polygons.append(outlines._replace(normals=-outlines.normals) if mirrored else outlines)
         vertex = vertex + len(mesh.vertices)
-        number = number + len(own.counts)
+        number = number + len(outlines.counts)
     whole = Polygons(*map(np.concatenate, zip(*polygons, strict=True)))
     return whole if len(whole.counts) else none
 
 
 def shape_textures(shapes: Iterable[Shape]) -> tuple[Texture, ...]:
     kinds = ((shape.texture, shape.occlusion and shape.occlusion.texture, shape.grain) for shape in shapes)
-    return tuple(dict.fromkeys(texture for found in kinds for texture in found if texture))
+    return tuple(dict.fromkeys(texture for textures in kinds for texture in textures if texture))
 
 
 def _texture_rows(objects: tuple[Object, ...], textures: tuple[Texture, ...]) -> dict[str, Any]:
@@ -224,10 +225,10 @@ def joined(
     meshes: Iterable[Mesh], given: list[Float64s | None], columns: int, fill: float = 0.0, needed: bool = False
 ) -> Float32s:
     """What is `given` of all meshes' vertices, `fill` where it is None; no rows if all are None, unless `needed`."""
-    if not needed and all(each is None for each in given):
+    if not needed and all(values is None for values in given):
         return aligned((0, columns), np.float32)
-    rows = [np.full((len(m.vertices), columns), fill) if g is None else g for m, g in zip(meshes, given, strict=True)]
-    return _joined(rows, np.float32)
+    parts = [np.full((len(m.vertices), columns), fill) if g is None else g for m, g in zip(meshes, given, strict=True)]
+    return _joined(parts, np.float32)
 
 
 def _opacity(shapes: list[Shape]) -> PackedOpacity | None:
@@ -251,8 +252,10 @@ def _render_space(objects: tuple[Object, ...]) -> tuple[RenderSpace, float]:
     corners = [place(item, boxes[id(item.shape)]) for item in objects]
     low = np.min(corners, axis=(0, 1))
     high = np.max(corners, axis=(0, 1))
-    rows = sample(sum(len(item.shape.mesh.used) for item in objects))  # the same fraction of each object
-    space = RenderSpace.around(low, high, np.concatenate([place(item, item.shape.mesh.used[rows]) for item in objects]))
+    sampled = sample(sum(len(item.shape.mesh.used) for item in objects))  # the same fraction of each object
+    space = RenderSpace.around(
+        low, high, np.concatenate([place(item, item.shape.mesh.used[sampled]) for item in objects])
+    )
     return space, float(np.maximum(high - space.centre, space.centre - low).max())
 
 
@@ -263,9 +266,9 @@ def _corners(points: AnyFloats) -> Float64s:
 
 def _joined(parts: list[npt.NDArray[Any]], dtype: type[np.generic]) -> npt.NDArray[Any]:
     """The rows of all `parts`, as `raytrace.kernel.simd.gather3` wants them."""
-    rows = aligned((sum(map(len, parts)), parts[0].shape[1]), dtype)
-    np.concatenate(parts, out=rows, casting="same_kind")
-    return rows
+    whole = aligned((sum(map(len, parts)), parts[0].shape[1]), dtype)
+    np.concatenate(parts, out=whole, casting="same_kind")
+    return whole
 
 
 def _placed(shape: Shape, matrix: Float64s | None, weighting: Normals) -> _PlacedShape:
@@ -295,9 +298,9 @@ def _smooth_normals(mesh: Mesh, normals: Normals) -> Float64s:
     vertices = Placement.of(mesh).vertices
     placed = vertices.astype(np.float64)
     weighting = "angle" if normals == "file" else normals
-    own = vertex_sums(placed, mesh.faces, *face_normals(placed, mesh.faces), weighting)
-    group = weld(vertices, mesh.faces, normalize(own), CREASE)
-    return normalize(sum_groups(group, own))[group]
+    sums = vertex_sums(placed, mesh.faces, *face_normals(placed, mesh.faces), weighting)
+    group = weld(vertices, mesh.faces, normalize(sums), CREASE)
+    return normalize(sum_groups(group, sums))[group]
 
 
 def _in_render_space(geometry: Geometry) -> tuple[Float64s, Int64s, Float64s]:

@@ -55,27 +55,27 @@ def _find_polygons(vertices, faces, order, starts, slots, out):
     """
     count = used = 0
     for polygon in range(len(starts) - 1):
-        own = order[starts[polygon] : starts[polygon + 1]]
+        triangles = order[starts[polygon] : starts[polygon + 1]]
         newell = (0.0, 0.0, 0.0)  # Martin Newell's (a, b, c), the same whichever triangles the polygon is cut into
-        for f in own:
+        for f in triangles:
             newell = add(newell, _twice_area(vertices, faces, f))
-        if len(own) < 2 or _folded(vertices, faces, own, newell):
+        if len(triangles) < 2 or _folded(vertices, faces, triangles, newell):
             continue
         # Count the directed edges of its triangles.
-        size = _slots(len(own))
+        size = _slots(len(triangles))
         slots[0, :size], slots[1, :size] = -1, 0
-        for half in range(3 * len(own)):  # the two sides of a diagonal cancel
-            a, b = _half_edge(faces, own, half)
+        for half in range(3 * len(triangles)):  # the two sides of a diagonal cancel
+            a, b = _half_edge(faces, triangles, half)
             slots[1, _slot(slots, size, a, b)] += 1 if a < b else -1
         first, centre = used, (0.0, 0.0, 0.0)
-        for half in range(3 * len(own)):
-            a, b = _half_edge(faces, own, half)
+        for half in range(3 * len(triangles)):
+            a, b = _half_edge(faces, triangles, half)
             if a != b and slots[1, _slot(slots, size, a, b)] * (1 if a < b else -1) > 0:
                 out.edges[used, 0], out.edges[used, 1] = a, b
                 centre = add(centre, load(vertices, a))
                 used += 1
         # Record the polygon.
-        for f in own:
+        for f in triangles:
             out.of[f] = count
         store(out.centres, count, scale(1.0 / (used - first), centre))
         store(out.normals, count, unit(newell))
@@ -92,19 +92,19 @@ def _twice_area(vertices, faces, f):
 
 
 @inline
-def _folded(vertices, faces, own, newell):
+def _folded(vertices, faces, triangles, newell):
     """Whether a polygon has no area, or triangles that are turned over."""
     limit = _TURNED * dot(newell, newell)
-    for f in own:
+    for f in triangles:
         if dot(_twice_area(vertices, faces, f), newell) < -limit:
             return True
     return limit == 0.0
 
 
 @inline
-def _half_edge(faces, own, half):
+def _half_edge(faces, triangles, half):
     """The two vertices of the half-edge of this number, three to a face."""
-    f = own[half // 3]
+    f = triangles[half // 3]
     corner = half % 3
     return faces[f, corner], faces[f, (corner + 1) % 3]
 

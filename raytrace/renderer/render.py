@@ -111,10 +111,10 @@ def rendering_bytes(scene: Scene, settings: Settings, layers: bool, threads: int
     film = 4 * wide * high * (FILM if layers else LAYERS["beauty"])
     film += _EDGES * -(-wide // TILE) * -(-high // TILE) * (settings.samples > FIRST)
     surrounded = any(isinstance(light, SkyLight | EnvironmentLight) for light in scene.lights)
-    rows = sum(len(item.shape.mesh.vertices) for item in scene.objects)
+    vertex_count = sum(len(item.shape.mesh.vertices) for item in scene.objects)
     two_sided = any(item.shape.material.two_sided for item in scene.objects)
-    lit = 8 * LIGHTING * rows * (1 + (surrounded or two_sided)) * (settings.shading == "gouraud")
-    bent = 12 * rows * surrounded
+    lit = 8 * LIGHTING * vertex_count * (1 + (surrounded or two_sided)) * (settings.shading == "gouraud")
+    bent = 12 * vertex_count * surrounded
     alpha = opacity_bytes([mesh.opacity for mesh in meshes if mesh.opacity])
     coloured = 12 * vertices * any(item.shape.colours is not None for item in scene.objects)
     textures = texture_bytes(shape_textures(item.shape for item in scene.objects), thread_count(threads))

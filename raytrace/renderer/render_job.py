@@ -74,16 +74,17 @@ class RenderJob:
     def __reduce__(self) -> tuple[type[RenderJob], tuple[object, ...]]:
         return RenderJob, (*self._given, self.scene.lit_vertices)
 
-    def film(self, first: int = 0, end: int | None = None) -> Film:
-        """A film for the tiles of the rows [first, end), None: all."""
-        end = self.rows if end is None else end
-        high = min(end * TILE, self._high) - first * TILE
-        tiles = self.columns * (end - first) if self.adaptive else 0
+    def film(self, first: int = 0, stop: int | None = None) -> Film:
+        """A film for the tiles of the rows [first, stop), None: all."""
+        stop = self.rows if stop is None else stop
+        high = min(stop * TILE, self._high) - first * TILE
+        tiles = self.columns * (stop - first) if self.adaptive else 0
         pixels = np.empty((high, self._wide, self.channels), np.float32)
         edges = np.empty((tiles, EDGES), np.float32)
         return Film(pixels, self._left, self._top + first * TILE, edges, self.geometry.scale)
 
     def scratch(self) -> Scratch:
+        """Room for what a thread writes while it renders a tile."""
         lights, hit_filter = max(len(self.scene.lights.kinds), 1), self.geometry.hit_filter
         pixels = np.arange(TILE * TILE, dtype=np.int32)  # blocks of 4×4 make a packet
         return Scratch(
@@ -158,20 +159,20 @@ class RenderJob:
         """Light all vertices, if the shading is Gouraud's: fronts, and backs if they may reflect more than them."""
         if self.style.shading != GOURAUD:
             return
-        lights, rows = self.scene.lights, len(self.scene.w)
+        lights, vertices = self.scene.lights, len(self.scene.w)
         shadows = self.style.shadows and len(lights.kinds)
         origins = self.geometry.vertex_origins if shadows else aligned((0, 3), np.float32)
         surrounded = len(lights.skies) + len(lights.harmonics) > 0
         sides = 2 if surrounded or self.scene.geometry.materials[:, TWO_SIDED].any() else 1
-        self.scene = self.scene._replace(lit_vertices=np.zeros((sides * rows, LIGHTING)))
+        self.scene = self.scene._replace(lit_vertices=np.zeros((sides * vertices, LIGHTING)))
         finished: list[Int64s] = []
         objects = itertools.pairwise(self.scene.geometry.first_w.tolist())
         front = np.concatenate([np.arange(*span, GROUP) for span in objects])
-        groups = np.concatenate([front + side * rows for side in range(sides)])
+        groups = np.concatenate([front + side * vertices for side in range(sides)])
 
-        def work(first: int, end: int) -> None:
+        def work(start: int, stop: int) -> None:
             scratch = self.scratch()
-            light_vertices(self.scene, self.view, self.style, scratch, origins, groups[first:end])
+            light_vertices(self.scene, self.view, self.style, scratch, origins, groups[start:stop])
             finished.append(scratch.counts)
 
         run_blocks(len(groups), 4, work, threads, most=16)

@@ -63,10 +63,12 @@ def _rebuilt(
     objects: tuple[Object, ...], normals: Normals, w: Float64s, bent: Float32s, lights: Lights, background: Any
 ) -> RenderScene:
     """A pickled scene, its arrays padded so that kernels may read behind their ends."""
-    rows = aligned(bent.shape, np.float32)
+    padded_bent = aligned(bent.shape, np.float32)
     maps = aligned(lights.maps.shape, np.float32)
-    rows[:], maps[:] = bent, lights.maps
-    return RenderScene(objects, build_geometry(objects, normals), w, rows, lights._replace(maps=maps), background)
+    padded_bent[:], maps[:] = bent, lights.maps
+    return RenderScene(
+        objects, build_geometry(objects, normals), w, padded_bent, lights._replace(maps=maps), background
+    )
 
 
 def release(scene: Scene) -> None:
@@ -80,18 +82,18 @@ def place_lights(lights: tuple[BaseLight, ...], centre: Float64s, scale: float) 
     Point and spot lights beyond `FAR` of the origin become directional ones: in float32 their squared distance may
     overflow. Their intensity becomes what arrives at the origin.
     """
-    kinds, rows = pack_lights([light for light in lights if isinstance(light, LightSource)])
-    position = rows[:, light_rows.POSITION : light_rows.POSITION + 3]
-    radial = rows[:, light_rows.RADIAL : light_rows.RADIAL + 3]
-    intensity = rows[:, light_rows.INTENSITY : light_rows.INTENSITY + 3]
+    kinds, light_table = pack_lights([light for light in lights if isinstance(light, LightSource)])
+    position = light_table[:, light_rows.POSITION : light_rows.POSITION + 3]
+    radial = light_table[:, light_rows.RADIAL : light_rows.RADIAL + 3]
+    intensity = light_table[:, light_rows.INTENSITY : light_rows.INTENSITY + 3]
     position[:] = scale * (position - centre)
     with np.errstate(over="ignore"):  # of scenes too small for squares of their scale
         radial /= scale ** np.arange(3)
     largest = np.where(radial.any(axis=1), radial.max(axis=1), 1.0)[:, None]  # kept out of what float32 can hold
     radial /= largest
     intensity /= largest
-    rows[:, light_rows.INVERSE_RANGE] /= scale
-    for j, row in enumerate(rows):
+    light_table[:, light_rows.INVERSE_RANGE] /= scale
+    for j, row in enumerate(light_table):
         if kinds[j] in (light_rows.POINT, light_rows.SPOT) and hypot(*position[j]) > FAR:
             l, _, arriving = incident(int(kinds[j]), row, (0.0, 0.0, 0.0))
             row[: light_rows.DIFFUSE] = 0.0
@@ -100,4 +102,4 @@ def place_lights(lights: tuple[BaseLight, ...], centre: Float64s, scale: float) 
             kinds[j] = light_rows.DIRECTIONAL
     everywhere = kinds == light_rows.AMBIENT
     kept = intensity.any(axis=1) & ~everywhere
-    return Lights(kinds[kept], rows[kept], intensity[everywhere].sum(axis=0), *pack_environment(lights))
+    return Lights(kinds[kept], light_table[kept], intensity[everywhere].sum(axis=0), *pack_environment(lights))

@@ -257,20 +257,25 @@ def polygons_hit(geometry, item, mask, faces):
     """The lanes of `mask` whose faces are parts of polygons; of these the row in `geometry.vertices`, the first edge,
     and the one after the last."""
     centres = len(geometry.vertices) - len(geometry.first_edge) + 1
-    rows = gather(geometry.polygons, select(mask, faces, 0) + geometry.first_face[item])
-    there = mask & (rows >= centres)
-    rows = select(there, rows, centres)
-    return there, rows, gather(geometry.first_edge, rows - centres), gather(geometry.first_edge, rows - centres + 1)
+    polygons = gather(geometry.polygons, select(mask, faces, 0) + geometry.first_face[item])
+    there = mask & (polygons >= centres)
+    polygons = select(there, polygons, centres)
+    return (
+        there,
+        polygons,
+        gather(geometry.first_edge, polygons - centres),
+        gather(geometry.first_edge, polygons - centres + 1),
+    )
 
 
 @inline
 def write_polygons(packet, geometry, item, mask, hits, view, style, face_normal):
     """Write what shading takes of whole polygons, after `write_hits`, whose result is `face_normal`."""
-    mask, rows, edge, end = polygons_hit(geometry, item, mask, hits.faces)
-    newell = vertex_normal(geometry, item, rows)
+    mask, polygons, edge, end = polygons_hit(geometry, item, mask, hits.faces)
+    newell = vertex_normal(geometry, item, polygons)
     side = select(dot(newell, face_normal) >= 0.0, 1.0, -1.0)
     if style.shading in (CONSTANT, FLAT):
-        centre = corner(geometry, item, rows)
+        centre = corner(geometry, item, polygons)
         store3(packet, layout.POINT, mask, centre)
         store3(packet, layout.VIEW, mask, towards_viewer(view, centre))
         store3(packet, layout.NORMAL, mask, scale(side, newell))
@@ -322,9 +327,9 @@ def polygon_light(packet, scene, item, mask, hits, first_row):
     geometry = scene.geometry
     lit = scene.lit_vertices
     width = lit.shape[1]
-    there, rows, edge, end = polygons_hit(geometry, item, mask, hits.faces)
+    there, polygons, edge, end = polygons_hit(geometry, item, mask, hits.faces)
     point = load3(packet, layout.POINT)
-    newell = vertex_normal(geometry, item, rows)
+    newell = vertex_normal(geometry, item, polygons)
     for column in range(width):
         store1(packet, lighting_column(column), there, 0.0)
     total = 0.0 * point[0]

@@ -85,8 +85,8 @@ def composite(scratch, packets, layers):
                 scratch.active_rays[active // WIDE, active % WIDE] = ray
                 active += 1
     remaining = -(-active // WIDE)
-    for place in range(active, remaining * WIDE):
-        scratch.active_rays[place // WIDE, place % WIDE] = -1
+    for slot in range(active, remaining * WIDE):
+        scratch.active_rays[slot // WIDE, slot % WIDE] = -1
     return remaining
 
 
@@ -115,13 +115,13 @@ def composite_ray(scratch, e, lane, kept, ray, layers):
 
 
 @kernel
-def mark_seen(geometry, view, columns, rows, rays, valid, seen, whole):
+def mark_seen(geometry, view, columns, pixel_rows, rays, valid, seen, whole):
     """Set `seen`, bool (w,), for the vertices of all faces that a sample of some pixels meets.
 
-    Args: columns, rows: of the pixels, (first, end). whole: also for all vertices of the faces' polygons.
+    Args: columns, pixel_rows: of the pixels, (first, end). whole: also for all vertices of the faces' polygons.
     """
     left, right = columns
-    for y in range(rows[0], rows[1]):
+    for y in range(pixel_rows[0], pixel_rows[1]):
         for x in range(left, right, WIDE):
             pixels = lane_numbers() + x
             for sample in range(max(1, view.offsets.shape[2])):

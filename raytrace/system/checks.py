@@ -80,8 +80,8 @@ def _control_groups(root: Path) -> Iterator[int]:
             limit_name, used_name = "memory.limit_in_bytes", "memory.usage_in_bytes"
         else:
             continue
-        own = mount / path.lstrip("/")
-        for folder in (own, *own.parents):
+        own_group = mount / path.lstrip("/")
+        for folder in (own_group, *own_group.parents):
             with suppress(OSError, ValueError):
                 limit = int((folder / limit_name).read_text())  # v2 has the word max where there is none
                 if limit < _NO_LIMIT:

@@ -105,7 +105,12 @@ def _required(declared: FieldInfo) -> FieldInfo:
 def _expected(fault: ErrorDetails, declared: FieldInfo) -> str:
     """The expected value, in a few words."""
     names = ("ge", "gt", "le", "lt")
-    bounds = {name: getattr(each, name) for each in declared.metadata for name in names if hasattr(each, name)}
+    bounds = {
+        name: getattr(constraint, name)
+        for constraint in declared.metadata
+        for name in names
+        if hasattr(constraint, name)
+    }
     if declared.annotation is int and {"ge", "le"} <= set(bounds):
         return f"a whole number from {bounds['ge']} to {bounds['le']}"
     if declared.annotation is float and fault["type"] in _BOUNDS and len(bounds) == 2:

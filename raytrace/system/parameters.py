@@ -146,8 +146,8 @@ def _option_error(error: ValidationError, kind: _Refusing, values: dict[str, Any
     if description and name in values:
         got = repr(values[name]) if isinstance(values[name], str) else values[name]
         return OptionError(name, str(cause or description), got, kind.source_name)
-    found = first_fault(error, kind)
-    return OptionError(found.path, found.expected, found.got, kind.source_name, found.nearest)
+    reason = first_fault(error, kind)
+    return OptionError(reason.path, reason.expected, reason.got, kind.source_name, reason.nearest)
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True)

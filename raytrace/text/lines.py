@@ -116,10 +116,10 @@ def _keyword(text, i):
     """The kind of the line that begins at i, and where its words begin."""
     while _byte(text, i) == 32 or _byte(text, i) == 9:
         i += 1
-    first = _byte(text, i)
-    if first == 35 or _is_end(first):
+    letter = _byte(text, i)
+    if letter == 35 or _is_end(letter):
         return NOTHING, i
-    kind = F if first == 102 else V if first == 118 else REST
+    kind = F if letter == 102 else V if letter == 118 else REST
     if kind == V and (_byte(text, i + 1) == 116 or _byte(text, i + 1) == 110):
         i += 1
         kind = VT if _byte(text, i) == 116 else VN

@@ -23,7 +23,7 @@ from .run import Outcome, journal_of, run_in_batch, silence_tolerance_warnings
 if TYPE_CHECKING:
     from ao.cluster.session import ClusterSession
     from ao.execute.checkpoint import Checkpoint
-    from ao.execute.work import Tables
+    from ao.execute.work import Outputs
 
 _BYTES = 50  # of a file, a vertex
 
@@ -92,10 +92,10 @@ class WholeBakes:
     def __getitem__(self, rows: slice) -> WholeBakes:
         return replace(self, numbers=self.numbers[rows])
 
-    def tables(self) -> Tables:
+    def tables(self) -> Outputs:
         return (np.empty(len(self), object),)
 
-    def writer(self, scene: SharedPlans, tables: Tables) -> Callable[[int, int], None]:
+    def writer(self, scene: SharedPlans, tables: Outputs) -> Callable[[int, int], None]:
         (outcomes,) = tables
 
         def write(first: int, last: int) -> None:

@@ -49,7 +49,7 @@ class SceneDescription:
 
     def file_vertices(self) -> tuple[Int64s, int]:
         """For each vertex of the scene the one of the mesh files, all after one another, and how many these have."""
-        places = []
+        file_rows = []
         start = 0
         total = 0
         for number, item in enumerate(self.scene.objects):
@@ -59,8 +59,8 @@ class SceneDescription:
             if size:
                 start = total
                 total += size
-            places.append(start + (origin.of if origin else np.arange(count)))
-        return np.concatenate(places), total
+            file_rows.append(start + (origin.of if origin else np.arange(count)))
+        return np.concatenate(file_rows), total
 
 
 Vector = tuple[float, float, float]

@@ -37,9 +37,9 @@ def read_scene(
     ending = path.suffix.lower()
     settings = Settings(*size) if size else Settings()
     if ending == ".toml":
-        for name, given, own in (("--up", up, "up"), ("--view", view, "direction")):
+        for name, given, key in (("--up", up, "up"), ("--view", view, "direction")):
             if given is not None:
-                raise OptionError(name, f"a mesh file; a scene has camera.{own}", path)
+                raise OptionError(name, f"a mesh file; a scene has camera.{key}", path)
         return read_toml(path, size)
     if "scene" in format_of(path).holds:
         from .gltf_scene import read_gltf

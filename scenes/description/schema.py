@@ -37,10 +37,10 @@ def _wrap(value: Any) -> Any:
         raise ValueError(error.expected) from None
 
 
-def _affine(rows: list[list[float]]) -> list[list[float]]:
-    if [len(row) for row in rows] != [4] * 4 or rows[3] != [0, 0, 0, 1]:
+def _affine(matrix_rows: list[list[float]]) -> list[list[float]]:
+    if [len(row) for row in matrix_rows] != [4] * 4 or matrix_rows[3] != [0, 0, 0, 1]:
         raise ValueError("four rows of four numbers, the last 0, 0, 0, 1")
-    return rows
+    return matrix_rows
 
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e100, le=1e100)]

@@ -40,8 +40,8 @@ def read_mesh(path: Path, textured: bool) -> tuple[TexturedMesh, list[str]]:
     if np.isnan(uv.values[uv.of]).any():
         return TexturedMesh(mesh, colours=colours), notes
     split_by = [values for values in (uv, attributes.normals) if values]
-    places = attributes.triangles.take(np.arange(len(attributes.corners)))
-    vertices, faces, like = split_corners(attributes.corners, places, split_by, len(mesh.vertices))
+    corner_numbers = attributes.triangles.take(np.arange(len(attributes.corners)))
+    vertices, faces, like = split_corners(attributes.corners, corner_numbers, split_by, len(mesh.vertices))
     normals = None if mesh.normals is None else mesh.normals[vertices]
     if attributes.normals:
         normals = attributes.normals.values[attributes.normals.of[like]]

@@ -27,16 +27,16 @@ MAX_OBJECTS = 100_000  # 10 s for a picture
 def named_materials(tables: Sequence[dict[str, Any]], source: object) -> dict[str, Material]:
     """Materials by name: the presets, then `[[materials]]`. Raises: SceneError."""
     materials = {name: material_from_dict({"preset": name}) for name in PRESETS}
-    own: set[str] = set()
+    names: set[str] = set()
     for number, table in enumerate(tables):
         path = f"materials[{number}]"
         name = table.get("name")
         if not isinstance(name, str) or not name or not name.isprintable():
             got = shown(name) if "name" in table else "nothing"
             raise SceneError(source, f"{path}.name", "a name on one line", got)
-        if name in own:
+        if name in names:
             raise SceneError(source, f"{path}.name", "a name of its own", f"{shown(name)} again")
-        own.add(name)
+        names.add(name)
         with located(source, path):
             materials[name] = material_from_dict({key: value for key, value in table.items() if key != "name"})
     return materials
@@ -66,13 +66,13 @@ class ObjectReader:
         repeated = joined(path, "mesh" if table.mesh else "fineness") if table.copies is None else f"{path}.copies"
         pieces = self._pieces(table, path, repeated)
         self._check_copies(pieces, table, repeated)
-        own = table.affine(self._source, path)
+        own_matrix = table.affine(self._source, path)
         affine = [copy.affine(self._source, f"{path}.copies[{n}]") for n, copy in enumerate(table.copies or ())]
-        places = [(f" {number}", matrix @ own) for number, matrix in enumerate(affine)] or [("", own)]
+        copies = [(f" {number}", matrix @ own_matrix) for number, matrix in enumerate(affine)] or [("", own_matrix)]
         with located(self._source, path):
             return [
                 replace(piece, transform=matrix @ piece.transform, name=piece.name + suffix)
-                for suffix, matrix in places
+                for suffix, matrix in copies
                 for piece in pieces
             ]
 
@@ -83,10 +83,10 @@ class ObjectReader:
         if self._objects > MAX_OBJECTS:
             expected = f"at most {MAX_OBJECTS:,} objects with all copies"
             raise SceneError(self._source, field, expected, f"{self._objects:,}")
-        rows = {id(item.shape.mesh): len(item.shape.mesh.vertices) + len(item.shape.mesh.faces) for item in pieces}
+        sizes = {id(item.shape.mesh): len(item.shape.mesh.vertices) + len(item.shape.mesh.faces) for item in pieces}
         if table.mesh is not None:
-            self._stored |= rows
-        self._placed += copies * sum(rows[id(item.shape.mesh)] for item in pieces)
+            self._stored |= sizes
+        self._placed += copies * sum(sizes[id(item.shape.mesh)] for item in pieces)
         check_copies(self._placed, sum(self._stored.values()), self._source, SceneError, field)
 
     def _pieces(self, table: ObjectTable, path: str, repeated: str) -> list[Object]:

@@ -78,9 +78,9 @@ def _load(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as reason:
-        message, _, place = str(reason).removesuffix(")").rpartition(" (at ")
+        message, _, where = str(reason).removesuffix(")").rpartition(" (at ")
         got = "a mistake: " + " ".join(re.sub(r"^[A-Z]", lambda m: m[0].lower(), message).split())
-        raise SceneError(path, place, "valid TOML", got) from None
+        raise SceneError(path, where, "valid TOML", got) from None
     except ValueError as reason:
         raise SceneError(path, "content", "valid TOML", f"a mistake: {shown(reason)}") from None
     except RecursionError:

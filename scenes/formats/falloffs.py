@@ -72,12 +72,12 @@ def make_scales(half_distance: Length, power: float | str | None = None) -> Scal
     for length in lengths:
         ao.Exponential(half_distance=length)
     try:
-        powers = [1.0] * len(lengths) if power is None else [float(each) for each in str(power).split(",")]
+        powers = [1.0] * len(lengths) if power is None else [float(text) for text in str(power).split(",")]
     except ValueError:
         powers = []
-    if len(powers) != len(lengths) or not all(0 < each < math.inf for each in powers):
-        each = "one for each half-distance: " if len(lengths) > 1 else ""
-        raise OptionError("power", f"{each}a number above 0, such as 1 or 0.5", repr(power))
+    if len(powers) != len(lengths) or not all(0 < value < math.inf for value in powers):
+        one_for_each = "one for each half-distance: " if len(lengths) > 1 else ""
+        raise OptionError("power", f"{one_for_each}a number above 0, such as 1 or 0.5", repr(power))
     return Scales(tuple(lengths), tuple(powers))
 
 
@@ -114,7 +114,7 @@ def _array(path: Path) -> tuple[Any, Any]:
 
 
 def _text(path: Path) -> tuple[list[str], list[float]]:
-    rows: list[tuple[str, float]] = []
+    knots: list[tuple[str, float]] = []
     for number, line in enumerate(path.read_text("utf-8-sig").splitlines(), 1):
         cells = re.split(r"\s*[,;]\s*|\s+", line.partition("#")[0].strip())
         if cells == [""]:
@@ -122,8 +122,8 @@ def _text(path: Path) -> tuple[list[str], list[float]]:
         try:
             distance, value = cells
             float(distance.removesuffix("%"))
-            rows.append((distance, float(value)))
+            knots.append((distance, float(value)))
         except ValueError:
-            if rows or len(cells) != 2 or any(character.isdigit() for character in line):
+            if knots or len(cells) != 2 or any(character.isdigit() for character in line):
                 raise InputError(path, f"line {number}", "a distance and a value", repr(line)) from None
-    return [distance for distance, _ in rows], [value for _, value in rows]
+    return [distance for distance, _ in knots], [value for _, value in knots]

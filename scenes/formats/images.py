@@ -44,18 +44,18 @@ def check_texture_target(option: str, path: Path, half: bool = False) -> None:
 
 def udim_tiles(uv: Float64s, source: object) -> list[tuple[int, int]]:
     """The UDIM tiles (column, row) that coordinates (m, 3, 2) reach into. Raises: OptionError: no number, or many."""
-    first, last = tile_ranges(uv)
-    corners = np.concatenate([first, last - 1])
+    low, high = tile_ranges(uv)
+    corners = np.concatenate([low, high - 1])
     least = corners.min(axis=0)
     most = corners.max(axis=0)
     expected = f"texture coordinates of UDIM tiles: u from 0 to {_ACROSS}, v from 0 to {_MOST_TILES}"
     if least.min() < 0 or most[0] >= _ACROSS or most[1] >= _MOST_TILES:
         raise OptionError("output", expected, f"tiles {least.tolist()} to {most.tolist()}", source)
-    rectangles = zip(first.tolist(), last.tolist(), strict=True)
-    found = {tile for (u, v), (u_end, v_end) in rectangles for tile in product(range(u, u_end), range(v, v_end))}
-    if len(found) > _MOST_TILES:
-        raise OptionError("output", f"at most {_MOST_TILES} UDIM tiles", len(found), source)
-    return sorted(found, key=lambda tile: tile[::-1])
+    rectangles = zip(low.tolist(), high.tolist(), strict=True)
+    tiles = {tile for (u, v), (u_end, v_end) in rectangles for tile in product(range(u, u_end), range(v, v_end))}
+    if len(tiles) > _MOST_TILES:
+        raise OptionError("output", f"at most {_MOST_TILES} UDIM tiles", len(tiles), source)
+    return sorted(tiles, key=lambda tile: tile[::-1])
 
 
 def tile_number(tile: tuple[int, int]) -> str:

@@ -63,8 +63,8 @@ class MeshFile(NamedTuple):
     @property
     def files(self) -> tuple[Path, ...]:
         """Every file that was read, or will be when the mesh is written."""
-        own = self.gltf.files if self.gltf else (self.path,)
-        return own + (self.attributes.files if self.attributes else ())
+        named = self.gltf.files if self.gltf else (self.path,)
+        return named + (self.attributes.files if self.attributes else ())
 
     @property
     def objects(self) -> tuple[str, ...]:
@@ -162,12 +162,12 @@ def load(
 
 def joined_profile(instances: Sequence[Instance]) -> Profile | None:
     """The profile of all objects, None where one has none, or another's half-distances."""
-    found = [instance.profile for instance in instances if instance.profile]
-    if len(found) < len(instances):
+    profiles = [instance.profile for instance in instances if instance.profile]
+    if len(profiles) < len(instances):
         return None
     from ao import Profile
 
-    return Profile.joined(found)
+    return Profile.joined(profiles)
 
 
 def read_objects(

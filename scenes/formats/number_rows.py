@@ -34,8 +34,8 @@ def round_left(data: bytes, values: Float64s) -> None:
     odd = np.flatnonzero(np.isnan(values))
     for start in range(0, len(odd), _ODD):
         some = odd[start : start + _ODD]
-        places = (values.view(np.int64)[some] & _PLACE).tolist()
-        values[some] = np.fromstring(b" ".join(next(_WORD.finditer(data, at))[0] for at in places), sep=" ")
+        offsets = (values.view(np.int64)[some] & _PLACE).tolist()
+        values[some] = np.fromstring(b" ".join(next(_WORD.finditer(data, at))[0] for at in offsets), sep=" ")
 
 
 class NumberRows(NamedTuple):
@@ -47,6 +47,7 @@ class NumberRows(NamedTuple):
 
     @classmethod
     def of(cls, data: bytes, begin: int = 0) -> NumberRows:
+        """The lines of `data` from byte `begin` on."""
         data, text, blocks = line_blocks(data, begin)
         numbers = [np.empty(0)] * len(blocks)
         counts = [np.zeros(1, np.int64)] * (1 + len(blocks))
@@ -54,10 +55,10 @@ class NumberRows(NamedTuple):
         def work(block: int, _: int) -> None:
             first, end = blocks[block]
             most = (end - first) // 2 + 1
-            found = np.empty(most)
+            words = np.empty(most)
             by_row = np.empty(most, np.int64)
-            by_row = by_row[: read_rows(text, first, end, found, by_row)].copy()
-            numbers[block] = found[: by_row.sum()].copy()
+            by_row = by_row[: read_rows(text, first, end, words, by_row)].copy()
+            numbers[block] = words[: by_row.sum()].copy()
             counts[1 + block] = by_row
 
         run_blocks(len(blocks), 1, work, thread_count(None))
@@ -69,13 +70,13 @@ class NumberRows(NamedTuple):
 
     def starting_with(self, word: bytes) -> Int64s:
         """The rows whose first word is this one, in letters of either case."""
-        rows = np.flatnonzero(np.isnan(self.numbers[self.bounds[:-1]]))
+        candidates = np.flatnonzero(np.isnan(self.numbers[self.bounds[:-1]]))
         text = np.frombuffer(self.data, np.uint8)
         for offset, letter in enumerate(word):
-            places = self.words(self.bounds[rows]) + offset
-            rows = rows[text[np.minimum(places, len(text) - 1)] | 32 == letter]
-        after = text[self.words(self.bounds[rows]) + len(word)]
-        return np.asarray(rows[(after <= 32) | (after == 35)])
+            letters_at = self.words(self.bounds[candidates]) + offset
+            candidates = candidates[text[np.minimum(letters_at, len(text) - 1)] | 32 == letter]
+        after = text[self.words(self.bounds[candidates]) + len(word)]
+        return np.asarray(candidates[(after <= 32) | (after == 35)])
 
     def take(self, at: Int64s, ends: Int64s, sizes: int | Int64s, fault: Exception) -> Float64s:
         """So many numbers of each of some rows, which have `ends`, from places `at` on, one after the other.
@@ -90,8 +91,8 @@ class NumberRows(NamedTuple):
             shape = len(at), int(counts[0])
             values = np.lib.stride_tricks.as_strided(self.numbers[at[0] :], shape, (8 * stride, 8)).ravel()
         else:
-            first = np.repeat(at - np.cumsum(counts) + counts, counts)
-            values = self.numbers[first + np.arange(len(first))]
+            indices = np.repeat(at - np.cumsum(counts) + counts, counts)
+            values = self.numbers[indices + np.arange(len(indices))]
         round_left(self.data, values)
         return values
 

@@ -71,14 +71,16 @@ class ObjectSelection(NamedTuple):
         mesh = self.mesh
         group = np.zeros(len(self.receive), np.int64) if self.group is None else self.group
         order = np.argsort(group, kind="stable")
-        for rows in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
-            if self.receive[rows].any():
-                vertices, corners = np.unique(mesh.faces[rows], return_inverse=True)
+        for face_rows in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
+            if self.receive[face_rows].any():
+                vertices, corners = np.unique(mesh.faces[face_rows], return_inverse=True)
                 normals = None if mesh.normals is None else mesh.normals[vertices]
-                own = corners.reshape(-1, 3)
-                opacity = mesh.opacity and mesh.opacity.only(rows)
-                made = Mesh(mesh.vertices[vertices], own, normals, source=mesh.source, up=mesh.up, opacity=opacity)
-                polygons = None if mesh.polygons is None else mesh.polygons[rows]
+                triangles = corners.reshape(-1, 3)
+                opacity = mesh.opacity and mesh.opacity.only(face_rows)
+                made = Mesh(
+                    mesh.vertices[vertices], triangles, normals, source=mesh.source, up=mesh.up, opacity=opacity
+                )
+                polygons = None if mesh.polygons is None else mesh.polygons[face_rows]
                 yield vertices, replace(made, polygons=polygons)
 
 
@@ -99,8 +101,8 @@ def select_objects(
 
     Raises: OptionError: a pattern matches no object, or nothing is left to bake.
     """
-    for name, each in (("receive", receive), ("cast", cast), ("exclude", exclude)):
-        check_type(each, (list, tuple), "options", name, "a list of names or patterns")
+    for name, patterns in (("receive", receive), ("cast", cast), ("exclude", exclude)):
+        check_type(patterns, (list, tuple), "options", name, "a list of names or patterns")
     if by not in ("all", "object", "name"):
         raise OptionError("by", "all, object or name", repr(by))
     mesh = source.mesh
@@ -136,14 +138,14 @@ def match(low: MeshFile, high: Sequence[MeshFile]) -> tuple[Int64s, Int64s]:
     Raises: OptionError: an object of `low` has no fine one.
     """
     numbers: dict[str, int] = {}
-    found = []
-    for file, suffix in ((low, "_low"), *((each, "_high") for each in high)):
+    object_numbers = []
+    for file, suffix in ((low, "_low"), *((high_file, "_high") for high_file in high)):
         of = np.full(len(file.mesh.vertices), -1)
         for piece in primitive_groups(file):
             of[file.mesh.faces[piece.faces]] = numbers.setdefault(piece.object.name.partition(suffix)[0], len(numbers))
-        found.append(of)
-    of_low = found[0]
-    of_high = np.concatenate(found[1:])
+        object_numbers.append(of)
+    of_low = object_numbers[0]
+    of_high = np.concatenate(object_numbers[1:])
     lacking = np.setdiff1d(of_low[of_low >= 0], of_high)
     if len(lacking):
         names = ", ".join([f"{name}_high" for name, number in numbers.items() if number in lacking][:_LISTED])
@@ -153,7 +155,7 @@ def match(low: MeshFile, high: Sequence[MeshFile]) -> tuple[Int64s, Int64s]:
 
 def _named(source: MeshFile, option: str, patterns: Sequence[str], lenient: bool = False) -> Bools:
     """The faces (m,) of objects that match any of the patterns."""
-    found = np.zeros(len(source.mesh.faces), np.bool_)
+    is_named = np.zeros(len(source.mesh.faces), np.bool_)
     objects = [(piece.object.name, piece.faces) for piece in primitive_groups(source)]
     for pattern in patterns:
         wanted = pattern.removeprefix("!")
@@ -165,5 +167,5 @@ def _named(source: MeshFile, option: str, patterns: Sequence[str], lenient: bool
             raise OptionError(option, expected, repr(pattern), source.path, nearest_name(wanted, names))
         for name, faces in objects:
             if (name in matches) != (wanted != pattern):
-                found[faces] = True
-    return found
+                is_named[faces] = True
+    return is_named

@@ -73,33 +73,33 @@ def find_profile(path: Path) -> Profile | None:
     from ao import Profile
 
     ending = path.suffix.lower()
-    found = None
+    profile = None
     if ending == ".npz":
         with _array_errors(path), path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             if set(arrays) >= _ARRAYS:
-                found = Profile.stored(arrays["half_distances"], arrays["profile"], arrays["radius"][()])
+                profile = Profile.stored(arrays["half_distances"], arrays["profile"], arrays["radius"][()])
     elif ending == ".exr":
         layers, known = read_image(path)
         if PROFILE in layers:
-            found = Profile.stored(known.get("half_distances", "").split(), layers[PROFILE], known.get("radius"))
+            profile = Profile.stored(known.get("half_distances", "").split(), layers[PROFILE], known.get("radius"))
     elif format_of(path).read:
-        found = joined_profile(read_objects(path)[0])
-    return found
+        profile = joined_profile(read_objects(path)[0])
+    return profile
 
 
-def checked_profile(path: Path, found: Profile | None) -> Profile:
+def checked_profile(path: Path, profile: Profile | None) -> Profile:
     """What was found in a file. Raises: SceneError: nothing."""
-    if found is None:
+    if profile is None:
         raise SceneError(path, "profile", "w at several half-distances, as obscurance bake --profile writes it", "none")
-    return found
+    return profile
 
 
 def _of_mesh(path: Path, counts: tuple[int, ...], scales: Scales | None) -> Float64s:
     instances, asset = read_objects(path)
     if scales:
         instances = [each._replace(w=scales.of(checked_profile(path, each.profile))) for each in instances]
-    found = [each.w for each in instances] if asset is None else _of_gltf(instances, asset)
-    stored = [(each, w) for each, w in zip(instances, found, strict=True) if w is not None]
+    columns = [each.w for each in instances] if asset is None else _of_gltf(instances, asset)
+    stored = [(each, w) for each, w in zip(instances, columns, strict=True) if w is not None]
     if not stored or len(stored) < len(instances):
         raise SceneError(path, "w", "obscurance at every vertex, as obscurance bake writes it", "none")
     total = sum(len(w) for _, w in stored)
@@ -139,15 +139,15 @@ def _of_gltf(instances: Sequence[Instance], asset: Gltf) -> list[AnyFloats | Non
 
     with mesh_errors(asset.path):
         textures = Textures(asset)
-        found = []
-        for drawn, each in zip(asset.drawn, instances, strict=True):
-            found.append(each.w)
-            if each.w is None and (used := textures.of_occlusion(drawn.primitive)):
+        columns = []
+        for drawn, instance in zip(asset.drawn, instances, strict=True):
+            columns.append(instance.w)
+            if instance.w is None and (used := textures.of_occlusion(drawn.primitive)):
                 uv, texture, strength = used
                 linear = np.empty((len(uv), 3))
                 sample_points(pack_textures([texture]), 0, uv, linear)
-                found[-1] = 1.0 + strength * (linear[:, 0] - 1.0)  # glTF 2.0, section 5.21
-    return found
+                columns[-1] = 1.0 + strength * (linear[:, 0] - 1.0)  # glTF 2.0, section 5.21
+    return columns
 
 
 def read_beside_w(path: Path, count: int) -> dict[str, Any]:

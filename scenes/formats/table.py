@@ -80,8 +80,8 @@ def format_of(path: str | os.PathLike[str]) -> FileFormat:
 
 def endings(column: str, word: str = "") -> tuple[str, ...]:
     """The endings of formats that have something in a field, or among what they hold this word."""
-    rows = formats().values()
-    return tuple(row.ending for row in rows if (word in row.holds if word else getattr(row, column)))
+    known = formats().values()
+    return tuple(row.ending for row in known if (word in row.holds if word else getattr(row, column)))
 
 
 def is_raster(path: str | os.PathLike[str]) -> bool:

@@ -152,8 +152,8 @@ def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file:
     from .gltf.textured import textured_glb
     from .images import is_texture, write_grey
 
-    textures = [each for each in baked if isinstance(each, BakedTexture)]
-    vertices = [each.w for each in baked if not isinstance(each, BakedTexture)]
+    textures = [bake for bake in baked if isinstance(bake, BakedTexture)]
+    vertices = [bake.w for bake in baked if not isinstance(bake, BakedTexture)]
     for texture in textures:
         if len(texture.uv) != len(mesh_file.mesh.faces):
             expected = f"a texture of the {len(mesh_file.mesh.faces):,} faces of {mesh_file.path}"
@@ -216,6 +216,7 @@ def npy(bake: VertexValues, *_: object) -> memoryview:
 
 
 def npz(bake: VertexValues, *_: object) -> memoryview:
+    """w, error and bent normals as float32, flags as uint8, as far as they are known; the profile as it is kept."""
     content = io.BytesIO()
     kinds = {"w": "<f4", "error": "<f4", "bent_normals": "<f4", "flags": "u1"}
     arrays = {name: getattr(bake, name).astype(kind) for name, kind in kinds.items() if getattr(bake, name) is not None}

@@ -55,7 +55,7 @@ def is_opacity_map(path: Path, colour: Path | None) -> bool:
     from raytrace.image.texture import Texture, texture_codes
 
     try:
-        channels = [texture_codes(Texture(each)).shape[2] for each in {path, colour} if each]
+        channels = [texture_codes(Texture(image)).shape[2] for image in {path, colour} if image]
     except MemoryLimitError:
         raise
     except InputError:
@@ -124,8 +124,8 @@ class SourceAttributes(NamedTuple):
         are none."""
         if self.uv is None:
             return None
-        found = self.uv.values[self.triangles.take(self.uv.of)]
-        return np.where(np.isnan(found).any(axis=(1, 2), keepdims=True), np.nan, found)
+        uv = self.uv.values[self.triangles.take(self.uv.of)]
+        return np.where(np.isnan(uv).any(axis=(1, 2), keepdims=True), np.nan, uv)
 
 
 def reversed_attributes(attributes: SourceAttributes) -> SourceAttributes:

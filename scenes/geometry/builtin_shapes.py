@@ -66,10 +66,10 @@ def _squares(solid: Bools, side: int, cuts: int) -> Int64s:
     """Lattice corners (k, 4, 3), counter-clockwise from outside, of the open faces of `solid` along ±its first axis."""
     beyond = np.pad(solid, ((1, 1), (0, 0), (0, 0)))[1 + side :][: len(solid)]
     cells = np.argwhere(solid & ~beyond)
-    first = (cells + np.array([int(side > 0), 0, 0])) * cuts
+    origin = (cells + np.array([int(side > 0), 0, 0])) * cuts
     parts = np.stack([np.zeros(cuts * cuts, np.int64), *np.indices((cuts, cuts)).reshape(2, -1)], axis=-1)
     turn = np.array([[0, 0, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1]])[::side]
-    return np.reshape(first[:, None, None] + parts[None, :, None] + turn, (-1, 4, 3))
+    return np.reshape(origin[:, None, None] + parts[None, :, None] + turn, (-1, 4, 3))
 
 
 def temple(fineness: float = 0.07) -> Mesh:

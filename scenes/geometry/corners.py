@@ -45,16 +45,16 @@ def split_corners(
         each of the new vertices (k,).
     """
     flat = places.ravel()
-    first, inverse = unique_rows([corners[flat], *(values.of[flat] for values in several)])
-    vertices = corners[flat[first]]
+    example, inverse = unique_rows([corners[flat], *(values.of[flat] for values in several)])
+    vertices = corners[flat[example]]
     if not keep:
-        return vertices, inverse.reshape(-1, 3), flat[first]
+        return vertices, inverse.reshape(-1, 3), flat[example]
     repeated = np.concatenate([[False], vertices[1:] == vertices[:-1]])
     slots = np.where(repeated, keep + np.cumsum(repeated) - 1, vertices)
     whole = np.arange(keep + int(repeated.sum()))
     like = np.full(keep + int(repeated.sum()), flat[0])
     whole[slots] = vertices
-    like[slots] = flat[first]
+    like[slots] = flat[example]
     return whole, slots[inverse].reshape(-1, 3), like
 
 
@@ -65,6 +65,6 @@ def split_creases(mesh: Mesh, more: Sequence[PerCorner] = ()) -> tuple[Int64s, I
     """
     normals = PerCorner(*creased_normals(mesh))
     normals = normals._replace(of=normals.of.ravel())
-    places = np.arange(normals.of.size).reshape(-1, 3)
-    vertices, faces, like = split_corners(mesh.faces.ravel(), places, [normals, *more], len(mesh.vertices))
+    corners = np.arange(normals.of.size).reshape(-1, 3)
+    vertices, faces, like = split_corners(mesh.faces.ravel(), corners, [normals, *more], len(mesh.vertices))
     return vertices, faces, normals.values[normals.of[like]], like

@@ -85,8 +85,8 @@ def triangulate(
         own_lengths = lengths[polygons]
         ends = np.cumsum(own_lengths)
         begins = ends - own_lengths
-        rows = np.repeat(starts[polygons] - begins, own_lengths) + np.arange(ends[-1])
-        points = vertices[corners[rows]].astype(np.float64)
+        flat_corners = np.repeat(starts[polygons] - begins, own_lengths) + np.arange(ends[-1])
+        points = vertices[corners[flat_corners]].astype(np.float64)
         seen = _view(points, own_lengths)
         # Four corners that no fan about the first fills: one about the second, which is the other diagonal.
         four = np.flatnonzero(~seen.fills & (own_lengths == 4))
@@ -115,15 +115,15 @@ def _places(starts: Int64s, counts: Int64s, clipped: dict[int, Int64s], other_di
     """
     begins = np.cumsum(counts) - counts
     step = np.arange(counts.sum()) - np.repeat(begins, counts)
-    first = np.repeat(starts, counts)
-    places = np.stack([first, first + step + 1, first + step + 2], axis=1)
+    first_corners = np.repeat(starts, counts)
+    triangles = np.stack([first_corners, first_corners + step + 1, first_corners + step + 2], axis=1)
     for polygon, local in clipped.items():
-        places[begins[polygon] : begins[polygon] + len(local)] = starts[polygon] + local
+        triangles[begins[polygon] : begins[polygon] + len(local)] = starts[polygon] + local
     if other_diagonal:
         quadrilaterals = np.concatenate(other_diagonal)
         for row, turned in enumerate(([1, 2, 3], [1, 3, 0])):
-            places[begins[quadrilaterals] + row] = starts[quadrilaterals][:, None] + turned
-    return places
+            triangles[begins[quadrilaterals] + row] = starts[quadrilaterals][:, None] + turned
+    return triangles
 
 
 def _clip(offsets: Float64s, normal: Float64s, area: float) -> tuple[Int64s, bool]:
@@ -138,8 +138,8 @@ def _clip(offsets: Float64s, normal: Float64s, area: float) -> tuple[Int64s, boo
     if not len(local):
         fan = np.arange(1, len(flat) - 1)
         return np.stack([0 * fan, fan, fan + 1], axis=1), False
-    first = flat[local[:, 0]]
-    edges = np.stack([flat[local[:, 1]] - first, flat[local[:, 2]] - first], axis=1)
+    first_corners = flat[local[:, 0]]
+    edges = np.stack([flat[local[:, 1]] - first_corners, flat[local[:, 2]] - first_corners], axis=1)
     covered = float(np.abs(np.linalg.det(edges)).sum())
     return local, abs(covered - area) <= _OVERLAP * covered
 
@@ -149,14 +149,14 @@ def _with_all_corners(triangles: list[list[int]], count: int) -> Int64s:
     the polygon is seen from: each divides the triangle at the edge that it lies on. None if there is no such edge."""
     used = sorted({corner for triangle in triangles for corner in triangle})
     for corner in sorted(set(range(count)).difference(used)):
-        place = bisect(used, corner)
-        ends = {used[place - 1], used[place % len(used)]} if used else set()
+        slot = bisect(used, corner)
+        ends = {used[slot - 1], used[slot % len(used)]} if used else set()
         divided = next((triangle for triangle in triangles if ends.issubset(triangle)), None)
         if divided is None or len(ends) < 2:
             return np.empty((0, 3), np.int64)
         triangles.remove(divided)
-        triangles += [[corner if each == end else each for each in divided] for end in ends]
-        used.insert(place, corner)
+        triangles += [[corner if corner_there == end else corner_there for corner_there in divided] for end in ends]
+        used.insert(slot, corner)
     return np.array(triangles, np.int64).reshape(-1, 3)
 
 
@@ -175,8 +175,8 @@ def _view(points: Float64s, sizes: Int64s) -> _Views:
     balanced = (areas <= 1e-12 * gross) & (gross > 0)
     if balanced.any():  # seen along the normal of the largest triangle
         peaks = np.flatnonzero(balanced[of] & (size == np.maximum.reduceat(size, begins)[of]))
-        polygons, first = np.unique(of[peaks], return_index=True)
-        normals[polygons] = cross[peaks[first]]
+        polygons, peak = np.unique(of[peaks], return_index=True)
+        normals[polygons] = cross[peaks[peak]]
     length = np.linalg.norm(normals, axis=1)
     normals /= np.where(length > 0, length, 1.0)[:, None]
     normal = normals[of]
@@ -199,10 +199,10 @@ def _doubtful(vertices: npt.NDArray[Any], corners: AnyInts, starts: Int64s, size
     doubtful = sizes > 3
     four = np.flatnonzero(sizes == 4)
     for block in np.split(four, range(_BLOCK, len(four), _BLOCK)):
-        first = vertices[corners[starts[block]]].astype(np.float64).T
-        a = vertices[corners[starts[block] + 1]].astype(np.float64).T - first
-        b = vertices[corners[starts[block] + 2]].astype(np.float64).T - first
-        c = vertices[corners[starts[block] + 3]].astype(np.float64).T - first
+        origin = vertices[corners[starts[block]]].astype(np.float64).T
+        a = vertices[corners[starts[block] + 1]].astype(np.float64).T - origin
+        b = vertices[corners[starts[block] + 2]].astype(np.float64).T - origin
+        c = vertices[corners[starts[block] + 3]].astype(np.float64).T - origin
         with np.errstate(over="ignore", invalid="ignore"):  # (a × b) · (b × c)
             facing = (a[1] * b[2] - a[2] * b[1]) * (b[1] * c[2] - b[2] * c[1])
             facing += (a[2] * b[0] - a[0] * b[2]) * (b[2] * c[0] - b[0] * c[2])

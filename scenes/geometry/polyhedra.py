@@ -16,7 +16,9 @@ def join(parts: Iterable[RawMesh]) -> RawMesh:
     """Several (vertices (n, 3), faces (m, 3)) as one, vertices in the order of the parts."""
     vertices, faces = zip(*parts, strict=True)
     starts = np.cumsum([0] + [len(points) for points in vertices[:-1]]).tolist()
-    return np.concatenate(vertices), np.concatenate([own + start for own, start in zip(faces, starts, strict=True)])
+    return np.concatenate(vertices), np.concatenate(
+        [part_faces + start for part_faces, start in zip(faces, starts, strict=True)]
+    )
 
 
 def patches(points: npt.ArrayLike, size: float = 0.1) -> RawMesh:

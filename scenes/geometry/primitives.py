@@ -60,6 +60,7 @@ def plane(corner: npt.ArrayLike, along: npt.ArrayLike, across: npt.ArrayLike, fi
 
 
 def box(centre: npt.ArrayLike, size: npt.ArrayLike, fineness: float) -> TexturedMesh:
+    """An axis-aligned box of `size` (3,) about `centre` (3,), outward normals, triangles with legs up to `fineness`."""
     sides = []
     extent = np.asarray(size, np.float64)
     for axis in range(3):
@@ -78,8 +79,8 @@ def sphere(radius: float, fineness: float) -> TexturedMesh:
         normal = np.concatenate(np.broadcast_arrays(*_ring(s, across), -np.cos(np.pi * t)), axis=-1)
         return radius * normal, normal
 
-    rows = max(int(np.ceil(np.pi * radius / fineness)), 4)
-    return _patch(surface, 2 * rows, rows, "sphere")
+    rings = max(int(np.ceil(np.pi * radius / fineness)), 4)
+    return _patch(surface, 2 * rings, rings, "sphere")
 
 
 def tube(base: npt.ArrayLike, radius: float, height: float, fineness: float) -> TexturedMesh:
@@ -94,6 +95,7 @@ def tube(base: npt.ArrayLike, radius: float, height: float, fineness: float) -> 
 
 
 def cylinder(radius: float, height: float, fineness: float) -> TexturedMesh:
+    """A closed cylinder about the origin along z, outward normals, triangles with legs of at most `fineness`."""
 
     def cap(side: float) -> Callable[[Float64s, Float64s], tuple[Float64s, Float64s]]:
         def surface(s: Float64s, t: Float64s) -> tuple[Float64s, Float64s]:

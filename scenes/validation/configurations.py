@@ -114,7 +114,7 @@ def closed_form(form: Callable[..., float], *arguments: tuple[Any, ...]) -> Clos
 
     def exact(tau: Rate, limit: float) -> list[float]:
         mu = (tau,) if limit == inf else (tau, limit)
-        return [form(*own, *mu) for own in arguments]
+        return [form(*row, *mu) for row in arguments]
 
     return exact
 

@@ -22,6 +22,7 @@ AT_ORIGIN = [(0.0, 0.0, 0.0)]
 
 
 def curved_cases() -> list[ValidationCase]:
+    """Cases whose occluders are disks, spheres and cylinders, with exact w of what inscribes them, or bounds."""
     sphere = icosphere(SUBDIVISIONS)
     return [
         _dome(sphere),
@@ -54,19 +55,19 @@ def _case(
     Args: receivers: rows and normals. bounds: exact w, and w of the smaller shape in `part`.
     """
     points = receivers[0]
-    own = np.full((len(part[0]), 3), np.nan)
-    own[points] = receivers[1]
+    normals = np.full((len(part[0]), 3), np.nan)
+    normals[points] = receivers[1]
     known = missing, LENGTH / 2, bounds[1], certain, options
-    return ValidationCase(name, posed(part, seed, own, source=name), points, bounds[0], falloffs, "file", *known)
+    return ValidationCase(name, posed(part, seed, normals, source=name), points, bounds[0], falloffs, "file", *known)
 
 
 def _above_plane(
     name: str, seed: int, points: Sequence[tuple[float, float, float]], part: RawMesh, *about: Any, **options: Any
 ) -> ValidationCase:
     """`_case` of receivers in the plane z = 0 under `part`, whose own vertices are not baked."""
-    rows = 3 * np.arange(len(points))
+    first_corners = 3 * np.arange(len(points))
     joint = join([patches(points), part])
-    return _case(name, seed, joint, (rows, (0.0, 0.0, 1.0)), *about, **options)
+    return _case(name, seed, joint, (first_corners, (0.0, 0.0, 1.0)), *about, **options)
 
 
 def _dome(sphere: RawMesh) -> ValidationCase:

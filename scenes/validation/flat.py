@@ -22,6 +22,7 @@ TRIANGLE_SEEDS = (0, 1, 2, 3, 6, 7)
 
 
 def flat_cases() -> list[ValidationCase]:
+    """Cases whose occluders are planes and polygons, with exact w."""
     return [
         *_open(),
         _ceiling(),
@@ -51,10 +52,12 @@ def _case(
     Args: exact: None: by Lambert's formula, which else measures what an infinite truth misses.
     """
     mesh = posed(join([patches(points, patch), *map(polygon, occluders)]), seed, source=name)
-    open_parts = 1.0 - np.array([sum(polygon_form_factor(each, p, UP) for each in occluders) for p in points])
+    open_parts = 1.0 - np.array([sum(polygon_form_factor(occluder, p, UP) for occluder in occluders) for p in points])
     missing = float(np.abs(np.subtract(exact(None, inf), open_parts)).max()) if exact and beyond < inf else 0.0
-    rows = 3 * np.arange(len(points))
-    return ValidationCase(name, mesh, rows, exact or (lambda *_: open_parts), falloffs, missing=missing, beyond=beyond)
+    first_corners = 3 * np.arange(len(points))
+    return ValidationCase(
+        name, mesh, first_corners, exact or (lambda *_: open_parts), falloffs, missing=missing, beyond=beyond
+    )
 
 
 def _rectangle(corner: _Point, u: _Point, v: _Point) -> Float64s:
@@ -94,7 +97,7 @@ def _walls(extent: float, falloffs: tuple[Falloff, ...]) -> list[ValidationCase]
     tall = _rectangle((0, -extent, 0), (0, 2 * extent, 0), (0, 0, extent))
     quarter = [_rectangle((0, 0, 0), along, (0, 0, extent)) for along in ((extent, 0, 0), (0, extent, 0))]
     limited = () if extent == FAR else (Binary(1.5), Exponential(tau=0.4, max_distance=1.5), Linear(3.0), Smooth(3.0))
-    rows = [
+    lines = [
         ("infinite wall", [tall], closed_form(analytic.wall, *((x, inf) for x, _, _ in points)), falloffs + limited),
         ("corner of two walls", quarter, closed_form(analytic.corner, *(p[:2] for p in points)), falloffs),
     ]
@@ -102,10 +105,10 @@ def _walls(extent: float, falloffs: tuple[Falloff, ...]) -> list[ValidationCase]
         angle = radians(degrees)
         side = _rectangle((0, -extent, 0), (0, 2 * extent, 0), (extent * cos(angle), 0, extent * sin(angle)))
         exact = closed_form(analytic.groove, *((angle, x) for x, _, _ in points))
-        rows.append((f"V-groove of {degrees}°", [side], exact, falloffs))
+        lines.append((f"V-groove of {degrees}°", [side], exact, falloffs))
     beyond = extent - 2.0
     patch = 0.3 * extent
-    return [_case(points, *row, beyond=beyond, patch=patch, seed=seed) for seed, row in enumerate(rows, 11)]
+    return [_case(points, *row, beyond=beyond, patch=patch, seed=seed) for seed, row in enumerate(lines, 11)]
 
 
 def _trenches() -> list[ValidationCase]:

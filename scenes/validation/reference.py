@@ -65,8 +65,8 @@ def reference(
     w = trace(scene, placement, receivers.points[chosen], mus, rays, threads)
     corners = receivers.corners.only(chosen)
     if len(corners):
-        places = trace(scene, placement, corners.points, mus, rays, threads)
-        w[:, corners.rows] = corners.mean(places.T).T
+        at_corners = trace(scene, placement, corners.points, mus, rays, threads)
+        w[:, corners.rows] = corners.mean(at_corners.T).T
     return Reference(receivers.first_vertex[chosen], w)
 
 
@@ -80,13 +80,13 @@ def trace(
     frames = _turned_frames(points.normals, chance.uniform(0, 2 * np.pi, len(points)))
     w = np.empty((len(mus), len(points)))
 
-    def work(first: int, last: int) -> None:
-        directions = np.matmul(frames[first:last], sets[drawn[first:last]]).transpose(0, 2, 1).reshape(-1, 3)
-        origins = np.repeat(points.origins[first:last], rays, axis=0)
+    def work(start: int, stop: int) -> None:
+        directions = np.matmul(frames[start:stop], sets[drawn[start:stop]]).transpose(0, 2, 1).reshape(-1, 3)
+        origins = np.repeat(points.origins[start:stop], rays, axis=0)
         hits = intersect(scene, origins, directions, placement.diagonal, threads=1)
         distance = hits.distance.astype(np.float64) / placement.scale
         for row, mu in enumerate(mus):
-            w[row, first:last] = mu(distance).reshape(-1, rays).mean(axis=1)
+            w[row, start:stop] = mu(distance).reshape(-1, rays).mean(axis=1)
 
     run_blocks(len(points), max(_BLOCK_RAYS // rays, 1), work, thread_count(threads))
     return w

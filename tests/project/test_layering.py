@@ -15,7 +15,7 @@ ORDER = [
     *("raytrace.shade", "raytrace.renderer"),
     *("ao.mu", "ao.falloff", "ao.profile", "ao.declared", "ao.options", "ao.memory"),
     *("ao.points", "ao.rays", "ao.execute", "ao.estimate", "ao.prepared", "ao.least_squares"),
-    *("ao.result", "ao.surface_method", "ao.fine_mesh", "ao.texture"),
+    *("ao.result", "ao.surface_method", "ao.fine_mesh", "ao.face_values", "ao.texture"),
     *("ao.interpolation_error", "ao.baking", "ao.report", "ao.cluster", "ao.analytic"),
     *("scenes.geometry", "scenes.formats", "scenes.description", "scenes.show"),
     *("scenes.library", "scenes.validation", "scenes.bake", "scenes.commands"),

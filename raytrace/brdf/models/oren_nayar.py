@@ -51,21 +51,21 @@ def fitted_orders(sigma, n, l, v):
     c2 = 0.45 * rough * (sin_alpha if cos_delta >= 0.0 else sin_alpha - ratio * ratio * ratio)
     c3 = 4.0 * alpha * beta / (pi * pi)
     c3 = 0.125 * rough * c3 * c3
-    first = c1 * nl + c2 * cos_delta * tan_beta + c3 * (1.0 - abs(cos_delta)) * tan_mean  # L1
+    first_order = c1 * nl + c2 * cos_delta * tan_beta + c3 * (1.0 - abs(cos_delta)) * tan_mean  # L1
     second = 0.17 * nl * s2 / (s2 + 0.13) * (1.0 - cos_delta * ratio * ratio)  # L2
-    return first, second
+    return first_order, second
 
 
 @inline
 def terms(row, n, l, v, grain):
-    first, second = fitted_orders(row[SIGMA], n, l, v)
+    first_order, second = fitted_orders(row[SIGMA], n, l, v)
     red = row[MODEL]
     green = row[MODEL + 1]
     blue = row[MODEL + 2]
     diffuse = (
-        max(0.0, red / pi * (first + red * second)),
-        max(0.0, green / pi * (first + green * second)),
-        max(0.0, blue / pi * (first + blue * second)),
+        max(0.0, red / pi * (first_order + red * second)),
+        max(0.0, green / pi * (first_order + green * second)),
+        max(0.0, blue / pi * (first_order + blue * second)),
     )
     return diffuse, (0.0, 0.0, 0.0)
 

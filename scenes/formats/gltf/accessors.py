@@ -61,12 +61,12 @@ def _replaced(asset: Gltf, base: npt.NDArray[Any], sparse: Sparse, field: str) -
     """The values of a sparse accessor (section 3.6.2.3)."""
     index = np.dtype(COMPONENTS.get(sparse.index_type, "<f4"))
     at = f"{field}.indices"
-    places = _rows(asset, sparse.index_view, sparse.index_offset, (sparse.count, 1), index, at).ravel()
-    if index.kind != "u" or places.max() >= len(base):
+    indices = _rows(asset, sparse.index_view, sparse.index_offset, (sparse.count, 1), index, at).ravel()
+    if index.kind != "u" or indices.max() >= len(base):
         raise MeshError(asset.path, at, f"whole numbers below {len(base)}", "others")
     made = base.copy()
     shape = sparse.count, base.shape[1]
-    made[places] = _rows(asset, sparse.view, sparse.offset, shape, base.dtype, f"{field}.values")
+    made[indices] = _rows(asset, sparse.view, sparse.offset, shape, base.dtype, f"{field}.values")
     made.flags.writeable = False
     return made
 
@@ -123,12 +123,12 @@ def column(asset: Gltf, primitive: Primitive, name: str, *kinds: str) -> Float64
     if number is None:
         return None
     count = entry(asset.geometry.accessors, primitive.attributes["POSITION"], "accessors").count
-    found = normalized(values(asset, number, *kinds))
-    if len(found) != count:
-        raise MeshError(asset.path, name, f"{count} rows", len(found))
-    if not np.isfinite(found).all():
+    numbers = normalized(values(asset, number, *kinds))
+    if len(numbers) != count:
+        raise MeshError(asset.path, name, f"{count} rows", len(numbers))
+    if not np.isfinite(numbers).all():
         raise MeshError(asset.path, name, "finite numbers", "others")
-    return found
+    return numbers
 
 
 def stored_colors(asset: Gltf, attributes: dict[str, int], count: int) -> npt.NDArray[Any] | None:
@@ -136,9 +136,9 @@ def stored_colors(asset: Gltf, attributes: dict[str, int], count: int) -> npt.ND
     if "COLOR_0" not in attributes:
         return None
     try:
-        found = values(asset, attributes["COLOR_0"], "VEC3", "VEC4")
+        colors = values(asset, attributes["COLOR_0"], "VEC3", "VEC4")
     except ValueError as reason:
         raise MeshError(asset.path, "COLOR_0", "three or four numbers a vertex", reason) from None
-    if len(found) != count:
-        raise MeshError(asset.path, "COLOR_0", f"{count} rows", len(found))
-    return found
+    if len(colors) != count:
+        raise MeshError(asset.path, "COLOR_0", f"{count} rows", len(colors))
+    return colors

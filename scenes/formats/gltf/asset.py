@@ -75,9 +75,9 @@ class Gltf:
         """The file itself, and the buffers and images beside it that it names."""
         buffers = self.geometry.buffers
         images = self.geometry.images
-        names = dict.fromkeys([*(each.uri or "" for each in buffers), *(each.uri for each in images)])
-        found = [resolve_inside(unquote(name), self.path.parent) for name in names if not name.startswith("data:")]
-        return self.path, *(path for path in found if path)
+        names = dict.fromkeys([*(stored.uri or "" for stored in buffers), *(stored.uri for stored in images)])
+        paths = [resolve_inside(unquote(name), self.path.parent) for name in names if not name.startswith("data:")]
+        return self.path, *(path for path in paths if path)
 
     @property
     def compressions(self) -> str:
@@ -224,7 +224,7 @@ def _depth(value: Any) -> int:
     level = [value] if isinstance(value, dict | list) else []
     depth = 0
     while level and depth <= _DEEPEST:
-        children = (each.values() if isinstance(each, dict) else each for each in level)
+        children = (container.values() if isinstance(container, dict) else container for container in level)
         level = [child for some in children for child in some if isinstance(child, dict | list)]
         depth += 1
     return depth

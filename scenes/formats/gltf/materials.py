@@ -35,13 +35,13 @@ def add_materials(builder: GlbBuilder, materials: Sequence[SourceMaterial]) -> N
         material = _material(source)
         builder.append("materials", material)
         key = source.texture, source.opacity_texture
-        first = source.texture or source.opacity_texture
-        if first is None:
+        texture = source.texture or source.opacity_texture
+        if texture is None:
             continue
         if key not in numbers:
             data = _base_colour(source)
             kind = "image/png" if data.startswith(b"\x89PNG") else "image/jpeg"
-            image = {"name": first.name, "mimeType": kind, "bufferView": builder.bytes_view(data)}
+            image = {"name": texture.name, "mimeType": kind, "bufferView": builder.bytes_view(data)}
             numbers[key] = builder.append("textures", {"source": builder.append("images", image)})
         material["pbrMetallicRoughness"]["baseColorTexture"] = {"index": numbers[key]}
 

@@ -104,7 +104,7 @@ def free_set(header: dict[str, Any], primitive: dict[str, Any]) -> int:
     for material in _materials(primitive):
         ramp = occlusion_reference(header, material) if is_ramp(header, material) else None
         references = _references(material_of(header, material))
-        used |= {number for each in references if each is not ramp for number in sets_of(each)}
+        used |= {number for reference in references if reference is not ramp for number in sets_of(reference)}
     ramps = ramp_sets(header, primitive)
     return next(n for n in count() if n not in used and (n in ramps or f"TEXCOORD_{n}" not in names))
 
@@ -117,8 +117,8 @@ def is_ramp(header: dict[str, Any], material: int | None) -> bool:
 
 def ramp_sets(header: dict[str, Any], primitive: dict[str, Any]) -> set[int]:
     """Numbers of the TEXCOORD sets by which a primitive's materials use a ramp of ours."""
-    ramps = [material_of(header, each) for each in _materials(primitive) if is_ramp(header, each)]
-    return {each["occlusionTexture"].get("texCoord", 0) for each in ramps}
+    ramps = [material_of(header, number) for number in _materials(primitive) if is_ramp(header, number)]
+    return {material["occlusionTexture"].get("texCoord", 0) for material in ramps}
 
 
 def add_coordinates(builder: GlbBuilder, primitive: dict[str, Any], number: int, uv: AnyFloats) -> None:
@@ -158,8 +158,9 @@ def image_name(header: dict[str, Any], reference: dict[str, Any]) -> str:
 
 def texture_images(header: dict[str, Any], material: dict[str, Any], coordinates: int) -> set[int]:
     """Numbers of the images that a material uses by a TEXCOORD set, without images of earlier bakes."""
-    used = [each for each in _references(material) if coordinates in sets_of(each)]
-    return {_source(header, each) for each in used if not image_name(header, each).startswith(OWN)} - {-1}
+    used = [reference for reference in _references(material) if coordinates in sets_of(reference)]
+    others = (reference for reference in used if not image_name(header, reference).startswith(OWN))
+    return {_source(header, reference) for reference in others} - {-1}
 
 
 def _slots(primitive: dict[str, Any]) -> Iterator[dict[str, Any]]:
@@ -183,6 +184,6 @@ def _references(stored: Any) -> Iterator[dict[str, Any]]:
 
 def sets_of(reference: dict[str, Any]) -> set[int]:
     """The sets of texture coordinates that readers with and without KHR_texture_transform take."""
-    own = reference.get("texCoord", 0)
-    found = own, reference.get("extensions", {}).get(TRANSFORM, {}).get("texCoord", own)
-    return {number for number in found if isinstance(number, int)}
+    untransformed = reference.get("texCoord", 0)
+    numbers = untransformed, reference.get("extensions", {}).get(TRANSFORM, {}).get("texCoord", untransformed)
+    return {number for number in numbers if isinstance(number, int)}

@@ -53,9 +53,9 @@ def _read(kind: Any, value: Any, path: _Path) -> Any:
             raise _Fault(path, f"at most {len(inner)}", len(value))
         if form is tuple and len(value) < len(inner):
             raise _Fault((path, len(value)), "a value", "nothing")
-        return form([_read(inner[0], each, (path, number)) for number, each in enumerate(value)])
+        return form([_read(inner[0], entry, (path, number)) for number, entry in enumerate(value)])
     if form is dict:
-        return {key: _read(inner[1], each, (path, key)) for key, each in _table(value, path).items()}
+        return {key: _read(inner[1], entry, (path, key)) for key, entry in _table(value, path).items()}
     # Single values.
     if form is Literal:
         return value if value in inner else _refuse(path, "one of " + ", ".join(inner), value)
@@ -99,8 +99,8 @@ def _form(kind: Any) -> tuple[Any, tuple[Any, ...]]:
     """What sort of type it is, and of what; JsonObject of a record, and of None too where that may stand for it."""
     inner = get_args(kind)
     if get_origin(kind) is UnionType:
-        form, own = _form(inner[0])
-        return form, inner if form is JsonObject else own
+        form, inner_kind = _form(inner[0])
+        return form, inner if form is JsonObject else inner_kind
     if isinstance(kind, type) and issubclass(kind, JsonObject):
         return JsonObject, (kind,)
     return get_origin(kind) or kind, inner
@@ -111,8 +111,8 @@ def _fields(kind: Any) -> list[tuple[str, Any, list[str], bool]]:
     """Of a record's attributes the name, the type, the path below the record, and whether it must be there."""
     fields = []
     for name, hint in get_type_hints(kind, include_extras=True).items():
-        inner, place = get_args(hint) if get_origin(hint) is Annotated else (hint, name)
-        fields.append((name, inner, place.split("."), not hasattr(kind, name)))
+        inner, key = get_args(hint) if get_origin(hint) is Annotated else (hint, name)
+        fields.append((name, inner, key.split("."), not hasattr(kind, name)))
     return fields
 
 

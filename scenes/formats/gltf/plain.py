@@ -101,15 +101,15 @@ def _add_node(builder: GlbBuilder, name: str, origin: Float64s | None) -> None:
 
 
 def _group_vertices(
-    mesh: Mesh, part: Submesh, rows: Int64s, split_by: list[PerCorner], keeps_all: bool
+    mesh: Mesh, part: Submesh, face_rows: Int64s, split_by: list[PerCorner], keeps_all: bool
 ) -> tuple[Int64s, Int64s, Int64s]:
     """The vertices (k,) of the mesh that some of its faces get, the faces (m, 3), and a corner like each vertex (k,).
 
-    Args: rows: (m,) of the faces, in `part`. split_by: values whose corners divide vertices.
+    Args: face_rows: (m,) of the faces, in `part`. split_by: values whose corners divide vertices.
     """
     start = part.vertices.start
     count = part.vertices.stop - start if keeps_all else 0
-    corners = 3 * rows[:, None] + np.arange(3)
+    corners = 3 * face_rows[:, None] + np.arange(3)
     vertices, faces, like = split_corners(mesh.faces.ravel() - start, corners, split_by, count)
     return vertices + start, faces, like
 
@@ -127,9 +127,9 @@ def _corner_normals(mesh_file: MeshFile) -> PerCorner | None:
         return source.of_triangles(source.normals)
     if mesh_file.mesh.normals is not None:
         return None
-    rows, of = creased_normals(mesh_file.mesh)
-    rows[~rows.any(axis=1)] = 0, 0, 1  # of faces without area, which nothing shows
-    return PerCorner(rows, of.ravel())
+    normals, of = creased_normals(mesh_file.mesh)
+    normals[~normals.any(axis=1)] = 0, 0, 1  # of faces without area, which nothing shows
+    return PerCorner(normals, of.ravel())
 
 
 def part_origin(vertices: Float64s) -> Float64s | None:
@@ -165,11 +165,11 @@ def _add_columns(
     """Colours, unless all channels are to hold w, and further numbers of the vertices."""
     if source is None:
         return
-    own = source.colors if len(colors) < 2 else None
-    if own is None and len(colors) == 1:
-        own = fractions(stored_colors(source.elements))  # the grey of an earlier bake
-    if own is not None:
-        linear = np.concatenate([decode_srgb(own[vertices, :3]), own[vertices, 3:]], axis=1)
+    source_colors = source.colors if len(colors) < 2 else None
+    if source_colors is None and len(colors) == 1:
+        source_colors = fractions(stored_colors(source.elements))  # the grey of an earlier bake
+    if source_colors is not None:
+        linear = np.concatenate([decode_srgb(source_colors[vertices, :3]), source_colors[vertices, 3:]], axis=1)
         attributes["COLOR_0"] = builder.accessor(linear.astype("<f4"))
     for name, values in source.numbers.items():
         if fits_float(values) and attribute_name(name) not in attributes:

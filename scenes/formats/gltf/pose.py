@@ -44,26 +44,28 @@ class Poses:
             field = f"nodes[{drawn.node}].weights" if is_own else f"meshes[{drawn.mesh}].weights"
             expected = f"{len(targets)} numbers, one a morph target of {at}"
             raise MeshError(self._asset.path, field, expected, len(weights))
-        rows = {"POSITION": stored.vertices, "NORMAL": stored.normals}
-        moved = {name: None if own is None else self._morphed(drawn, name, own, at) for name, own in rows.items()}
+        columns = {"POSITION": stored.vertices, "NORMAL": stored.normals}
+        moved = {
+            name: None if column is None else self._morphed(drawn, name, column, at) for name, column in columns.items()
+        }
         vertices = moved["POSITION"]
         normals = moved["NORMAL"]
         assert vertices is not None
         made = stored._replace(vertices=vertices, normals=normals)
         return made if drawn.skin is None else self._skinned(drawn.skin, drawn, made, f"{at}.attributes")
 
-    def _morphed(self, drawn: DrawnPrimitive, name: str, rows: npt.NDArray[Any], at: str) -> npt.NDArray[Any]:
+    def _morphed(self, drawn: DrawnPrimitive, name: str, values: npt.NDArray[Any], at: str) -> npt.NDArray[Any]:
         weight_of: dict[int, float] = {}  # by accessor
         for weight, target in zip(drawn.weights, drawn.primitive.targets, strict=False):
             if weight and name in target:
                 weight_of[target[name]] = weight_of.get(target[name], 0.0) + weight
-        self._count(len(rows) * len(weight_of), f"{at}.targets")
+        self._count(len(values) * len(weight_of), f"{at}.targets")
         for number, weight in weight_of.items():
             delta = vectors(self._asset, number)
-            if len(delta) != len(rows):
-                raise MeshError(self._asset.path, f"{at}.targets: {name}", f"{len(rows)} rows", len(delta))
-            rows = rows + weight * delta.astype(np.float64)
-        return rows
+            if len(delta) != len(values):
+                raise MeshError(self._asset.path, f"{at}.targets: {name}", f"{len(values)} rows", len(delta))
+            values = values + weight * delta.astype(np.float64)
+        return values
 
     def _skinned(self, skin: int, drawn: DrawnPrimitive, stored: Instance, at: str) -> Instance:
         matrices = self._joints(skin)
@@ -118,7 +120,7 @@ class Poses:
         asset = self._asset
         attributes = drawn.primitive.attributes
         numbers = {name.rpartition("_")[2] for name in attributes if name.startswith(("JOINTS_", "WEIGHTS_"))}
-        found = []
+        influences = []
         self._count(count * len(numbers), f"{at}JOINTS")
         for number in sorted(numbers) or ["0"]:
             for name in (f"JOINTS_{number}", f"WEIGHTS_{number}"):
@@ -132,8 +134,8 @@ class Poses:
                 raise MeshError(asset.path, f"{at}JOINTS_{number}", f"{count} rows of unsigned integers", got)
             if weights.min() < 0:
                 raise MeshError(asset.path, f"{at}WEIGHTS_{number}", "numbers of at least 0", weights.min())
-            found.append((np.where(weights > 0, joints, joints.dtype.type(0)), weights))
-        return np.hstack([joints for joints, _ in found]), np.hstack([weights for _, weights in found])
+            influences.append((np.where(weights > 0, joints, joints.dtype.type(0)), weights))
+        return np.hstack([joints for joints, _ in influences]), np.hstack([weights for _, weights in influences])
 
     def _count(self, moved: int, field: str) -> None:
         """Refuse a small file that takes long because its values are used many times."""
@@ -156,9 +158,9 @@ def _blended(matrices: Float64s, joints: npt.NDArray[Any], weights: Float64s) ->
     return np.asarray(made / total)
 
 
-def _times(matrices: Float64s, rows: npt.NDArray[Any]) -> Float64s:
+def _times(matrices: Float64s, vectors: npt.NDArray[Any]) -> Float64s:
     """The linear part of matrices (n, 3, 3 or 4) times vectors (n, 3), to the bit the same for the same of both."""
-    x, y, z = rows.T[:, :, None]
+    x, y, z = vectors.T[:, :, None]
     return np.asarray(matrices[:, :, 0] * x + matrices[:, :, 1] * y + matrices[:, :, 2] * z)
 
 
@@ -166,6 +168,6 @@ def in_words(asset: Gltf) -> tuple[str, ...]:
     """A line on what is posed, or none."""
     skinned = sum(drawn.skin is not None for drawn in asset.drawn)
     morphed = sum(any(drawn.weights) for drawn in asset.drawn)
-    found = ((skinned, "by the joints of skins"), (morphed, "by the weights of morph targets"))
-    words = ", ".join(f"{count:,} {by}" for count, by in found if count)
+    changes = ((skinned, "by the joints of skins"), (morphed, "by the weights of morph targets"))
+    words = ", ".join(f"{count:,} {by}" for count, by in changes if count)
     return (f"in the pose that viewers show at rest: of {len(asset.drawn):,} primitives {words}",) if words else ()

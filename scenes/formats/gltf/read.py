@@ -58,8 +58,8 @@ def read_gltf(given: MeshInput) -> tuple[list[Instance], Gltf]:
 def _opacity_reader(asset: Gltf) -> Callable[[Primitive, Int64s], Opacity | None] | None:
     """What reads alpha of faces; None if all materials are opaque, which are not read."""
     materials = asset.header.get("materials", [])
-    tables = [each for each in materials if isinstance(each, dict)] if isinstance(materials, list) else []
-    if all(each.get("alphaMode", "OPAQUE") == "OPAQUE" for each in tables):
+    tables = [table for table in materials if isinstance(table, dict)] if isinstance(materials, list) else []
+    if all(table.get("alphaMode", "OPAQUE") == "OPAQUE" for table in tables):
         return None
     from .textures import Textures, opacity_of
 

@@ -66,14 +66,14 @@ def textured_glb(
             record = parse(Primitive, primitive, asset.path)
             faces = triangles(asset, record, len(vertices)).astype(np.int64)
             is_turned = not np.array_equal(vertices[faces], mesh_file.mesh.faces[group.faces])  # mirrored: turned over
-            for page, rows, piece in _by_page(builder, primitive, on_pages.argmax(axis=0)):
-                uv = pages[page].uv[group.faces[rows], :: -1 if is_turned else 1]
-                number = _set_of(asset, record, faces[rows], uv)
+            for page, face_rows, piece in _by_page(builder, primitive, on_pages.argmax(axis=0)):
+                uv = pages[page].uv[group.faces[face_rows], :: -1 if is_turned else 1]
+                number = _set_of(asset, record, faces[face_rows], uv)
                 if number is None:
                     number = free_set(builder.header, piece)
-                    split_vertices(builder, asset, piece, number, faces[rows], uv)
-                elif len(rows) < len(faces):
-                    _draw(builder, piece, faces[rows])
+                    split_vertices(builder, asset, piece, number, faces[face_rows], uv)
+                elif len(face_rows) < len(faces):
+                    _draw(builder, piece, faces[face_rows])
                 textures.give(piece, numbers[page], number)
     textures.apply()
     if w is not None:
@@ -98,7 +98,7 @@ def _by_page(
 ) -> Iterator[tuple[int, Int64s, dict[str, Any]]]:
     """The pages of a primitive's faces, the rows of the faces on each, and a primitive for them: itself, or a copy that
     is added to its mesh. Args: page_of: (t,)."""
-    mesh = next(mesh for mesh in builder.header["meshes"] if any(each is primitive for each in mesh["primitives"]))
+    mesh = next(mesh for mesh in builder.header["meshes"] if any(other is primitive for other in mesh["primitives"]))
     used = np.unique(page_of).tolist()
     pieces = [primitive, *(copy.deepcopy(primitive) for _ in used[1:])]
     mesh["primitives"] += pieces[1:]
@@ -115,8 +115,8 @@ def _draw(builder: GlbBuilder, primitive: dict[str, Any], corners: Int64s) -> No
 def _set_of(asset: Gltf, primitive: Primitive, faces: Int64s, uv: Float64s) -> int | None:
     """Number of the set of a primitive that holds the coordinates `uv` (t, 3, 2), or None."""
     for name in (name for name in primitive.attributes if name.startswith("TEXCOORD_")):
-        found = normalized(values(asset, primitive.attributes[name], "VEC2"))[faces] * (1, -1) + (0, 1)
-        if np.allclose(found, uv, _SAME, _SAME):
+        stored = normalized(values(asset, primitive.attributes[name], "VEC2"))[faces] * (1, -1) + (0, 1)
+        if np.allclose(stored, uv, _SAME, _SAME):
             return int(name.removeprefix("TEXCOORD_"))
     return None
 
@@ -130,28 +130,28 @@ def split_vertices(
     keys["vertex"] = faces.ravel()
     keys["u"] = rounded[:, 0]
     keys["v"] = rounded[:, 1]
-    kinds, first, corners = np.unique(keys, return_index=True, return_inverse=True)
+    kinds, example, corners = np.unique(keys, return_index=True, return_inverse=True)
     for attributes in (primitive["attributes"], *primitive.get("targets", [])):
         for name, accessor in attributes.items():
             attributes[name] = _taken(builder, asset, accessor, kinds["vertex"])
-    add_coordinates(builder, primitive, number, flipped(rounded[first]))
+    add_coordinates(builder, primitive, number, flipped(rounded[example]))
     _draw(builder, primitive, corners)
 
 
-def _taken(builder: GlbBuilder, asset: Gltf, number: int, rows: Int64s) -> int:
+def _taken(builder: GlbBuilder, asset: Gltf, number: int, taken_rows: Int64s) -> int:
     """Index of a new accessor of some rows of another."""
     old = asset.header["accessors"][number]
     if old["type"] not in _KINDS:
         raise MeshError(asset.path, f"accessors[{number}]", "a number or vector a vertex", old["type"])
-    taken = np.ascontiguousarray(values(asset, number, old["type"])[rows])
+    taken = np.ascontiguousarray(values(asset, number, old["type"])[taken_rows])
     size = taken.shape[1] * taken.dtype.itemsize
     stride = -(-size // 4) * 4
-    padded: npt.NDArray[np.uint8] = np.zeros((len(rows), stride), np.uint8)
-    padded[:, :size] = taken.view(np.uint8).reshape(len(rows), size)
+    padded: npt.NDArray[np.uint8] = np.zeros((len(taken_rows), stride), np.uint8)
+    padded[:, :size] = taken.view(np.uint8).reshape(len(taken_rows), size)
     made = {key: old[key] for key in ("componentType", "type", "normalized", "name", "extras") if key in old}
     strided = {"byteStride": stride} if stride != size else {}
     view = builder.bytes_view(padded.tobytes(), target=ARRAY_BUFFER, **strided)
-    made |= {"bufferView": view, "count": len(rows)}
+    made |= {"bufferView": view, "count": len(taken_rows)}
     if "min" in old:
         made |= {"min": taken.min(axis=0).tolist(), "max": taken.max(axis=0).tolist()}
     return builder.append("accessors", made)

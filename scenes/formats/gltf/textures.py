@@ -126,8 +126,8 @@ def vertex_colours(asset: Gltf, primitive: Primitive, w: npt.NDArray[Any] | None
     stored = column(asset, primitive, "COLOR_0", "VEC3", "VEC4")
     if stored is None:
         return None
-    found = stored[:, :3].clip(0.0, 1.0)
-    return None if w is not None and (np.abs(found - w.clip(0, 1)[:, None]) < _ROUNDING).all() else found
+    colours = stored[:, :3].clip(0.0, 1.0)
+    return None if w is not None and (np.abs(colours - w.clip(0, 1)[:, None]) < _ROUNDING).all() else colours
 
 
 def gltf_attributes(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tuple[SourceAttributes, tuple[str, ...]]:
@@ -136,12 +136,14 @@ def gltf_attributes(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tup
     if len(parts) > 1:
         unread.insert(0, "nodes")
     ramps = [{f"TEXCOORD_{n}" for n in ramp_sets(asset.header, drawn.stored)} for drawn in asset.drawn]
-    names = [drawn.primitive.attributes.keys() - own for drawn, own in zip(asset.drawn, ramps, strict=True)]
+    names = [
+        drawn.primitive.attributes.keys() - ramp_names for drawn, ramp_names in zip(asset.drawn, ramps, strict=True)
+    ]
     unread += sorted(set[str]().union(*names) - set(_READ))
     columns = {}
     for name, kinds, missing in (("TEXCOORD_0", ("VEC2",), 0.0), ("COLOR_0", ("VEC3", "VEC4"), 1.0)):
         try:
-            columns[name] = _column(asset, parts, name, kinds, missing, [name in own for own in names])
+            columns[name] = _column(asset, parts, name, kinds, missing, [name in ramp_names for ramp_names in names])
         except (ValueError, KeyError, TypeError):
             unread.append(name)
     uv = columns.get("TEXCOORD_0")
@@ -178,7 +180,7 @@ def _column(
     made = np.full((parts[-1].vertices.stop, int(kinds[-1][-1])), missing)
     for drawn, part, has_it in zip(asset.drawn, parts, has, strict=True):
         if has_it:
-            found = column(asset, drawn.primitive, name, *kinds)
-            assert found is not None
-            made[part.vertices, : found.shape[1]] = found
+            values = column(asset, drawn.primitive, name, *kinds)
+            assert values is not None
+            made[part.vertices, : values.shape[1]] = values
     return made

@@ -66,13 +66,13 @@ def _stored(asset: Gltf, parts: tuple[Submesh, ...]) -> tuple[GlbBuilder, list[D
     meshes = builder.header["meshes"]
     owner: dict[int, int] = {}  # the node that keeps a mesh which several show
     drawn: list[Drawn] = []
-    for each, part in zip(asset.drawn, parts, strict=True):
-        node = nodes[each.node]
-        if owner.setdefault(each.mesh, each.node) != each.node and node["mesh"] == each.mesh:
-            meshes.append(copy.deepcopy(meshes[each.mesh]))
+    for shown, part in zip(asset.drawn, parts, strict=True):
+        node = nodes[shown.node]
+        if owner.setdefault(shown.mesh, shown.node) != shown.node and node["mesh"] == shown.mesh:
+            meshes.append(copy.deepcopy(meshes[shown.mesh]))
             node["mesh"] = len(meshes) - 1
-        rows = np.arange(part.vertices.start, part.vertices.stop)
-        drawn.append((meshes[node["mesh"]]["primitives"][each.primitive_number], rows))
+        vertices = np.arange(part.vertices.start, part.vertices.stop)
+        drawn.append((meshes[node["mesh"]]["primitives"][shown.primitive_number], vertices))
     return builder, drawn
 
 
@@ -172,7 +172,7 @@ def ramp_warnings(asset: Gltf, replace: bool) -> list[str]:
     """Warnings where `write_ramp` leaves w out, or some viewers will: lines for the user, mostly none."""
     header = asset.header
     textures = OcclusionTextures(GlbBuilder(header), replace)
-    primitives = {each[1:3]: each.stored for each in asset.drawn}.values()
+    primitives = {shown[1:3]: shown.stored for shown in asset.drawn}.values()
     taking = [primitive for primitive in primitives if textures.materials(primitive)]
     lines = []
     if kept := len(primitives) - len(taking):

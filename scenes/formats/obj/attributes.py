@@ -77,7 +77,7 @@ def obj_opacity(file: ObjText, folder: Path, triangles: Triangulation) -> tuple[
         words + end for words in dict.fromkeys(left) for begin, end in _TOLD.items() if words.startswith(begin)
     )
     # The see-through material of each face, −1: none.
-    materials = {name: each for name, each in known.items() if each.opacity < 1 or each.opacity_texture}
+    materials = {name: material for name, material in known.items() if material.opacity < 1 or material.opacity_texture}
     if not materials:
         return None, notes
     used = file.named("usemtl")
@@ -89,15 +89,17 @@ def obj_opacity(file: ObjText, folder: Path, triangles: Triangulation) -> tuple[
 
     uv = file.uv()
     surfaces = []
-    for each in materials.values():
-        image = None if uv is None else each.opacity_texture
-        surfaces.append(AlphaSurface(each.opacity, Texture(image) if image else None, grey=image != each.texture))
+    for material in materials.values():
+        image = None if uv is None else material.opacity_texture
+        surfaces.append(
+            AlphaSurface(material.opacity, Texture(image) if image else None, grey=image != material.texture)
+        )
     if uv is None:
         return Opacity(of, tuple(surfaces), None), notes
     # Faces without texture coordinates have the alpha of their material without its image.
     coordinates = uv.values[triangles.take(uv.of)]
     lacking = np.isnan(coordinates).any(axis=(1, 2)) & (of >= 0)
-    plain = [len(materials) + n if each.opacity < 1 else -1 for n, each in enumerate(materials.values())]
+    plain = [len(materials) + n if material.opacity < 1 else -1 for n, material in enumerate(materials.values())]
     of[lacking] = np.array(plain)[of[lacking]]
-    surfaces += [AlphaSurface(each.opacity) for each in materials.values()]
+    surfaces += [AlphaSurface(material.opacity) for material in materials.values()]
     return Opacity(of, tuple(surfaces), np.nan_to_num(coordinates)), notes

@@ -53,7 +53,9 @@ def read_libraries(names: str, folder: Path) -> tuple[dict[str, SourceMaterial],
             continue
         materials, missing = read_mtl(library, find)
         known = materials | known  # the first of a name counts
-        pictures = [picture for each in materials.values() for picture in (each.texture, each.opacity_texture)]
+        pictures = [
+            picture for material in materials.values() for picture in (material.texture, material.opacity_texture)
+        ]
         files += [library, *filter(None, pictures)]
         left += missing
     return known, files, left
@@ -68,7 +70,7 @@ def named_files(path: Path) -> list[Path]:
     find = partial(_resolve_inside, path.parent)
     lines = _LIBRARY.findall(joined_lines(path.read_bytes()))
     libraries = [library for _, library in _libraries(lines, find) if library]
-    statements = [each for library in libraries for each in _statements(library)]
+    statements = [statement for library in libraries for statement in _statements(library)]
     pictures = [find(_picture(rest)[0]) for key, rest in statements if key in _MAPS]
     return list(dict.fromkeys(filter(None, libraries + pictures)))
 
@@ -89,25 +91,29 @@ def read_mtl(path: Path, find: Callable[[str], Path | None]) -> tuple[dict[str, 
     """The materials of a library by name, and what of it was left out, in words; `find` finds files."""
     given: dict[str, dict[str, Any]] = {}
     left = []
-    own: dict[str, Any] | None = None
+    statements: dict[str, Any] | None = None
     for key, rest in _statements(path):
         if key == "newmtl" and rest:
-            own = given[rest] = {}
-        elif own is None:
+            statements = given[rest] = {}
+        elif statements is None:
             continue
         elif key in _COUNTS:
-            own[key] = _numbers(rest, _COUNTS[key])
+            statements[key] = _numbers(rest, _COUNTS[key])
         elif key in _MAPS:
             picture, options = _picture(rest)
-            own[key] = find(picture)
-            left += [f"{OPTION} {option} of {key} ({picture})" for option in options if own[key]]
-            if not own[key] or (key == "map_Kd" and not is_picture(own[key])):
+            statements[key] = find(picture)
+            left += [f"{OPTION} {option} of {key} ({picture})" for option in options if statements[key]]
+            if not statements[key] or (key == "map_Kd" and not is_picture(statements[key])):
                 left.append(f"texture of {key} ({rest or 'no name'})")
-                del own[key]
+                del statements[key]
         elif key.startswith(_UNREAD):
             left.append(f"texture of {key} ({rest or 'no name'})")
     made = {name: _material(name, values) for name, values in given.items()}
-    unread = [each["map_d"] for name, each in given.items() if "map_d" in each and not made[name].opacity_texture]
+    unread = [
+        values_of["map_d"]
+        for name, values_of in given.items()
+        if "map_d" in values_of and not made[name].opacity_texture
+    ]
     left += [f"texture of map_d ({picture.name})" for picture in unread]
     if opaque := [name for name, values in given.items() if _is_opaque(values)]:
         left.append(f"{OPAQUE} of {_first_names(opaque)}, taken for opaque")
@@ -124,9 +130,9 @@ def _statements(path: Path) -> Iterator[tuple[str, str]]:
 def _picture(text: str) -> tuple[str, list[str]]:
     """The name at the end of a texture's statement, and the options before it that change what is shown."""
     options = []
-    while found := re.match(_OPTION, text):
-        text = text[found.end() :]
-        options += [] if re.fullmatch(_IDLE, found[0]) else [found[0].strip()]
+    while option := re.match(_OPTION, text):
+        text = text[option.end() :]
+        options += [] if re.fullmatch(_IDLE, option[0]) else [option[0].strip()]
     return text, options
 
 

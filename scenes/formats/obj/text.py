@@ -72,20 +72,20 @@ class ObjText:
         self.colors = numbers[:, 3:] if numbers.shape[1] == 6 else None
         self.has_colors = bool((self._tallies[:, V, LEAST : MOST + 1] == 6).any())
         # Faces, and the indices of their corners.
-        self.sizes, (own, *others), valid = self._faces()
+        self.sizes, (of_vertices, *others), valid = self._faces()
         if (self.sizes < 3).any():
             field = f"face {int(np.argmax(self.sizes < 3)) + 1}"
             raise MeshError(source, field, "three corners or more", int(self.sizes.min()))
         if not valid or any(run.keyword in (*NUMBERED, "f") for run in self.runs):
             raise ValueError("string or file could not be read to its end due to unmatched data")  # as NumPy says
-        absent: Int64s = np.broadcast_to(np.array(NONE), len(own))
+        absent: Int64s = np.broadcast_to(np.array(NONE), len(of_vertices))
         self.indices: dict[str, Int64s] = dict(zip(NUMBERED[1:], others or (absent, absent), strict=True))
         self.notes: tuple[str, ...] = ()
         for keyword, indices in self.indices.items():
             if self.some(keyword).any() and not self._before[-1, NUMBERED.index(keyword), COUNT]:
                 self.indices[keyword] = np.full_like(indices, NONE)
                 self.notes += (f"indices of {keyword} are ignored: the file has no line {keyword}",)
-        self.corners = self._from_zero(own, len(self.vertices), "v")
+        self.corners = self._from_zero(of_vertices, len(self.vertices), "v")
 
     def _survey(self) -> None:
         """`runs`; tallies (blocks, 4, 6) of `lines.survey`, and their sums before each block (blocks + 1, 4, 6)."""
@@ -94,8 +94,8 @@ class ObjText:
 
         def work(block: int, _: int) -> None:
             begin, end = self._blocks[block]
-            found = np.empty(((end - begin) // 4 + 2, 3), np.int64)
-            rest[block] = found[: lines.survey(self._text, begin, end, tallies[block], found)].copy()
+            runs_found = np.empty(((end - begin) // 4 + 2, 3), np.int64)
+            rest[block] = runs_found[: lines.survey(self._text, begin, end, tallies[block], runs_found)].copy()
 
         run_blocks(len(tallies), 1, work, thread_count(None))
         self._tallies = tallies
@@ -113,16 +113,16 @@ class ObjText:
         needed = int(NEEDED[kind])
         alike = needed <= least == self._tallies[:, kind, MOST].max()
         ends = self._before[:, kind, USABLE]
-        rows = np.empty((ends[-1], least if alike else needed))
+        values = np.empty((ends[-1], least if alike else needed))
 
         def work(block: int, _: int) -> None:
             if self._tallies[block, kind, COUNT]:
-                own = rows[ends[block] : ends[block + 1]]
-                lines.read_numbers(self._text, *self._blocks[block], kind, own)
+                row = values[ends[block] : ends[block + 1]]
+                lines.read_numbers(self._text, *self._blocks[block], kind, row)
 
         run_blocks(len(self._blocks), 1, work, thread_count(None))
-        round_left(self._data, rows.reshape(-1))
-        return rows
+        round_left(self._data, values.reshape(-1))
+        return values
 
     def _faces(self) -> tuple[Int64s, Int64s, bool]:
         """Sizes (p,), indices (1 or 3, c), and whether all of these are numbers; see `read_faces`."""
@@ -132,8 +132,8 @@ class ObjText:
 
         def work(block: int, _: int) -> None:
             if self._tallies[block, F, COUNT]:
-                found = self._before[block], sizes, indices
-                valid[block] = lines.read_faces(self._text, *self._blocks[block], *found)
+                faces = self._before[block], sizes, indices
+                valid[block] = lines.read_faces(self._text, *self._blocks[block], *faces)
 
         run_blocks(len(valid), 1, work, thread_count(None))
         return sizes, indices, all(valid)
@@ -157,11 +157,11 @@ class ObjText:
         return np.asarray(self.indices[keyword] != NONE)
 
     def _per_corner(self, keyword: str) -> PerCorner:
-        rows = self._rows(keyword)
+        values = self._rows(keyword)
         some = self.some(keyword)
-        of = np.full(len(some), len(rows))
-        of[some] = self._from_zero(self.indices[keyword][some], len(rows), keyword)
-        return PerCorner(rows if some.all() else np.pad(rows, ((0, 1), (0, 0)), constant_values=np.nan), of)
+        of = np.full(len(some), len(values))
+        of[some] = self._from_zero(self.indices[keyword][some], len(values), keyword)
+        return PerCorner(values if some.all() else np.pad(values, ((0, 1), (0, 0)), constant_values=np.nan), of)
 
     def named(self, keyword: str) -> FaceNames:
         """The faces by the statements before them, such as `usemtl`."""

@@ -38,5 +38,5 @@ def obj(bake: VertexValues, mesh_file: MeshFile, _: object) -> bytes:
     return "\n".join([*lines, ""]).encode()
 
 
-def _lines(keyword: str, rows: AnyFloats) -> Iterator[str]:
-    return (" ".join([keyword, *map(repr, row)]) for row in rows.tolist())
+def _lines(keyword: str, vectors: AnyFloats) -> Iterator[str]:
+    return (" ".join([keyword, *map(repr, row)]) for row in vectors.tolist())

@@ -23,12 +23,12 @@ def read_off(given: MeshInput) -> list[Instance]:
     header = _HEADER.match(data)
     if not header:
         raise MeshError(source, "content", "an OFF file of text with three coordinates a vertex", "another header")
-    rows = NumberRows.of(data, header.end())
-    begins = rows.bounds[:-1]
-    ends = rows.bounds[1:]
+    lines = NumberRows.of(data, header.end())
+    begins = lines.bounds[:-1]
+    ends = lines.bounds[1:]
     # The first row: numbers of vertices and of faces.
     fault = MeshError(source, "content", "a number of vertices and one of faces", "fewer numbers")
-    counts = whole(rows.take(begins[:1], ends[:1], 2, fault))
+    counts = whole(lines.take(begins[:1], ends[:1], 2, fault))
     vertex_count, face_count = [*counts.tolist(), 0, 0][:2]
     if vertex_count < 1 or face_count < 0:
         raise MeshError(source, "content", "a number of vertices and one of faces", f"{vertex_count} and {face_count}")
@@ -41,8 +41,8 @@ def read_off(given: MeshInput) -> list[Instance]:
     of_faces = slice(1 + vertex_count, 1 + vertex_count + face_count)
     has_normals = b"N" in header[1]
     columns = 6 if has_normals else 3
-    vertex_rows = rows.take(begins[of_vertices], ends[of_vertices], columns, fault).reshape(-1, columns)
-    sizes, values = rows.take_lists(begins[of_faces], ends[of_faces], fault)
+    vertex_rows = lines.take(begins[of_vertices], ends[of_vertices], columns, fault).reshape(-1, columns)
+    sizes, values = lines.take_lists(begins[of_faces], ends[of_faces], fault)
     corners = whole(values)
     vertices = vertex_rows[:, :3]
     triangles = triangulate(vertices, corners, sizes, source)

@@ -155,6 +155,7 @@ def ply_attributes(
     numbers = {
         name: c.values for name, c in vertex.items() if c.sizes is None and name not in known and not is_profile(name)
     }
+    # Comments that are no bake's, and the textures that they name.
     kept = tuple(line for line in comments if not line.startswith(("comment obscurance: ", PROFILE_COMMENT)))
     names = [line.removeprefix(_TEXTURE).strip() for line in comments if line.startswith(_TEXTURE)] if uv else []
     pictures = [resolve_inside(name, folder) for name in names]
@@ -168,7 +169,7 @@ def ply_attributes(
         uv,
         colors=colors,
         numbers=numbers,
-        materials=tuple(SourceMaterial(name, texture=each) for name, each in zip(names, shown, strict=True)),
+        materials=tuple(SourceMaterial(name, texture=texture) for name, texture in zip(names, shown, strict=True)),
         material_of=material_of if names else None,
         elements=elements,
         comments=kept,
@@ -189,14 +190,14 @@ def stored_colors(elements: tuple[Element, ...]) -> dict[str, Property]:
 
 def own_colors(elements: tuple[Element, ...]) -> dict[str, Property]:
     """As `stored_colors`, none if they are the grey that a bake gave them."""
-    own = stored_colors(elements)
+    colors = stored_colors(elements)
     baked = columns_of(elements, "vertex").get("obscurance")
-    if baked is not None and all(name in own and own[name].kind == "B" for name in RGB):
+    if baked is not None and all(name in colors and colors[name].kind == "B" for name in RGB):
         linear = np.rint(np.clip(np.nan_to_num(baked.values), 0, 1) * 255.0)  # of older files
         for grey in (grey_of(baked.values), linear):
-            if all(np.array_equal(own[name].values, grey) for name in RGB):
+            if all(np.array_equal(colors[name].values, grey) for name in RGB):
                 return {}
-    return own if set(own) & set(RGB) else {}
+    return colors if set(colors) & set(RGB) else {}
 
 
 def is_profile(name: str) -> bool:

@@ -61,27 +61,27 @@ def _read_text(data: bytes, header: PlyHeader, source: str) -> list[Element]:
     fault = MeshError(source, "rows", "one line for each, with as many numbers as the header says", "others")
     if data.find(b"#", header.start) >= 0:
         raise fault
-    rows = NumberRows.of(data, header.start)
-    first = 0
+    lines = NumberRows.of(data, header.start)
+    first_line = 0
     made = []
     for element in header.elements:
-        at = rows.bounds[:-1][first : first + element.count]
-        ends = rows.bounds[1:][first : first + element.count]
-        left = rows.bounds[-1] - rows.bounds[first]
+        at = lines.bounds[:-1][first_line : first_line + element.count]
+        ends = lines.bounds[1:][first_line : first_line + element.count]
+        left = lines.bounds[-1] - lines.bounds[first_line]
         if len(at) < element.count or left < element.count * len(element.properties):
             raise _ends_early(source, element)
         if not any(counted for _, counted in element.properties.values()):
             _check_counts(source, element, ends - at)
         columns = []
         for name, (_, counted) in element.properties.items():
-            sizes, values = rows.take_lists(at, ends, fault) if counted else (None, rows.take(at, ends, 1, fault))
+            sizes, values = lines.take_lists(at, ends, fault) if counted else (None, lines.take(at, ends, 1, fault))
             columns.append(Property(name, "d", values, "d" if counted else "", sizes))
             at = at + 1 + (0 if sizes is None else sizes)
         if not np.array_equal(at, ends):
             raise fault
         made.append(Element(element.name, element.count, tuple(columns)))
-        first += element.count
-    if first + 1 < len(rows.bounds):
+        first_line += element.count
+    if first_line + 1 < len(lines.bounds):
         raise fault
     return made
 
@@ -138,14 +138,14 @@ def _read_rows(data: bytes, start: int, order: str, element: PlyElement) -> tupl
     lengths = {column.name: int(column.sizes.sum()) for column in first if column.sizes is not None}
     row = element.row(lengths, order)
     fits = start + element.count * row.itemsize <= len(data)
-    rows = np.frombuffer(data, row, element.count if fits else 0, start)
-    if not fits or any((rows[COUNT + name] != length).any() for name, length in lengths.items()):
+    table = np.frombuffer(data, row, element.count if fits else 0, start)
+    if not fits or any((table[COUNT + name] != length).any() for name, length in lengths.items()):
         return _walk(data, start, order, element, element.count)
     made = []
     for name, (kind, counted) in element.properties.items():
-        sizes = np.full(len(rows), lengths[name]) if counted else None
-        made.append(Property(name, kind, rows[name].ravel() if counted else rows[name], counted, sizes))
-    return made, start + rows.nbytes
+        sizes = np.full(len(table), lengths[name]) if counted else None
+        made.append(Property(name, kind, table[name].ravel() if counted else table[name], counted, sizes))
+    return made, start + table.nbytes
 
 
 def _walk(data: bytes, start: int, order: str, element: PlyElement, count: int) -> tuple[list[Property], int]:

@@ -48,8 +48,12 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     further = channels.ply_name
     named = "vertex" if bake.at == "vertices" else "face"
     values = bake if bake.at == "vertices" else _of_polygons(bake, mesh_file)
-    annotated = [_annotate(each, values, shown, further) if each.name == named else each for each in elements]
-    fitting = [replace(each, properties=tuple(column.fitting() for column in each.properties)) for each in annotated]
+    annotated = [
+        _annotate(element, values, shown, further) if element.name == named else element for element in elements
+    ]
+    fitting = [
+        replace(element, properties=tuple(column.fitting() for column in element.properties)) for element in annotated
+    ]
     layouts = [PlyElement(e.name, e.count, {c.name: (c.kind, c.counted) for c in e.properties}) for e in fitting]
     return b"".join([layout.write_header(layouts, comments), *map(_rows, fitting, layouts)])
 
@@ -147,12 +151,12 @@ def _rows(element: Element, declared: PlyElement) -> bytes:
     lists = {column.name: column.sizes for column in element.properties if column.sizes is not None}
     if all((sizes == sizes[:1]).all() for sizes in lists.values()):
         lengths = {name: int(sizes[0]) if len(sizes) else 0 for name, sizes in lists.items()}
-        rows = np.empty(element.count, declared.row(lengths))
+        table = np.empty(element.count, declared.row(lengths))
         for column in element.properties:
-            rows[column.name] = column.values.reshape(rows[column.name].shape)
+            table[column.name] = column.values.reshape(table[column.name].shape)
             if column.counted:
-                rows[COUNT + column.name] = lengths[column.name]
-        return rows.tobytes()
+                table[COUNT + column.name] = lengths[column.name]
+        return table.tobytes()
     one = np.ones(element.count, np.int64)
     columns = []
     for column in element.properties:
@@ -163,9 +167,9 @@ def _rows(element: Element, declared: PlyElement) -> bytes:
     data = np.empty(int(widths.sum()), np.uint8)
     starts = np.cumsum(widths) - widths
     for values, sizes in columns:
-        first = starts - values.itemsize * (np.cumsum(sizes) - sizes)
-        places = np.repeat(first, sizes) + values.itemsize * np.arange(len(values))
+        first_bytes = starts - values.itemsize * (np.cumsum(sizes) - sizes)
+        byte_offsets = np.repeat(first_bytes, sizes) + values.itemsize * np.arange(len(values))
         for byte, part in enumerate(values.view(np.uint8).reshape(-1, values.itemsize).T):
-            data[places + byte] = part
+            data[byte_offsets + byte] = part
         starts += values.itemsize * sizes
     return data.tobytes()

@@ -38,12 +38,12 @@ def read_stl(given: MeshInput) -> list[Instance]:
 
 def _solids(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
     """Name and vertices (n, 3) of each solid that has some."""
-    rows = NumberRows.of(data)
-    begins = rows.bounds[:-1]
-    ends = rows.bounds[1:]
-    solid = rows.starting_with(b"solid")
-    vertex = rows.starting_with(b"vertex")
-    end = rows.starting_with(b"endsolid")
+    lines = NumberRows.of(data)
+    begins = lines.bounds[:-1]
+    ends = lines.bounds[1:]
+    solid = lines.starting_with(b"solid")
+    vertex = lines.starting_with(b"vertex")
+    end = lines.starting_with(b"endsolid")
     damaged = MeshError(source, "content", "complete ASCII or binary STL", "neither: damaged or cut off")
     if len(solid) != len(end):
         raise damaged
@@ -52,8 +52,8 @@ def _solids(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
     outside = np.diff(splits, prepend=0, append=len(vertex))[::2]
     if (np.diff(marks) < 0).any() or outside.any() or (ends[vertex] - begins[vertex] != 4).any():
         raise damaged
-    numbers = rows.take(begins[vertex] + 1, ends[vertex], 3, damaged).reshape(-1, 3)
-    names = [next(_NAME.finditer(rows.data, place))[1] for place in rows.words(begins[solid]).tolist()]
+    numbers = lines.take(begins[vertex] + 1, ends[vertex], 3, damaged).reshape(-1, 3)
+    names = [next(_NAME.finditer(lines.data, word))[1] for word in lines.words(begins[solid]).tolist()]
     parts = zip(names, np.split(numbers, splits)[1::2], strict=True)
     solids = [(name.decode("utf-8", "replace").strip(), part) for name, part in parts if len(part)]
     if not solids:

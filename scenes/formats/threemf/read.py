@@ -214,17 +214,17 @@ def _check_build(build: list[tuple[Key, Float64s]], objects: dict[Key, _Object],
         if key not in graph:
             graph[key] = [child for child, _ in objects[key].components]
             stack += graph[key]
-    rows = dict[Key, int]()
+    total_of = dict[Key, int]()
     count = dict[Key, int]()
     try:
         for key in TopologicalSorter(graph).static_order():
-            own = len(objects[key].vertices) // 3 + len(objects[key].faces) // 3
-            rows[key] = own + sum(rows[child] for child in graph[key])
+            own_rows = len(objects[key].vertices) // 3 + len(objects[key].faces) // 3
+            total_of[key] = own_rows + sum(total_of[child] for child in graph[key])
             count[key] = 1 + sum(count[child] for child in graph[key])
     except CycleError as fault:
         field = f"object {fault.args[1][0][1]}"
         raise MeshError(source, field, "components other than itself", "a cycle") from None
-    check_copies(sum(rows[key] for key, _ in build), stored, source)
+    check_copies(sum(total_of[key] for key, _ in build), stored, source)
     placed = sum(count[key] for key, _ in build)
     if placed > MAX_PLACED:
         raise MeshError(source, "build", f"at most {MAX_PLACED:,} objects with all copies", f"{placed:,}")

@@ -47,9 +47,9 @@ def _histogram(summary: Mapping[str, Any], label: str) -> str:
     shown = f"{label} from {number(summary['least'])} to {number(summary['most'])}, mean {number(summary['mean'])}"
     low = bins["from"]
     high = bins["to"]
-    places = ((0, low, "start"), (_WIDTH / 2, (low + high) / 2, "middle"), (_WIDTH, high, "end"))
+    labels = ((0, low, "start"), (_WIDTH / 2, (low + high) / 2, "middle"), (_WIDTH, high, "end"))
     ticks = f'<path class="axes" d="M0 {_HEIGHT}H{_WIDTH}"/>' + "".join(
-        f'<text x="{x}" y="{_HEIGHT + 14}" text-anchor="{anchor}">{number(value)}</text>' for x, value, anchor in places
+        f'<text x="{x}" y="{_HEIGHT + 14}" text-anchor="{anchor}">{number(value)}</text>' for x, value, anchor in labels
     )
     return _svg(f'<g class="bars">{bars}</g>{ticks}', shown, _HEIGHT + _FOOT) + f"<figcaption>{shown}</figcaption>"
 
@@ -57,13 +57,13 @@ def _histogram(summary: Mapping[str, Any], label: str) -> str:
 def _shares(parts: Mapping[str, float], label: str, unit: str) -> str:
     """Parts of a whole as rows of bars with their numbers."""
     most = max(*parts.values(), 1e-300) if parts else 1.0
-    rows = "".join(
+    bars = "".join(
         f"<tr><th>{html.escape(name.replace('_', ' '))}</th><td>"
         f'<svg class="bar" viewBox="0 0 100 8" preserveAspectRatio="none">'
         f'<rect width="{100 * (value / most):.2f}" height="8"/></svg></td><td>{number(value)}{unit}</td></tr>'
         for name, value in parts.items()
     )
-    return f'<table class="shares"><caption>{label}</caption>{rows}</table>'
+    return f'<table class="shares"><caption>{label}</caption>{bars}</table>'
 
 
 def _svg(content: str, label: str, height: float) -> str:
@@ -81,8 +81,8 @@ def html_report(report: Report, pictures: Sequence[Sequence[Picture]]) -> bytes:
     for (name, page), shown in zip(pages.items(), pictures, strict=True):
         parts += [f"<h2>{_text(name)}</h2>" if name else "", _pictures(shown), _values(page)]
         parts += [_calibration(page), _costs(page), _flags(page)]
-    rows = {each["path"]: f"{number(each['bytes'])} bytes, SHA-256 {each['sha256']}" for each in report["inputs"]}
-    parts.append(_section("To repeat it", f"<pre>{_text(report['command'])}</pre>{_table(rows)}"))
+    inputs = {file["path"]: f"{number(file['bytes'])} bytes, SHA-256 {file['sha256']}" for file in report["inputs"]}
+    parts.append(_section("To repeat it", f"<pre>{_text(report['command'])}</pre>{_table(inputs)}"))
     for name in ("settings", "options", "versions"):
         given = {key: value for key, value in report.get(name, {}).items() if value is not None}
         cells = {key: value if isinstance(value, str) else json.dumps(value) for key, value in given.items()}
@@ -93,27 +93,28 @@ def html_report(report: Report, pictures: Sequence[Sequence[Picture]]) -> bytes:
 
 def _verdict(report: Report) -> str:
     facts = report["verdict"]
-    rows = "".join(
-        f'<li class="{each["level"]}">{_text(each["what"])}'
-        + (f"<p>{_text(each['do'])}</p>" if each["do"] else "")
+    lines = "".join(
+        f'<li class="{finding["level"]}">{_text(finding["what"])}'
+        + (f"<p>{_text(finding['do'])}</p>" if finding["do"] else "")
         + "</li>"
-        for each in facts["findings"]
+        for finding in facts["findings"]
     )
-    notes = sum(each["level"] == "note" for each in facts["findings"])
+    notes = sum(finding["level"] == "note" for finding in facts["findings"])
     word, mark = "All is well", "good"
     if not facts["good"]:
         word, mark = "Look at this first", "bad"
     elif notes:
         word = f"Done, with {notes} to note"
         mark = "note"
-    return f'<section class="verdict {mark}"><h2>{word}</h2><ul>{rows}</ul></section>'
+    return f'<section class="verdict {mark}"><h2>{word}</h2><ul>{lines}</ul></section>'
 
 
 def _pictures(pictures: Sequence[Picture]) -> str:
     figures = "".join(
-        f'<figure><img alt="{_text(each.title)}" src="data:image/png;base64,{base64.b64encode(each.png).decode()}">'
-        f"<figcaption>{_text(each.title)}{'' if each.top is None else _legend(each.top)}</figcaption></figure>"
-        for each in pictures
+        f'<figure><img alt="{_text(picture.title)}"'
+        f' src="data:image/png;base64,{base64.b64encode(picture.png).decode()}">'
+        f"<figcaption>{_text(picture.title)}{'' if picture.top is None else _legend(picture.top)}</figcaption></figure>"
+        for picture in pictures
     )
     return _section("Pictures", f'<div class="pictures">{figures}</div>') if pictures else ""
 
@@ -177,13 +178,13 @@ def _flags(report: Report) -> str:
     listed = report.get("flagged_vertices")
     if not listed:
         return ""
-    rows = {
+    counts = {
         f"{name}: {number(report['flagged'][name])}": ", ".join(map(str, some[:_LISTED]))
         + (", …" if report["flagged"][name] > _LISTED else "")
         for name, some in listed.items()
     }
     text = "The first of each, counted from 0 in the file's order; a report in JSON lists a hundred."
-    return _section("Flagged vertices", f"<p>{text}</p>{_table(rows)}")
+    return _section("Flagged vertices", f"<p>{text}</p>{_table(counts)}")
 
 
 def _table(rows: Mapping[str, Any]) -> str:

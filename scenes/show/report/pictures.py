@@ -150,10 +150,10 @@ def write_marked(target: Path, mesh: Mesh, baked: ao.Bake) -> None:
     write_image(target, picture)
 
 
-def _dot(picture: Float32s, camera: Camera, places: Float64s, colour: tuple[float, float, float]) -> None:
+def _dot(picture: Float32s, camera: Camera, points: Float64s, colour: tuple[float, float, float]) -> None:
     height, width = picture.shape[:2]
     right, above, forward = camera.axes()
-    offset = places - camera.position
+    offset = points - camera.position
     depth = offset @ forward
     offset = offset[depth > 0]
     depth = depth[depth > 0]

@@ -52,10 +52,13 @@ class Finding(NamedTuple):
 def verdict(report: Facts) -> dict[str, Any]:
     """Whether nothing is bad, and the findings, bad ones first; of a report of several pages, of each by its name."""
     pages = report.get("pages", {"": report})
-    found = ((name, each) for name, page in pages.items() for each in _findings(page))
-    findings = [each._replace(what=f"{name}: {each.what}") if name else each for name, each in found]
-    findings = sorted(dict.fromkeys(findings), key=lambda each: _LEVELS.index(each.level))
-    return {"good": all(each.level != "bad" for each in findings), "findings": [each._asdict() for each in findings]}
+    found = ((name, finding) for name, page in pages.items() for finding in _findings(page))
+    findings = [finding._replace(what=f"{name}: {finding.what}") if name else finding for name, finding in found]
+    findings = sorted(dict.fromkeys(findings), key=lambda finding: _LEVELS.index(finding.level))
+    return {
+        "good": all(finding.level != "bad" for finding in findings),
+        "findings": [finding._asdict() for finding in findings],
+    }
 
 
 def _findings(report: Facts) -> Iterator[Finding]:
@@ -142,10 +145,10 @@ def write_report(
         report: of `ao.report`, or like it; with `pages`, of several pages.
         inputs: from `hashed`. options: every effective option. pictures: makes them, for .html: of each page.
     """
-    first = next(iter(report["pages"].values())) if "pages" in report else report
-    head = {"schema_version": first["schema_version"], "kind": kind, "verdict": verdict(report)}
+    main_page = next(iter(report["pages"].values())) if "pages" in report else report
+    head = {"schema_version": main_page["schema_version"], "kind": kind, "verdict": verdict(report)}
     body = {name: value for name, value in report.items() if name not in head}
-    tail = {"command": line, "inputs": [*inputs], "options": {**options}, "versions": first["versions"]}
+    tail = {"command": line, "inputs": [*inputs], "options": {**options}, "versions": main_page["versions"]}
     whole = head | body | tail
     if path.suffix.lower() == ".json":
         write_json(path, whole)

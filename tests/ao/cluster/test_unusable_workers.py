@@ -11,7 +11,7 @@ from meshes import hills
 from parts_of_bakes import bits
 
 import ao
-from ao.execute.work import machine
+from ao.execute.work import bit_environment
 from raytrace import InputError, Mesh
 
 pytestmark = LEFT_SOCKETS
@@ -22,7 +22,7 @@ def test_a_worker_unlike_the_client_is_reported_in_one_line(cluster, tmp_path, m
     def become_another():
         import ao.cluster.worker
 
-        was = ao.cluster.worker.machine()
+        was = ao.cluster.worker.bit_environment()
         ao.cluster.worker.machine = lambda: was | {"processor": "a z80"}
 
     with on_one(cluster, become_another, tmp_path / "reported") as (odd, messages, notify):
@@ -51,7 +51,7 @@ def test_a_worker_whose_disk_is_full_gets_no_more_work(cluster, tmp_path, medium
 
 
 def test_where_no_worker_can_be_used_the_reason_is_named(cluster, tmp_path, monkeypatch):
-    monkeypatch.setitem(machine(), "Embree", "4.0.0")
+    monkeypatch.setitem(bit_environment(), "Embree", "4.0.0")
     messages = []
     with pytest.raises(InputError, match=r"no worker can be used: tls://.*: Embree: expected 4.0.0, got"):
         bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", messages.append, pace=IMPATIENT)

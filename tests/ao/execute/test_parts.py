@@ -15,7 +15,7 @@ import ao.execute.tracer
 from ao.execute.journal import IDENTITY, MAGIC
 from ao.execute.parts import DESCRIPTION as DESCRIPTION_BLOCK
 from ao.execute.parts import WHOLE, ShardCheckpoint, assign_shards, read_parts
-from ao.execute.work import machine
+from ao.execute.work import bit_environment
 from raytrace import InputError, Mesh, OptionError, OutputError
 
 HILLS = Mesh(*hills(40))
@@ -128,7 +128,7 @@ def test_a_part_of_another_mesh_is_named(parts):
 
 def test_a_part_from_another_processor_is_named(parts, monkeypatch):
     (parts / "part-1-of-3.part").unlink()
-    monkeypatch.setitem(machine(), "processor", "a z80")
+    monkeypatch.setitem(bit_environment(), "processor", "a z80")
     trace_part(MAKE, parts, 1, 3)
     assert said(parts).startswith("FOLDER/part-1-of-3.part: processor: expected ")
     assert said(parts).endswith("got a z80")
@@ -137,7 +137,7 @@ def test_a_part_from_another_processor_is_named(parts, monkeypatch):
 def test_parts_of_another_mesh_or_processor_than_the_merging_ones_are_refused(parts, monkeypatch):
     assert said(parts, partial(ao.bake, Mesh(*hills(41)), samples=64)).startswith("FOLDER: mesh: expected ")
     assert said(parts, partial(ao.bake, HILLS, samples=64, seed=1)).startswith("FOLDER: header: expected ")
-    monkeypatch.setitem(machine(), "Embree", "3.0")
+    monkeypatch.setitem(bit_environment(), "Embree", "3.0")
     assert said(parts).startswith("FOLDER: Embree: expected ")
 
 

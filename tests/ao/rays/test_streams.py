@@ -12,7 +12,7 @@ from ao.rays.directions import DirectionTable, choose, turned_frame
 from ao.rays.gather import COLUMNS, W, gather_hemispheres, gather_streams
 from ao.rays.ray_blocks import Rays
 from ao.rays.ray_packet import RayPacket
-from ao.rays.traverse import TraversalState, packets_below
+from ao.rays.traverse import TraversalState, embree_below
 from raytrace import Mesh
 from raytrace.kernel.arrays import aligned
 from raytrace.mesh.placement import Placement
@@ -196,7 +196,7 @@ NEVER, ALWAYS = 0, MAX_SAMPLES + 1
 
 def below(normals=ANY_WAY, reach=1.0, count=40_000, falloff=None, traversal="auto", layered=False):
     mu = (falloff or ao.Binary()).resolve(1.0).in_render_space(1.0)
-    return packets_below(traversal, layered, normals, reach, count, mu)
+    return embree_below(traversal, layered, normals, reach, count, mu)
 
 
 @pytest.mark.parametrize(("count", "expected"), [(16, (48, 20, 18, 9)), (8, (162, 61, 23, 13))], ids=["wide", "narrow"])

@@ -37,4 +37,6 @@ def baked(count):
         bent_normals=np.zeros((count, 3)),
         flags=np.zeros(count, np.uint8),
         profile=None,
+        at="vertices",
+        below=None,
     )

@@ -146,4 +146,6 @@ def random_bake(count):
         bent_normals=rng.normal(size=(count, 3)),
         flags=rng.integers(0, 8, count),
         profile=None,
+        at="vertices",
+        below=None,
     )

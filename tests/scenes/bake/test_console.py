@@ -31,6 +31,16 @@ def terminal(monkeypatch):
     return lambda: redirect_stderr(Terminal())
 
 
+@pytest.fixture
+def set_clock(monkeypatch):
+    """A function: let progress read the time from another function."""
+
+    def let(read):
+        monkeypatch.setattr("scenes.show.progress.time", SimpleNamespace(perf_counter=read))
+
+    return let
+
+
 def percentages(text):
     return [int(part.split()[-1]) for part in text.split(" %")[:-1]]
 
@@ -96,9 +106,9 @@ def test_nothing_is_said_to_who_wants_quiet():
         assert advances == (None, None)
 
 
-def test_off_a_terminal_there_is_a_line_every_ten_seconds(monkeypatch, capsys):
+def test_off_a_terminal_there_is_a_line_every_ten_seconds(set_clock, capsys):
     clock = [0.0]
-    monkeypatch.setattr("scenes.show.progress.time", SimpleNamespace(perf_counter=lambda: clock[0]))
+    set_clock(lambda: clock[0])
     with progress(False, "rays", "tiles") as (rays, tiles):
         for second in range(1, 30):
             clock[0] = float(second)
@@ -112,9 +122,9 @@ def test_off_a_terminal_there_is_a_line_every_ten_seconds(monkeypatch, capsys):
     ]
 
 
-def test_progress_as_json_is_a_line_for_what_is_new_and_for_the_end(monkeypatch, capsys):
+def test_progress_as_json_is_a_line_for_what_is_new_and_for_the_end(set_clock, capsys):
     clock = iter([0.0, 1.0, 1.05, 1.2, 1.21, 2.0])
-    monkeypatch.setattr("scenes.show.progress.time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    set_clock(lambda: next(clock))
     with progress(True, "rays", "tiles", form="json") as (rays, tiles):
         for done in (1, 2, 3, 4):
             rays(done, 4)

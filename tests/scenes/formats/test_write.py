@@ -60,7 +60,7 @@ def test_ply(tmp_path, normals, shift):
 
 
 def test_half_open_is_half_the_light_to_readers_of_either_format(tmp_path):
-    half = SimpleNamespace(w=np.full(4, 0.5), profile=None)
+    half = SimpleNamespace(w=np.full(4, 0.5), profile=None, at="vertices", below=None)
     for ending in ("ply", "glb"):
         write(tmp_path / f"m.{ending}", half, mesh_file(), colors=True)
     colours = trimesh.load_mesh(tmp_path / "m.ply", process=False).visual.vertex_colors

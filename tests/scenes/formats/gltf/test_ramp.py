@@ -21,7 +21,7 @@ SEAMS += "usemtl a\nf 1/1 2/2 3/3 4/4\nusemtl b\nf 2/1 5/2 3/3\n"
 
 
 def bake(count):
-    return SimpleNamespace(w=np.random.default_rng(count).random(count), profile=None)
+    return SimpleNamespace(w=np.random.default_rng(count).random(count), profile=None, at="vertices", below=None)
 
 
 def written(folder, data, name="in.glb", **options):

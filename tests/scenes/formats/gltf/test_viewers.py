@@ -23,7 +23,7 @@ SIZE = 160, 120
 
 
 def bake(count):
-    return SimpleNamespace(w=np.random.default_rng(count).random(count), profile=None)
+    return SimpleNamespace(w=np.random.default_rng(count).random(count), profile=None, at="vertices", below=None)
 
 
 def outputs(folder, source, name):
@@ -67,7 +67,7 @@ def corner(folder):
     builder.mesh(builder.primitive(CORNER, [[0, 1, 2], [0, 2, 3], [0, 5, 4], [0, 4, 1]], material=0))
     matt = {"pbrMetallicRoughness": {"metallicFactor": 0}}
     (folder / "in.glb").write_bytes(builder.glb([{"mesh": 0}], materials=[matt]))
-    result = SimpleNamespace(w=np.array([0.1, 0.5, 0.9, 0.6, 1, 0]), profile=None)
+    result = SimpleNamespace(w=np.array([0.1, 0.5, 0.9, 0.6, 1, 0]), profile=None, at="vertices", below=None)
     write(folder / "ramp.glb", result, load(folder / "in.glb", folder / "ramp.glb"))
     return folder / "ramp.glb"
 
