@@ -8,7 +8,7 @@ import pytest
 from meshes import hills
 
 from ao import Binary, Exponential, Linear, Smooth, Tabulated, bake
-from ao.mu import faded
+from ao.mu import attenuation
 from raytrace import Mesh, OptionError
 
 
@@ -141,4 +141,4 @@ def test_only_what_is_nearer_than_where_mu_is_one_counts():
 def test_a_hit_beyond_the_limit_by_rounding_is_open():
     """Distances of hits are float32."""
     mu = Tabulated([0, 1 - 1e-12, 1], [0, 0.5, 1]).resolve(1.0).in_render_space(1.0)
-    assert faded.function(1 + 6e-8, mu) == 1.0
+    assert attenuation.function(1 + 6e-8, mu) == 1.0
