@@ -71,7 +71,7 @@ def test_rays_start_on_the_side_the_files_normal_points_to():
 
 def test_normals_must_be_known_and_present():
     mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
-    with pytest.raises(OptionError, match="normals: expected angle, area, equal or file"):
+    with pytest.raises(OptionError, match="normals: expected one of angle, area, equal, file"):
         ao.bake(mesh, normals="best")
     with pytest.raises(MeshError, match="expected vertex normals in the mesh, got none"):
         receivers(mesh, "file")
