@@ -128,7 +128,7 @@ def _sample_vertices(prepared: Prepared) -> PointValues:
     baked = point >= 0
     receivers.flags[baked & np.append(inside, False)[point]] |= np.uint8(Flag.HIDDEN)
     filled = inside & (options.interior != "mark")
-    edges = edges_of(points, point[receivers.faces], tracer)
+    edges = edges_of(points, point, receivers.faces, tracer)
 
     def estimated() -> tuple[Estimate, int]:
         return estimate_outside(tracer, points, receivers.corners, edges, filled, prepared.options)

@@ -46,7 +46,7 @@ def sample_fine_mesh(prepared: Prepared, coarse: Mesh, inputs: Inputs) -> tuple[
 
     row_of = np.full(len(order) + 1, -1)
     row_of[order] = np.arange(len(order))
-    edges = edges_of(samples.points, row_of[vertices.of_vertex[vertices.faces]], tracer)
+    edges = edges_of(samples.points, row_of[vertices.of_vertex], vertices.faces, tracer)
     filled = inside & (options.interior != "mark")
 
     def estimated() -> tuple[Estimate, int]:

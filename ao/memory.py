@@ -10,7 +10,10 @@ _VERTEX, _POINT, _FACE = 84, 340, 132
 TRACED = 240  # of `_POINT`, what is taken once the vertices are welded
 _CORNER, _COLUMN = 450, 80
 _SURFACE, _SURFACE_VERTEX, _SURFACE_FACE = 64 << 20, 72, 750  # the first is what waits for the journal, and SciPy
-_LAYOUT, _TEXTURED_FACE, _TEXEL = 730, 390, 560  # a face on the page while seams are sought; while texels are traced
+_LAYOUT, _TEXTURED_FACE = 730, 390  # a face on the page while seams are sought; while texels are traced
+_TEXEL, _COVERED_TEXEL = 40, 130
+TRACED_TEXEL = 400  # beside that, of each to trace rays at
+_TRACED_SHARE = 0.15  # of the covered texels, where one may stand for several
 
 
 def vertex_bytes(vertices: int, faces: int, samples: int, points: int | None = None) -> int:
@@ -36,6 +39,11 @@ def surface_bytes(vertices: int, faces: int) -> int:
     return _BASE + _SURFACE + _SURFACE_VERTEX * vertices + _SURFACE_FACE * faces
 
 
-def texture_bytes(texels: int, vertices: int, faces: int, samples: int) -> int:
-    """Bytes that a texture takes at its peak, if all of its texels are covered."""
-    return vertex_bytes(vertices, 0, samples) + max(_LAYOUT * faces, _TEXTURED_FACE * faces + _TEXEL * texels)
+def texture_bytes(texels: int, covered: int, vertices: int, faces: int, samples: int, blocks: bool) -> int:
+    """Bytes that a texture takes at its peak.
+
+    Args: covered: texels, by faces. blocks: whether a texel may stand for several.
+    """
+    traced = int(covered * (_TRACED_SHARE if blocks else 1.0))
+    page = _TEXEL * texels + _COVERED_TEXEL * covered + TRACED_TEXEL * traced
+    return vertex_bytes(vertices, 0, samples) + max(_LAYOUT * faces, _TEXTURED_FACE * faces + page)

@@ -25,7 +25,8 @@ _FITTED = 1 << 26  # rays of the surface method in all, at most: a coarse mesh n
 OCTAVES = tuple(0.005 * 2**octave for octave in range(10))  # half-distances of profiles, of the radius
 
 Method = Literal["vertex", "surface"]
-Normals = Literal["angle", "area", "equal", "file"]
+Weighting = Literal["angle", "area", "equal"]
+Normals = Literal["angle", "area", "equal", "file", "up"]
 Interior = Literal["auto", "ignore", "mark", "fill"]
 Traversal = Literal["auto", "embree"]
 BackFaces = Literal["occlude", "ignore"]
@@ -58,7 +59,7 @@ class Options:
     threads: Annotated[int | None, Option(bounds=(1, 4096), role="run", bake_kinds=f"{EVERY_BAKE} merge", help=
         "Number of threads, by default all cores; results are the same.")] = None
     normals: Annotated[Normals, Option(help=
-        "Vertex normals: face normals weighted by angle, by area or equally, or the file's own.", python_help=
+        "Vertex normals: those of faces, weighted by angle, by area or equally; the file's; or up.", python_help=
         "They are the axes of hemispheres.")] = "angle"
     _: KW_ONLY
     tolerance: Annotated[float | None, Option(bounds=(1e-5, 1), bake_kinds="vertices texture batch", help=

@@ -10,13 +10,13 @@ import numpy as np
 from raytrace.camera import Camera
 from raytrace.image.frame import Frame
 from raytrace.renderer.render import Progress, prepare_picture
-from raytrace.renderer.render_job import RenderJob, paste
+from raytrace.renderer.render_job import RenderJob, paste, retired_pixels
 from raytrace.scene import Scene
 from raytrace.settings import Settings
-from raytrace.shade.film import EDGE, TILE
+from raytrace.shade.film import EDGES, TILE
 from raytrace.shade.layout import COUNTERS
 from raytrace.system.threads import thread_count
-from raytrace.types import Bools, Float32s, Int64s
+from raytrace.types import Float32s, Int64s
 
 from ..execute.work import Tables
 from .session import ClusterSession
@@ -45,9 +45,9 @@ class Tiles:
         return replace(self, numbers=self.numbers[rows], around=None if self.around is None else self.around[rows])
 
     def tables(self) -> Tables:
-        edges = (4, TILE, EDGE) if self.adaptive else (0, 0, 0)
         pixels = np.zeros((len(self), TILE, TILE, self.channels), np.float32)
-        return pixels, np.zeros((len(self), *edges), np.float32), np.zeros((len(self), COUNTERS), np.int64)
+        edges = np.zeros((len(self), EDGES if self.adaptive else 0), np.float32)
+        return pixels, edges, np.zeros((len(self), COUNTERS), np.int64)
 
     def writer(self, scene: RenderJob, tables: Tables) -> Callable[[int, int], None]:
         def write(first: int, last: int) -> None:
@@ -81,23 +81,24 @@ def render_on(
     picture.light_vertices(workers)
     film, samples, channels = picture.film(), picture.style.samples, picture.channels
 
-    def render_tiles(tiles: Tiles, marks: Bools | None = None) -> None:
+    def render_tiles(tiles: Tiles) -> None:
         done = 0
+        again = tiles.around is not None
         for first, last, (pixels, edges, counts) in session.rows(tiles, picture, workers):
             numbers = tiles.numbers[first:last]
-            paste(film, numbers, pixels, None if marks is None else marks[numbers])
+            reopened = retired_pixels(film.edges[numbers]) & ~retired_pixels(edges) if again else None
+            paste(film, numbers, pixels, reopened)
             if tiles.adaptive:
                 film.edges[numbers] = edges
             picture.counts += counts.sum(axis=0)
             done += last - first
-            if progress and marks is None:
+            if progress and not again:
                 progress(done, picture.tiles)
 
     render_tiles(Tiles(np.arange(picture.tiles), TILE * TILE * samples, channels, picture.adaptive))
     if picture.adaptive:  # some pixels need all samples for a neighbour in another tile
-        marks = picture.reopened(film)
-        numbers = np.flatnonzero(marks.any(axis=(1, 2)))
+        numbers = picture.reopened(film)
         if len(numbers):
-            rays = samples * int(np.count_nonzero(marks)) / len(numbers)
-            render_tiles(Tiles(numbers, rays, channels, False, film.edges[picture.beside(numbers)]), marks)
+            around = film.edges[picture.beside(numbers)]
+            render_tiles(Tiles(numbers, TILE * samples, channels, True, around))
     return picture.frame(film, {"build": built - start, "render": time.perf_counter() - built})

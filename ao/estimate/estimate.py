@@ -85,8 +85,11 @@ def _calibration_subset(count: int) -> Int64s:
     return np.arange(wanted) * count // max(wanted, 1)
 
 
-def edges_of(points: Points, faces: Int64s, tracer: Tracer) -> NeighboursOf:
-    """Neighbours along the edges of `faces` (m, 3), rows of `points` or −1; kept where several falloffs need them."""
+def edges_of(points: Points, of_vertex: Int64s, faces: Int64s, tracer: Tracer) -> NeighboursOf:
+    """Neighbours along the edges of `faces` (m, 3); kept where several falloffs need them.
+
+    Args: of_vertex: (n,), the row in `points` of each vertex, −1 for none.
+    """
     kept = dict[bytes, Neighbours]()
 
     def among(rows: Int64s) -> Neighbours:
@@ -96,11 +99,9 @@ def edges_of(points: Points, faces: Int64s, tracer: Tracer) -> NeighboursOf:
         return kept.get(digest) or kept.setdefault(digest, made(rows))
 
     def made(rows: Int64s) -> Neighbours:
-        if len(rows) == len(points):
-            return Neighbours.of(faces, points.normals, tracer.threads)
-        place = np.full(len(points) + 1, -1)  # the last for corners without a point
+        place = np.full(len(points) + 1, -1)  # the last for vertices without a point
         place[rows] = np.arange(len(rows))
-        return Neighbours.of(place[faces], points.normals[rows], tracer.threads)
+        return Neighbours.of(place[of_vertex][faces], points.normals[rows], tracer.threads)
 
     return among
 

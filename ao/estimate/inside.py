@@ -83,7 +83,7 @@ def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Boo
             part = part[number]
         if receivers.opacity:
             closed[part[receivers.faces[receivers.opacity.of >= 0]]] = False
-        _sought[receivers] = part, closed
+        _sought[receivers] = part if closed.any() else part[:0].copy(), closed
     return _sought[receivers]
 
 

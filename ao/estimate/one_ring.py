@@ -83,7 +83,7 @@ class Neighbours:
     def means(self, *wanted: tuple[npt.NDArray[Any], float], then: Callable[..., Block] | None = None) -> Any:
         """Weighted means over the neighbours of several values, NaN without any, all in one pass over the points.
 
-        Args: wanted: values (k,), float64 (k, 3), or float32 (k, 16) as `aligned` makes it, and the weight of a point's
+        Args: wanted: values (k,), float32 (k, 3), or float32 (k, 16) as `aligned` makes it, and the weight of a point's
             own. then: makes of the means what is called after them on blocks, whose means are there.
         """
         found, works = [], []

@@ -59,6 +59,8 @@ def denoise_over_scales(
     levels, cells = _pyramid(_Level(neighbours, points, rows, np.ones(len(points)))) if level > 0 else ([], [])
     if not cells:
         return finest
+    levels[0] = levels[0]._replace(rows=rows[:0].copy())
+    del rows  # cells have their means
     said = [coarse.denoised() for coarse in levels[1:]]
 
     def shrunk_cells(amount: float) -> tuple[Float64s, Float64s]:

@@ -11,7 +11,8 @@ towards what is closed around it, and how far its neighbours stand above its tan
 by least squares, to the whole mesh and then around each point.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar, get_type_hints
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -20,7 +21,7 @@ from raytrace.kernel.arrays import aligned, unrefcounted_view
 from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.simd import WIDE
 from raytrace.kernel.vector import add, cross, dot, load, scale, store
-from raytrace.types import Float64s
+from raytrace.types import Float32s, Float64s
 
 from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, BENT, W
@@ -31,34 +32,40 @@ _REACH = 4  # edges over which squared residuals are averaged
 _FIT_REACH = 4  # and what corrections are fitted to; three for the spread between batches and what is closed around
 _OUTLIER = 9.0  # a residual of more than three σ is the point's own
 _RIDGE, _RIDGE_POINTS = 3e-3, 10.0
+Named = TypeVar("Named")
 
 
 class _Shape(NamedTuple):
-    """What denoising takes from where k points lie, (k,)."""
+    """What denoising takes from where k points lie, float32 (k,)."""
 
-    self_weight: Float64s  # of a point's own value in its mean with its neighbours
-    leverage: Float64s  # of its own value in the mean of its own and its neighbours' predictions
-    rise: Float64s  # mean sine by which the neighbours stand above the tangent plane, less theirs; NaN without any
+    self_weight: Float32s  # of a point's own value in its mean with its neighbours
+    leverage: Float32s  # of its own value in the mean of its own and its neighbours' predictions
+    rise: Float32s  # mean sine by which the neighbours stand above the tangent plane, less theirs; NaN without any
 
 
 _shapes: WeakKeyDictionary[Neighbours, _Shape] = WeakKeyDictionary()
 
 
-class _Fields(NamedTuple):
-    """What denoising reckons at k points, (k,), but (k, 3) for `closed` and `unlike`."""
+class _Surroundings(NamedTuple):
+    """What predictions start from at k points, float32 (k,), but (k, 3) for `closed`."""
 
-    w: Float64s  # estimates, at last denoised
-    variance: Float64s  # of them, at last the mean square errors expected
-    spread: Float64s  # between the batches of a point
-    closed: Float64s  # mean of (1 − μ)·direction
-    leaning: Float64s  # how far the normal leans to what is closed around the point
-    unlike: Float64s  # from its neighbours: in what is around these, in its leaning and in its rise
-    prediction: Float64s  # of w by the neighbours, NaN without any
-    filled: Float64s  # their mean w, the point's own without any
-    residual: Float64s  # of w from its prediction, 0 without any
-    excess: Float64s  # its square less the variance
-    weight: Float64s  # of residuals in fits
-    part: Float64s  # that each estimate has in its own prediction
+    filled: Float32s  # the neighbours' mean w, the point's own without any
+    spread: Float32s  # between the batches of a point
+    closed: Float32s  # mean of (1 − μ)·direction
+    leaning: Float32s  # how far the normal leans to what is closed around the point
+
+
+class _Fields(NamedTuple):
+    """What denoising reckons at k points, float32 (k,), but (k, 3) for `unlike`."""
+
+    w: Float32s  # estimates
+    variance: Float32s  # of them
+    unlike: Float32s  # from its neighbours: in what is around these, in its leaning and in its rise
+    prediction: Float32s  # of w by the neighbours, NaN without any
+    residual: Float32s  # of w from its prediction, 0 without any
+    excess: Float32s  # its square less the variance
+    weight: Float32s  # of residuals in fits
+    part: Float32s  # that each estimate has in its own prediction
 
 
 def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float) -> tuple[Float64s, Float64s]:
@@ -66,21 +73,39 @@ def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float
 
     Where all rays around a point agree, nothing is shrunk. Args: level: mean square error of w in `rows` (k, COLUMNS).
     """
-    count, normals, means = len(points), points.normals, neighbours.means
-    shape = shape_of(neighbours, points)
-    at = _Fields(*(np.empty((count, 3) if name in ("closed", "unlike") else count) for name in _Fields._fields))
+    means, shape = neighbours.means, shape_of(neighbours, points)
+    at = _empty(_Fields, len(points))
+    spread = _compare_with_neighbours(neighbours, points, rows, level, at)
+    coefficients, size = _ridge_regression(at.unlike, at.residual, at.weight)
+    moments = aligned((len(points), WIDE), np.float32)
+    neighbours.each(bind(_normal_equations, coefficients, size, at, moments))
+    for _ in range(_FIT_REACH - 1):
+        moments = means((moments, 1.0))[0]  # which lets go of those before
+    means((moments, 1.0), then=lambda around: bind(_local_fits, shape, around, at))
+    w, error = np.empty((2, len(points)))
+    (beyond,) = means((neighbours.smooth(at.excess, _REACH - 1), 1.0))
+    neighbours.each(bind(_shrink, rows, beyond, spread, at, w, error))
+    return w, shrunk_to_mean(error)
 
-    neighbours.each(bind(_begin, rows, normals, at))
+
+def _compare_with_neighbours(
+    neighbours: Neighbours, points: Points, rows: Float64s, level: float, at: _Fields
+) -> Float32s:
+    """Fill in all fields of points but `part`, predictions by means alone; returns the spread around each, (k,)."""
+    means, normals, shape = neighbours.means, points.normals, shape_of(neighbours, points)
+    near = _empty(_Surroundings, len(points))
+
+    neighbours.each(bind(_begin, rows, normals, at, near))
     _, closed, spread = means(
-        (at.w, 0.0), (at.closed, 0.0), (at.spread, 1.0),
-        then=lambda mean, closed, _: bind(_compare, shape, mean, closed, at),
+        (at.w, 0.0), (near.closed, 0.0), (near.spread, 1.0),
+        then=lambda mean, closed, _: bind(_compare, shape, mean, closed, at, near),
     )  # fmt: skip
-    wide, closed, spread = means((at.filled, 1.0), (closed, 1.0), (spread, 1.0))
+    wide, closed, spread = means((near.filled, 1.0), (closed, 1.0), (spread, 1.0))
     closed, spread = means((closed, 1.0), (spread, 1.0))
-    typical = float(np.mean(spread)) if count else 0.0
+    typical = float(np.mean(spread, dtype=np.float64)) if len(points) else 0.0
 
-    def lean(closed: Float64s) -> Block:
-        turn = bind(_lean, shape, wide, closed, normals, at)
+    def lean(closed: Float32s) -> Block:
+        turn = bind(_lean, shape, wide, closed, normals, at, near)
 
         def work(first: int, last: int) -> None:
             at.variance[first:last] = distribute_variance(spread[first:last], level, typical)
@@ -89,23 +114,22 @@ def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float
         return work
 
     means((closed, 1.0), then=lean)
-    leaning, excess = means((at.leaning, 0.0), (at.excess, 1.0))
-    means((neighbours.smooth(excess, 1), 0.0), then=lambda rough: bind(_weigh, leaning, rough, at))
-    coefficients, size = _ridge_regression(at.unlike, at.residual, at.weight)
-    del closed, excess  # moments take the most memory
-    moments = aligned((count, WIDE), np.float32)
-    neighbours.each(bind(_normal_equations, coefficients, size, at, moments))
-    for _ in range(_FIT_REACH - 1):
-        moments = means((moments, 1.0))[0]  # which lets go of those before
-    means((moments, 1.0), then=lambda around: bind(_local_fits, shape, around, at))
-    means((neighbours.smooth(at.excess, _REACH - 1), 1.0), then=lambda beyond: bind(_shrink, beyond, spread, at))
-    return at.w, shrunk_to_mean(at.variance)
+    leaning, excess = means((near.leaning, 0.0), (at.excess, 1.0))
+    means((neighbours.smooth(excess, 1), 0.0), then=lambda rough: bind(_weigh, leaning, rough, at, near))
+    return spread
+
+
+def _empty(kind: Callable[..., Named], count: int) -> Named:
+    """Arrays of `count` points, to be filled in."""
+    vectors = "closed", "unlike"
+    names = get_type_hints(kind)
+    return kind(*(np.empty((count, 3) if name in vectors else count, np.float32) for name in names))
 
 
 def shape_of(neighbours: Neighbours, points: Points) -> _Shape:
     """Where points lie among their neighbours, measured once for the same ones."""
     if neighbours not in _shapes:
-        ring, shape = neighbours.ring, _Shape(*(np.empty(len(points)) for _ in _Shape._fields))
+        ring, shape = neighbours.ring, _empty(_Shape, len(points))
         neighbours.each(bind(_measure, ring, points.origins, points.normals, shape))
         (rise,) = neighbours.means((shape.rise, 0.0), then=lambda mean: bind(_compare_shapes, ring, shape, mean))
         _shapes[neighbours] = shape._replace(rise=rise)
@@ -149,52 +173,54 @@ def _compare_shapes(ring, shape, mean, first, last):
 
 
 @kernel
-def _begin(rows, normals, at, first, last):
+def _begin(rows, normals, at, near, first, last):
     """Fill in `w`, `spread` and `closed`."""
     rows = unrefcounted_view(rows)
     normals = unrefcounted_view(normals)
     at = unrefcounted_view(at)
+    near = unrefcounted_view(near)
     for i in range(first, last):
-        at.w[i], at.spread[i] = rows[i, W], rows[i, BATCH_VARIANCE]
+        at.w[i], near.spread[i] = rows[i, W], rows[i, BATCH_VARIANCE]
         for axis in range(3):
-            at.closed[i, axis] = 2.0 / 3.0 * normals[i, axis] - rows[i, BENT + axis]
+            near.closed[i, axis] = 2.0 / 3.0 * normals[i, axis] - rows[i, BENT + axis]
 
 
 @kernel
-def _compare(shape, mean, closed, at, first, last):
+def _compare(shape, mean, closed, at, near, first, last):
     """Compare points with the means of their neighbours' `w`, `closed` and `rise`."""
     for i in range(first, last):
         alone = np.isnan(mean[i])
         if alone:
-            store(closed, i, load(at.closed, i))
-        at.prediction[i], at.filled[i] = mean[i], at.w[i] if alone else mean[i]
+            store(closed, i, load(near.closed, i))
+        at.prediction[i], near.filled[i] = mean[i], at.w[i] if alone else mean[i]
         at.residual[i] = 0.0 if alone else at.w[i] - mean[i]
         at.unlike[i, 2] = 0.0 if alone else shape.rise[i]
 
 
 @kernel
-def _lean(shape, wide, closed, normals, at, first, last):
+def _lean(shape, wide, closed, normals, at, near, first, last):
     """Compare the mean of the neighbours with that of their neighbours, `wide`, from which the point's own w is taken
     out; fill in `leaning`."""
     shape = unrefcounted_view(shape)
     at = unrefcounted_view(at)
+    near = unrefcounted_view(near)
     for i in range(first, last):
         leverage = shape.leverage[i]
-        beside = (wide[i] - leverage * at.w[i]) / (1.0 - leverage) - at.filled[i]
+        beside = (wide[i] - leverage * at.w[i]) / (1.0 - leverage) - near.filled[i]
         at.unlike[i, 0] = 0.0 if np.isnan(at.prediction[i]) else beside
         c, n = load(closed, i), load(normals, i)
-        at.leaning[i] = c[0] * n[0] + c[2] * n[2] + c[1] * n[1]
+        near.leaning[i] = c[0] * n[0] + c[2] * n[2] + c[1] * n[1]
         at.excess[i] = at.residual[i] ** 2 - at.variance[i]
 
 
 @kernel
-def _weigh(leaning, rough, at, first, last):
+def _weigh(leaning, rough, at, near, first, last):
     for i in range(first, last):
-        at.unlike[i, 1] = 0.0 if np.isnan(at.prediction[i]) else at.leaning[i] - leaning[i]
+        at.unlike[i, 1] = 0.0 if np.isnan(at.prediction[i]) else near.leaning[i] - leaning[i]
         at.weight[i] = 1.0 / max(at.variance[i] + (0.0 if np.isnan(rough[i]) else max(rough[i], 0.0)), 1e-12)
 
 
-def _ridge_regression(columns: Float64s, target: Float64s, weight: Float64s) -> tuple[Float64s, Float64s]:
+def _ridge_regression(columns: Float32s, target: Float32s, weight: Float32s) -> tuple[Float64s, Float64s]:
     """Coefficients (3,), near 0 where few points or like columns leave them open; root mean squares (3,) of columns."""
     matrix, right = np.zeros((3, 3)), np.zeros(3)
     _sum_moments(columns, target, weight, matrix, right)
@@ -249,12 +275,13 @@ def _local_fits(shape, moments, at, first, last):
 
 
 @kernel
-def _shrink(beyond, spread, at, first, last):
+def _shrink(rows, beyond, spread, at, w, errors, first, last):
+    """Write w, shrunk, and the mean square errors expected."""
     at = unrefcounted_view(at)
     for i in range(first, last):
-        variance, residual = at.variance[i], at.residual[i]
+        variance, residual = np.float64(at.variance[i]), np.float64(at.residual[i])
         error = max(max(beyond[i], residual * residual - _OUTLIER * variance), 0.01 * variance)
         usable = not np.isnan(at.prediction[i]) and variance > 0.0 and spread[i] > 0.0
         share = variance / (variance + error) if usable else 0.0
-        at.w[i] -= share * residual
-        at.variance[i] = variance * (1.0 - share * (1.0 - 2.0 * at.part[i]))
+        w[i] = rows[i, W] - share * residual
+        errors[i] = variance * (1.0 - share * (1.0 - 2.0 * at.part[i]))

@@ -93,6 +93,7 @@ def estimate_to(
         more = np.full(len(points), min(_first_rays(tolerance, len(points)), max_samples))
         gathered = [np.zeros((len(points), COLUMNS)) for _ in range(tracer.columns)]
         for turn in range(_ROUNDS):
+            found = list[Estimate]()  # lets go of the last ones
             tracer.stage = f"rays, round {turn + 1}"
             _add_rays(tracer, points, gathered, worth, more, derive(key, 16 + turn))
             rays += more

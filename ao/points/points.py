@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.types import Float32s, UInt32s
+from raytrace.types import AnyFloats, Float32s, UInt32s
 
 
 class PointArrays(NamedTuple):
@@ -44,3 +44,9 @@ class Points:
     @property
     def arrays(self) -> PointArrays:
         return PointArrays(self.origins, self.normals, self.numbers)
+
+    def followed_by(self, origins: AnyFloats, normals: AnyFloats) -> Points:
+        """These and others (j, 3), numbered one by one."""
+        both = np.append(self.origins, origins.astype(np.float32), axis=0)
+        axes = np.append(self.normals, normals.astype(np.float32), axis=0)
+        return Points(both, axes, np.arange(len(both), dtype=np.uint32))

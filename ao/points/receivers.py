@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import IntFlag
-from functools import cache, cached_property, partial
+from functools import cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +20,7 @@ from raytrace.mesh.morton import morton_order
 from raytrace.mesh.normals import face_normals, nonzero, normalize
 from raytrace.mesh.opacity import PackedOpacity
 from raytrace.mesh.placement import Placement
+from raytrace.mesh.up import UP, up_axis
 from raytrace.ray_origins.origins import WeldedPoints, weld_points
 from raytrace.ray_origins.surface import Surface
 from raytrace.system.checks import NEGLIGIBLE, check_memory
@@ -27,7 +28,7 @@ from raytrace.system.threads import run_blocks, thread_count
 from raytrace.types import Bools, Float32s, Float64s, Int64s, UInt8s
 
 from ..memory import corner_bytes
-from ..options import Normals
+from ..options import Normals, Weighting
 from .corners import CornerSamples, find_corner_samples
 from .points import Points
 
@@ -75,7 +76,7 @@ class Receivers:
     embree: Callable[[], TriangleScene]
     opacity: PackedOpacity | None
 
-    @cached_property
+    @property
     def first_vertex(self) -> Int64s:
         """The first vertex (k,) of each point."""
         vertices = np.flatnonzero(self.of_vertex >= 0)[::-1]
@@ -116,24 +117,24 @@ class OffsetPoints(NamedTuple):
 
 
 def offset_points(
-    placed: Float32s, faces: Int64s, normals: Normals = "angle", own_normals: Float64s | None = None
+    placed: Float32s, faces: Int64s, weighting: Weighting = "angle", given: Float64s | None = None
 ) -> OffsetPoints:
     """Weld vertices `placed` (n, 3) in render space; the points' axes, and origins offset from the surface.
 
-    Args: own_normals: (n, 3), any length, for `normals` "file".
+    Args: weighting: of the faces' normals. given: (n, 3), axes of any length in the place of these.
     """
     vertices = placed.astype(np.float64)
     count = len(vertices)
     flags = np.full(count, Flag.UNREFERENCED, np.uint8)
     flags[faces.ravel()] = 0
 
-    if normals == "file":
-        axes = normalize(np.asarray(own_normals))
-        welded = weld_points(vertices, faces, "angle", axes, SAME)
+    if given is not None:
+        axes = normalize(given)
+        welded = weld_points(vertices, faces, weighting, axes, SAME)
         folded = np.zeros(len(welded.first), np.bool_)
         welded = welded._replace(axes=axes[welded.first])
     else:
-        welded = weld_points(vertices, faces, normals)
+        welded = weld_points(vertices, faces, weighting)
         folded = (welded.clearance <= 0) | nonzero(welded.axes != welded.normals)
     surface = welded.surface(vertices)
     start = time.perf_counter()
@@ -159,9 +160,17 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
         MeshError: `normals` is "file" for a mesh that has none.
         MemoryLimitError: the corners of folded vertices would not fit into memory.
     """
-    if normals == "file" and mesh.normals is None:
-        raise MeshError(mesh.source, "normals", "vertex normals in the mesh", "none")
-    offset = offset_points(placement.vertices, mesh.faces, normals, mesh.normals)
+    given = None
+    weighting: Weighting = "angle"
+    if normals == "file":
+        given = mesh.normals
+        if given is None:
+            raise MeshError(mesh.source, "normals", "vertex normals in the mesh", "none")
+    elif normals == "up":
+        given = np.tile(np.asarray(UP[up_axis(mesh)], np.float64), (len(mesh.vertices), 1))
+    else:
+        weighting = normals
+    offset = offset_points(placement.vertices, mesh.faces, weighting, given)
     welded, rows = offset.welded, np.flatnonzero(offset.usable)
     few = len(rows) < len(offset.usable)
     order = morton_order(offset.origins.take(rows, axis=0) if few else offset.origins)

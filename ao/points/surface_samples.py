@@ -111,11 +111,7 @@ class SurfaceSamples:
 
     def followed_by(self, others: SurfaceSamples) -> SurfaceSamples:
         """These groups and then the `others`."""
-        points = Points(
-            np.concatenate([self.points.origins, others.points.origins]),
-            np.concatenate([self.points.normals, others.points.normals]),
-            np.arange(len(self.face) + len(others.face), dtype=np.uint32),
-        )
+        points = self.points.followed_by(others.points.origins, others.points.normals)
         return SurfaceSamples(
             np.append(self.starts, self.starts[-1] + others.starts[1:]),
             np.append(self.face, others.face),

@@ -18,7 +18,7 @@ _BLOCK, _SHARE = 1 << 12, 16  # texels, and blocks at once
 
 def texel_neighbours(surface: UVSurface, texels: Texels, most: float, threads: int) -> Neighbours:
     """The one-ring of every texel. Args: most: how far a texel reaches on a face at most, in render space."""
-    count, layout, points = len(texels), surface.layout, texels.samples.first_points
+    count, layout, points = len(texels), surface.layout, texels.points
     row_of = np.full(layout.width * layout.height, -1, np.int32)
     row_of[texels.texels] = np.arange(count)
     charts = _charts(surface)[texels.page_face].astype(np.int32)

@@ -1,7 +1,8 @@
 """`ao.bake_texture`: a mesh with texture coordinates in, w of every texel out."""
 
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Annotated, Any, NamedTuple
 
@@ -10,15 +11,17 @@ import numpy as np
 from raytrace.errors import OptionError
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import opacity_bytes
-from raytrace.system.checks import check_memory
+from raytrace.system.checks import NEGLIGIBLE, check_memory
 from raytrace.types import Float64s
 
 from ..declared import Option, with_option_parameters
 from ..estimate.estimate import estimate
+from ..estimate.one_ring import Neighbours
 from ..estimate.tolerance import Estimate, shortfalls
+from ..estimate.upsampling import coarsened, upsample
 from ..execute.sample_means import SampleMeans
 from ..execute.tracer import Tracer
-from ..memory import column_bytes, texture_bytes
+from ..memory import TRACED_TEXEL, column_bytes, texture_bytes
 from ..options import BentSpace, TextureOptions
 from ..points.corners import CornerSamples
 from ..points.occluders import occluding
@@ -30,7 +33,7 @@ from .coverage import Page
 from .result import BakedTexture, PageAssembly, TextureFacts
 from .tangents import tangent_frames
 from .texels import Cage, Texels, TexelSampler
-from .uv_layout import UVLayout, corner_uv, on_page, page_size
+from .uv_layout import UVLayout, corner_uv, covered_texels, on_page, page_size
 from .uv_surface import UVSurface
 
 
@@ -82,6 +85,9 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
         raise OptionError("overlap", expected, f"{overlapping:,} texels with several", scene.mesh.source)
     texels, filled, missed = sampler.find(coverage)
     del coverage
+    needed = TRACED_TEXEL * len(texels.samples)
+    if needed > NEGLIGIBLE:
+        check_memory(scene.mesh.source, needed, f"to trace rays at {len(texels.samples):,} texels")
     watch(1, 1, "coverage")
     tracer = prepared.sample_tracer(
         SampleMeans(texels.samples, partial(sampler.elsewhere, texels)), "texture", options.checkpoint
@@ -151,7 +157,9 @@ def _check_memory(scene: _Scene, size: tuple[int, int], options: TextureArgument
     """Raises: MemoryLimitError: the bake of a page of `size` would not fit into memory."""
     texels, solids = size[0] * size[1], [scene.solid, *scene.occluders]
     vertices, faces = (sum(len(getattr(solid, name)) for solid in solids) for name in ("vertices", "faces"))
-    needed = texture_bytes(texels, vertices, faces, options.rays) + column_bytes(texels, options.columns)
+    blocks = options.tolerance is not None and options.high is None
+    needed = texture_bytes(texels, covered_texels(scene.uv, size), vertices, faces, options.rays, blocks)
+    needed += column_bytes(texels, options.columns)
     needed += opacity_bytes([solid.opacity for solid in solids if solid.opacity])
     check_memory(scene.mesh.source, needed, f"to bake {texels:,} texels of {faces:,} faces")
 
@@ -174,13 +182,28 @@ def _mirrored(scene: _Scene, layout: UVLayout) -> int:
 
 def _estimates(tracer: Tracer, surface: UVSurface, texels: Texels, prepared: Prepared) -> list[Estimate]:
     """Estimates at the texels by each falloff."""
-    neighbours = cache(lambda _: texel_neighbours(surface, texels, prepared.placement.diagonal, prepared.threads))
+
+    @cache
+    def cells() -> Neighbours:
+        neighbours = texel_neighbours(surface, texels, prepared.placement.diagonal, prepared.threads)
+        return coarsened(neighbours, texels.cell, texels.points.normals)[0]
+
     points = texels.samples.first_points
 
     def by_falloff() -> Estimate:
-        return estimate(tracer, points, CornerSamples.none(), lambda _: neighbours(None), prepared.options)
+        found = estimate(tracer, points, CornerSamples.none(), lambda _: cells(), prepared.options)
+        return _predicted(found, texels, cells) if len(texels) > len(points) else found
 
     return tracer.each_column(by_falloff)
+
+
+def _predicted(baked: Estimate, texels: Texels, cells: Callable[[], Neighbours]) -> Estimate:
+    """Estimates at all texels (k,) from those at the texels that were baked."""
+    count, every = len(baked.rows), np.arange(len(texels))
+    rows = upsample(texels.points, every, cells(), np.arange(count), texels.cell.astype(np.int32), baked.rows)
+    spared = baked.spared + baked.samples * (len(texels) - count)
+    variance = baked.variance[texels.cell]  # measured anywhere in what a texel stands for
+    return replace(baked, rows=rows, variance=variance, spared=spared)
 
 
 def _frames(space: BentSpace, surface: UVSurface, texels: Texels) -> Float64s | None:

@@ -18,7 +18,7 @@ from ..options import Overlap
 from ..points.smooth_surface import PointGroups, SurfacePoints
 from .covered_texels import REGULAR, Coverage, Places
 from .partial_texels import LAYERS, MOST, NOT_SOUGHT, PartialTexels, find_partial, sample_partial
-from .raster import SLOTS, Lists, Marks, Window, count_bands, list_bands, scan_convert
+from .raster import SLOTS, Lists, Marks, count_bands, list_bands, scan_convert
 from .uv_layout import UVLayout, doubled_areas
 
 _BAND = 1 << 14  # texels that are scanned at once, about
@@ -63,9 +63,14 @@ class Page(NamedTuple):
         bands: dict[int, Coverage] = {}
 
         def work(first: int, last: int) -> None:
-            window = Window(self.layout.width, first, last)
             triangles = self.listed[self.starts[first // size] : self.starts[first // size + 1]]
-            bands[first] = _Band.of(self, window, triangles, texels, key, layered).cover()
+            if texels is None:
+                asked, places = np.arange(first, last), REGULAR
+            else:
+                asked = texels[np.searchsorted(texels, first) : np.searchsorted(texels, last)]
+                places = Places.by_chance(asked, key)
+            if len(asked) or first == 0:
+                bands[first] = _Band(self, asked, triangles, places, layered).cover()
 
         run_blocks(self.layout.height * self.layout.width, size, work, threads)
         return Coverage.joined([band for _, band in sorted(bands.items())])
@@ -75,57 +80,43 @@ class _Band(NamedTuple):
     """Texels that are covered at once."""
 
     page: Page
-    window: Window
-    triangles: Int64s  # that may reach into it
-    asked: Int32s | None  # (n,), the row in `places` of each texel, −1 to leave it out; None: all have the first
-    places: Places
+    texels: Int64s  # (n,), ascending
+    triangles: Int64s  # that may reach into them
+    places: Places  # for each texel, or for all
     layered: bool  # whether all faces share a texel
 
-    @classmethod
-    def of(
-        cls, page: Page, window: Window, triangles: Int64s, texels: Int64s | None, key: np.uint32, layered: bool
-    ) -> Self:
-        """Args: texels: those that are asked for, ascending; None: all. key: of where their samples lie."""
-        if texels is None:
-            return cls(page, window, triangles, None, REGULAR, layered)
-        some = texels[np.searchsorted(texels, window.first) : np.searchsorted(texels, window.last)]
-        asked = np.full(window.size, -1, np.int32)
-        asked[some - window.first] = np.arange(len(some))
-        return cls(page, window, triangles, asked, Places.by_chance(some, key), layered)
-
     def cover(self) -> Coverage:
-        layout, marks, how = self.page.layout, Marks.of(self.window.size), np.empty(self.window.size, np.int64)
-        scan_convert(self.triangles, layout.corners, self.window, self.asked, self.places.points, marks, None)
+        layout, count = self.page.layout, len(self.texels)
+        marks, how = Marks.of(count), np.empty(count, np.int64)
+        scan_convert(self.triangles, layout.corners, self.texels, layout.width, self.places.points, marks, None)
         find_partial(marks, self.page.crowding, self.layered, how)
         partial = np.flatnonzero(how != NOT_SOUGHT)
         counts, listed = self._sample(partial, how[partial], marks.reaching)
-        listed_of = np.zeros(len(how), np.int64)
+        listed_of = np.zeros(count, np.int64)
         listed_of[partial] = counts
         all_count = (how == LAYERS) | (listed_of > SLOTS)
         covered = np.flatnonzero((marks.triangle[:, 0] >= 0) | (listed_of > 0))
         starts = np.concatenate([[0], np.cumsum(listed_of[covered])])
         return Coverage(
             layout=layout,
-            texels=self.window.first + covered,
-            places=self._places_of(covered),
+            texels=self.texels[covered],
+            places=self.places.of(covered),
             triangle=marks.triangle[covered],
             overlapping=marks.overlapping[covered],
             listed=PointGroups(starts, *listed),
             all_count=all_count[covered],
         )
 
-    def _places_of(self, texels: Int64s) -> Places:
-        return self.places if self.asked is None else Places(*(column[self.asked[texels]] for column in self.places))
-
     def _sample(self, partial: Int64s, how: Int64s, reaching: Int32s) -> tuple[Int64s, SurfacePoints]:
-        """How many samples each of the texels `partial` (h,), numbers in the window, has, and these."""
+        """How many samples each of the texels in rows `partial` (h,) has, and these."""
         layout = self.page.layout
         counts = np.zeros(len(partial), np.int64)
         found = [SurfacePoints(np.zeros(0, np.int32), np.zeros((0, 3), np.float32))]
         for first, last in _portions(reaching[partial]):
-            texels = partial[first:last]
-            lists = self._lists(texels, reaching)
-            sought = PartialTexels(self.window.first + texels, how[first:last], *self._places_of(texels))
+            rows = partial[first:last]
+            texels = self.texels[rows]
+            lists = self._lists(texels, reaching[rows])
+            sought = PartialTexels(texels, how[first:last], *self.places.of(rows))
             triangle = np.empty((len(texels), MOST), np.int32)
             barycentric = np.empty((len(texels), MOST, 3), np.float32)
             triangles = layout.corners, self.page.crowding
@@ -136,14 +127,11 @@ class _Band(NamedTuple):
         return counts, SurfacePoints(*map(np.concatenate, zip(*found, strict=True)))
 
     def _lists(self, texels: Int64s, reaching: Int32s) -> Lists:
-        """The triangles that reach into `texels`, numbers in the window, ascending."""
-        begin, end = int(texels[0]), int(texels[-1]) + 1
-        list_of = np.full(end - begin, -1, np.int32)
-        list_of[texels - begin] = np.arange(len(texels))
-        starts = np.concatenate([[0], np.cumsum(reaching[texels], dtype=np.int64)])
+        """The triangles that reach into `texels`, ascending, so many into each."""
+        starts = np.concatenate([[0], np.cumsum(reaching, dtype=np.int64)])
         lists = Lists(starts, np.zeros(len(texels), np.int64), np.empty(starts[-1], np.int32))
-        window = Window(self.window.width, self.window.first + begin, self.window.first + end)
-        scan_convert(self.triangles, self.page.layout.corners, window, list_of, REGULAR.points, None, lists)
+        layout = self.page.layout
+        scan_convert(self.triangles, layout.corners, texels, layout.width, REGULAR.points, None, lists)
         return lists
 
 

@@ -38,6 +38,10 @@ class Places(NamedTuple):
         points[:, 1:SLOTS:2] = 1 - points[:, 0:SLOTS:2]
         return cls(points, random[:, 4:])
 
+    def of(self, texels: Int64s) -> Self:
+        """Those of some `texels`, rows."""
+        return self if self is REGULAR else type(self)(self.points[texels], self.offsets[texels])
+
 
 REGULAR = Places(np.append(GRID, [[0.5, 0.5]], axis=0)[None], np.array([[0.5, 1 / 128]]))
 

@@ -47,18 +47,6 @@ class Lists(NamedTuple):
     triangle: Int32s  # (j,)
 
 
-class Window(NamedTuple):
-    """Consecutive texels of a page."""
-
-    width: int  # of the page
-    first: int  # row · width + column
-    last: int  # after these
-
-    @property
-    def size(self) -> int:
-        return self.last - self.first
-
-
 @kernel
 def count_bands(corners, height, rows, counts):
     """Add to `counts` how many triangles reach into each band of so many `rows` of a page."""
@@ -81,39 +69,45 @@ def list_bands(corners, height, rows, places, listed):
 
 
 @kernel
-def scan_convert(triangles, corners, window, asked, points, marks, lists):
-    """Visit every texel of a `Window` that triangles reach into, one triangle after another.
+def scan_convert(triangles, corners, texels, width, points, marks, lists):
+    """Visit those of n `texels` of a page, ascending, that triangles reach into, one triangle after another.
 
     Args:
-        triangles: rows of `corners` (t, 3, 2), ascending.
-        asked: (n,), which of the `points` or `lists` are those of each texel, −1 to leave it out; None: the first.
-        points: (…, POINTS, 2) in texels. marks: `Marks` to be made, or None. lists: `Lists` to be filled, or None.
+        triangles: rows of `corners` (t, 3, 2), ascending. texels: (n,), row · width + column; width: of the page.
+        points: (n, POINTS, 2) or (1, POINTS, 2) in the texels. marks: `Marks` to be made, or None. lists: `Lists` to be
+            filled, or None.
     """
     corners = unrefcounted_view(corners)
     points = unrefcounted_view(points)
     marked, listing = unrefcounted_view(marks), unrefcounted_view(lists)
     edges = np.empty((3, EDGE))
+    if len(texels) == 0:
+        return
     for t in triangles:
         area = set_up_edges(corners[t], edges)
-        first_row, last_row = _rows(corners[t], window.first // window.width, (window.last - 1) // window.width + 1)
+        first_row, last_row = _rows(corners[t], texels[0] // width, texels[-1] // width + 1)
         for row in range(first_row, last_row):
-            before = row * window.width
-            left, right = _columns(corners[t], row, window.width)
-            for texel in range(max(before + left, window.first), min(before + right, window.last)):
-                i, number = texel - window.first, 0
-                if asked is not None:
-                    number = asked[i]
-                if number < 0:
-                    continue
-                corner = np.float64(texel - before), np.float64(row)
+            before = row * width
+            left, right = _columns(corners[t], row, width)
+            for i in range(_place_of(texels, before + left), _place_of(texels, before + right)):
+                corner = np.float64(texels[i] - before), np.float64(row)
                 touching, within = _reach(edges, corner[0] + 0.5, corner[1] + 0.5)
                 if touching <= 0.0:
                     continue
                 if marks is not None:
-                    _mark(marked, i, t, edges, corner, points[number], area, within > INSIDE * area)
+                    where = points[i if len(points) > 1 else 0]
+                    _mark(marked, i, t, edges, corner, where, area, within > INSIDE * area)
                 if lists is not None:
-                    listing.triangle[listing.starts[number] + listing.filled[number]] = t
-                    listing.filled[number] += 1
+                    listing.triangle[listing.starts[i] + listing.filled[i]] = t
+                    listing.filled[i] += 1
+
+
+@inline
+def _place_of(texels, texel):
+    """How many of `texels`, ascending, come before one."""
+    if texels[-1] - texels[0] + 1 == len(texels):
+        return min(max(texel - texels[0], 0), len(texels))
+    return np.searchsorted(texels, texel)
 
 
 @inline

@@ -117,7 +117,7 @@ class PageAssembly:
         shape = self.layout.height, self.layout.width
         w, error = np.zeros(shape), np.zeros(shape, np.float32)
         bent, covered = np.zeros((*shape, 3), np.float32), np.zeros(shape, np.bool_)
-        values = estimate.rows, estimate.variance, self.texels.samples.first_points.normals
+        values = estimate.rows, estimate.variance, self.texels.points.normals
         flat = w.ravel(), error.ravel(), bent.reshape(-1, 3), covered.ravel()
         spread = bind(_spread, self.texels.texels, values, frames, flat)
         run_blocks(len(self.texels), _BLOCK, spread, self.threads, most=_SHARE)

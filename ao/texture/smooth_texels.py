@@ -1,4 +1,8 @@
-"""Texels for which the point at their centre can stand for all of them, as it does for linear functions."""
+"""Cells of texels that the point at one centre can stand for, as it does for linear functions.
+
+Where the surface is smooth and nothing rises from it nearby, w is nearly linear: one sample there is enough for a
+texel, and one texel for a block of them, between which w is predicted.
+"""
 
 import numpy as np
 
@@ -9,53 +13,95 @@ from raytrace.kernel.jit import inline, kernel
 from raytrace.kernel.simd import lowest_bit
 from raytrace.kernel.vector import dot, length, load, load_triangle, subtract
 from raytrace.system.threads import run_blocks
-from raytrace.types import Bools
+from raytrace.types import Bools, Int64s
 
 from ..points.smooth_surface import SmoothSurface, point_on
 from .covered_texels import Coverage, locate
-from .raster import EDGE, POINTS, SLOTS
+from .raster import EDGE, SLOTS
 
-_AROUND = 7.0  # times the way from a texel's centre to its points, in which nothing may rise
+_AROUND = 7.0  # times the way from a cell's centre to its points, in which nothing may rise
 _SLOPE = 2.0  # by more than so many times what normals may differ by, of its distance
-_OWN, _LEVEL = 0.25, 1e-3  # of that way: how far the texel reaches, and what is flat but for rounding
-_BLOCK, _SHARE = 1 << 10, 16  # texels, and blocks at once
+_OWN, _LEVEL = 0.25, 1e-3  # of that way: how far the cell reaches, and what is flat but for rounding
+_ROWS = 8  # of the page, a multiple of blocks' sizes
 
 
-def centres_suffice(coverage: Coverage, smooth: SmoothSurface, tree: BVH16, most: float, threads: int) -> Bools:
-    """Whether the point at the centre can stand for all of a texel, (k,).
+def smooth_cells(
+    coverage: Coverage, smooth: SmoothSurface, tree: BVH16, most: float, largest: int, threads: int
+) -> tuple[Bools, Int64s]:
+    """Whether the point at the centre can stand for all of a texel, (k,), and the row (k,) of the texel that can stand
+    for it: of the block it is in, or itself.
 
-    The surface is smooth there, normals differ by less than `most`, and nothing rises from it nearby.
+    The surface is smooth there, normals differ by less than `most`, and nothing rises from it nearby. Args: largest:
+        side of the largest blocks, a power of two, 1 for none.
     """
-    enough = np.zeros(len(coverage.texels), np.bool_)
+    layout, count = coverage.layout, len(coverage.texels)
+    row_of = np.full(layout.width * layout.height, -1, np.int32)
+    row_of[coverage.texels] = np.arange(count, dtype=np.int32)
+    alone, cell = np.zeros(count, np.bool_), np.arange(count)
 
     def work(first: int, last: int) -> None:
-        points, faces = coverage.points, (smooth.surface, smooth.axes)
-        _find_smooth(tree, new_stack(), faces, points, most, first, enough[first:last])
+        faces, out = (smooth.surface, smooth.axes), (alone, cell)
+        page = row_of[: last * layout.width], first, largest
+        _find_smooth(tree, new_stack(), faces, coverage.points, most, page, out)
 
-    run_blocks(len(enough), _BLOCK, work, threads, most=_SHARE)
-    return enough
+    run_blocks(layout.height, _ROWS, work, threads)
+    return alone, cell
 
 
 @kernel
-def _find_smooth(tree, stack, faces, points, most, first, enough):
-    """`centres_suffice` of texels from the `first`. Args: points: PagePoints."""
+def _find_smooth(tree, stack, faces, points, most, page, out):
+    """`smooth_cells` of some rows of the page, the largest blocks first.
+
+    Args: points: PagePoints. page: rows of texels up to the last one, the first row, side of the largest blocks.
+    """
     tree = unrefcounted_view(tree)
-    surface, axes = unrefcounted_view(faces)
+    faces = unrefcounted_view(faces)
     points = unrefcounted_view(points)
+    row_of, first, size = page
+    alone, cell = unrefcounted_view(out)
+    width = points.width
+    last = len(row_of) // width
     edges, weights = np.empty((3, EDGE)), np.empty(3)
-    for i in range(len(enough)):
-        if points.triangle[first + i, SLOTS] < 0:
-            continue
-        reach, bent, known = 0.0, 0.0, -1
-        p = side = axis = (0.0, 0.0, 0.0)
-        for k in range(POINTS - 1, -1, -1):  # from the centre on
-            known = locate(points, first + i, k, known, edges, weights)
-            q, other, up = point_on(surface, axes, points.face[known], weights)
-            if k == SLOTS:
-                p, side, axis = q, other, up
-            reach = max(reach, length(subtract(q, p)))
-            bent = max(bent, length(subtract(other, side)), length(subtract(up, axis)))
-        enough[i] = bent < most and not _rises(tree, stack, surface, p, side, _AROUND * reach, _SLOPE * most)
+    while size > 0:
+        for top in range(first, last - size + 1, size):
+            for left in range(0, width - size + 1, size):
+                middle = np.int64(row_of[(top + size // 2) * width + left + size // 2])
+                if middle < 0 or alone[middle]:
+                    continue
+                corner = top * width + left
+                if not _is_smooth(tree, stack, faces, points, most, (row_of, corner, size, middle), (edges, weights)):
+                    continue
+                for k in range(size * size):
+                    row = row_of[corner + k // size * width + k % size]
+                    alone[row] = True
+                    cell[row] = middle
+        size //= 2
+
+
+@inline
+def _is_smooth(tree, stack, faces, points, most, block, scratch):
+    """Whether the centre of a texel can stand for a block around it, or for the texel if that is all of the block."""
+    surface, axes = faces
+    row_of, corner, size, middle = block
+    edges, weights = scratch
+    if points.triangle[middle, SLOTS] < 0:
+        return False
+    known = locate(points, middle, SLOTS, -1, edges, weights)
+    p, side, axis = point_on(surface, axes, points.face[known], weights)
+    reach, bent = 0.0, 0.0
+    for k in range(SLOTS if size == 1 else size * size):
+        row, point = middle, k
+        if size > 1:
+            row, point = np.int64(row_of[corner + k // size * points.width + k % size]), SLOTS
+        if row < 0 or points.triangle[row, point] < 0:
+            return False
+        known = locate(points, row, point, known, edges, weights)
+        q, other, up = point_on(surface, axes, points.face[known], weights)
+        reach = max(reach, length(subtract(q, p)))
+        bent = max(bent, length(subtract(other, side)), length(subtract(up, axis)))
+        if bent >= most:
+            return False
+    return not _rises(tree, stack, surface, p, side, _AROUND * reach, _SLOPE * most)
 
 
 @inline

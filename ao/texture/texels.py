@@ -8,29 +8,35 @@ import numpy as np
 
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.morton import morton_order
+from raytrace.sampling.sequences import hash32_array
 from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
 from ..estimate.inside import inside_solids
 from ..options import TextureOptions
+from ..points.points import Points
 from ..points.projection import FineMesh, Groups
 from ..points.smooth_surface import PointGroups, SmoothSurface, SurfacePoints
 from ..points.surface_samples import SurfaceSamples
 from ..prepared import Prepared
 from .coverage import Page
 from .covered_texels import Coverage
-from .smooth_texels import centres_suffice
+from .smooth_texels import smooth_cells
 from .uv_surface import UVSurface
 
 _RAYS, _NOISE = 256, 0.004  # so many rays a texel, and about how much they err by
+_LARGEST = 4  # side of the largest blocks of texels that one stands for
 _BENT = 0.2  # by how much normals may differ within a texel: one sample and several then differ by a third of the noise
 
 
 @dataclass(frozen=True, eq=False)
 class Texels:
-    """The texels to bake, along a curve that keeps neighbours together; each with one sample or several."""
+    """The texels to bake, along a curve that keeps neighbours together, each with one sample or several; then those
+    that are predicted between them."""
 
     texels: Int64s  # (k,), row · width + column
-    samples: SurfaceSamples  # of what is baked
+    samples: SurfaceSamples  # of the b to bake
+    cell: Int64s  # (k,), the row of the baked texel that stands for each
+    points: Points  # k, where they lie
     page_face: Int32s  # (k,), the face on the page at each texel's first sample
     page_barycentric: Float32s  # (k, 3), where on it
 
@@ -57,26 +63,41 @@ class TexelSampler:
     cage: Cage | None
 
     def find(self, coverage: Coverage) -> tuple[Texels, int, int]:
-        """The texels to bake; how many are left out, whose samples are all inside of solids; how many samples the
+        """The texels of the page; how many are left out, whose samples are all inside of solids; how many samples the
         cage misses."""
-        threads = self.prepared.threads
-        alone = self._alone(coverage)
-        one = coverage.samples(np.arange(len(alone)), alone, threads, most=1)
-        order = morton_order(self.surface.smooth.positions_at(one.face, one.barycentric, threads))
+        threads, smooth = self.prepared.threads, self.surface.smooth
+        alone, cell = self._cells(coverage)
+        order = np.flatnonzero(cell == np.arange(len(cell)))
+        one = coverage.samples(order, alone, threads, most=1)
+        order = order[morton_order(smooth.positions_at(one.face, one.barycentric, threads))]
         samples, missed = self._place(coverage, order, alone)
         inside = self._inside(samples)
         if inside.any() and not inside.all():  # all: a room whose walls face outwards, for instance
             order = order[samples.groups_outside(inside)]
             samples = samples.without(inside, threads)
-        texels = Texels(coverage.texels[order], samples, one.face[order], one.barycentric[order])
+        baked = np.full(len(cell), -1)
+        baked[order] = np.arange(len(order))
+        baked_cell = baked[cell]
+        predicted = np.flatnonzero((baked_cell >= 0) & (baked < 0))
+        rows = np.append(order, predicted)
+        one = coverage.samples(rows, alone, threads, most=1)
+        between = slice(len(order), None)
+        positions, _, axes = smooth.points_at(one.face[between], one.barycentric[between], threads)
+        points = samples.first_points.followed_by(positions, axes)
+        texels = Texels(coverage.texels[rows], samples, baked_cell[rows], points, one.face, one.barycentric)
         return texels, len(alone) - len(texels), missed
 
     def elsewhere(self, texels: Texels, rows: Int64s, key: np.uint32) -> SurfaceSamples:
-        """Samples elsewhere in the texels `rows` (j,), by chance, but where these are in solids; none of others."""
-        threads = self.prepared.threads
-        ascending = rows[np.argsort(texels.texels[rows])]
-        coverage = self.page.cover_again(texels.texels[ascending], key, self.options.overlap, threads)
-        row_of = ascending[np.searchsorted(texels.texels[ascending], coverage.texels)]
+        """Samples elsewhere in what the texels `rows` (j,) stand for, by chance, but where these are in solids; none of
+        others."""
+        threads, width = self.prepared.threads, self.page.layout.width
+        side = np.sqrt(np.bincount(texels.cell)[rows]).astype(np.int64)
+        chance = hash32_array(texels.texels[rows].astype(np.uint32) ^ ~key) % side**2
+        chosen = texels.texels[rows] + (chance // side - side // 2) * width + chance % side - side // 2
+        order = np.argsort(chosen)
+        ascending = rows[order]
+        coverage = self.page.cover_again(chosen[order], key, self.options.overlap, threads)
+        row_of = ascending[np.searchsorted(chosen[order], coverage.texels)]
         order = np.argsort(row_of)
         samples, _ = self._place(coverage, order, np.zeros(len(order), np.bool_))
         moved = row_of[order]
@@ -87,16 +108,17 @@ class TexelSampler:
         kept = np.setdiff1d(rows, moved)
         rows = np.append(moved, kept)
         both = samples.followed_by(texels.samples.only(kept)).only(np.argsort(rows))
-        return both.spread(np.sort(rows), len(texels))
+        return both.spread(np.sort(rows), len(texels.samples))
 
-    def _alone(self, coverage: Coverage) -> Bools:
-        """The texels (k,) with one sample, at their centre."""
+    def _cells(self, coverage: Coverage) -> tuple[Bools, Int64s]:
+        """The texels (k,) with one sample, at their centre, and the row (k,) of the texel that stands for each."""
         options, receivers = self.prepared.options, self.prepared.receivers
         if self.cage:
-            return np.zeros(len(coverage.texels), np.bool_)
+            return np.zeros(len(coverage.texels), np.bool_), np.arange(len(coverage.texels))
         noise = options.tolerance or _NOISE * (_RAYS / options.rays) ** 0.75
         most_bent = _BENT * min(noise / _NOISE, 1.0)  # so that noise is more than what a texel's only sample misses
-        return centres_suffice(coverage, self.surface.smooth, receivers.tree, most_bent, self.prepared.threads)
+        largest = _LARGEST if options.tolerance and not receivers.opacity else 1
+        return smooth_cells(coverage, self.surface.smooth, receivers.tree, most_bent, largest, self.prepared.threads)
 
     def _place(self, coverage: Coverage, order: Int64s, alone: Bools) -> tuple[SurfaceSamples, int]:
         """Samples of texels in an `order`, `alone` those of one; how many the cage misses."""

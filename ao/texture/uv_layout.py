@@ -89,6 +89,12 @@ def have_area(uv: Float64s) -> Bools:
     return large
 
 
+def covered_texels(uv: Float64s, size: tuple[int, int]) -> int:
+    """About how many texels of a page of `size` faces of `uv` (m, 3, 2) cover, if they do not overlap."""
+    share = float(np.abs(doubled_areas(uv[on_page(uv)])).sum()) / 2
+    return int(size[0] * size[1] * min(share, 1.0))
+
+
 def page_size(size: Any) -> tuple[int, int]:
     """Width and height of a page. Raises: OptionError: neither a whole number nor two from 1 to 16384."""
     given = (size, size) if isinstance(size, int | np.integer) else size

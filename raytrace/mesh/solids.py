@@ -7,6 +7,7 @@ from ..kernel.jit import kernel
 from ..kernel.vector import cross, dot, length, load_triangle, subtract
 from ..types import Bools, Float32s, Float64s, Int64s
 from .mesh import Mesh
+from .normals import face_normals
 from .placement import Placement
 from .weld import coincident, connected_components
 
@@ -35,8 +36,9 @@ def closed_parts(vertices: Float32s, faces: Int64s, alone: bool = True) -> tuple
     return part[place], np.where(closed, volume, 0.0)
 
 
-def inward_looking(vertices: Float32s, faces: Int64s) -> tuple[int, int]:
-    """How many closed parts look inwards that are no cavities, and how many closed parts there are.
+def inward_looking(vertices: Float32s, faces: Int64s) -> tuple[int, int, float]:
+    """How many closed parts look inwards that are no cavities, how many closed parts there are, and the share of the
+    mesh's area that those which look inwards have.
 
     A cavity is enclosed by a part that looks outwards. Parts are sought only if the faces of some component enclose a
     negative volume, so that this costs next to nothing where none looks inwards.
@@ -45,20 +47,23 @@ def inward_looking(vertices: Float32s, faces: Int64s) -> tuple[int, int]:
     volume = np.zeros(int(component.max(initial=-1)) + 1)
     _add_volumes(vertices, faces, component, volume)
     if not (volume < 0).any():
-        return 0, 0
+        return 0, 0, 0.0
     part, volume = closed_parts(vertices, faces)
-    inward = np.flatnonzero(volume < 0)
-    enclosed = [_is_enclosed(each, vertices, faces, part, volume) for each in inward.tolist()]
-    return enclosed.count(False), int(np.count_nonzero(volume))
+    negative = np.flatnonzero(volume < 0).tolist()
+    inward = [number for number in negative if not _is_enclosed(number, vertices, faces, part, volume)]
+    _, areas = face_normals(vertices.astype(np.float64), faces)
+    share = areas[np.isin(part[faces[:, 0]], inward)].sum() / areas.sum()
+    return len(inward), int(np.count_nonzero(volume)), float(share)
 
 
 def inward_warnings(mesh: Mesh, vertices: Float32s | None = None) -> list[str]:
     """A line if closed parts of a mesh look inwards; or none. Args: vertices: of the mesh in render space."""
-    inward, closed = inward_looking(Placement.of(mesh).vertices if vertices is None else vertices, mesh.faces)
+    inward, closed, share = inward_looking(Placement.of(mesh).vertices if vertices is None else vertices, mesh.faces)
     if not inward:
         return []
     which = "its faces look" if closed == 1 else f"{inward:,} of {closed:,} closed parts look"
-    return [f"{mesh.source}: {which} inwards, so the inside is baked: --flip turns all faces over"]
+    remedy = "--flip turns all faces over" if share > 0.5 else "turn only these over, where the mesh was made"
+    return [f"{mesh.source}: {which} inwards, so the inside is baked: {remedy}"]
 
 
 def _is_enclosed(number: int, vertices: Float32s, faces: Int64s, part: Int64s, volume: Float64s) -> bool:

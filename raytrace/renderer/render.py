@@ -18,7 +18,7 @@ from ..mesh.opacity import opacity_bytes
 from ..scene import Scene
 from ..settings import Settings
 from ..shade.camera_rays import place_camera
-from ..shade.film import EDGE, FIRST, TILE
+from ..shade.film import EDGES, FIRST, TILE
 from ..shade.layout import FILM, LIGHTING, Film
 from ..shade.transparency import mark_seen
 from ..system.checks import check_memory
@@ -32,7 +32,7 @@ Progress = Callable[[int, int], None]
 
 _SHARES = 16  # of a picture for each thread: handing over takes as long as some tiles
 _LONGEST = 256  # samples of tiles in a share: what Ctrl-C waits for
-_EDGES = 4 * 4 * TILE * EDGE  # bytes of what tiles know of one another, each
+_EDGES = 4 * EDGES  # bytes of what tiles know of one another, each
 _BASE, _VERTEX, _FACE, _POLYGON = 50 << 20, 64, 104, 104  # bytes, `rendering_bytes`
 
 

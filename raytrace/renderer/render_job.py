@@ -18,7 +18,7 @@ from ..kernel.simd import WIDE
 from ..settings import Settings, Shading
 from ..shade import layout
 from ..shade.camera_rays import place_camera
-from ..shade.film import BLURRED, EDGE, FIRST, PACKETS, SUMS, TILE
+from ..shade.film import CELLS, EDGES, FIRST, MASKS, PACKETS, RANGE, SUMS, TILE
 from ..shade.gouraud import GROUP, light_vertices
 from ..shade.interaction import GOURAUD
 from ..shade.layout import FILM, LIGHTING, Film, SceneArrays, Scratch, Style
@@ -67,8 +67,7 @@ class RenderJob:
         self.columns = -(-self._wide // TILE)  # of tiles
         self.rows = -(-self._high // TILE)  # of tiles
         self.tiles = self.columns * self.rows
-        first = FIRST if self.view.lens == 0 else BLURRED
-        self.adaptive = settings.samples > first  # whether pixels may be retired early
+        self.adaptive = settings.samples > FIRST  # whether pixels may be retired early
         self.channels = FILM if layers else LAYERS["beauty"]
         self.counts = np.zeros(layout.COUNTERS, np.int64)
 
@@ -81,7 +80,7 @@ class RenderJob:
         high = min(end * TILE, self._high) - first * TILE
         tiles = self.columns * (end - first) if self.adaptive else 0
         pixels = np.empty((high, self._wide, self.channels), np.float32)
-        edges = np.empty((tiles, 4, TILE, EDGE), np.float32)
+        edges = np.empty((tiles, EDGES), np.float32)
         return Film(pixels, self._left, self._top + first * TILE, edges, self.geometry.scale)
 
     def scratch(self) -> Scratch:
@@ -92,6 +91,8 @@ class RenderJob:
             points=aligned((PACKETS, layout.WIDTH, WIDE), np.float32),
             items=aligned((PACKETS, WIDE), np.int32),
             sums=aligned((TILE * TILE, SUMS), np.float64),
+            cells=aligned((CELLS * CELLS, RANGE), np.float32),
+            retired=np.zeros(TILE * TILE, np.bool_),
             order=pixels.reshape(TILE // 4, 4, TILE // 4, 4).transpose(0, 2, 1, 3).ravel(),
             todo=aligned((TILE * TILE + WIDE,), np.int32),
             active=np.zeros(lights, np.int64),
@@ -107,20 +108,22 @@ class RenderJob:
 
         Args: again: only the pixels that their neighbours in other tiles reopen, by the film's `edges`.
         """
+        edges = film.edges[slice(*tiles)].copy()
         while True:
             scratch.counts[:] = scratch.missing[:] = 0
             render_tiles(self.scene, self.view, self.style, film, scratch, tiles, again)
             if not scratch.missing.any():
                 return scratch.counts.copy()
+            film.edges[slice(*tiles)] = edges
             self._textures.read(np.flatnonzero(scratch.missing).tolist())
 
     def render_numbered(self, numbers: Int64s, around: Float32s | None, out: tuple[Float32s, Float32s, Int64s]) -> None:
         """Render the tiles `numbers`, int64 (k,), to rows of arrays, for processes that render only some of a picture.
 
         Args:
-            around: edges of the tiles `beside` each, (k, 5, 4, TILE, EDGE): only pixels that these reopen are rendered.
-            out: pixels (k, TILE, TILE, channels), 0 beyond the picture; edges (k, 4, TILE, EDGE), or (k, 0, 0, 0) where
-                no pixel is retired early; counts (k, COUNTERS) of rays.
+            around: edges of the tiles `beside` each, (k, 9, EDGES): only pixels that these reopen are rendered.
+            out: pixels (k, TILE, TILE, channels), 0 beyond the picture; edges (k, EDGES), or (k, 0) where no pixel is
+                retired early; counts (k, COUNTERS) of rays.
         """
         pixels, edges, counts = out
         again = around is not None
@@ -137,20 +140,19 @@ class RenderJob:
             if edges.size:
                 edges[row] = film.edges[tile]
 
-    def reopened(self, film: Film) -> Bools:
-        """The pixels of each tile that are to be rendered again, bool (tiles, TILE, TILE)."""
-        marks = np.zeros((self.tiles, TILE * TILE), np.bool_)
+    def reopened(self, film: Film) -> Int64s:
+        """Numbers of the tiles of which some pixels are to be rendered again, (k,)."""
+        marks = np.zeros(self.tiles, np.bool_)
         mark_reopened(film, self.scratch(), marks)
-        return marks.reshape(-1, TILE, TILE)
+        return np.flatnonzero(marks)
 
     def beside(self, numbers: Int64s) -> Int64s:
-        """Numbers of tiles and of those left, right, above and below, (k, 5); the tile's own where there is none."""
-        left = numbers % self.columns > 0
-        right = (numbers + 1) % self.columns > 0
-        above = numbers >= self.columns
-        below = numbers + self.columns < self.tiles
-        steps = [0 * left, -1 * left, 1 * right, -self.columns * above, self.columns * below]
-        return numbers[:, None] + np.stack(steps, axis=1)
+        """Numbers of tiles and of those around them, (k, 9); the tile's own where there is none."""
+        right, down = np.meshgrid([-1, 0, 1], [-1, 0, 1])
+        columns = numbers[:, None] % self.columns + right.ravel()
+        rows = numbers[:, None] // self.columns + down.ravel()
+        there = (columns >= 0) & (columns < self.columns) & (rows >= 0) & (rows < self.rows)
+        return np.where(there, rows * self.columns + columns, numbers[:, None])
 
     def light_vertices(self, threads: int) -> None:
         """Light all vertices, if the shading is Gouraud's: fronts, and backs if they may reflect more than them."""
@@ -193,6 +195,11 @@ def paste(film: Film, numbers: Int64s, pixels: Float32s, marks: Bools | None = N
         high, wide = part.shape[:2]
         mask = True if marks is None else marks[row, :high, :wide, None]
         np.copyto(part, pixels[row, :high, :wide], where=mask)
+
+
+def retired_pixels(edges: Float32s) -> Bools:
+    """The pixels of tiles with these edges (k, EDGES) that got no more than a few samples: bool (k, TILE, TILE)."""
+    return (edges[:, MASKS:, None].astype(np.int64) >> np.arange(TILE) & 1).astype(np.bool_)
 
 
 def _part(film: Film, tile: int) -> Float32s:

@@ -77,6 +77,12 @@ def pixel_width(view, depth):
 
 
 @inline
+def offset_set(view, x, y):
+    """The row of `offsets` that a pixel of the whole picture takes, by its hash."""
+    return hash32(hash32(y * view.width + x) ^ view.key) % np.uint32(len(view.offsets))
+
+
+@inline
 def aim(rays, view, x, y, samples, farthest):
     """Make `rays` the viewing rays of sixteen pixels (x, y) of the whole picture, and of the samples of these numbers,
     int32 lanes; returns how far from the viewer they start, float32."""
@@ -90,7 +96,7 @@ def aim(rays, view, x, y, samples, farthest):
     if len(offsets) > 0:
         for lane in range(WIDE):
             sample = pick(samples, lane)
-            k = hash32(hash32(pick(y, lane) * view.width + pick(x, lane)) ^ view.key) % np.uint32(len(offsets))
+            k = offset_set(view, pick(x, lane), pick(y, lane))
             film_x = replace(film_x, lane, pick(film_x, lane) + offsets[k, 0, sample])
             film_y = replace(film_y, lane, pick(film_y, lane) + offsets[k, 1, sample])
             lens_x = replace(lens_x, lane, offsets[k, 2, sample])

@@ -1,4 +1,10 @@
-"""From lit points to pixels: sums of samples, and adaptive anti-aliasing: converged pixels get no more samples."""
+"""From lit points to pixels: sums of samples, and adaptive anti-aliasing: converged pixels get no more samples.
+
+The film is divided into cells, squares between the centres of four pixels, and each keeps the range of all samples in
+it, whosever they are. A pixel's filter reaches over the four cells around its centre: while they disagree it needs all
+samples, which widen the ranges of other pixels' cells in turn. So what few samples meet, a wire far thinner than a
+pixel or its blur, is followed from wherever one of them met it.
+"""
 
 from math import sqrt
 
@@ -8,31 +14,33 @@ from ..kernel.jit import inline
 from ..kernel.simd import WIDE, load_row, pick, scatter4, store_row
 from ..kernel.vector import add
 from . import layout
+from .camera_rays import offset_set
 from .layout import load3
 
 BITS = 4
 TILE = 1 << BITS  # pixels a side; a pixel's number is row · TILE + column
 LAST = TILE - 1
+CELLS = TILE + 1  # a side of a tile; those on its rim are its neighbours' as well
 FIRST = 4  # samples before a pixel may be retired
-BLURRED = 32  # the same through a lens, by which few of a pixel's samples see something far beside it
 PACKETS = TILE * TILE * FIRST // WIDE  # lit together
 # Columns of a pixel's float64 sums: the film's, and then
 SHADED = layout.FILM
 SAMPLES = layout.FILM + 1
-LOW = layout.FILM + 2
-HIGH = layout.FILM + 5
-SUMS = layout.FILM + 8
-EDGE = 7  # of a pixel on a tile's edge: LOW, HIGH, and 1 if it was retired
-AGREE = 1.0 / 256.0  # of the square root of a linear value, about one step of an 8-bit picture
-ROUGHLY = 4.0 * AGREE
+SUMS = layout.FILM + 2
+# Columns of a cell: the least and the largest of its samples, RGB, in square roots
+HIGH = 3
+RANGE = 6
+MASKS = 4 * CELLS * RANGE  # of what tiles know of one another: cells on the four sides, then rows of retired pixels
+EDGES = MASKS + TILE
+AGREE = 2.5 / 256.0  # of the square root of a linear value, about two steps of an 8-bit picture
 
 
 @inline
-def clear(sums):
+def clear(sums, cells):
+    cells[:, :HIGH] = np.inf
+    cells[:, HIGH:] = -np.inf
     sums[:] = 0.0
     sums[:, layout.DEPTH] = np.inf
-    sums[:, LOW : LOW + 3] = np.inf
-    sums[:, HIGH : HIGH + 3] = -np.inf
 
 
 @inline
@@ -45,16 +53,10 @@ def beauty(packet):
 @inline
 def accumulate(packet, sums, pixels, batch, layers):
     """Add the first lanes of a packet to the sums of `pixels`, `batch` lanes a pixel."""
-    colour = beauty(packet)
-    for c in range(3):
-        store_row(packet, layout.BEAUTY + c, colour[c])
     for lane in range(len(pixels) * batch):
         sum_ = sums[pixels[lane // batch]]
         for column in range(layout.ALPHA, layout.W):
             sum_[column] += packet[column, lane]
-        for c in range(3):
-            sum_[LOW + c] = min(sum_[LOW + c], packet[layout.BEAUTY + c, lane])
-            sum_[HIGH + c] = max(sum_[HIGH + c], packet[layout.BEAUTY + c, lane])
         sum_[SAMPLES] += 1.0
         if layers and packet[layout.ID, lane] > 0.0:
             sum_[SHADED] += 1.0
@@ -67,6 +69,29 @@ def accumulate(packet, sums, pixels, batch, layers):
                 sum_[layout.ID] = packet[layout.ID, lane]
                 for c in range(3):
                     sum_[layout.NORMAL + c] = packet[layout.NORMAL + c, lane]
+
+
+@inline
+def widen(packet, cells, pixels, view, corner, samples):
+    """Widen the ranges of cells by the first lanes of a packet.
+
+    Args: corner: of the tile in the picture. samples: of each of the `pixels` the first one's number, and how many.
+    """
+    colour = beauty(packet)
+    for c in range(3):
+        store_row(packet, layout.BEAUTY + c, sqrt(colour[c]))
+    done, batch = samples
+    for k in range(len(pixels)):
+        x = pixels[k] & LAST
+        y = pixels[k] >> BITS
+        offsets = view.offsets[offset_set(view, x + corner[0], y + corner[1])]
+        for i in range(batch):
+            right = x + (offsets[0, done + i] >= 0.0)
+            cell = cells[(y + (offsets[1, done + i] >= 0.0)) * CELLS + right]
+            for c in range(3):
+                value = packet[layout.BEAUTY + c, k * batch + i]
+                cell[c] = min(cell[c], value)
+                cell[HIGH + c] = max(cell[HIGH + c], value)
 
 
 @inline
@@ -108,59 +133,70 @@ def write_pixels(packet, pixels, mask, film, left, top):
 
 
 @inline
-def sample_range(a, b):
-    """Range of two pixels' samples together, the widest channel's, in square roots; a, b: sums from LOW on."""
+def converged(cells, p):
+    """Whether all samples in the reach of a pixel's filter agree."""
+    at = (p >> BITS) * CELLS + (p & LAST)
     widest = 0.0
     for c in range(3):
-        high = max(a[3 + c], b[3 + c])
-        low = min(a[c], b[c])
-        widest = max(widest, sqrt(np.float64(high)) - sqrt(np.float64(low)))
-    return widest
+        low = min(min(cells[at, c], cells[at + 1, c]), min(cells[at + CELLS, c], cells[at + CELLS + 1, c]))
+        h = HIGH + c
+        high = max(max(cells[at, h], cells[at + 1, h]), max(cells[at + CELLS, h], cells[at + CELLS + 1, h]))
+        widest = max(widest, high - low)
+    return widest <= AGREE
 
 
 @inline
-def converged(sums, p, size):
-    """Whether a pixel's samples agree, and roughly with its neighbours' in its tile of `size`, (wide, high)."""
-    own = sums[p, LOW:]
-    if sample_range(own, own) > AGREE:
-        return False
-    x = p & LAST
-    y = p >> BITS
-    return not (
-        (x > 0 and sample_range(own, sums[p - 1, LOW:]) > ROUGHLY)
-        or (x + 1 < size[0] and sample_range(own, sums[p + 1, LOW:]) > ROUGHLY)
-        or (y > 0 and sample_range(own, sums[p - TILE, LOW:]) > ROUGHLY)
-        or (y + 1 < size[1] and sample_range(own, sums[p + TILE, LOW:]) > ROUGHLY)
-    )
+def side(x, y):
+    """Where `edges` have the cell (x, y) of a tile's, −1 if it is on no side."""
+    if y % TILE == 0:
+        return (y // TILE * CELLS + x) * RANGE
+    if x % TILE == 0:
+        return ((2 + x // TILE) * CELLS + y) * RANGE
+    return -1
 
 
 @inline
-def store_edge(sums, p, size, retired, edges):
-    """Store a pixel on the tile's left, right, upper or lower edge in its `edges`, float32 (4, TILE, EDGE)."""
-    x = p & LAST
-    y = p >> BITS
-    sides = (0, x == 0, y), (1, x == size[0] - 1, y), (2, y == 0, x), (3, y == size[1] - 1, x)
-    for side, at_edge, place in sides:
-        if at_edge:
-            for c in range(6):
-                edges[side, place, c] = sums[p, LOW + c]
-            edges[side, place, 6] = 1.0 if retired else 0.0
+def store_edges(edges, cells, retired):
+    """Store what others need of a tile, `edges` (EDGES,): the cells on its sides, and which pixels are retired."""
+    for k in range(CELLS * CELLS):
+        at = side(k % CELLS, k // CELLS)
+        if at >= 0:
+            for c in range(RANGE):
+                edges[at + c] = cells[k, c]
+    store_retired(edges, retired)
 
 
 @inline
-def reopened(edges, tile, columns, p):
-    """Whether a pixel was retired, but a neighbour in another tile is unlike it. Args: columns: tiles in a row."""
-    x = p & LAST
-    y = p >> BITS
-    return (
-        (x == 0 and tile % columns > 0 and unlike(edges[tile, 0, y], edges[tile - 1, 1, y]))
-        or (x == TILE - 1 and tile % columns + 1 < columns and unlike(edges[tile, 1, y], edges[tile + 1, 0, y]))
-        or (y == 0 and tile >= columns and unlike(edges[tile, 2, x], edges[tile - columns, 3, x]))
-        or (y == TILE - 1 and tile + columns < len(edges) and unlike(edges[tile, 3, x], edges[tile + columns, 2, x]))
-    )
+def store_retired(edges, retired):
+    for y in range(TILE):
+        bits = np.int64(0)
+        for x in range(TILE):
+            bits |= np.int64(retired[y << BITS | x]) << x
+        edges[MASKS + y] = bits
 
 
 @inline
-def unlike(own, other):
-    """Whether a pixel was retired that a neighbour is unlike; rows of `edges`."""
-    return own[6] == 1.0 and sample_range(own, other) > ROUGHLY
+def load_edges(edges, tile, columns, cells, retired):
+    """Load which pixels of a tile are retired, and the cells on its sides as all tiles know them, each of which has
+    rendered its own pixels: `edges` (tiles, EDGES), in rows of `columns`."""
+    for p in range(TILE * TILE):
+        retired[p] = np.int64(edges[tile, MASKS + (p >> BITS)]) >> (p & LAST) & 1
+    for down in range(-1, 2):
+        for right in range(-1, 2):
+            column = tile % columns + right
+            row = tile // columns + down
+            if 0 <= column < columns and 0 <= row < len(edges) // columns:
+                widen_sides(cells, edges[row * columns + column], right, down)
+
+
+@inline
+def widen_sides(cells, edges, right, down):
+    """Widen the cells that a tile shares with the one so many tiles further right and down, which has these `edges`."""
+    for k in range(CELLS * CELLS):
+        x = k % CELLS - right * TILE
+        y = k // CELLS - down * TILE
+        if 0 <= x <= TILE and 0 <= y <= TILE and side(x, y) >= 0:
+            at = side(x, y)
+            for c in range(3):
+                cells[k, c] = min(cells[k, c], edges[at + c])
+                cells[k, HIGH + c] = max(cells[k, HIGH + c], edges[at + HIGH + c])

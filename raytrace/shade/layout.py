@@ -146,6 +146,8 @@ class Scratch(NamedTuple):
     points: Float32s  # (packets, WIDTH, 16), points to be lit
     items: Int32s  # (packets, 16), rows of their objects, −1 for none
     sums: Float64s  # (pixels, …), a tile's film
+    cells: Float32s  # (cells, RANGE), a tile's, ranges of the samples in them
+    retired: Bools  # (pixels,), a tile's pixels that get no more samples
     order: Int32s  # (pixels,), a tile's pixels so that sixteen on end are neighbours
     todo: Int32s  # (pixels + 16,), pixels that want more samples
     active: Int64s  # (lights,), lights that can matter
@@ -162,5 +164,5 @@ class Film(NamedTuple):
     pixels: Float32s  # (height, width, 4 or FILM), whole tiles
     left: int  # place of its first pixel in the picture
     top: int
-    edges: Float32s  # (tiles, 4, TILE, EDGE), what tiles know of one another; none where no pixel is retired early
+    edges: Float32s  # (tiles, EDGES), what tiles know of one another; none where no pixel is retired early
     scale: float  # of render space; depths are divided by it

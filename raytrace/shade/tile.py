@@ -1,7 +1,8 @@
 """One tile of a picture: viewing rays in packets, their hits lit together, converged pixels retired early.
 
-A pixel's first few samples decide together with its neighbours' whether it needs more. Neighbours in other tiles are
-known only when all tiles have been rendered, so pixels that one of them is unlike are taken up again then.
+A pixel's first few samples decide together with its neighbours' whether it needs more, and so do the further samples of
+neighbours that do. Those in other tiles are known only when all tiles have been rendered, so pixels about which they
+disagree are taken up again then.
 """
 
 import numpy as np
@@ -17,16 +18,17 @@ from . import layout
 from .camera_rays import aim
 from .film import (
     BITS,
-    BLURRED,
     FIRST,
     LAST,
     TILE,
     accumulate,
     clear,
     converged,
+    load_edges,
     mean,
-    reopened,
-    store_edge,
+    store_edges,
+    store_retired,
+    widen,
     write_pixels,
 )
 from .gouraud import interpolate_lit
@@ -40,92 +42,105 @@ from .transparency import begin_layers, closest_hits, composite
 @kernel
 def render_tiles(scene, view, style, film, scratch, span, again):
     """Render the tiles [span[0], span[1]), counted along the rows of the film: a few samples of all pixels of a tile,
-    then more of the pixels whose samples don't agree.
+    then more of the pixels about which samples disagree.
 
     Textures whose `scratch.missing` is set afterwards are to be read, and the tiles to be rendered once more.
 
-    Args: again: only the pixels that need all samples after all, by the `edges` that a first call for all tiles wrote.
+    Args: again: only the pixels that need all samples after all, by the `edges` that a first call for all tiles wrote;
+        those that are retired then are written there.
     """
     scene = unrefcounted_view(scene)
     view = unrefcounted_view(view)
     film = unrefcounted_view(film)
     scratch = unrefcounted_view(scratch)
-    todo = scratch.todo
-    points = scratch.points if scene.geometry.opacity is None else scratch.layers
     columns = -(-film.pixels.shape[1] // TILE)
-    first = FIRST if view.lens == 0.0 else BLURRED  # samples of every pixel
+    few = min(FIRST, style.samples)
+    skipped = style.samples - few  # samples of a retired pixel
     for tile in range(span[0], span[1]):
         left = tile % columns * TILE
         top = tile // columns * TILE
         size = min(TILE, film.pixels.shape[1] - left), min(TILE, film.pixels.shape[0] - top)
-        pending = list_pixels(scratch, size, film.edges, tile, columns, again)
+        clear(scratch.sums, scratch.cells)
         if again:
-            scratch.counts[RETIRED] -= pending * (style.samples - first)
+            load_edges(film.edges, tile, columns, scratch.cells, scratch.retired)
+        else:
+            for p in range(TILE * TILE):
+                scratch.retired[p] = p & LAST < size[0] and p >> BITS < size[1]
+            pending = list_retired(scratch, False)
+            sample_pixels(scene, view, style, film, scratch, (left, top), pending, (0, few))
+            scratch.counts[RETIRED] += pending * skipped
 
-        # a few samples at a time, of the pixels that want more
-        for done in range(0, style.samples, FIRST):
-            if pending == 0:
-                break
-            batch = min(FIRST, style.samples - done)
-            of_packet = WIDE // batch  # pixels a packet, all samples of a pixel on end
-            packets = -(-pending // of_packet)
-            corner = film.left + left, film.top + top
-            trace_samples(scene, view, style, scratch, corner, (pending, packets), (done, batch))
-            if style.samples > 1:
-                if done == 0:
-                    clear(scratch.sums)
-                for e in range(packets):
-                    k = e * of_packet
-                    accumulate(points[e], scratch.sums, todo[k : min(k + of_packet, pending)], batch, style.layers)
-                if done + FIRST == first < style.samples and not again:
-                    pending = remove_converged(scratch, size, pending, style.samples - first, film.edges[tile])
+        # all samples of the pixels about which those so far disagree, until they disagree about no other
+        pending = list_retired(scratch, True) if skipped > 0 else 0
+        while pending > 0:
+            for k in range(pending):
+                scratch.retired[scratch.todo[k]] = False
+            samples = 0 if again else few, style.samples
+            sample_pixels(scene, view, style, film, scratch, (left, top), pending, samples)
+            write_means(style, film, scratch, (left, top), pending)
+            scratch.counts[RETIRED] -= pending * skipped
+            pending = list_retired(scratch, True)
 
-        # all pixels that have got samples in this call
-        taken = pending if again else list_pixels(scratch, size, film.edges, tile, columns, False)
-        for k in range(0, taken, WIDE):
-            packet = points[k // WIDE]  # with one sample a pixel, its lanes are the pixels
-            if style.samples > 1:
-                mean(scratch.sums, todo[k : min(k + WIDE, taken)], style.layers, packet)
-            write_pixels(packet, load_row(todo, k // WIDE), lane_numbers() < taken - k, film, left, top)
+        if again:
+            store_retired(film.edges[tile], scratch.retired)
+            continue
+        write_means(style, film, scratch, (left, top), list_retired(scratch, False))
+        if skipped > 0:
+            store_edges(film.edges[tile], scratch.cells, scratch.retired)
 
 
 @kernel
 def mark_reopened(film, scratch, marks):
-    """Mark the pixels that `render_tiles` would render again: `marks`, bool (tiles, TILE · TILE)."""
+    """Mark the tiles of which `render_tiles` would render some pixels again: `marks`, bool (tiles,)."""
     film = unrefcounted_view(film)
     scratch = unrefcounted_view(scratch)
     marks = unrefcounted_view(marks)
-    high, wide, _ = film.pixels.shape
-    columns = -(-wide // TILE)
     for tile in range(len(film.edges)):
-        size = min(TILE, wide - tile % columns * TILE), min(TILE, high - tile // columns * TILE)
-        for k in range(list_pixels(scratch, size, film.edges, tile, columns, True)):
-            marks[tile, scratch.todo[k]] = True
+        clear(scratch.sums, scratch.cells)
+        load_edges(film.edges, tile, -(-film.pixels.shape[1] // TILE), scratch.cells, scratch.retired)
+        marks[tile] = list_retired(scratch, True) > 0
 
 
 @inline
-def list_pixels(scratch, size, edges, tile, columns, again):
-    """List a tile's pixels as `todo`, `again` those that a neighbour in another tile reopens; returns how many."""
+def list_retired(scratch, reopened):
+    """List a tile's retired pixels as `todo`, `reopened` those about which samples disagree; returns how many."""
     left = 0
     for k in range(TILE * TILE):
         p = scratch.order[k]
         scratch.todo[left] = p
-        left += p % TILE < size[0] and p // TILE < size[1] and (not again or reopened(edges, tile, columns, p))
+        left += scratch.retired[p] and not (reopened and converged(scratch.cells, p))
     return left
 
 
 @inline
-def remove_converged(scratch, size, pending, remaining, edges):
-    """Remove converged pixels from the list `todo` and fill the tile's `edges`; returns how many are left."""
-    left = 0
-    for k in range(pending):
-        p = scratch.todo[k]
-        retired = converged(scratch.sums, p, size)
-        store_edge(scratch.sums, p, size, retired, edges)
-        scratch.todo[left] = p
-        left += not retired
-    scratch.counts[RETIRED] += (pending - left) * remaining
-    return left
+def sample_pixels(scene, view, style, film, scratch, place, pending, samples):
+    """Add the samples [first, end) of the pixels on the list `todo` to their sums and cells, a few at a time.
+
+    Args: place: of the tile on the film.
+    """
+    points = scratch.points if scene.geometry.opacity is None else scratch.layers
+    corner = film.left + place[0], film.top + place[1]
+    for done in range(samples[0], samples[1], FIRST):
+        batch = min(FIRST, samples[1] - done)
+        of_packet = WIDE // batch  # pixels a packet, all samples of a pixel on end
+        packets = -(-pending // of_packet)
+        trace_samples(scene, view, style, scratch, corner, (pending, packets), (done, batch))
+        if style.samples > 1:
+            for e in range(packets):
+                pixels = scratch.todo[e * of_packet : min((e + 1) * of_packet, pending)]
+                accumulate(points[e], scratch.sums, pixels, batch, style.layers)
+                widen(points[e], scratch.cells, pixels, view, corner, (done, batch))
+
+
+@inline
+def write_means(style, film, scratch, place, pending):
+    """Write the means of the pixels on the list `todo` to the film."""
+    points = scratch.points if len(scratch.layers) == 0 else scratch.layers
+    for k in range(0, pending, WIDE):
+        packet = points[k // WIDE]  # with one sample a pixel, its lanes are the pixels
+        if style.samples > 1:
+            mean(scratch.sums, scratch.todo[k : min(k + WIDE, pending)], style.layers, packet)
+        write_pixels(packet, load_row(scratch.todo, k // WIDE), lane_numbers() < pending - k, film, place[0], place[1])
 
 
 @inline

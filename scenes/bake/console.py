@@ -145,8 +145,8 @@ def texture_summary(baked: ao.BakedTexture, target: str) -> str:
     text = f"{printable(target)}: {width}×{height}, {facts.covered:,} texels covered, {rays}"
     if not facts.seam_edges:
         return text
-    jumps = f"largest jump {facts.seam_jump:.4f}, {facts.seam_jump_before:.4f} before they were closed"
-    return f"{text}\n{facts.seam_edges:,} edges at seams, {jumps}"
+    jumps = f"by {facts.seam_jump:.4f} at most, by {facts.seam_jump_before:.4f} before they were closed"
+    return f"{text}\nw, the openness, jumps at the {facts.seam_edges:,} edges of seams {jumps}"
 
 
 def columns(rows: Sequence[tuple[str, str]]) -> str:

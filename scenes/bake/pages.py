@@ -234,7 +234,7 @@ def lacking(source: MeshFile, uv: Float64s, wanted: Bools, keeps_uv: bool) -> li
     without_uv = [piece for piece in primitive_groups(source) if without[piece.faces].any()]
     names = list(dict.fromkeys(f"{piece.object.name} ({piece.material.name})" for piece in without_uv))
     more = f" and {len(names) - _LISTED:,} more" if len(names) > _LISTED else ""
-    instead = "show the w, the openness, of their vertices" if keeps_uv else "get no texels"
+    instead = "show w, the openness, of their vertices" if keeps_uv else "get no texels"
     what = f"{without.sum():,} faces, of {', '.join(names[:_LISTED])}{more}, have no texture coordinates and {instead}"
     return [f"{source.path}: {what}; --uv fill{'' if keeps_uv else ' with --mesh-output'} makes some for them"]
 

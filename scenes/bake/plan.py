@@ -18,7 +18,7 @@ from raytrace.system.threads import thread_count
 from ..formats.falloffs import make_falloff, table_of
 from ..formats.images import ENDINGS as IMAGES
 from ..formats.images import MATERIAL, PLACEHOLDERS, UDIM, check_texture_target
-from ..formats.table import Channels
+from ..formats.table import Channels, is_raster
 from ..formats.write import ENDINGS, channels, check_holds, check_target
 from .options import BAKER, PRESETS, REPORTS, ROWS, BakeOptions, absolute, check_kind, named, plain
 
@@ -173,7 +173,8 @@ def plan_bake(options: BakeOptions) -> Plan:
     options = _with_defaults(_with_preset(options, ending), ending)
     if options.occlusion == "texture" and ending != ".glb" and ending not in IMAGES:
         raise ConflictError(("occlusion", "texture"), "needs", "a .glb output")
-    kind: Kind = "texture" if ending in IMAGES or options.occlusion == "texture" else "vertices"
+    of_terrain = is_raster(output or "") and is_raster(options.mesh[0])
+    kind: Kind = "texture" if (ending in IMAGES and not of_terrain) or options.occlusion == "texture" else "vertices"
     if output is None:
         options = options.replaced(samples=options.samples or DEFAULT_SAMPLES)
         if options.size or options.texel_size:

@@ -15,7 +15,7 @@ import ao
 from ao.declared import call_checked
 from ao.memory import column_bytes, texture_bytes
 from ao.report import report
-from ao.texture.uv_layout import on_page
+from ao.texture.uv_layout import covered_texels, on_page
 from raytrace.errors import OptionError
 from raytrace.mesh.mesh import Mesh
 from raytrace.system.atomic import write_bytes
@@ -80,8 +80,11 @@ def work_size(plan: Plan, inputs: BakeInputs) -> WorkSize:
     """The size of the bake. Raises: as `Layout.of`."""
     layout = Layout.of(plan, inputs)
     width, height = layout.found.size
-    needed = texture_bytes(width * height, *inputs.counts, plan.arguments.rays)
-    needed += column_bytes(width * height, plan.arguments.columns)
+    arguments = plan.arguments
+    covered = max(covered_texels(page.uv, layout.found.size) for page in layout.pages)
+    blocks = arguments.tolerance is not None and inputs.arguments["high"] is None
+    needed = texture_bytes(width * height, covered, *inputs.counts, arguments.rays, blocks)
+    needed += column_bytes(width * height, arguments.columns)
     return WorkSize(len(layout.pages) * width * height, "texels", needed)
 
 

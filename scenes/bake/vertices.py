@@ -13,7 +13,7 @@ import numpy as np
 import ao
 from ao.declared import call_checked
 from ao.options import VertexOptions
-from raytrace.errors import OptionError
+from raytrace.errors import MeshError, OptionError
 from raytrace.system.checks import check_outputs
 
 from ..formats.unsupported import unsupported_features
@@ -91,11 +91,15 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
 def _remedy(plan: Plan, source: MeshFile) -> str:
     """What makes w right between the vertices in the output of a plan."""
     if plan.ending == ".glb" and not plan.channels.colors:
-        return "add --occlusion texture" if source.uv is not None else "add --occlusion texture --uv unwrap"
+        uv = None
+        with suppress(MeshError):  # malformed coordinates, of which nothing else here makes use
+            uv = source.uv
+        return "add --occlusion texture" if uv is not None else "add --occlusion texture --uv unwrap"
     arguments = plan.arguments
     if isinstance(arguments, VertexOptions) and arguments.method == "vertex":
         with suppress(OptionError):
-            replace(arguments, method="surface")  # which some options do not go with
+            profile = arguments.profile and plan.ending != ".html"  # which has one by itself with the other method
+            replace(arguments, method="surface", profile=profile)  # some options do not go with that
             return "add --method surface"
     return "subdivide them"
 

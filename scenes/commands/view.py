@@ -23,8 +23,9 @@ def run_view(
     if other is None and mesh is None and _is_unbaked(result):
         target = output or result.with_suffix(".html")
         check_ending("output", target, ".html")
-        note(f"{result}: there is no w in it; it is baked with --tolerance {_TOLERANCE:g}, for a look")
         run_bake(BakeOptions(mesh=[result], output=target, tolerance=_TOLERANCE, up=up, quiet=quiet))
+        if not quiet:
+            note(f"{result}: there is no w in it; it was baked with --tolerance {_TOLERANCE:g}, for a look")
         if open:
             webbrowser.open(target.resolve().as_uri())
         return

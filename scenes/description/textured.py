@@ -17,7 +17,7 @@ from raytrace.types import Float64s
 from ..formats.load import read_objects
 from ..geometry.attributes import SourceAttributes
 from ..geometry.corners import split_corners
-from ..geometry.instances import flatten
+from ..geometry.instances import flatten, joined_attributes
 from ..geometry.primitives import Origin, TexturedMesh
 
 _COLOURS = "colours", "texture of map_Kd", "texture of diffuse"  # how words on what is left out begin
@@ -31,8 +31,8 @@ def read_mesh(path: Path, textured: bool) -> tuple[TexturedMesh, list[str]]:
     instances, _ = read_objects(path, keep=True, alpha=True)
     mesh, _ = flatten(instances, str(path))
     notes = [printable(f"{path}: {note}") for instance in instances for note in instance.notes]
-    notes += colours_left_out(path, instances[0].unread)
-    attributes = instances[0].attributes
+    notes += colours_left_out(path, dict.fromkeys(words for instance in instances for words in instance.unread))
+    attributes = joined_attributes(instances)
     colours = linear_colours(attributes)
     if attributes is None or attributes.uv is None or not textured:
         return TexturedMesh(mesh, colours=colours), notes
@@ -59,4 +59,6 @@ def linear_colours(attributes: SourceAttributes | None) -> Float64s | None:
 
 def colours_left_out(path: Path, unread: Iterable[str]) -> list[str]:
     """Warnings of colours and their pictures among what a file holds that is not read."""
-    return [printable(f"{path}: left out: {words}") for words in unread if words.startswith(_COLOURS)]
+    pictures = "; of pictures are read PNG and JPEG, in the mesh's folder or below"
+    ends = {words: pictures if words.startswith("texture") else "" for words in unread if words.startswith(_COLOURS)}
+    return [printable(f"{path}: left out: {words}{end}") for words, end in ends.items()]

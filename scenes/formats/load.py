@@ -149,7 +149,8 @@ def load(
 
                 attributes, unread = gltf_attributes(asset, parts, mesh.faces)
     notes = tuple(printable(f"{path}: {note}") for instance in instances for note in instance.notes)
-    stored = [np.asarray(instance.w, np.float64) for instance in instances if instance.w is not None]
+    with np.errstate(invalid="ignore"):  # signalling NaNs, which are no w
+        stored = [np.asarray(instance.w, np.float64) for instance in instances if instance.w is not None]
     w = np.concatenate(stored) if len(stored) == len(instances) else None
     if flip:
         if asset and aim.ending == ".glb":

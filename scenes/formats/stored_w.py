@@ -105,7 +105,8 @@ def _of_mesh(path: Path, counts: tuple[int, ...], scales: Scales | None) -> Floa
     total = sum(len(w) for _, w in stored)
     if asset and counts and total not in counts:  # pictures leave out what nodes flatten to nothing
         stored = [(each, w) for each, w in stored if not each.is_flattened]
-    w = np.concatenate([np.empty(0), *(w for _, w in stored)]).astype(np.float64)
+    with np.errstate(invalid="ignore"):  # signalling NaNs, which are no w
+        w = np.concatenate([np.empty(0), *(w for _, w in stored)]).astype(np.float64)
     if len(stored) == 1 and asset:
         w = w[: unrepeated(stored[0][0].vertices, counts)]
     _check_count(path, counts, len(w))

@@ -45,7 +45,9 @@ class FileFormat(NamedTuple):
     begins: bytes = b""  # a pattern of the first bytes, which identifies a pipe's format
     write: str = ""  # a bake, a `MeshFile` and `Channels` to bytes
     unsupported: str = ""  # a `MeshFile` and `Channels.colors` to words for what an output lacks
-    holds: tuple[str, ...] = ()  # "w", w of "faces" and backs, "colors" of vertices, "uv" of corners, a "scene"
+    holds: tuple[
+        str, ...
+    ] = ()  # "w", w of "faces" and backs, "colors" of vertices, "uv" of corners, a "scene", a "raster"
 
 
 _REGISTERED: dict[str, FileFormat] = {}
@@ -80,6 +82,11 @@ def endings(column: str, word: str = "") -> tuple[str, ...]:
     """The endings of formats that have something in a field, or among what they hold this word."""
     rows = formats().values()
     return tuple(row.ending for row in rows if (word in row.holds if word else getattr(row, column)))
+
+
+def is_raster(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is a raster of heights, by its ending: every cell gets w, in a raster."""
+    return "raster" in format_of(path).holds
 
 
 def sniffed_format(content: bytes | bytearray) -> str | None:

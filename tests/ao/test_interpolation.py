@@ -95,6 +95,14 @@ def test_what_helps_a_glb_is_named(tmp_path, options, remedy):
     assert f"as the faces are too large for it: add {remedy}\n" in result.stderr
 
 
+def test_what_helps_a_page_is_the_surface_method(tmp_path):
+    (tmp_path / "lid.ply").write_bytes(ply(*PART))
+    line = "bake", tmp_path / "lid.ply", "-o", tmp_path / "w.html", "--samples", 256
+    assert ": add --method surface\n" in obscurance(*line).stderr
+    assert obscurance(*line, "--method", "surface").returncode == 0
+    assert ": subdivide them\n" in obscurance(*line, "--traversal", "embree").stderr
+
+
 def test_it_is_measured_when_it_is_asked_for():
     baked = ao.bake(Mesh(*PART), samples=64)
     assert "interpolation" not in vars(baked)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -82,16 +83,17 @@ def read_dae(given: MeshInput) -> list[Instance]:
 
 def _coordinates(pieces: list[Any]) -> PerCorner | None:
     """The first set of texture coordinates of all corners, NaN where a primitive has none; None if none has."""
-    values = [np.full((1, 2), np.nan)]
+    values: list[Float64s] = []
     of: list[Int64s] = []
     for piece in pieces:
-        count = np.size(piece.vertex_index)
+        start = sum(map(len, values))
         if len(piece.texcoord_indexset):
-            of.append(np.ravel(piece.texcoord_indexset[0]).astype(np.int64) + sum(map(len, values)))
+            of.append(np.ravel(piece.texcoord_indexset[0]).astype(np.int64) + start)
             values.append(np.asarray(piece.texcoordset[0], np.float64)[:, :2])
         else:
-            of.append(np.zeros(count, np.int64))
-    if len(values) == 1:
+            of.append(np.full(np.size(piece.vertex_index), start))
+            values.append(np.full((1, 2), np.nan))
+    if not any(len(piece.texcoord_indexset) for piece in pieces):
         return None
     return PerCorner(np.concatenate(values), np.concatenate(of))
 
@@ -125,7 +127,7 @@ def _materials(placed: Any, pieces: list[Any], folder: Path) -> tuple[tuple[Sour
         colour = _colour(effect.diffuse, 1.0)
         texture = None
         if picture := _picture(effect.diffuse):
-            texture = resolve_inside(picture.replace("\\", "/").removeprefix("./"), folder)
+            texture = resolve_inside(unquote(picture).replace("\\", "/").removeprefix("./"), folder)
             if texture is None or not is_picture(texture):
                 unread.append(f"texture of diffuse ({picture})")
                 texture = None

@@ -76,7 +76,7 @@ class PlyHeader(NamedTuple):
     @property
     def up(self) -> str | None:
         """The axis that is up, of files of ours."""
-        ups = [line.removeprefix(UP_COMMENT) for line in self.comments if line.startswith(UP_COMMENT)]
+        ups = [line.removeprefix(UP_COMMENT).rstrip() for line in self.comments if line.startswith(UP_COMMENT)]
         return ups[0] if ups and ups[0] in UP else None
 
     def profile(self, columns: Mapping[str, npt.NDArray[Any]]) -> Profile | None:
@@ -101,7 +101,7 @@ def read_header(data: bytes) -> PlyHeader:
     formats = [line[1] for line in lines if line[:1] == ["format"] and len(line) > 1]
     if len(formats) != 1 or formats[0] not in _ORDERS:
         raise ValueError("no format of a PLY file")
-    comments = tuple(line.strip() for line in text if line.split()[:1] in (["comment"], ["obj_info"]))
+    comments = tuple(line.lstrip() for line in text if line.split()[:1] in (["comment"], ["obj_info"]))
     return PlyHeader(formats[0] == "ascii", _ORDERS[formats[0]], _elements(lines), comments, end.end())
 
 

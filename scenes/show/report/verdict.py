@@ -24,13 +24,19 @@ _CLIPPED = 0.05  # of the pixels, brighter than an 8-bit picture holds
 
 _OF_FLAGS = {
     "unreferenced": ("belong to no face; w, the openness, is 1 there", "They can be removed from the mesh."),
-    "degenerate": ("belong only to faces without area; w is 1 there", "Remove such faces, or ignore these vertices."),
-    "opposed": ("have faces that point in opposite directions; w is their mean", "Split these vertices."),
+    "degenerate": (
+        "belong only to faces without area; w, the openness, is 1 there",
+        "Remove such faces, or ignore these vertices.",
+    ),
+    "opposed": (
+        "have faces that point in opposite directions; w, the openness, is the mean over these faces",
+        "Split these vertices.",
+    ),
     "hidden": ("lie inside solids{}", "Nothing to do if parts are meant to cross; --interior says what they become."),
     "missed": ("lie outside the cage and take the closest point of the fine mesh", "Make --cage larger."),
     "contact": ("touch other faces; w, the openness, is that of one side", "Nothing to do if parts touch."),
     "folded": (
-        "have a normal that points behind one of their faces; w is their mean",
+        "have a normal that points behind one of the faces; w, the openness, is the mean over these",
         "Nothing to do if they are few.",
     ),
 }

@@ -1,4 +1,4 @@
-"""Which texels have one point, at their centre, and that they are as good as those of several."""
+"""Which texels have one point, at their centre, or one for a block, and that they are as good as those of several."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ import ao.texture.texels
 from ao.points.receivers import find_receivers
 from ao.points.smooth_surface import SmoothSurface
 from ao.texture.coverage import Page
-from ao.texture.smooth_texels import centres_suffice
+from ao.texture.smooth_texels import smooth_cells
 from ao.texture.uv_layout import UVLayout, corner_uv
 from raytrace import Mesh
 from raytrace.mesh.placement import Placement
@@ -18,16 +18,29 @@ from raytrace.mesh.placement import Placement
 MOST = 0.2
 
 
-def enough(mesh, uv, size, most=MOST):
-    """Which texels need one point alone, (height, width), and which are covered as a whole."""
+def cells_of(mesh, uv, size, most=MOST, largest=1):
+    """The coverage of a page, and its `smooth_cells`."""
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement)
     coverage = Page.of(UVLayout.of(corner_uv(uv, mesh), (size, size), True, "test")).cover("mean", 1)
     smooth = SmoothSurface.of(placement.vertices.astype(np.float64), receivers)
-    found = centres_suffice(coverage, smooth, receivers.tree, most, 1)
+    return coverage, *smooth_cells(coverage, smooth, receivers.tree, most, largest, 1)
+
+
+def enough(mesh, uv, size, most=MOST):
+    """Which texels need one point alone, (height, width), and which are covered as a whole."""
+    coverage, alone, _ = cells_of(mesh, uv, size, most)
     pages = np.zeros((2, size * size), np.bool_)
-    pages[:, coverage.texels] = found, coverage.has_centre
+    pages[:, coverage.texels] = alone, coverage.has_centre
     return pages.reshape(2, size, size)
+
+
+def blocks(mesh, uv, size):
+    """Side of the block that each texel is in, (height, width); 0 where it is not covered."""
+    coverage, _, cell = cells_of(mesh, uv, size, largest=4)
+    page = np.zeros(size * size, np.int64)
+    page[coverage.texels] = np.sqrt(np.bincount(cell)[cell])
+    return page.reshape(size, size)
 
 
 def test_whole_texels_of_a_smooth_surface_have_one():
@@ -75,7 +88,7 @@ def set_single_points(monkeypatch):
     """A function: let texels that another function chooses have a single point."""
 
     def let(chosen):
-        monkeypatch.setattr(ao.texture.texels, "centres_suffice", chosen)
+        monkeypatch.setattr(ao.texture.texels, "smooth_cells", chosen)
 
     return let
 
@@ -87,7 +100,7 @@ def test_errors_of_one_point_and_of_several_are_of_a_size(set_single_points, fal
     uv, size = mesh.vertices[:, :2] / np.ptp(mesh.vertices[:, :2]) * 0.7 + 0.5, 64
 
     def every_second(coverage, *_):
-        return coverage.has_centre & (coverage.texels % 2 == 0)
+        return coverage.has_centre & (coverage.texels % 2 == 0), np.arange(len(coverage.texels))
 
     set_single_points(every_second)
     texture = ao.bake_texture(mesh, uv, size, falloff, samples=64, denoise=False, close_seams=False)
@@ -108,5 +121,61 @@ def test_one_point_is_as_near_to_the_truth_as_several(set_single_points):
         return np.sqrt(np.mean((ao.bake_texture(mesh, uv, **options, samples=256).w - true)[whole] ** 2))
 
     mixed = error()
-    set_single_points(lambda coverage, *_: np.zeros(len(coverage.texels), bool))
+
+    def none(coverage, *_):
+        return np.zeros(len(coverage.texels), np.bool_), np.arange(len(coverage.texels))
+
+    set_single_points(none)
     assert mixed < 1.1 * error()
+
+
+def valley():
+    """A smooth valley on a grid, and its texture coordinates."""
+    steps = np.linspace(-1, 1, 33)
+    x, y = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing="ij"))
+    corner = (33 * np.arange(32)[:, None] + np.arange(32)).ravel()
+    faces = np.concatenate([np.stack([corner, corner + step, corner + 34], axis=1) for step in (33, 1)])
+    faces[len(corner) :, [1, 2]] = faces[len(corner) :, [2, 1]]
+    mesh = Mesh(np.stack([x, y, 0.3 * np.cos(np.pi * (x + 0.3 * y**2))], axis=1), faces)
+    return mesh, np.stack([x, y], axis=1) * 0.45 + 0.5
+
+
+def test_blocks_of_a_smooth_surface_have_one():
+    sizes = blocks(*valley(), 256)
+    assert (sizes == 4).sum() > 0.5 * (sizes > 0).sum()
+
+
+def test_blocks_keep_away_from_the_foot_of_a_wall():
+    floor = blocks(*floor_and(1e9), 64)[16:]
+    assert (floor[:, :2] == 1).all()
+    assert (floor[:, 48:] == 4).all()
+    distance = np.argmax(floor > 1, axis=1)
+    assert (distance < np.argmax(floor > 2, axis=1)).all()
+
+
+def test_no_block_reaches_under_a_thin_post():
+    floor = rectangle((0, -2, 0), (4, 0, 0), (0, 4, 0)), square(0, 0, 1, 0.75)
+    post = rectangle((2.06, 0.06, 0), (0.01, 0, 0), (0, 0, 0.5)), square(0.1, 0.8, 0.9, 0.95)
+    sizes = blocks(*quads(floor, post), 64)[16:]
+    foot = np.s_[22:24, 32:34]
+    assert (sizes[foot] == 1).all()
+    assert (sizes == 4).sum() > 1000
+
+
+@pytest.mark.parametrize("size", [30, 61])
+def test_pages_of_any_size_have_blocks(size):
+    sizes = blocks(*floor_and(1e9), size)
+    assert (sizes == 4).any()
+    assert sizes[-1, -1] > 0
+
+
+def test_what_is_predicted_within_blocks_is_as_near_to_the_truth():
+    mesh, uv = valley()
+    options = {"size": 256, "falloff": ao.Binary(), "close_seams": False}
+    fine = ao.bake_texture(mesh, uv, **options, samples=512)
+    texture = ao.bake_texture(mesh, uv, **options, tolerance=0.01)
+    error = np.sqrt(np.mean((texture.w - fine.w)[fine.covered] ** 2))
+    assert error < 1.1 * 0.01
+    assert error < 1.4 * texture.rmse
+    assert (texture.covered == fine.covered).all()
+    assert texture.rays_skipped["predicted"] > texture.rays

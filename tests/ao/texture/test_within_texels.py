@@ -9,7 +9,7 @@ from ao.analytic import closed_forms
 from ao.points.receivers import find_receivers
 from ao.points.smooth_surface import SmoothSurface
 from ao.texture.coverage import Page
-from ao.texture.smooth_texels import centres_suffice
+from ao.texture.smooth_texels import smooth_cells
 from ao.texture.uv_layout import UVLayout, corner_uv
 from raytrace import Mesh
 from raytrace.mesh.placement import Placement
@@ -103,7 +103,8 @@ def test_low_things_over_a_floor_are_near_its_texels(height, several):
     found = find_receivers(mesh, placement)
     coverage = Page.of(UVLayout.of(corner_uv(uv, mesh), (8, 8), True, "test")).cover("mean", 1)
     smooth = SmoothSurface.of(placement.vertices.astype(np.float64), found)
-    assert centres_suffice(coverage, smooth, found.tree, 0.2, 1).any() != several
+    alone, _ = smooth_cells(coverage, smooth, found.tree, 0.2, 1, 1)
+    assert alone.any() != several
 
 
 def test_the_error_of_a_page_of_one_texel_is_finite():

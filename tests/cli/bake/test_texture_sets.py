@@ -173,7 +173,7 @@ def test_a_part_without_coordinates_stops_nothing(tmp_path):
     assert abs(image(tmp_path / "w.exr") - W).max() < 0.03
     for options in ((), ("--orm",)):
         result = bake(path, "-o", tmp_path / "w.glb", "--occlusion", "texture", *FEW, *options)
-        assert f"{faces} show w of their vertices; --uv fill makes some" in result.stderr
+        assert f"{faces} show w, the openness, of their vertices; --uv fill makes some" in result.stderr
         (one, _, low), (other, _, high) = occlusion_of(tmp_path / "w.glb")
         assert one in ("obscurance occlusion", "obscurance orm")
         assert other == "obscurance ramp"

@@ -58,7 +58,7 @@ def test_summary_report_and_companions(corner, tmp_path):
     files = {"-o": "w.png", "--report": "r.json", "--bent-normals": "n.exr", "--error-map": "e.tif"}
     result = bake(corner, *(word for name, file in files.items() for word in (name, tmp_path / file)), *FEW)
     assert "w.png: 32×32, " in result.stdout or "w.png: 32x32, " in result.stdout
-    assert "1 edges at seams" in result.stdout
+    assert "w, the openness, jumps at the 1 edges of seams by" in result.stdout
     report = json.loads((tmp_path / "r.json").read_text())
     assert (report["width"], report["height"]) == (32, 32)
     assert report["texture"]["covered"] > 300

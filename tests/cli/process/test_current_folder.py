@@ -42,6 +42,12 @@ def test_the_package_run_as_a_module_imports_nothing_from_it(folder):
     assert "hills.obj\n" in run(AS_MODULE, folder, "info", "hills.obj")
 
 
+@pytest.mark.parametrize("command", [COMMAND, [sys.executable, "-P", "-m", "obscurance"]])
+def test_nor_is_a_file_of_the_command_s_name_run(folder, command):
+    (folder / "obscurance.py").write_text("open('run-obscurance', 'w').close()\n")
+    assert "hills.obj\n" in run(command, folder, "info", "hills.obj")
+
+
 def test_a_source_tree_run_as_a_module_imports_itself(tmp_path):
     shutil.copytree(ROOT / "obscurance", tmp_path / "obscurance")
     (tmp_path / "cli.py").write_text("from beside import main\n")

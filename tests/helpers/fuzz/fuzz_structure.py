@@ -124,6 +124,8 @@ def commands(family, path, made, rng):
 def checked_command(arguments, target, made, run=obscurance):
     """Run a command: its message if it refused the file. Raises: Finding."""
     start = time.process_time()
+    if target is not None:
+        target.unlink(missing_ok=True)  # of a command before that was a finding
     result = run(*arguments)
     line = f"{arguments[0]}: status {result.returncode}, "
     if result.returncode not in (0, 2) or re.search(r"Traceback|Warning:|^\w*Error:", result.stderr, re.MULTILINE):
@@ -139,10 +141,8 @@ def checked_command(arguments, target, made, run=obscurance):
     for text in result.stderr.splitlines():
         if not text.isprintable() or len(text) > 1200:
             raise Finding(f"{line}not a line for people: {text[:1500]!r}")
-    if target is not None:
-        if target.exists() and target.suffix == ".npz":
-            w = np.load(target)["w"]
-            if not ((w >= 0) & (w <= 1)).all():
-                raise Finding(f"{line}w is not in [0, 1]")
-        target.unlink(missing_ok=True)
+    if target is not None and target.exists() and target.suffix == ".npz":
+        w = np.load(target)["w"]
+        if not ((w >= 0) & (w <= 1)).all():
+            raise Finding(f"{line}w is not in [0, 1]")
     return result.stderr if result.returncode else None, time.process_time() - start

@@ -47,3 +47,10 @@ def test_bakes_say_so_and_thickness_does_not():
     assert line.endswith("its faces look inwards, so the inside is baked: --flip turns all faces over")
     assert ao.bake(mesh.reversed(), samples=4).shortfalls == ()
     assert ao.bake(mesh.reversed(), samples=4, thickness=True).shortfalls == ()
+
+
+@pytest.mark.parametrize(("radius", "remedy"), [(1.1, "--flip turns all faces over"), (0.9, "turn only these over")])
+def test_flip_is_advised_where_it_turns_more_of_the_surface_right_than_wrong(radius, remedy):
+    mesh = Mesh(*join([ball(), ball(radius, (3, 0, 0), inverted=True)]))
+    (line,) = inward_warnings(mesh)
+    assert f"1 of 2 closed parts look inwards, so the inside is baked: {remedy}" in line

@@ -1,7 +1,9 @@
 """What is refused says in one line what to do instead."""
 
+import numpy as np
 import pytest
 from command import obscurance, refused
+from gltf_files import Builder
 from mesh_files import obj
 from meshes import hills
 
@@ -35,6 +37,20 @@ def test_a_row_with_another_number_of_numbers_is_named(tmp_path):
     (tmp_path / "m.ply").write_text(f"ply\nformat ascii 1.0\n{VERTICES}{FACES}end_header\n{rows}")
     words = "m.ply: element vertex, row 2: expected 3 numbers, got 2"
     refused(obscurance("bake", tmp_path / "m.ply", "-o", tmp_path / "w.npy"), words)
+
+
+def test_advice_about_texture_coordinates_reads_none_that_are_malformed(tmp_path):
+    """A bake at vertices has no use for them, and is written before it gives advice."""
+    builder = Builder()
+    square = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], "<f4")
+    vertices = np.concatenate([square, 0.3 * square + np.array([0, 0, 0.05], "<f4")])  # a lid over a floor
+    primitive = builder.primitive(vertices, np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]))
+    primitive["attributes"]["TEXCOORD_0"] = builder.accessor(vertices[:, :2].copy(), "VEC2", byteOffset=4)
+    builder.mesh(primitive)
+    (tmp_path / "m.glb").write_bytes(builder.glb([{"mesh": 0}]))
+    done = obscurance("bake", tmp_path / "m.glb", "-o", tmp_path / "w.glb", "--samples", 64)
+    assert done.returncode == 0, done.stderr
+    assert "--occlusion texture --uv unwrap" in done.stderr
 
 
 @pytest.mark.parametrize("preset", ["unreal", "blender", "three"])

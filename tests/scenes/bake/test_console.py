@@ -78,11 +78,10 @@ def interrupted_at_a_tenth():
 
 
 def test_each_stage_of_a_texture_has_a_bar_with_its_label(terminal):
-    screen = terminal()
     mesh = Mesh(*hills(30))
     low, high = mesh.bounds
     uv = ((mesh.vertices - low) / (high - low))[:, :2]
-    with progress(False, "rays") as (advance,):
+    with terminal() as screen, progress(False, "rays") as (advance,):
         ao.bake_texture(mesh, uv, size=64, tolerance=0.005, progress=advance)
     shown = screen.getvalue()
     labels = "coverage", "rays, round 1", "rays, round 2", "seams"

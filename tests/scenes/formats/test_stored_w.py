@@ -85,10 +85,12 @@ def test_w_of_another_mesh_is_refused(folder):
     assert not (folder / "p.png").exists()
 
 
-def test_values_that_are_no_w_are_refused(folder):
+@pytest.mark.parametrize("other", [np.array([1.5], "<f4").tobytes(), np.array([0x7FA00001], "<u4").tobytes()])
+def test_values_that_are_no_w_are_refused(folder, other):
+    """The second is a signalling NaN, at which conversions warn."""
     data = (folder / "w.ply").read_bytes()
     w = np.load("w.npy")
-    (folder / "bad.ply").write_bytes(data.replace(w[:1].tobytes(), np.array([1.5], "<f4").tobytes()))
+    (folder / "bad.ply").write_bytes(data.replace(w[:1].tobytes(), other))
     refused(obscurance("render", "corner.ply", "-o", "p.png", *SIZE, "--baked", "bad.ply"), "values in [0, 1]")
     assert "1 values are not in [0, 1]" in obscurance("info", "bad.ply").stdout
 

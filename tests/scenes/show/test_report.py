@@ -146,7 +146,7 @@ def test_flags_are_counted_in_all_and_listed_in_part(folder, reports):
     shown = ", ".join(map(str, folded[:10]))
     assert f"folded: {len(folded)} {shown}" + (", …" if len(folded) > 10 else "") in visible(page)
     assert ", ".join(map(str, folded[:11])) not in visible(page) or len(folded) <= 10
-    assert any("behind one of their faces" in each["what"] for each in report["verdict"]["findings"])
+    assert any("behind one of the faces" in each["what"] for each in report["verdict"]["findings"])
 
 
 def test_the_report_of_a_picture_has_its_layers(reports):

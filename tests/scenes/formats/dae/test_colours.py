@@ -8,6 +8,7 @@ from PIL import Image
 
 from raytrace.image.read import read_image
 from raytrace.image.srgb import decode_srgb
+from scenes.description.textured import read_mesh
 from scenes.formats.load import load
 from scenes.show.page.base_colour import base_colour
 
@@ -80,6 +81,12 @@ def test_a_picture_and_a_glb_of_collada_have_the_colours(dae, tmp_path):
     assert base_colour(load(dae, "page.html")).images
 
 
+def test_a_picture_may_have_a_name_in_a_url(dae):
+    (dae.parent / "skin.png").rename(dae.parent / "a skin.png")
+    dae.write_bytes(dae.read_bytes().replace(b"skin.png", b"./a%20skin.png"))
+    assert load(dae, "m.glb").attributes.materials[1].texture == dae.parent / "a skin.png"
+
+
 def test_what_no_viewer_shows_is_left_out_in_a_line(dae, tmp_path):
     (tmp_path / "skin.png").unlink()
     done = obscurance("render", dae, "-o", tmp_path / "p.png", "--width", 8, "--height", 8, "--samples", 1)
@@ -101,3 +108,18 @@ def test_a_malformed_colour_of_3mf_is_left_out(tmp_path):
     file = load(tmp_path / "m.3mf", "m.glb")
     assert len(file.attributes.materials) == 1
     assert file.unread == ("colours of textures or mixtures, of very many kinds, or malformed",)
+
+
+def test_an_object_of_a_scene_takes_the_coordinates_of_all_its_parts(dae):
+    made, notes = read_mesh(dae, textured=True)
+    assert made.uv is None  # the roof has none
+    assert (len(made.mesh.faces), notes) == (8, [])
+
+
+def test_mirrored_copies_have_their_coordinates_turned_over(dae):
+    dae.write_bytes(dae.read_bytes().replace(b"<scale>2 2 2</scale>", b"<scale>-2 2 2</scale>"))
+    file = load(dae, "m.glb")
+    uv = file.attributes.corner_uv()
+    assert uv[2].tolist() == uv[6, ::-1].tolist()
+    corners = file.attributes.triangles.take(file.attributes.corners)
+    np.testing.assert_array_equal(corners, file.mesh.faces)

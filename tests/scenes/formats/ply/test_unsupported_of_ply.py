@@ -30,6 +30,17 @@ def test_a_ply_keeps_everything(tmp_path):
     assert "keeps the colours of rich.ply" in printed
 
 
+def test_comments_keep_their_blanks(tmp_path):
+    line = b"comment  two  blanks, and behind \t  \n"
+    header, end, rows = ascii_ply().partition(b"end_header\n")
+    for ending in (b"\n", b"\r\n"):
+        content = (header + line + b"comment up z  \n" + end).replace(b"\n", ending) + rows
+        (tmp_path / "m.ply").write_bytes(content)
+        bake(tmp_path, "m.ply", "out.ply")
+        assert b"\n" + line in (tmp_path / "out.ply").read_bytes()
+        assert load(tmp_path / "out.ply").mesh.up == "z"
+
+
 def test_a_second_bake_of_what_was_baked_replaces_its_w_and_grey(tmp_path):
     (tmp_path / "plain.ply").write_bytes(ascii_ply())
     assert bake(tmp_path, "plain.ply", "one.ply") == ""

@@ -1,0 +1,70 @@
+"""Height rasters by rasterio (GDAL): a vertex at the centre of every cell that has data, two triangles between four.
+
+Cells are taken to metres, by the unit of the reference system, from the corner of the raster; heights are in metres.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from raytrace.errors import MeshError
+from raytrace.types import Bools, Float64s
+
+from ...geometry.instances import Instance
+from ..table import MeshInput
+
+if TYPE_CHECKING:
+    from rasterio.io import DatasetReader
+
+
+def read_raster(given: MeshInput) -> list[Instance]:
+    """The surface through the cells of the first band, z upwards.
+
+    Raises: MeshError: rasterio is missing, no cell has data, or cells are in degrees.
+    """
+    with opened(given.file, given.source) as raster:
+        heights = raster.read(1).astype(np.float64)
+        has_data = data_mask(raster)
+        transform = raster.transform
+        unit = 1.0
+        if raster.crs:
+            if raster.crs.is_geographic:
+                expected = "cells in a unit of length: gdalwarp -t_srs EPSG:326NN, for UTM, makes such"
+                raise MeshError(given.source, "reference system", expected, f"degrees, {raster.crs.to_string()}")
+            unit = raster.crs.linear_units_factor[1]
+    if not has_data.any():
+        raise MeshError(given.source, "cells", "some with data", "none")
+    rows, columns = np.nonzero(has_data)
+    x = transform.a * (columns + 0.5) + transform.b * (rows + 0.5)
+    y = transform.d * (columns + 0.5) + transform.e * (rows + 0.5)
+    vertices = np.stack([unit * x, unit * y, heights[has_data]], axis=1)
+    number = np.full(heights.shape, -1)
+    number[has_data] = np.arange(len(vertices))
+    corners = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1).reshape(-1, 4)
+    faces = np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
+    faces = faces[(faces >= 0).all(axis=1)]
+    if transform.determinant > 0:  # rows go northwards
+        faces = faces[:, ::-1]
+    return [Instance(given.name, vertices, faces, up="z")]
+
+
+def opened(file: Any, source: str) -> DatasetReader:
+    """A raster in a file. Raises: MeshError: rasterio is missing, or it is none."""
+    try:
+        import rasterio
+        from rasterio.errors import RasterioError
+    except ImportError:
+        raise MeshError(source, "format", "pip install rasterio, to read rasters", "no such package") from None
+    try:
+        return rasterio.open(file)
+    except RasterioError as reason:
+        raise MeshError(source, "content", "a raster of heights", reason) from None
+
+
+def data_mask(raster: DatasetReader) -> Bools:
+    """The cells (h, w) of the first band with a height."""
+    heights: Float64s = raster.read(1)
+    found: Bools = (raster.read_masks(1) > 0) & np.isfinite(heights)
+    return found

@@ -1,0 +1,41 @@
+"""w of the cells of a height raster, as a raster of the same grid."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from raytrace.errors import OptionError
+
+from ..load import MeshFile
+from ..table import is_raster
+from ..write import VertexValues
+from .read import data_mask, opened
+
+_NO_DATA = -9999.0
+_KEPT = "width", "height", "crs", "transform"
+
+
+def raster(bake: VertexValues, mesh_file: MeshFile, _: object) -> bytes:
+    """A GeoTIFF of w and, as a second band, its standard error where that is known, float32.
+
+    Raises: OptionError: what was baked is no raster.
+    """
+    if not is_raster(mesh_file.path):
+        raise OptionError("output", "an image of a texture, or terrain as the input", mesh_file.path)
+    with mesh_file.path.open("rb") as file, opened(file, str(mesh_file.path)) as source:
+        has_data = data_mask(source)
+        grid = {name: source.profile[name] for name in _KEPT}
+    bands = {"obscurance": bake.w, "standard error": bake.error}
+    known = {name: values for name, values in bands.items() if values is not None}
+    from rasterio.io import MemoryFile
+
+    with MemoryFile() as memory:
+        form = {"driver": "GTiff", "dtype": "float32", "nodata": _NO_DATA, "compress": "deflate"}
+        with memory.open(**grid, **form, count=len(known)) as target:
+            for number, (name, values) in enumerate(known.items(), 1):
+                cells = np.full(has_data.shape, _NO_DATA, np.float32)
+                cells[has_data] = values
+                target.write(cells, number)
+                target.set_band_description(number, name)
+        content: bytes = memory.read()
+    return content

@@ -1,0 +1,120 @@
+"""Sky-view factors of terrain against closed forms, and what rasters keep."""
+
+import numpy as np
+import pytest
+from command import obscurance, refused
+
+rasterio = pytest.importorskip("rasterio")
+from rasterio.transform import Affine  # noqa: E402
+
+BETA = np.radians(35)
+LONG = 400.0  # cells along a valley, of the unit across, so that it is as good as endless
+NOWHERE = -9999.0
+
+
+def write(path, heights, across=1.0, along=1.0, crs="EPSG:32632", **more):
+    """A raster whose rows go southwards from (5e5, 5e6)."""
+    form = {"driver": "GTiff", "dtype": "float32", "nodata": NOWHERE, "count": 1, "crs": crs} | more
+    place = {"transform": Affine(across, 0, 5e5, 0, -along, 5e6)}
+    size = {"height": heights.shape[0], "width": heights.shape[1]}
+    with rasterio.open(path, "w", **form, **place, **size) as file:
+        file.write(heights.astype(form["dtype"]), 1)
+
+
+def sky(path, *options):
+    """w of the cells, and its standard errors."""
+    target = path.with_name("sky.tif")
+    done = obscurance("bake", path, "-o", target, "--falloff", "binary", "--tolerance", 0.004, "-q", *options)
+    assert done.returncode == 0, done.stderr
+    with rasterio.open(target) as file:
+        assert file.descriptions == ("obscurance", "standard error")
+        return file.read(1), file.read(2)
+
+
+def valley(columns, profile):
+    """41 rows of a cross-section, a function of the distance from the middle."""
+    middle = (columns - 1) / 2
+    return np.tile(profile(np.abs(np.arange(columns) - middle)), (41, 1))
+
+
+def test_a_v_valley(tmp_path):
+    """A strip seen between angles a and b from the normal has the factor (sin b − sin a)/2; at the bottom cos β is left
+    of the sky of a horizontal cell."""
+    columns = 81
+    write(tmp_path / "v.tif", valley(columns, lambda x: x * np.tan(BETA)), along=LONG)
+    w, _ = sky(tmp_path / "v.tif", "--normals", "up")
+    assert abs(w[20, 40] - np.cos(BETA)) < 0.02
+    w, _ = sky(tmp_path / "v.tif")  # of the inclined surface
+    x = np.arange(10, 30)  # cells of the left flank, from its rim
+    foot = (40 - x) / np.cos(BETA)  # metres along it down to the bottom
+    far = 40 / np.cos(BETA)  # the length of the other flank
+    along = foot + far * np.cos(2 * BETA)  # to the other rim, in the frame of the flank
+    exact = 1 - (1 - along / np.hypot(along, far * np.sin(2 * BETA))) / 2
+    assert np.abs(w[20, 10:30] - exact).max() < 0.02
+
+
+def test_a_street_canyon(tmp_path):
+    """Oke 1981: on the middle of the floor of a canyon as high as half its width, cos(atan(2 H / W))."""
+    write(tmp_path / "canyon.tif", valley(161, lambda x: np.where(x < 40, 0.0, 40.0)), along=LONG)
+    w, _ = sky(tmp_path / "canyon.tif")
+    assert abs(w[20, 80] - np.cos(np.arctan(40 / 39.5))) < 0.01
+
+
+@pytest.mark.parametrize("shape", ["basin", "cone"])
+def test_a_basin_and_a_cone(tmp_path, shape):
+    """In a round basin with a horizon of β all around, cos² β is left. At the tip of a cone the horizon is that of the
+    triangles there: in two quadrants two of them, in the others one."""
+    steps = np.arange(121) - 60.0
+    radius = np.hypot(steps, steps[:, None])
+    height = 40 * np.tan(BETA)
+    heights = np.where(radius < 40, 0.0, height) if shape == "basin" else radius * np.tan(BETA)
+    write(tmp_path / "round.tif", np.where(radius <= 60, heights, NOWHERE))
+    w, _ = sky(tmp_path / "round.tif", "--normals", "up")
+    turn = np.radians(np.linspace(0, 90, 1001))
+    within = np.minimum(turn, np.pi / 2 - turn)
+    two = np.cos(within) + (2**0.5 - 1) * np.sin(within)
+    rises = np.tan(BETA) * np.array([two, np.cos(turn) + np.sin(turn)] if shape == "cone" else [1.0])
+    assert abs(w[60, 60] - np.mean(1 / (1 + rises**2))) < 0.02
+    assert (w[radius > 60] == NOWHERE).all()
+
+
+def test_a_plane_is_open_and_the_grid_is_kept(tmp_path):
+    heights = np.add.outer(np.arange(30.0), 0.5 * np.arange(20))
+    heights[3, 4] = NOWHERE
+    heights[7, 8] = np.nan
+    write(tmp_path / "plane.tif", heights, 10.0, 10.0)
+    w, error = sky(tmp_path / "plane.tif", "--max-distance", "10km")
+    gone = np.zeros(heights.shape, np.bool_)
+    gone[[3, 7], [4, 8]] = True
+    assert (w[gone] == NOWHERE).all()
+    assert (error[gone] == NOWHERE).all()
+    assert (w[~gone] == 1).all()
+    with rasterio.open(tmp_path / "plane.tif") as before, rasterio.open(tmp_path / "sky.tif") as after:
+        assert before.crs == after.crs
+        assert before.transform == after.transform
+        assert after.nodata == NOWHERE
+
+
+def test_other_units_and_grids_give_the_same(tmp_path):
+    """Feet across, rows that go northwards, an Esri ASCII grid: the same w."""
+    heights = np.sin(np.add.outer(np.arange(24.0), np.arange(24.0) / 2) / 3) / 3
+    write(tmp_path / "metres.tif", heights, 1200 / 3937, 1200 / 3937)
+    expected, _ = sky(tmp_path / "metres.tif")
+    write(tmp_path / "feet.tif", heights, crs="EPSG:2263")
+    assert np.abs(sky(tmp_path / "feet.tif")[0] - expected).max() < 1e-3
+    write(tmp_path / "north.tif", heights[::-1], 1200 / 3937, -1200 / 3937)
+    assert np.abs(sky(tmp_path / "north.tif")[0][::-1] - expected).max() < 0.03
+    head = f"ncols 24\nnrows 24\nxllcorner 0\nyllcorner 0\ncellsize {1200 / 3937!r}\nNODATA_value -9999\n"
+    text = "\n".join(" ".join(map(repr, row.tolist())) for row in heights.astype(np.float32).astype(np.float64))
+    (tmp_path / "grid.asc").write_text(head + text + "\n")
+    assert np.abs(sky(tmp_path / "grid.asc")[0] - expected).max() < 1e-3
+
+
+def test_what_is_refused(tmp_path):
+    write(tmp_path / "degrees.tif", np.zeros((4, 4)), crs="EPSG:4326")
+    refused(obscurance("bake", tmp_path / "degrees.tif", "-o", tmp_path / "w.tif"), "degrees", "gdalwarp")
+    write(tmp_path / "empty.tif", np.full((4, 4), NOWHERE))
+    refused(obscurance("bake", tmp_path / "empty.tif", "-o", tmp_path / "w.tif"), "cells", "none")
+    (tmp_path / "text.tif").write_text("no raster")
+    refused(obscurance("bake", tmp_path / "text.tif", "-o", tmp_path / "w.tif"), "a raster of heights")
+    assert not (tmp_path / "w.tif").exists()
