@@ -26,6 +26,7 @@ from .scales import denoise_over_scales
 
 _AIM = 0.92  # times the goal is aimed at: a few rays more, later, are worth little
 _FARTHEST = 20.0  # times that the squared error may have to fall for the rays to be foreseen; else some come before
+_NEAR, _UNEVEN = 2.0, 2.5  # the same at jumps of w, where its mean square is so many times its squared mean
 _FIRST, _FEWEST = 0.048, 8  # rays at first, times the tolerance, and at least: with fewer, single jumps stay unseen
 _BATCH = 4  # rays are added in multiples of these
 _ROUNDS = 8  # of adding rays, at most
@@ -107,12 +108,13 @@ def estimate_to(
             if means[column] <= goal or (rays >= max_samples).all():
                 break
             relative = [each.variance / max(mean, 1e-30) for each, mean in zip(found, means, strict=True)]
-            raw = gathered[column][:, W]
+            error = means[column] * np.max(relative, axis=0)
             beyond = means[column] / goal
-            aim = goal * (_AIM if beyond < _FARTHEST else beyond ** (2 / 3))
+            farthest = _FARTHEST if np.mean(error**2) < _UNEVEN * np.mean(error) ** 2 else _NEAR
+            aim = goal * (_AIM if beyond < farthest else beyond ** (2 / 3))
+            raw = gathered[column][:, W]
             fall = _fall(neighbours, raw, probes.level(raw, worth, column), means[column], aim)
-            more = _rays_to_add(means[column] * np.max(relative, axis=0), worth, max_samples, aim, fall)
-            more = np.minimum(more, max_samples - rays)
+            more = np.minimum(_rays_to_add(error, worth, max_samples, aim, fall), max_samples - rays)
         tracer.planned = found
     return tracer.planned[tracer.column]
 
