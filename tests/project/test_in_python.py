@@ -76,7 +76,7 @@ WRONG = {
     "raytrace.material_from_dict('gold')": "material: expected a table of names and values, got 'gold'",
     "raytrace.light_from_dict('sun')": "light: expected a table of names and values, got 'sun'",
     "ao.bake(BALL, only=[True])": "only: expected bool (42,)",
-    "ao.bake(BALL, normals='aera')": "normals: expected angle, area, equal or file",
+    "ao.bake(BALL, normals='aera')": "normals: expected one of angle, area, equal, file",
 }
 
 

@@ -142,7 +142,7 @@ def test_the_size_for_a_texel_size():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"overlap": "darkest"}, "mean, first or refuse"),
+        ({"overlap": "darkest"}, "one of mean, first, refuse"),
         ({"interior": "mark"}, "does not go with a texture"),
         ({"size": 0}, "from 1 to 16384"),
         ({"samples": 0}, "from 1 to 1048576"),

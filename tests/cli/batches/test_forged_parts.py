@@ -68,7 +68,7 @@ FORGED = {
     "occluders as a text": (described(lambda f: json.dumps(f | {"occluder": "a"}).encode()), "options.occluder: "),
     "samples as a text": (
         with_options(samples="many"),
-        "part-1-of-1.part: options.samples: expected a whole number",
+        "part-1-of-1.part: options.samples: expected a whole number, got many",
     ),
     "too many samples": (with_options(samples=10**30), "samples: expected "),
     "a seed as a table": (with_options(seed={}), "part-1-of-1.part: options.seed: "),
