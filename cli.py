@@ -124,6 +124,22 @@ def falloff(baked: Path, half_distance: str, output: Path, power: str | None, me
 
 
 @command(
+    Option("mesh", Path, ..., "A mesh file: .glb .gltf .obj .ply .stl .off .3mf", is_argument=True),
+    Option("output", Path, ..., "The file to write: .glb, with materials, .ply .obj .stl .off", short="-o"),
+    _SEED,
+    of_bake("threads"),
+    _QUIET,
+)
+def prune(mesh: Path, output: Path, seed: int, threads: int | None, quiet: bool) -> None:
+    """Drop the faces that nothing outside sees."""
+    from scenes.commands.prune import prune as prune_file
+
+    summary = prune_file(mesh, output, seed, threads)
+    if not quiet:
+        print(summary)
+
+
+@command(
     Option("mesh", Path, ..., "A mesh file, or - for standard input.", is_argument=True),
     Option("json", bool, False, "As JSON, for other programs."),
 )

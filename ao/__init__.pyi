@@ -15,3 +15,5 @@ from .profile import Profile as Profile
 from .result import Bake as Bake
 from .texture.bake_texture import bake_texture as bake_texture
 from .texture.result import BakedTexture as BakedTexture
+from .unseen import Unseen as Unseen
+from .unseen import unseen_faces as unseen_faces
