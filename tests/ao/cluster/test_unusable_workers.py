@@ -23,7 +23,7 @@ def test_a_worker_unlike_the_client_is_reported_in_one_line(cluster, tmp_path, m
         import ao.cluster.worker
 
         was = ao.cluster.worker.bit_environment()
-        ao.cluster.worker.machine = lambda: was | {"processor": "a z80"}
+        ao.cluster.worker.bit_environment = lambda: was | {"processor": "a z80"}
 
     with on_one(cluster, become_another, tmp_path / "reported") as (odd, messages, notify):
         baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", notify)
