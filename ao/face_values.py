@@ -132,7 +132,8 @@ def _neighbours(corners: Int64s, normals: Float32s, threads: int) -> NeighboursO
     edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
     order = np.lexsort(edges.T)
     is_same = (edges[order[1:]] == edges[order[:-1]]).all(axis=1)
-    here, there = order[:-1][is_same] // 3, order[1:][is_same] // 3
+    here = order[:-1][is_same] // 3
+    there = order[1:][is_same] // 3
     ones = np.ones(2 * len(here), np.float32)
     ends = np.concatenate([here, there]), np.concatenate([there, here])
     graph: csr_array = coo_array((ones, ends), (count, count)).tocsr()
@@ -144,5 +145,6 @@ def _neighbours(corners: Int64s, normals: Float32s, threads: int) -> NeighboursO
 def _among(graph: csr_array, normals: Float32s, threads: int, rows: Int64s) -> Neighbours:
     """The neighbours among some faces, `rows` (k,)."""
     part = graph[rows][:, rows] if len(rows) < len(normals) else graph
-    starts, indices = part.indptr.astype(np.int64), part.indices.astype(np.int32)
+    starts = part.indptr.astype(np.int64)
+    indices = part.indices.astype(np.int32)
     return Neighbours.weighted(starts, indices, np.ones(len(indices), np.float32), normals[rows], threads)
