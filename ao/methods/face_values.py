@@ -11,19 +11,19 @@ from raytrace.mesh.normals import face_normals
 from raytrace.sampling.sequences import hash32_array
 from raytrace.types import Bools, Float32s, Float64s, Int64s
 
-from .estimate.estimate import NeighboursOf, estimate_outside
-from .estimate.inside import inside_solids
-from .estimate.one_ring import Neighbours
-from .estimate.sampling_error import derive
-from .estimate.tolerance import Estimate
-from .execute.checkpoint import Checkpoint
-from .execute.sample_means import SampleMeans
-from .points.corners import CornerSamples
-from .points.receivers import Flag
-from .points.smooth_surface import PointGroups, SmoothSurface
-from .points.surface_samples import SurfaceSamples
-from .prepared import Prepared
-from .result import BakedElements, PointValues
+from ..estimate.estimate import NeighboursOf, estimate_outside
+from ..estimate.inside import inside_solids
+from ..estimate.one_ring import Neighbours
+from ..estimate.sampling_error import derive
+from ..estimate.tolerance import Estimate
+from ..execute.checkpoint import Checkpoint
+from ..execute.sample_means import SampleMeans
+from ..points.corners import CornerSamples
+from ..points.receivers import Flag
+from ..points.smooth_surface import PointGroups, SmoothSurface
+from ..points.surface_samples import SurfaceSamples
+from ..prepared import Prepared
+from ..result import BakedElements, PointValues
 
 _SAMPLES = 1 << 16  # of all faces together, by area, where there are few
 _LEAST, _MOST = 1, 6  # subdivisions of a face into four, with a sample in each triangle
