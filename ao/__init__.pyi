@@ -7,6 +7,7 @@ from .falloff import Falloff as Falloff
 from .falloff import Linear as Linear
 from .falloff import Smooth as Smooth
 from .falloff import Tabulated as Tabulated
+from .methods.point_values import bake_points as bake_points
 from .points.occluders import ground as ground
 from .points.receivers import Flag as Flag
 from .prepared import PreparedMesh as PreparedMesh

@@ -67,17 +67,17 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     prepared = Prepared.of(solid, options, options.progress, checkpoint, others, mesh.radius)
     elements = None
     if options.at == "faces":
-        from .face_values import sample_faces
+        from .methods.face_values import sample_faces
 
         elements, values = sample_faces(prepared, len(mesh.faces), options.checkpoint)
     elif at_vertices and options.method == "vertex":
         values = _sample_vertices(prepared)
     elif at_vertices:
-        from .surface_method import fit_to_surface  # its sparse matrices load for a fifth of a second
+        from .methods.surface_method import fit_to_surface  # its sparse matrices load for a fifth of a second
 
         values = fit_to_surface(prepared)
     else:
-        from .fine_mesh import sample_fine_mesh
+        from .methods.fine_mesh import sample_fine_mesh
 
         prepared, values = sample_fine_mesh(prepared, mesh, options)
     # The bake, and later the error between its vertices, of large meshes at once.

@@ -23,7 +23,7 @@ from raytrace.types import AnyFloats, Float32s, Float64s, Int64s, UInt8s
 from .estimate.calibration import Calibration
 from .estimate.tolerance import Estimate
 from .mu import Mu
-from .options import OCTAVES, At
+from .options import OCTAVES
 from .points.receivers import Flag
 from .prepared import Prepared
 from .profile import Profile
@@ -122,7 +122,7 @@ class Bake(Columns):
         mesh: what was baked.
         shortfalls: what the result lacks of what was asked for, in words: a tolerance that is not met.
         calibration: of the squared errors, at vertices that were baked twice; None by the surface method.
-        at: what rows are of. below: of the backs of faces, where that was asked for; `rays` are those of both.
+        at: what rows are of, "vertices", "faces" or "points". below: of backs, where asked for; `rays` are of both.
         measure_between: traces what `interpolation` is, when that is first asked for.
         values, errors: float64 (n, k), w and its standard error by each of k falloffs, of which `w` is the first.
         profile: w at half-distances an octave apart, (n, 10); None where it was not asked for. profile_errors: float32
@@ -141,7 +141,7 @@ class Bake(Columns):
     mesh: Mesh
     shortfalls: tuple[str, ...] = ()
     calibration: Calibration | None = None
-    at: At = "vertices"
+    at: str = "vertices"
     below: Bake | None = None
     measure_between: Callable[[], Interpolation] | None = field(default=None, repr=False)
 
@@ -160,10 +160,12 @@ class Bake(Columns):
     def _repr_html_(self) -> str | None:
         """HTML for notebooks, by a package with an entry point of the group `obscurance.html`."""
         to_html = offered("obscurance.html")
-        return to_html(self) if to_html else None
+        return to_html(self) if to_html and self.at == "vertices" else None
 
-    def _repr_png_(self) -> bytes:
+    def _repr_png_(self) -> bytes | None:
         """A picture for notebooks: w on the mesh in ambient light, as it stands (`Mesh.up`)."""
+        if self.at != "vertices":
+            return None
         from raytrace import AmbientLight, Camera, Lambert, Object, Scene, Settings, Shape, render
 
         white = Object(Shape(self.mesh, Lambert(albedo=(1, 1, 1), two_sided="viewer")), w=self.w)

@@ -43,7 +43,8 @@ class Calibration:
 
 def _group(estimated: Float64s, measured: Float64s) -> CalibrationGroup:
     count = max(len(measured), 1)
-    mean, doubt = float(np.sum(measured)) / count, float(np.sqrt(np.sum(measured**2))) / count
+    mean = float(np.sum(measured)) / count
+    doubt = float(np.sqrt(np.sum(measured**2))) / count
     squares = float(np.sum(estimated)) / count, mean, mean - doubt, mean + doubt
     return CalibrationGroup(len(measured), *(float(np.sqrt(max(square, 0.0))) for square in squares))
 

@@ -41,19 +41,22 @@ def traced_twice(
     """
     calibration = _calibration_subset(len(points))
     tracer.expected = tracer.rays + samples * (len(points) + len(calibration)) + later
-    rows, twice = tracer.gather(points, samples, key), points[calibration]
+    rows = tracer.gather(points, samples, key)
+    twice = points[calibration]
     other_key = hash32_array([key ^ np.uint32(0xA5A5A5A5)])[0]
     here = tracer.gather(twice, samples, other_key)
     again = tracer.gather_elsewhere(twice, samples, derive(other_key, 1), here)[:, W]
     rays = tracer.rays
 
     def estimated(neighbours: Neighbours | None) -> Estimate:
-        w, spread = rows[:, W], rows[:, BATCH_VARIANCE]
+        w = rows[:, W]
+        spread = rows[:, BATCH_VARIANCE]
         level = sampling_variance(w[calibration], here[:, W], samples)
         within = max(sampling_variance(w[calibration], again, samples) - level, 0.0)  # what points stand for
         if len(points) and not spread.any() and (w == w[0]).all():  # of n rays that agree, the next may not (Laplace)
             level = min(level, rays**-2.0)
-        variance, before = shrunk_to_mean(distribute_variance(spread, level)) + within, (w[calibration] - again) ** 2
+        variance = shrunk_to_mean(distribute_variance(spread, level)) + within
+        before = (w[calibration] - again) ** 2
         checked = Calibration(variance[calibration], before / 2)
         raw = Estimate(rows[:, VALUES], variance, samples, calibration=checked)
         if neighbours is None:
@@ -133,7 +136,8 @@ def estimate(
         found = Estimate(np.zeros((0, 4)), np.zeros(0), at_corners.samples)
     if at_corners is None:
         return found
-    values, variance = np.empty((len(points), 4)), np.empty(len(points))
+    values = np.empty((len(points), 4))
+    variance = np.empty(len(points))
     values[rows], variance[rows] = found.rows, found.variance
     values[corners.rows, :1] = corners.mean(at_corners.rows[:, :1])
     values[corners.rows, 1:] = corners.mean_direction(at_corners.rows[:, 1:])
@@ -154,7 +158,9 @@ def estimate_outside(
     nearest = nearest_baked(neighbours, ~inside)
     nearest[nearest < 0] = np.flatnonzero(nearest < 0)
     graph, kept, cell = coarsened(neighbours, nearest, points.normals)
-    traced, subset, filled = points[kept], corners.only(kept), np.delete(np.arange(len(points)), kept)
+    traced = points[kept]
+    subset = corners.only(kept)
+    filled = np.delete(np.arange(len(points)), kept)
     values = estimate(tracer, traced, subset, lambda rows: neighbours_of(kept[rows]), options)
     known = np.column_stack([values.rows, values.variance])
     if options.tolerance is not None:  # an error at the edge of the hidden points stands for many

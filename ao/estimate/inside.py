@@ -41,7 +41,9 @@ def inside_solids(
     Args: vertex: (k,), a vertex of the part that each point belongs to. total_points: of the whole mesh; None: k.
     """
     count, faces, opacity = len(points), receivers.faces, receivers.opacity
-    inside, rows, own = np.zeros(count, np.bool_), np.arange(count), np.full(count, -1)
+    inside = np.zeros(count, np.bool_)
+    rows = np.arange(count)
+    own = np.full(count, -1)
     if interior == "ignore" or not count:
         return inside
     if interior == "auto":
@@ -57,7 +59,8 @@ def inside_solids(
             hiding[opacity.of >= 0] = -1
     if not len(rows):
         return inside
-    scene, found = receivers.embree(), np.empty(len(rows), np.bool_)
+    scene = receivers.embree()
+    found = np.empty(len(rows), np.bool_)
     table = DirectionTable.make(RAYS, count if total_points is None else total_points, _KEY)
 
     def work(first: int, last: int) -> None:
@@ -139,7 +142,8 @@ def holes(mesh: Mesh) -> list[str]:
     """What it means, in words, if there are edges at which more faces run one way than the other; vertices at the same
     place are one."""
     corners = coincident(Placement.of(mesh).vertices, mesh.faces)[mesh.faces]
-    a, b = corners.ravel(), corners[:, [1, 2, 0]].ravel()
+    a = corners.ravel()
+    b = corners[:, [1, 2, 0]].ravel()
     edge = np.unique(np.minimum(a, b) * len(mesh.vertices) + np.maximum(a, b), return_inverse=True)[1]
     open_edges = np.count_nonzero(np.bincount(edge, np.sign(b - a)))
     text = "edges are open: where rays leave through holes, the mesh counts as thick; close them, or limit the distance"
@@ -153,9 +157,11 @@ def _inside_boxes(
 
     Args: points: along a curve, for speed. vertices: (n, 3). part, closed: of `_solids`.
     """
-    low, high = np.full((len(closed), 3), np.inf, np.float32), np.full((len(closed), 3), -np.inf, np.float32)
+    low = np.full((len(closed), 3), np.inf, np.float32)
+    high = np.full((len(closed), 3), -np.inf, np.float32)
     _bound(vertices, part, low, high)
-    numbers, found = np.flatnonzero(closed), np.zeros(len(points), np.bool_)
+    numbers = np.flatnonzero(closed)
+    found = np.zeros(len(points), np.bool_)
     work = bind(_mark_within, points, own, (numbers, low[numbers], high[numbers]), found)
     run_blocks(len(points), _NEAR, work, threads, most=_MOST)
     return np.flatnonzero(found)
@@ -174,7 +180,8 @@ def _bound(vertices, part, low, high):
 def _mark_within(points, own, parts, found, first, last):
     """Set `found` of points in a box of `parts`, by numbers, low and high corners, other than their `own`."""
     numbers, low, high = parts
-    near, around = np.empty(len(numbers), np.int64), np.empty((2, 3), np.float32)
+    near = np.empty(len(numbers), np.int64)
+    around = np.empty((2, 3), np.float32)
     for begin in range(first, last, _NEAR):
         end, count = min(begin + _NEAR, last), 0
         around[0], around[1] = np.inf, -np.inf

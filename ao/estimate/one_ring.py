@@ -36,17 +36,20 @@ class Neighbours:
     def of(cls, faces: AnyInts, normals: Float32s, threads: int) -> Self:
         """Args: faces: (m, 3), rows of points, −1 for a corner without a point. normals: float32 (k, 3), unit."""
         count = len(normals)
-        listed, ends = np.zeros(count + 1, np.int64), np.zeros(count, np.int64)
+        listed = np.zeros(count + 1, np.int64)
+        ends = np.zeros(count, np.int64)
         run_ranges(count, _PART, bind(_list_ends, faces, listed[1:], None), threads)
         np.cumsum(listed, out=listed)
         ends[:] = listed[:-1]
-        listed_ends, weights = np.empty(listed[-1], np.int32), np.empty(listed[-1], np.float32)
+        listed_ends = np.empty(listed[-1], np.int32)
+        weights = np.empty(listed[-1], np.float32)
         run_ranges(count, _PART, bind(_list_ends, faces, ends, listed_ends), threads)
         starts = np.zeros(count + 1, np.int64)
         rings = cls(starts, listed_ends, weights, threads)
         rings.each(bind(_merge_edges, listed, listed_ends, weights, starts))
         np.cumsum(starts, out=starts)
-        indices, merged = np.empty(starts[-1], np.int32), np.empty(starts[-1], np.float32)
+        indices = np.empty(starts[-1], np.int32)
+        merged = np.empty(starts[-1], np.float32)
         rings.each(
             bind(_pack, listed, listed_ends, weights, starts, indices, merged),
             bind(_weigh_by_normals, starts, indices, normals, merged),
@@ -86,7 +89,8 @@ class Neighbours:
         Args: wanted: values (k,), float32 (k, 3), or float32 (k, 16) as `aligned` makes it, and the weight of a point's
             own. then: makes of the means what is called after them on blocks, whose means are there.
         """
-        found, works = [], []
+        found = []
+        works = []
         for values, own in wanted:
             kernel = _mean if values.ndim == 1 else _mean_triples if values.shape[1] == 3 else _mean_lanes
             found.append(aligned(values.shape, values.dtype, zeroed=False))
@@ -120,7 +124,9 @@ def _merge_edges(listed, ends, weights, counts, first, last):
         most = max(most, listed[i + 1] - listed[i])
     slots = np.empty(4 * most + 4, np.int64)
     for i in range(first, last):
-        begin, end, size = listed[i], listed[i], 0
+        begin = listed[i]
+        end = listed[i]
+        size = 0
         if listed[i + 1] - begin > _FEW:
             size = 4
             while size < 2 * (listed[i + 1] - begin):
@@ -150,7 +156,8 @@ def _merge_edges(listed, ends, weights, counts, first, last):
 def _pack(listed, ends, weights, starts, indices, merged, first, last):
     for i in range(first, last):
         for k in range(starts[i + 1] - starts[i]):
-            indices[starts[i] + k], merged[starts[i] + k] = ends[listed[i] + k], weights[listed[i] + k]
+            indices[starts[i] + k] = ends[listed[i] + k]
+            merged[starts[i] + k] = weights[listed[i] + k]
 
 
 @kernel
@@ -179,7 +186,9 @@ def _mean(starts, indices, weights, values, own, out, first, last):
 def _mean_triples(starts, indices, weights, values, own, out, first, last):
     """`_mean` of rows of three."""
     for i in range(first, last):
-        weight, difference, centre = own, (0.0, 0.0, 0.0), load(values, i)
+        weight = own
+        difference = (0.0, 0.0, 0.0)
+        centre = load(values, i)
         for k in range(starts[i], starts[i + 1]):
             w = np.float64(weights[k])
             weight += w
@@ -192,7 +201,8 @@ def _mean_triples(starts, indices, weights, values, own, out, first, last):
 def _mean_lanes(starts, indices, weights, values, own, out, first, last):
     """`_mean` of rows of sixteen."""
     for i in range(first, last):
-        weight, centre = np.float32(own), load_row(values, i)
+        weight = np.float32(own)
+        centre = load_row(values, i)
         difference = centre - centre
         for k in range(starts[i], starts[i + 1]):
             weight += weights[k]

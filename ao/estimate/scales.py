@@ -122,7 +122,8 @@ class _Detail(NamedTuple):
 
 def _pyramid(points: _Level) -> tuple[list[_Level], list[Int32s]]:
     """The points, cells of them, cells of these, …; and the cell of each of a level's points, of all but the last."""
-    levels, cells = [points], list[Int32s]()
+    levels = [points]
+    cells = list[Int32s]()
     while len(cells) < _LEVELS and len(levels[-1].points) >= _FEWEST:
         coarse, cell = _joined(levels[-1])
         if 2 * len(coarse.points) > len(cell):
@@ -158,7 +159,8 @@ def _joined(fine: _Level) -> tuple[_Level, Int32s]:
 
 def _predicted(fine: _Level, coarse: _Level, cell: Int32s, values: Float64s, wanted: Int64s | None = None) -> Float64s:
     """`values` (c, 2) of the cells, w and its squared error, at the points (k, 2), or at those `wanted` (j, 2)."""
-    count, cells = len(fine.points), np.arange(len(coarse.points))
+    count = len(fine.points)
+    cells = np.arange(len(coarse.points))
     both = Points(
         np.concatenate([fine.points.origins, coarse.points.origins]),
         np.concatenate([fine.points.normals, coarse.points.normals]),

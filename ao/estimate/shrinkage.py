@@ -155,7 +155,8 @@ def _measure(ring, origins, normals, shape, first, last):
             if height > 0.0:
                 rise += height / np.sqrt(squared)
             whole += weights[k]
-        shape.rise[i], shape.self_weight[i] = rise / max(starts[i + 1] - starts[i], 1), 1.0 / whole
+        shape.rise[i] = rise / max(starts[i + 1] - starts[i], 1)
+        shape.self_weight[i] = 1.0 / whole
 
 
 @kernel
@@ -181,7 +182,8 @@ def _begin(rows, normals, at, near, first, last):
     at = unrefcounted_view(at)
     near = unrefcounted_view(near)
     for i in range(first, last):
-        at.w[i], near.spread[i] = rows[i, W], rows[i, BATCH_VARIANCE]
+        at.w[i] = rows[i, W]
+        near.spread[i] = rows[i, BATCH_VARIANCE]
         for axis in range(3):
             near.closed[i, axis] = 2.0 / 3.0 * normals[i, axis] - rows[i, BENT + axis]
 
@@ -193,7 +195,8 @@ def _compare(shape, mean, closed, at, near, first, last):
         alone = np.isnan(mean[i])
         if alone:
             store(closed, i, load(near.closed, i))
-        at.prediction[i], near.filled[i] = mean[i], at.w[i] if alone else mean[i]
+        near.filled[i] = at.w[i] if alone else mean[i]
+        at.prediction[i] = mean[i]
         at.residual[i] = 0.0 if alone else at.w[i] - mean[i]
         at.unlike[i, 2] = 0.0 if alone else shape.rise[i]
 
@@ -209,7 +212,8 @@ def _lean(shape, wide, closed, normals, at, near, first, last):
         leverage = shape.leverage[i]
         beside = (wide[i] - leverage * at.w[i]) / (1.0 - leverage) - near.filled[i]
         at.unlike[i, 0] = 0.0 if np.isnan(at.prediction[i]) else beside
-        c, n = load(closed, i), load(normals, i)
+        c = load(closed, i)
+        n = load(normals, i)
         near.leaning[i] = c[0] * n[0] + c[2] * n[2] + c[1] * n[1]
         at.excess[i] = at.residual[i] ** 2 - at.variance[i]
 
@@ -223,10 +227,12 @@ def _weigh(leaning, rough, at, near, first, last):
 
 def _ridge_regression(columns: Float32s, target: Float32s, weight: Float32s) -> tuple[Float64s, Float64s]:
     """Coefficients (3,), near 0 where few points or like columns leave them open; root mean squares (3,) of columns."""
-    matrix, right = np.zeros((3, 3)), np.zeros(3)
+    matrix = np.zeros((3, 3))
+    right = np.zeros(3)
     _sum_moments(columns, target, weight, matrix, right)
     size = np.sqrt(np.diag(matrix))
-    used, count = size > 0, max(len(target), 1)
+    used = size > 0
+    count = max(len(target), 1)
     size = np.where(used, size, 1.0)
     inside = matrix / np.outer(size, size) + (_RIDGE + _RIDGE_POINTS / count) * np.eye(len(size))
     mean = np.sqrt(np.diag(matrix) / count)
@@ -251,7 +257,9 @@ def _normal_equations(coefficients, size, at, out, first, last):
         everywhere = u[0] * c[0] + u[2] * c[2] + u[1] * c[1]
         target = at.residual[i] - everywhere
         at.prediction[i] += everywhere
-        a, b, c = u[0] / size[0], u[1] / size[1], u[2] / size[2]
+        a = u[0] / size[0]
+        b = u[1] / size[1]
+        c = u[2] / size[2]
         store(at.unlike, i, (a, b, c))
         values = a * a, a * b, a * c, b * b, b * c, c * c, a * target, b * target, c * target
         for k in range(9):
@@ -264,9 +272,12 @@ def _local_fits(shape, moments, at, first, last):
     at = unrefcounted_view(at)
     for i in range(first, last):
         m = moments[i]
-        x, y, z = (1.0 + m[0], m[1], m[2]), (m[1], 1.0 + m[3], m[4]), (m[2], m[4], 1.0 + m[5])
+        x = (1.0 + m[0], m[1], m[2])
+        y = (m[1], 1.0 + m[3], m[4])
+        z = (m[2], m[4], 1.0 + m[5])
         yz, zx, xy = cross(y, z), cross(z, x), cross(x, y)  # columns of the inverse, times the determinant
-        row, determinant = load(at.unlike, i), dot(x, yz)
+        row = load(at.unlike, i)
+        determinant = dot(x, yz)
         solved = add(add(scale(row[0], yz), scale(row[1], zx)), scale(row[2], xy))
         at.prediction[i] += dot(solved, (m[6], m[7], m[8])) / determinant
         own = shape.self_weight[i]  # of four rounds of `smooth` about own (1 + own) / 2, for valences from 1 to 8
@@ -280,7 +291,8 @@ def _shrink(rows, beyond, spread, at, w, errors, first, last):
     """Write w, shrunk, and the mean square errors expected."""
     at = unrefcounted_view(at)
     for i in range(first, last):
-        variance, residual = np.float64(at.variance[i]), np.float64(at.residual[i])
+        variance = np.float64(at.variance[i])
+        residual = np.float64(at.residual[i])
         error = max(max(beyond[i], residual * residual - _OUTLIER * variance), 0.01 * variance)
         usable = not np.isnan(at.prediction[i]) and variance > 0.0 and spread[i] > 0.0
         share = variance / (variance + error) if usable else 0.0

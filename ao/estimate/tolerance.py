@@ -90,7 +90,8 @@ def estimate_to(
     if not tracer.planned:
         probes = _Probes(tracer, points, tolerance, max_samples, key)
         goal = tolerance**2 / (1 + probes.doubt)
-        rays, worth = np.zeros(len(points), np.int64), np.zeros(len(points))
+        rays = np.zeros(len(points), np.int64)
+        worth = np.zeros(len(points))
         more = np.full(len(points), min(_first_rays(tolerance, len(points)), max_samples))
         gathered = [np.zeros((len(points), COLUMNS)) for _ in range(tracer.columns)]
         for turn in range(_ROUNDS):
@@ -199,7 +200,8 @@ def _rays_to_add(error: Float64s, worth: Float64s, most: int, goal: float, fall:
     fall: f.
     """
     step = max(len(worth) // _SAMPLED, 1)
-    some, now = np.maximum(error[::step], 1e-12), worth[::step]
+    some = np.maximum(error[::step], 1e-12)
+    now = worth[::step]
     wish = (some * now**fall) ** (1 / (fall + _WORK))
     low, high = 0.0, most / float(wish.min())
     for _ in range(40):

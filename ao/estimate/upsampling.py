@@ -25,7 +25,8 @@ _MOST = 32  # baked points that a prediction looks at
 def nearest_baked(neighbours: Neighbours, baked: Bools) -> Int64s:
     """The nearest of the `baked` points (k,) to each point, by number of edges; −1 where no path leads to one."""
     nearest = np.where(baked, np.arange(len(baked)), -1)
-    queue, first = np.empty(len(baked), np.int64), np.flatnonzero(baked)
+    queue = np.empty(len(baked), np.int64)
+    first = np.flatnonzero(baked)
     queue[: len(first)] = first
     _flood(neighbours.starts, neighbours.indices, nearest, queue, len(first))
     return nearest
@@ -89,7 +90,8 @@ def upsample(
 
     Args: graph, baked, cell: as `coarsened` gives them. variances: how many of the last columns are variances.
     """
-    cells, out = cell[wanted], np.empty((len(wanted), values.shape[1]))
+    cells = cell[wanted]
+    out = np.empty((len(wanted), values.shape[1]))
     arrays = baked, graph.starts, graph.indices
 
     def work(first: int, last: int) -> None:
@@ -108,10 +110,13 @@ def extrapolate(
 
     Planes are extrapolated one edge at most: farther on, noise would grow. Args: values: the last column is a variance.
     """
-    positions, valence = points.origins.astype(np.float64), np.diff(graph.starts)
-    own, needed = cell[wanted], np.zeros(len(baked), np.bool_)
+    positions = points.origins.astype(np.float64)
+    valence = np.diff(graph.starts)
+    own = cell[wanted]
+    needed = np.zeros(len(baked), np.bool_)
     needed[own] = True
-    here, ends = np.repeat(np.flatnonzero(needed), valence[needed]), graph.indices[np.repeat(needed, valence)]
+    here = np.repeat(np.flatnonzero(needed), valence[needed])
+    ends = graph.indices[np.repeat(needed, valence)]
     lengths = np.linalg.norm(positions[baked[ends]] - positions[baked[here]], axis=1)
     edge = np.bincount(here, lengths, len(baked)) / np.maximum(valence, 1)
     nearest = positions[baked[own]]
@@ -120,7 +125,8 @@ def extrapolate(
     away *= np.minimum(1.0, edge[own] / distance)[:, None]
     moved = replace(points, origins=points.origins.copy())
     moved.origins[wanted] = nearest + away
-    rows, values = np.empty((len(positions), values.shape[1])), np.ascontiguousarray(values)
+    rows = np.empty((len(positions), values.shape[1]))
+    values = np.ascontiguousarray(values)
     rows[baked], rows[wanted] = values, upsample(moved, wanted, graph, baked, cell, values, variances=1)
     return rows
 
@@ -150,7 +156,8 @@ def _upsample(points, graph, wanted, cell, values, plain, scratch, out):
         for column in range(values.shape[1]):
             total = 0.0
             for k in range(1, count):
-                value, q = values[indices[starts[o] + k - 1], column], scratch[k, 3]
+                value = values[indices[starts[o] + k - 1], column]
+                q = scratch[k, 3]
                 total += q * (value - values[o, column]) if column < plain else q * q * value
             out[row, column] = total + values[o, column] * (1.0 if column < plain else own * own)
 
@@ -181,12 +188,19 @@ def _weigh_plane_fit(n, spread, samples):
     coordinates u, v across n; the first one's weight."""
     tx, ty, tz = (0.0, n[2], -n[1]) if abs(n[0]) < 0.6 else (-n[2], 0.0, n[0])
     length = np.sqrt(tx * tx + ty * ty + tz * tz)
-    tx, ty, tz = tx / length, ty / length, tz / length
-    bx, by, bz = n[1] * tz - n[2] * ty, n[2] * tx - n[0] * tz, n[0] * ty - n[1] * tx
+    tx = tx / length
+    ty = ty / length
+    tz = tz / length
+    bx = n[1] * tz - n[2] * ty
+    by = n[2] * tx - n[0] * tz
+    bz = n[0] * ty - n[1] * tx
     s0 = su = sv = suu = suv = svv = 0.0
     for k in range(len(samples)):
-        x, y, z = samples[k, 0], samples[k, 1], samples[k, 2]
-        u, v = (x * tx + y * ty + z * tz) / np.sqrt(spread), (x * bx + y * by + z * bz) / np.sqrt(spread)
+        x = samples[k, 0]
+        y = samples[k, 1]
+        z = samples[k, 2]
+        u = (x * tx + y * ty + z * tz) / np.sqrt(spread)
+        v = (x * bx + y * by + z * bz) / np.sqrt(spread)
         w = samples[k, 3] / (1.0 + (x * x + y * y + z * z) / spread)
         samples[k, 0], samples[k, 1], samples[k, 3] = u, v, w
         s0 += w
@@ -198,7 +212,9 @@ def _weigh_plane_fit(n, spread, samples):
     suu += 0.02 * s0  # a plane through samples in a row, or too few of them, leans no further than they do
     svv += 0.02 * s0
     # first row of the inverse moments
-    a, b, c = suu * svv - suv * suv, suv * sv - su * svv, su * suv - suu * sv
+    a = suu * svv - suv * suv
+    b = suv * sv - su * svv
+    c = su * suv - suu * sv
     determinant = s0 * a + su * b + sv * c
     own = 1.0
     for k in range(1, len(samples)):

@@ -17,7 +17,6 @@ from ..rays.below_face import leave_out_below
 from ..rays.gather import BATCH_VARIANCE, COLUMNS
 from .tracer import Tracer
 
-_ENOUGH = 8  # rays of a sample, so that more samples are worth their time
 _GATHERED = 1 << 20  # samples
 _BLOCK, _SHARE = 1 << 9, 16  # groups, and blocks at once
 
@@ -28,6 +27,7 @@ class SampleMeans:
 
     samples: SurfaceSamples
     elsewhere: Callable[[Int64s, np.uint32], SurfaceSamples] | None = None  # of some groups (j,) others, by a key
+    enough: int = 8  # rays of a sample, so that more samples are worth their time; less where w varies among them
 
     def moved(self, points: Points, key: np.uint32) -> SampleMeans | None:
         """The same with samples elsewhere in the groups of some `points`, if there are any."""
@@ -39,7 +39,7 @@ class SampleMeans:
         """Rows (k, …, COLUMNS) of groups, by so many `rays` each or a few more."""
         groups = points.numbers.astype(np.int64)
         counts = self.samples.counts[groups]
-        fewer = np.clip(rays // _ENOUGH, 1, counts)
+        fewer = np.clip(rays // self.enough, 1, counts)
         samples_of = np.where(self.samples.all_count[groups], counts, 2 ** np.floor(np.log2(fewer)).astype(np.int64))
         out = np.empty((len(points), *tracer.mu.shape, COLUMNS))
         for samples in np.flatnonzero(np.bincount(samples_of)).tolist():

@@ -23,7 +23,8 @@ def texel_neighbours(surface: UVSurface, texels: Texels, most: float, threads: i
     row_of[texels.texels] = np.arange(count)
     charts = _charts(surface)[texels.page_face].astype(np.int32)
     sizes = _texel_sizes(layout.uv, surface.vertices, surface.receivers.faces, most)[texels.page_face]
-    beside, starts = np.empty((count, 4), np.int32), np.zeros(count + 1, np.int64)
+    beside = np.empty((count, 4), np.int32)
+    starts = np.zeros(count + 1, np.int64)
     page = row_of, layout.width, layout.wraps
     places = charts, sizes.astype(np.float32), points.origins
     run_blocks(count, _BLOCK, bind(_find_beside, texels.texels, page, places, beside, starts), threads, most=_SHARE)
@@ -48,7 +49,8 @@ def _across_seams(surface: UVSurface, row_of: Int32s, count: int) -> tuple[Int64
     nearest = np.take_along_axis(sides.texels, sides.weights.argmax(axis=2)[..., None], axis=2)[..., 0]
     left, right = row_of[nearest].astype(np.int64).T
     usable = (left >= 0) & (right >= 0) & (left != right)
-    left, right = left[usable], right[usable]
+    left = left[usable]
+    right = right[usable]
     pairs = np.unique(np.concatenate([left, right]) * count + np.concatenate([right, left]))
     here, there = np.divmod(pairs, count)
     return here, there
@@ -56,8 +58,9 @@ def _across_seams(surface: UVSurface, row_of: Int32s, count: int) -> tuple[Int64
 
 def _texel_sizes(uv: Float64s, vertices: Float64s, faces: Int64s, most: float) -> Float64s:
     """The size (m,) of a texel on each face, in render space, `most` at most."""
-    p, q, r = (vertices[faces[:, corner]] for corner in range(3))
-    surface = np.linalg.norm(np.cross(q - p, r - p), axis=1)
+    corners = vertices[faces]
+    first_edge = corners[:, 1] - corners[:, 0]
+    surface = np.linalg.norm(np.cross(first_edge, corners[:, 2] - corners[:, 0]), axis=1)
     return np.asarray(np.sqrt(surface / np.maximum(np.abs(doubled_areas(uv)), surface / most**2)))
 
 
@@ -69,10 +72,12 @@ def _find_beside(texels, page, surface, beside, starts, first, last):
     for i in range(first, last):
         row, column = divmod(texels[i], width)
         for k in range(4):
-            y, x = row + (k == 0) - (k == 1), column + (k == 2) - (k == 3)
+            y = row + (k == 0) - (k == 1)
+            x = column + (k == 2) - (k == 3)
             beside[i, k] = -1
             if wraps:
-                x, y = x % width, y % height
+                x = x % width
+                y = y % height
             elif x < 0 or y < 0 or x >= width or y >= height:
                 continue
             j = row_of[y * width + x]

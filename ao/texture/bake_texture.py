@@ -79,7 +79,8 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     surface = _surface(scene, prepared, size, options.wrap)
     sampler = TexelSampler(Page.of(surface.layout, surface.areas), surface, prepared, options, scene.cage)
     coverage = sampler.page.cover(options.overlap, prepared.threads)
-    reached, overlapping = len(coverage.texels), int(np.count_nonzero(coverage.overlapping))
+    reached = len(coverage.texels)
+    overlapping = int(np.count_nonzero(coverage.overlapping))
     if options.overlap == "refuse" and overlapping:
         expected = "faces that do not overlap on the page"
         raise OptionError("overlap", expected, f"{overlapping:,} texels with several", scene.mesh.source)
@@ -147,7 +148,8 @@ class _Scene(NamedTuple):
 
 
 def _scene(mesh: Mesh, options: TextureArguments) -> _Scene:
-    occluders, uv = occluding(options.occluders, options.high), corner_uv(options.uv, mesh)
+    occluders = occluding(options.occluders, options.high)
+    uv = corner_uv(options.uv, mesh)
     solid = mesh if options.high is None else mesh_of(options.high, "high")
     cage = None if options.high is None else Cage(cage_of(options.cage, mesh), options.groups)
     return _Scene(mesh, uv, solid.reversed() if options.thickness else solid, cage, occluders)
@@ -155,8 +157,10 @@ def _scene(mesh: Mesh, options: TextureArguments) -> _Scene:
 
 def _check_memory(scene: _Scene, size: tuple[int, int], options: TextureArguments) -> None:
     """Raises: MemoryLimitError: the bake of a page of `size` would not fit into memory."""
-    texels, solids = size[0] * size[1], [scene.solid, *scene.occluders]
-    vertices, faces = (sum(len(getattr(solid, name)) for solid in solids) for name in ("vertices", "faces"))
+    texels = size[0] * size[1]
+    solids = [scene.solid, *scene.occluders]
+    vertices = sum(len(solid.vertices) for solid in solids)
+    faces = sum(len(solid.faces) for solid in solids)
     blocks = options.tolerance is not None and options.high is None
     needed = texture_bytes(texels, covered_texels(scene.uv, size), vertices, faces, options.rays, blocks)
     needed += column_bytes(texels, options.columns)
@@ -199,7 +203,8 @@ def _estimates(tracer: Tracer, surface: UVSurface, texels: Texels, prepared: Pre
 
 def _predicted(baked: Estimate, texels: Texels, cells: Callable[[], Neighbours]) -> Estimate:
     """Estimates at all texels (k,) from those at the texels that were baked."""
-    count, every = len(baked.rows), np.arange(len(texels))
+    count = len(baked.rows)
+    every = np.arange(len(texels))
     rows = upsample(texels.points, every, cells(), np.arange(count), texels.cell.astype(np.int32), baked.rows)
     spared = baked.spared + baked.samples * (len(texels) - count)
     variance = baked.variance[texels.cell]  # measured anywhere in what a texel stands for

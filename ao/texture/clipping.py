@@ -8,15 +8,19 @@ CORNERS = 8  # of a triangle cut by a square, at most 7
 @inline
 def area_of_fan(polygon, k):
     """The area of the triangle of the first corner, corner k and the next."""
-    ax, ay = polygon[k, 0] - polygon[0, 0], polygon[k, 1] - polygon[0, 1]
-    bx, by = polygon[k + 1, 0] - polygon[0, 0], polygon[k + 1, 1] - polygon[0, 1]
+    ax = polygon[k, 0] - polygon[0, 0]
+    ay = polygon[k, 1] - polygon[0, 1]
+    bx = polygon[k + 1, 0] - polygon[0, 0]
+    by = polygon[k + 1, 1] - polygon[0, 1]
     return abs(ax * by - ay * bx) / 2.0
 
 
 @inline
 def point_in_fan(polygon, corner, axis, outwards, sideways):
     """A coordinate of a point between the first corner of a polygon, `corner` and the next."""
-    a, b, c = polygon[0, axis], polygon[corner, axis], polygon[corner + 1, axis]
+    a = polygon[0, axis]
+    b = polygon[corner, axis]
+    c = polygon[corner + 1, axis]
     return a + outwards * (b - a + sideways * (c - b))
 
 
@@ -47,7 +51,8 @@ def _clip_side(polygon, count, axis, low, out):
         here = polygon[k, axis] if low else 1.0 - polygon[k, axis]
         there = polygon[ahead, axis] if low else 1.0 - polygon[ahead, axis]
         if here >= 0.0:
-            out[kept, 0], out[kept, 1] = polygon[k, 0], polygon[k, 1]
+            out[kept, 0] = polygon[k, 0]
+            out[kept, 1] = polygon[k, 1]
             kept += 1
         if (here < 0.0) != (there < 0.0):
             part = here / (here - there)

@@ -87,7 +87,8 @@ class _Band(NamedTuple):
 
     def cover(self) -> Coverage:
         layout, count = self.page.layout, len(self.texels)
-        marks, how = Marks.of(count), np.empty(count, np.int64)
+        marks = Marks.of(count)
+        how = np.empty(count, np.int64)
         scan_convert(self.triangles, layout.corners, self.texels, layout.width, self.places.points, marks, None)
         find_partial(marks, self.page.crowding, self.layered, how)
         partial = np.flatnonzero(how != NOT_SOUGHT)
@@ -165,7 +166,8 @@ def shared_texels(
     texel = np.repeat(np.arange(len(coverage.texels)), np.diff(samples.starts))
     texel, group = np.divmod(np.unique(groups[samples.face] + count * texel), count)
     overlapping = coverage.overlapping[texel]
-    overlap, alike = texel[overlapping], group[overlapping].tolist()
+    overlap = texel[overlapping]
+    alike = group[overlapping].tolist()
     shared = Counter[tuple[int, int]]()
     for first, last in pairwise([*np.flatnonzero(np.diff(overlap, prepend=-1)).tolist(), len(overlap)]):
         shared.update(combinations(alike[first:last], 2))

@@ -124,7 +124,8 @@ def locate(points, row, k, known, edges, out):
     if triangle != known:
         set_up_edges(points.corners[triangle], edges)
     at = points.points[row if len(points.points) > 1 else 0, k]
-    x, y = points.texels[row] % points.width + at[0], points.texels[row] // points.width + at[1]
+    x = points.texels[row] % points.width + at[0]
+    y = points.texels[row] // points.width + at[1]
     store_barycentric(edges, x, y, out)
     return triangle
 
@@ -137,9 +138,11 @@ def _write_samples(order, alone, points, listed, found, first, last):
     found = unrefcounted_view(found)
     edges = np.empty((3, EDGE))
     for i in range(first, last):
-        row, known = order[i], -1
+        row = order[i]
+        known = -1
         for k in range(found.starts[i + 1] - found.starts[i]):
-            to, source = found.starts[i] + k, listed.starts[row] + k
+            to = found.starts[i] + k
+            source = listed.starts[row] + k
             if alone[row] or source >= listed.starts[row + 1]:
                 known = locate(points, row, SLOTS if alone[row] else k, known, edges, found.barycentric[to])
                 found.face[to] = points.face[known]

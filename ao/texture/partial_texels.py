@@ -155,7 +155,8 @@ def _sample_layers(corners, listed, texel, number, points, edges, out):
     for t in listed:
         area = set_up_edges(corners[t], edges)
         for k in range(SLOTS):
-            x, y = texel[0] + points[k, 0], texel[1] + points[k, 1]
+            x = texel[0] + points[k, 0]
+            y = texel[1] + points[k, 1]
             if least_edge(edges, x, y) > INSIDE * area:
                 if _has_sample(depth[k], k, number, deepest):
                     to = entry * placed // wanted

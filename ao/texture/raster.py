@@ -79,7 +79,8 @@ def scan_convert(triangles, corners, texels, width, points, marks, lists):
     """
     corners = unrefcounted_view(corners)
     points = unrefcounted_view(points)
-    marked, listing = unrefcounted_view(marks), unrefcounted_view(lists)
+    marked = unrefcounted_view(marks)
+    listing = unrefcounted_view(lists)
     edges = np.empty((3, EDGE))
     if len(texels) == 0:
         return
@@ -132,16 +133,21 @@ def _mark(marks, i, t, edges, texel, points, area, whole):
 def set_up_edges(triangle, edges):
     """Write each edge, opposite to corner k: a point, x and y of its direction, and the sign of the edge function of
     points inside; returns twice the triangle's area. The point is the same from both sides."""
-    ux, uy = triangle[1, 0] - triangle[0, 0], triangle[1, 1] - triangle[0, 1]
-    vx, vy = triangle[2, 0] - triangle[0, 0], triangle[2, 1] - triangle[0, 1]
+    ux = triangle[1, 0] - triangle[0, 0]
+    uy = triangle[1, 1] - triangle[0, 1]
+    vx = triangle[2, 0] - triangle[0, 0]
+    vy = triangle[2, 1] - triangle[0, 1]
     area = ux * vy - uy * vx
     for k in range(3):
-        a, b = (k + 1) % 3, (k + 2) % 3
+        a = (k + 1) % 3
+        b = (k + 2) % 3
         sign = 1.0 if area > 0.0 else -1.0
         if (triangle[b, 0], triangle[b, 1]) < (triangle[a, 0], triangle[a, 1]):
             a, b, sign = b, a, -sign
-        edges[k, 0], edges[k, 1] = triangle[a, 0], triangle[a, 1]
-        edges[k, 2], edges[k, 3] = triangle[b, 0] - triangle[a, 0], triangle[b, 1] - triangle[a, 1]
+        edges[k, 0] = triangle[a, 0]
+        edges[k, 1] = triangle[a, 1]
+        edges[k, 2] = triangle[b, 0] - triangle[a, 0]
+        edges[k, 3] = triangle[b, 1] - triangle[a, 1]
         edges[k, 4] = sign
     return abs(area)
 
@@ -164,7 +170,9 @@ def store_barycentric(edges, x, y, out):
     a = max(edge_function(edges, 0, x, y), 0.0)
     b = max(edge_function(edges, 1, x, y), 0.0)
     c = max(edge_function(edges, 2, x, y), 0.0)
-    out[0], out[1], out[2] = a / (a + b + c), b / (a + b + c), c / (a + b + c)
+    out[0] = a / (a + b + c)
+    out[1] = b / (a + b + c)
+    out[2] = c / (a + b + c)
 
 
 @inline
@@ -193,17 +201,22 @@ def _columns(triangle, row, width):
     """The columns that a triangle may reach into in a row: the first, and that after the last."""
     low, high = np.inf, -np.inf
     for k in range(3):
-        ax, ay = triangle[k, 0], triangle[k, 1]
-        bx, by = triangle[(k + 1) % 3, 0], triangle[(k + 1) % 3, 1]
+        ax = triangle[k, 0]
+        ay = triangle[k, 1]
+        bx = triangle[(k + 1) % 3, 0]
+        by = triangle[(k + 1) % 3, 1]
         if max(ay, by) < row or min(ay, by) > row + 1:
             continue
         from_, to = 0.0, 1.0  # parts of the edge between which it is in the row
         if ay != by:
-            one, other = (row - ay) / (by - ay), (row + 1 - ay) / (by - ay)
-            from_, to = max(from_, min(one, other)), min(to, max(one, other))
+            one = (row - ay) / (by - ay)
+            other = (row + 1 - ay) / (by - ay)
+            from_ = max(from_, min(one, other))
+            to = min(to, max(one, other))
         for part in (from_, to):
             x = ax + part * (bx - ax)
-            low, high = min(low, x), max(high, x)
+            low = min(low, x)
+            high = max(high, x)
     if low > high:
         return 0, 0
     left = np.int64(np.floor(max(low - _SLACK, min(triangle[0, 0], triangle[1, 0], triangle[2, 0]))))

@@ -115,8 +115,10 @@ class PageAssembly:
     def assemble(self, estimate: Estimate, frames: Float64s | None = None) -> Pages:
         """Pages of estimates at the texels (k,). Args: frames: (k, 3, 3), of bent normals."""
         shape = self.layout.height, self.layout.width
-        w, error = np.zeros(shape), np.zeros(shape, np.float32)
-        bent, covered = np.zeros((*shape, 3), np.float32), np.zeros(shape, np.bool_)
+        w = np.zeros(shape)
+        error = np.zeros(shape, np.float32)
+        bent = np.zeros((*shape, 3), np.float32)
+        covered = np.zeros(shape, np.bool_)
         values = estimate.rows, estimate.variance, self.texels.points.normals
         flat = w.ravel(), error.ravel(), bent.reshape(-1, 3), covered.ravel()
         spread = bind(_spread, self.texels.texels, values, frames, flat)
@@ -178,12 +180,15 @@ def _extend(page, covered, wraps, beside, first, last):
                 continue
             total, count = 0.0, 0
             for k in range(9):
-                y, x = row + 1 - k // 3, column + 1 - k % 3
+                y = row + 1 - k // 3
+                x = column + 1 - k % 3
                 if wraps:
-                    y, x = y % height, x % width
+                    y = y % height
+                    x = x % width
                 elif y < 0 or x < 0 or y >= height or x >= width:
                     continue
                 if covered[y, x]:
-                    total, count = total + page[y, x], count + 1
+                    total = total + page[y, x]
+                    count = count + 1
             if count:
                 page[row, column], beside[row, column] = total / count, True

@@ -72,7 +72,8 @@ class Seams:
         count = 1 + np.ceil(_DENSITY * lengths).clip(1, _MOST).astype(np.int64)
         edge = np.repeat(np.arange(len(count)), count)
         along = (np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)) / (count[edge] - 1)
-        first, last = ends[edge, :, 0], ends[edge, :, 1]
+        first = ends[edge, :, 0]
+        last = ends[edge, :, 1]
         return cls(Lookups.at(first + along[:, None, None] * (last - first), size, wraps), len(ends))
 
     def within(self, known: Bools) -> Seams:
@@ -87,15 +88,18 @@ class Seams:
 
     def close(self, page: Float64s, covered: Bools, threads: int) -> Float64s:
         """The flat `page`, in [0, 1], changed at charts' borders so that both sides agree, most where not `covered`."""
-        each, looked_up = self.sides.texels.reshape(-1, 8), np.zeros(len(page), np.bool_)
+        each = self.sides.texels.reshape(-1, 8)
+        looked_up = np.zeros(len(page), np.bool_)
         if not len(each):
             return page
         looked_up[each] = True
-        texels, columns = np.flatnonzero(looked_up), (np.cumsum(looked_up, dtype=np.int32) - 1)[each]
+        texels = np.flatnonzero(looked_up)
+        columns = (np.cumsum(looked_up, dtype=np.int32) - 1)[each]
         weights = self.sides.weights * [[1], [-1]]
         starts = np.arange(0, columns.size + 1, 8, dtype=np.int32)
         differences = csr_array((weights.ravel(), columns.ravel(), starts), shape=(len(columns), len(texels)))
-        values, stay = page[texels], np.where(covered[texels], 1.0, _FREE)
+        values = page[texels]
+        stay = np.where(covered[texels], 1.0, _FREE)
         moved = least_change(differences, values, stay, _PULL)
         if moved is None:  # edges much shorter than texels or charts of one face: samples meet in all directions
             matrix = csr_array(_PULL * (differences.T @ differences) + diags_array(stay))

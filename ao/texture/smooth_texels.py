@@ -37,10 +37,12 @@ def smooth_cells(
     layout, count = coverage.layout, len(coverage.texels)
     row_of = np.full(layout.width * layout.height, -1, np.int32)
     row_of[coverage.texels] = np.arange(count, dtype=np.int32)
-    alone, cell = np.zeros(count, np.bool_), np.arange(count)
+    alone = np.zeros(count, np.bool_)
+    cell = np.arange(count)
 
     def work(first: int, last: int) -> None:
-        faces, out = (smooth.surface, smooth.axes), (alone, cell)
+        faces = (smooth.surface, smooth.axes)
+        out = (alone, cell)
         page = row_of[: last * layout.width], first, largest
         _find_smooth(tree, new_stack(), faces, coverage.points, most, page, out)
 
@@ -61,7 +63,8 @@ def _find_smooth(tree, stack, faces, points, most, page, out):
     alone, cell = unrefcounted_view(out)
     width = points.width
     last = len(row_of) // width
-    edges, weights = np.empty((3, EDGE)), np.empty(3)
+    edges = np.empty((3, EDGE))
+    weights = np.empty(3)
     while size > 0:
         for top in range(first, last - size + 1, size):
             for left in range(0, width - size + 1, size):
@@ -118,7 +121,8 @@ def _rises(tree, stack, surface, p, side, reach, slope):
             height = max(dot(to_a, side), dot(subtract(b, p), side), dot(subtract(c, p), side))
             if height <= _LEVEL * slope * reach:
                 continue
-            distance, normal = closest_on_triangle(p, a, b, c)[0], load(surface.normals, f)
+            distance = closest_on_triangle(p, a, b, c)[0]
+            normal = load(surface.normals, f)
             if distance > reach:
                 continue
             if length(subtract(normal, side)) < slope:

@@ -38,8 +38,10 @@ def _corner_normals(surface: UVSurface) -> Float64s:
 def _directions_of_u(surface: UVSurface) -> tuple[Bools, Float64s]:
     """Whether faces are mirrored on the page (m,), and the unit directions of u on them (m, 3)."""
     uv, corners = surface.layout.uv, surface.vertices[surface.receivers.faces]
-    edges, on_page = corners[:, 1:] - corners[:, :1], uv[:, 1:] - uv[:, :1]
-    u, v = on_page[..., 0], -on_page[..., 1]
+    edges = corners[:, 1:] - corners[:, :1]
+    on_page = uv[:, 1:] - uv[:, :1]
+    u = on_page[..., 0]
+    v = -on_page[..., 1]
     mirrored: Bools = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] < 0
     direction = edges[:, 0] * v[:, 1:] - edges[:, 1] * v[:, :1]
     return mirrored, normalize(np.where(mirrored[:, None], -direction, direction))
@@ -49,7 +51,8 @@ def _corner_tangents(surface: UVSurface, axes: Float64s, mirrored: Bools, direct
     """Unit tangents (m, 3, 3) at the corners of faces. Args: axes: of the corners. directions: of u on faces."""
     corners = surface.vertices[surface.receivers.faces]
     flat = normalize(directions[:, None] - np.einsum("fd,fcd->fc", directions, axes)[..., None] * axes)
-    ahead, behind = (normalize(np.roll(corners, -step, axis=1) - corners) for step in (1, 2))
+    ahead = normalize(np.roll(corners, -1, axis=1) - corners)
+    behind = normalize(np.roll(corners, -2, axis=1) - corners)
     angles = np.arccos(np.einsum("fcd,fcd->fc", ahead, behind).clip(-1, 1))
     shared = 2 * corner_places(surface.layout.uv, surface.face_points) + mirrored[:, None]
     weighted = (angles[..., None] * flat).reshape(-1, 3)

@@ -41,9 +41,11 @@ class UVLayout:
         """
         shown = on_page(uv)
         uv = np.where(shown[:, None, None], uv, 0.0)
-        low, high = uv.min(axis=1), uv.max(axis=1)
+        low = uv.min(axis=1)
+        high = uv.max(axis=1)
         first, last = tile_ranges(uv)
-        area, usable = doubled_areas(uv), have_area(uv)
+        area = doubled_areas(uv)
+        usable = have_area(uv)
         spans = last - first
         outside = usable & ((first != 0).any(axis=1) | (spans > 1).any(axis=1))
         if wraps:
@@ -56,7 +58,8 @@ class UVLayout:
             raise MeshError(source, "texture coordinates", "faces with an area on the page", got)
         width, height = size
         placed = uv[rows] - tiles[:, None]
-        scale, origin = np.array([width, -height], np.float64), np.array([0.0, height])
+        scale = np.array([width, -height], np.float64)
+        origin = np.array([0.0, height])
         counts = (int(np.count_nonzero(which)) for which in (usable & (area < 0), shown & ~usable, outside))
         return cls(width, height, wraps, uv * scale + origin, placed * scale + origin, rows, *counts)
 
@@ -69,7 +72,8 @@ def on_page(uv: Float64s) -> Bools:
 
 def tile_ranges(uv: Float64s) -> tuple[Int64s, Int64s]:
     """The first tile (m, 2) that each face of `uv` (m, 3, 2) reaches into, and that after the last one."""
-    low, high = uv.min(axis=1), uv.max(axis=1)
+    low = uv.min(axis=1)
+    high = uv.max(axis=1)
     over = np.minimum(_TINY, _SHARE * (high - low))
     first: Int64s = np.floor(low + over).astype(np.int64)
     last: Int64s = np.ceil(high - over).astype(np.int64)
@@ -78,7 +82,8 @@ def tile_ranges(uv: Float64s) -> tuple[Int64s, Int64s]:
 
 def doubled_areas(uv: Float64s) -> Float64s:
     """Twice the area of each face (m,) of `uv` (m, 3, 2), below 0 of mirrored ones."""
-    a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    a = uv[:, 1] - uv[:, 0]
+    b = uv[:, 2] - uv[:, 0]
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 

@@ -61,7 +61,8 @@ class Manifest:
 
     def __init__(self, path: Path, entries: list[Entry], about: dict[str, Any]) -> None:
         self.path, self.entries, self._about = path, entries, about
-        self._lock, self._due = Lock(), time.monotonic() + EVERY
+        self._lock = Lock()
+        self._due = time.monotonic() + EVERY
 
     def count(self, status: Status) -> int:
         return sum(entry.status == status for entry in self.entries)
@@ -86,14 +87,17 @@ class Manifest:
         """
         try:
             stored = parse_json(self.path.read_bytes())
-            version, facts = stored["manifest_version"], {name: stored[name] for name in self._about}
+            version = stored["manifest_version"]
+            facts = {name: stored[name] for name in self._about}
             entries = TypeAdapter(list[Entry]).validate_python(stored["inputs"])
             done = {entry.input: entry for entry in entries if entry.status == "done"}
         except FileNotFoundError:
             notify(f"{self.path}: nothing to resume; starting from the beginning")
             return
         except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-            version, facts, done = None, {}, {}
+            version = None
+            facts = {}
+            done = {}
         if version != VERSION:
             got = "something else" if version is None else f"one of version {version}"
             raise InputError(self.path, "manifest_version", f"a manifest of version {VERSION}", got)
@@ -115,7 +119,8 @@ def part_manifest(number: int, of: int) -> str:
 
 def assign_shards(sizes: Sequence[int], of: int) -> list[int]:
     """The shard, 1 to `of`, of each mesh: the largest first, each to the shard with the least work so far."""
-    shards, loads = [0] * len(sizes), [(0, part) for part in range(1, of + 1)]
+    shards = [0] * len(sizes)
+    loads = [(0, part) for part in range(1, of + 1)]
     for place in sorted(range(len(sizes)), key=lambda place: -sizes[place]):
         load, shards[place] = heapq.heappop(loads)
         heapq.heappush(loads, (load + sizes[place] + 1, shards[place]))

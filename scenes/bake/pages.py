@@ -189,7 +189,8 @@ def _only(uv: Float64s, mask: Bools) -> Float64s:
 
 def _refusal(source: MeshFile, layouts: Layouts, clashes: dict[tuple[int, int], int], output: Path) -> OptionError:
     pair = max(clashes, key=lambda each: clashes[each])
-    one, other = (layouts.pieces[each] for each in pair)
+    one = layouts.pieces[pair[0]]
+    other = layouts.pieces[pair[1]]
     by_material = one.material.key != other.material.key
     names = " and ".join(each.material.name if by_material else each.object.name for each in (one, other))
     more = f" ({len(clashes) - 1} more such pairs)" if len(clashes) > 1 else ""

@@ -96,7 +96,8 @@ def _cramped(mesh: Mesh, uv: Float64s, areas: Float64s, size: tuple[int, int]) -
     """
     found = np.zeros(len(uv), np.bool_)
     rows = np.flatnonzero(have_area(uv))
-    places, texels = uv[rows] * size, areas[rows] * (size[0] * size[1] / max(areas.sum(), 1e-300))
+    places = uv[rows] * size
+    texels = areas[rows] * (size[0] * size[1] / max(areas.sum(), 1e-300))
     if not (np.abs(doubled_areas(places)) / 2 * _FILLED < texels).any():
         return found
     corners = corner_places(places, mesh.faces[rows])
@@ -171,8 +172,10 @@ def _flat_charts(
     rows = np.flatnonzero(have_area(uv))
     if not len(rows):
         return
-    uv, faces = uv[rows], faces[rows]
-    doubled, areas = doubled_areas(uv), face_normals(vertices, faces)[1]
+    uv = uv[rows]
+    faces = faces[rows]
+    doubled = doubled_areas(uv)
+    areas = face_normals(vertices, faces)[1]
     points = np.unique(vertices, axis=0, return_inverse=True)[1].reshape(-1)[faces]
     corners = 2 * corner_places(uv * size, points) + (doubled < 0)[:, None]
     chart = connected_components(corners, int(corners.max()) + 1)[corners[:, 0]]

@@ -21,7 +21,8 @@ _GAP = 6  # pixels between the halves
 _CAMERA = rt.Camera(position=(7.0, -14.6, 4.2), target=(0.1, 0.3, 1.4), field_of_view=29)
 _KEY = rt.DirectionalLight(direction=(0.85, 0.5, -0.6), intensity=(2.9, 2.15, 1.35))
 _SKY = rt.SkyLight(intensity=0.7, zenith=(0.72, 0.92, 1.25), horizon=(1.0, 0.97, 0.94), ground=(0.6, 0.5, 0.38))
-_STONE, _GROUND = rt.OrenNayar(albedo=(0.82, 0.77, 0.7), sigma=0.4), rt.Lambert(albedo=(0.5, 0.52, 0.53))
+_STONE = rt.OrenNayar(albedo=(0.82, 0.77, 0.7), sigma=0.4)
+_GROUND = rt.Lambert(albedo=(0.5, 0.52, 0.53))
 _ABOVE = (0.3, 0.42, 0.6)  # colour of the backdrop at the upper edge
 
 

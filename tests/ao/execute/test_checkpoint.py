@@ -15,7 +15,7 @@ import ao
 import ao.execute.tracer
 import ao.least_squares.fit
 import ao.least_squares.patch
-import ao.surface_method
+import ao.methods.surface_method
 from ao.execute.checkpoint import Checkpoint
 from ao.execute.journal import Journal
 from ao.least_squares.conjugate_gradients import solve_within
@@ -78,7 +78,7 @@ def test_a_bake_interrupted_after_its_last_ray_traces_nothing_again(path, whole_
         raise Stopped
 
     with monkeypatch.context() as patch:
-        patch.setattr(ao.surface_method, "fit_values", stop)
+        patch.setattr(ao.methods.surface_method, "fit_values", stop)
         interrupted(path, stop=None, make=bake_surface)
     traced[0] = 0
     assert bits(bake(path, make=bake_surface, resume=True)) == whole_surface

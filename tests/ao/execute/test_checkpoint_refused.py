@@ -9,7 +9,7 @@ import ao
 import ao.execute.tracer
 import ao.least_squares.fit
 import ao.least_squares.patch
-import ao.surface_method
+import ao.methods.surface_method
 from ao.execute.checkpoint import Checkpoint
 from ao.execute.journal import IDENTITY, MAGIC, Journal
 from raytrace.errors import InputError, OutputError

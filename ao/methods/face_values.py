@@ -1,9 +1,6 @@
 """w of faces: the mean over samples spread over each face, less what its hemispheres have below the face."""
 
-from functools import partial
-
 import numpy as np
-from scipy.sparse import coo_array, csr_array
 
 from raytrace.errors import MeshError
 from raytrace.mesh.morton import morton_order
@@ -11,22 +8,23 @@ from raytrace.mesh.normals import face_normals
 from raytrace.sampling.sequences import hash32_array
 from raytrace.types import Bools, Float32s, Float64s, Int64s
 
-from .estimate.estimate import NeighboursOf, estimate_outside
-from .estimate.inside import inside_solids
-from .estimate.one_ring import Neighbours
-from .estimate.sampling_error import derive
-from .estimate.tolerance import Estimate
-from .execute.checkpoint import Checkpoint
-from .execute.sample_means import SampleMeans
-from .points.corners import CornerSamples
-from .points.receivers import Flag
-from .points.smooth_surface import PointGroups, SmoothSurface
-from .points.surface_samples import SurfaceSamples
-from .prepared import Prepared
-from .result import BakedElements, PointValues
+from ..estimate.estimate import NeighboursOf, estimate_outside
+from ..estimate.inside import inside_solids
+from ..estimate.links import linked
+from ..estimate.sampling_error import derive
+from ..estimate.tolerance import Estimate
+from ..execute.checkpoint import Checkpoint
+from ..execute.sample_means import SampleMeans
+from ..points.corners import CornerSamples
+from ..points.receivers import Flag
+from ..points.smooth_surface import PointGroups, SmoothSurface
+from ..points.surface_samples import SurfaceSamples
+from ..prepared import Prepared
+from ..result import BakedElements, PointValues
 
 _SAMPLES = 1 << 16  # of all faces together, by area, where there are few
 _LEAST, _MOST = 1, 6  # subdivisions of a face into four, with a sample in each triangle
+_RAYS = 2  # of a sample, as w varies within long faces
 _PLACES, _JITTER = 11, 13  # salts of keys
 
 
@@ -69,7 +67,7 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Checkpoint | None) 
 
     samples, hidden = outside(samples_of(np.arange(len(faces)), derive(prepared.key, _PLACES)))
     points = samples.first_points
-    tracer = prepared.sample_tracer(SampleMeans(samples, elsewhere), "faces", checkpoint)
+    tracer = prepared.sample_tracer(SampleMeans(samples, elsewhere, _RAYS), "faces", checkpoint)
     beside = _neighbours(receivers.of_vertex[receivers.faces[faces]], points.normals, threads)
     filled = hidden & (options.interior != "mark")
 
@@ -128,21 +126,7 @@ def _uniform(numbers: Int64s, key: np.uint32) -> Float32s:
 
 def _neighbours(corners: Int64s, normals: Float32s, threads: int) -> NeighboursOf:
     """The faces across the edges of each. Args: corners: (k, 3), the points of each face."""
-    count = len(corners)
     edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
     order = np.lexsort(edges.T)
     is_same = (edges[order[1:]] == edges[order[:-1]]).all(axis=1)
-    here, there = order[:-1][is_same] // 3, order[1:][is_same] // 3
-    ones = np.ones(2 * len(here), np.float32)
-    ends = np.concatenate([here, there]), np.concatenate([there, here])
-    graph: csr_array = coo_array((ones, ends), (count, count)).tocsr()
-    graph.setdiag(0)
-    graph.eliminate_zeros()
-    return partial(_among, graph, normals, threads)
-
-
-def _among(graph: csr_array, normals: Float32s, threads: int, rows: Int64s) -> Neighbours:
-    """The neighbours among some faces, `rows` (k,)."""
-    part = graph[rows][:, rows] if len(rows) < len(normals) else graph
-    starts, indices = part.indptr.astype(np.int64), part.indices.astype(np.int32)
-    return Neighbours.weighted(starts, indices, np.ones(len(indices), np.float32), normals[rows], threads)
+    return linked(order[:-1][is_same] // 3, order[1:][is_same] // 3, normals, threads)

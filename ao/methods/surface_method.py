@@ -9,11 +9,11 @@ import numpy as np
 
 from raytrace.types import Bools, Float64s, Int64s
 
-from .least_squares.face_moments import BELOW, TRACED
-from .least_squares.fit import Fit, build_problems, fit_values
-from .least_squares.patch import Patch, gather_moments
-from .prepared import Prepared
-from .result import PointValues
+from ..least_squares.face_moments import BELOW, TRACED
+from ..least_squares.fit import Fit, build_problems, fit_values
+from ..least_squares.patch import Patch, gather_moments
+from ..prepared import Prepared
+from ..result import PointValues
 
 _FIRST, _LEAST = 64, 1 << 20  # rays a vertex and in all, at least, to learn how many a tolerance needs
 _AIM = 0.8  # of the tolerance

@@ -10,17 +10,17 @@ from raytrace.mesh.morton import morton_order
 from raytrace.mesh.placement import Placement
 from raytrace.types import Int64s, UInt8s
 
-from .estimate.estimate import edges_of, estimate_outside
-from .estimate.inside import inside_solids
-from .estimate.tolerance import Estimate
-from .execute.sample_means import SampleMeans
-from .points.corners import CornerSamples
-from .points.projection import FineMesh, cage_of
-from .points.receivers import Flag, Receivers, find_receivers
-from .points.smooth_surface import PointGroups, SmoothSurface, SurfacePoints
-from .points.surface_samples import SurfaceSamples
-from .prepared import Inputs, Prepared
-from .result import PointValues
+from ..estimate.estimate import edges_of, estimate_outside
+from ..estimate.inside import inside_solids
+from ..estimate.tolerance import Estimate
+from ..execute.sample_means import SampleMeans
+from ..points.corners import CornerSamples
+from ..points.projection import FineMesh, cage_of
+from ..points.receivers import Flag, Receivers, find_receivers
+from ..points.smooth_surface import PointGroups, SmoothSurface, SurfacePoints
+from ..points.surface_samples import SurfaceSamples
+from ..prepared import Inputs, Prepared
+from ..result import PointValues
 
 _OWN_CORNERS = Flag.FOLDED | Flag.OPPOSED | Flag.CONTACT  # how the coarse mesh's faces lie matters to its own w alone
 

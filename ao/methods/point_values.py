@@ -1,0 +1,129 @@
+"""`ao.bake_points`: w at points with normals, on a mesh, in space, or a cloud of points that is a surface itself."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from raytrace.errors import MeshError, OptionError
+from raytrace.mesh.mesh import Mesh, mesh_of
+from raytrace.mesh.morton import morton_order
+from raytrace.mesh.normals import normalize
+from raytrace.ray_origins.origins import ray_offset
+from raytrace.types import Float64s, UInt8s
+
+from ..estimate.estimate import estimate
+from ..estimate.links import linked
+from ..estimate.tolerance import Estimate, shortfalls
+from ..execute.tracer import Progress
+from ..options import Options
+from ..points.corners import CornerSamples
+from ..points.points import Points
+from ..points.receivers import Flag
+from ..prepared import Prepared
+from ..result import Bake, BakedElements, PointValues, assemble
+
+_NEIGHBOURS = 6  # of a point, over which it is denoised, and to the last of which a disc reaches
+_LIFT = 0.5  # of a disc's radius, from which rays of its point start: neighbours' discs are below that
+_RIM = np.radians(60 * np.arange(6))
+
+
+def bake_points(
+    mesh: Mesh | Any | None,
+    points: npt.ArrayLike,
+    normals: npt.ArrayLike,
+    *,
+    occluders: Sequence[Mesh | Any] = (),
+    progress: Progress | None = None,
+    **options: Any,
+) -> Bake:
+    """w at any points: one row a point in the result.
+
+    Args:
+        mesh: what occludes, in any form that `ao.bake` takes. None: the points are samples of a surface and occlude
+            each other, each as a disc that reaches to its sixth neighbour; lengths in per cent are of these discs.
+        points: (k, 3), in the unit of `mesh`; those on a face are taken to lie on the side of their normal.
+        normals: (k, 3), axes of the hemispheres, of any length; where one is zero or NaN, w is 1.
+        occluders: as `ao.bake` takes them. progress: likewise.
+        options: `falloff`, `samples`, `tolerance`, `denoise`, `spread`, `back_faces`, `profile`, `seed`, `threads`.
+
+    Raises: OptionError, MeshError, MemoryLimitError, EmbreeError: as `ao.bake`, or arrays have other shapes.
+    """
+    start = time.perf_counter()
+    checked = Options(**options)
+    places = _rows("points", points)
+    axes = _rows("normals", normals)
+    if axes.shape != places.shape:
+        raise OptionError("normals", f"shape {places.shape}, as points have", axes.shape)
+    if not np.isfinite(places).all() or not len(places):
+        raise MeshError("points", "points", "finite coordinates of at least one", "none, or others")
+    axes = normalize(np.nan_to_num(axes))
+    usable = np.flatnonzero(axes.any(axis=1))
+    lifts = np.zeros(len(places))
+    if mesh is None:
+        mesh, lifts[usable] = _discs(places[usable], axes[usable])
+    solid = mesh_of(mesh, "bake_points")
+    prepared = Prepared.of(solid, checked, progress, None, [mesh_of(each, "occluders") for each in occluders])
+    order = usable[_origins_order(prepared, places[usable])]
+    baked = _points_at(prepared, places[order], axes[order], lifts[order])
+    tracer = prepared.tracer(len(order))
+    near = cKDTree(places[order]).query(places[order], min(_NEIGHBOURS + 1, len(order)), workers=prepared.threads)[1]
+    here = np.repeat(np.arange(len(order)), near.size // max(len(order), 1))
+    beside = linked(here, near.ravel(), baked.normals, prepared.threads)
+
+    def estimated() -> tuple[Estimate, int]:
+        return estimate(tracer, baked, CornerSamples.none(), beside, checked), 0
+
+    values = PointValues.of(tracer.each_column(estimated), tracer.rays)
+    row = np.full(len(places), -1)
+    row[order] = np.arange(len(order))
+    flags: UInt8s = np.where(row < 0, Flag.DEGENERATE, 0).astype(np.uint8)
+    result = assemble(prepared, solid, BakedElements(row, flags, baked.normals, len(places)), values)
+    seconds = {"build": prepared.receivers.tree_seconds, "bake": time.perf_counter() - start}
+    lines = shortfalls(checked, max(result.rmses), values.samples, "point", solid, prepared.placement.vertices)
+    return replace(result, at="points", seconds=seconds, shortfalls=lines)
+
+
+def _rows(name: str, given: npt.ArrayLike) -> Float64s:
+    array: Float64s = np.asarray(given, np.float64)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise OptionError(name, "shape (…, 3)", array.shape)
+    return array
+
+
+def _discs(points: Float64s, axes: Float64s) -> tuple[Mesh, Float64s]:
+    """A hexagon about each point, and how far above it rays start. Raises: MeshError: fewer than two points."""
+    if len(points) < 2:
+        raise MeshError("points", "normals", "at least two points with a normal", len(points))
+    distances = cKDTree(points).query(points, min(_NEIGHBOURS + 1, len(points)))[0]
+    radius = distances[:, -1]
+    least = np.eye(3)[np.abs(axes).argmin(axis=1)]
+    u = normalize(np.cross(axes, least))
+    v = np.cross(axes, u)
+    rim = np.cos(_RIM)[:, None] * u[:, None] + np.sin(_RIM)[:, None] * v[:, None]
+    vertices = points[:, None] + radius[:, None, None] * rim
+    fan = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]])
+    faces = 6 * np.arange(len(points))[:, None, None] + fan
+    return Mesh(vertices.reshape(-1, 3), faces.reshape(-1, 3), source="points"), _LIFT * radius
+
+
+def _placed(prepared: Prepared, points: Float64s) -> Float64s:
+    placed: Float64s = (points - prepared.placement.centre) * prepared.placement.scale
+    return placed
+
+
+def _origins_order(prepared: Prepared, points: Float64s) -> npt.NDArray[np.int64]:
+    return morton_order(_placed(prepared, points).astype(np.float32))
+
+
+def _points_at(prepared: Prepared, points: Float64s, axes: Float64s, lifts: Float64s) -> Points:
+    """Origins of rays above the points, in render space."""
+    placed = _placed(prepared, points)
+    largest = np.maximum(np.abs(placed).max(axis=1), np.abs(prepared.placement.vertices).max())
+    offset = np.maximum(ray_offset(axes, largest, np.ones(len(points))), lifts * prepared.placement.scale)
+    origins = placed + offset[:, None] * axes
+    return Points(origins.astype(np.float32), axes.astype(np.float32), np.arange(len(points), dtype=np.uint32))

@@ -1,0 +1,89 @@
+"""`ao.bake_points`: points beside a mesh, and clouds of points."""
+
+import numpy as np
+import pytest
+from meshes import hills
+
+import ao
+from ao.analytic import closed_forms
+from raytrace import Mesh, MeshError, OptionError
+
+WALL = [[0, -60, 0], [0, 60, 0], [0, 60, 60], [0, -60, 60]], [[0, 1, 2], [0, 2, 3]]
+
+
+def along_floor(count=60):
+    x = np.linspace(0.2, 3, count)
+    return np.stack([x, 0 * x, 0 * x], axis=1), np.tile([0, 0, 7.0], (count, 1))
+
+
+@pytest.mark.parametrize("options", [{"samples": 2048}, {"samples": 2048, "denoise": False}, {"tolerance": 0.005}])
+def test_points_in_space_beside_a_wall(options):
+    points, normals = along_floor()
+    baked = ao.bake_points(WALL, points, normals, falloff=ao.Exponential(tau=1.0), **options)
+    exact = np.array([closed_forms.wall(x, tau=1.0) for x in points[:, 0]])
+    assert np.sqrt(np.mean((baked.w - exact) ** 2)) < 0.008
+    assert baked.at == "points"
+    assert (baked.bent_normals[:10, 0] > 0.1).all()
+    assert not baked.flags.any()
+
+
+def test_points_on_a_mesh_have_w_of_its_vertices():
+    mesh = Mesh(*hills(40))
+    prepared = ao.prepare(mesh)
+    normals = np.zeros_like(mesh.vertices)
+    np.add.at(normals, mesh.faces, _angle_weighted(mesh))
+    vertices = ao.bake(prepared, ao.Binary(), samples=1024)
+    points = ao.bake_points(prepared, mesh.vertices, normals, falloff=ao.Binary(), samples=1024)
+    ordinary = vertices.flags == 0
+    assert np.sqrt(np.mean((vertices.w - points.w)[ordinary] ** 2)) < 0.006
+
+
+def _angle_weighted(mesh):
+    corners = mesh.vertices[mesh.faces]
+    ahead = np.roll(corners, -1, axis=1) - corners
+    behind = np.roll(corners, 1, axis=1) - corners
+    size = np.linalg.norm(ahead, axis=2) * np.linalg.norm(behind, axis=2)
+    angles = np.arccos(np.clip(np.einsum("fcd,fcd->fc", ahead, behind) / size, -1, 1))
+    normals = np.cross(ahead[:, 0], behind[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return angles[..., None] * normals[:, None]
+
+
+def test_clouds_of_a_plane_and_a_ball_are_open_outside_and_closed_inside():
+    random = np.random.default_rng(2)
+    plane = np.append(random.uniform(-1, 1, (3000, 2)), np.zeros((3000, 1)), axis=1)
+    for side in (-1.0, 1.0):
+        assert (
+            ao.bake_points(None, plane, np.tile([0, 0, side], (3000, 1)), falloff="binary", samples=64).w == 1
+        ).all()
+    ball = random.normal(size=(4000, 3))
+    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
+    assert (ao.bake_points(None, ball, ball, falloff="binary", samples=64).w > 0.995).all()
+    assert np.mean(ao.bake_points(None, ball, -ball, falloff="binary", samples=64).w) < 0.01
+    walled = ao.bake_points(None, ball + np.array([3, 0, 0]), ball, falloff="binary", samples=64, occluders=[WALL])
+    assert walled.w[ball[:, 0] < -0.9].mean() < 0.6
+
+
+def test_points_without_a_normal_and_what_is_refused():
+    points, normals = along_floor(5)
+    normals[2] = 0
+    normals[3] = np.nan
+    baked = ao.bake_points(WALL, points, normals, samples=16)
+    assert (baked.w[2:4] == 1).all()
+    assert baked.flags.tolist() == [0, 0, ao.Flag.DEGENERATE, ao.Flag.DEGENERATE, 0]
+    with pytest.raises(OptionError, match="shape"):
+        ao.bake_points(WALL, points, normals[:4])
+    with pytest.raises(OptionError, match="shape"):
+        ao.bake_points(WALL, points[0], normals)
+    with pytest.raises(MeshError, match="finite"):
+        ao.bake_points(WALL, points + np.inf, normals)
+    with pytest.raises(MeshError, match="two points"):
+        ao.bake_points(None, points[:1], normals[:1])
+    with pytest.raises(TypeError):
+        ao.bake_points(WALL, points, normals, sample=3)
+
+
+def test_the_same_bits_for_any_number_of_threads():
+    points, normals = along_floor(500)
+    one, two = (ao.bake_points(WALL, points, normals, tolerance=0.02, threads=threads) for threads in (1, 2))
+    assert one.w.tobytes() == two.w.tobytes()
