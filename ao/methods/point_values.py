@@ -65,7 +65,7 @@ def bake_points(
     usable = np.flatnonzero(axes.any(axis=1))
     lifts = np.zeros(len(places))
     if mesh is None:
-        mesh, lifts[usable] = _discs(places[usable], axes[usable])
+        mesh, lifts[usable] = discs(places[usable], axes[usable])
     solid = mesh_of(mesh, "bake_points")
     prepared = Prepared.of(solid, checked, progress, None, [mesh_of(each, "occluders") for each in occluders])
     order = usable[_origins_order(prepared, places[usable])]
@@ -95,10 +95,14 @@ def _rows(name: str, given: npt.ArrayLike) -> Float64s:
     return array
 
 
-def _discs(points: Float64s, axes: Float64s) -> tuple[Mesh, Float64s]:
-    """A hexagon about each point, and how far above it rays start. Raises: MeshError: fewer than two points."""
-    if len(points) < 2:
-        raise MeshError("points", "normals", "at least two points with a normal", len(points))
+def discs(points: Float64s, axes: Float64s, source: str = "points") -> tuple[Mesh, Float64s]:
+    """A hexagon about each of the points (k, 3), and how far above each rays start.
+
+    Raises: MeshError: fewer than two points, or one that is not finite.
+    """
+    if len(points) < 2 or not np.isfinite(points).all():
+        raise MeshError(source, "points", "finite coordinates of at least two", f"{len(points)}, or others")
+    axes = normalize(np.nan_to_num(axes))
     distances = cKDTree(points).query(points, min(_NEIGHBOURS + 1, len(points)))[0]
     radius = distances[:, -1]
     least = np.eye(3)[np.abs(axes).argmin(axis=1)]
@@ -108,7 +112,7 @@ def _discs(points: Float64s, axes: Float64s) -> tuple[Mesh, Float64s]:
     vertices = points[:, None] + radius[:, None, None] * rim
     fan = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]])
     faces = 6 * np.arange(len(points))[:, None, None] + fan
-    return Mesh(vertices.reshape(-1, 3), faces.reshape(-1, 3), source="points"), _LIFT * radius
+    return Mesh(vertices.reshape(-1, 3), faces.reshape(-1, 3), source=source), _LIFT * radius
 
 
 def _placed(prepared: Prepared, points: Float64s) -> Float64s:

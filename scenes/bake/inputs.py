@@ -74,7 +74,7 @@ def read_inputs(plan: Plan, content: bytes | None = None) -> BakeInputs:
     by_name = options.receive or (), options.cast or (), options.exclude or ()
     names = any(by_name) or options.match_names or options.occluded_by != "all"
     target = "texture.glb" if plan.kind == "texture" else f"vertices{plan.ending}"  # what the input is read for
-    source = load(plan.mesh, target, content, alpha, options.up, names, options.flip)
+    source = load(plan.mesh, target, content, alpha, options.up, names, options.flip, options.points)
     high = [load(path, alpha=alpha, names=options.match_names) for path in options.high or ()]
     walls = [load(path, alpha=alpha, names=options.match_names) for path in options.occluder or ()]
     cage = [load(options.cage)] if isinstance(options.cage, Path) else []

@@ -70,6 +70,10 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
         Option("tau", float | None, None, "Rate of the exponential falloff, per mesh unit."),
         Option("occluder", list[Path] | None, None, "A mesh file that occludes and gets no w; several, one option for "
                "each.", EVERY_BAKE, "input", excludes=("high",), metavar="MESH"),
+        Option("points", bool, False, "The input is a cloud of points with normals, a .ply without faces: w of each, "
+               "which occludes as a disc, or with --occluder not at all.", "vertices", "input",
+               excludes=("high", "at", "both_sides", "receive", "cast", "exclude", "cluster", "occluded_by", "report",
+                         "debug_image", "flip", "resume", "thickness", "method")),
         Option("receive", list[str] | None, None, "Only objects of this name get w, a pattern ('body*') or all others "
                "('!glass*'); several, one option for each.", EVERY_BAKE, excludes=("high",), metavar="PATTERN"),
         Option("cast", list[str] | None, None, "Only objects of this name occlude, likewise.", EVERY_BAKE,

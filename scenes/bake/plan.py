@@ -277,7 +277,7 @@ def _check_vertices(plan: Plan) -> None:
     """Raises: ConflictError."""
     options = plan.options
     if not plan.is_part:
-        check_holds(plan.output, options.at, options.both_sides)
+        check_holds(plan.output, "points" if options.points else options.at, options.both_sides)
     if options.high is not None and options.method == "surface":
         raise ConflictError("high", "does not go with", ("method", "surface"))
     if options.profile and not plan.is_part and plan.ending == ".npy":

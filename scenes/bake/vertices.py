@@ -15,6 +15,7 @@ from ao.declared import call_checked
 from ao.options import VertexOptions
 from raytrace.errors import MeshError, OptionError
 from raytrace.system.checks import check_outputs
+from raytrace.types import Float64s
 
 from ..formats.unsupported import unsupported_features
 from ..formats.write import write_vertices
@@ -24,11 +25,16 @@ from .report import OutputSummary, WorkSize, command_again, hashed_inputs, write
 
 if TYPE_CHECKING:
     from ao.execute.checkpoint import Checkpoint
+    from ao.execute.tracer import Progress
 
     from ..formats.load import MeshFile
     from ..show.report.pictures import Picture
     from .inputs import BakeInputs
     from .plan import OpenCheckpoint, Plan
+
+
+_OF_POINTS = "falloff", "samples", "tolerance", "denoise", "spread", "back_faces", "profile", "seed", "traversal"
+"""Options that bakes of points have, too."""
 
 
 def work_size(plan: Plan, inputs: BakeInputs) -> WorkSize:
@@ -41,6 +47,8 @@ def work_size(plan: Plan, inputs: BakeInputs) -> WorkSize:
     used = np.zeros(len(chosen.mesh.vertices), np.bool_)
     used[chosen.mesh.faces[face_normals(chosen.mesh.vertices, chosen.mesh.faces)[1] > 0]] = True
     points = int(np.count_nonzero(used if chosen.only is None else used & chosen.only))
+    if inputs.source.cloud:
+        points = len(inputs.source.cloud[0])
     needed = surface_bytes(*inputs.counts)
     if arguments.method == "vertex":
         needed = vertex_bytes(*inputs.counts, arguments.rays, points) + column_bytes(points, arguments.columns)
@@ -111,10 +119,24 @@ def trace(plan: Plan, inputs: BakeInputs, checkpoint: Checkpoint) -> ao.Bake:
     with progress(options.quiet, "rays", form=options.progress, status=checkpoint.status) as (advance,):
         if options.occluded_by != "all":
             return _bake_groups(plan, inputs)
+        if inputs.source.cloud:
+            return _bake_cloud(plan, inputs, inputs.source.cloud, advance)
         return call_checked(
             ao.bake, plan.arguments, inputs.chosen.mesh, only=only, threads=options.threads, progress=advance,
             checkpoint=checkpoint, **inputs.arguments,
         )  # fmt: skip
+
+
+def _bake_cloud(plan: Plan, inputs: BakeInputs, cloud: tuple[Float64s, Float64s], advance: Progress | None) -> ao.Bake:
+    """Bake the points of a cloud: among themselves, or if there are others that occlude, among these alone."""
+    places, normals = cloud
+    given = {name: getattr(plan.arguments, name) for name in _OF_POINTS}
+    walls = inputs.occluders
+    alone = plan.options.occluder is None
+    mesh = None if alone else walls[0]
+    others = walls if alone else walls[1:]
+    threads = plan.options.threads
+    return ao.bake_points(mesh, places, normals, occluders=others, progress=advance, threads=threads, **given)
 
 
 def _bake_groups(plan: Plan, inputs: BakeInputs) -> ao.Bake:

@@ -48,6 +48,7 @@ class MeshFile(NamedTuple):
         notes: warnings about the objects.
         unread: what the file holds and the mesh lacks, in words, if a target was named.
         w: (n,) obscurance that a bake has left in the file, unchecked, or None. profile: of it, or None.
+        cloud: points and normals (k, 3) of a file of points, of which `mesh` has the discs; or None.
     """
 
     path: Path
@@ -59,6 +60,7 @@ class MeshFile(NamedTuple):
     unread: tuple[str, ...] = ()
     w: Float64s | None = None
     profile: Profile | None = None
+    cloud: tuple[Float64s, Float64s] | None = None
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -113,6 +115,7 @@ def load(
     up: str | None = None,
     names: bool = False,
     flip: bool = False,
+    points: bool = False,
 ) -> MeshFile:
     """Read a mesh file in the format of its ending.
 
@@ -127,6 +130,7 @@ def load(
         alpha: whether faces have the alpha of their glTF or OBJ materials; otherwise they are opaque.
         up: `mesh.up` in place of what the file says.
         names: read those of an OBJ's objects whatever the target, with all that is kept beside them.
+        points: whether it is a cloud of points with normals, and no faces: the mesh is of a disc for each.
         flip: turn all faces over, and normals with them; what is written has them turned.
 
     Raises:
@@ -136,7 +140,11 @@ def load(
     """
     path = Path(path)
     aim = format_of(target or "")
-    instances, asset = read_objects(path, names or bool(aim.unsupported) or aim.ending == ".html", content, alpha)
+    keep = names or bool(aim.unsupported) or aim.ending == ".html"
+    instances, asset = read_objects(path, keep, content, alpha, points)
+    cloud = None
+    if points:
+        instances, cloud = _cloud(instances, path)
     instances = [instance._replace(up=up or instance.up) for instance in instances]
     with mesh_errors(path):
         mesh, parts = flatten(instances, str(path))
@@ -157,7 +165,22 @@ def load(
             raise OptionError("flip", "another mesh file than a glTF for a .glb, which keeps its faces", path)
         mesh = mesh.reversed()
         attributes = attributes and reversed_attributes(attributes)
-    return MeshFile(path, mesh, parts, asset, attributes, notes, unread, w, joined_profile(instances))
+    return MeshFile(path, mesh, parts, asset, attributes, notes, unread, w, joined_profile(instances), cloud)
+
+
+def _cloud(instances: list[Instance], path: Path) -> tuple[list[Instance], tuple[Float64s, Float64s]]:
+    """Discs in place of the points, and the points and normals (k, 3) themselves. Raises: MeshError."""
+    from ao.methods.point_values import discs
+
+    whole = instances[0]
+    if len(instances) > 1 or len(whole.faces) or whole.normals is None:
+        expected = "one cloud of points with normals, without faces"
+        got = "faces" if len(whole.faces) else "points without normals" if whole.normals is None else "several"
+        raise MeshError(path, "points", expected, got)
+    places = np.asarray(whole.vertices, np.float64)
+    normals = np.asarray(whole.normals, np.float64)
+    mesh = discs(places, normals, str(path))[0]
+    return [whole._replace(vertices=mesh.vertices, faces=mesh.faces, normals=None)], (places, normals)
 
 
 def joined_profile(instances: Sequence[Instance]) -> Profile | None:
@@ -171,13 +194,13 @@ def joined_profile(instances: Sequence[Instance]) -> Profile | None:
 
 
 def read_objects(
-    path: Path, keep: bool = False, content: bytes | None = None, alpha: bool = False
+    path: Path, keep: bool = False, content: bytes | None = None, alpha: bool = False, points: bool = False
 ) -> tuple[list[Instance], Gltf | None]:
     """The placed objects of a mesh file as it stores them, at least one, and the asset when it is glTF or GLB.
 
     Of a glTF they are its drawn primitives, in the order of `Gltf.drawn`. Raises: MeshError: as `load`.
 
-    Args: keep: also the `Instance.attributes` of OBJ and PLY. content, alpha: as `load` takes them.
+    Args: keep: also the `Instance.attributes` of OBJ and PLY. content, alpha, points: as `load` takes them.
     """
     row = format_of(path)
     name = "mesh" if path.stem == PIPED else path.stem
@@ -200,8 +223,12 @@ def read_objects(
         # Every primitive of a glTF keeps its part: the GLB writer counts on it.
         if solid := [instance for instance in instances if asset or len(instance.faces)]:
             return solid, asset
-        points = sum(len(instance.vertices) for instance in instances)
-        besides = "no vertices: perhaps it is no OBJ" if row.name == "OBJ" and not points else f"{points} points"
+        if points and instances:
+            return instances, asset
+        count = sum(len(instance.vertices) for instance in instances)
+        besides = "no vertices: perhaps it is no OBJ" if row.name == "OBJ" and not count else f"{count} points"
+        if any(instance.normals is not None for instance in instances):
+            besides += " with normals: bake --points takes those"
         raise MeshError(path, "faces", "at least one triangle", f"none, and {besides}")
 
 

@@ -60,9 +60,10 @@ def check_target(path: str | os.PathLike[str]) -> None:
 
 
 def check_holds(path: str | os.PathLike[str], at: str, both_sides: bool) -> None:
-    """Raises: ConflictError: the format holds no w of faces, or of both sides."""
-    if "faces" not in format_of(path).holds and (at == "faces" or both_sides):
-        term: Term = ("at", "faces") if at == "faces" else "both_sides"
+    """Raises: ConflictError: the format holds no w of faces or of points alone, or of both sides."""
+    if "faces" not in format_of(path).holds and (at != "vertices" or both_sides):
+        terms: dict[str, Term] = {"faces": ("at", "faces"), "points": "points"}
+        term = terms.get(at, "both_sides")
         raise ConflictError(term, "needs", "an output that ends in " + " ".join(endings("", "faces")))
 
 
@@ -126,7 +127,7 @@ def write(
         _write_textures(Path(path), several, source, replace_occlusion)
         return
     values = cast("VertexValues", bake)
-    count = len(getattr(source.mesh, values.at))
+    count = len(source.cloud[0] if source.cloud else getattr(source.mesh, values.at))
     check_holds(path, values.at, values.below is not None)
     if len(bake.w) != count:
         raise OptionError("bake", f"w of the {count:,} {values.at} of {source.path}", f"{len(bake.w):,}")

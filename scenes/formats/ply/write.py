@@ -46,8 +46,8 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
         numbers = [profile.radius, *profile.half_distances.tolist()]
         comments.insert(1, layout.PROFILE_COMMENT + " ".join(map(repr, numbers)))
     further = channels.ply_name
-    named = "vertex" if bake.at == "vertices" else "face"
-    values = bake if bake.at == "vertices" else _of_polygons(bake, mesh_file)
+    named = "face" if bake.at == "faces" else "vertex"
+    values = _of_polygons(bake, mesh_file) if bake.at == "faces" else bake
     annotated = [
         _annotate(element, values, shown, further) if element.name == named else element for element in elements
     ]

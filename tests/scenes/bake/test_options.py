@@ -186,7 +186,7 @@ TOGETHER = {
     "profile": ({"output": "w.npz"}, {"output": "w.npz", "profile": True}),
 }
 """Of options that need others, the options of two bakes."""
-APART = {"occluded_by"}
+APART = {"occluded_by", "points"}
 """Options of bakes that keep no journal."""
 
 
