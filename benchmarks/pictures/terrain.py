@@ -44,8 +44,8 @@ def main() -> None:
     horizontal = ao.bake(mesh, falloff, normals="up").w.reshape(heights.shape)
     figure, (left, middle, right) = plt.subplots(1, 3, figsize=(12, 3.7), layout="constrained")
     figure.colorbar(left.imshow(heights, cmap="terrain"), shrink=0.85, label="height, m")
-    middle.imshow(inclined, cmap="gray", vmin=0.5, vmax=1)
-    shown = right.imshow(horizontal, cmap="gray", vmin=0.5, vmax=1)
+    middle.imshow(inclined, cmap="gray", vmin=0.2, vmax=1)
+    shown = right.imshow(horizontal, cmap="gray", vmin=0.2, vmax=1)
     figure.colorbar(shown, shrink=0.85, label="sky-view factor")
     for axis, title in ((left, "heights"), (middle, "inclined surface"), (right, "horizontal cells")):
         axis.set(title=title, xticks=[], yticks=[])
