@@ -133,7 +133,7 @@ def test_bent_normals_are_exact_for_the_open_plane():
         ("seed", -1),
         ("seed", 2**64),
         ("threads", 0),
-        ("normals", "up"),
+        ("normals", "down"),
         ("method", "corners"),
     ],
 )

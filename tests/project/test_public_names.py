@@ -59,10 +59,13 @@ def test_the_public_names_of_the_baker_are_these():
         "Smooth",
         "Tabulated",
         "ToleranceWarning",
+        "Unseen",
         "bake",
+        "bake_points",
         "bake_texture",
         "ground",
         "prepare",
+        "unseen_faces",
     ]
 
 

@@ -34,7 +34,7 @@ def test_binary_closes_up_to_its_limit():
     np.testing.assert_array_equal(Binary(2.0).resolve(1.0)([0, 1.99, 2.0, np.inf]), [0, 0, 1, 1])
 
 
-@pytest.mark.parametrize("length", [0, -1, "0%", "-5%", "far", "", "%", float("nan"), None, "1 m"])
+@pytest.mark.parametrize("length", [0, -1, "0%", "-5%", "far", "", "%", float("nan"), None, "1 mm", "m"])
 def test_lengths_must_be_above_zero(length):
     with pytest.raises(OptionError, match="max_distance: expected a length above 0"):
         Binary(length)

@@ -67,7 +67,7 @@ def test_a_batch_by_a_cluster_is_that_of_one_machine_and_can_be_resumed(folder):
         (folder / "out" / "hill0.npz").unlink()
         (folder / "noise.obj").write_bytes(obj(*hills(4)))
         again = bake("out", "--cluster", cluster.scheduler_address, "--resume")
-    assert (again.returncode, again.stderr.count("\n")) == (0, 2)  # of hill0 and of what was noise
+    assert (again.returncode, again.stderr) == (0, "")
     assert (folder / "out" / "hill1.npz").stat().st_mtime_ns == before
     assert manifest(folder / "out")[1]["done"] == 6
 

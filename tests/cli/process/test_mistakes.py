@@ -14,7 +14,7 @@ from raytrace.image.write import write_image
 COMMANDS = [
     (
         "bkae a.ply -o w.npy",
-        "command: expected one of bake, merge, view, falloff, info",
+        "command: expected one of bake, merge, view, falloff, prune, info",
         "bkae; did you mean bake? See obscurance --help",
     ),
     ("Bake a.ply -o w.npy", "got Bake; did you mean bake?"),
@@ -109,7 +109,10 @@ COMMANDS = [
     ("bake a.ply -o w.npy --tau inf", "bake --tau: expected a finite rate above 0, got inf"),
     ("bake a.ply -o w.npy --half-distance 10cm", "bake --half-distance: expected a length above 0", "got '10cm'"),
     ("bake a.ply -o w.npy --max-distance -1", "bake --max-distance", "got '-1'"),
-    ("bake a.ply -o w.npy --normals vertex", "bake --normals: expected one of angle, area, equal, file, got vertex"),
+    (
+        "bake a.ply -o w.npy --normals vertex",
+        "bake --normals: expected one of angle, area, equal, file, up, got vertex",
+    ),
     ("bake a.ply -o w.npy --normals aera", "did you mean area?"),
     ("bake a.ply -o w.npy --interior yes", "bake --interior: expected one of auto, ignore, mark, fill, got yes"),
     ("bake a.ply -o w.npy --method surfaces", "got surfaces; did you mean surface?"),
