@@ -18,7 +18,7 @@ from raytrace.system.atomic import check_writable, write_bytes
 from raytrace.types import AnyFloats
 
 from .load import MeshFile, load
-from .table import Channels, endings, format_of, is_raster
+from .table import Channels, endings, format_of
 
 if TYPE_CHECKING:
     from ao import Bake, BakedTexture, Profile
@@ -198,9 +198,7 @@ def channels(
     return Channels(replaced, ramp, replace_occlusion, up, ply_name)
 
 
-ENDINGS = tuple(
-    ending for ending in endings("write") if not is_raster(ending)
-)  # of files that `write` makes of any mesh
+ENDINGS = tuple(ending for ending in endings("write") if ending not in endings("", "raster"))  # for any mesh
 
 
 def _writer(path: str | os.PathLike[str]) -> Callable[..., bytes | memoryview]:
