@@ -17,7 +17,7 @@ from raytrace import (
     Strauss,
     Ward,
 )
-from raytrace.brdf.microfacet import fresnel
+from raytrace.brdf.microfacet import conductor_fresnel, fresnel
 from raytrace.brdf.models.cook_torrance import gaussian_constant
 from raytrace.brdf.models.strauss import fresnel_like, shadowing
 from raytrace.materials.reflect import reflect
@@ -57,6 +57,21 @@ def test_dielectric_fresnel():
     assert [fresnel(1.0, c) for c in (0.0, 0.3, 1.0)] == pytest.approx([0, 0, 0], abs=1e-30)
 
 
+@pytest.mark.parametrize(("eta", "k"), [(0.163, 3.493), (1.431, 1.873), (0.01, 1e-3), (2.4, 1e-5), (1e6, 1e6), (1, 1)])
+def test_conductor_fresnel(eta, k):
+    for cosine in (0.0, 1e-3, 0.1, 0.5, 0.9, 1.0):
+        expected = plain.conductor_fresnel(eta, k, cosine)
+        assert conductor_fresnel(eta, k, cosine) == pytest.approx(expected, rel=1e-9)
+    assert conductor_fresnel(eta, k, 0.0) == 1.0
+    normal = ((eta - 1) ** 2 + k**2) / ((eta + 1) ** 2 + k**2)
+    assert conductor_fresnel(eta, k, 1.0) == pytest.approx(normal, rel=1e-12)
+
+
+def test_conductor_fresnel_tends_to_the_dielectric_s():
+    for cosine in (0.0, 0.3, 1.0):
+        assert conductor_fresnel(1.5, 2e-6, cosine) == pytest.approx(fresnel(1.5, cosine), rel=1e-9)
+
+
 def test_strauss_end_points():
     assert [fresnel_like(0.0), shadowing(1.0)] == pytest.approx([0, 0], abs=1e-12)
     assert [fresnel_like(1.0), shadowing(0.0)] == pytest.approx([1, 1], abs=1e-12)
@@ -70,6 +85,7 @@ def test_strauss_specular_uses_the_paper_s_angle():
 
 
 ETA = np.array([1.3, 1.5, 2.4])
+GOLD = {"eta": (0.163, 0.452, 1.431), "k": (3.493, 2.262, 1.873)}
 COLOUR = np.array([0.9, 0.6, 0.2])
 MODELS = {
     "lambert": (Lambert(albedo=0.7), lambda n, l, v, g: plain.lambert(0.7, n, l, v)),
@@ -93,6 +109,16 @@ MODELS = {
     "cook_torrance, shifted colour": (
         CookTorrance(albedo=0.4, k_s=0.7, m=0.3, eta=tuple(ETA), colour=tuple(COLOUR)),
         lambda n, l, v, g: plain.cook_torrance(0.4, 0.7, ETA, n, l, v, plain.beckmann(n, 0.3), colour=COLOUR),
+    ),
+    "cook_torrance, gold": (
+        CookTorrance(albedo=0.4, k_s=0.7, m=0.3, **GOLD),
+        lambda n, l, v, g: plain.cook_torrance(0.4, 0.7, GOLD["eta"], n, l, v, plain.beckmann(n, 0.3), k=GOLD["k"]),
+    ),
+    "cook_torrance, gold of shifted colour": (
+        CookTorrance(albedo=0.4, k_s=0.7, m=0.3, colour=tuple(COLOUR), **GOLD),
+        lambda n, l, v, g: plain.cook_torrance(
+            0.4, 0.7, GOLD["eta"], n, l, v, plain.beckmann(n, 0.3), colour=COLOUR, k=GOLD["k"]
+        ),
     ),
     "cook_torrance, Gaussian": (
         CookTorrance(albedo=0.4, k_s=0.7, m=0.3, eta=tuple(ETA), distribution="gaussian", gaussian_c=2.0),
