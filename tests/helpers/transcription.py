@@ -21,11 +21,11 @@ def lambert(rho, n, l, v):
     return rho / PI * pos(n @ l)
 
 
-def phong(k_d, k_s, m, n, l, v, halfway=False, cosine=False):
+def phong(k_d, k_s, m, n, l, v, halfway=False, weight=lambda cosine: 1.0):
     if n @ l <= 0:
         return 0.0
     s = pos(n @ unit(l + v)) ** m if halfway else pos((2 * (n @ l) * n - l) @ v) ** m
-    return k_d * (n @ l) + k_s * s * (n @ l if cosine else 1.0)
+    return k_d * (n @ l) + k_s * s * weight(n @ l)
 
 
 def fresnel(eta, c):

@@ -24,6 +24,7 @@ GRAIN = (0.3, 0.2, 1.0)
 TO_VIEWER, TO_LIGHT = np.array([0, -1.0, 0]), np.array([-0.5, -0.4, 0.6])
 SHINING = [
     BlinnPhong(k_d=0.2, k_s=0.5, exponent=40),
+    BlinnPhong(k_d=0.2, k_s=0.5, exponent=40, weight=(0.2, 0.1, -0.3, 0.9)),
     EllipticalBeckmann(albedo=0.4, k_s=0.6, m_parallel=0.1, m_perpendicular=0.5, grain=GRAIN),
     *(
         Ward(k_d=(0.1, 0.2, 0.3), k_s=0.4, m_parallel=0.1, m_perpendicular=0.5, grain=GRAIN, form=form)

@@ -98,7 +98,7 @@ def test_white_furnace_of_a_conductor():
 
 
 def test_an_index_below_one_wants_an_extinction():
-    with pytest.raises(OptionError, match=r"CookTorrance: eta\[1\]: expected a number in \[1, 1e6\] where k is 0, got 0.4"):
+    with pytest.raises(OptionError, match=r"eta\[1\]: expected a number in \[1, 1e6\] where k is 0, got 0.4"):
         CookTorrance(albedo=0, m=0.2, eta=(1.5, 0.4, 1), k=(0, 0, 3))
 
 

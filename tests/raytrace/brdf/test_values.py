@@ -20,6 +20,7 @@ from raytrace import (
 from raytrace.brdf.microfacet import conductor_fresnel, fresnel
 from raytrace.brdf.models.cook_torrance import gaussian_constant
 from raytrace.brdf.models.strauss import fresnel_like, shadowing
+from raytrace.errors import OptionError
 from raytrace.materials.reflect import reflect
 
 GRAIN = np.array([0.3, 0.9, -0.2])
@@ -67,6 +68,22 @@ def test_conductor_fresnel(eta, k):
     assert conductor_fresnel(eta, k, 1.0) == pytest.approx(normal, rel=1e-12)
 
 
+@pytest.mark.parametrize(("name", "coefficients"), [("one", [1]), ("cosine", np.array([0, 1]))])
+def test_named_weights_are_polynomials(name, coefficients):
+    named = Phong(k_d=0.3, k_s=0.6, weight=name)
+    given = Phong(k_d=0.3, k_s=0.6, weight=coefficients)
+    assert given.pack().row.tolist() == named.pack().row.tolist()
+    assert given.to_dict()["weight"] == list(coefficients)
+
+
+@pytest.mark.parametrize(
+    "weight", ["two", 1, [], [1] * 7, [0, 1.001], [0.1, -0.2], ["1"], [[1]], [float("nan")], [True]]
+)
+def test_a_weight_is_a_share(weight):
+    with pytest.raises(OptionError, match=r"Phong: weight: expected .*up to six coefficients"):
+        Phong(k_d=0.3, weight=weight)
+
+
 def test_conductor_fresnel_tends_to_the_dielectric_s():
     for cosine in (0.0, 0.3, 1.0):
         assert conductor_fresnel(1.5, 2e-6, cosine) == pytest.approx(fresnel(1.5, cosine), rel=1e-9)
@@ -86,13 +103,20 @@ def test_strauss_specular_uses_the_paper_s_angle():
 
 ETA = np.array([1.3, 1.5, 2.4])
 GOLD = {"eta": (0.163, 0.452, 1.431), "k": (3.493, 2.262, 1.873)}
+GLASS = (1.0, -4.8, 9.6, -9.6, 4.8, -0.96)  # of .04 + .96 (1 − cosθ)⁵
 COLOUR = np.array([0.9, 0.6, 0.2])
 MODELS = {
     "lambert": (Lambert(albedo=0.7), lambda n, l, v, g: plain.lambert(0.7, n, l, v)),
     "phong": (Phong(k_d=0.3, k_s=0.6, exponent=7.5), lambda n, l, v, g: plain.phong(0.3, 0.6, 7.5, n, l, v)),
     "phong, W = cosine": (
         Phong(k_d=0.3, k_s=0.6, exponent=7.5, weight="cosine"),
-        lambda n, l, v, g: plain.phong(0.3, 0.6, 7.5, n, l, v, cosine=True),
+        lambda n, l, v, g: plain.phong(0.3, 0.6, 7.5, n, l, v, weight=lambda cosine: cosine),
+    ),
+    "blinn, W of one's own": (
+        BlinnPhong(k_d=0.3, k_s=0.6, exponent=7.5, weight=GLASS),
+        lambda n, l, v, g: plain.phong(
+            0.3, 0.6, 7.5, n, l, v, True, weight=lambda cosine: 0.04 + 0.96 * (1 - cosine) ** 5
+        ),
     ),
     "blinn": (
         BlinnPhong(k_d=0.3, k_s=0.6, exponent=40),
