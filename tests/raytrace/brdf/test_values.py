@@ -16,6 +16,7 @@ from raytrace import (
     PoulinFournier,
     Strauss,
     Ward,
+    Warnock,
 )
 from raytrace.brdf.microfacet import conductor_fresnel, fresnel
 from raytrace.brdf.models.cook_torrance import gaussian_constant
@@ -107,6 +108,7 @@ GLASS = (1.0, -4.8, 9.6, -9.6, 4.8, -0.96)  # of .04 + .96 (1 − cosθ)⁵
 COLOUR = np.array([0.9, 0.6, 0.2])
 MODELS = {
     "lambert": (Lambert(albedo=0.7), lambda n, l, v, g: plain.lambert(0.7, n, l, v)),
+    "warnock": (Warnock(albedo=0.7), lambda n, l, v, g: 0.7 if n @ l > 0 else 0.0),
     "phong": (Phong(k_d=0.3, k_s=0.6, exponent=7.5), lambda n, l, v, g: plain.phong(0.3, 0.6, 7.5, n, l, v)),
     "phong, W = cosine": (
         Phong(k_d=0.3, k_s=0.6, exponent=7.5, weight="cosine"),
