@@ -67,6 +67,7 @@ Smoothness = Annotated[float, Field(ge=0, lt=1)]
 Spacing = Annotated[float, Field(ge=1e-3, le=1e6)]
 Angle = Annotated[float, Field(ge=0, le=pi / 2, description="radians in [0, π/2]")]
 HalfAngle = Annotated[float, Field(gt=0, le=90, description="degrees in (0, 90]")]
+Diameter = Annotated[float, Field(ge=0, le=90, description="degrees in [0, 90]")]
 Nanometres = Annotated[float, Field(ge=1e-3, le=1e7)]
 Number = Annotated[float, BeforeValidator(_number)]  # no text that reads as one
 Whole = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
