@@ -11,6 +11,7 @@ from .brdf.models.phong import Phong as Phong
 from .brdf.models.poulin_fournier import PoulinFournier as PoulinFournier
 from .brdf.models.strauss import Strauss as Strauss
 from .brdf.models.ward import Ward as Ward
+from .brdf.models.warnock import Warnock as Warnock
 from .camera import Camera as Camera
 from .errors import EmbreeError as EmbreeError
 from .errors import InputError as InputError

@@ -36,6 +36,23 @@ def towards(kind, row, point):
 
 
 @inline
+def towards_disc(kind, row, towards_centre, x, y):
+    """(l, distance) to the place (x, y) on the unit disc of a light whose disc faces the point. Args: all but `kind`
+    and `row` may be lanes; towards_centre: of `towards`. The axes of the disc are Duff et al. 2017's."""
+    l, distance = towards_centre
+    sign = select(l[2] >= 0.0, 1.0, -1.0)
+    a = -1.0 / (sign + l[2])
+    b = l[0] * l[1] * a
+    across = (1.0 + sign * l[0] * l[0] * a, sign * b, -sign * l[0])
+    along = (b, sign + l[1] * l[1] * a, -l[1])
+    shift = scale(row[layout.RADIUS], add(scale(x, across), scale(y, along)))
+    if kind == layout.DIRECTIONAL:
+        return unit(add(l, shift)), distance
+    way = add(scale(distance, l), shift)
+    return unit(way), sqrt(dot(way, way))
+
+
+@inline
 def incident(kind, row, point):
     """(l, distance, RGB): `towards` the light, and what arrives of it unshadowed. Add k_a I_a for ambient light."""
     intensity = triple(row, layout.INTENSITY)

@@ -16,7 +16,7 @@ Source: (12.8), (12.26); the lecture notes on light sources.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import cos, radians
+from math import cos, radians, tan
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
@@ -26,7 +26,18 @@ from pydantic import BeforeValidator, model_validator
 
 from ..errors import OptionError, numbers
 from ..mesh.normals import normalize
-from ..system.parameters import Direction, Finite, HalfAngle, Length, NonNegative, Parameters, Point, Radiance, made_of
+from ..system.parameters import (
+    Diameter,
+    Direction,
+    Finite,
+    HalfAngle,
+    Length,
+    NonNegative,
+    Parameters,
+    Point,
+    Radiance,
+    made_of,
+)
 from ..types import Float64s, Int64s
 from . import layout
 
@@ -75,16 +86,19 @@ class _Local(_Directed):
     """A light with a place and radial attenuation 1/(a0 + a1 d + a2 d²); (0, 0, 1) is the physical law.
 
     `range`: the distance at which it ends: attenuation times 1 − (d/range)⁴, zero beyond (glTF, KHR_lights_punctual).
+    `radius`: of the disc, facing the point that it lights, which casts the shadows; 0 casts hard ones.
     """
 
     position: Point
     attenuation: tuple[NonNegative, NonNegative, NonNegative] = (0.0, 0.0, 1.0)
     range: Length | None = None
+    radius: NonNegative = 0.0
 
     def _write(self, row: Float64s) -> None:
         super()._write(row)
         row[layout.POSITION : layout.POSITION + 3] = self.position
         row[layout.RADIAL : layout.RADIAL + 3] = self.attenuation
+        row[layout.RADIUS] = self.radius
         row[layout.INVERSE_RANGE] = 0.0 if self.range is None else 1.0 / self.range
 
     @model_validator(mode="after")
@@ -119,14 +133,19 @@ class SpotLight(_Local):
 
 
 class DirectionalLight(_Directed):
-    """Infinitely distant: `direction` is the way its light travels; no attenuation."""
+    """Infinitely distant: `direction` is the way its light travels; no attenuation.
+
+    `angle`: the diameter of the disc that casts the shadows, in degrees as seen from here; 0 casts hard ones.
+    """
 
     light: Literal["directional"] = "directional"
     kind: ClassVar[int] = layout.DIRECTIONAL
     direction: Direction
+    angle: Diameter = 0.0
 
     def _write(self, row: Float64s) -> None:
         super()._write(row)
+        row[layout.RADIUS] = tan(radians(self.angle / 2))
         row[layout.DIRECTION : layout.DIRECTION + 3] = normalize(np.array(self.direction))
 
 

@@ -77,6 +77,9 @@ def prepare_picture(
         check_type(value, kind, "render", field, f"a raytrace.{kind.__name__}")
     if settings.shading == "gouraud" and any(item.shape.grain for item in scene.objects):
         raise OptionError("shading", "another one where a texture has the grain", "gouraud", "render")
+    extended = any(getattr(light, "radius", 0) or getattr(light, "angle", 0) for light in scene.lights)
+    if settings.shading == "gouraud" and extended:
+        raise OptionError("shading", "another one where a light has a radius or an angle", "gouraud", "render")
     check_memory("scene", rendering_bytes(scene, settings, layers, threads), describe_work(scene, settings))
     return RenderJob(build(scene, settings.normals), camera, settings, layers)
 

@@ -93,10 +93,14 @@ def place_lights(lights: tuple[BaseLight, ...], centre: Float64s, scale: float) 
     radial /= largest
     intensity /= largest
     light_table[:, light_rows.INVERSE_RANGE] /= scale
+    radius = light_table[:, light_rows.RADIUS]
+    radius *= np.where(kinds == light_rows.DIRECTIONAL, 1.0, scale)
+    np.minimum(radius, FAR, out=radius)
     for j, row in enumerate(light_table):
         if kinds[j] in (light_rows.POINT, light_rows.SPOT) and hypot(*position[j]) > FAR:
-            l, _, arriving = incident(int(kinds[j]), row, (0.0, 0.0, 0.0))
-            row[: light_rows.DIFFUSE] = 0.0
+            l, distance, arriving = incident(int(kinds[j]), row, (0.0, 0.0, 0.0))
+            row[: light_rows.RADIUS] = 0.0
+            row[light_rows.RADIUS] /= distance
             row[light_rows.DIRECTION : light_rows.DIRECTION + 3] = np.negative(l)
             intensity[j] = arriving
             kinds[j] = light_rows.DIRECTIONAL

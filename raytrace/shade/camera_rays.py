@@ -12,9 +12,10 @@ from ..kernel.vector import add, dot, scale, triple, unit
 from ..sampling.sequences import hash32, hash32_array, owen_sobol, seed_key, shuffled_owen_sobol
 from ..settings import Settings
 from ..types import Float64s
+from .layout import DISC
 
 _SETS = 256
-_CENTRE = np.empty((0, 4, 1))  # no sets of places: every ray goes through its pixel's centre
+_CENTRE = np.empty((0, 6, 1))  # no sets of places: every ray goes through its pixel's centre
 
 
 class View(NamedTuple):
@@ -30,7 +31,7 @@ class View(NamedTuple):
     focus: float  # distance of what is sharp
     width: int  # of the whole picture
     height: int
-    offsets: Float64s  # (sets, 4, samples), from the pixel's centre, and on the unit lens; no sets: all 0
+    offsets: Float64s  # (sets, 6, samples), from the pixel's centre, on the unit lens and on lights; no sets: all 0
     key: Any  # uint32
 
 
@@ -57,16 +58,27 @@ def place_camera(camera: Camera, settings: Settings, centre: Float64s, scale: fl
 
 
 def _offsets(samples: int, seed: int) -> Float64s:
-    """Places (sets, 4, samples) under a tent filter of radius 1 pixel, one sample in its centre; and on the lens."""
+    """Places (sets, 6, samples) under a tent filter of radius 1 pixel; on the lens; and on the discs of lights.
+
+    One sample is in the pixel's centre, and in the lights'.
+    """
     key = seed_key(seed)
     uniform = np.stack(owen_sobol(_SETS, samples, key), axis=1)
     xy = np.where(uniform < 0.5, np.sqrt(2 * uniform) - 1, 1 - np.sqrt(2 - 2 * uniform))  # density 1 − |x| on (−1, 1)
+    lens = _on_disc(samples, key ^ np.uint32(0x5BD1E995))
+    lights = _on_disc(samples, key ^ np.uint32(0x9E3779B9))
     if samples == 1:
         xy = np.zeros_like(xy)
-    u, v = shuffled_owen_sobol(_SETS, samples, hash32_array([key ^ np.uint32(0x5BD1E995)])[0])
+        lights = np.zeros_like(lights)
+    return np.concatenate([xy, lens, lights], axis=1)
+
+
+def _on_disc(samples: int, key: np.uint32) -> Float64s:
+    """Places (sets, 2, samples) on the unit disc."""
+    u, v = shuffled_owen_sobol(_SETS, samples, hash32_array([key])[0])
     radius = np.sqrt(u)
     angle = 2 * np.pi * v
-    return np.concatenate([xy, np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)], axis=1)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
 
 
 @inline
@@ -80,6 +92,17 @@ def pixel_width(view, depth):
 def offset_set(view, x, y):
     """The row of `offsets` that a pixel of the whole picture takes, by its hash."""
     return hash32(hash32(y * view.width + x) ^ view.key) % np.uint32(len(view.offsets))
+
+
+@inline
+def write_discs(packet, view, x, y, samples):
+    """Write where on lights the samples of sixteen pixels are. Args: as `aim`."""
+    for lane in range(WIDE):
+        for axis in range(2):
+            packet[DISC + axis, lane] = 0.0
+            if len(view.offsets) > 0:
+                k = offset_set(view, pick(x, lane), pick(y, lane))
+                packet[DISC + axis, lane] = view.offsets[k, 4 + axis, pick(samples, lane)]
 
 
 @inline

@@ -32,7 +32,8 @@ FRONT = np.int64(44)  # lights seen: 0 none, ON_THIS_SIDE, ON_BOTH_SIDES of the 
 UNSHADOWED, SHADOWED = np.array([45, 46])  # luminous sum over lights without δ, and with it
 OCCLUSION = np.int64(47)  # occlusion texture, 1 without
 BENT = np.int64(48)  # direction of what is open, of any length; zero where none is known
-WIDTH = 51
+DISC = np.int64(51)  # place of the sample on the unit disc of lights with an extent, x and y
+WIDTH = 53
 ON_THIS_SIDE, ON_BOTH_SIDES = 1.0, 2.0
 LIGHTING = 14  # columns that lighting writes, see `lighting_column`
 # Of `Scratch.layers`, behind the film's: of a ray its transmittance and where it goes on; of a packet where its rays

@@ -19,8 +19,8 @@ from ..kernel.jit import inline
 from ..kernel.simd import WIDE, count, highest, lane_numbers, load_row, lowest, pick, select, some, store_row
 from ..kernel.vector import add, choose, dot, mirror, multiply, scale, subtract, triple, unit
 from ..lights.environment import cone_visibility, harmonic_irradiance, map_radiance, sky_irradiance, sky_radiance
-from ..lights.kernels import cannot_matter_in, incident, towards
-from ..lights.layout import DIFFUSE, SPECULAR
+from ..lights.kernels import cannot_matter_in, incident, towards, towards_disc
+from ..lights.layout import DIFFUSE, RADIUS, SPECULAR
 from . import layout
 from .interaction import CONSTANT, FLAT, next_object
 from .layout import BEHIND, BLACK, BOOK, CULLED, OFF, UNOBSTRUCTED, UNREACHED, load3, store3
@@ -221,6 +221,10 @@ def light_packet(packet, items, used, geometry, lights, style, scratch):
         if style.shadows and scratch.hidden[a]:
             if style.shading in (CONSTANT, FLAT):  # the light is the face's, δ(p, j) the sample's
                 l, distance = towards(lights.kinds[j], lights.parameters[j], origin)
+            if lights.parameters[j, RADIUS] > 0.0:
+                x = load_row(packet, layout.DISC)
+                y = load_row(packet, layout.DISC + 1)
+                l, distance = towards_disc(lights.kinds[j], lights.parameters[j], (l, distance), x, y)
             lit, part = transmittance(geometry, scratch, bright, origin, l, distance)
         elif style.shadows:
             counts[UNOBSTRUCTED] += count(bright)

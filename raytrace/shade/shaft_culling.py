@@ -16,7 +16,7 @@ from ..kernel.arrays import aligned
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, load_row, select, some
 from ..kernel.vector import add, scale, subtract, triple
-from ..lights.layout import DIRECTION, DIRECTIONAL, POSITION
+from ..lights.layout import DIRECTION, DIRECTIONAL, POSITION, RADIUS
 from ..mesh.placement import NEAR
 from ..types import Float32s, Float64s, Int64s
 
@@ -99,7 +99,8 @@ def obstructed(boxes, farthest, start, shift, kind, row):
         end, around = scale(-farthest, triple(row, DIRECTION)), start
     else:
         end, around = triple(row, POSITION), shift
-    margin = (slack, slack, slack)
+    margin = slack + row[RADIUS] * (farthest if kind == DIRECTIONAL else 1.0)
+    margin = (margin, margin, margin)
     end_low = subtract(add(end, around[0]), margin)
     end_high = add(add(end, around[1]), margin)
     for box in boxes:

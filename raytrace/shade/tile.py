@@ -13,9 +13,10 @@ from ..kernel.arrays import unrefcounted_view
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, count, double, gather, lane_numbers, load_row, pick, select, single, some, store_row
 from ..kernel.vector import multiply, scale, triple
+from ..lights.layout import RADIUS
 from ..materials.alpha_filter import MET_ALPHA, STEP
 from . import layout
-from .camera_rays import aim
+from .camera_rays import aim, write_discs
 from .film import (
     BITS,
     FIRST,
@@ -154,6 +155,9 @@ def trace_samples(scene, view, style, scratch, corner, work, samples):
     of_packet = WIDE // batch
     opacity = scene.geometry.opacity
     traced = packets
+    extended = False  # whether some light is more than a point
+    for light in scene.lights.parameters:
+        extended |= light[RADIUS] > 0.0
     if opacity is not None:
         begin_layers(scratch, packets)
     while traced > 0:  # once, where all surfaces are opaque
@@ -177,6 +181,8 @@ def trace_samples(scene, view, style, scratch, corner, work, samples):
                     scratch.rays[TNEAR, lane] = scratch.layers[ray // WIDE, BEGIN, ray % WIDE]
             items = trace_packet(scene, view, style, scratch, e, start, there)
             store_row(scratch.items, e, items)
+            if extended:
+                write_discs(scratch.points[e], view, x, y, select(there, sample, 0))
             scratch.counts[PRIMARY] += count(there)
             scratch.counts[BACKGROUND] += count(there & (items < 0)) * len(scene.lights.kinds)
         if style.shading != GOURAUD:

@@ -60,11 +60,14 @@ NonNegative = Annotated[float, Field(ge=0, lt=inf)]
 Length = Annotated[float, Field(ge=1e-100, le=1e100)]  # products of a few neither vanish nor overflow
 Slope = Annotated[float, Field(ge=1e-6, le=100)]
 Index = Annotated[float, Field(ge=1, le=1e6)]
+ConductorIndex = Annotated[float, Field(ge=0.01, le=1e6)]
+Extinction = Annotated[float, Field(ge=0, le=1e6)]
 Exponent = Annotated[float, Field(gt=0, le=1e6)]
 Smoothness = Annotated[float, Field(ge=0, lt=1)]
 Spacing = Annotated[float, Field(ge=1e-3, le=1e6)]
 Angle = Annotated[float, Field(ge=0, le=pi / 2, description="radians in [0, π/2]")]
 HalfAngle = Annotated[float, Field(gt=0, le=90, description="degrees in (0, 90]")]
+Diameter = Annotated[float, Field(ge=0, le=90, description="degrees in [0, 90]")]
 Nanometres = Annotated[float, Field(ge=1e-3, le=1e7)]
 Number = Annotated[float, BeforeValidator(_number)]  # no text that reads as one
 Whole = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
@@ -75,12 +78,16 @@ if TYPE_CHECKING:  # three are kept, one number may be given
     Reflectance = tuple[float, float, float] | Any
     Radiance = Reflectance
     Indices = Reflectance
+    ConductorIndices = Reflectance
+    Extinctions = Reflectance
     Wavelengths = Reflectance
     Lengths = Reflectance
 else:
     Reflectance = Annotated[tuple[Fraction, Fraction, Fraction], BeforeValidator(triple)]
     Radiance = Annotated[tuple[NonNegative, NonNegative, NonNegative], BeforeValidator(triple)]
     Indices = Annotated[tuple[Index, Index, Index], BeforeValidator(triple)]
+    ConductorIndices = Annotated[tuple[ConductorIndex, ConductorIndex, ConductorIndex], BeforeValidator(triple)]
+    Extinctions = Annotated[tuple[Extinction, Extinction, Extinction], BeforeValidator(triple)]
     Wavelengths = Annotated[tuple[Nanometres, Nanometres, Nanometres], BeforeValidator(triple)]
     Lengths = Annotated[tuple[Length, Length, Length], BeforeValidator(triple)]
 Point = Annotated[tuple[Finite, Finite, Finite], BeforeValidator(_listed)]

@@ -21,11 +21,11 @@ def lambert(rho, n, l, v):
     return rho / PI * pos(n @ l)
 
 
-def phong(k_d, k_s, m, n, l, v, halfway=False, cosine=False):
+def phong(k_d, k_s, m, n, l, v, halfway=False, weight=lambda cosine: 1.0):
     if n @ l <= 0:
         return 0.0
     s = pos(n @ unit(l + v)) ** m if halfway else pos((2 * (n @ l) * n - l) @ v) ** m
-    return k_d * (n @ l) + k_s * s * (n @ l if cosine else 1.0)
+    return k_d * (n @ l) + k_s * s * weight(n @ l)
 
 
 def fresnel(eta, c):
@@ -33,7 +33,20 @@ def fresnel(eta, c):
     return 0.5 * ((g - c) / (g + c)) ** 2 * (1 + ((c * (g + c) - 1) / (c * (g - c) + 1)) ** 2)
 
 
-def cook_torrance(rho, k_s, eta, n, l, v, distribution, book=False, colour=None):
+def conductor_fresnel(eta, k, c):
+    """The amplitudes of Fresnel's equations, complex, by Snell's law."""
+    index = complex(eta, -k)
+    transmitted = np.sqrt(1 - (1 - c**2) / index**2)
+    across = (c - index * transmitted) / (c + index * transmitted)
+    within = (index * c - transmitted) / (index * c + transmitted)
+    return (abs(across) ** 2 + abs(within) ** 2) / 2
+
+
+def reflectance(eta, k, c):
+    return conductor_fresnel(eta, k, c) if k else fresnel(eta, c)
+
+
+def cook_torrance(rho, k_s, eta, n, l, v, distribution, book=False, colour=None, k=None):
     """`eta` and the result are RGB; `distribution(h)` is D."""
     nl, nv = n @ l, n @ v
     if nl <= 0:
@@ -44,9 +57,10 @@ def cook_torrance(rho, k_s, eta, n, l, v, distribution, book=False, colour=None)
     h = unit(l + v)
     nh, vh = n @ h, v @ h
     g = min(1.0, 2 * nh * nv / vh, 2 * nh * nl / vh)
-    f = np.array([fresnel(e, vh) for e in eta])
+    indices = [*zip(eta, k or (0, 0, 0), strict=True)]
+    f = np.array([reflectance(*index, vh) for index in indices])
     if colour is not None:
-        f0 = np.array([fresnel(e, 1.0) for e in eta])
+        f0 = np.array([reflectance(*index, 1.0) for index in indices])
         f = (colour + (1 - colour) * np.maximum(0, f - f0) / (1 - f0)) * f.mean()
     return out + nl * k_s * distribution(h) * g * f / ((1 if book else 4) * PI * nl * nv)
 

@@ -19,7 +19,7 @@ from scenes.geometry.polyhedra import icosphere
 BALL = Mesh(*icosphere(1), source="ball")
 MODELS = (
     "Lambert", "Phong", "BlinnPhong", "CookTorrance", "EllipticalBeckmann", "OrenNayar", "PoulinFournier", "Strauss",
-    "Ward", "AshikhminShirley", "Kajiya",
+    "Ward", "AshikhminShirley", "Kajiya", "Warnock",
 )  # fmt: skip
 LIGHTS = ("PointLight", "SpotLight", "DirectionalLight", "AmbientLight")
 

@@ -41,6 +41,7 @@ PHYSICAL = [
     CookTorrance(albedo=0.5, k_s=0.6, m=0.2, eta=(1.3, 1.5, 2.4)),
     CookTorrance(albedo=0.5, k_s=0.6, m=0.5, eta=1.5, form="book", colour=(0.9, 0.5, 0.2)),
     CookTorrance(albedo=0.5, k_s=0.6, m=0.4, eta=1.5, distribution="gaussian"),
+    CookTorrance(albedo=0.5, k_s=0.6, m=0.2, eta=(0.163, 0.452, 1.431), k=(3.493, 2.262, 1.873)),
     EllipticalBeckmann(albedo=0.5, k_s=0.6, m_parallel=0.1, m_perpendicular=0.6, grain=(1, 2, 0)),
     *(
         Ward(k_d=0.2, k_s=0.6, m_parallel=0.1, m_perpendicular=0.6, grain=(1, 2, 0), form=form)
@@ -84,6 +85,21 @@ def test_white_furnace_of_conserving_mirrors(m):
     for incidence in INCIDENCES:
         assert albedo(beckmann, incidence, width=m) <= 1 + 1e-4
     assert albedo(beckmann, 0.0, width=m) > (0.99 if m <= 0.3 else 0.4)
+
+
+def test_white_furnace_of_a_conductor():
+    """All but its absorption comes back at normal incidence, and no more than the light anywhere."""
+    gold = CookTorrance(albedo=0, m=0.05, eta=0.163, k=3.493)
+    normal = (0.837**2 + 3.493**2) / (1.163**2 + 3.493**2)
+    assert albedo(gold, 0.0, width=0.05) == pytest.approx(normal, rel=2e-3)
+    assert gold.gloss().normal[0] == pytest.approx(normal)
+    for incidence in INCIDENCES:
+        assert albedo(gold, incidence, width=0.05) <= 1 + 1e-4
+
+
+def test_an_index_below_one_wants_an_extinction():
+    with pytest.raises(OptionError, match=r"eta\[1\]: expected a number in \[1, 1e6\] where k is 0, got 0.4"):
+        CookTorrance(albedo=0, m=0.2, eta=(1.5, 0.4, 1), k=(0, 0, 3))
 
 
 @pytest.mark.parametrize("m", [0.1, 0.4, 1.0])

@@ -16,10 +16,12 @@ from raytrace import (
     PoulinFournier,
     Strauss,
     Ward,
+    Warnock,
 )
-from raytrace.brdf.microfacet import fresnel
+from raytrace.brdf.microfacet import conductor_fresnel, fresnel
 from raytrace.brdf.models.cook_torrance import gaussian_constant
 from raytrace.brdf.models.strauss import fresnel_like, shadowing
+from raytrace.errors import OptionError
 from raytrace.materials.reflect import reflect
 
 GRAIN = np.array([0.3, 0.9, -0.2])
@@ -57,6 +59,37 @@ def test_dielectric_fresnel():
     assert [fresnel(1.0, c) for c in (0.0, 0.3, 1.0)] == pytest.approx([0, 0, 0], abs=1e-30)
 
 
+@pytest.mark.parametrize(("eta", "k"), [(0.163, 3.493), (1.431, 1.873), (0.01, 1e-3), (2.4, 1e-5), (1e6, 1e6), (1, 1)])
+def test_conductor_fresnel(eta, k):
+    for cosine in (0.0, 1e-3, 0.1, 0.5, 0.9, 1.0):
+        expected = plain.conductor_fresnel(eta, k, cosine)
+        assert conductor_fresnel(eta, k, cosine) == pytest.approx(expected, rel=1e-9)
+    assert conductor_fresnel(eta, k, 0.0) == 1.0
+    normal = ((eta - 1) ** 2 + k**2) / ((eta + 1) ** 2 + k**2)
+    assert conductor_fresnel(eta, k, 1.0) == pytest.approx(normal, rel=1e-12)
+
+
+@pytest.mark.parametrize(("name", "coefficients"), [("one", [1]), ("cosine", np.array([0, 1]))])
+def test_named_weights_are_polynomials(name, coefficients):
+    named = Phong(k_d=0.3, k_s=0.6, weight=name)
+    given = Phong(k_d=0.3, k_s=0.6, weight=coefficients)
+    assert given.pack().row.tolist() == named.pack().row.tolist()
+    assert given.to_dict()["weight"] == list(coefficients)
+
+
+@pytest.mark.parametrize(
+    "weight", ["two", 1, [], [1] * 7, [0, 1.001], [0.1, -0.2], ["1"], [[1]], [float("nan")], [True]]
+)
+def test_a_weight_is_a_share(weight):
+    with pytest.raises(OptionError, match=r"Phong: weight: expected .*up to six coefficients"):
+        Phong(k_d=0.3, weight=weight)
+
+
+def test_conductor_fresnel_tends_to_the_dielectric_s():
+    for cosine in (0.0, 0.3, 1.0):
+        assert conductor_fresnel(1.5, 2e-6, cosine) == pytest.approx(fresnel(1.5, cosine), rel=1e-9)
+
+
 def test_strauss_end_points():
     assert [fresnel_like(0.0), shadowing(1.0)] == pytest.approx([0, 0], abs=1e-12)
     assert [fresnel_like(1.0), shadowing(0.0)] == pytest.approx([1, 1], abs=1e-12)
@@ -70,13 +103,22 @@ def test_strauss_specular_uses_the_paper_s_angle():
 
 
 ETA = np.array([1.3, 1.5, 2.4])
+GOLD = {"eta": (0.163, 0.452, 1.431), "k": (3.493, 2.262, 1.873)}
+GLASS = (1.0, -4.8, 9.6, -9.6, 4.8, -0.96)  # of .04 + .96 (1 − cosθ)⁵
 COLOUR = np.array([0.9, 0.6, 0.2])
 MODELS = {
     "lambert": (Lambert(albedo=0.7), lambda n, l, v, g: plain.lambert(0.7, n, l, v)),
+    "warnock": (Warnock(albedo=0.7), lambda n, l, v, g: 0.7 if n @ l > 0 else 0.0),
     "phong": (Phong(k_d=0.3, k_s=0.6, exponent=7.5), lambda n, l, v, g: plain.phong(0.3, 0.6, 7.5, n, l, v)),
     "phong, W = cosine": (
         Phong(k_d=0.3, k_s=0.6, exponent=7.5, weight="cosine"),
-        lambda n, l, v, g: plain.phong(0.3, 0.6, 7.5, n, l, v, cosine=True),
+        lambda n, l, v, g: plain.phong(0.3, 0.6, 7.5, n, l, v, weight=lambda cosine: cosine),
+    ),
+    "blinn, W of one's own": (
+        BlinnPhong(k_d=0.3, k_s=0.6, exponent=7.5, weight=GLASS),
+        lambda n, l, v, g: plain.phong(
+            0.3, 0.6, 7.5, n, l, v, True, weight=lambda cosine: 0.04 + 0.96 * (1 - cosine) ** 5
+        ),
     ),
     "blinn": (
         BlinnPhong(k_d=0.3, k_s=0.6, exponent=40),
@@ -93,6 +135,16 @@ MODELS = {
     "cook_torrance, shifted colour": (
         CookTorrance(albedo=0.4, k_s=0.7, m=0.3, eta=tuple(ETA), colour=tuple(COLOUR)),
         lambda n, l, v, g: plain.cook_torrance(0.4, 0.7, ETA, n, l, v, plain.beckmann(n, 0.3), colour=COLOUR),
+    ),
+    "cook_torrance, gold": (
+        CookTorrance(albedo=0.4, k_s=0.7, m=0.3, **GOLD),
+        lambda n, l, v, g: plain.cook_torrance(0.4, 0.7, GOLD["eta"], n, l, v, plain.beckmann(n, 0.3), k=GOLD["k"]),
+    ),
+    "cook_torrance, gold of shifted colour": (
+        CookTorrance(albedo=0.4, k_s=0.7, m=0.3, colour=tuple(COLOUR), **GOLD),
+        lambda n, l, v, g: plain.cook_torrance(
+            0.4, 0.7, GOLD["eta"], n, l, v, plain.beckmann(n, 0.3), colour=COLOUR, k=GOLD["k"]
+        ),
     ),
     "cook_torrance, Gaussian": (
         CookTorrance(albedo=0.4, k_s=0.7, m=0.3, eta=tuple(ETA), distribution="gaussian", gaussian_c=2.0),
