@@ -16,7 +16,7 @@ def along_floor(count=60):
     return np.stack([x, 0 * x, 0 * x], axis=1), np.tile([0, 0, 7.0], (count, 1))
 
 
-@pytest.mark.parametrize("options", [{"samples": 2048}, {"samples": 2048, "denoise": False}, {"tolerance": 0.005}])
+@pytest.mark.parametrize("options", [{"samples": 2500}, {"samples": 2500, "denoise": False}, {"tolerance": 0.005}])
 def test_points_in_space_beside_a_wall(options):
     points, normals = along_floor()
     baked = ao.bake_points(WALL, points, normals, falloff=ao.Exponential(tau=1.0), **options)
