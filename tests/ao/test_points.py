@@ -77,7 +77,7 @@ def test_points_without_a_normal_and_what_is_refused():
         ao.bake_points(WALL, points[0], normals)
     with pytest.raises(MeshError, match="finite"):
         ao.bake_points(WALL, points + np.inf, normals)
-    with pytest.raises(MeshError, match="two points"):
+    with pytest.raises(MeshError, match="at least two"):
         ao.bake_points(None, points[:1], normals[:1])
     with pytest.raises(TypeError):
         ao.bake_points(WALL, points, normals, sample=3)
