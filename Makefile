@@ -86,8 +86,7 @@ pictures: install ## the pictures of docs: gallery, temple, the models' spheres,
 	$(BIN)/python -m benchmarks.pictures.model_strips
 	$(BIN)/python -m benchmarks.pictures.tutorials
 	$(BIN)/python -m benchmarks.pictures.half_distances
-	$(BIN)/python -m benchmarks.pictures.ground
-	$(BIN)/python -m benchmarks.pictures.objects
+	$(BIN)/python -m benchmarks.pictures.occluders
 	$(BIN)/python -m benchmarks.pictures.rays
 	$(BIN)/python -m benchmarks.pictures.high
 	$(BIN)/python -m benchmarks.pictures.terrain

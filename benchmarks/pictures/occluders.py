@@ -1,7 +1,7 @@
-"""The strip of docs/bake.md: `python -m benchmarks.pictures.objects`, part of `make pictures`.
+"""The strips of docs/bake.md: `python -m benchmarks.pictures.occluders`, part of `make pictures`.
 
-w of a plate with a ball and a ring on it: as it is, with only the plate receiving, with a ring that casts nothing, and
-without the ring.
+w of a ring: alone, over a ground plane, and with a wall behind it, which occludes and is not shown. And w of a plate
+with a ball and a ring on it: as it is, with only the plate receiving, with a ring that casts nothing, and without it.
 """
 
 from __future__ import annotations
@@ -15,18 +15,28 @@ import trimesh
 import ao
 from benchmarks import ROOT
 from benchmarks.pictures.half_distances import picture
+from raytrace import Mesh
 from raytrace.image.write import write_image
 from scenes.formats.load import MeshFile
 from scenes.formats.objects import select_objects
 from scenes.geometry.instances import Instance, flatten
 from scenes.geometry.polyhedra import icosphere
 
-TARGET = ROOT / "docs" / "objects.png"
+TURN = trimesh.transformations.rotation_matrix(np.pi / 2, (1, 0, 0))
 OPTIONS = ((), (), ()), (("plate",), (), ()), ((), ("!ring",), ()), ((), (), ("ring",))
 """Of each picture: what receives, casts and is excluded."""
 
 
-def main() -> None:
+def ground() -> list[np.ndarray]:
+    made = trimesh.creation.torus(1.0, 0.3, 96, 48)
+    made.apply_transform(TURN)
+    ring = Mesh(made.vertices, made.faces, up="z")
+    wall = Mesh([(-9, 0.4, -9), (9, 0.4, -9), (9, 0.4, 9), (-9, 0.4, 9)], [[0, 1, 2], [0, 2, 3]])
+    occluders = [], [ao.ground(ring)], [ao.ground(ring), wall]
+    return [picture(ring, ao.bake(ring, samples=1024, occluders=each).w, 1.0) for each in occluders]
+
+
+def objects() -> list[np.ndarray]:
     plate = trimesh.creation.box((4.4, 3.2, 0.2)).subdivide_loop(5).apply_translation((0.5, 0, -0.1))
     ring = trimesh.creation.torus(0.8, 0.22, 96, 48).apply_translation((1.5, 0, 0.25))
     ball = icosphere(5)[0] * 0.8 + (-0.6, 0, 0.82), icosphere(5)[1]
@@ -35,9 +45,14 @@ def main() -> None:
     source = MeshFile(Path("table.obj"), *flatten(placed, "table.obj"))
     chosen = [select_objects(source, *options) for options in OPTIONS]
     bakes = [ao.bake(each.mesh, samples=256, only=each.only) for each in chosen]
-    shown = [picture(replace(each.mesh, opacity=None), each.w, 1.0) for each in bakes]
-    write_image(TARGET, np.concatenate(shown, axis=1))
-    print(TARGET)
+    return [picture(replace(each.mesh, opacity=None), each.w, 1.0) for each in bakes]
+
+
+def main() -> None:
+    for name, strip in (("ground", ground()), ("objects", objects())):
+        target = ROOT / "docs" / f"{name}.png"
+        write_image(target, np.concatenate(strip, axis=1))
+        print(target)
 
 
 if __name__ == "__main__":
