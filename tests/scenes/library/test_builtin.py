@@ -21,7 +21,7 @@ COUNTS = {  # objects, shapes, lights
     "cornell": (9, 7, 2),
     "temple": (2, 2, 2),
     "sponge": (2, 2, 2),
-    "materials": (len(PRESETS) + 4, len(PRESETS) + 4, 4),
+    "materials": (len(PRESETS) + 5, len(PRESETS) + 5, 4),
     "metals": (9, 9, 2),
     "still_life": (12, 8, 3),
 }
