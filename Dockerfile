@@ -1,7 +1,7 @@
 # obscurance with its kernels, for any processor from x86-64-v3 on:
 #   docker build -t obscurance .
-#   docker run --rm -v "$PWD:/work" --user "$(id -u)" obscurance          # the demo, into ./demo
-#   docker run --rm -v "$PWD:/work" --user "$(id -u)" obscurance bake demo/temple.ply -o temple.glb
+#   docker run --rm -v "$PWD:/data" --user "$(id -u)" obscurance          # the demo, into ./demo
+#   docker run --rm -v "$PWD:/data" --user "$(id -u)" obscurance bake demo/temple.ply -o temple.glb
 FROM python:3.14-slim AS build
 RUN apt-get update && apt-get install --yes --no-install-recommends gcc libc6-dev
 WORKDIR /source
@@ -17,6 +17,6 @@ RUN --mount=type=bind,from=build,source=/wheels,target=/wheels \
     python -m pip install --no-cache-dir "$(echo /wheels/*.whl)[unwrap,formats]" \
  && useradd --create-home obscurance
 USER obscurance
-WORKDIR /work
+WORKDIR /data
 ENTRYPOINT ["obscurance"]
 CMD ["demo", "--output", "demo"]

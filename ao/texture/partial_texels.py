@@ -41,12 +41,12 @@ def find_partial(marks, crowding, layered, how):
     """
     marks = unrefcounted_view(marks)
     for i in range(len(how)):
-        hits, crowd, overlapping = 0, 0.0, marks.overlapping[i]
+        hits, most_crowding, overlapping = 0, 0.0, marks.overlapping[i]
         for k in range(SLOTS):
             if marks.triangle[i, k] >= 0:
                 hits += 1
-                crowd = max(crowd, crowding[marks.triangle[i, k]])
-        crowded = crowd >= _CROWDED and (layered or not overlapping)
+                most_crowding = max(most_crowding, crowding[marks.triangle[i, k]])
+        crowded = most_crowding >= _CROWDED and (layered or not overlapping)
         sought = hits < SLOTS or crowded or (overlapping and layered)
         how[i] = NOT_SOUGHT
         if sought and marks.reaching[i] > 0:
@@ -118,16 +118,16 @@ def _sample_area(corners, crowding, listed, texel, offset, scratch, out):
 def _measure(corners, crowding, listed, texel, clipped):
     """The area of all parts of triangles in a texel, and how many samples it should have: more of several parts, or
     where many texels of an even layout would show as much of the surface."""
-    total, crowd, parts = 0.0, 0.0, 0
+    total, weighted, parts = 0.0, 0.0, 0
     for t in listed:
         area, _ = clip_to_texel(corners[t], texel, clipped)
         if _is_part(area, corners[t]):
             total += area
-            crowd += area * crowding[t]
+            weighted += area * crowding[t]
             parts += 1
-    if parts <= 1 and crowd < _CROWDED:
+    if parts <= 1 and weighted < _CROWDED:
         return total, SLOTS * parts
-    return total, _MORE if crowd < _FULL else MOST
+    return total, _MORE if weighted < _FULL else MOST
 
 
 @inline

@@ -1,9 +1,9 @@
-"""How many of sixty bakes to a tolerance keep it, and tell the error that they have.
+"""How many of sixty bakes to a tolerance keep it, and report the error that they have.
 
     python -m benchmarks.accuracy.kept_tolerances [--seed 0] [--draws 3] [--tolerances .01 .004]
 
 Ten families of surfaces, drawn anew by seed: bumpy spheres, height fields and generated scans at two densities, and
-four on which w jumps (see `dense_meshes`). Fails if the RMSE exceeds 1.1 times the tolerance, or is told wrong by more
+four on which w jumps (see `dense_meshes`). Fails if the RMSE exceeds 1.1 times the tolerance, or is misreported by more
 than 1.4 times, in more of them than are allowed: two and one of sixty.
 """
 
@@ -19,8 +19,8 @@ from benchmarks.accuracy.dense_meshes import JUMPS, PAIRS
 from benchmarks.accuracy.density import Judgement, Truth
 from raytrace.mesh.mesh import Mesh
 
-EXCEEDED, TOLD = 1.1, 1.4  # times the tolerance and the true error
-ALLOWED = {"RMSE": 2 / 60, "error told": 1 / 60}  # parts of the bakes that may be beyond
+EXCEEDED, MISREPORTED = 1.1, 1.4  # times the tolerance and the true error
+ALLOWED = {"RMSE": 2 / 60, "error reported": 1 / 60}  # parts of the bakes that may be beyond
 
 
 def surfaces(seed: int, draws: int) -> Iterator[Mesh]:
@@ -37,13 +37,13 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=3, help="of each family")
     parser.add_argument("--tolerances", nargs="+", type=float, default=[0.01, 0.004])
     options = parser.parse_args()
-    beyond = {"RMSE": list[bool](), "error told": list[bool]()}
+    beyond = {"RMSE": list[bool](), "error reported": list[bool]()}
     for mesh in surfaces(options.seed, options.draws):
         truth = Truth.of(mesh)
         for tolerance in options.tolerances:
             bake = Judgement.of(mesh, truth, tolerance, options.seed)
             beyond["RMSE"].append(bake.rmse > EXCEEDED * tolerance)
-            beyond["error told"].append(not 1 / TOLD <= bake.told / bake.rmse <= TOLD)
+            beyond["error reported"].append(not 1 / MISREPORTED <= bake.reported / bake.rmse <= MISREPORTED)
             marks = [name for name, bakes in beyond.items() if bakes[-1]]
             print(bake.line(f"{mesh.source}, {len(mesh.vertices):,}", tolerance), *marks, flush=True)
     for name, bakes in beyond.items():

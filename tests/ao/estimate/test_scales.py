@@ -1,4 +1,4 @@
-"""Denoising over scales: on dense meshes the noise goes, jumps and creases stay, and the error that is told is true."""
+"""Denoising over scales: on dense meshes the noise goes, jumps and creases stay, and the reported error is true."""
 
 import numpy as np
 import pytest

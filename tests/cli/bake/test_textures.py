@@ -261,13 +261,13 @@ def test_coordinates_within_a_millionth_of_the_page(tmp_path, at):
 def test_faces_without_area_on_an_image_are_told(tmp_path):
     path, report = tmp_path / "palette.obj", tmp_path / "r.json"
     path.write_text(FLOOR_AND_WALL.replace("f 4/5 3/6 6/7 5/8", "f 4/5 3/5 6/5 5/5"))
-    told = "2 faces have texture coordinates without area and show texels of other faces"
-    assert told in bake(path, "-o", tmp_path / "w.png", *FEW, "--report", report).stderr
-    assert told in report.read_text()
+    warned = "2 faces have texture coordinates without area and show texels of other faces"
+    assert warned in bake(path, "-o", tmp_path / "w.png", *FEW, "--report", report).stderr
+    assert warned in report.read_text()
     glb = "-o", tmp_path / "w.glb", "--occlusion", "texture"
-    assert told in bake(path, *glb, *FEW).stderr  # there is no room for charts on 32 texels
-    assert told in bake(path, *glb, "--orm", "--samples", 16, "--size", 64).stderr
-    assert told in bake(path, "--output-dir", tmp_path / "out", "--format", "png", *FEW).stderr
+    assert warned in bake(path, *glb, *FEW).stderr  # there is no room for charts on 32 texels
+    assert warned in bake(path, *glb, "--orm", "--samples", 16, "--size", 64).stderr
+    assert warned in bake(path, "--output-dir", tmp_path / "out", "--format", "png", *FEW).stderr
 
 
 def test_charts_within_a_texel_get_larger_ones_in_a_glb(tmp_path):
@@ -276,14 +276,14 @@ def test_charts_within_a_texel_get_larger_ones_in_a_glb(tmp_path):
     small = "vt .501 .101\nvt .507 .101\nvt .507 .107\nvt .501 .107\n"
     path.write_text(FLOOR_AND_WALL.replace("f 1/1", f"{small}f 1/1").replace("4/5 3/6 6/7 5/8", "4/9 3/10 6/11 5/12"))
     line = "--samples", 64, "--size", 64, "--falloff", "binary"
-    told = "2 faces have charts smaller than a texel and show texels of other faces"
-    assert told in bake(path, "-o", tmp_path / "w.png", *line).stderr
-    assert told not in bake(path, "-o", made, "--occlusion", "texture", *line).stderr
+    warned = "2 faces have charts smaller than a texel and show texels of other faces"
+    assert warned in bake(path, "-o", tmp_path / "w.png", *line).stderr
+    assert warned not in bake(path, "-o", made, "--occlusion", "texture", *line).stderr
     found = load(made)
     assert [len(found.mesh.faces[part.faces]) for part in found.parts] == [2, 2]
     assert np.ptp(found.texture_coordinates(1)[found.parts[1].faces], axis=1).min() > 0.1
     fewer = bake(path, "-o", tmp_path / "x.png", "--samples", 8, "--size", 256)
-    assert told not in fewer.stderr
+    assert warned not in fewer.stderr
 
 
 def test_all_faces_of_a_palette_get_charts_in_a_glb(tmp_path):

@@ -66,8 +66,8 @@ def test_a_bad_file_has_its_line_and_the_others_are_baked(folder):
     assert [each["input"] for each in found["inputs"]] == [*names]
     assert [each["status"] for each in found["inputs"]] == ["done", "failed", "failed", "done"]
     assert "got none" in found["inputs"][2]["message"]
-    told = [f"warning: {line}" for each in found["inputs"] for line in each["warnings"]]
-    assert told == lines[2:]
+    warned = [f"warning: {line}" for each in found["inputs"] for line in each["warnings"]]
+    assert warned == lines[2:]
     assert len(found["inputs"][0]["sha256"]) == 64
 
 
