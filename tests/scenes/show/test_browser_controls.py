@@ -119,6 +119,9 @@ def test_the_slider_parts_two_bakes(tab, pages, tmp_path):
     assert float(address(tab)["split"]) == 0.5
 
 
+CHECKED = "document.querySelector('%s').checked"
+
+
 def test_keys_work_from_the_start_and_after_every_control(tab, pages):
     opened(tab, pages.two + HOME)
     tab.press("2")
@@ -134,6 +137,8 @@ def test_keys_work_from_the_start_and_after_every_control(tab, pages):
     ]
     for control in controls:
         tab.drag(tuple(middle_of(tab, control)))
+        if "#modes" in control:  # until the click has come
+            tab.wait(f"document.querySelector('{control}').querySelector?.('input')?.checked ?? {CHECKED % control}")
         mode = tab.run("document.querySelector('#modes input:checked').value")
         tab.run("new Promise((done) => setTimeout(() => setTimeout(done)))")  # the focus comes back later
         assert tab.run("document.activeElement.matches('canvas, select')"), control
