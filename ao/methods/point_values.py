@@ -29,6 +29,11 @@ from ..result import Bake, BakedElements, PointValues, assemble
 
 _NEIGHBOURS = 6  # of a point, over which it is denoised, and to the last of which a disc reaches
 _LIFT = 0.5  # of a disc's radius, from which rays of its point start: neighbours' discs are below that
+TAKEN = (
+    *("falloff", "samples", "tolerance", "denoise", "spread", "back_faces", "profile", "seed", "threads"),
+    "traversal",
+)
+"""The options that apply to points."""
 _RIM = np.radians(60 * np.arange(6))
 
 
@@ -49,11 +54,14 @@ def bake_points(
         points: (k, 3), in the unit of `mesh`; those on a face are taken to lie on the side of their normal.
         normals: (k, 3), axes of the hemispheres, of any length; where one is zero or NaN, w is 1.
         occluders: as `ao.bake` takes them. progress: likewise.
-        options: `falloff`, `samples`, `tolerance`, `denoise`, `spread`, `back_faces`, `profile`, `seed`, `threads`.
+        options: of `ao.bake`, those in `TAKEN`: `falloff`, `samples`, `tolerance`, `denoise`, `spread`, `back_faces`,
+            `profile`, `seed`, `threads`, `traversal`.
 
     Raises: OptionError, MeshError, MemoryLimitError, EmbreeError: as `ao.bake`, or arrays have other shapes.
     """
     start = time.perf_counter()
+    for name in options.keys() - {*TAKEN}:
+        raise TypeError(f"bake_points() got an unexpected keyword argument {name!r}")
     checked = Options(**options)
     places = _rows("points", points)
     axes = _rows("normals", normals)

@@ -33,10 +33,6 @@ if TYPE_CHECKING:
     from .plan import OpenCheckpoint, Plan
 
 
-_OF_POINTS = "falloff", "samples", "tolerance", "denoise", "spread", "back_faces", "profile", "seed", "traversal"
-"""Options that bakes of points have, too."""
-
-
 def work_size(plan: Plan, inputs: BakeInputs) -> WorkSize:
     """The size of the bake."""
     from ao.memory import column_bytes, surface_bytes, vertex_bytes
@@ -130,7 +126,9 @@ def trace(plan: Plan, inputs: BakeInputs, checkpoint: Checkpoint) -> ao.Bake:
 def _bake_cloud(plan: Plan, inputs: BakeInputs, cloud: tuple[Float64s, Float64s], advance: Progress | None) -> ao.Bake:
     """Bake the points of a cloud: among themselves, or if there are others that occlude, among these alone."""
     places, normals = cloud
-    given = {name: getattr(plan.arguments, name) for name in _OF_POINTS}
+    from ao.methods.point_values import TAKEN
+
+    given = {name: getattr(plan.arguments, name) for name in TAKEN if name != "threads"}
     walls = inputs.occluders
     alone = plan.options.occluder is None
     mesh = None if alone else walls[0]

@@ -44,9 +44,9 @@ def prune(source: Path, output: Path, seed: int, threads: int | None) -> str:
     found = unseen_faces(mesh, seed, threads)
     if found.faces.all():
         raise OptionError("mesh", "faces that something outside sees", f"{source}, without any: is it a room?")
-    content = _without(scene, placed, found.faces, ending)
-    write_bytes(output, content)
-    count = int(np.count_nonzero(found.faces))
+    gone = _gone(scene, placed, found.faces)
+    count = sum(int(np.count_nonzero(gone[name])) for _, name in placed)
+    write_bytes(output, _without(scene, gone, ending))
     text = f"{output}: {len(mesh.faces) - count:,} faces; {count:,} that nothing outside sees are gone"
     return f"{text}. Of what one of these looks at less than {found.share:.2%} is open, with 95 % confidence"
 
@@ -64,19 +64,24 @@ def _joined(scene: trimesh.Scene, placed: list[tuple[Any, str]], source: str) ->
     return Mesh(np.concatenate(vertices), np.concatenate(faces), source=source)
 
 
-def _without(scene: trimesh.Scene, placed: list[tuple[Any, str]], unseen: Bools, ending: str) -> bytes:
-    """The file without faces that are unseen in every instance."""
+def _gone(scene: trimesh.Scene, placed: list[tuple[Any, str]], unseen: Bools) -> dict[str, Bools]:
+    """The faces of each geometry that are unseen in all of its instances."""
     hidden: dict[str, Bools] = {}
     start = 0
     for _, name in placed:
         stop = start + len(scene.geometry[name].faces)
         hidden[name] = hidden.get(name, np.True_) & unseen[start:stop]
         start = stop
-    for name, gone in hidden.items():
-        if gone.all():
+    return hidden
+
+
+def _without(scene: trimesh.Scene, gone: dict[str, Bools], ending: str) -> bytes:
+    """The file without some faces of each geometry."""
+    for name, faces in gone.items():
+        if faces.all():
             scene.delete_geometry(name)
-        elif gone.any():
-            scene.geometry[name].update_faces(~gone)
+        elif faces.any():
+            scene.geometry[name].update_faces(~faces)
             scene.geometry[name].remove_unreferenced_vertices()
     if ending == ".glb":
         content: bytes = scene.export(file_type="glb")

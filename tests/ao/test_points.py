@@ -80,7 +80,7 @@ def test_points_without_a_normal_and_what_is_refused():
     with pytest.raises(MeshError, match="at least two"):
         ao.bake_points(None, points[:1], normals[:1])
     with pytest.raises(TypeError):
-        ao.bake_points(WALL, points, normals, sample=3)
+        ao.bake_points(WALL, points, normals, interior="mark")
 
 
 def test_the_same_bits_for_any_number_of_threads():

@@ -27,7 +27,7 @@ def engine(tmp_path, monkeypatch):
 def test_the_engine_goes_and_materials_stay(engine):
     done = obscurance("prune", "car.glb", "-o", "out.glb")
     assert done.returncode == 0, done.stderr
-    assert "out.glb: 24 faces; 92 that nothing outside sees are gone" in done.stdout
+    assert "out.glb: 36 faces; 80 that nothing outside sees are gone" in done.stdout
     found = trimesh.load_scene("out.glb")
     assert {name: len(part.faces) for name, part in found.geometry.items()} == {"body": 12, "wheel": 12}
     assert found.geometry["body"].visual.material.name == "red"
