@@ -93,7 +93,8 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     vertices = prepared.placement.vertices
     each = "face" if options.at == "faces" else "vertex"
     if options.both_sides:
-        below = call_checked(bake, options, mesh.reversed(), both_sides=False)
+        below = call_checked(bake, options, mesh.reversed(), both_sides=False, checkpoint=None)
+        baked.seconds["bake"] += sum(below.seconds.values())
         baked = replace(baked, below=below, rays=baked.rays + below.rays)
     return replace(baked, shortfalls=shortfalls(options, max(baked.rmses), values.samples, each, solid, vertices))
 

@@ -1,4 +1,4 @@
-"""w of faces: the mean over samples spread over each face, less what its hemispheres have below the face."""
+"""w of faces: the mean over samples spread over each, whose hemispheres are about the face's own normal."""
 
 import numpy as np
 
