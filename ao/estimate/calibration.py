@@ -68,6 +68,12 @@ def shrunk_to_mean(squared: Float64s, typical: float = _TYPICAL) -> Float64s:
     return squared + typical * (np.mean(squared) - squared) if len(squared) else squared
 
 
+def variance_line(typical: float, level: float) -> tuple[float, float]:
+    """The slope and the value at 0 by which `distribute_variance` makes variances from spreads of mean `typical`."""
+    freedom = BATCHES - 1 if typical else 0
+    return level * freedom / (max(typical, 1e-300) * (freedom + 1)), level / (freedom + 1)
+
+
 def distribute_variance(spread: Float64s, level: float, typical: float | None = None) -> Float64s:
     """Variances (k,) of mean `level`, distributed as the `spread` (k,) between each point's batches.
 
@@ -75,7 +81,5 @@ def distribute_variance(spread: Float64s, level: float, typical: float | None = 
     """
     if typical is None:
         typical = float(np.mean(spread)) if len(spread) else 0.0
-    if typical == 0:
-        return np.full(len(spread), level)
-    freedom = BATCHES - 1
-    return level / typical * (freedom * spread + typical) / (freedom + 1)
+    slope, at_zero = variance_line(typical, level)
+    return slope * spread + at_zero

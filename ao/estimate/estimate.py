@@ -23,7 +23,7 @@ from .one_ring import Neighbours
 from .sampling_error import derive, sampling_variance
 from .scales import denoise_over_scales
 from .tolerance import Estimate, estimate_to
-from .upsampling import coarsened, extrapolate, nearest_baked
+from .upsampling import Cells, extrapolate, nearest_baked
 
 _CALIBRATION_SHARE = 32
 _CALIBRATION_LEAST = 128
@@ -157,20 +157,21 @@ def estimate_outside(
     neighbours = neighbours_of(np.arange(len(points)))
     nearest = nearest_baked(neighbours, ~inside)
     nearest[nearest < 0] = np.flatnonzero(nearest < 0)
-    graph, kept, cell = coarsened(neighbours, nearest, points.normals)
+    cells = Cells.of(nearest)
+    kept = cells.centres
     traced = points[kept]
+    graph = cells.joined(neighbours, traced.normals)
     subset = corners.only(kept)
-    filled = np.delete(np.arange(len(points)), kept)
     values = estimate(tracer, traced, subset, lambda rows: neighbours_of(kept[rows]), options)
     known = np.column_stack([values.rows, values.variance])
     if options.tolerance is not None:  # an error at the edge of the hidden points stands for many
         edge = np.zeros(len(kept), np.bool_)
-        edge[cell[filled]] = True
+        edge[np.diff(cells.starts) > 1] = True
         edge[graph.indices[np.repeat(edge, np.diff(graph.starts))]] = True
         edge[subset.rows] = False
         key = derive(seed_key(options.seed), 6)
         typical = values.samples - values.spared // len(kept)
         again = traced_twice(tracer, traced[edge], min(2 * typical, options.rays), key)(None)
         known[edge] = np.column_stack([again.rows, again.variance])
-    rows = extrapolate(points, filled, graph, kept, cell, known)
-    return replace(values, rows=rows[:, :4], variance=rows[:, 4]), len(filled)
+    rows = extrapolate(points, cells, graph, known)
+    return replace(values, rows=rows[:, :4], variance=rows[:, 4]), len(points) - len(kept)
