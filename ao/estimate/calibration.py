@@ -58,9 +58,13 @@ def calibration_factor(expected: Float64s, squared: Float64s, everywhere: Float6
     mean = float(np.mean(expected)) if len(expected) else 0.0
     if mean <= 0 or len(squared) <= 1:
         return 1.0
-    uneven = float(np.mean(everywhere**2) / np.mean(everywhere) ** 2)
+    uneven = float(mean_square(everywhere) / np.mean(everywhere) ** 2)
     scatter = (float(np.var(squared)) / mean**2 + 2 * uneven) / len(squared)
     return float(np.clip(_USUAL + (float(np.mean(squared)) / mean - _USUAL) / (1 + scatter / _DOUBT**2), 1 / 3, 3))
+
+
+def mean_square(values: Float64s) -> float:
+    return float(np.einsum("i,i", values, values)) / max(len(values), 1)
 
 
 def shrunk_to_mean(squared: Float64s, typical: float = _TYPICAL) -> Float64s:
