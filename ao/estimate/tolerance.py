@@ -164,7 +164,7 @@ def _add_rays(
     how many the points have, (k,), and what these are worth, (k,)."""
     tracer.expected = tracer.rays + int(more.sum())
     rays, worth = counts
-    for count in np.unique(more[more > 0]).tolist():
+    for count in (np.flatnonzero(np.bincount(more)[1:]) + 1).tolist():
         which = np.flatnonzero(more == count)
         subset = points[which] if len(which) < len(points) else points
 
