@@ -19,11 +19,12 @@ from ..points.corners import CornerSamples
 from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, BENT, VALUES, W
 from .calibration import Calibration, calibration_factor, distribute_variance, shrunk_to_mean
+from .cells import Cells, nearest_baked
 from .one_ring import Neighbours
 from .sampling_error import derive, sampling_variance
 from .scales import denoise_over_scales
 from .tolerance import Estimate, estimate_to
-from .upsampling import Cells, extrapolate, nearest_baked
+from .upsampling import extrapolate
 
 _CALIBRATION_SHARE = 32
 _CALIBRATION_LEAST = 128

@@ -24,9 +24,10 @@ from raytrace.types import Float32s, Float64s, Int32s, Int64s
 from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, COLUMNS
 from .calibration import shrunk_to_mean, variance_line
+from .cells import Cells
 from .one_ring import Neighbours
 from .shrinkage import denoise
-from .upsampling import Cells, upsample
+from .upsampling import upsample
 
 _LEVELS = 3  # above the points
 _FEWEST = 1024  # points of a level that is worth one above it

@@ -222,7 +222,8 @@ def _weigh(leaning, rough, at, near, first, last):
 
 
 def _ridge_regression(at: _Fields, threads: int) -> tuple[Float64s, Float64s]:
-    """Coefficients (3,) of `residual` by `unlike`, near 0 where few points or like columns leave them open; root mean squares (3,) of columns."""
+    """Coefficients (3,) of what is `unlike` in residuals, near 0 where few points or like columns leave them open; root
+    mean squares (3,) of its columns."""
     count = max(len(at.w), 1)
     parts = np.zeros((-(-count // _SUMMED), 3, 4))
     run_blocks(len(at.w), _SUMMED, bind(_sum_moments, at, parts), threads)

@@ -24,24 +24,14 @@ from ..rays.gather import BATCH_VARIANCE, BENT, COLUMNS, W
 from .calibration import Calibration, calibration_factor, mean_square
 from .inside import holes
 from .one_ring import Neighbours
+from .ray_plan import BATCH, fall_of, first_rays, rays_to_add
 from .sampling_error import RATE, TYPICAL, derive, sampling_variance, stratified_rows
 from .scales import denoise_over_scales
 
 _AIM = 0.92  # times the goal is aimed at: a few rays more, later, are worth little
 _FARTHEST = 20.0  # times that the squared error may have to fall for the rays to be foreseen; else some come before
 _NEAR, _UNEVEN = 2.0, 2.5  # the same at jumps of w, where its mean square is so many times its squared mean
-_FIRST, _FEWEST = 0.048, 8  # rays at first, times the tolerance, and at least: with fewer, single jumps stay unseen
-_BATCH = 4  # rays are added in multiples of these
 _ROUNDS = 8  # of adding rays, at most
-_FEW_POINTS, _PLENTY = 1 << 15, 0.64  # all points have so many rays together at first, but a point so many / tolerance
-_SHARED = 0.2  # variance of a neighbours' mean, relative to one neighbour's
-_UNEXPLAINED = 0.06  # part of the squared distance from a neighbours' mean that typical predictions leave
-_GAINED = 0.7  # of what shrinking all alike would gain: roughness is not the same everywhere
-_FALL = 1.08  # the mean square error of denoised values falls as n^−1.08 with n rays a point, or faster
-_WORK = 0.6  # the time that n rays of a point take grows as n^.6, for they share their walk
-_STEPS = np.array([0, 1, *(k << power for power in range(16) for k in (2, 3))])  # batches that a round may add
-_SAMPLED = 1 << 14  # points by which rays are planned
-_LEAST = 1e-12  # of squared errors that rays are planned for
 _BLOCK = 1 << 12  # points
 _PROBED, _FEWEST_PROBES, _MOST_PROBES = 16, 96, 1024  # one point in how many is probed, at least and at most
 _SCATTER = 5.0  # variance of a squared error that two estimates with as large an error measure, relative to its square
@@ -97,15 +87,13 @@ def estimate_to(
         goal = tolerance**2 / (1 + probes.doubt)
         rays = np.zeros(len(points), np.int64)
         worth = np.zeros(len(points))
-        more = np.full(len(points), min(_first_rays(tolerance, len(points)), max_samples))
+        more = np.full(len(points), min(first_rays(tolerance, len(points)), max_samples))
         gathered = [np.zeros((len(points), COLUMNS)) for _ in range(tracer.columns)]
         for turn in range(_ROUNDS):
             found = list[_Round]()  # lets go of the last ones
             tracer.stage = f"rays, round {turn + 1}"
             _add_rays(tracer, points, gathered, (rays, worth), more, derive(key, 16 + turn))
-            found = [
-                _Round.of(points, neighbours, rows, worth, probes, column) for column, rows in enumerate(gathered)
-            ]
+            found = [_Round.of(points, neighbours, rows, worth, probes, column) for column, rows in enumerate(gathered)]
             means = [float(np.mean(each.error)) for each in found]
             column = int(np.argmax(means))
             if means[column] <= goal or (rays >= max_samples).all():
@@ -118,38 +106,16 @@ def estimate_to(
             farthest = _FARTHEST if mean_square(error) < _UNEVEN * np.mean(error) ** 2 else _NEAR
             aim = goal * (_AIM if beyond < farthest else beyond ** (2 / 3))
             raw = gathered[column][:, W]
-            fall = _fall(neighbours, raw, probes.level(raw, worth, column), means[column], aim)
-            more = np.minimum(_rays_to_add(error, worth, max_samples, aim, fall, tracer.threads), max_samples - rays)
+            fall = fall_of(neighbours, raw, probes.level(raw, worth, column), means[column], aim)
+            more = np.minimum(rays_to_add(error, worth, max_samples, aim, fall, tracer.threads), max_samples - rays)
         most = int(rays.max())
         spared = most * len(rays) - int(rays.sum())
         tracer.planned = [
             Estimate(np.column_stack([each.w, rows[:, BENT:]]), each.error, most, spared, each.calibration)
             for each, rows in zip(found, gathered, strict=True)
         ]
-    return tracer.planned[tracer.column]
-
-
-def _first_rays(tolerance: float, count: int) -> int:
-    """Rays at first: few, more where there are few points, of which some have to tell how many more are needed."""
-    few = min(_FEW_POINTS / count, _PLENTY / tolerance)
-    return _BATCH * max(round(max(_FIRST / tolerance, _FEWEST, few) / _BATCH), 1)
-
-
-def _fall(neighbours: Neighbours, raw: Float64s, level: float, error: float, goal: float) -> float:
-    """The power of the number of rays with which the mean square `error` falls to the `goal`.
-
-    It falls about as the rays grow, while larger cells take the noise away; not slower than what one-rings leave of the
-    noise, whose mean square is `level` in values `raw` (k,), where w itself is as rough as it is.
-    """
-    squared = (raw - neighbours.means((raw, 0.0))[0]) ** 2
-    rough = max(float(np.nanmean(squared)) - (1 + _SHARED) * level, 0.0) if np.isfinite(squared).any() else np.inf
-    times = np.exp2(np.arange(1, 129) / 8)
-    variance = level * times**-RATE
-    predicted = _UNEXPLAINED * rough + _SHARED * variance
-    by_rings = variance * (1 - _GAINED * variance / (variance + predicted))
-    enough = np.minimum(error / times**_FALL, by_rings) <= goal
-    needed = times[np.argmax(enough)] if enough.any() else times[-1]
-    return float(np.clip(np.log(error / goal) / np.log(needed), _FALL, RATE))
+    planned: list[Estimate] = tracer.planned
+    return planned[tracer.column]
 
 
 def _add_rays(
@@ -172,7 +138,9 @@ def _add_rays(
             return tracer.gather(subset, count, key)  # noqa: B023
 
         for rows, new in zip(gathered, tracer.each_column(added), strict=True):
-            run_blocks(len(which), _BLOCK, bind(_combine, which, worth, float(count) ** RATE, new, rows), tracer.threads)
+            run_blocks(
+                len(which), _BLOCK, bind(_combine, which, worth, float(count) ** RATE, new, rows), tracer.threads
+            )
         rays[which] += count
         worth[which] += float(count) ** RATE
 
@@ -218,39 +186,6 @@ class _Round(NamedTuple):
         return cls(w, error, Calibration(error[probes.rows], measured))
 
 
-def _rays_to_add(error: Float64s, worth: Float64s, most: int, goal: float, fall: float, threads: int) -> Int64s:
-    """Rays (k,) to add for squared errors (k,) of mean `goal`, by the least work.
-
-    With n' rays in the place of n, e (n / n')^f is expected of an error e, for work n'^g. Their sum is least where
-    n'^(f + g) is proportional to e n^f; the factor is bisected. Args: worth: n^RATE (k,), of one lattice. most: n' at
-    most. fall: f.
-    """
-    step = max(len(worth) // _SAMPLED, 1)
-    some = np.maximum(error[::step], _LEAST)
-    now = worth[::step] ** (1 / RATE)
-    wish = (some * now**fall) ** (1 / (fall + _WORK))
-    low, high = 0.0, most / float(wish.min())
-    for _ in range(40):
-        factor = (low + high) / 2
-        wanted = np.clip(factor * wish, now, most)
-        enough = float(np.mean(some * (now / wanted) ** fall)) <= goal
-        low, high = (low, factor) if enough else (factor, high)
-    more = np.empty(len(worth), np.int64)
-    limits = (_BATCH * (_STEPS[1:] + _STEPS[:-1]) / 2) ** RATE
-    powers = fall / RATE, RATE / (fall + _WORK), high**RATE
-    run_blocks(len(worth), _BLOCK, bind(_plan, error, worth, powers, limits, more), threads)
-    return _BATCH * _STEPS[more]
-
-
-@kernel
-def _plan(error, worth, powers, limits, step, first, last):
-    """The `step` of `_STEPS` by which what each point's rays are worth comes nearest to what is wanted."""
-    fall, rate, factor = powers
-    for i in range(first, last):
-        wanted = factor * (max(error[i], _LEAST) * worth[i] ** fall) ** rate - worth[i]
-        step[i] = np.searchsorted(limits, wanted)
-
-
 class _Probes:
     """Points at which the error is measured: `rows` (j,), each by two independent estimates for every falloff."""
 
@@ -258,7 +193,7 @@ class _Probes:
         count = int(np.clip(len(points) // _PROBED, _FEWEST_PROBES, _MOST_PROBES))
         self.rows = stratified_rows(len(points), count)
         enough = (TYPICAL / tolerance**2) ** (1 / RATE)  # more would not make up for fewer probes: both err by as much
-        self._samples = int(min(_BATCH * max(round(enough / _BATCH), 1), max(max_samples, _BATCH)))
+        self._samples = int(min(BATCH * max(round(enough / BATCH), 1), max(max_samples, BATCH)))
         probed = points[self.rows]
 
         def traced(salt: int) -> tuple[Float64s, Float64s]:
@@ -281,10 +216,10 @@ class _Probes:
         return (w - first) * (w - second)
 
     def level(self, raw: Float64s, worth: Float64s, column: int) -> float:
-        """Mean square error of values `raw` (k,) by rays alone, which are `worth` (k,): as measured, and, where there are
-        few probes, as the noise of the probes' own rays lets expect."""
+        """Mean square error of values `raw` (k,) by rays alone, which are `worth` (k,): as measured, and, where there
+        are few probes, as the noise of the probes' own rays lets expect."""
         first, second = self._here[column]
         own = sampling_variance(first, second, self._samples)
-        expected = own * self._samples**RATE * float(np.mean(1 / worth))
+        expected = own * float(self._samples**RATE * np.mean(1 / worth))
         measured = max(float(np.sum((raw[self.rows] - first) * (raw[self.rows] - second))), 0.0)
         return (measured + _PRIOR * expected) / (len(self.rows) + _PRIOR)

@@ -15,10 +15,11 @@ from raytrace.system.checks import NEGLIGIBLE, check_memory
 from raytrace.types import Float64s
 
 from ..declared import Option, with_option_parameters
+from ..estimate.cells import Cells
 from ..estimate.estimate import estimate
 from ..estimate.one_ring import Neighbours
 from ..estimate.tolerance import Estimate, shortfalls
-from ..estimate.upsampling import Cells, upsample
+from ..estimate.upsampling import upsample
 from ..execute.sample_means import SampleMeans
 from ..execute.tracer import Tracer
 from ..memory import TRACED_TEXEL, column_bytes, texture_bytes

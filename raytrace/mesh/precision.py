@@ -76,7 +76,7 @@ def outlier_warnings(mesh: Mesh) -> list[str]:
 
 
 def _may_tilt(mesh: Mesh) -> bool:
-    """Whether a face would be tilted by more than `TILT` if all coordinates were as coarse as the largest in float32."""
+    """Whether a face would be tilted by more than `TILT` if all coordinates were as coarse as the largest float32."""
     spacing = float(_spacing(2 * np.array(mesh.bounds), np.float32).max())  # twice: from the centre of the mesh
     found = np.zeros(1, np.bool_)
     work = bind(_find_tilted, mesh.vertices, mesh.faces, spacing, found)

@@ -106,8 +106,8 @@ def _volumes(vertices: Float32s, faces: Int64s, part: Int64s) -> Float64s:
     of_face = np.empty(len(faces))
     run_blocks(len(faces), _BLOCK, bind(_add_volumes, vertices, faces, of_face), thread_count(None))
     if not part.any():
-        return of_face.sum(keepdims=True)
-    return np.bincount(part[faces[:, 0]], of_face, int(part.max()) + 1)
+        return np.full(1, of_face.sum())
+    return np.bincount(part[faces[:, 0]], of_face, int(part.max()) + 1).astype(np.float64, copy=False)
 
 
 @kernel
