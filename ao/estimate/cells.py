@@ -86,13 +86,15 @@ class Cells(NamedTuple):
 
 @kernel
 def _step(starts, indices, weights, before, nearest, first, last):
-    """Give points without a centre that of the most similar neighbour that had one `before`."""
+    """Give points without a centre that of the most similar neighbour that had one `before`, the first of these."""
     for i in range(first, last):
         most = np.float32(-1.0)
         for k in range(starts[i], starts[i + 1]):
-            if before[i] < 0 and before[indices[k]] >= 0 and weights[k] > most:
-                nearest[i] = before[indices[k]]
-                most = weights[k]
+            centre = before[indices[k]]
+            if before[i] >= 0 or centre < 0 or weights[k] < most or (weights[k] == most and centre > nearest[i]):
+                continue
+            nearest[i] = centre
+            most = weights[k]
 
 
 @kernel

@@ -10,7 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from raytrace.kernel.jit import bind, kernel
 from raytrace.sampling.sequences import hash32_array, seed_key
+from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float64s, Int64s
 
 from ..execute.tracer import Tracer
@@ -26,6 +28,7 @@ from .scales import denoise_over_scales
 from .tolerance import Estimate, estimate_to
 from .upsampling import extrapolate
 
+_BLOCK = 1 << 14  # faces
 _CALIBRATION_SHARE = 32
 _CALIBRATION_LEAST = 128
 _CORNER_SHARE = 8  # of a point's rays, for each of some 18 corner samples, whose mean errs as much as a point's w
@@ -103,11 +106,20 @@ def edges_of(points: Points, of_vertex: Int64s, faces: Int64s, tracer: Tracer) -
         return kept.get(digest) or kept.setdefault(digest, made(rows))
 
     def made(rows: Int64s) -> Neighbours:
-        place = np.full(len(points) + 1, -1)  # the last for vertices without a point
-        place[rows] = np.arange(len(rows))
-        return Neighbours.of(place[of_vertex][faces], points.normals[rows], tracer.threads)
+        place = np.full(len(points) + 1, -1, np.int32)  # the last for vertices without a point
+        place[rows] = np.arange(len(rows), dtype=np.int32)
+        corners = np.empty(faces.shape, np.int32)
+        run_blocks(len(faces), _BLOCK, bind(_look_up, place[of_vertex], faces, corners), tracer.threads)
+        return Neighbours.of(corners, points.normals[rows], tracer.threads)
 
     return among
+
+
+@kernel
+def _look_up(place, faces, corners, first, last):
+    for f in range(first, last):
+        for k in range(3):
+            corners[f, k] = place[faces[f, k]]
 
 
 def estimate(
