@@ -122,10 +122,10 @@ def _sample_vertices(prepared: Prepared) -> PointValues:
     if options.tolerance is None and options.rays >= tracer.embree_below:
         tracer.embree_below = 0  # Embree's hierarchy is not worth building for corner samples alone
     inside = inside_solids(
-        points, receivers.first_vertex, prepared.placement, receivers, options.interior, tracer.threads, total
+        points, lambda: receivers.first_vertex, prepared.placement, receivers, options.interior, tracer.threads, total
     )
-    baked = point >= 0
-    receivers.flags[baked & np.append(inside, False)[point]] |= np.uint8(Flag.HIDDEN)
+    if inside.any():
+        receivers.flags[np.append(inside, False)[point]] |= np.uint8(Flag.HIDDEN)  # −1, for no point, is the last row
     filled = inside & (options.interior != "mark")
     edges = edges_of(points, point, receivers.faces, tracer)
 

@@ -51,7 +51,7 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
 
     # Those outside solids, estimated twice, and what w is interpolated to there.
     interior = prepared.options.interior if prepared.options.method == "vertex" else "auto"
-    outside = ~inside_solids(points, corners[:, 0], placement, receivers, interior, prepared.threads)
+    outside = ~inside_solids(points, lambda: corners[:, 0], placement, receivers, interior, prepared.threads)
     if not outside.any():
         return NOWHERE
     geometric_normals = with_alpha(geometric_normals, receivers.opacity, face, weights)[outside]

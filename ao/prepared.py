@@ -175,6 +175,8 @@ class Prepared:
         normals = points.normals[sample_rows(len(points))]
         reach = t_max / placement.diagonal
         below = embree_below(options.traversal, layered, normals, reach, len(points), mu)
+        if options.tolerance is not None and options.traversal == "auto":
+            below = 0  # to build Embree's hierarchy takes as long as it saves
         return Tracer(self.scene, below, mu, t_max, self.threads, total_points, self.progress, self.checkpoint)
 
     def sample_tracer(self, means: SampleMeans, kind: str, checkpoint: Checkpoint | None) -> Tracer:

@@ -58,14 +58,24 @@ def calibration_factor(expected: Float64s, squared: Float64s, everywhere: Float6
     mean = float(np.mean(expected)) if len(expected) else 0.0
     if mean <= 0 or len(squared) <= 1:
         return 1.0
-    uneven = float(np.mean(everywhere**2) / np.mean(everywhere) ** 2)
+    uneven = float(mean_square(everywhere) / np.mean(everywhere) ** 2)
     scatter = (float(np.var(squared)) / mean**2 + 2 * uneven) / len(squared)
     return float(np.clip(_USUAL + (float(np.mean(squared)) / mean - _USUAL) / (1 + scatter / _DOUBT**2), 1 / 3, 3))
+
+
+def mean_square(values: Float64s) -> float:
+    return float(np.einsum("i,i", values, values)) / max(len(values), 1)
 
 
 def shrunk_to_mean(squared: Float64s, typical: float = _TYPICAL) -> Float64s:
     """Expected squared errors (k,) shrunk towards their mean, for they are uncertain themselves."""
     return squared + typical * (np.mean(squared) - squared) if len(squared) else squared
+
+
+def variance_line(typical: float, level: float) -> tuple[float, float]:
+    """The slope and the value at 0 by which `distribute_variance` makes variances from spreads of mean `typical`."""
+    freedom = BATCHES - 1 if typical else 0
+    return level * freedom / (max(typical, 1e-300) * (freedom + 1)), level / (freedom + 1)
 
 
 def distribute_variance(spread: Float64s, level: float, typical: float | None = None) -> Float64s:
@@ -75,7 +85,5 @@ def distribute_variance(spread: Float64s, level: float, typical: float | None = 
     """
     if typical is None:
         typical = float(np.mean(spread)) if len(spread) else 0.0
-    if typical == 0:
-        return np.full(len(spread), level)
-    freedom = BATCHES - 1
-    return level / typical * (freedom * spread + typical) / (freedom + 1)
+    slope, at_zero = variance_line(typical, level)
+    return slope * spread + at_zero

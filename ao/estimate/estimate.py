@@ -10,7 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from raytrace.kernel.jit import bind, kernel
 from raytrace.sampling.sequences import hash32_array, seed_key
+from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Float64s, Int64s
 
 from ..execute.tracer import Tracer
@@ -19,12 +21,14 @@ from ..points.corners import CornerSamples
 from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, BENT, VALUES, W
 from .calibration import Calibration, calibration_factor, distribute_variance, shrunk_to_mean
+from .cells import Cells, nearest_baked
 from .one_ring import Neighbours
 from .sampling_error import derive, sampling_variance
 from .scales import denoise_over_scales
 from .tolerance import Estimate, estimate_to
-from .upsampling import coarsened, extrapolate, nearest_baked
+from .upsampling import extrapolate
 
+_BLOCK = 1 << 14  # faces
 _CALIBRATION_SHARE = 32
 _CALIBRATION_LEAST = 128
 _CORNER_SHARE = 8  # of a point's rays, for each of some 18 corner samples, whose mean errs as much as a point's w
@@ -102,11 +106,20 @@ def edges_of(points: Points, of_vertex: Int64s, faces: Int64s, tracer: Tracer) -
         return kept.get(digest) or kept.setdefault(digest, made(rows))
 
     def made(rows: Int64s) -> Neighbours:
-        place = np.full(len(points) + 1, -1)  # the last for vertices without a point
-        place[rows] = np.arange(len(rows))
-        return Neighbours.of(place[of_vertex][faces], points.normals[rows], tracer.threads)
+        place = np.full(len(points) + 1, -1, np.int32)  # the last for vertices without a point
+        place[rows] = np.arange(len(rows), dtype=np.int32)
+        corners = np.empty(faces.shape, np.int32)
+        run_blocks(len(faces), _BLOCK, bind(_look_up, place[of_vertex], faces, corners), tracer.threads)
+        return Neighbours.of(corners, points.normals[rows], tracer.threads)
 
     return among
+
+
+@kernel
+def _look_up(place, faces, corners, first, last):
+    for f in range(first, last):
+        for k in range(3):
+            corners[f, k] = place[faces[f, k]]
 
 
 def estimate(
@@ -157,20 +170,21 @@ def estimate_outside(
     neighbours = neighbours_of(np.arange(len(points)))
     nearest = nearest_baked(neighbours, ~inside)
     nearest[nearest < 0] = np.flatnonzero(nearest < 0)
-    graph, kept, cell = coarsened(neighbours, nearest, points.normals)
+    cells = Cells.of(nearest)
+    kept = cells.centres
     traced = points[kept]
+    graph = cells.joined(neighbours, traced.normals)
     subset = corners.only(kept)
-    filled = np.delete(np.arange(len(points)), kept)
     values = estimate(tracer, traced, subset, lambda rows: neighbours_of(kept[rows]), options)
     known = np.column_stack([values.rows, values.variance])
     if options.tolerance is not None:  # an error at the edge of the hidden points stands for many
         edge = np.zeros(len(kept), np.bool_)
-        edge[cell[filled]] = True
+        edge[np.diff(cells.starts) > 1] = True
         edge[graph.indices[np.repeat(edge, np.diff(graph.starts))]] = True
         edge[subset.rows] = False
         key = derive(seed_key(options.seed), 6)
         typical = values.samples - values.spared // len(kept)
         again = traced_twice(tracer, traced[edge], min(2 * typical, options.rays), key)(None)
         known[edge] = np.column_stack([again.rows, again.variance])
-    rows = extrapolate(points, filled, graph, kept, cell, known)
-    return replace(values, rows=rows[:, :4], variance=rows[:, 4]), len(filled)
+    rows = extrapolate(points, cells, graph, known)
+    return replace(values, rows=rows[:, :4], variance=rows[:, 4]), len(points) - len(kept)

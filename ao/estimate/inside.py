@@ -1,5 +1,6 @@
 """Vertices inside a solid: near parts that are closed, and found by the backs of faces that they see."""
 
+from collections.abc import Callable
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -28,7 +29,7 @@ _sought: WeakKeyDictionary[Receivers, tuple[Int64s, Bools]] = WeakKeyDictionary(
 
 def inside_solids(
     points: Points,
-    vertex: AnyInts,
+    vertex: Callable[[], AnyInts],
     placement: Placement,
     receivers: Receivers,
     interior: Interior,
@@ -38,7 +39,7 @@ def inside_solids(
     """The points (k,) that are inside a solid as the option `interior` defines it: where over half of their rays end
     on the back of a face. Every bake of a mesh agrees, whatever its seed and whichever vertices it is asked for.
 
-    Args: vertex: (k,), a vertex of the part that each point belongs to. total_points: of the whole mesh; None: k.
+    Args: vertex: gives a vertex (k,) of the part that each point belongs to. total_points: of the whole mesh; None: k.
     """
     count, faces, opacity = len(points), receivers.faces, receivers.opacity
     inside = np.zeros(count, np.bool_)
@@ -50,7 +51,7 @@ def inside_solids(
         part, closed = _closed_parts(placement.vertices, receivers)
         if not closed.any():
             return inside
-        own = part[vertex]
+        own = part[vertex()]
         rows = _inside_boxes(points.origins, own, placement.vertices, part, closed, threads)
         hiding = np.where(closed[part], part, -1)[faces[:, 0]]
     else:

@@ -42,18 +42,21 @@ class Neighbours:
         np.cumsum(listed, out=listed)
         ends[:] = listed[:-1]
         listed_ends = np.empty(listed[-1], np.int32)
-        weights = np.empty(listed[-1], np.float32)
         run_ranges(count, _PART, bind(_list_ends, faces, ends, listed_ends), threads)
-        starts = np.zeros(count + 1, np.int64)
-        rings = cls(starts, listed_ends, weights, threads)
-        rings.each(bind(_merge_edges, listed, listed_ends, weights, starts))
+        return cls.weighted(*cls.merged(listed, listed_ends, threads).ring, normals, threads)
+
+    @classmethod
+    def merged(cls, listed: Int64s, ends: Int32s, threads: int) -> Self:
+        """Args: listed: (k + 1,), where the `ends` of edges at each point begin, half a weight each, −1 for none;
+        overwritten."""
+        weights = np.empty(len(ends), np.float32)
+        starts = np.zeros(len(listed), np.int64)
+        rings = cls(starts, ends, weights, threads)
+        rings.each(bind(_merge_edges, listed, ends, weights, starts))
         np.cumsum(starts, out=starts)
         indices = np.empty(starts[-1], np.int32)
         merged = np.empty(starts[-1], np.float32)
-        rings.each(
-            bind(_pack, listed, listed_ends, weights, starts, indices, merged),
-            bind(_weigh_by_normals, starts, indices, normals, merged),
-        )
+        rings.each(bind(_pack, listed, ends, weights, starts, indices, merged))
         return cls(starts, indices, merged, threads)
 
     @classmethod

@@ -15,12 +15,6 @@ def sampling_variance(first: Float64s, second: Float64s, rays: int) -> float:
     return float((halves + PRIOR * TYPICAL * rays**-RATE) / (len(first) + PRIOR))
 
 
-def variance_factor(samples: Float64s, more: int) -> Float64s:
-    """By what `more` rays multiply the variance of `samples` (k,): lattices of n and m are worth n^1.5 + m^1.5."""
-    now = samples**RATE
-    return np.asarray(now / (now + float(more) ** RATE))
-
-
 def derive(key: np.uint32, salt: int) -> np.uint32:
     """A key of directions that are independent of the directions of `key`."""
     return np.uint32(hash32_array(hash32_array([salt]) ^ key)[0])

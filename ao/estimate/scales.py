@@ -7,164 +7,239 @@ residuals exceed the noise and the finer level stays; where it does not, the coa
 Like shrinkage of wavelets with local variances (Mıhçak, Kozintsev, Ramchandran & Moulin 1999).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import NamedTuple, Self
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from raytrace.kernel.arrays import aligned, unrefcounted_view
+from raytrace.kernel.jit import bind, kernel
+from raytrace.kernel.simd import WIDE
+from raytrace.kernel.vector import add, divide, length, load, scale, store
+from raytrace.system.threads import run_blocks
 from raytrace.types import Float32s, Float64s, Int32s, Int64s
 
 from ..points.points import Points
-from ..rays.gather import BATCH_VARIANCE
-from .calibration import distribute_variance, shrunk_to_mean
+from ..rays.gather import BATCH_VARIANCE, COLUMNS
+from .calibration import shrunk_to_mean, variance_line
+from .cells import Cells
 from .one_ring import Neighbours
 from .shrinkage import denoise
-from .upsampling import coarsened, nearest_baked, upsample
+from .upsampling import upsample
 
 _LEVELS = 3  # above the points
-_CELL = 4  # points, about
 _FEWEST = 1024  # points of a level that is worth one above it
 _REACH = 4  # cells over which squared residuals are averaged
 _AMOUNTS = 2.0, 1.2, 0.8, 0.5, 0.25, 0.0  # times the expected noise may be in residuals
 _JUMP = 3.0  # times the noise may be in the mean squared residual of a point and its neighbours
 _AVERAGED = 0.8  # of the squared errors of cells, is left of them in planes fitted to several
 _CANCELLED = 0.1  # length of a mean normal below which it says nothing
+_BLOCK, _MOST = 1 << 11, 16  # points, and blocks at once
 Risk = Callable[[Float64s], float]  # measures the mean square error of w at the checked points, by rays of its own
+Said = tuple[Float64s, Float64s]  # w, and its squared error expected
 
 
 class _Level(NamedTuple):
-    """Points, or cells of them."""
+    """Cells of the points of the level below."""
 
     neighbours: Neighbours
-    points: Points  # of cells: centroids with mean normals
-    rows: Float64s  # (c, COLUMNS), means
-    weight: Float64s  # (c,) points in each
+    points: Points  # centroids with mean normals
+    weight: Float32s  # (c,), points of the mesh in each
+    cells: Cells
 
-    def denoised(self) -> tuple[Float64s, Float64s]:
-        """w by one-rings of this level alone, and the mean square error expected, (c,)."""
-        return denoise(self.neighbours, self.points, self.rows, float(np.mean(self.rows[:, BATCH_VARIANCE])))
+    def means(self, rows: Float64s, weight: Float32s, slope: float, offset: float) -> Float64s:
+        """Rows (c, COLUMNS) from rows (k, COLUMNS) of the points below; variances, from `slope` times theirs and
+        `offset`, are those of the means. Args: weight: (k,), of the points below."""
+        out = np.empty((len(self.points), COLUMNS))
+        self.neighbours.each(bind(_average, self.cells, weight, rows, slope, offset, out))
+        return out
+
+
+_pyramids: WeakKeyDictionary[Neighbours, list[_Level]] = WeakKeyDictionary()
 
 
 def denoise_over_scales(
     neighbours: Neighbours, points: Points, rows: Float64s, level: float, checked: Int64s, risk: Risk
-) -> tuple[Float64s, Float64s]:
+) -> Said:
     """w (k,) denoised over all scales, and the mean square error expected of each, (k,).
 
     Args: level: mean square error of w in `rows` (k, COLUMNS). checked, risk: choose how much noise there is in
         residuals, of cells by what they predict for points, then of points.
     """
     finest = denoise(neighbours, points, rows, level)
-    rows = rows.copy()
-    rows[:, BATCH_VARIANCE] = distribute_variance(rows[:, BATCH_VARIANCE], level)
-    levels, cells = _pyramid(_Level(neighbours, points, rows, np.ones(len(points)))) if level > 0 else ([], [])
-    if not cells:
+    levels = _pyramid(neighbours, points) if level > 0 else []
+    if not levels:
         return finest
-    levels[0] = levels[0]._replace(rows=rows[:0].copy())
-    del rows  # cells have their means
-    said = [coarse.denoised() for coarse in levels[1:]]
-
-    def shrunk_cells(amount: float) -> tuple[Float64s, Float64s]:
-        estimate = said[-1]
-        for k in range(len(cells) - 1, 0, -1):
-            estimate = _Detail.of(said[k - 1], levels[k], levels[k + 1], cells[k], estimate).shrunk(amount)
-        return estimate
-
-    def risk_of_cells(estimate: tuple[Float64s, Float64s]) -> float:
-        return risk(_predicted(levels[0], levels[1], cells[0], np.column_stack(estimate), checked)[:, 0])
-
-    estimate = min(map(shrunk_cells, _AMOUNTS if len(cells) > 1 else _AMOUNTS[:1]), key=risk_of_cells)
-    detail = _Detail.of(finest, levels[0], levels[1], cells[0], estimate).with_jumps(neighbours)
-    at_checked = _Detail(*(values[checked] for values in detail))
-    w, error = detail.shrunk(min(_AMOUNTS, key=lambda amount: risk(at_checked.shrunk(amount)[0])))
+    said = []
+    weight = np.ones(len(points), np.float32)
+    line = variance_line(float(np.mean(rows[:, BATCH_VARIANCE])), level)
+    for each in levels:
+        rows = each.means(rows, weight, *line)
+        said.append(denoise(each.neighbours, each.points, rows, float(np.mean(rows[:, BATCH_VARIANCE]))))
+        weight = each.weight
+        line = 1.0, 0.0
+    del rows
+    # Cells by all amounts at once, of which the points choose one.
+    amounts = np.array(_AMOUNTS if len(levels) > 1 else _AMOUNTS[:1])
+    values = np.repeat(np.column_stack(said.pop()), len(amounts), axis=1)
+    threads = neighbours.threads
+    for fine, coarse in zip(levels[-2::-1], levels[:0:-1], strict=True):
+        values = _Detail.of(said.pop(), fine.points, coarse, values).shrunk(amounts, threads)
+    lowest = levels[0]
+    cell = lowest.cells.cell[checked]
+    predicted = upsample(points[checked], cell, lowest.neighbours, lowest.points, values)
+    best = min(range(len(amounts)), key=lambda column: risk(predicted[:, column]))
+    detail = _Detail.of(finest, points, lowest, values[:, best :: len(amounts)].copy()).with_jumps(neighbours)
+    # Points, by the amount that is best at those that are checked.
+    some = detail.at(checked)
+    by_amount = [some.shrunk(np.array([amount]), 1)[:, 0] for amount in _AMOUNTS]
+    amount = _AMOUNTS[min(range(len(_AMOUNTS)), key=lambda column: risk(by_amount[column]))]
+    w, error = detail.shrunk(np.array([amount]), threads).T
     return w, shrunk_to_mean(error)
 
 
 class _Detail(NamedTuple):
-    """What a level says beyond the prediction of the level above; all (k,)."""
+    """What a level of k points says beyond what the cells above it predict by each of some amounts."""
 
-    predicted: Float64s
-    predicted_error: Float64s  # squared, expected
-    residual: Float64s  # from the prediction
-    squared: Float64s  # mean square of the residuals around
-    noise: Float64s  # mean square error around that is expected of what the level says
+    w: Float64s  # (k,), as the level says it
+    error: Float64s  # (k,), its squared error expected
+    predicted: Float64s  # (k, 2 a), w by each amount, then their squared errors expected
+    cell: Int32s  # (k,)
+    around: Float32s  # (c, WIDE), means around each cell: the noise expected, then squared residuals by each amount
+    jump: Float32s  # (k,), what squared residuals are at least
+
+    @classmethod
+    def of(cls, said: Said, points: Points, coarse: _Level, above: Float64s) -> Self:
+        """Args: said: of the `points`. above: (c, 2 a), of the cells, as `predicted`."""
+        cell = coarse.cells.cell
+        predicted = upsample(points, cell, coarse.neighbours, coarse.points, above)
+        around = aligned((len(coarse.points), WIDE), np.float32)
+        coarse.neighbours.each(bind(_compare, coarse.cells, *said, predicted, around))
+        return cls(*said, predicted, cell, coarse.neighbours.smooth(around, _REACH), np.zeros(len(points), np.float32))
 
     def with_jumps(self, neighbours: Neighbours) -> Self:
         """Where a point and its neighbours together are far beyond their noise, no wider surroundings count."""
-        nearby = neighbours.smooth(self.residual**2, 1)
-        return self._replace(squared=np.maximum(self.squared, nearby - _JUMP * self.noise))
+        squared = np.empty(len(self.w), np.float32)
+        neighbours.each(bind(_square, self.w, self.predicted, squared))
+        noise = bind(_beyond_noise, self.cell, self.around)
+        return self._replace(jump=neighbours.means((squared, 1.0), then=lambda nearby: partial(noise, nearby))[0])
 
-    @classmethod
-    def of(
-        cls,
-        said: tuple[Float64s, Float64s],
-        fine: _Level,
-        coarse: _Level,
-        cell: Int32s,
-        above: tuple[Float64s, Float64s],
-    ) -> Self:
-        """Args: said, above: w and its squared error expected, of the `fine` and the `coarse` level."""
-        predicted = _predicted(fine, coarse, cell, np.column_stack(above))
-        residual = said[0] - predicted[:, 0]
-        size = np.bincount(cell)
+    def at(self, rows: Int64s) -> Self:
+        """At some of the points."""
+        kept = {name: getattr(self, name)[rows] for name in ("w", "error", "predicted", "cell", "jump")}
+        return self._replace(**kept)
 
-        def around(values: Float64s) -> Float64s:
-            return coarse.neighbours.smooth(np.bincount(cell, values) / size, _REACH)[cell]
-
-        squared = np.maximum(around(residual**2), 1e-12)
-        return cls(predicted[:, 0], _AVERAGED * np.maximum(predicted[:, 1], 0.0), residual, squared, around(said[1]))
-
-    def shrunk(self, amount: float) -> tuple[Float64s, Float64s]:
-        """w and its squared error expected, if `amount` times the noise is what residuals have of it."""
-        share = np.clip(1 - amount * self.noise / self.squared, 0.0, 1.0)
-        error = self.predicted_error + share * np.maximum(self.noise - self.predicted_error, 0.0)
-        return self.predicted + share * self.residual, error
+    def shrunk(self, amounts: Float64s, threads: int) -> Float64s:
+        """w by each of the `amounts` (a,) of noise in residuals, and its squared errors expected: (k, 2 a)."""
+        out = np.empty_like(self.predicted)
+        run_blocks(len(out), _BLOCK, bind(_shrink, self, amounts, out), threads, most=_MOST)
+        return out
 
 
-def _pyramid(points: _Level) -> tuple[list[_Level], list[Int32s]]:
-    """The points, cells of them, cells of these, …; and the cell of each of a level's points, of all but the last."""
-    levels = [points]
-    cells = list[Int32s]()
-    while len(cells) < _LEVELS and len(levels[-1].points) >= _FEWEST:
-        coarse, cell = _joined(levels[-1])
-        if 2 * len(coarse.points) > len(cell):
+@kernel
+def _average(cells, weight, rows, slope, offset, out, first, last):
+    """Fill in `_Level.means`."""
+    cells = unrefcounted_view(cells)
+    rows = unrefcounted_view(rows)
+    for c in range(first, last):
+        total = 0.0
+        out[c] = 0.0
+        for k in range(cells.starts[c], cells.starts[c + 1]):
+            i = cells.members[k]
+            share = np.float64(weight[i])
+            total += share
+            for column in range(COLUMNS):
+                if column == BATCH_VARIANCE:
+                    out[c, column] += share * share * (slope * rows[i, column] + offset)
+                else:
+                    out[c, column] += share * rows[i, column]
+        for column in range(COLUMNS):
+            out[c, column] /= total * total if column == BATCH_VARIANCE else total
+
+
+@kernel
+def _compare(cells, w, error, predicted, around, first, last):
+    """Fill in the first columns of `around` with means over each cell."""
+    cells = unrefcounted_view(cells)
+    predicted = unrefcounted_view(predicted)
+    for c in range(first, last):
+        size = np.float32(cells.starts[c + 1] - cells.starts[c])
+        for k in range(cells.starts[c], cells.starts[c + 1]):
+            i = cells.members[k]
+            around[c, 0] += error[i] / size
+            for a in range(predicted.shape[1] // 2):
+                around[c, 1 + a] += (w[i] - predicted[i, a]) ** 2 / size
+
+
+@kernel
+def _square(w, predicted, squared, first, last):
+    for i in range(first, last):
+        squared[i] = (w[i] - predicted[i, 0]) ** 2
+
+
+@kernel
+def _beyond_noise(cell, around, nearby, first, last):
+    for i in range(first, last):
+        nearby[i] -= _JUMP * around[cell[i], 0]
+
+
+@kernel
+def _shrink(detail, amounts, out, first, last):
+    """Fill in `_Detail.shrunk`; one prediction serves all amounts."""
+    detail = unrefcounted_view(detail)
+    for i in range(first, last):
+        noise = np.float64(detail.around[detail.cell[i], 0])
+        for a in range(len(amounts)):
+            squared = max(detail.around[detail.cell[i], 1 + a], detail.jump[i], 1e-12)
+            share = min(max(1.0 - amounts[a] * noise / squared, 0.0), 1.0)
+            predicted = detail.predicted[i, a]
+            error = _AVERAGED * max(detail.predicted[i, len(amounts) + a], 0.0)
+            out[i, a] = predicted + share * (detail.w[i] - predicted)
+            out[i, len(amounts) + a] = error + share * max(noise - error, 0.0)
+
+
+def _pyramid(neighbours: Neighbours, points: Points) -> list[_Level]:
+    """Cells of the points, cells of these, …; joined once for the same points."""
+    if neighbours not in _pyramids:
+        _pyramids[neighbours] = list(_cells_of_cells(neighbours, points))
+    return _pyramids[neighbours]
+
+
+def _cells_of_cells(graph: Neighbours, points: Points) -> Iterator[_Level]:
+    weight = np.ones(len(points), np.float32)
+    for _ in range(_LEVELS):
+        cells = Cells.about_four(graph)
+        if len(points) < _FEWEST or 2 * len(cells.centres) > len(points):
             break
-        levels.append(coarse)
-        cells.append(cell)
-    return levels, cells
+        coarse = points[cells.centres]
+        heavy = np.empty(len(coarse), np.float32)
+        work = bind(_centre, cells, weight, points.arrays, coarse.arrays, heavy)
+        run_blocks(len(coarse), _BLOCK, work, graph.threads, most=_MOST)
+        points, weight = coarse, heavy
+        graph = cells.joined(graph, points.normals)
+        yield _Level(graph, points, weight, cells)
 
 
-def _joined(fine: _Level) -> tuple[_Level, Int32s]:
-    """Cells of about four, each of the points nearest along edges to one of them, and the cell (k,) of each point."""
-    every = np.arange(len(fine.points))
-    nearest = nearest_baked(fine.neighbours, every % _CELL == 0)
-    nearest = np.where(nearest < 0, every, nearest)
-    graph, centres, cell = coarsened(fine.neighbours, nearest, fine.points.normals)
-    count = np.bincount(cell, fine.weight).astype(np.float64, copy=False)
-
-    def means(values: Float64s | Float32s) -> Float64s:
-        columns = [np.bincount(cell, column * fine.weight) / count for column in values.T]
-        return np.stack(columns, axis=1)
-
-    rows = means(fine.rows)
-    rows[:, BATCH_VARIANCE] = np.bincount(cell, fine.rows[:, BATCH_VARIANCE] * fine.weight**2) / count**2
-    normals = means(fine.points.normals)
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals = np.where(length > _CANCELLED, normals / np.maximum(length, _CANCELLED), fine.points.normals[centres])
-    origins = means(fine.points.origins).astype(np.float32)
-    points = Points(origins, normals.astype(np.float32), fine.points.numbers[centres])
-    alike = np.ones(len(graph.indices), np.float32)
-    around = Neighbours.weighted(graph.starts, graph.indices, alike, points.normals, graph.threads)
-    return _Level(around, points, rows, count), cell
-
-
-def _predicted(fine: _Level, coarse: _Level, cell: Int32s, values: Float64s, wanted: Int64s | None = None) -> Float64s:
-    """`values` (c, 2) of the cells, w and its squared error, at the points (k, 2), or at those `wanted` (j, 2)."""
-    count = len(fine.points)
-    cells = np.arange(len(coarse.points))
-    both = Points(
-        np.concatenate([fine.points.origins, coarse.points.origins]),
-        np.concatenate([fine.points.normals, coarse.points.normals]),
-        np.concatenate([fine.points.numbers, coarse.points.numbers]),
-    )
-    of = np.concatenate([cell, cells]).astype(np.int32)
-    return upsample(both, np.arange(count) if wanted is None else wanted, coarse.neighbours, count + cells, of, values)
+@kernel
+def _centre(cells, weight, points, coarse, heavy, first, last):
+    """Fill in the centroids, mean normals and weights of cells; a normal that means nothing stays the centre's."""
+    cells = unrefcounted_view(cells)
+    points = unrefcounted_view(points)
+    coarse = unrefcounted_view(coarse)
+    for c in range(first, last):
+        total = 0.0
+        origin = (0.0, 0.0, 0.0)
+        normal = (0.0, 0.0, 0.0)
+        for k in range(cells.starts[c], cells.starts[c + 1]):
+            i = cells.members[k]
+            share = np.float64(weight[i])
+            total += share
+            origin = add(origin, scale(share, load(points.origins, i)))
+            normal = add(normal, scale(share, load(points.normals, i)))
+        heavy[c] = total
+        store(coarse.origins, c, divide(origin, total))
+        size = length(normal)
+        if size > _CANCELLED * total:
+            store(coarse.normals, c, divide(normal, size))

@@ -21,17 +21,19 @@ from raytrace.kernel.arrays import aligned, unrefcounted_view
 from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.simd import WIDE
 from raytrace.kernel.vector import add, cross, dot, load, scale, store
+from raytrace.system.threads import run_blocks
 from raytrace.types import Float32s, Float64s
 
 from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, BENT, W
-from .calibration import distribute_variance, shrunk_to_mean
-from .one_ring import Block, Neighbours
+from .calibration import shrunk_to_mean, variance_line
+from .one_ring import Neighbours
 
 _REACH = 4  # edges over which squared residuals are averaged
 _FIT_REACH = 4  # and what corrections are fitted to; three for the spread between batches and what is closed around
 _OUTLIER = 9.0  # a residual of more than three σ is the point's own
 _RIDGE, _RIDGE_POINTS = 3e-3, 10.0
+_SUMMED = 1 << 14  # points whose moments are summed by themselves: sums do not depend on the number of threads
 Named = TypeVar("Named")
 
 
@@ -76,7 +78,7 @@ def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float
     means, shape = neighbours.means, shape_of(neighbours, points)
     at = _empty(_Fields, len(points))
     spread = _compare_with_neighbours(neighbours, points, rows, level, at)
-    coefficients, size = _ridge_regression(at.unlike, at.residual, at.weight)
+    coefficients, size = _ridge_regression(at, neighbours.threads)
     moments = aligned((len(points), WIDE), np.float32)
     neighbours.each(bind(_normal_equations, coefficients, size, at, moments))
     for _ in range(_FIT_REACH - 1):
@@ -103,17 +105,8 @@ def _compare_with_neighbours(
     wide, closed, spread = means((near.filled, 1.0), (closed, 1.0), (spread, 1.0))
     closed, spread = means((closed, 1.0), (spread, 1.0))
     typical = float(np.mean(spread, dtype=np.float64)) if len(points) else 0.0
-
-    def lean(closed: Float32s) -> Block:
-        turn = bind(_lean, shape, wide, closed, normals, at, near)
-
-        def work(first: int, last: int) -> None:
-            at.variance[first:last] = distribute_variance(spread[first:last], level, typical)
-            turn(first, last)
-
-        return work
-
-    means((closed, 1.0), then=lean)
+    line = variance_line(typical, level)
+    means((closed, 1.0), then=lambda closed: bind(_lean, shape, (wide, closed, spread), line, normals, at, near))
     leaning, excess = means((near.leaning, 0.0), (at.excess, 1.0))
     means((neighbours.smooth(excess, 1), 0.0), then=lambda rough: bind(_weigh, leaning, rough, at, near))
     smoothed: Float32s = spread
@@ -202,9 +195,11 @@ def _compare(shape, mean, closed, at, near, first, last):
 
 
 @kernel
-def _lean(shape, wide, closed, normals, at, near, first, last):
+def _lean(shape, means, line, normals, at, near, first, last):
     """Compare the mean of the neighbours with that of their neighbours, `wide`, from which the point's own w is taken
-    out; fill in `leaning`."""
+    out; fill in `leaning` and `variance`."""
+    wide, closed, spread = unrefcounted_view(means)
+    slope, at_zero = line
     shape = unrefcounted_view(shape)
     at = unrefcounted_view(at)
     near = unrefcounted_view(near)
@@ -215,6 +210,7 @@ def _lean(shape, wide, closed, normals, at, near, first, last):
         c = load(closed, i)
         n = load(normals, i)
         near.leaning[i] = c[0] * n[0] + c[2] * n[2] + c[1] * n[1]
+        at.variance[i] = slope * spread[i] + at_zero
         at.excess[i] = at.residual[i] ** 2 - at.variance[i]
 
 
@@ -225,14 +221,16 @@ def _weigh(leaning, rough, at, near, first, last):
         at.weight[i] = 1.0 / max(at.variance[i] + (0.0 if np.isnan(rough[i]) else max(rough[i], 0.0)), 1e-12)
 
 
-def _ridge_regression(columns: Float32s, target: Float32s, weight: Float32s) -> tuple[Float64s, Float64s]:
-    """Coefficients (3,), near 0 where few points or like columns leave them open; root mean squares (3,) of columns."""
-    matrix = np.zeros((3, 3))
-    right = np.zeros(3)
-    _sum_moments(columns, target, weight, matrix, right)
+def _ridge_regression(at: _Fields, threads: int) -> tuple[Float64s, Float64s]:
+    """Coefficients (3,) of what is `unlike` in residuals, near 0 where few points or like columns leave them open; root
+    mean squares (3,) of its columns."""
+    count = max(len(at.w), 1)
+    parts = np.zeros((-(-count // _SUMMED), 3, 4))
+    run_blocks(len(at.w), _SUMMED, bind(_sum_moments, at, parts), threads)
+    moments = parts.sum(axis=0)
+    matrix, right = moments[:, :3], moments[:, 3]
     size = np.sqrt(np.diag(matrix))
     used = size > 0
-    count = max(len(target), 1)
     size = np.where(used, size, 1.0)
     inside = matrix / np.outer(size, size) + (_RIDGE + _RIDGE_POINTS / count) * np.eye(len(size))
     mean = np.sqrt(np.diag(matrix) / count)
@@ -240,12 +238,15 @@ def _ridge_regression(columns: Float32s, target: Float32s, weight: Float32s) -> 
 
 
 @kernel
-def _sum_moments(columns, target, weight, matrix, right):
-    for k in range(len(target)):
+def _sum_moments(at, parts, first, last):
+    at = unrefcounted_view(at)
+    moments = parts[first // _SUMMED]
+    for k in range(first, last):
         for i in range(3):
-            right[i] += columns[k, i] * target[k] * weight[k]
+            weighted = at.unlike[k, i] * at.weight[k]
             for j in range(3):
-                matrix[i, j] += columns[k, i] * columns[k, j] * weight[k]
+                moments[i, j] += weighted * at.unlike[k, j]
+            moments[i, 3] += weighted * at.residual[k]
 
 
 @kernel

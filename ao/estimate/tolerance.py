@@ -7,37 +7,32 @@ Probes, spread over the points, measure the error by rays that are no part of an
 
 import warnings
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from raytrace.kernel.jit import bind, kernel
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.solids import inward_warnings
+from raytrace.system.threads import run_blocks
 from raytrace.types import Float32s, Float64s, Int64s
 
 from ..execute.tracer import Tracer
 from ..options import Options
 from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, BENT, COLUMNS, W
-from .calibration import Calibration, calibration_factor
+from .calibration import Calibration, calibration_factor, mean_square
 from .inside import holes
 from .one_ring import Neighbours
-from .sampling_error import RATE, TYPICAL, derive, sampling_variance, stratified_rows, variance_factor
+from .ray_plan import BATCH, fall_of, first_rays, rays_to_add
+from .sampling_error import RATE, TYPICAL, derive, sampling_variance, stratified_rows
 from .scales import denoise_over_scales
 
 _AIM = 0.92  # times the goal is aimed at: a few rays more, later, are worth little
 _FARTHEST = 20.0  # times that the squared error may have to fall for the rays to be foreseen; else some come before
 _NEAR, _UNEVEN = 2.0, 2.5  # the same at jumps of w, where its mean square is so many times its squared mean
-_FIRST, _FEWEST = 0.048, 8  # rays at first, times the tolerance, and at least: with fewer, single jumps stay unseen
-_BATCH = 4  # rays are added in multiples of these
 _ROUNDS = 8  # of adding rays, at most
-_FEW_POINTS, _PLENTY = 1 << 15, 0.64  # all points have so many rays together at first, but a point so many / tolerance
-_SHARED = 0.2  # variance of a neighbours' mean, relative to one neighbour's
-_UNEXPLAINED = 0.06  # part of the squared distance from a neighbours' mean that typical predictions leave
-_GAINED = 0.7  # of what shrinking all alike would gain: roughness is not the same everywhere
-_FALL = 1.08  # the mean square error of denoised values falls as n^−1.08 with n rays a point, or faster
-_WORK = 0.6  # the time that n rays of a point take grows as n^.6, for they share their walk
-_STEPS = np.array([0, 1, *(k << power for power in range(16) for k in (2, 3))])  # batches that a round may add
-_SAMPLED = 1 << 14  # points by which rays are planned
+_BLOCK = 1 << 12  # points
 _PROBED, _FEWEST_PROBES, _MOST_PROBES = 16, 96, 1024  # one point in how many is probed, at least and at most
 _SCATTER = 5.0  # variance of a squared error that two estimates with as large an error measure, relative to its square
 _PRIOR = 64  # probes that what is expected of their noise is worth
@@ -92,126 +87,103 @@ def estimate_to(
         goal = tolerance**2 / (1 + probes.doubt)
         rays = np.zeros(len(points), np.int64)
         worth = np.zeros(len(points))
-        more = np.full(len(points), min(_first_rays(tolerance, len(points)), max_samples))
+        more = np.full(len(points), min(first_rays(tolerance, len(points)), max_samples))
         gathered = [np.zeros((len(points), COLUMNS)) for _ in range(tracer.columns)]
         for turn in range(_ROUNDS):
-            found = list[Estimate]()  # lets go of the last ones
+            found = list[_Round]()  # lets go of the last ones
             tracer.stage = f"rays, round {turn + 1}"
-            _add_rays(tracer, points, gathered, worth, more, derive(key, 16 + turn))
-            rays += more
-            worth = (worth**RATE + more**RATE) ** (1 / RATE)
-            found = [
-                _estimated(points, neighbours, rows, (rays, worth), probes, column)
-                for column, rows in enumerate(gathered)
-            ]
-            means = [float(np.mean(each.variance)) for each in found]
+            _add_rays(tracer, points, gathered, (rays, worth), more, derive(key, 16 + turn))
+            found = [_Round.of(points, neighbours, rows, worth, probes, column) for column, rows in enumerate(gathered)]
+            means = [float(np.mean(each.error)) for each in found]
             column = int(np.argmax(means))
             if means[column] <= goal or (rays >= max_samples).all():
                 break
-            relative = [each.variance / max(mean, 1e-30) for each, mean in zip(found, means, strict=True)]
-            error = means[column] * np.max(relative, axis=0)
+            error = found[column].error
+            for each, mean in zip(found, means, strict=True):
+                if each is not found[column]:
+                    error = np.maximum(error, each.error * (means[column] / max(mean, 1e-30)))
             beyond = means[column] / goal
-            farthest = _FARTHEST if np.mean(error**2) < _UNEVEN * np.mean(error) ** 2 else _NEAR
+            farthest = _FARTHEST if mean_square(error) < _UNEVEN * np.mean(error) ** 2 else _NEAR
             aim = goal * (_AIM if beyond < farthest else beyond ** (2 / 3))
             raw = gathered[column][:, W]
-            fall = _fall(neighbours, raw, probes.level(raw, worth, column), means[column], aim)
-            more = np.minimum(_rays_to_add(error, worth, max_samples, aim, fall), max_samples - rays)
-        tracer.planned = found
-    return tracer.planned[tracer.column]
-
-
-def _first_rays(tolerance: float, count: int) -> int:
-    """Rays at first: few, more where there are few points, of which some have to tell how many more are needed."""
-    few = min(_FEW_POINTS / count, _PLENTY / tolerance)
-    return _BATCH * max(round(max(_FIRST / tolerance, _FEWEST, few) / _BATCH), 1)
-
-
-def _fall(neighbours: Neighbours, raw: Float64s, level: float, error: float, goal: float) -> float:
-    """The power of the number of rays with which the mean square `error` falls to the `goal`.
-
-    It falls about as the rays grow, while larger cells take the noise away; not slower than what one-rings leave of the
-    noise, whose mean square is `level` in values `raw` (k,), where w itself is as rough as it is.
-    """
-    squared = (raw - neighbours.means((raw, 0.0))[0]) ** 2
-    rough = max(float(np.nanmean(squared)) - (1 + _SHARED) * level, 0.0) if np.isfinite(squared).any() else np.inf
-    times = np.exp2(np.arange(1, 129) / 8)
-    variance = level * times**-RATE
-    predicted = _UNEXPLAINED * rough + _SHARED * variance
-    by_rings = variance * (1 - _GAINED * variance / (variance + predicted))
-    enough = np.minimum(error / times**_FALL, by_rings) <= goal
-    needed = times[np.argmax(enough)] if enough.any() else times[-1]
-    return float(np.clip(np.log(error / goal) / np.log(needed), _FALL, RATE))
+            fall = fall_of(neighbours, raw, probes.level(raw, worth, column), means[column], aim)
+            more = np.minimum(rays_to_add(error, worth, max_samples, aim, fall, tracer.threads), max_samples - rays)
+        most = int(rays.max())
+        spared = most * len(rays) - int(rays.sum())
+        tracer.planned = [
+            Estimate(np.column_stack([each.w, rows[:, BENT:]]), each.error, most, spared, each.calibration)
+            for each, rows in zip(found, gathered, strict=True)
+        ]
+    planned: list[Estimate] = tracer.planned
+    return planned[tracer.column]
 
 
 def _add_rays(
-    tracer: Tracer, points: Points, gathered: list[Float64s], worth: Float64s, more: Int64s, key: np.uint32
+    tracer: Tracer,
+    points: Points,
+    gathered: list[Float64s],
+    counts: tuple[Int64s, Float64s],
+    more: Int64s,
+    key: np.uint32,
 ) -> None:
-    """Trace `more` rays (k,) at the points and put them into the rows (k, COLUMNS) of each falloff, by which the points
-    have as much as one lattice of `worth` (k,) rays."""
+    """Trace `more` rays (k,) at the points and put them into the rows (k, COLUMNS) of each falloff, and into `counts`:
+    how many the points have, (k,), and what these are worth, (k,)."""
     tracer.expected = tracer.rays + int(more.sum())
-    for count in np.unique(more[more > 0]):
-        which = more == count
-        kept = variance_factor(worth[which], int(count))[:, None]
-        subset = points[which]
+    rays, worth = counts
+    for count in (np.flatnonzero(np.bincount(more)[1:]) + 1).tolist():
+        which = np.flatnonzero(more == count)
+        subset = points[which] if len(which) < len(points) else points
 
         def added() -> Float64s:
-            return tracer.gather(subset, int(count), key)  # noqa: B023
+            return tracer.gather(subset, count, key)  # noqa: B023
 
         for rows, new in zip(gathered, tracer.each_column(added), strict=True):
-            before = rows[which]
-            spread = kept[:, 0] ** 2 * before[:, BATCH_VARIANCE] + (1 - kept[:, 0]) ** 2 * new[:, BATCH_VARIANCE]
-            before -= new
-            before *= kept
-            before += new
-            before[:, BATCH_VARIANCE] = spread
-            rows[which] = before
+            run_blocks(
+                len(which), _BLOCK, bind(_combine, which, worth, float(count) ** RATE, new, rows), tracer.threads
+            )
+        rays[which] += count
+        worth[which] += float(count) ** RATE
 
 
-def _estimated(
-    points: Points,
-    neighbours: Neighbours,
-    rows: Float64s,
-    rays: tuple[Int64s, Float64s],
-    probes: "_Probes",
-    column: int,
-) -> Estimate:
-    """The estimate by what is gathered, its errors scaled to what the probes measure. Args: rays: (k,), and what they
-    are worth, (k,)."""
-    traced, worth = rays
-    level = probes.level(rows[:, W], worth, column)
-
-    def risk(w: Float64s) -> float:
-        return float(np.mean(probes.squared(w, column)))
-
-    w, error = denoise_over_scales(neighbours, points, rows, level, probes.rows, risk)
-    measured = probes.squared(w[probes.rows], column)
-    error = error * calibration_factor(error[probes.rows], measured, error)
-    calibration = Calibration(error[probes.rows], measured)
-    values = np.column_stack([w, rows[:, BENT:]])
-    most = int(traced.max())
-    return Estimate(values, error, most, most * len(traced) - int(traced.sum()), calibration)
+@kernel
+def _combine(which, worth, more, new, rows, first, last):
+    """Add new rows, worth `more`, to some rows, in proportion to what both are worth."""
+    for k in range(first, last):
+        i = which[k]
+        kept = worth[i] / (worth[i] + more)
+        for column in range(COLUMNS):
+            if column == BATCH_VARIANCE:
+                rows[i, column] = kept**2 * rows[i, column] + (1.0 - kept) ** 2 * new[k, column]
+            else:
+                rows[i, column] = new[k, column] + kept * (rows[i, column] - new[k, column])
 
 
-def _rays_to_add(error: Float64s, worth: Float64s, most: int, goal: float, fall: float) -> Int64s:
-    """Rays (k,) to add for squared errors (k,) of mean `goal`, by the least work.
+class _Round(NamedTuple):
+    """The estimate by what is gathered, its errors scaled to what the probes measure."""
 
-    With n' rays in the place of n, e (n / n')^f is expected of an error e, for work n'^g. Their sum is least where
-    n'^(f + g) is proportional to e n^f; the factor is bisected. Args: worth: n (k,), of one lattice. most: n' at most.
-    fall: f.
-    """
-    step = max(len(worth) // _SAMPLED, 1)
-    some = np.maximum(error[::step], 1e-12)
-    now = worth[::step]
-    wish = (some * now**fall) ** (1 / (fall + _WORK))
-    low, high = 0.0, most / float(wish.min())
-    for _ in range(40):
-        factor = (low + high) / 2
-        wanted = np.clip(factor * wish, now, most)
-        enough = float(np.mean(some * (now / wanted) ** fall)) <= goal
-        low, high = (low, factor) if enough else (factor, high)
-    wanted = np.maximum(high * (np.maximum(error, 1e-12) * worth**fall) ** (1 / (fall + _WORK)), worth)
-    batches = (wanted**RATE - worth**RATE) ** (1 / RATE) / _BATCH
-    return _BATCH * _STEPS[np.searchsorted((_STEPS[1:] + _STEPS[:-1]) / 2, batches)]
+    w: Float64s  # (k,)
+    error: Float64s  # (k,), squared, expected
+    calibration: Calibration
+
+    @classmethod
+    def of(
+        cls,
+        points: Points,
+        neighbours: Neighbours,
+        rows: Float64s,
+        worth: Float64s,
+        probes: "_Probes",
+        column: int,
+    ) -> "_Round":
+        level = probes.level(rows[:, W], worth, column)
+
+        def risk(w: Float64s) -> float:
+            return float(np.mean(probes.squared(w, column)))
+
+        w, error = denoise_over_scales(neighbours, points, rows, level, probes.rows, risk)
+        measured = probes.squared(w[probes.rows], column)
+        error *= calibration_factor(error[probes.rows], measured, error)
+        return cls(w, error, Calibration(error[probes.rows], measured))
 
 
 class _Probes:
@@ -221,7 +193,7 @@ class _Probes:
         count = int(np.clip(len(points) // _PROBED, _FEWEST_PROBES, _MOST_PROBES))
         self.rows = stratified_rows(len(points), count)
         enough = (TYPICAL / tolerance**2) ** (1 / RATE)  # more would not make up for fewer probes: both err by as much
-        self._samples = int(min(_BATCH * max(round(enough / _BATCH), 1), max(max_samples, _BATCH)))
+        self._samples = int(min(BATCH * max(round(enough / BATCH), 1), max(max_samples, BATCH)))
         probed = points[self.rows]
 
         def traced(salt: int) -> tuple[Float64s, Float64s]:
@@ -244,10 +216,10 @@ class _Probes:
         return (w - first) * (w - second)
 
     def level(self, raw: Float64s, worth: Float64s, column: int) -> float:
-        """Mean square error of values `raw` (k,) by rays alone, `worth` (k,) of them: as measured, and, where there are
-        few probes, as the noise of the probes' own rays lets expect."""
+        """Mean square error of values `raw` (k,) by rays alone, which are `worth` (k,): as measured, and, where there
+        are few probes, as the noise of the probes' own rays lets expect."""
         first, second = self._here[column]
         own = sampling_variance(first, second, self._samples)
-        expected = own * float(np.mean((self._samples / worth) ** RATE))
+        expected = own * float(self._samples**RATE * np.mean(1 / worth))
         measured = max(float(np.sum((raw[self.rows] - first) * (raw[self.rows] - second))), 0.0)
         return (measured + _PRIOR * expected) / (len(self.rows) + _PRIOR)

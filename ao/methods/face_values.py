@@ -54,8 +54,14 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Checkpoint | None) 
         return SurfaceSamples.place(on_faces, all_count, flat, receivers, threads)
 
     def outside(samples: SurfaceSamples) -> tuple[SurfaceSamples, Bools]:
-        vertex = receivers.faces[samples.face, 0]
-        inside = inside_solids(samples.points, vertex, prepared.placement, receivers, options.interior, threads)
+        inside = inside_solids(
+            samples.points,
+            lambda: receivers.faces[samples.face, 0],
+            prepared.placement,
+            receivers,
+            options.interior,
+            threads,
+        )
         hidden = np.ones(len(samples), np.bool_)
         hidden[samples.groups_outside(inside)] = False
         inside &= ~np.repeat(hidden, samples.counts)

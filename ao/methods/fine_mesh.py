@@ -38,7 +38,7 @@ def sample_fine_mesh(prepared: Prepared, coarse: Mesh, inputs: Inputs) -> tuple[
     projected, missed = _project(prepared, coarse, vertices, inputs)
     samples, order = _place(prepared, projected)
     inside = inside_solids(
-        samples.points, fine.faces[samples.face, 0], prepared.placement, fine, options.interior, threads
+        samples.points, lambda: fine.faces[samples.face, 0], prepared.placement, fine, options.interior, threads
     )
     flags = vertices.flags & ~np.uint8(_OWN_CORNERS)
     _flag(flags, vertices, missed, Flag.MISSED)

@@ -15,7 +15,7 @@ from raytrace.bvh.bvh16 import BVH16
 from raytrace.embree.scene import TriangleScene
 from raytrace.errors import MeshError
 from raytrace.kernel.jit import bind, kernel
-from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.mesh import Mesh, corner_mask
 from raytrace.mesh.morton import morton_order
 from raytrace.mesh.normals import face_normals, nonzero, normalize
 from raytrace.mesh.opacity import PackedOpacity
@@ -123,12 +123,7 @@ def offset_points(
 
     Args: weighting: of the faces' normals. given: (n, 3), axes of any length in the place of these.
     """
-    # Vertices of no face have no point.
     vertices = placed.astype(np.float64)
-    count = len(vertices)
-    flags = np.full(count, Flag.UNREFERENCED, np.uint8)
-    flags[faces.ravel()] = 0
-
     if given is not None:
         axes = normalize(given)
         welded = weld_points(vertices, faces, weighting, axes, SAME)
@@ -144,14 +139,12 @@ def offset_points(
     tree_seconds = time.perf_counter() - start
     origins, ambiguous = welded.ray_origins(tree, surface)
 
-    # What is special about vertices.
-    group = welded.group
+    # What is special about points, and about vertices of no face.
     usable = nonzero(welded.directions) & nonzero(welded.axes)
-    flags[~usable[group] & (flags == 0)] = Flag.DEGENERATE
-    flags[(usable & ambiguous)[group]] = Flag.CONTACT
-    flags[(usable & folded)[group]] |= np.uint8(Flag.FOLDED)
-    opposed = (usable & (welded.clearance <= 0))[group]
-    flags[opposed] = flags[opposed] & np.uint8(Flag.CONTACT) | np.uint8(Flag.OPPOSED)
+    split = np.where(welded.clearance <= 0, np.uint8(Flag.OPPOSED), np.uint8(Flag.FOLDED) * folded)
+    special = np.where(usable, split | np.uint8(Flag.CONTACT) * ambiguous, np.uint8(Flag.DEGENERATE))
+    flags = special[welded.group]
+    flags[~corner_mask(faces, len(vertices))] = Flag.UNREFERENCED
     return OffsetPoints(welded, surface, origins, usable, usable & folded, flags, tree, tree_seconds)
 
 

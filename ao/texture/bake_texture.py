@@ -15,10 +15,11 @@ from raytrace.system.checks import NEGLIGIBLE, check_memory
 from raytrace.types import Float64s
 
 from ..declared import Option, with_option_parameters
+from ..estimate.cells import Cells
 from ..estimate.estimate import estimate
 from ..estimate.one_ring import Neighbours
 from ..estimate.tolerance import Estimate, shortfalls
-from ..estimate.upsampling import coarsened, upsample
+from ..estimate.upsampling import upsample
 from ..execute.sample_means import SampleMeans
 from ..execute.tracer import Tracer
 from ..memory import TRACED_TEXEL, column_bytes, texture_bytes
@@ -190,7 +191,8 @@ def _estimates(tracer: Tracer, surface: UVSurface, texels: Texels, prepared: Pre
     @cache
     def cells() -> Neighbours:
         neighbours = texel_neighbours(surface, texels, prepared.placement.diagonal, prepared.threads)
-        return coarsened(neighbours, texels.cell, texels.points.normals)[0]
+        grouped = Cells.of(texels.cell)
+        return grouped.joined(neighbours, texels.points.normals[grouped.centres])
 
     points = texels.samples.first_points
 
@@ -204,8 +206,9 @@ def _estimates(tracer: Tracer, surface: UVSurface, texels: Texels, prepared: Pre
 def _predicted(baked: Estimate, texels: Texels, cells: Callable[[], Neighbours]) -> Estimate:
     """Estimates at all texels (k,) from those at the texels that were baked."""
     count = len(baked.rows)
-    every = np.arange(len(texels))
-    rows = upsample(texels.points, every, cells(), np.arange(count), texels.cell.astype(np.int32), baked.rows)
+    cell = texels.cell[count:].astype(np.int32)
+    more = upsample(texels.points[count:], cell, cells(), texels.points[:count], baked.rows)
+    rows = np.concatenate([baked.rows, more])
     spared = baked.spared + baked.samples * (len(texels) - count)
     variance = baked.variance[texels.cell]  # measured anywhere in what a texel stands for
     return replace(baked, rows=rows, variance=variance, spared=spared)

@@ -149,5 +149,5 @@ class TexelSampler:
     def _inside(self, samples: SurfaceSamples) -> Bools:
         """The samples (p,) that are inside of solids."""
         placement, receivers = self.prepared.placement, self.prepared.receivers
-        vertex = receivers.faces[samples.face, 0]
-        return inside_solids(samples.points, vertex, placement, receivers, self.options.interior, self.prepared.threads)
+        vertex, threads = lambda: receivers.faces[samples.face, 0], self.prepared.threads
+        return inside_solids(samples.points, vertex, placement, receivers, self.options.interior, threads)

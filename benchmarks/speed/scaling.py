@@ -51,6 +51,7 @@ STAGES = (
     ("neighbours", "ao.estimate.one_ring Neighbours.of"),
     ("neighbours", "ao.texture.adjacency texel_neighbours"),
     ("denoising", "ao.estimate.shrinkage denoise"),
+    ("denoising", "ao.estimate.scales denoise_over_scales"),
     ("planning", "ao.estimate.tolerance estimate_to"),
     ("result", "ao.result assemble"),
     ("error between vertices", "ao.interpolation_error measure_interpolation"),

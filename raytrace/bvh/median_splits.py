@@ -21,10 +21,10 @@ _STACK = 1 << 7
 
 def median_order(vertices: Float32s, faces: Int64s) -> Int64s:
     """The order (m,) of `faces` (m, 3) of `vertices` (n, 3)."""
-    centroids = np.empty((len(faces), 3), np.float32)
-    order = np.arange(len(faces))
+    records = np.empty((len(faces), 4), np.float32)  # centroids, and whose they are: moved together
+    numbers = records.view(np.int32)
     threads = thread_count(None)
-    run_blocks(len(faces), _LEAST, bind(_find_centroids, vertices, faces, centroids), threads)
+    run_blocks(len(faces), _LEAST, bind(_find_centroids, vertices, faces, records, numbers), threads)
 
     parts = [(0, len(faces), -1)]
     most = max(_LEAST, len(faces) // _PARTS)
@@ -39,12 +39,12 @@ def median_order(vertices: Float32s, faces: Int64s) -> Int64s:
         try:
             if whole >= 0:  # a block that has begun before this one
                 ordered[whole].wait()
-            (_halve if end - begin > most else _split)(centroids, order, begin, end)
+            (_halve if end - begin > most else _split)(records, numbers, begin, end)
         finally:
             ordered[number].set()
 
     run_blocks(len(parts), 1, divide, threads)
-    return order
+    return numbers[:, 3].astype(np.int64)
 
 
 def _middle(start: int, stop: int) -> int:
@@ -59,25 +59,26 @@ _middle_of = inline(_middle)
 
 
 @kernel
-def _find_centroids(vertices, faces, out, start, stop):
-    """Write three times the centroid of each face."""
+def _find_centroids(vertices, faces, records, numbers, start, stop):
+    """Write three times the centroid of each face, and its number."""
     for f in range(start, stop):
         a, b, c = load_triangle(vertices, faces, f)
         for axis in range(3):
-            out[f, axis] = a[axis] + b[axis] + c[axis]
+            records[f, axis] = a[axis] + b[axis] + c[axis]
+        numbers[f, 3] = f
 
 
 @kernel
-def _halve(centroids, order, start, stop):
-    """Reorder order[first:last] so that all before the place that is returned lie below all after it."""
+def _halve(records, numbers, start, stop):
+    """Reorder records[first:last] so that all before the place that is returned lie below all after it."""
     middle = _middle_of(start, stop)
-    _partition(centroids, order, start, stop, middle, _longest_axis(centroids, order, start, stop))
+    _partition(records, numbers, start, stop, middle, _longest_axis(records, start, stop))
     return middle
 
 
 @kernel
-def _split(centroids, order, start, stop):
-    """Reorder order[first:last] by halves of halves until parts have at most sixteen triangles."""
+def _split(records, numbers, start, stop):
+    """Reorder records[first:last] by halves of halves until parts have at most sixteen triangles."""
     firsts = np.empty(_STACK, np.int64)
     lasts = np.empty(_STACK, np.int64)
     firsts[0], lasts[0] = start, stop
@@ -88,42 +89,43 @@ def _split(centroids, order, start, stop):
         stop = lasts[waiting]
         if stop - start <= WIDE:
             continue
-        middle = _halve(centroids, order, start, stop)
+        middle = _halve(records, numbers, start, stop)
         firsts[waiting], lasts[waiting] = middle, stop
         firsts[waiting + 1], lasts[waiting + 1] = start, middle
         waiting += 2
 
 
 @inline
-def _longest_axis(centroids, order, start, stop):
+def _longest_axis(records, start, stop):
     """The axis along which the centroids of a part extend farthest."""
     low = np.full(3, np.inf, np.float32)
     high = np.full(3, -np.inf, np.float32)
     for k in range(start, stop):
         for axis in range(3):
-            x = centroids[order[k], axis]
+            x = records[k, axis]
             low[axis] = min(low[axis], x)
             high[axis] = max(high[axis], x)
     return np.argmax(high - low)
 
 
 @inline
-def _partition(centroids, order, start, stop, middle, axis):
+def _partition(records, numbers, start, stop, middle, axis):
     """Reorder a part so that none before `middle` lies behind any after it (quickselect, Hoare 1961)."""
     low, high = start, stop - 1
     while low < high:
-        a = centroids[order[low], axis]
-        b = centroids[order[high], axis]
-        c = centroids[order[(low + high) // 2], axis]
+        a = records[low, axis]
+        b = records[high, axis]
+        c = records[(low + high) // 2, axis]
         pivot = max(min(a, b), min(max(a, b), c))
         i, j = low, high
         while i <= j:
-            while centroids[order[i], axis] < pivot:
+            while records[i, axis] < pivot:
                 i += 1
-            while centroids[order[j], axis] > pivot:
+            while records[j, axis] > pivot:
                 j -= 1
             if i <= j:
-                order[i], order[j] = order[j], order[i]
+                for column in range(4):  # as whole numbers: as float32, some would be no numbers
+                    numbers[i, column], numbers[j, column] = numbers[j, column], numbers[i, column]
                 i += 1
                 j -= 1
         if middle <= j:

@@ -18,7 +18,7 @@ from ..types import Float32s, Int64s
 
 _OVERLAPPING = 8.0  # boxes of leaves around the middle of a triangle, from which on others are tried
 _GAIN = 2.0  # how many times as few these must be
-_TRIANGLES, _NODES = 32, 128  # that are compared
+_TRIANGLES = 32  # that are compared with all leaves
 _LEAVES = 1 << 9  # of a block
 _GROWN = 2.0**-20  # of half sides, for their rounding and that of what is compared with them
 
@@ -51,17 +51,16 @@ def _turn(triangles: Float32s, span: int, axes: Float32s, boxes: Float32s, start
 
 
 def _overlap(triangles: Float32s, boxes: Float32s, axes: Float32s | None) -> float:
-    """In how many of the boxes of all leaves the middle of a triangle is, on average over some of both."""
+    """In how many of the boxes of all leaves the middle of a triangle is, on average over some triangles."""
     some = triangles[:: -(-len(triangles) // _TRIANGLES), :, 0].reshape(-1, 3, 3).mean(axis=1)
-    step = -(-len(boxes) // _NODES)
-    return step * float(_count_around(some, boxes, axes, step)) / len(some)
+    return float(_count_around(some, boxes, axes)) / len(some)
 
 
 @kernel
-def _count_around(points, boxes, axes, step):
-    """How many of the boxes of every `step`-th node are around each of the `points`, added up."""
+def _count_around(points, boxes, axes):
+    """How many of the boxes are around each of the `points`, added up."""
     total = 0
-    for node in range(0, len(boxes), step):
+    for node in range(len(boxes)):
         for i in range(len(points)):
             d, half = box_offsets(boxes, axes, node, (points[i, 0], points[i, 1], points[i, 2]))
             total += count((abs(d[0]) <= half[0]) & (abs(d[1]) <= half[1]) & (abs(d[2]) <= half[2]))

@@ -12,11 +12,14 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import MeshError
-from ..types import Float64s, Int64s
+from ..kernel.jit import bind, kernel
+from ..system.threads import run_blocks, thread_count
+from ..types import Bools, Float64s, Int64s
 from .opacity import Opacity
 from .smallest_ball import smallest_ball
 from .up import UP
 
+_BLOCK = 1 << 14  # faces
 LARGEST = 5e153  # squares of coordinates and their differences don't overflow
 
 
@@ -124,8 +127,7 @@ class Mesh:
     @cached_property
     def used(self) -> Float64s:
         """The vertices (k, 3) that are corners of faces."""
-        mask = np.zeros(len(self.vertices), np.bool_)
-        mask[self.faces] = True
+        mask = corner_mask(self.faces, len(self.vertices))
         return self.vertices if mask.all() else self.vertices[mask]
 
     @cached_property
@@ -144,6 +146,20 @@ class Mesh:
     def radius(self) -> float:
         """Radius of the smallest ball that holds the faces: what a relative distance ("25%") is a part of."""
         return smallest_ball(self.used)[1]
+
+
+def corner_mask(faces: Int64s, count: int) -> Bools:
+    """Which of `count` vertices are corners of `faces` (m, 3)."""
+    mask = np.zeros(count, np.bool_)
+    run_blocks(len(faces), _BLOCK, bind(_mark_corners, faces, mask), thread_count(None))
+    return mask
+
+
+@kernel
+def _mark_corners(faces, mask, start, stop):
+    for f in range(start, stop):
+        for k in range(3):
+            mask[faces[f, k]] = True
 
 
 def mesh_of(given: Mesh | Any, source: str) -> Mesh:

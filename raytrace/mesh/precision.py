@@ -8,13 +8,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernel.jit import kernel
+from ..kernel.jit import bind, inline, kernel
 from ..kernel.vector import cross, dot, length, load_triangle, subtract
+from ..system.threads import run_blocks, thread_count
 from ..types import Float64s
 from .mesh import Mesh
 from .placement import Placement, near_box, sample
 
 TILT = 0.01
+_NO_AREA = 1e-15  # times the square of the longest edge: faces without area from the start
+_BLOCK = 1 << 12  # faces
 
 
 class Coarseness(NamedTuple):
@@ -28,6 +31,8 @@ class Coarseness(NamedTuple):
 
 def coarseness(mesh: Mesh) -> Coarseness:
     """Look for vertices that rounding leaves without a reliable normal."""
+    if not _may_tilt(mesh):
+        return Coarseness(0, 0.0, 0.0, False)
     kind = np.float32 if _rounded_to_single(mesh.vertices) else np.float64
     placement = Placement.of(mesh)
     with np.errstate(over="ignore"):  # of vertices that no face uses
@@ -70,6 +75,33 @@ def outlier_warnings(mesh: Mesh) -> list[str]:
     ]
 
 
+def _may_tilt(mesh: Mesh) -> bool:
+    """Whether a face would be tilted by more than `TILT` if all coordinates were as coarse as the largest float32."""
+    spacing = float(_spacing(2 * np.array(mesh.bounds), np.float32).max())  # twice: from the centre of the mesh
+    found = np.zeros(1, np.bool_)
+    work = bind(_find_tilted, mesh.vertices, mesh.faces, spacing, found)
+    run_blocks(len(mesh.faces), _BLOCK, work, thread_count(None))
+    return bool(found[0])
+
+
+@kernel
+def _find_tilted(vertices, faces, spacing, found, start, stop):
+    for f in range(start, stop):
+        a, b, c = load_triangle(vertices, faces, f)
+        double, longest = _measured(a, b, c)
+        if double > _NO_AREA * longest * longest and 0.5 * spacing * longest > TILT * double:
+            found[0] = True
+
+
+@inline
+def _measured(a, b, c):
+    """Twice the area, and the longest edge, of a triangle."""
+    ab = subtract(b, a)
+    bc = subtract(c, b)
+    ca = subtract(a, c)
+    return length(cross(ab, bc)), np.sqrt(max(dot(ab, ab), dot(bc, bc), dot(ca, ca)))
+
+
 def _rounded_to_single(vertices: Float64s) -> bool:
     """Whether coordinates were rounded to float32: all are float32 numbers, and last bits are used.
 
@@ -92,13 +124,9 @@ def _tilts(vertices, faces, spacing, tilt, weight, widest):
     """Sum δ/h of each vertex's faces, weighted by their angles there, and the largest spacing among their corners."""
     for f in range(len(faces)):
         a, b, c = load_triangle(vertices, faces, f)
-        ab = subtract(b, a)
-        bc = subtract(c, b)
-        ca = subtract(a, c)
-        double = length(cross(ab, bc))
-        longest = np.sqrt(max(dot(ab, ab), dot(bc, bc), dot(ca, ca)))
-        if double <= 1e-15 * longest * longest:
-            continue  # without area from the start
+        double, longest = _measured(a, b, c)
+        if double <= _NO_AREA * longest * longest:
+            continue
         coarse = max(spacing[faces[f, 0]], spacing[faces[f, 1]], spacing[faces[f, 2]])
         tilted = min(0.5 * coarse * longest / double, 1.0)
         for corner in range(3):

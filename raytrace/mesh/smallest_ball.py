@@ -4,30 +4,47 @@ import itertools
 
 import numpy as np
 
+from ..kernel.jit import bind, kernel
+from ..system.threads import run_blocks, thread_count
 from ..types import Float64s
 
 _ROUNDING = 1e-12  # of squared lengths, relative to the largest extent's
 _SAMPLE = 4096
+_BLOCK = 1 << 14  # points
 _CHOICES = np.array([chosen for chosen in itertools.product((0.0, 1.0), repeat=4) if sum(chosen) < 4])
 
 
 def smallest_ball(points: Float64s) -> tuple[Float64s, float]:
     """Centre (3,) and radius of the smallest ball about `points` (n, 3), n > 0: that of a sample of them first, then
     that of what carries it and all that is outside of it, until nothing is (Clarkson 1995)."""
+    points = np.ascontiguousarray(points, np.float64)
     size = float(max(np.ptp(column) for column in points.T)) or 1.0
-    scaled = (points - points[0]) / size
-    some = scaled[:: -(-len(scaled) // _SAMPLE)]
-    centre = scaled[0]
+    some = (points[:: -(-len(points) // _SAMPLE)] - points[0]) / size
     square = -1.0
-    carriers = scaled[:1]
+    carriers = some[:1]
+    outside = np.empty(len(points), np.bool_)
+    largest = np.empty(-(-len(points) // _BLOCK))
     while True:
         before = square
         centre, square, carriers = _pivot(some, carriers)
-        squares = _squares(scaled - centre)
-        outside = squares > square + _ROUNDING
+        work = bind(_look_outside, points, size, centre, square + _ROUNDING, outside, largest)
+        run_blocks(len(points), _BLOCK, work, thread_count(None))
         if not outside.any() or square <= before:
-            return points[0] + size * centre, size * float(np.sqrt(squares.max()))
-        some = scaled[outside]
+            return points[0] + size * centre, size * float(np.sqrt(largest.max()))
+        some = (points[outside] - points[0]) / size
+
+
+@kernel
+def _look_outside(points, size, centre, square, outside, largest, start, stop):
+    """Which points are outside of a ball, in units of `size` from the first of them; the largest square of a block."""
+    most = 0.0
+    for i in range(start, stop):
+        total = 0.0
+        for axis in range(3):
+            total += ((points[i, axis] - points[0, axis]) / size - centre[axis]) ** 2
+        outside[i] = total > square
+        most = max(most, total)
+    largest[start // _BLOCK] = most
 
 
 def _pivot(points: Float64s, carriers: Float64s) -> tuple[Float64s, float, Float64s]:

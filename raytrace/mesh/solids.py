@@ -3,14 +3,16 @@
 import numpy as np
 
 from ..kernel.counting_sort import counting_sort
-from ..kernel.jit import kernel
+from ..kernel.jit import bind, kernel
 from ..kernel.vector import cross, dot, length, load_triangle, subtract
+from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Float32s, Float64s, Int64s
 from .mesh import Mesh
 from .normals import face_normals
 from .placement import Placement
 from .weld import coincident, connected_components
 
+_BLOCK = 1 << 14  # faces
 _MOST_WORK = 1 << 27  # solid angles of faces; where it would take more, what a box encloses counts as enclosed
 
 
@@ -25,11 +27,10 @@ def closed_parts(vertices: Float32s, faces: Int64s, alone: bool = True) -> tuple
     representative = coincident(vertices, faces)
     corners = representative[faces]
     part = connected_components(corners, int(representative.max()) + 1)
-    volume = np.zeros(int(part.max()) + 1)
     of_face = part[corners[:, 0]]
     if not alone and (of_face == of_face[:1]).all():
-        return part[representative], volume
-    _add_volumes(vertices, faces, part[representative], volume)
+        return part[representative], np.zeros(int(part.max()) + 1)
+    volume = _volumes(vertices, faces, part[representative])
     closed = np.ones(len(volume), np.bool_)
     edges, starts = counting_sort(np.minimum(corners, corners[:, [1, 2, 0]]), len(part))
     _strike_open(corners, edges, starts, part, closed)
@@ -44,8 +45,7 @@ def inward_looking(vertices: Float32s, faces: Int64s) -> tuple[int, int, float]:
     negative volume, so that this costs next to nothing where none looks inwards.
     """
     component = connected_components(faces, len(vertices))
-    volume = np.zeros(int(component.max(initial=-1)) + 1)
-    _add_volumes(vertices, faces, component, volume)
+    volume = _volumes(vertices, faces, component)
     if not (volume < 0).any():
         return 0, 0, 0.0
     part, volume = closed_parts(vertices, faces)
@@ -101,12 +101,20 @@ def _winding(vertices, faces, point):
     return total / (4.0 * np.pi)
 
 
+def _volumes(vertices: Float32s, faces: Int64s, part: Int64s) -> Float64s:
+    """Six times the volume (p,) that the faces of each part bound. Args: part: (n,), of each vertex."""
+    of_face = np.empty(len(faces))
+    run_blocks(len(faces), _BLOCK, bind(_add_volumes, vertices, faces, of_face), thread_count(None))
+    if not part.any():
+        return np.full(1, of_face.sum())
+    return np.bincount(part[faces[:, 0]], of_face, int(part.max()) + 1).astype(np.float64, copy=False)
+
+
 @kernel
-def _add_volumes(vertices, faces, part, volume):
-    """Six times the volume that the faces of each part bound."""
-    for f in range(len(faces)):
+def _add_volumes(vertices, faces, volume, start, stop):
+    for f in range(start, stop):
         a, b, c = load_triangle(vertices, faces, f)
-        volume[part[faces[f, 0]]] += dot(a, cross(b, c))
+        volume[f] = dot(a, cross(b, c))
 
 
 @kernel

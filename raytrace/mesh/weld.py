@@ -15,13 +15,15 @@ import numpy.typing as npt
 from ..kernel.counting_sort import counting_sort
 from ..kernel.jit import bind, inline, kernel
 from ..kernel.simd import compare_and_swap
-from ..system.threads import run_blocks, thread_count
+from ..system.threads import run_blocks, run_ranges, thread_count
 from ..types import AnyInts, Float32s, Float64s, Int64s
 from .placement import contact_radius
 
 _BLOCK, _MOST = 1 << 11, 32  # links, and blocks at once
 CREASE = float(np.cos(np.radians(30.0)))  # coincident vertices whose faces differ by more stay apart: a hard edge
 _NEIGHBOURS = 64
+_SLOTS = 1 << 13  # of a hash table for each thread, at least
+_PLACED = 1 << 13  # positions
 _CELLS = 2.0**15  # of a grid, along a unit of render space
 _EDGE = 1.0 / 32.0  # of a cell: more than the largest contact radius
 _FINE = 16.0  # contact radii; vertices all whose edges are shorter are welded only where they are equal
@@ -117,13 +119,14 @@ def first_alike(values: npt.NDArray[Any]) -> Int64s:
     representative = np.empty(len(values), np.int64)
     table = np.zeros(2 << len(values).bit_length(), np.uint32)
     key = np.frombuffer(os.urandom(8), np.uint64)[0]  # so that no file is made of positions that collide
-    _find_first(np.ascontiguousarray(values).view(np.uint32), key, table, representative)
+    words = np.ascontiguousarray(values).view(np.uint32)
+    run_ranges(len(table), _SLOTS, bind(_find_first, words, key, table, representative), thread_count(None))
     return representative
 
 
 @kernel
-def _find_first(words, key, table, representative):
-    """Fill in the `representative` row (n,) of `words` (n, any) that is equal to each one.
+def _find_first(words, key, table, representative, start, stop):
+    """Fill in the `representative` row (n,) of `words` (n, any) that is equal to each one with a hash in a range.
 
     Args: table: of zeros, a power of two and more than n; filled with rows, from 1 on, by hash.
     """
@@ -134,6 +137,8 @@ def _find_first(words, key, table, representative):
             hashed = (hashed ^ np.uint64(words[i, k])) * np.uint64(0x9E3779B97F4A7C15)
             hashed ^= hashed >> np.uint64(32)
         at = np.int64(hashed) & last
+        if not start <= at < stop:
+            continue
         row = np.int64(0)
         while True:
             row = np.int64(table[at]) - 1
@@ -142,7 +147,9 @@ def _find_first(words, key, table, representative):
                 alike = alike and words[row, k] == words[i, k]
             if alike or row < 0:
                 break
-            at = at + 1 & last
+            at += 1
+            if at == stop:
+                at = start
         if row < 0:
             table[at] = i + 1
         representative[i] = i if row < 0 else row
@@ -175,15 +182,16 @@ def grids(positions: Float32s) -> Iterator[tuple[Int64s, Int64s]]:
         subset = positions[rows] if quarter else positions
         keys = np.empty(len(rows), np.int64)
         beside = np.empty(len(rows), np.bool_)
-        _locate(subset, quarter / 4 + 0.1, keys, beside)  # no border is at 0, where many coordinates are
+        locate = bind(_locate, subset, quarter / 4 + 0.1, keys, beside)  # no border is at 0, where many coordinates are
+        run_blocks(len(rows), _PLACED, locate, thread_count(None))
         yield rows, keys
         rows = rows[beside]
 
 
 @kernel
-def _locate(positions, shift, keys, beside):
+def _locate(positions, shift, keys, beside, start, stop):
     """The key (n,) of each position's cell, and whether it is near a border of that."""
-    for i in range(len(positions)):
+    for i in range(start, stop):
         key, near = 0, False
         for axis in range(3):
             size, steps = np.float64(abs(positions[i, axis])), 0.0

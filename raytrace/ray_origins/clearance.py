@@ -31,12 +31,12 @@ def outermost_normals(
     clearance = np.ones(len(normals))
     work = bind(_least_cosines, moved, face_points, face_normals, clearance)
     run_ranges(len(moved), _LEAST, work, thread_count(None))
-    sharp = np.flatnonzero(clearance <= SHARP)
+    is_sharp = clearance <= SHARP
+    sharp = np.flatnonzero(is_sharp)
     if len(sharp):
-        number = np.full(len(normals), -1)
-        number[sharp] = np.arange(len(sharp))
-        corners, starts = counting_sort(number[face_points], len(sharp))
-        faces = face_normals[corners // face_points.shape[1]]
+        corners = np.flatnonzero(is_sharp[face_points])
+        order, starts = counting_sort(np.searchsorted(sharp, face_points.ravel()[corners]), len(sharp))
+        faces = face_normals[corners[order] // face_points.shape[1]]
         _outermost(moved, directions, clearance, sharp, starts, faces)
     return moved, directions, clearance
 

@@ -76,9 +76,10 @@ class Property(NamedTuple):
         """The same values in the same type if it holds them, or else in one that does."""
         kind = self.kind
         with np.errstate(all="ignore"):
-            cast = self.values.astype("<" + kind)
-            if not np.array_equal(cast, self.values, equal_nan=kind in "fd"):
-                kind = "d"
+            if self.values.dtype != np.dtype("<" + kind):
+                cast = self.values.astype("<" + kind)
+                if not np.array_equal(cast, self.values, equal_nan=kind in "fd"):
+                    kind = "d"
             counted = self.counted
             if self.sizes is not None and not np.array_equal(self.sizes.astype("<" + counted), self.sizes):
                 counted = "I"

@@ -109,7 +109,8 @@ def _annotate(element: Element, bake: Bake, shown: str, further: str | None) -> 
     if len(shown) == 1:
         made += layout.with_channel(bake.w, shown, stored_colors((element,)))
     elif shown:
-        made += [Property(name, "B", grey_of(bake.w)) for name in RGB]
+        grey = grey_of(bake.w)
+        made += [Property(name, "B", grey) for name in RGB]
     return Element(element.name, element.count, (*kept, *made))
 
 
@@ -146,7 +147,7 @@ def _elements(mesh_file: MeshFile, attributes: SourceAttributes | None) -> tuple
     return Element("vertex", len(mesh.vertices), tuple(columns)), Element("face", len(sizes), (faces, *lists))
 
 
-def _rows(element: Element, declared: PlyElement) -> bytes:
+def _rows(element: Element, declared: PlyElement) -> memoryview:
     """The rows of an element: as an array where their lists are equally long, or else column by column."""
     lists = {column.name: column.sizes for column in element.properties if column.sizes is not None}
     if all((sizes == sizes[:1]).all() for sizes in lists.values()):
@@ -156,7 +157,7 @@ def _rows(element: Element, declared: PlyElement) -> bytes:
             table[column.name] = column.values.reshape(table[column.name].shape)
             if column.counted:
                 table[COUNT + column.name] = lengths[column.name]
-        return table.tobytes()
+        return table.view(np.uint8).data
     one = np.ones(element.count, np.int64)
     columns = []
     for column in element.properties:
@@ -172,4 +173,4 @@ def _rows(element: Element, declared: PlyElement) -> bytes:
         for byte, part in enumerate(values.view(np.uint8).reshape(-1, values.itemsize).T):
             data[byte_offsets + byte] = part
         starts += values.itemsize * sizes
-    return data.tobytes()
+    return data.data

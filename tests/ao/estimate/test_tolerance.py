@@ -7,8 +7,9 @@ import pytest
 from meshes import hills
 
 import ao
+from ao.estimate.cells import Cells, nearest_baked
 from ao.estimate.one_ring import Neighbours
-from ao.estimate.upsampling import coarsened, nearest_baked, upsample
+from ao.estimate.upsampling import upsample
 from ao.points.receivers import find_receivers
 from raytrace import Mesh, OptionError
 from raytrace.mesh.placement import Placement
@@ -92,11 +93,12 @@ def test_what_varies_linearly_is_filled_in_exactly() -> None:
     baked = np.arange(400) % 4 == 0
     owner = nearest_baked(near, baked)
     assert baked[owner].all()
-    joined, rows, cell = coarsened(near, owner, receivers.points.normals)
+    cells = Cells.of(owner)
+    rows = cells.centres
+    joined = cells.joined(near, receivers.points.normals[rows])
     place = receivers.points.origins.astype(np.float64)
     value = np.column_stack([0.2 + 0.3 * place[:, 0] - 0.1 * place[:, 1], np.full(400, 0.7)])
-    filled = upsample(receivers.points, np.arange(400), joined, rows, cell, value[rows])
-    np.testing.assert_array_equal(filled[rows], value[rows])
+    filled = upsample(receivers.points, cells.cell, joined, receivers.points[rows], value[rows])
     assert np.abs(filled[:, 0] - value[:, 0]).max() < 0.02  # on the rim it leans on one side
     assert rms(filled[:, 0] - value[:, 0]) < 0.004
     np.testing.assert_array_equal(filled[:, 1], value[:, 1])

@@ -105,3 +105,13 @@ def test_what_float32_cannot_hold_overflows_nowhere():
     vertices[-1] = 1e60
     (warning,) = precision_warnings(Mesh(vertices, np.arange(300).reshape(-1, 3)))
     assert "float32 coordinates from the centre of the mesh have steps of" in warning
+
+
+@pytest.mark.parametrize("away", [0.0, 3.0, 1e3, 1e5, 1e6])
+def test_the_short_cut_leaves_out_nothing(monkeypatch, away):
+    ball = trimesh.creation.icosphere(subdivisions=4)
+    mesh = Mesh((ball.vertices + away).astype(np.float32), ball.faces)
+    short = coarseness(mesh)
+    monkeypatch.setattr("raytrace.mesh.precision._may_tilt", lambda _: True)
+    assert coarseness(mesh) == short
+    assert (short.vertices > 0) == (away >= 1e5)

@@ -1,0 +1,115 @@
+"""Cells of points: about some of them, the centres, along edges; cells that touch are neighbours."""
+
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from raytrace.kernel.arrays import unrefcounted_view
+from raytrace.kernel.counting_sort import counting_sort
+from raytrace.kernel.jit import bind, kernel
+from raytrace.system.threads import run_blocks
+from raytrace.types import AnyInts, Bools, Float32s, Int32s, Int64s
+
+from .one_ring import Neighbours
+
+_BLOCK, _MOST = 1 << 10, 16  # cells, and blocks at once
+_CELL, _STEPS = 4, 4  # points of a cell, about; edges between a point and its centre, at most
+
+
+def nearest_baked(neighbours: Neighbours, baked: Bools) -> Int64s:
+    """The nearest of the `baked` points (k,) to each point, by number of edges; −1 where no path leads to one."""
+    nearest = np.where(baked, np.arange(len(baked)), -1)
+    queue = np.empty(len(baked), np.int64)
+    first = np.flatnonzero(baked)
+    queue[: len(first)] = first
+    _flood(neighbours.starts, neighbours.indices, nearest, queue, len(first))
+    return nearest
+
+
+@kernel
+def _flood(starts, indices, nearest, queue, last):
+    first = 0
+    while first < last:
+        i = queue[first]
+        first += 1
+        for k in range(starts[i], starts[i + 1]):
+            j = indices[k]
+            if j >= 0 and nearest[j] < 0:
+                nearest[j] = nearest[i]
+                queue[last] = j
+                last += 1
+
+
+class Cells(NamedTuple):
+    """Cells of k points around some of them, their centres."""
+
+    centres: Int64s  # (c,), ascending
+    cell: Int32s  # (k,), of each point
+    members: Int32s  # (k,), points by their cell, ascending in each
+    starts: Int64s  # (c + 1,), where the members of each cell begin
+
+    @classmethod
+    def of(cls, nearest: AnyInts) -> Self:
+        """Args: nearest: (k,), the centre of each point, itself for a centre."""
+        centres = np.flatnonzero(nearest == np.arange(len(nearest)))
+        number = np.empty(len(nearest), np.int32)
+        number[centres] = np.arange(len(centres), dtype=np.int32)
+        cell = number[nearest]
+        members, starts = counting_sort(cell, len(centres))
+        return cls(centres, cell, members.astype(np.int32), starts)
+
+    @classmethod
+    def about_four(cls, neighbours: Neighbours) -> Self:
+        """Cells of about four points: every fourth one and those a few edges away; of one where none is so near."""
+        rows = np.arange(len(neighbours.starts) - 1, dtype=np.int32)
+        nearest = np.where(rows % _CELL == 0, rows, np.int32(-1))
+        for _ in range(_STEPS):
+            before = nearest.copy()
+            neighbours.each(bind(_step, *neighbours.ring, before, nearest))
+        return cls.of(np.where(nearest < 0, rows, nearest))
+
+    def joined(self, neighbours: Neighbours, normals: Float32s) -> Neighbours:
+        """The graph of the cells, neighbours where points of theirs are. Args: normals: float32 (c, 3)."""
+        if len(self.centres) == len(self.cell):
+            return neighbours
+        links = neighbours.starts, neighbours.indices, self
+        listed = np.zeros(len(self.starts), np.int64)
+        threads = neighbours.threads
+        run_blocks(len(self.centres), _BLOCK, bind(_list_links, *links, listed, None), threads, most=_MOST)
+        np.cumsum(listed, out=listed)
+        ends = np.empty(listed[-1], np.int32)
+        run_blocks(len(self.centres), _BLOCK, bind(_list_links, *links, listed, ends), threads, most=_MOST)
+        merged = Neighbours.merged(listed, ends, threads)
+        alike = np.ones(len(merged.indices), np.float32)
+        return Neighbours.weighted(merged.starts, merged.indices, alike, normals, threads)
+
+
+@kernel
+def _step(starts, indices, weights, before, nearest, first, last):
+    """Give points without a centre that of the most similar neighbour that had one `before`, the first of these."""
+    for i in range(first, last):
+        most = np.float32(-1.0)
+        for k in range(starts[i], starts[i + 1]):
+            centre = before[indices[k]]
+            if before[i] >= 0 or centre < 0 or weights[k] < most or (weights[k] == most and centre > nearest[i]):
+                continue
+            nearest[i] = centre
+            most = weights[k]
+
+
+@kernel
+def _list_links(starts, indices, cells, listed, ends, first, last):
+    """List the cell beyond each link out of a cell from listed[c] on, or count these links: listed[c + 1]."""
+    cells = unrefcounted_view(cells)
+    for c in range(first, last):
+        count = 0
+        for member in range(cells.starts[c], cells.starts[c + 1]):
+            i = cells.members[member]
+            for k in range(starts[i], starts[i + 1]):
+                other = cells.cell[indices[k]]
+                if other != c:
+                    if ends is not None:
+                        ends[listed[c] + count] = other
+                    count += 1
+        if ends is None:
+            listed[c + 1] = count

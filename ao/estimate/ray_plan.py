@@ -1,0 +1,79 @@
+"""How many rays points get: at first, and more by the error that is left, for the least work."""
+
+import numpy as np
+
+from raytrace.kernel.jit import bind, kernel
+from raytrace.system.threads import run_blocks
+from raytrace.types import Float64s, Int64s
+
+from .one_ring import Neighbours
+from .sampling_error import RATE
+
+_FIRST, _FEWEST = 0.048, 8  # rays at first, times the tolerance, and at least: with fewer, single jumps stay unseen
+BATCH = 4  # rays are added in multiples of these
+_FEW_POINTS, _PLENTY = 1 << 15, 0.64  # all points have so many rays together at first, but a point so many / tolerance
+_SHARED = 0.2  # variance of a neighbours' mean, relative to one neighbour's
+_UNEXPLAINED = 0.06  # part of the squared distance from a neighbours' mean that typical predictions leave
+_GAINED = 0.7  # of what shrinking all alike would gain: roughness is not the same everywhere
+_FALL = 1.08  # the mean square error of denoised values falls as n^−1.08 with n rays a point, or faster
+_WORK = 0.6  # the time that n rays of a point take grows as n^.6, for they share their walk
+_STEPS = np.array([0, 1, *(k << power for power in range(16) for k in (2, 3))])  # batches that a round may add
+_SAMPLED = 1 << 14  # points by which rays are planned
+_LEAST = 1e-12  # of squared errors that rays are planned for
+_BLOCK = 1 << 12  # points
+
+
+def first_rays(tolerance: float, count: int) -> int:
+    """Rays at first: few, more where there are few points, of which some have to tell how many more are needed."""
+    few = min(_FEW_POINTS / count, _PLENTY / tolerance)
+    return BATCH * max(round(max(_FIRST / tolerance, _FEWEST, few) / BATCH), 1)
+
+
+def fall_of(neighbours: Neighbours, raw: Float64s, level: float, error: float, goal: float) -> float:
+    """The power of the number of rays with which the mean square `error` falls to the `goal`.
+
+    It falls about as the rays grow, while larger cells take the noise away; not slower than what one-rings leave of the
+    noise, whose mean square is `level` in values `raw` (k,), where w itself is as rough as it is.
+    """
+    squared = (raw - neighbours.means((raw, 0.0))[0]) ** 2
+    rough = max(float(np.nanmean(squared)) - (1 + _SHARED) * level, 0.0) if np.isfinite(squared).any() else np.inf
+    times = np.exp2(np.arange(1, 129) / 8)
+    variance = level * times**-RATE
+    predicted = _UNEXPLAINED * rough + _SHARED * variance
+    by_rings = variance * (1 - _GAINED * variance / (variance + predicted))
+    enough = np.minimum(error / times**_FALL, by_rings) <= goal
+    needed = times[np.argmax(enough)] if enough.any() else times[-1]
+    return float(np.clip(np.log(error / goal) / np.log(needed), _FALL, RATE))
+
+
+def rays_to_add(error: Float64s, worth: Float64s, most: int, goal: float, fall: float, threads: int) -> Int64s:
+    """Rays (k,) to add for squared errors (k,) of mean `goal`, by the least work.
+
+    With n' rays in the place of n, e (n / n')^f is expected of an error e, for work n'^g. Their sum is least where
+    n'^(f + g) is proportional to e n^f; the factor is bisected. Args: worth: n^RATE (k,), of one lattice. most: n' at
+    most. fall: f.
+    """
+    step = max(len(worth) // _SAMPLED, 1)
+    some = np.maximum(error[::step], _LEAST)
+    now = worth[::step] ** (1 / RATE)
+    wish = (some * now**fall) ** (1 / (fall + _WORK))
+    low, high = 0.0, most / float(wish.min())
+    for _ in range(40):
+        factor = (low + high) / 2
+        wanted = np.clip(factor * wish, now, most)
+        enough = float(np.mean(some * (now / wanted) ** fall)) <= goal
+        low, high = (low, factor) if enough else (factor, high)
+    more = np.empty(len(worth), np.int64)
+    limits = (BATCH * (_STEPS[1:] + _STEPS[:-1]) / 2) ** RATE
+    powers = fall / RATE, RATE / (fall + _WORK), high**RATE
+    run_blocks(len(worth), _BLOCK, bind(_plan, error, worth, powers, limits, more), threads)
+    return BATCH * _STEPS[more]
+
+
+@kernel
+def _plan(error, worth, powers, limits, step, first, last):
+    """The `step` of `_STEPS` by which what each point's rays are worth comes nearest to what is wanted."""
+    fall, rate, factor = powers
+    for i in range(first, last):
+        wanted = factor * (max(error[i], _LEAST) * worth[i] ** fall) ** rate - worth[i]
+        step[i] = np.searchsorted(limits, wanted)

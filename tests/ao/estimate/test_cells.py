@@ -1,0 +1,67 @@
+"""Cells of points against slow code: what they hold, which touch, and the same on any number of threads."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from meshes import hills
+
+from ao.estimate.cells import Cells
+from ao.estimate.one_ring import Neighbours
+from ao.points.receivers import find_receivers
+from raytrace import Mesh
+from raytrace.mesh.placement import Placement
+
+MESH = Mesh(*hills(90))
+
+
+def graph(threads: int) -> Neighbours:
+    receivers = find_receivers(MESH, Placement.of(MESH))
+    return Neighbours.of(receivers.of_vertex[receivers.faces], receivers.points.normals, threads)
+
+
+def rings(neighbours: Neighbours) -> list[set[int]]:
+    parts = np.split(neighbours.indices, neighbours.starts[1:-1])
+    return [set(part.tolist()) for part in parts]
+
+
+@pytest.fixture(scope="module")
+def cells() -> Cells:
+    return Cells.about_four(graph(1))
+
+
+def test_every_point_is_in_the_cell_of_a_nearest_centre(cells: Cells) -> None:
+    around = rings(graph(1))
+    away = np.where(np.isin(np.arange(len(around)), cells.centres), 0, 99)
+    for step in range(1, 5):
+        for i in np.flatnonzero(away == 99).tolist():
+            if any(away[j] == step - 1 for j in around[i]):
+                away[i] = step
+    for i in np.flatnonzero(away > 0).tolist():
+        before = [j for j in around[i] if away[j] == away[i] - 1]
+        assert cells.cell[i] in {cells.cell[j] for j in before}
+    assert (cells.cell[cells.centres] == np.arange(len(cells.centres))).all()
+    assert 3.5 < len(cells.cell) / len(cells.centres) <= 4
+
+
+def test_members_are_the_points_of_a_cell(cells: Cells) -> None:
+    for number, part in enumerate(np.split(cells.members, cells.starts[1:-1])):
+        np.testing.assert_array_equal(part, np.flatnonzero(cells.cell == number))
+
+
+def test_cells_are_neighbours_where_points_of_theirs_are(cells: Cells) -> None:
+    joined = rings(cells.joined(graph(1), np.tile(np.float32([0, 0, 1]), (len(cells.centres), 1))))
+    expected = [set[int]() for _ in joined]
+    for i, around in enumerate(rings(graph(1))):
+        expected[cells.cell[i]] |= {int(cells.cell[j]) for j in around} - {int(cells.cell[i])}
+    assert joined == expected
+
+
+def test_any_number_of_threads_makes_the_same_cells(cells: Cells) -> None:
+    other = graph(3)
+    again = Cells.about_four(other)
+    for one, two in zip(cells, again, strict=True):
+        np.testing.assert_array_equal(one, two)
+    normals = np.tile(np.float32([0, 0, 1]), (len(cells.centres), 1))
+    for one, two in zip(cells.joined(graph(1), normals).ring, again.joined(other, normals).ring, strict=True):
+        np.testing.assert_array_equal(one, two)
