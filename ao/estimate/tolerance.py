@@ -6,7 +6,7 @@ Probes, spread over the points, measure the error by rays that are no part of an
 """
 
 import warnings
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -65,8 +65,7 @@ def shortfalls(
     return (*found, *inward_warnings(solid, vertices[: len(solid.vertices)]))
 
 
-@dataclass(frozen=True, eq=False)
-class Estimate:
+class Estimate(NamedTuple):
     """Values of points, and their errors."""
 
     rows: Float64s  # (k, 4), w and the mean of μ·direction (x, y, z)
@@ -149,7 +148,7 @@ def _add_rays(
     """Trace `more` rays (k,) at the points and put them into the rows (k, COLUMNS) of each falloff, by which the points
     have as much as one lattice of `worth` (k,) rays."""
     tracer.expected = tracer.rays + int(more.sum())
-    for count in np.unique(more[more > 0]):
+    for count in np.flatnonzero(np.bincount(more[more > 0])):  # `np.unique` would import `numpy.ma`
         which = more == count
         kept = variance_factor(worth[which], int(count))[:, None]
         subset = points[which]
