@@ -8,6 +8,7 @@ Every bake is the command, in a process of its own: with the default tolerance, 
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -37,14 +38,21 @@ def write(path: Path, side: int) -> None:
 
 def measured(words: list[str]) -> tuple[str, float, int]:
     """What a command prints, its user and system time in seconds, and the peak of its memory in bytes."""
-    with subprocess.Popen([sys.executable, str(ROOT / "cli.py"), *words], stderr=subprocess.PIPE, text=True) as child:
-        assert child.stderr
-        text = child.stderr.read()
+    command = [sys.executable, str(ROOT / "cli.py"), *words]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as child:
+        assert child.stdout
+        text = child.stdout.read()
         _, status, usage = os.wait4(child.pid, 0)
         child.returncode = os.waitstatus_to_exitcode(status)
     if child.returncode:
         raise SystemExit(text)
     return text, usage.ru_utime + usage.ru_stime, usage.ru_maxrss << 10
+
+
+def found(pattern: str, text: str) -> str:
+    match = re.search(pattern, text)
+    assert match, text
+    return match[1]
 
 
 def main() -> None:
@@ -55,11 +63,11 @@ def main() -> None:
             write(source, side)
             for way, options in WAYS.items():
                 words = ["bake", str(source), "-o", str(target), *BAKE, *options]
-                told = measured([*words, "--dry-run"])[0]
+                told = found(r"about ([\d.,]+ .iB) in all", measured([*words, "--dry-run"])[0])
                 text, seconds, peak = measured(words)
-                row = {"side": side, "way": way, "seconds": seconds, "peak": peak, "told": told, "said": text}
-                rows.append(row)
-                print(side, way, f"{1e6 * seconds / side**2:.0f} µs of CPU a cell, peak {peak >> 20:,} MiB", flush=True)
+                row = {"side": side, "way": way, "rmse": float(found(r"RMSE ([\d.]+)", text)), "told": told}
+                rows.append(row | {"seconds": seconds, "peak": peak})
+                print(f"{side}² {way}: {1e6 * seconds / side**2:.0f} µs of CPU a cell, peak {peak >> 20:,} MiB, {row}")
     write_json(RESULTS / "terrain.json", {"rows": rows, "versions": versions()})
 
 

@@ -113,7 +113,7 @@ def factors(tangents, azimuths, normals):
 
 @pytest.mark.parametrize("steepness", [0.25, 1.0])
 def test_both_definitions_are_the_integrals_of_the_horizon(tmp_path, steepness):
-    """Steep cells, up to 85°, have folds, where w of the inclined surface is a mean over its faces and no integral."""
+    """Steep cells, up to 82°, have folds, where w of the inclined surface is a mean over its faces and no integral."""
     size, cell = 20, 30.0
     rng = np.random.default_rng(8)
     waves = [np.sin(np.add.outer(a * np.arange(size), b * np.arange(size)) + c) for a, b, c in rng.normal(size=(9, 3))]
