@@ -120,7 +120,7 @@ def tilted_normal(tilt: float) -> float:
 def inverted_pyramid(sides: int, slope: float) -> float:
     """Tip of an inverted regular pyramid of n sides that rise by t: (n/π) cosβ arctan(cosβ tan(π/n)), tanβ = t.
 
-    For every μ, as what is below its rim is hit at distance 0. Lambert's formula of the rim; cos²β, of a cone, as n → ∞.
+    For every μ: what is below the rim is hit at distance 0. By Lambert's formula; as n → ∞ a cone's cos²β.
     """
     _require(sides > 2 and slope > 0, f"sides, slope: expected > 2, > 0, got {sides}, {slope}")
     cosine = 1 / hypot(1, slope)

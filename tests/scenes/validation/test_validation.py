@@ -87,7 +87,8 @@ def test_every_closed_form_has_a_line() -> None:
         "nothing above: plane", "nothing above: cube", "nothing above: tetrahedron", "nothing above: icosphere", "dome",
         "ceiling", "coaxial disk", "wall", "infinite wall", "corner of two walls", "V-groove", "trench",
         "sphere above a plane", "inside a sphere", "inside a cylinder", "cylinder parallel to a plane",
-        "closed unit cube", "tilted normal", "polygons by Lambert's formula", "inverted pyramid of 3 sides", "inverted pyramid of 512",
+        "closed unit cube", "tilted normal", "polygons by Lambert's formula",
+        "inverted pyramid of 3 sides", "inverted pyramid of 512 sides",
     ):  # fmt: skip
         assert name in names
     for name in {line.name for line in LINES} - {"tilted normal"}:
