@@ -49,7 +49,7 @@ def main() -> None:
     figure.colorbar(shown, shrink=0.85, label="sky-view factor")
     for axis, title in ((left, "heights"), (middle, "inclined surface"), (right, "horizontal cells")):
         axis.set(title=title, xticks=[], yticks=[])
-    figure.savefig(TARGET, dpi=90)
+    figure.savefig(TARGET, dpi=60)
     print(TARGET)
 
 
