@@ -90,6 +90,7 @@ pictures: install ## the pictures of docs: gallery, temple, the models' spheres,
 	$(BIN)/python -m benchmarks.pictures.rays
 	$(BIN)/python -m benchmarks.pictures.high
 	$(BIN)/python -m benchmarks.pictures.terrain
+	$(BIN)/python -m benchmarks.pictures.elements
 	-$(BIN)/python -m benchmarks.pictures.page --pictures docs/viewing
 
 site: $(TOOLS) ## the documentation as a site, in build/site, made without network
