@@ -70,7 +70,7 @@ class Property(NamedTuple):
     kind: str  # the type of its values
     values: npt.NDArray[Any]  # (n,), or the values of all lists one after the other
     counted: str = ""  # of lists, the type of their lengths
-    sizes: npt.NDArray[Any] | None = None  # (n,), of lists their lengths
+    sizes: npt.NDArray[Any] = np.empty(0, np.int64)  # (n,), of lists their lengths
 
     def fitting(self) -> Property:
         """The same values in the same type if it holds them, or else in one that does."""
@@ -80,7 +80,7 @@ class Property(NamedTuple):
             if not np.array_equal(cast, self.values, equal_nan=kind in "fd"):
                 kind = "d"
             counted = self.counted
-            if self.sizes is not None and not np.array_equal(self.sizes.astype("<" + counted), self.sizes):
+            if counted and not np.array_equal(self.sizes.astype("<" + counted), self.sizes):
                 counted = "I"
         return self._replace(kind=kind, counted=counted)
 
@@ -151,7 +151,7 @@ def _reversed_element(element: Element, sizes: Int64s, order: Int64s) -> Element
         values = column.values
         if element.name == "vertex" and column.name in ("nx", "ny", "nz"):
             values = -values
-        elif element.name == "face" and column.sizes is not None and len(values) in (len(order), 2 * len(order)):
+        elif element.name == "face" and column.counted and len(values) in (len(order), 2 * len(order)):
             wide = len(values) // max(len(order), 1)
             if np.array_equal(column.sizes, wide * sizes):
                 values = values.reshape(-1, wide)[order].ravel()

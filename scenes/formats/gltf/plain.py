@@ -230,7 +230,7 @@ def _unsupported_of_elements(source: SourceAttributes) -> list[str]:
     missing = []
     for element in source.elements:
         if element.name == "vertex":
-            missing += [f"{column.name} of vertices" for column in element.properties if column.sizes is not None]
+            missing += [f"{column.name} of vertices" for column in element.properties if column.counted]
             if own_colors(source.elements) and source.colors is None:
                 missing.append("its colours")
         elif element.name == "face":

@@ -13,7 +13,7 @@ from ..load import MeshFile
 from ..obj.mtl import MATERIAL_WORDS
 from ..table import Channels
 from . import layout
-from .layout import COUNT, RGB, UP_COMMENT, PlyElement, grey_of, is_profile, own_colors, stored_colors
+from .layout import COUNT, RGB, UP_COMMENT, grey_of, is_profile, own_colors, stored_colors
 
 OWN = "comment obscurance: 1 = open"
 GREY = "; red green blue = obscurance as sRGB"
@@ -48,14 +48,11 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     further = channels.ply_name
     named = "face" if bake.at == "faces" else "vertex"
     values = _of_polygons(bake, mesh_file) if bake.at == "faces" else bake
-    annotated = [
-        _annotate(element, values, shown, further) if element.name == named else element for element in elements
-    ]
-    fitting = [
-        replace(element, properties=tuple(column.fitting() for column in element.properties)) for element in annotated
-    ]
-    layouts = [PlyElement(e.name, e.count, {c.name: (c.kind, c.counted) for c in e.properties}) for e in fitting]
-    return b"".join([layout.write_header(layouts, comments), *map(_rows, fitting, layouts)])
+    fitting = []
+    for element in elements:
+        annotated = _annotate(element, values, shown, further) if element.name == named else element
+        fitting.append(replace(element, properties=tuple(column.fitting() for column in annotated.properties)))
+    return b"".join([layout.write_header(fitting, comments), *map(_rows, fitting)])
 
 
 def has_own_colors(attributes: SourceAttributes | None) -> bool:
@@ -110,7 +107,7 @@ def _annotate(element: Element, bake: Bake, shown: str, further: str | None) -> 
         made += layout.with_channel(bake.w, shown, stored_colors((element,)))
     elif shown:
         made += [Property(name, "B", grey_of(bake.w)) for name in RGB]
-    return Element(element.name, element.count, (*kept, *made))
+    return replace(element, properties=(*kept, *made))
 
 
 def _elements(mesh_file: MeshFile, attributes: SourceAttributes | None) -> tuple[Element, ...]:
@@ -146,30 +143,26 @@ def _elements(mesh_file: MeshFile, attributes: SourceAttributes | None) -> tuple
     return Element("vertex", len(mesh.vertices), tuple(columns)), Element("face", len(sizes), (faces, *lists))
 
 
-def _rows(element: Element, declared: PlyElement) -> bytes:
-    """The rows of an element: as an array where their lists are equally long, or else column by column."""
-    lists = {column.name: column.sizes for column in element.properties if column.sizes is not None}
+def _rows(element: Element) -> bytes:
+    """The rows of an element: as an array where their lists are equally long."""
+    lists = {column.name: column.sizes for column in element.properties if column.counted}
     if all((sizes == sizes[:1]).all() for sizes in lists.values()):
         lengths = {name: int(sizes[0]) if len(sizes) else 0 for name, sizes in lists.items()}
-        table = np.empty(element.count, declared.row(lengths))
+        table = np.empty(element.count, layout.row_of(element, lengths))
         for column in element.properties:
             table[column.name] = column.values.reshape(table[column.name].shape)
             if column.counted:
                 table[COUNT + column.name] = lengths[column.name]
         return table.tobytes()
-    one = np.ones(element.count, np.int64)
-    columns = []
+    # Else the bytes of all columns, one after the other, are sorted by their rows.
+    rows = np.arange(element.count, dtype=np.uint32)
+    parts = []
+    rows_of = []
     for column in element.properties:
-        if column.sizes is not None:
-            columns.append((column.sizes.astype("<" + column.counted), one))
-        columns.append((column.values.astype("<" + column.kind), one if column.sizes is None else column.sizes))
-    widths = sum((values.itemsize * sizes for values, sizes in columns), start=0 * one)
-    data = np.empty(int(widths.sum()), np.uint8)
-    starts = np.cumsum(widths) - widths
-    for values, sizes in columns:
-        first_bytes = starts - values.itemsize * (np.cumsum(sizes) - sizes)
-        byte_offsets = np.repeat(first_bytes, sizes) + values.itemsize * np.arange(len(values))
-        for byte, part in enumerate(values.view(np.uint8).reshape(-1, values.itemsize).T):
-            data[byte_offsets + byte] = part
-        starts += values.itemsize * sizes
-    return data.tobytes()
+        if column.counted:
+            parts.append(column.sizes.astype("<" + column.counted))
+            rows_of.append(np.repeat(rows, parts[-1].itemsize))
+        parts.append(column.values.astype("<" + column.kind))
+        rows_of.append(np.repeat(rows, parts[-1].itemsize * (column.sizes if column.counted else 1)))
+    order = np.argsort(np.concatenate(rows_of), kind="stable")
+    return np.concatenate([part.view(np.uint8) for part in parts])[order].tobytes()
