@@ -140,7 +140,7 @@ def load(
     """
     path = Path(path)
     aim = format_of(target or "")
-    keep = names or bool(aim.unsupported) or aim.ending == ".html"
+    keep = names or "source" in aim.holds or aim.ending == ".html"
     instances, asset = read_objects(path, keep, content, alpha, points)
     cloud = None
     if points:
@@ -150,7 +150,7 @@ def load(
         mesh, parts = flatten(instances, str(path))
         attributes = joined_attributes(instances)
         unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
-        if asset and aim.unsupported:
+        if asset and "source" in aim.holds:
             _ = asset.materials  # to find what is malformed
             if "scene" not in aim.holds:
                 from .gltf.textures import gltf_attributes

@@ -44,10 +44,9 @@ class FileFormat(NamedTuple):
     peak: float = 0.0  # bytes of memory a byte of file while it is read; what archives and glTF hold is counted later
     begins: bytes = b""  # a pattern of the first bytes, which identifies a pipe's format
     write: str = ""  # a bake, a `MeshFile` and `Channels` to bytes
-    unsupported: str = ""  # a `MeshFile` and `Channels.colors` to words for what an output lacks
-    holds: tuple[
-        str, ...
-    ] = ()  # "w", w of "faces" and backs, "colors" of vertices, "uv" of corners, a "scene", a "raster"
+    # what else the "source" of an output holds; "w", that of "faces" and backs, "colors" of vertices, "uv" of corners,
+    # a "scene", a "raster"
+    holds: tuple[str, ...] = ()
 
 
 _REGISTERED: dict[str, FileFormat] = {}

@@ -10,7 +10,6 @@ from raytrace.mesh.up import up_axis
 
 from ...geometry.attributes import Element, Property, SourceAttributes
 from ..load import MeshFile
-from ..obj.mtl import MATERIAL_WORDS
 from ..table import Channels
 from . import layout
 from .layout import COUNT, RGB, UP_COMMENT, grey_of, is_profile, own_colors, stored_colors
@@ -60,26 +59,6 @@ def has_own_colors(attributes: SourceAttributes | None) -> bool:
     if attributes is None or not attributes.elements:
         return attributes is not None and attributes.colors is not None
     return bool(own_colors(attributes.elements))
-
-
-def unsupported_features(mesh_file: MeshFile, colors: str) -> list[str]:
-    """What of a mesh file a PLY lacks, in words. Args: colors: the channels of colours that hold w."""
-    attributes = mesh_file.attributes
-    missing: list[str] = []
-    if len(colors) > 1 and has_own_colors(attributes):
-        missing.append("its colours")
-    if attributes is None or not attributes.elements:
-        of = None if attributes is None else attributes.object_of
-        if not mesh_file.gltf and (len(mesh_file.parts) > 1 or (of is not None and np.ptp(of))):
-            missing.append("its division into objects")
-        missing += [words for words in mesh_file.unread if not words.startswith(MATERIAL_WORDS)]
-    if attributes and attributes.normals:
-        missing.append("normals of vertices that have several")
-    if attributes and attributes.uv and not np.isfinite(attributes.uv.values).all():
-        missing.append("texture coordinates, which some corners lack")
-    if attributes and attributes.materials and not attributes.elements:
-        missing.append("materials")
-    return missing
 
 
 def _of_polygons(bake: Bake, mesh_file: MeshFile) -> Bake:

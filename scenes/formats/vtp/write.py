@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 
 from ..load import MeshFile
-from ..unsupported import left_out
 from ..write import VertexValues
 
 _TYPES = {"f4": "Float32", "f8": "Float64", "i8": "Int64", "u1": "UInt8"}
@@ -61,10 +60,3 @@ def _array(name: str, values: npt.NDArray[Any], kind: str) -> str:
     components = values.shape[1] if values.ndim > 1 else 1
     of_what = f'type="{_TYPES[kind]}" Name="{name}" NumberOfComponents="{components}"'
     return f'<DataArray {of_what} format="binary">{encoded}</DataArray>'
-
-
-def unsupported_features(mesh_file: MeshFile, _: str) -> list[str]:
-    """What of a mesh file a .vtp lacks, in words."""
-    has_uv = mesh_file.attributes and mesh_file.attributes.uv
-    others = [words for words in left_out(mesh_file) if not words.startswith("texture coordinates")]
-    return [*others, *(["texture coordinates"] if has_uv else [])]
