@@ -2,6 +2,7 @@
 
 import shlex
 from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 from raytrace.errors import ConflictError, OptionError, SceneError, printable
 from raytrace.system.atomic import write_bytes
@@ -16,6 +17,9 @@ from ..formats.table import endings
 from ..formats.unsupported import unsupported_features
 from ..formats.write import channels, check_target, npy, npz, write_vertices
 from ..show.page.encode import Values
+
+if TYPE_CHECKING:
+    from ao import Bake
 
 
 def change_falloff(baked: Path, scales: Scales, output: Path, mesh: Path | None) -> str:
@@ -58,7 +62,7 @@ def _write_vertices(baked: Path, scales: Scales, output: Path, mesh: Path | None
     shown = channels(output, False, None, False)
     if file:
         warn([], unsupported_features(output, file, shown))
-    values = Values(w, flags=read_beside_w(baked, len(w)).get("flags"), profile=profile)
+    values = cast("Bake", Values(w, flags=read_beside_w(baked, len(w)).get("flags"), profile=profile))
     if arrays:
         write_bytes(output, arrays(values))
     elif file:

@@ -86,7 +86,7 @@ def _shapes(source: MeshFile) -> Iterator[tuple[Shape, Origin | None]]:
         return
 
     # The faces of each material, those without texture coordinates apart.
-    material_of = np.repeat(attributes.material_of, attributes.triangles.counts)
+    material_of = attributes.of_faces(attributes.material_of)
     uv = several[0].values[several[0].of[corner_like]] if several else np.full((len(mesh.vertices), 2), np.nan)
     has_uv = ~np.isnan(uv[mesh.faces]).any(axis=(1, 2))
     group = 2 * material_of + has_uv

@@ -19,7 +19,7 @@ from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.system.checks import check_memory, check_regular
 from raytrace.types import Float64s
 
-from ..geometry.attributes import SourceAttributes, reversed_attributes
+from ..geometry.attributes import SourceAttributes, reversed_attributes, triangle_attributes
 from ..geometry.instances import Instance, Submesh, flatten, joined_attributes
 from .table import MeshInput, endings, format_of, formats, sniffed_format
 
@@ -66,16 +66,21 @@ class MeshFile(NamedTuple):
     def files(self) -> tuple[Path, ...]:
         """Every file that was read, or will be when the mesh is written."""
         named = self.gltf.files if self.gltf else (self.path,)
-        return named + (self.attributes.files if self.attributes else ())
+        return named + self.held.files
 
     @property
     def objects(self) -> tuple[str, ...]:
         """Names of the objects: of an OBJ file, loaded for a target, or else of the parts."""
-        attributes = self.attributes
-        if attributes is None or attributes.object_of is None:
+        held = self.held
+        if held.object_of is None:
             return tuple(part.name for part in self.parts)
-        names = (*attributes.objects, "")
-        return tuple(names[number] or self.parts[0].name for number in np.unique(attributes.object_of))
+        names = (*held.objects, "")
+        return tuple(names[number] or self.parts[0].name for number in np.unique(held.object_of))
+
+    @property
+    def held(self) -> SourceAttributes:
+        """The `attributes`, or those of the triangles alone."""
+        return self.attributes or triangle_attributes(self.mesh.faces)
 
     @property
     def uv(self) -> Float64s | None:

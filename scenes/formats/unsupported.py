@@ -25,10 +25,10 @@ def unsupported_features(target: Path, mesh_file: MeshFile, channels: Channels =
         return []
     missing = [*(_of_glb(mesh_file, colors) if row.ending == ".glb" else _of_polygons(mesh_file, row, colors))]
     warnings = [f"{target}: not kept from {mesh_file.path}: {', '.join(missing)}"] if missing else []
-    if row.name == "PLY" and not colors and has_own_colors(mesh_file.attributes):
+    if row.name == "PLY" and not colors and has_own_colors(mesh_file.held):
         instead = "w, the openness, is only in the property obscurance; --colors puts it in their place"
         warnings.append(f"{target}: keeps the colours of {mesh_file.path}; {instead}")
-    if channels.ply_name and mesh_file.attributes and channels.ply_name in mesh_file.attributes.numbers:
+    if channels.ply_name in mesh_file.held.numbers:
         warnings.append(f"{target}: w takes the place of {channels.ply_name} of {mesh_file.path}")
     if channels.ramp and mesh_file.gltf:
         from .gltf.write import ramp_warnings
@@ -39,16 +39,14 @@ def unsupported_features(target: Path, mesh_file: MeshFile, channels: Channels =
 
 def _of_polygons(mesh_file: MeshFile, row: FileFormat, colors: str) -> Iterator[str]:
     """What of a mesh file a format of polygons lacks, in words. Args: colors: the channels of colours that hold w."""
-    attributes = mesh_file.attributes
+    attributes = mesh_file.held
     if (len(colors) > 1 or "colors" not in row.holds) and has_own_colors(attributes):
         yield "its colours"
-    if attributes is None or not attributes.elements:
-        of = None if attributes is None else attributes.object_of
+    if not attributes.elements:
+        of = attributes.object_of
         if not mesh_file.gltf and (len(mesh_file.parts) > 1 or (of is not None and np.ptp(of))):
             yield "its division into objects"
         yield from (words for words in mesh_file.unread if not words.startswith(MATERIAL_WORDS))
-    if attributes is None:
-        return
     if attributes.normals:
         yield "normals of vertices that have several"
     if attributes.uv and "uv" in row.holds and not np.isfinite(attributes.uv.values).all():
@@ -67,7 +65,7 @@ def _of_glb(mesh_file: MeshFile, colors: str) -> Iterator[str]:
     from .gltf.plain import SOURCE_INDEX, kept_numbers, part_origin
     from .primitive_groups import primitive_groups
 
-    attributes = mesh_file.attributes
+    attributes = mesh_file.held
     if asset := mesh_file.gltf:
         for drawn, part in zip(asset.drawn, mesh_file.parts, strict=True):
             if len(colors) == 1:  # the other channels are kept, so they must be right
@@ -78,8 +76,6 @@ def _of_glb(mesh_file: MeshFile, colors: str) -> Iterator[str]:
         return
     part_origin(mesh_file.mesh.vertices)
     yield from mesh_file.unread
-    if attributes is None:
-        return
     if has_own_colors(attributes) and (len(colors) > 1 or attributes.colors is None):
         yield "its colours"
     if len(list(primitive_groups(mesh_file))) > len(mesh_file.parts):

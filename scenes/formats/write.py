@@ -8,49 +8,22 @@ import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any, Literal, Protocol, cast, get_args
+from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.errors import ConflictError, OptionError, Term
 from raytrace.system.atomic import check_writable, write_bytes
-from raytrace.types import AnyFloats
 
 from .load import MeshFile, load
 from .table import Channels, endings, format_of
 
 if TYPE_CHECKING:
-    from ao import Bake, BakedTexture, Profile
+    from ao import Bake, BakedTexture
 
 Occlusion = Literal["none", "ramp"]
 _PLY_NAME = r"(?!(n?[xyz]|[stuv]|red|green|blue|alpha|texture_.|obscurance\w*)$)[A-Za-z_]\w*"
 Colors = Literal["rgb", "r", "g", "b", "a"]
-
-
-class VertexValues(Protocol):
-    """What is known of w at n vertices, or faces: an `ao.Bake`, or like it."""
-
-    @property
-    def w(self) -> AnyFloats: ...  # (n,)
-
-    @property
-    def error(self) -> AnyFloats | None: ...  # (n,)
-
-    @property
-    def bent_normals(self) -> AnyFloats | None: ...  # (n, 3)
-
-    @property
-    def flags(self) -> npt.NDArray[Any] | None: ...  # (n,)
-
-    @property
-    def profile(self) -> Profile | None: ...
-
-    @property
-    def at(self) -> str: ...  # what there is a value of, "vertices" or "faces"
-
-    @property
-    def below(self) -> VertexValues | None: ...  # of the backs of faces
 
 
 def check_target(path: str | os.PathLike[str]) -> None:
@@ -69,7 +42,7 @@ def check_holds(path: str | os.PathLike[str], at: str, both_sides: bool) -> None
 
 def write(
     path: str | os.PathLike[str],
-    bake: VertexValues | BakedTexture | Sequence[Bake | BakedTexture],
+    bake: Bake | BakedTexture | Sequence[Bake | BakedTexture],
     mesh_file: MeshFile | str | os.PathLike[str] | Any = None,
     *,
     colors: bool | Colors = False,
@@ -118,7 +91,7 @@ def write(
         MeshError: materials of a glTF source are malformed.
         OutputError: the file cannot be written; an existing one is untouched.
     """
-    several = bake if isinstance(bake, Sequence) else [cast("Bake | BakedTexture", bake)]
+    several = bake if isinstance(bake, Sequence) else [bake]
     source = _source(path, getattr(several[0], "mesh", None) if mesh_file is None else mesh_file)
     if isinstance(bake, Sequence) or bake.w.ndim == 2:  # texels, not vertices
         for name, value in {"colors": colors, "occlusion": occlusion, "up": up}.items():
@@ -126,7 +99,7 @@ def write(
                 raise ConflictError(name, "does not go with", "a texture")
         _write_textures(Path(path), several, source, replace_occlusion)
         return
-    values = cast("VertexValues", bake)
+    values = cast("Bake", bake)
     count = len(source.cloud[0] if source.cloud else getattr(source.mesh, values.at))
     check_holds(path, values.at, values.below is not None)
     if len(bake.w) != count:
@@ -142,7 +115,7 @@ def _source(target: str | os.PathLike[str], given: Any) -> MeshFile:
     return given if isinstance(given, MeshFile) else MeshFile.of(given)
 
 
-def write_vertices(path: str | os.PathLike[str], bake: VertexValues, mesh_file: MeshFile, shown: Channels) -> None:
+def write_vertices(path: str | os.PathLike[str], bake: Bake, mesh_file: MeshFile, shown: Channels) -> None:
     """Write a bake per vertex. Raises: as `write`."""
     write_bytes(path, _writer(path)(bake, mesh_file, shown))
 
@@ -209,14 +182,14 @@ def _writer(path: str | os.PathLike[str]) -> Callable[..., bytes | memoryview]:
     return writer
 
 
-def npy(bake: VertexValues, *_: object) -> memoryview:
+def npy(bake: Bake, *_: object) -> memoryview:
     content = io.BytesIO()
     w = np.stack([bake.w, bake.below.w], axis=-1) if bake.below else bake.w
     np.save(content, w.astype("<f4"), allow_pickle=False)
     return content.getbuffer()
 
 
-def npz(bake: VertexValues, *_: object) -> memoryview:
+def npz(bake: Bake, *_: object) -> memoryview:
     """w, error and bent normals as float32, flags as uint8, as far as they are known; the profile as it is kept."""
     content = io.BytesIO()
     kinds = {"w": "<f4", "error": "<f4", "bent_normals": "<f4", "flags": "u1"}

@@ -119,6 +119,11 @@ class SourceAttributes(NamedTuple):
         """Values of the triangles' corners, from those of the polygons'."""
         return PerCorner(values.values, self.triangles.take(values.of).ravel())
 
+    def of_faces(self, numbers: Int64s | None) -> Int64s:
+        """Numbers (m,) of the triangles, from those of the polygons, -1 where there are none."""
+        counts = self.triangles.counts
+        return np.repeat(np.full(len(counts), -1) if numbers is None else numbers, counts)
+
     def corner_uv(self) -> Float64s | None:
         """Texture coordinates (m, 3, 2) of the triangles, v upwards, NaN where a corner of one has none; None if there
         are none."""

@@ -37,19 +37,19 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
     Args: colors: the channels that are to hold w: of all, the source's are left out.
     """
     mesh = mesh_file.mesh
-    source = mesh_file.attributes
+    source = mesh_file.held
     white = {"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 1}}
     document: dict[str, Any] = {"scene": 0, "scenes": [{"nodes": []}], "nodes": [], "meshes": [], "materials": [white]}
     builder = GlbBuilder({"asset": {"version": "2.0", "generator": "obscurance"}, **document})
-    add_materials(builder, source.materials if source else ())
+    add_materials(builder, source.materials)
     # What the document holds of each corner and vertex, and where its objects lie.
     groups = list(primitive_groups(mesh_file))
     groups_of_part = Counter(group.part for group in groups)
     origins = [part_origin(mesh.vertices[part.vertices]) for part in mesh_file.parts]
-    uv = source.of_triangles(source.uv) if source and source.uv else None
+    uv = source.of_triangles(source.uv) if source.uv else None
     normals = _corner_normals(mesh_file)
     split_by = [values for values in (uv, normals) if values]
-    of_vertices = _vertex_columns(source, colors) if source else {}
+    of_vertices = _vertex_columns(source, colors)
     drawn: list[Drawn] = []
     before = None
     # A primitive for each group, in the node of its object.
@@ -96,8 +96,8 @@ def _add_node(builder: GlbBuilder, name: str, origin: Float64s | None) -> None:
 
 def _corner_normals(mesh_file: MeshFile) -> PerCorner | None:
     """Normals of the triangles' corners; None where each vertex has one."""
-    source = mesh_file.attributes
-    if source and source.normals:
+    source = mesh_file.held
+    if source.normals:
         return source.of_triangles(source.normals)
     if mesh_file.mesh.normals is not None:
         return None

@@ -107,9 +107,11 @@ def _elements(lines: list[list[str]]) -> list[Element]:
                 if name in made or int(count) < 0:
                     raise ValueError(f"element {name} twice, or of a negative count")
                 made[name] = int(count), columns
-            case ["property", "list", counted, kind, name] if name not in columns:
+            case ["property", *_, name] if name in columns:
+                raise ValueError(f"property {name} twice")
+            case ["property", "list", counted, kind, name]:
                 columns[name] = Property(name, _TYPES[kind], _NO_VALUES, _TYPES[counted])
-            case ["property", kind, name] if name not in columns:
+            case ["property", kind, name]:
                 columns[name] = Property(name, _TYPES[kind], _NO_VALUES)
             case ["element" | "property", *_]:
                 raise ValueError("the line " + " ".join(words))

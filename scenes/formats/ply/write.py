@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ao import Bake
+from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import face_normals
 from raytrace.mesh.up import up_axis
 
@@ -31,13 +32,12 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     `channels.ply_name` is another property with w. With `channels.colors` "rgb" the grey also replaces the source's own
     colours; with one letter w replaces only that channel. A comment says which axis but y is up.
     """
-    attributes = mesh_file.attributes
+    attributes = mesh_file.held
     profile = bake.profile
-    elements = attributes.elements if attributes and attributes.elements else _elements(mesh_file, attributes)
+    elements = attributes.elements or _elements(mesh_file.mesh, attributes)
     shown = channels.colors or ("" if has_own_colors(attributes) else "rgb")
     axis = up_axis(mesh_file.mesh, channels.up)
-    stored = attributes.comments if attributes else ()
-    comments = [line for line in stored if not line.startswith(UP_COMMENT) or line == UP_COMMENT + axis]
+    comments = [line for line in attributes.comments if not line.startswith(UP_COMMENT) or line == UP_COMMENT + axis]
     if axis != "y" and UP_COMMENT + axis not in comments:
         comments.insert(0, UP_COMMENT + axis)
     comments.insert(0, OWN + _COMMENTS[shown])
@@ -54,17 +54,14 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     return b"".join([layout.write_header(fitting, comments), *map(_rows, fitting)])
 
 
-def has_own_colors(attributes: SourceAttributes | None) -> bool:
+def has_own_colors(attributes: SourceAttributes) -> bool:
     """Whether the source has vertex colours that are not the grey of an earlier bake."""
-    if attributes is None or not attributes.elements:
-        return attributes is not None and attributes.colors is not None
-    return bool(own_colors(attributes.elements))
+    return bool(own_colors(attributes.elements)) or (attributes.colors is not None and not attributes.elements)
 
 
 def _of_polygons(bake: Bake, mesh_file: MeshFile) -> Bake:
     """w of the polygons that the faces of a bake were cut from: the mean by area. Its profile is left out."""
-    attributes = mesh_file.attributes
-    polygon = attributes.triangles.polygons if attributes else None
+    polygon = mesh_file.held.triangles.polygons
     if polygon is None:
         return replace(bake, profile=None)
     areas = np.maximum(face_normals(bake.mesh.vertices, bake.mesh.faces)[1], 1e-300)
@@ -89,8 +86,7 @@ def _annotate(element: Element, bake: Bake, shown: str, further: str | None) -> 
     return replace(element, properties=(*kept, *made))
 
 
-def _elements(mesh_file: MeshFile, attributes: SourceAttributes | None) -> tuple[Element, ...]:
-    mesh = mesh_file.mesh
+def _elements(mesh: Mesh, attributes: SourceAttributes) -> tuple[Element, ...]:
     # Coordinates and normals.
     columns = [Property(axis, "f", mesh.vertices[:, number]).fitting() for number, axis in enumerate("xyz")]
     if any(column.kind == "d" for column in columns):
@@ -101,23 +97,19 @@ def _elements(mesh_file: MeshFile, attributes: SourceAttributes | None) -> tuple
         normals = (normals / np.where(longest > _LONGEST, longest, 1.0)).astype("<f4")
         columns += [Property(axis, "f", column) for axis, column in zip(("nx", "ny", "nz"), normals.T, strict=True)]
     # Polygons, texture coordinates and colours of another format.
-    sizes = np.full(len(mesh.faces), 3)
-    corners = mesh.faces.ravel()
+    sizes = attributes.sizes
+    corners = attributes.corners
     lists = []
-    if attributes:
-        sizes = attributes.sizes
-        corners = attributes.corners
-        if attributes.uv and np.isfinite(attributes.uv.values).all():
-            uv = attributes.uv.at_vertices(corners, len(mesh.vertices))
-            if uv is None:
-                uv = attributes.uv.values[attributes.uv.of]
-                lists = [Property("texcoord", "f", uv.astype("<f4").ravel(), "B", 2 * sizes)]
-            else:
-                columns += [Property(name, "f", uv[:, n].astype("<f4")) for n, name in enumerate("st")]
-        if attributes.colors is not None:
-            whole = np.rint(np.clip(np.nan_to_num(attributes.colors), 0, 1) * 255)
-            names = (*RGB, "alpha")
-            columns += [Property(name, "B", column) for name, column in zip(names, whole.T, strict=False)]
+    if attributes.uv and np.isfinite(attributes.uv.values).all():
+        uv = attributes.uv.at_vertices(corners, len(mesh.vertices))
+        if uv is None:
+            uv = attributes.uv.values[attributes.uv.of]
+            lists = [Property("texcoord", "f", uv.astype("<f4").ravel(), "B", 2 * sizes)]
+        else:
+            columns += [Property(name, "f", uv[:, n].astype("<f4")) for n, name in enumerate("st")]
+    if attributes.colors is not None:
+        whole = np.rint(np.clip(np.nan_to_num(attributes.colors), 0, 1) * 255)
+        columns += [Property(name, "B", column) for name, column in zip((*RGB, "alpha"), whole.T, strict=False)]
     faces = Property("vertex_indices", "i", corners, "B", sizes)
     return Element("vertex", len(mesh.vertices), tuple(columns)), Element("face", len(sizes), (faces, *lists))
 

@@ -11,21 +11,20 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ao import Bake
+
 from ..load import MeshFile
-from ..write import VertexValues
 
 _TYPES = {"f4": "Float32", "f8": "Float64", "i8": "Int64", "u1": "UInt8"}
 _HEADER = '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">'
 
 
-def vtp(bake: VertexValues, mesh_file: MeshFile, _: object) -> bytes:
+def vtp(bake: Bake, mesh_file: MeshFile, _: object) -> bytes:
     """The vertices and polygons of the source with `obscurance`, float, and as far as they are known `error`, `flags`,
     `bent_normals` and `Normals`, the source's own."""
     mesh = mesh_file.mesh
-    attributes = mesh_file.attributes
-    corners = attributes.corners if attributes else mesh.faces.ravel()
-    sizes = attributes.sizes if attributes else np.full(len(mesh.faces), 3)
-    columns = {
+    held = mesh_file.held
+    columns: dict[str, tuple[npt.NDArray[Any] | None, str]] = {
         "obscurance": (bake.w, "f4"),
         "error": (bake.error, "f4"),
         "flags": (bake.flags, "u1"),
@@ -36,7 +35,7 @@ def vtp(bake: VertexValues, mesh_file: MeshFile, _: object) -> bytes:
     lines = [
         _HEADER,
         "<PolyData>",
-        f'<Piece NumberOfPoints="{len(mesh.vertices)}" NumberOfPolys="{len(sizes)}">',
+        f'<Piece NumberOfPoints="{len(mesh.vertices)}" NumberOfPolys="{len(held.sizes)}">',
         '<PointData Scalars="obscurance">',
         *point_data,
         "</PointData>",
@@ -44,8 +43,8 @@ def vtp(bake: VertexValues, mesh_file: MeshFile, _: object) -> bytes:
         _array("Points", mesh.vertices, "f8"),
         "</Points>",
         "<Polys>",
-        _array("connectivity", corners, "i8"),
-        _array("offsets", np.cumsum(sizes), "i8"),
+        _array("connectivity", held.corners, "i8"),
+        _array("offsets", np.cumsum(held.sizes), "i8"),
         "</Polys>",
         "</Piece>",
         "</PolyData>",

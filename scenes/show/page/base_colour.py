@@ -148,7 +148,7 @@ def _collect_of_attributes(faces: Int64s, attributes: SourceAttributes, found: _
     # Of each material and, last, of none.
     factors = np.array([*(material.colour for material in attributes.materials), (1, 1, 1)])
     pictures = [Texture(material.texture) if material.texture else None for material in attributes.materials]
-    material_of = np.repeat(attributes.material_of, attributes.triangles.counts)
+    material_of = attributes.of_faces(attributes.material_of)
     found.light = found.light * factors[material_of, None]
     uv = attributes.corner_uv()
     if uv is not None:
