@@ -66,11 +66,11 @@ def primitive_groups(mesh_file: MeshFile, coordinates: int = 0) -> Iterator[Prim
 
 
 def _groups_of_gltf(asset: Gltf, mesh_file: MeshFile, coordinates: int) -> Iterator[PrimitiveGroup]:
-    from .gltf.occlusion import material_of, texture_images
+    from .gltf.occlusion import stored_entry, texture_images
 
     for number, (drawn, part) in enumerate(zip(asset.drawn, mesh_file.parts, strict=True)):
         index = drawn.primitive.material
-        material = material_of(asset.header, index)
+        material = stored_entry(asset.header, "materials", index)
         name = material.get("name") or (_NO_MATERIAL if index is None else f"material {index}")
         has_set = f"TEXCOORD_{coordinates}" in drawn.primitive.attributes
         images = texture_images(asset.header, material, coordinates) if has_set else set[int]()
