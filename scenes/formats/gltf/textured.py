@@ -5,11 +5,9 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from ao.texture.result import BakedTexture
 from ao.texture.uv_layout import on_page
-from raytrace.errors import MeshError
 from raytrace.types import AnyFloats, Float64s, Int64s
 
 from ..load import MeshFile
@@ -25,7 +23,6 @@ from .records import Primitive
 from .write import document, write_ramp
 
 _SAME = 1e-6  # of texture coordinates that float32 has rounded
-_KINDS = {"SCALAR", "VEC2", "VEC3", "VEC4"}
 
 
 def textured_glb(
@@ -78,19 +75,15 @@ def textured_glb(
     textures.apply()
     if w is not None:
         write_ramp(builder, [(primitive, w[vertices]) for primitive, vertices in on_no_page], replace)
-    return builder.encode(), _warnings(kept, len(packing.apart) if packing else 0)
-
-
-def _warnings(kept: int, apart: int) -> list[str]:
-    """Lines on `kept` occlusion textures, and on images of w `apart` from metallic-roughness textures."""
     lines = []
     if kept:
         advice = "so viewers do not show the bake there; --replace-occlusion replaces them"
         lines.append(f"keeps the file's own occlusion textures (primitives: {kept:,}), {advice}")
-    if apart:
+    if packing and packing.apart:
+        apart = f"in images apart from metallic-roughness textures ({len(packing.apart):,})"
         reason = "which have other coordinates, are moved by KHR_texture_transform, or are neither PNG nor JPEG"
-        lines.append(f"has its occlusion in images apart from metallic-roughness textures ({apart:,}), {reason}")
-    return lines
+        lines.append(f"has its occlusion {apart}, {reason}")
+    return builder.encode(), lines
 
 
 def _by_page(
@@ -114,7 +107,9 @@ def _draw(builder: GlbBuilder, primitive: dict[str, Any], corners: Int64s) -> No
 
 def _set_of(asset: Gltf, primitive: Primitive, faces: Int64s, uv: Float64s) -> int | None:
     """Number of the set of a primitive that holds the coordinates `uv` (t, 3, 2), or None."""
-    for name in (name for name in primitive.attributes if name.startswith("TEXCOORD_")):
+    for name in primitive.attributes:
+        if not name.startswith("TEXCOORD_"):
+            continue
         stored = normalized(values(asset, primitive.attributes[name], "VEC2"))[faces] * (1, -1) + (0, 1)
         if np.allclose(stored, uv, _SAME, _SAME):
             return int(name.removeprefix("TEXCOORD_"))
@@ -126,14 +121,11 @@ def split_vertices(
 ) -> None:
     """Give a primitive the set TEXCOORD_`number`, uv (t, 3, 2), with a vertex for each place that one has there."""
     rounded = uv.reshape(-1, 2).astype("<f4")
-    keys = np.empty(len(rounded), [("vertex", "<i8"), ("u", "<f4"), ("v", "<f4")])
-    keys["vertex"] = faces.ravel()
-    keys["u"] = rounded[:, 0]
-    keys["v"] = rounded[:, 1]
-    kinds, example, corners = np.unique(keys, return_index=True, return_inverse=True)
+    keys = np.column_stack([faces.ravel(), rounded])  # doubles, which hold both
+    _, example, corners = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     for attributes in (primitive["attributes"], *primitive.get("targets", [])):
         for name, accessor in attributes.items():
-            attributes[name] = _taken(builder, asset, accessor, kinds["vertex"])
+            attributes[name] = _taken(builder, asset, accessor, faces.ravel()[example])
     add_coordinates(builder, primitive, number, flipped(rounded[example]))
     _draw(builder, primitive, corners)
 
@@ -141,16 +133,12 @@ def split_vertices(
 def _taken(builder: GlbBuilder, asset: Gltf, number: int, taken_rows: Int64s) -> int:
     """Index of a new accessor of some rows of another."""
     old = asset.header["accessors"][number]
-    if old["type"] not in _KINDS:
-        raise MeshError(asset.path, f"accessors[{number}]", "a number or vector a vertex", old["type"])
-    taken = np.ascontiguousarray(values(asset, number, old["type"])[taken_rows])
-    size = taken.shape[1] * taken.dtype.itemsize
-    stride = -(-size // 4) * 4
-    padded: npt.NDArray[np.uint8] = np.zeros((len(taken_rows), stride), np.uint8)
-    padded[:, :size] = taken.view(np.uint8).reshape(len(taken_rows), size)
+    taken = np.ascontiguousarray(values(asset, number, "SCALAR", "VEC2", "VEC3", "VEC4")[taken_rows])
+    data = taken.view(np.uint8)
+    padding = -data.shape[1] % 4
+    strided = {"byteStride": data.shape[1] + padding} if padding else {}
+    view = builder.bytes_view(np.pad(data, ((0, 0), (0, padding))).tobytes(), target=ARRAY_BUFFER, **strided)
     made = {key: old[key] for key in ("componentType", "type", "normalized", "name", "extras") if key in old}
-    strided = {"byteStride": stride} if stride != size else {}
-    view = builder.bytes_view(padded.tobytes(), target=ARRAY_BUFFER, **strided)
     made |= {"bufferView": view, "count": len(taken_rows)}
     if "min" in old:
         made |= {"min": taken.min(axis=0).tolist(), "max": taken.max(axis=0).tolist()}

@@ -12,7 +12,6 @@ from dataclasses import replace
 import numpy as np
 
 from raytrace.errors import MeshError
-from raytrace.types import Int64s
 
 from ...geometry.attributes import Element, Property
 from ...geometry.instances import Instance
@@ -32,7 +31,7 @@ def read_ply(given: MeshInput) -> list[Instance]:
     data = given.file.read()
     source = given.source
     header = read_header(data)
-    elements = _read_text(data, header, source) if header.text else _read_elements(data, header, source)
+    elements = _read_text(data, header, source) if header.text else _read_binary(data, header, source)
     if not any(element.count for element in elements if element.name == "vertex"):
         raise MeshError(source, "elements", "one of vertices", "none")
     vertex = {name: column.values for name, column in columns_of(elements, "vertex").items()}
@@ -61,40 +60,36 @@ def _read_text(data: bytes, header: PlyHeader, source: str) -> list[Element]:
     if data.find(b"#", header.start) >= 0:
         raise fault
     lines = NumberRows.of(data, header.start)
+    line_lengths = lines.lengths
     first_line = 0
     made = []
     for element in header.elements:
-        at = lines.bounds[:-1][first_line : first_line + element.count]
-        ends = lines.bounds[1:][first_line : first_line + element.count]
+        rows = slice(first_line, first_line + element.count)
+        lengths = line_lengths[rows]
+        wanted = len(element.properties)
         left = lines.bounds[-1] - lines.bounds[first_line]
-        if len(at) < element.count or left < element.count * len(element.properties):
+        if len(lengths) < element.count or left < element.count * wanted:
             raise _ends_early(source, element)
-        if not any(column.counted for column in element.properties):
-            _check_counts(source, element, ends - at)
+        if (lengths != wanted).any() and not any(column.counted for column in element.properties):
+            row = int(np.argmax(lengths != wanted))
+            raise MeshError(source, f"element {element.name}, row {row}", f"{wanted} numbers", int(lengths[row]))
         columns = []
+        used = np.zeros(element.count, np.int64)  # numbers of each row
         for column in element.properties:
             if column.counted:
-                sizes, values = lines.take_lists(at, ends, fault)
+                sizes, values = lines.take_lists(rows, used, fault)
                 columns.append(column._replace(values=values, sizes=sizes))
-                at = at + sizes
+                used += sizes
             else:
-                columns.append(column._replace(values=lines.take(at, ends, 1, fault)))
-            at = at + 1
-        if not np.array_equal(at, ends):
+                columns.append(column._replace(values=lines.take(rows, used, 1, fault)))
+            used += 1
+        if not np.array_equal(used, lengths):
             raise fault
         made.append(replace(element, properties=tuple(columns)))
         first_line += element.count
     if first_line + 1 < len(lines.bounds):
         raise fault
     return made
-
-
-def _check_counts(source: str, element: Element, counts: Int64s) -> None:
-    """Raises: MeshError: a row has not one number for each property. Args: counts: of the numbers in each row."""
-    wanted = len(element.properties)
-    if (counts != wanted).any():
-        row = int(np.argmax(counts != wanted))
-        raise MeshError(source, f"element {element.name}, row {row}", f"{wanted} numbers", int(counts[row]))
 
 
 def _ends_early(source: str, element: Element) -> MeshError:
@@ -121,8 +116,8 @@ def _declared(element: Element) -> Element:
     return replace(element, properties=tuple(made))
 
 
-def _read_elements(data: bytes, header: PlyHeader, source: str) -> list[Element]:
-    """All elements. Raises: MeshError: the file ends before them."""
+def _read_binary(data: bytes, header: PlyHeader, source: str) -> list[Element]:
+    """All elements of a binary file. Raises: MeshError: the file ends before them."""
     made = []
     start = header.start
     for element in header.elements:
