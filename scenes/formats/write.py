@@ -92,7 +92,11 @@ def write(
         OutputError: the file cannot be written; an existing one is untouched.
     """
     several = bake if isinstance(bake, Sequence) else [bake]
-    source = _source(path, getattr(several[0], "mesh", None) if mesh_file is None else mesh_file)
+    source = getattr(several[0], "mesh", None) if mesh_file is None else mesh_file
+    if isinstance(source, str | os.PathLike):
+        source = load(source, path)
+    elif not isinstance(source, MeshFile):
+        source = MeshFile.of(source)
     if isinstance(bake, Sequence) or bake.w.ndim == 2:  # texels, not vertices
         for name, value in {"colors": colors, "occlusion": occlusion, "up": up}.items():
             if value:
@@ -106,13 +110,6 @@ def write(
         raise OptionError("bake", f"w of the {count:,} {values.at} of {source.path}", f"{len(bake.w):,}")
     shown = channels(path, colors, occlusion, replace_occlusion, up, ply_name)
     write_vertices(path, values, source, shown)
-
-
-def _source(target: str | os.PathLike[str], given: Any) -> MeshFile:
-    """What was baked, in any form that `write` takes."""
-    if isinstance(given, str | os.PathLike):
-        return load(given, target)
-    return given if isinstance(given, MeshFile) else MeshFile.of(given)
 
 
 def write_vertices(path: str | os.PathLike[str], bake: Bake, mesh_file: MeshFile, shown: Channels) -> None:
@@ -151,12 +148,11 @@ def channels(
     """The channels of w for viewers. Raises: OptionError: options that exclude each other, or the ending."""
     ending = Path(path).suffix.lower()
     replaced = "rgb" if colors is True else colors or ""
-    if replaced not in ("", *get_args(Colors)):
-        raise OptionError("colors", "one of " + ", ".join(get_args(Colors)), repr(colors))
+    for name, given, kind in (("colors", replaced, Colors), ("occlusion", occlusion, Occlusion)):
+        if given and given not in get_args(kind):
+            raise OptionError(name, "one of " + ", ".join(get_args(kind)), given)
     if colors and "colors" not in format_of(path).holds:
         raise ConflictError("colors", "needs", "a .glb or .ply output")
-    if occlusion not in (None, *get_args(Occlusion)):
-        raise OptionError("occlusion", "one of " + ", ".join(get_args(Occlusion)), occlusion)
     if occlusion == "ramp" and ending != ".glb":
         raise ConflictError(("occlusion", "ramp"), "needs", "a .glb output")
     if occlusion == "ramp" and colors:

@@ -199,7 +199,7 @@ def decode(data: bytes, path: Path) -> Gltf:
         data, binary = _chunks(data, path)
     try:
         header = parse_json(data.decode("utf-8"))
-        deep = _depth(header) > _DEEPEST
+        deep = isinstance(header, dict | list) and _depth(header) > _DEEPEST
     except RecursionError:
         deep = True
     if deep:
@@ -219,15 +219,10 @@ def decode(data: bytes, path: Path) -> Gltf:
     return asset
 
 
-def _depth(value: Any) -> int:
-    """Levels of lists and objects in one another, at most one more than may be."""
-    level = [value] if isinstance(value, dict | list) else []
-    depth = 0
-    while level and depth <= _DEEPEST:
-        children = (container.values() if isinstance(container, dict) else container for container in level)
-        level = [child for some in children for child in some if isinstance(child, dict | list)]
-        depth += 1
-    return depth
+def _depth(value: dict[str, Any] | list[Any]) -> int:
+    """Levels of lists and objects in one another. Raises: RecursionError: very many."""
+    children = value.values() if isinstance(value, dict) else value
+    return 1 + max((_depth(child) for child in children if isinstance(child, dict | list)), default=0)
 
 
 def _chunks(data: bytes, path: Path) -> tuple[bytes, bytes | None]:
