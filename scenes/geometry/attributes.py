@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace import InputError, MemoryLimitError
+from raytrace.text.safe_paths import resolve_inside
 from raytrace.types import Float32s, Float64s, Int64s
 
 from .corners import PerCorner
@@ -48,6 +49,12 @@ def is_picture(path: Path) -> bool:
     """Whether a file begins as a PNG or a JPEG, which glTF and browsers show."""
     with path.open("rb") as file:
         return file.read(8).startswith((b"\x89PNG", b"\xff\xd8\xff"))
+
+
+def find_picture(name: str, folder: Path) -> Path | None:
+    """As `resolve_inside`, of pictures."""
+    path = resolve_inside(name, folder)
+    return path if path and is_picture(path) else None
 
 
 def is_opacity_map(path: Path, colour: Path | None) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,12 +24,12 @@ ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 _GLB_MAGIC = 0x46546C67
 
 
+@dataclass(eq=False)
 class GlbBuilder:
     """A glTF header and its one buffer, which grow together."""
 
-    def __init__(self, header: dict[str, Any]) -> None:
-        self.header = header
-        self.binary = bytearray()
+    header: dict[str, Any]
+    binary: bytearray = field(default_factory=bytearray)
 
     def append(self, key: str, entry: dict[str, Any]) -> int:
         """Index of a new entry of a list of the header."""

@@ -6,6 +6,7 @@ texture coordinates: one of primitives with different sets becomes several (Khro
 
 import copy
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from itertools import count
 from typing import Any
 
@@ -23,23 +24,26 @@ LINEAR, CLAMP_TO_EDGE = 9729, 33071
 _VARIANTS, TRANSFORM = "KHR_materials_variants", "KHR_texture_transform"
 
 
+@dataclass(eq=False)
 class OcclusionTextures:
-    """Occlusion textures for primitives of a document: `add` images, `give` them to primitives, then `apply` once."""
+    """Occlusion textures for primitives of a document: `add` images, `give` them to primitives, then `apply` once.
 
-    def __init__(self, builder: GlbBuilder, replace: bool = False) -> None:
-        """Args: replace: put them also in place of occlusion textures that are not ours."""
-        self._builder = builder
-        self._replace = replace
-        self._given: dict[int, tuple[int, int]] = {}  # texture and coordinates by the id of a primitive
+    Args: replace: put them also in place of occlusion textures that are not ours.
+    """
+
+    builder: GlbBuilder
+    replace: bool = False
+    apart: set[int] = field(default_factory=set)  # numbers of the textures that could not hold w as asked for
+    _given: dict[int, tuple[int, int]] = field(default_factory=dict)  # texture and coordinates by the id of a primitive
 
     def add(self, png: bytes, name: str, **sampler: int) -> int:
         """Index of a new texture, of a file by `raytrace.image.encode.linear_png`.
 
         Args: name: of its image; begins with `OWN`. sampler: filters and wrap modes in place of linear and clamped.
         """
-        image = {"name": name, "mimeType": "image/png", "bufferView": self._builder.bytes_view(png)}
+        image = {"name": name, "mimeType": "image/png", "bufferView": self.builder.bytes_view(png)}
         modes = {"magFilter": LINEAR, "minFilter": LINEAR, "wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE} | sampler
-        append = self._builder.append
+        append = self.builder.append
         return append("textures", {"sampler": append("samplers", modes), "source": append("images", image)})
 
     def add_page(self, w: Float32s) -> int:
@@ -58,7 +62,7 @@ class OcclusionTextures:
     def apply(self) -> None:
         """Put the textures into the primitives' materials, the default one for none; materials that other primitives
         share are copied first, and keep their places."""
-        header = self._builder.header
+        header = self.builder.header
         before = copy.deepcopy(header.get("materials", []))
         others: set[int | None] = {None}  # there is no such entry
         uses: dict[tuple[int | None, int, int], list[dict[str, Any]]] = {}
@@ -73,7 +77,7 @@ class OcclusionTextures:
         for (material, texture, coordinates), slots in uses.items():
             if material in others:
                 made = {} if material is None else copy.deepcopy(before[material])
-                number = self._builder.append("materials", made)
+                number = self.builder.append("materials", made)
                 for slot in slots:
                     slot["material"] = number
             else:
@@ -85,11 +89,11 @@ class OcclusionTextures:
         material["occlusionTexture"] = texture_reference(texture, coordinates)
 
     def _open(self, material: int | None) -> bool:
-        header = self._builder.header
+        header = self.builder.header
         if material is not None and material >= len(header.get("materials", [])):
             return False
         reference = occlusion_reference(header, material)
-        return self._replace or reference is None or image_name(header, reference).startswith(OWN)
+        return self.replace or reference is None or image_name(header, reference).startswith(OWN)
 
 
 def texture_reference(texture: int, coordinates: int) -> dict[str, Any]:

@@ -47,9 +47,8 @@ def textured_glb(
     # The document without textures, and what puts these into its materials.
     builder, drawn = document(mesh_file, None)
     asset = Gltf(mesh_file.path, builder.header, [bytes(builder.binary)])
-    packing = OrmTextures(builder, mesh_file.gltf, [page.w for page in pages], replace) if orm else None
-    textures = packing or OcclusionTextures(builder, replace)
-    numbers = list(range(len(pages))) if orm else [textures.add_page(page.w) for page in pages]
+    textures = OrmTextures(builder, replace, asset=mesh_file.gltf) if orm else OcclusionTextures(builder, replace)
+    numbers = [textures.add_page(page.w) for page in pages]
     on_no_page: list[Drawn] = []
     kept = 0
     # Each primitive: kept, on no page, or divided by its pages.
@@ -79,8 +78,8 @@ def textured_glb(
     if kept:
         advice = "so viewers do not show the bake there; --replace-occlusion replaces them"
         lines.append(f"keeps the file's own occlusion textures (primitives: {kept:,}), {advice}")
-    if packing and packing.apart:
-        apart = f"in images apart from metallic-roughness textures ({len(packing.apart):,})"
+    if textures.apart:
+        apart = f"in images apart from metallic-roughness textures ({len(textures.apart):,})"
         reason = "which have other coordinates, are moved by KHR_texture_transform, or are neither PNG nor JPEG"
         lines.append(f"has its occlusion {apart}, {reason}")
     return builder.encode(), lines

@@ -25,7 +25,7 @@ from ...geometry.attributes import SourceAttributes, triangle_attributes
 from ...geometry.corners import PerCorner
 from ...geometry.instances import Submesh
 from .accessors import column, flipped, view_bytes
-from .asset import Gltf, entry, referenced
+from .asset import Gltf, entry
 from .occlusion import ramp_sets
 from .records import GltfTexture, Primitive, TextureReference
 
@@ -93,7 +93,7 @@ class Textures:
             return Texture(label, data=bytes(view_bytes(self.asset, stored.bufferView)))
         field = f"images[{number}].uri"
         if stored.uri.startswith("data:"):
-            data = referenced(stored.uri, self.asset.path.parent)
+            data = self.asset.referenced(stored.uri)
             if not data:
                 raise SceneError(self.asset.path, field, "an image in base64", shown(stored.uri))
             return Texture(label, data)

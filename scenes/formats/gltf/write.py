@@ -6,7 +6,6 @@ Linear in u, sampled linearly at a u interpolated linearly, it shows vertex valu
 import copy
 from collections.abc import Iterable
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from ...geometry.instances import Submesh
 from ..load import MeshFile
 from ..table import Channels
 from .accessors import stored_colors
-from .asset import DRACO, MESHOPT, Gltf, referenced
+from .asset import DRACO, MESHOPT, Gltf
 from .builder import GlbBuilder
 from .occlusion import RAMP, OcclusionTextures, add_coordinates, free_set
 from .plain import Drawn, plain
@@ -101,11 +100,10 @@ def _one_buffer(asset: Gltf) -> GlbBuilder:
         else:  # nothing that was read refers to it
             view |= {"byteOffset": 0, "byteLength": 1}
         view["buffer"] = 0
-    read = cache(Path.read_bytes)
     views: dict[int, int] = {}
     for image in builder.header.get("images", []):
         uri = str(image.get("uri", "data:"))
-        data = None if uri.startswith("data:") else referenced(uri, asset.path.parent, read)
+        data = None if uri.startswith("data:") else asset.referenced(uri)
         if data is not None:
             del image["uri"]
             image.setdefault("mimeType", "image/png" if data.startswith(b"\x89PNG") else "image/jpeg")

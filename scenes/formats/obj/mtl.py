@@ -88,7 +88,7 @@ def _libraries(lines: Iterable[str], find: Callable[[str], Path | None]) -> Iter
 
 def _resolve_inside(folder: Path, name: str) -> Path | None:
     """A file in a folder or below it, or None."""
-    return resolve_inside(name.strip().strip('"').replace("\\", "/"), folder)
+    return resolve_inside(name.strip().strip('"'), folder)
 
 
 def read_mtl(path: Path, find: Callable[[str], Path | None]) -> tuple[dict[str, SourceMaterial], list[str]]:

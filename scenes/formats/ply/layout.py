@@ -12,10 +12,9 @@ import numpy.typing as npt
 
 from raytrace.image.srgb import encode_srgb
 from raytrace.mesh.up import UP
-from raytrace.text.safe_paths import resolve_inside
 from raytrace.types import AnyInts, Float32s, Float64s, Int64s
 
-from ...geometry.attributes import Element, Property, SourceAttributes, SourceMaterial, is_picture
+from ...geometry.attributes import Element, Property, SourceAttributes, SourceMaterial, find_picture
 from ...geometry.corners import PerCorner
 from ...geometry.polygons import Triangulation
 
@@ -146,8 +145,7 @@ def ply_attributes(
     # Comments that are no bake's, and the textures that they name.
     kept = tuple(line for line in comments if not line.startswith(("comment obscurance: ", PROFILE_COMMENT)))
     names = [line.removeprefix(_TEXTURE).strip() for line in comments if line.startswith(_TEXTURE)] if uv else []
-    pictures = [resolve_inside(name, folder) for name in names]
-    shown = [picture if picture and is_picture(picture) else None for picture in pictures]
+    pictures = [find_picture(name, folder) for name in names]
     number = face["texnumber"].values if "texnumber" in face else np.zeros(len(sizes))
     material_of = np.where((number >= 0) & (number < len(names)), number, -1).astype(np.int64)
     return SourceAttributes(
@@ -157,11 +155,11 @@ def ply_attributes(
         uv,
         colors=fractions(own_colors(elements)),
         numbers=numbers,
-        materials=tuple(SourceMaterial(name, texture=texture) for name, texture in zip(names, shown, strict=True)),
+        materials=tuple(SourceMaterial(name, texture=texture) for name, texture in zip(names, pictures, strict=True)),
         material_of=material_of if names else None,
         elements=elements,
         comments=kept,
-        files=tuple(filter(None, shown)),
+        files=tuple(filter(None, pictures)),
     )
 
 
