@@ -74,16 +74,16 @@ def find_profile(path: Path) -> Profile | None:
     """The profile in a `.npz`, `.exr` or mesh file, or None. Raises: SceneError, MeshError: it cannot be read."""
     from ao import Profile
 
-    if format_of(path).read:
-        return joined_profile(read_objects(path)[0])
     if path.suffix.lower() == ".npz":
         with _array_errors(path), path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             if set(arrays) >= _ARRAYS:
                 return Profile.stored(arrays["half_distances"], arrays["profile"], arrays["radius"][()])
-    if path.suffix.lower() == ".exr":
+    elif path.suffix.lower() == ".exr":
         layers, known = read_image(path)
         if PROFILE in layers:
             return Profile.stored(known.get("half_distances", "").split(), layers[PROFILE], known.get("radius"))
+    elif format_of(path).read:
+        return joined_profile(read_objects(path)[0])
     return None
 
 
