@@ -92,7 +92,7 @@ def read_table(path: Path) -> ao.Tabulated:
     try:
         if path.stat().st_size > _MOST:
             raise InputError(path, "content", f"at most {MAX_KNOTS:,} rows", f"{path.stat().st_size:,} bytes")
-        distances, values = _array(path) if path.suffix.lower() == ".npy" else _text(path)
+        knots = _array(path) if path.suffix.lower() == ".npy" else _text(path)
     except OSError as reason:
         raise InputError(path, "file", "a readable file", reason.strerror or reason) from None
     except InputError:
@@ -100,20 +100,20 @@ def read_table(path: Path) -> ao.Tabulated:
     except Exception as reason:  # NumPy's on a damaged header are of a dozen kinds
         raise InputError(path, "content", "two columns, distances and values", " ".join(str(reason).split())) from None
     try:
-        return ao.Tabulated(distances, values)
+        return ao.Tabulated([distance for distance, _ in knots], [value for _, value in knots])
     except OptionError as fault:
         raise InputError(path, fault.field, fault.expected, fault.got) from None
 
 
-def _array(path: Path) -> tuple[Any, Any]:
+def _array(path: Path) -> Any:
     with warnings.catch_warnings(action="ignore"):  # they quote the header as it is
         values = np.load(path, allow_pickle=False)
     if not isinstance(values, np.ndarray) or values.ndim != 2 or values.shape[1] != 2 or values.dtype.kind not in "fiu":
         raise ValueError(f"shape {getattr(values, 'shape', '?')} of {getattr(values, 'dtype', '?')}")
-    return tuple(values.T.astype(np.float64).tolist())
+    return values.astype(np.float64).tolist()
 
 
-def _text(path: Path) -> tuple[list[str], list[float]]:
+def _text(path: Path) -> list[tuple[str, float]]:
     knots: list[tuple[str, float]] = []
     for number, line in enumerate(path.read_text("utf-8-sig").splitlines(), 1):
         cells = re.split(r"\s*[,;]\s*|\s+", line.partition("#")[0].strip())
@@ -126,4 +126,4 @@ def _text(path: Path) -> tuple[list[str], list[float]]:
         except ValueError:
             if knots or len(cells) != 2 or any(character.isdigit() for character in line):
                 raise InputError(path, f"line {number}", "a distance and a value", repr(line)) from None
-    return [distance for distance, _ in knots], [value for _, value in knots]
+    return knots

@@ -4,8 +4,6 @@ Of a material are read the colours and the picture of the COMMON profile: diffus
 which is taken for the exponent of Blinn–Phong. Format: COLLADA 1.4.1, chapter 8, "FX reference".
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Any

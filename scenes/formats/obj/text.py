@@ -3,8 +3,6 @@
 Kernels read vertices and faces from blocks of the file's bytes, on all cores; the rest becomes text.
 """
 
-from __future__ import annotations
-
 import re
 from typing import NamedTuple
 

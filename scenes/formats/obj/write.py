@@ -1,7 +1,5 @@
 """Obscurance as vertex colours of a Wavefront OBJ, `v x y z r g b`, which MeshLab, Blender and ZBrush read."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """w of the cells of a height raster, as a raster of the same grid."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ao import Bake

@@ -3,8 +3,6 @@
 Format: VTK XML formats, PolyData, version 1.0; arrays inline, in base64 after their lengths.
 """
 
-from __future__ import annotations
-
 from base64 import b64encode
 from typing import Any
 
