@@ -172,8 +172,9 @@ class ObjectReader:
         for field, used in (("texture", texture), ("grain", grain), ("opacity_texture", image)):
             if used is not None and given.uv is None:
                 raise SceneError(self._source, joined(path, field), "a mesh with texture coordinates", "one without")
-        # Colours of vertices, and the material.
-        colours = given.colours if _wants_colours(table) else None
+        # A material of the entry's own takes the place of a mesh's colours, unless it says so.
+        wants_colours = table.material is None if table.vertex_colors is None else table.vertex_colors
+        colours = given.colours if wants_colours else None
         if table.vertex_colors and colours is None:
             field = joined(path, "vertex_colors")
             raise SceneError(self._source, field, "a mesh with colours of vertices", "one without")
@@ -203,11 +204,6 @@ class ObjectReader:
         file = confined(name, self._source.parent, self._source, joined(path, field))
         self.files.append(file)
         return Texture(file, srgb=field == "texture", wrap=table.wrap or ("repeat", "repeat"))
-
-
-def _wants_colours(table: ObjectTable) -> bool:
-    """Whether a mesh's colours are to be used: a material of the entry's own takes their place, unless it says so."""
-    return table.material is None if table.vertex_colors is None else table.vertex_colors
 
 
 def _keys(kind: str) -> list[str]:

@@ -26,9 +26,7 @@ NAMES = {
     "q": "int64", "Q": "uint64",
 }  # fmt: skip
 """The format's names of the types that NumPy calls by these letters."""
-_TYPES = {name: letter for letter, name in NAMES.items()} | {
-    "int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I", "float32": "f", "float64": "d",
-}  # fmt: skip
+_TYPES = {name: letter for letter in NAMES for name in (NAMES[letter], np.dtype(letter).name)}
 _ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
 _END = re.compile(rb"^end_header[ \t\r]*\n", re.MULTILINE)
 INDICES = ("vertex_indices", "vertex_index")
@@ -180,9 +178,10 @@ def own_colors(elements: tuple[Element, ...]) -> dict[str, Property]:
     colors = stored_colors(elements)
     baked = columns_of(elements, "vertex").get("obscurance")
     if baked is not None and all(name in colors and colors[name].kind == "B" for name in RGB):
-        grey = grey_of(baked.values)
-        if all(np.array_equal(colors[name].values, grey) for name in RGB):
-            return {}
+        linear = np.rint(np.clip(np.nan_to_num(baked.values), 0, 1) * 255.0)  # of older files
+        for grey in (grey_of(baked.values), linear):
+            if all(np.array_equal(colors[name].values, grey) for name in RGB):
+                return {}
     return colors if set(colors) & set(RGB) else {}
 
 
