@@ -250,7 +250,8 @@ def mesh_errors(path: Path) -> Iterator[None]:
     except MemoryError:
         raise MeshError(path, "content", "sizes that fit into memory", "larger ones") from None
     except ModuleNotFoundError as missing:
-        expected = f"{missing.name}, to read it: `python -m pip install 'obscurance[formats]'`"
+        extra = "terrain" if missing.name == "rasterio" else "formats"
+        expected = f"{missing.name}, to read it: `python -m pip install 'obscurance[{extra}]'`"
         raise MeshError(path, "format", expected, f"no {missing.name}") from None
     except Exception as reason:
         begin = {ValueError: "", KeyError: "no "}.get(type(reason), f"{type(reason).__name__}: ")

@@ -26,7 +26,7 @@ from .images import PROFILE
 from .load import joined_profile, mesh_errors, read_objects
 from .table import endings, format_of
 
-ENDINGS = endings("holds", "w")
+ENDINGS = endings("w")
 if TYPE_CHECKING:
     from ao import Profile
 

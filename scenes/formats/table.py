@@ -77,10 +77,9 @@ def format_of(path: str | os.PathLike[str]) -> FileFormat:
     return formats().get(Path(path).suffix.lower(), _LIBRARIES)
 
 
-def endings(column: str, word: str = "") -> tuple[str, ...]:
-    """The endings of formats that have something in a field, or among what they hold this word."""
-    known = formats().values()
-    return tuple(row.ending for row in known if (word in row.holds if word else getattr(row, column)))
+def endings(what: str) -> tuple[str, ...]:
+    """The endings of formats that have something in this field, or hold what this word says."""
+    return tuple(row.ending for row in formats().values() if what in row.holds or getattr(row, what, ""))
 
 
 def is_raster(path: str | os.PathLike[str]) -> bool:

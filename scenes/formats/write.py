@@ -37,7 +37,7 @@ def check_holds(path: str | os.PathLike[str], at: str, both_sides: bool) -> None
     if "faces" not in format_of(path).holds and (at != "vertices" or both_sides):
         terms: dict[str, Term] = {"faces": ("at", "faces"), "points": "points"}
         term = terms.get(at, "both_sides")
-        raise ConflictError(term, "needs", "an output that ends in " + " ".join(endings("", "faces")))
+        raise ConflictError(term, "needs", "an output that ends in " + " ".join(endings("faces")))
 
 
 def write(
@@ -167,7 +167,7 @@ def channels(
     return Channels(replaced, ramp, replace_occlusion, up, ply_name)
 
 
-ENDINGS = tuple(ending for ending in endings("write") if ending not in endings("", "raster"))  # for any mesh
+ENDINGS = tuple(ending for ending in endings("write") if ending not in endings("raster"))  # for any mesh
 
 
 def _writer(path: str | os.PathLike[str]) -> Callable[..., bytes | memoryview]:

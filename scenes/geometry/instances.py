@@ -39,9 +39,14 @@ class Instance(NamedTuple):
     polygons: Int64s | None = None  # (m,) the polygon of each face, as `raytrace.Mesh` has it, or None
 
     @property
+    def volume(self) -> float:
+        """What the matrix makes of a volume of 1; below 0 if it mirrors."""
+        return 1.0 if self.matrix is None else float(np.linalg.det(self.matrix[:3, :3]))
+
+    @property
     def is_flattened(self) -> bool:
         """Whether there is nothing to see: no faces, or a matrix of no volume."""
-        return not len(self.faces) or (self.matrix is not None and not np.linalg.det(self.matrix[:3, :3]))
+        return not len(self.faces) or not self.volume
 
 
 class Submesh(NamedTuple):
@@ -89,7 +94,7 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Sub
     for placed, part in zip(instances, parts, strict=True):
         matrix = np.eye(4) if placed.matrix is None else placed.matrix
         linear = matrix[:3, :3]
-        is_mirrored = placed.matrix is not None and bool(np.linalg.det(linear) < 0)
+        is_mirrored = placed.volume < 0
         vertices[part.vertices] = placed.vertices @ linear.T + matrix[:3, 3]
         # Indices are checked against the object's own vertices: shifted ones could fall into a neighbour's range.
         checked = Mesh(vertices[part.vertices], placed.faces, source=f"{source}: {placed.name}").faces
@@ -123,8 +128,7 @@ def joined_attributes(instances: Sequence[Instance]) -> SourceAttributes | None:
         own = placed.attributes
         if own is None:
             return None
-        is_mirrored = placed.matrix is not None and bool(np.linalg.det(placed.matrix[:3, :3]) < 0)
-        kept.append(reversed_attributes(own) if is_mirrored else own)
+        kept.append(reversed_attributes(own) if placed.volume < 0 else own)
     if len(kept) < 2:
         return kept[0] if kept else None
     return join_attributes(kept, [len(placed.vertices) for placed in instances])

@@ -55,10 +55,14 @@ def read_dae(given: MeshInput) -> list[Instance]:
             rows += len(vertices) + len(corners)
             check_copies(rows, file.seek(0, os.SEEK_END), given.path)
             triangles = triangulate(vertices, corners, sizes, given.source)
-            matrix = np.asarray(placed.matrix, np.float64)
-            name = str(shape.name or shape.id)
-            attributes = None
-            unread: tuple[str, ...] = ()
+            instance = Instance(
+                str(shape.name or shape.id),
+                vertices,
+                triangles.take(corners),
+                matrix=np.asarray(placed.matrix, np.float64),
+                notes=triangles.notes,
+                up=up,
+            )
             if given.keep:
                 materials, unread = _materials(placed, same, given.path.parent)
                 attributes = SourceAttributes(
@@ -71,10 +75,8 @@ def read_dae(given: MeshInput) -> list[Instance]:
                     material_of=np.repeat(np.arange(len(same)), [len(count) for count in counts]),
                     files=tuple(material.texture for material in materials if material.texture),
                 )
-            faces = triangles.take(corners)
-            made.append(
-                Instance(name, vertices, faces, None, matrix, triangles.notes, attributes, unread=unread, up=up)
-            )
+                instance = instance._replace(attributes=attributes, unread=unread)
+            made.append(instance)
     return made
 
 

@@ -52,7 +52,12 @@ class GlbBuilder:
     def encode(self) -> bytes:
         """The GLB file."""
         self.header["buffers"] = [{"byteLength": len(self.binary)}]
-        return encode_glb(self.header, bytes(self.binary))
+        content = json.dumps(self.header, separators=(",", ":")).encode("ascii")
+        content += b" " * (-len(content) % 4)
+        binary = self.binary + b"\0" * (-len(self.binary) % 4)
+        chunks = struct.pack("<II", len(content), JSON_CHUNK) + content
+        chunks += struct.pack("<II", len(binary), BIN_CHUNK) + binary
+        return struct.pack("<III", _GLB_MAGIC, 2, 12 + len(chunks)) + chunks
 
     def add(self, data: bytes) -> int:
         """Offset of `data` in the buffer, aligned as every component type needs."""
@@ -96,13 +101,3 @@ class GlbBuilder:
         level = np.clip(w, 0, 1) * largest
         colors[:, ["rgba".index(letter) for letter in channels]] = (level if largest == 1 else np.rint(level))[:, None]
         return self.accessor(colors, **({} if largest == 1 else {"normalized": True}))
-
-
-def encode_glb(header: dict[str, Any], binary: bytes) -> bytes:
-    """A GLB file. The header should declare one buffer, without URI, of `len(binary)` bytes."""
-    content = json.dumps(header, separators=(",", ":")).encode("ascii")
-    content += b" " * (-len(content) % 4)
-    binary += b"\0" * (-len(binary) % 4)
-    chunks = struct.pack("<II", len(content), JSON_CHUNK) + content
-    chunks += struct.pack("<II", len(binary), BIN_CHUNK) + binary
-    return struct.pack("<III", _GLB_MAGIC, 2, 12 + len(chunks)) + chunks

@@ -104,8 +104,8 @@ def _read(file: MeshFile) -> BaseColour | None:
     if file.gltf:
         with mesh_errors(file.path):
             _collect_of_gltf(file, file.gltf, found)
-    elif file.attributes:
-        _collect_of_attributes(file.mesh.faces, file.attributes, found)
+    else:
+        _collect_of_attributes(file.mesh.faces, file.held, found)
     if file.mesh.opacity:
         _collect_alpha(file.mesh.opacity, found)
     used = np.unique(found.image_of[found.image_of >= 0])

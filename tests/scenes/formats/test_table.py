@@ -25,7 +25,7 @@ def test_functions_of_a_row_are_there(row):
 
 
 def test_options_offer_the_formats_of_the_table():
-    piped = {*endings("read")} - {*endings("", "raster")}
+    piped = {*endings("read")} - {*endings("raster")}
     assert {f".{name}" for name in get_args(InputFormat)} == piped
     assert {f".{name}" for name in get_args(Format)} == {*endings("write"), *IMAGES} - {".tiff"}
 
