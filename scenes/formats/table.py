@@ -79,7 +79,7 @@ def format_of(path: str | os.PathLike[str]) -> FileFormat:
 
 def endings(what: str) -> tuple[str, ...]:
     """The endings of formats that have something in this field, or hold what this word says."""
-    return tuple(row.ending for row in formats().values() if what in row.holds or getattr(row, what, ""))
+    return tuple(row.ending for row in formats().values() if what in row.holds or getattr(row, what, False))
 
 
 def is_raster(path: str | os.PathLike[str]) -> bool:
