@@ -95,7 +95,13 @@ class ObjectReader:
             got = "neither" if table.mesh is None else "both"
             unknown = (nearest_name(key, ("mesh", "builtin")) for key in table.model_extra or {})
             raise SceneError(self._source, path, "either mesh or builtin", got, next(filter(None, unknown), None))
-        material = None if table.material is None else self._material(table.material, joined(path, "material"))
+        material = table.material
+        field = joined(path, "material")
+        if isinstance(material, str):
+            material = self._materials[check_name(self._source, field, material, sorted(self._materials))]
+        elif material is not None:
+            with located(self._source, field):
+                material = material_from_dict(material)
         if table.wrap is not None and not table.textured:
             raise SceneError(self._source, joined(path, "wrap"), "texture, grain or opacity_texture with it", "none")
         if table.cutoff is not None and table.opacity is None and table.opacity_texture is None:
@@ -112,7 +118,12 @@ class ObjectReader:
         with located(self._source, field):
             if "scene" in format_of(mesh).holds:
                 return self._gltf_pieces(mesh, table, path, material, texture)
-            geometry = self._once((mesh, table.textured), lambda: self._read(mesh, table.textured))
+            key = mesh, table.textured
+            if key not in self._geometry:
+                with mesh_errors(mesh):
+                    self._geometry[key], notes = read_mesh(*key)
+                self.notes += notes
+            geometry = self._geometry[key]
         return [Object(self._shape(table, path, geometry, material, texture), name=table.name or mesh.stem)]
 
     def _built_in(self, table: ObjectTable, path: str, field: str) -> TexturedMesh:
@@ -146,13 +157,6 @@ class ObjectReader:
             name = item.name if table.name is None else f"{table.name} {item.name}"
             pieces.append(replace(item, shape=made, name=name))
         return pieces
-
-    def _read(self, path: Path, textured: bool) -> TexturedMesh:
-        """Any mesh file but glTF."""
-        with mesh_errors(path):
-            geometry, notes = read_mesh(path, textured)
-        self.notes += notes
-        return geometry
 
     def _once(self, key: Any, make: Any) -> TexturedMesh:
         if key not in self._geometry:
@@ -190,12 +194,6 @@ class ObjectReader:
             if given.origin:
                 self.origins[id(self._shapes[key])] = given.origin
         return self._shapes[key]
-
-    def _material(self, given: str | dict[str, Any], path: str) -> Material:
-        if isinstance(given, str):
-            return self._materials[check_name(self._source, path, given, sorted(self._materials))]
-        with located(self._source, path):
-            return material_from_dict(given)
 
     def _texture(self, table: ObjectTable, path: str, field: str) -> Texture | None:
         name = getattr(table, field)

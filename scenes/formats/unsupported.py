@@ -7,7 +7,6 @@ import numpy as np
 
 from raytrace.errors import printable
 
-from ..geometry.attributes import SourceAttributes
 from .load import MeshFile
 from .obj.mtl import MATERIAL_WORDS
 from .ply.write import has_own_colors
@@ -86,11 +85,7 @@ def _of_glb(mesh_file: MeshFile, colors: str) -> Iterator[str]:
         yield "polygons, which become triangles"
     kept = kept_numbers(attributes)
     yield from (f"{name} of vertices" for name in attributes.numbers if name not in kept)
-    yield from _elements_without_glb(attributes)
-
-
-def _elements_without_glb(attributes: SourceAttributes) -> Iterator[str]:
-    """What of a PLY's elements a .glb lacks."""
+    # Of a PLY's elements.
     has_wedges = attributes.uv and attributes.uv.of is not attributes.corners  # coordinates of corners
     used = ("vertex_indices", "vertex_index", "texcoord" if has_wedges else "")
     for element in attributes.elements:

@@ -154,7 +154,7 @@ class ObjText:
         return np.asarray(self.indices[keyword] != NONE)
 
     def _per_corner(self, keyword: str) -> PerCorner:
-        values = self._rows(keyword)
+        values = np.ascontiguousarray(self._numbers(keyword)[:, : NEEDED[NUMBERED.index(keyword)]])
         some = self.some(keyword)
         of = np.full(len(some), len(values))
         of[some] = self._from_zero(self.indices[keyword][some], len(values), keyword)
@@ -174,9 +174,6 @@ class ObjText:
         counts = np.diff(np.append(begins, len(self.sizes)))
         of = np.array(labels)
         return FaceNames(tuple(names), np.repeat(of, counts), len(set(of[counts > 0].tolist())))
-
-    def _rows(self, keyword: str) -> Float64s:
-        return np.ascontiguousarray(self._numbers(keyword)[:, : NEEDED[NUMBERED.index(keyword)]])
 
     def _from_zero(self, indices: Int64s, count: int, keyword: str) -> Int64s:
         """Indices from zero on, of indices from one on."""
