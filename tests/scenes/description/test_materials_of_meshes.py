@@ -146,7 +146,7 @@ def test_a_texture_may_be_named_with_a_backslash(folder):
     (folder / "sub").mkdir()
     (folder / "sub" / "p.png").write_bytes((folder / "p.png").read_bytes())
     described = ply(folder, "property int texnumber\n", " 0", ("sub\\p.png",))
-    assert described.scene.objects[0].shape.texture.path.parts[-2:] == ("sub", "p.png")
+    assert described.scene.objects[-1].shape.texture.path.parts[-2:] == ("sub", "p.png")
 
 
 @pytest.mark.parametrize("name", ["gone.png", "../p.png", "t.ply"])
