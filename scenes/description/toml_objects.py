@@ -11,7 +11,6 @@ from raytrace.system.faults import fields_of
 from raytrace.text.field_errors import check_keys, check_name, joined, located, shown
 from raytrace.text.safe_paths import confined
 
-from ..formats.load import mesh_errors
 from ..formats.table import format_of
 from ..geometry.builtin_shapes import SOLIDS
 from ..geometry.instances import check_copies
@@ -120,8 +119,7 @@ class ObjectReader:
                 return self._gltf_pieces(mesh, table, path, material, texture)
             key = mesh, table.textured
             if key not in self._geometry:
-                with mesh_errors(mesh):
-                    self._geometry[key], notes = read_mesh(*key)
+                self._geometry[key], notes = read_mesh(*key)
                 self.notes += notes
             geometry = self._geometry[key]
         return [Object(self._shape(table, path, geometry, material, texture), name=table.name or mesh.stem)]
