@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from raytrace import InputError, MemoryLimitError
 from raytrace.text.safe_paths import resolve_inside
-from raytrace.types import Float32s, Float64s, Int64s
+from raytrace.types import Float64s, Int64s
 
 from .corners import PerCorner
 from .polygons import Triangulation
@@ -30,19 +30,7 @@ class SourceMaterial(NamedTuple):
     specular: tuple[float, float, float] = (0.0, 0.0, 0.0)  # and `exponent`, of Blinn–Phong; glTF has `roughness`
     exponent: float = 0.0
     texture: Path | None = None  # an existing PNG or JPEG, multiplied into `colour`; coordinates as the file has them
-    opacity_texture: Path | None = None  # an existing image, multiplied into `opacity`, see `opacity_map`
-
-    def opacity_map(self) -> Float32s | None:
-        """Opacity (h, w) in [0, 1], rows from the top, of the `opacity_texture`; None without one.
-
-        The alpha channel if the image is also that of the colour, or if it is not constant, for exporters name the
-        picture of the colour; else luminance as stored, as Wavefront MTL 5.0 has it for scalar textures.
-        """
-        from raytrace.image.texture import Texture, texture_alpha
-
-        if self.opacity_texture is None:
-            return None
-        return texture_alpha(Texture(self.opacity_texture), grey=self.opacity_texture != self.texture)
+    opacity_texture: Path | None = None  # an existing image, multiplied into `opacity`
 
 
 def is_picture(path: Path) -> bool:

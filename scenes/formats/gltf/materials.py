@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.image.encode import linear_png
-from raytrace.image.texture import Texture, texture_codes
+from raytrace.image.texture import Texture, texture_alpha, texture_codes
 
 from ...geometry.attributes import SourceMaterial
 from .builder import GlbBuilder
@@ -44,8 +44,10 @@ def _base_colour(source: SourceMaterial) -> bytes:
     """A PNG or JPEG file of a material's colour texture, its alpha the opacity map; of two sizes the larger."""
     if source.texture and source.opacity_texture in (None, source.texture):
         return source.texture.read_bytes()
-    alpha = source.opacity_map()
-    assert alpha is not None
+    # Alpha if that is not constant, for exporters name the picture of the colour; else luminance as stored, as
+    # Wavefront MTL 5.0 has it for scalar textures.
+    assert source.opacity_texture
+    alpha = texture_alpha(Texture(source.opacity_texture), grey=True)
     colour: npt.NDArray[Any] = np.full((1, 1, 3), 255, np.uint8)
     if source.texture:
         colour = texture_codes(Texture(source.texture))
