@@ -13,7 +13,7 @@ from raytrace.system.atomic import check_writable, write_bytes
 from raytrace.system.checks import check_outputs, check_regular
 from raytrace.types import Bools
 
-from ..formats.load import mesh_errors
+from ..formats.load import parser_errors
 
 if TYPE_CHECKING:
     import trimesh
@@ -36,7 +36,7 @@ def prune(source: Path, output: Path, seed: int, threads: int | None) -> str:
     check_outputs({"--output": output}, [source])
     check_writable(output)
     check_regular(source, "a mesh file")
-    with mesh_errors(source):
+    with parser_errors(source):
         scene = trimesh.load_scene(source, process=False)
         nodes = [scene.graph[node] for node in scene.graph.nodes_geometry]
         placed = [(matrix, name) for matrix, name in nodes if isinstance(scene.geometry[name], trimesh.Trimesh)]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from raytrace.errors import MeshError, ObscuranceError, OptionError, printable
+from raytrace.errors import InputError, MeshError, ObscuranceError, OptionError, printable
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.system.checks import check_memory, check_regular
 from raytrace.types import Float64s
@@ -151,7 +151,7 @@ def load(
     if points:
         instances, cloud = _cloud(instances, path)
     instances = [instance._replace(up=up or instance.up) for instance in instances]
-    with mesh_errors(path):
+    with parser_errors(path):
         mesh, parts = flatten(instances, str(path))
         attributes = joined_attributes(instances)
         unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
@@ -209,7 +209,7 @@ def read_objects(
     """
     row = format_of(path)
     name = "mesh" if path.stem == PIPED else path.stem
-    with mesh_errors(path):
+    with parser_errors(path):
         if content is None:
             check_regular(path, "a mesh file", MeshError)
         if not row.read or not row.ending:
@@ -238,26 +238,29 @@ def read_objects(
 
 
 @contextmanager
-def mesh_errors(path: Path) -> Iterator[None]:
-    """Everything a parser may raise on the hostile data of a mesh file, as one clear line; no warnings."""
+def parser_errors(path: Path, error: type[InputError] = MeshError, content: str = "") -> Iterator[None]:
+    """Everything a parser may raise on the hostile data of a file, as one clear line; no warnings.
+
+    Args: content: what is expected, if that is no mesh.
+    """
     try:
         with warnings.catch_warnings(action="ignore"):
             yield
     except ObscuranceError:
         raise
     except OSError as reason:
-        raise MeshError(path, "file", "a readable file", reason.strerror or reason) from None
+        raise error(path, "file", "a readable file", reason.strerror or reason) from None
     except MemoryError:
-        raise MeshError(path, "content", "sizes that fit into memory", "larger ones") from None
+        raise error(path, "content", "sizes that fit into memory", "larger ones") from None
     except ModuleNotFoundError as missing:
         extra = "terrain" if missing.name == "rasterio" else "formats"
         expected = f"{missing.name}, to read it: `python -m pip install 'obscurance[{extra}]'`"
-        raise MeshError(path, "format", expected, f"no {missing.name}") from None
+        raise error(path, "format", expected, f"no {missing.name}") from None
     except Exception as reason:
         begin = {ValueError: "", KeyError: "no "}.get(type(reason), f"{type(reason).__name__}: ")
         said = " ".join(f"{begin}{reason}".split())[:160]
         kind = path.suffix.upper().removeprefix(".")
-        raise MeshError(path, "content", f"a complete and valid {kind} file", said) from None
+        raise error(path, "content", content or f"a complete and valid {kind} file", said) from None
 
 
 def standard_input(format_: str | None) -> tuple[Path, bytes]:

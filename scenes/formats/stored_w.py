@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -23,7 +22,7 @@ from raytrace.types import AnyFloats, Float64s
 
 from ..geometry.instances import Instance
 from .images import PROFILE
-from .load import joined_profile, mesh_errors, read_objects
+from .load import joined_profile, parser_errors, read_objects
 from .table import endings, format_of
 
 ENDINGS = endings("w")
@@ -131,7 +130,7 @@ def _of_gltf(instances: Sequence[Instance], asset: Gltf) -> list[AnyFloats | Non
     """w of each drawn primitive: the attribute of a bake, or else the occlusion texture at the vertices."""
     from .gltf.textures import Textures
 
-    with mesh_errors(asset.path):
+    with parser_errors(asset.path):
         textures = Textures(asset)
         columns = [instance.w for instance in instances]
         for number, drawn in enumerate(asset.drawn):
@@ -177,12 +176,6 @@ def _of_array(path: Path, counts: tuple[int, ...], name: str = "w", columns: tup
 
 @contextmanager
 def _array_errors(path: Path) -> Iterator[None]:
-    """The dozen kinds of errors of NumPy and zipfile on invalid files, as one kind."""
-    try:
-        check_regular(path, "a file of w", SceneError)
-        with warnings.catch_warnings(action="ignore"):  # they quote a header as it is
-            yield
-    except SceneError:
-        raise
-    except Exception as reason:
-        raise SceneError(path, "content", "w as obscurance bake writes it", " ".join(str(reason).split())) from None
+    check_regular(path, "a file of w", SceneError)
+    with parser_errors(path, SceneError, "w as obscurance bake writes it"):
+        yield

@@ -16,7 +16,7 @@ from raytrace.image.texture import Texture, Wrap, texture_alpha, texture_codes
 from raytrace.mesh.opacity import AlphaSurface, Opacity
 from raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
 
-from ...formats.load import MeshFile, mesh_errors
+from ...formats.load import MeshFile, parser_errors
 from ...geometry.attributes import SourceAttributes
 from ...geometry.corners import PerCorner
 
@@ -102,7 +102,7 @@ class _Collected:
 def _read(file: MeshFile) -> BaseColour | None:
     found = _Collected(len(file.mesh.faces))
     if file.gltf:
-        with mesh_errors(file.path):
+        with parser_errors(file.path):
             _collect_of_gltf(file, file.gltf, found)
     else:
         _collect_of_attributes(file.mesh.faces, file.held, found)
