@@ -72,7 +72,8 @@ class Option(NamedTuple):
         if names:
             return _one_of(names, self.name, value)
         try:
-            if not isinstance(value, str | int | float) or isinstance(value, bool) is not (kind is bool):
+            known = str if kind is str else str | int | float
+            if not isinstance(value, known) or isinstance(value, bool) is not (kind is bool):
                 raise TypeError
             return value if kind is bool else kind(str(value))
         except (TypeError, ValueError):

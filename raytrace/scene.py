@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -105,7 +106,7 @@ class Shape:
                 expected = f"texture coordinates of {len(self.mesh.vertices)} vertices"
                 raise OptionError("occlusion", expected, len(self.occlusion.uv), self.mesh.source)
 
-    @property
+    @cached_property
     def opacity(self) -> Opacity | None:
         """Alpha of the faces, times the opacity of a transparent material where there is no cutoff."""
         opacity, alpha = self.mesh.opacity, float(self.material.pack().row[ALPHA])

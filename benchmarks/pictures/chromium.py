@@ -77,13 +77,17 @@ class Browser:
 
     def open(self, address, width=960, height=640, scale=1, dark=True):
         """Open a page in a window of this size and wait until its script says that it has drawn."""
-        size = {"width": width, "height": height, "deviceScaleFactor": scale, "mobile": False}
-        self.call("Emulation.setDeviceMetricsOverride", **size)
+        self.resize(width, height, scale)
         preference = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
         self.call("Emulation.setEmulatedMedia", features=preference)
         self.call("Page.navigate", url="about:blank")
         self.call("Page.navigate", url=address)
         self.wait("location.href !== 'about:blank' && document.readyState === 'complete'")
+
+    def resize(self, width, height, scale=1):
+        """Give the window another size."""
+        size = {"width": width, "height": height, "deviceScaleFactor": scale, "mobile": False}
+        self.call("Emulation.setDeviceMetricsOverride", **size)
 
     def run(self, expression):
         """The value of a JavaScript expression."""

@@ -25,7 +25,7 @@ _POINTS = 1 << 12  # of a thread that looks at all faces
 _SEARCHED = 1 << 10  # points of a block, around which faces are looked for
 _USUAL = 4  # contacts of a point that there are places for at first; coarse boxes on end have 2.5
 _MOST_CONTACTS = 64  # contacts of one point; of more, those with the lowest rows are kept
-_SEEN = 1 << 10  # faces that are compared with these; then no more are looked for
+_SEEN = 1 << 7  # faces that are compared with these; then no more are looked for
 _USUAL_ROUNDING = 3.0 * NEAR * TOUCHING * ULP  # of all faces but those that reach far away
 _CLASS = 16.0  # ratio of the roundings of faces that are searched for together
 
@@ -246,13 +246,15 @@ def _search(tree, stack, surface, around, most, start, stop, found):
 def _keep(surface, f, p, within, nearest, filled):
     """Add a face to those `filled`, sorted by number, and their distances if it is near enough; how many there are."""
     kept, distances = nearest
+    if filled == _MOST_CONTACTS and f > kept[filled - 1]:
+        return filled
     a, b, c = load_triangle(surface.vertices, surface.faces, f)
     if _beside(p[0], within, a[0], b[0], c[0]) or _beside(p[1], within, a[1], b[1], c[1]):
         return filled
     if _beside(p[2], within, a[2], b[2], c[2]):
         return filled
     away = closest_on_triangle(p, a, b, c)[0]
-    if away > within or (filled == _MOST_CONTACTS and f > kept[filled - 1]):
+    if away > within:
         return filled
     place = min(filled, _MOST_CONTACTS - 1)
     while place > 0 and kept[place - 1] > f:

@@ -2,90 +2,168 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from raytrace import Mesh
 from raytrace.errors import OptionError
-from raytrace.mesh.mesh import Mesh
 from raytrace.system.atomic import check_writable, write_bytes
-from raytrace.system.checks import check_outputs, check_regular
+from raytrace.system.checks import check_outputs
 from raytrace.types import Bools
 
-from ..formats.load import parser_errors
+from ..formats.load import MeshFile, load
 
 if TYPE_CHECKING:
-    import trimesh
+    from ..formats.gltf.asset import Gltf
+    from ..formats.gltf.builder import GlbBuilder
+    from ..geometry.instances import Submesh
 
 _ENDINGS = ".glb", ".ply", ".obj", ".stl", ".off"
+_ZERO = {"componentType": 5121, "count": 1, "type": "SCALAR"}  # an accessor of a zero takes no bytes
 
 
 def prune(source: Path, output: Path, seed: int, threads: int | None) -> str:
-    """Write the mesh file without its unseen faces, with materials in a .glb; return a line about it.
+    """Write the mesh file without its unseen faces, a .glb with all else that it has; return a line about it.
 
-    Raises: OptionError: of the output's ending, or nothing would be left. InputError: the file cannot be read.
+    Raises: OptionError: of the output's ending, or nothing would be left. MeshError: the file cannot be read.
     """
-    import trimesh
-
     from ao.unseen import unseen_faces
 
     ending = output.suffix.lower()
     if ending not in _ENDINGS:
         raise OptionError("output", "a name ending in " + ", ".join(_ENDINGS), output)
-    check_outputs({"--output": output}, [source])
+    mesh_file = load(source, output)
+    check_outputs({"--output": output}, mesh_file.files)
     check_writable(output)
-    check_regular(source, "a mesh file")
-    with parser_errors(source):
-        scene = trimesh.load_scene(source, process=False)
-        nodes = [scene.graph[node] for node in scene.graph.nodes_geometry]
-        placed = [(matrix, name) for matrix, name in nodes if isinstance(scene.geometry[name], trimesh.Trimesh)]
-        mesh = _joined(scene, placed, str(source))
-    found = unseen_faces(mesh, seed, threads)
+    if ending == ".glb" and not mesh_file.gltf:
+        from ..formats.gltf.write import document
+
+        mesh_file = load(source.with_suffix(".glb"), output, document(mesh_file, None)[0].encode())
+    found = unseen_faces(mesh_file.mesh, seed, threads)
     if found.faces.all():
         raise OptionError("mesh", "faces that something outside sees", f"{source}, without any: is it a room?")
-    gone = _gone(scene, placed, found.faces)
-    count = sum(int(np.count_nonzero(gone[name])) for _, name in placed)
-    write_bytes(output, _without(scene, gone, ending))
-    text = f"{output}: {len(mesh.faces) - count:,} faces; {count:,} that nothing outside sees are gone"
+    if ending == ".glb":
+        content, kept = _glb(mesh_file, ~found.faces)
+    else:
+        content = _plain(mesh_file.mesh, ~found.faces, ending)
+        kept = int(np.count_nonzero(~found.faces))
+    write_bytes(output, content)
+    text = f"{output}: {kept:,} faces; {len(found.faces) - kept:,} that nothing outside sees are gone"
     return f"{text}. Of what one of these looks at less than {found.share:.2%} is open, with 95 % confidence"
 
 
-def _joined(scene: trimesh.Scene, placed: list[tuple[Any, str]], source: str) -> Mesh:
-    """All instances as one mesh, in their order."""
-    vertices = [np.zeros((0, 3))]
-    faces = [np.zeros((0, 3), np.int64)]
-    count = 0
-    for matrix, name in placed:
-        geometry = scene.geometry[name]
-        vertices.append(geometry.vertices @ matrix[:3, :3].T + matrix[:3, 3])
-        faces.append(geometry.faces + count)
-        count += len(geometry.vertices)
-    return Mesh(np.concatenate(vertices), np.concatenate(faces), source=source)
+def _plain(mesh: Mesh, seen: Bools, ending: str) -> bytes:
+    """The seen faces and their vertices alone."""
+    import trimesh
 
-
-def _gone(scene: trimesh.Scene, placed: list[tuple[Any, str]], unseen: Bools) -> dict[str, Bools]:
-    """The faces of each geometry that are unseen in all of its instances."""
-    hidden: dict[str, Bools] = {}
-    start = 0
-    for _, name in placed:
-        stop = start + len(scene.geometry[name].faces)
-        hidden[name] = hidden.get(name, np.True_) & unseen[start:stop]
-        start = stop
-    return hidden
-
-
-def _without(scene: trimesh.Scene, gone: dict[str, Bools], ending: str) -> bytes:
-    """The file without some faces of each geometry."""
-    for name, faces in gone.items():
-        if faces.all():
-            scene.delete_geometry(name)
-        elif faces.any():
-            scene.geometry[name].update_faces(~faces)
-            scene.geometry[name].remove_unreferenced_vertices()
-    if ending == ".glb":
-        content: bytes = scene.export(file_type="glb")
-        return content
-    more = {"include_texture": False} if ending == ".obj" else {}
-    exported: bytes | str = scene.to_mesh().export(file_type=ending[1:], **more)
+    rest = trimesh.Trimesh(mesh.vertices, mesh.faces[seen], process=False)
+    rest.remove_unreferenced_vertices()
+    exported: bytes | str = rest.export(file_type=ending[1:])
     return exported.encode() if isinstance(exported, str) else exported
+
+
+def _glb(mesh_file: MeshFile, seen: Bools) -> tuple[bytes, int]:
+    """The document without instances of which nothing is seen, and without faces that are seen in no instance; and how
+    many faces it draws.
+    """
+    from ..formats.gltf.accessors import triangles
+    from ..formats.gltf.textured import draw, take_vertices
+    from ..formats.gltf.write import one_buffer
+
+    asset = mesh_file.gltf
+    assert asset is not None
+    builder = one_buffer(asset)
+    meshes = builder.header["meshes"]
+    showing = _showing(asset, mesh_file.parts, seen)
+    kept = _kept(asset, mesh_file.parts, seen)
+    for number in {drawn.node for drawn in asset.drawn} - showing:
+        for field in ("mesh", "skin", "weights"):
+            builder.header["nodes"][number].pop(field, None)
+    # Each primitive with its faces that are kept, and their vertices.
+    before = _values_of_primitives(meshes)
+    primitives = {(drawn.mesh, drawn.primitive_number): drawn.primitive for drawn in asset.drawn}
+    for (mesh, number), primitive in primitives.items():
+        faces_kept = kept[mesh, number]
+        stored = meshes[mesh]["primitives"][number]
+        if faces_kept.any():
+            count = asset.geometry.accessors[primitive.attributes["POSITION"]].count
+            faces = triangles(asset, primitive, count)[faces_kept]
+            used, corners = np.unique(faces, return_inverse=True)
+            take_vertices(builder, asset, stored, used)
+            draw(builder, stored, corners)
+        else:
+            meshes[mesh]["primitives"][number] = None
+    _drop_empty_meshes(builder.header)
+    _drop_values(builder, before - _values_of_primitives(builder.header["meshes"]))
+    shown = [kept[drawn.mesh, drawn.primitive_number] for drawn in asset.drawn if drawn.node in showing]
+    return builder.encode(), sum(int(np.count_nonzero(faces)) for faces in shown)
+
+
+def _showing(asset: Gltf, parts: Sequence[Submesh], seen: Bools) -> set[int]:
+    """The drawn nodes that show something: faces that are seen, or lines and points."""
+    numbers = Counter(mesh for mesh, _ in {(drawn.mesh, drawn.primitive_number) for drawn in asset.drawn})
+    with_lines = {mesh for mesh, count in numbers.items() if count < len(asset.geometry.meshes[mesh].primitives)}
+    instances = zip(asset.drawn, parts, strict=True)
+    return {drawn.node for drawn, part in instances if drawn.mesh in with_lines or seen[part.faces].any()}
+
+
+def _kept(asset: Gltf, parts: Sequence[Submesh], seen: Bools) -> dict[tuple[int, int], Bools]:
+    """By mesh and primitive the faces that are seen in some instance; all of a mesh that another scene shows, too."""
+    drawn_nodes = {drawn.node for drawn in asset.drawn}
+    elsewhere = {node.mesh for number, node in enumerate(asset.geometry.nodes) if number not in drawn_nodes}
+    kept: dict[tuple[int, int], Bools] = {}
+    for drawn, part in zip(asset.drawn, parts, strict=True):
+        primitive = drawn.mesh, drawn.primitive_number
+        kept[primitive] = seen[part.faces] | kept.get(primitive, np.bool_(drawn.mesh in elsewhere))
+    return kept
+
+
+def _values_of_primitives(meshes: list[dict[str, Any]]) -> set[int]:
+    """The accessors of all primitives."""
+    primitives = [primitive for mesh in meshes for primitive in mesh["primitives"]]
+    tables = [table for each in primitives for table in (each["attributes"], *each.get("targets", []))]
+    used = {number for table in tables for number in table.values()}
+    return used | {primitive["indices"] for primitive in primitives if "indices" in primitive}
+
+
+def _drop_empty_meshes(header: dict[str, Any]) -> None:
+    """Take primitives that are None out of their meshes, and meshes without primitives out of the document."""
+    for mesh in header["meshes"]:
+        mesh["primitives"] = [primitive for primitive in mesh["primitives"] if primitive]
+    kept = [number for number, mesh in enumerate(header["meshes"]) if mesh["primitives"]]
+    header["meshes"] = [header["meshes"][number] for number in kept]
+    for node in header["nodes"]:
+        if "mesh" in node:
+            node["mesh"] = kept.index(node["mesh"])
+
+
+def _drop_values(builder: GlbBuilder, unused: set[int]) -> None:
+    """Leave zeros of `unused` accessors, which keep their numbers, and of the buffer what views that are used show."""
+    header = builder.header
+    for number in unused:
+        header["accessors"][number] = dict(_ZERO)
+    used = set(_views(header))
+    stored = bytes(builder.binary)
+    builder.binary.clear()
+    for number, view in enumerate(header["bufferViews"]):
+        start = view["byteOffset"]
+        if number not in used:
+            view["byteLength"] = 1
+            view.pop("byteStride", None)
+        view["byteOffset"] = builder.add(stored[start : start + view["byteLength"]])
+
+
+def _views(value: Any) -> Iterator[int]:
+    """The buffer views that a document refers to, by the key that they have in all extensions."""
+    if isinstance(value, dict):
+        if isinstance(value.get("bufferView"), int):
+            yield value["bufferView"]
+        value = value.values()
+    elif not isinstance(value, list):
+        return
+    for child in value:
+        yield from _views(child)

@@ -75,3 +75,12 @@ def test_make_the_package_and_continuous_integration_support_the_same_versions()
     assert f"({low}) <= sys.version_info[:2] <= ({high})" in (ROOT / "Makefile").read_text()
     assert f"python: {versions}".replace("'", '"') in (ROOT / ".github/workflows/ci.yml").read_text()
     assert f"{sys.version_info[0]}.{sys.version_info[1]}" in versions
+
+
+def test_no_tracked_file_is_larger_than_a_megabyte():
+    """The repository holds sources, and results and pictures that pages show: nothing that an installation fetches."""
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=False)
+    if listed.returncode != 0:
+        pytest.skip("not a checkout of git")
+    paths = [ROOT / name for name in listed.stdout.split("\0") if name]
+    assert [str(path) for path in paths if path.exists() and path.stat().st_size > 1_000_000] == []

@@ -23,6 +23,7 @@ from .records import Primitive
 from .write import document, write_ramp
 
 _SAME = 1e-6  # of texture coordinates that float32 has rounded
+_RESTART = 65535  # in indices of 16 bits, no vertex (section 3.7.2.1)
 
 
 def textured_glb(
@@ -69,7 +70,7 @@ def textured_glb(
                     number = free_set(builder.header, piece)
                     split_vertices(builder, asset, piece, number, faces[face_rows], uv)
                 elif len(face_rows) < len(faces):
-                    _draw(builder, piece, faces[face_rows])
+                    draw(builder, piece, faces[face_rows])
                 textures.give(piece, numbers[page], number)
     textures.apply()
     if w is not None:
@@ -98,9 +99,10 @@ def _by_page(
         yield page, np.flatnonzero(page_of == page), piece
 
 
-def _draw(builder: GlbBuilder, primitive: dict[str, Any], corners: Int64s) -> None:
+def draw(builder: GlbBuilder, primitive: dict[str, Any], corners: Int64s) -> None:
     """Let a primitive draw triangles with these vertices at their `corners`, of any shape."""
-    primitive["indices"] = builder.accessor(corners.ravel().astype("<u4"), ELEMENT_ARRAY_BUFFER)
+    kind = "<u2" if corners.max(initial=0) < _RESTART else "<u4"
+    primitive["indices"] = builder.accessor(corners.ravel().astype(kind), ELEMENT_ARRAY_BUFFER)
     primitive.pop("mode", None)
 
 
@@ -122,11 +124,16 @@ def split_vertices(
     rounded = uv.reshape(-1, 2).astype("<f4")
     keys = np.column_stack([faces.ravel(), rounded])  # doubles, which hold both
     _, example, corners = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    take_vertices(builder, asset, primitive, faces.ravel()[example])
+    add_coordinates(builder, primitive, number, flipped(rounded[example]))
+    draw(builder, primitive, corners)
+
+
+def take_vertices(builder: GlbBuilder, asset: Gltf, primitive: dict[str, Any], taken_rows: Int64s) -> None:
+    """Give a primitive, and its morph targets, some rows of its own vertices."""
     for attributes in (primitive["attributes"], *primitive.get("targets", [])):
         for name, accessor in attributes.items():
-            attributes[name] = _taken(builder, asset, accessor, faces.ravel()[example])
-    add_coordinates(builder, primitive, number, flipped(rounded[example]))
-    _draw(builder, primitive, corners)
+            attributes[name] = _taken(builder, asset, accessor, taken_rows)
 
 
 def _taken(builder: GlbBuilder, asset: Gltf, number: int, taken_rows: Int64s) -> int:

@@ -59,7 +59,7 @@ def document(mesh_file: MeshFile, bake: Bake | None, channels: Channels = Channe
 def _stored(asset: Gltf, parts: tuple[Submesh, ...]) -> tuple[GlbBuilder, list[Drawn]]:
     """The document of a glTF source, and its drawn primitives, an own one for each instance."""
     _ = asset.materials  # to find what is malformed
-    builder = _one_buffer(asset)
+    builder = one_buffer(asset)
     nodes = builder.header["nodes"]
     meshes = builder.header["meshes"]
     owner: dict[int, int] = {}  # the node that keeps a mesh which several show
@@ -89,7 +89,7 @@ def _add_up_axis_node(header: dict[str, Any], up: str, asset: Gltf | None) -> No
     nodes += [turned | {"children": children} for children in (roots, hidden) if children]
 
 
-def _one_buffer(asset: Gltf) -> GlbBuilder:
+def one_buffer(asset: Gltf) -> GlbBuilder:
     """The asset with all buffers joined, and with the images beside it taken in where they can be read."""
     builder = GlbBuilder(copy.deepcopy(asset.header))
     _keep_plain_data(builder.header)

@@ -74,7 +74,8 @@ FORGED = {
     "a seed as a table": (with_options(seed={}), "part-1-of-1.part: options.seed: "),
     "names as a text": (with_options(receive="a"), "part-1-of-1.part: options.receive: expected a list of texts"),
     "a rate that is no number": (with_options(tau=float("nan")), "description: "),
-    "a falloff as a number": (with_options(falloff=[3]), "part-1-of-1.part: options.falloff: "),
+    "a falloff as a list": (with_options(falloff=[3]), "part-1-of-1.part: options.falloff: "),
+    "a falloff as a number": (with_options(falloff=3), "part-1-of-1.part: options.falloff: expected a text, got 3"),
     "another rate": (with_options(tau=3.0), "parts: header: expected that of this very bake"),
     "what is no option of parts": (with_options(run="x", content="x", output=3), None),
 }

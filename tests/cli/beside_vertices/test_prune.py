@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 from command import obscurance, refused
+from gltf_files import Builder, check_glb
 
 
 @pytest.fixture
@@ -27,16 +28,83 @@ def engine(tmp_path, monkeypatch):
 def test_the_engine_goes_and_materials_stay(engine):
     done = obscurance("prune", "car.glb", "-o", "out.glb")
     assert done.returncode == 0, done.stderr
-    assert "out.glb: 36 faces; 80 that nothing outside sees are gone" in done.stdout
+    assert "out.glb: 24 faces; 92 that nothing outside sees are gone" in done.stdout
     found = trimesh.load_scene("out.glb")
     assert {name: len(part.faces) for name, part in found.geometry.items()} == {"body": 12, "wheel": 12}
     assert found.geometry["body"].visual.material.name == "red"
+    assert set(found.graph.nodes_geometry) == {"body", "wheel"}, "the spare wheel goes from its node alone"
+    assert (engine / "out.glb").stat().st_size < (engine / "car.glb").stat().st_size - 80 * 3 * 2
+
+
+def test_faces_that_one_instance_shows_stay_in_all(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scene = trimesh.Scene()
+    pair = trimesh.util.concatenate([trimesh.creation.box((2, 2, 2)), trimesh.creation.box((1, 1, 1))])
+    half = pair.copy()
+    half.apply_translation([5, 0, 0])
+    scene.add_geometry(pair, geom_name="closed")
+    scene.graph.update(
+        "again", "world", geometry="closed", matrix=trimesh.transformations.translation_matrix([9, 0, 0])
+    )
+    scene.export("pair.glb")
+    assert obscurance("prune", "pair.glb", "-o", "out.glb").stdout.startswith("out.glb: 24 faces; 24 that")
+    assert len(trimesh.load_scene("out.glb").graph.nodes_geometry) == 2
+
+
+def glass_box(alpha):
+    box = trimesh.creation.box((2, 2, 2))
+    mode = "BLEND" if alpha < 255 else "OPAQUE"
+    material = trimesh.visual.material.PBRMaterial(baseColorFactor=[255, 0, 0, alpha], alphaMode=mode)
+    box.visual = trimesh.visual.TextureVisuals(uv=np.zeros((len(box.vertices), 2)), material=material)
+    scene = trimesh.Scene()
+    scene.add_geometry(box, geom_name="body")
+    scene.add_geometry(trimesh.creation.icosphere(subdivisions=0, radius=0.5), geom_name="engine")
+    return scene
+
+
+@pytest.mark.parametrize(("alpha", "kept"), [(60, 32), (255, 12)])
+@pytest.mark.parametrize("ending", ["glb", "ply"])
+def test_what_stands_behind_glass_is_seen(tmp_path, monkeypatch, alpha, kept, ending):
+    monkeypatch.chdir(tmp_path)
+    glass_box(alpha).export("box.glb")
+    assert f": {kept} faces" in obscurance("prune", "box.glb", "-o", f"out.{ending}").stdout
+    assert sum(len(part.faces) for part in trimesh.load_scene(f"out.{ending}").geometry.values()) == kept
+
+
+def test_a_document_keeps_what_is_no_face_of_its_scene(tmp_path, monkeypatch):
+    """Nodes without a mesh, lines, another scene's mesh, morph targets and cameras."""
+    monkeypatch.chdir(tmp_path)
+    builder = Builder()
+    corners = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    faces = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]
+    shell = builder.primitive(corners * 8 - 1, faces)
+    core = builder.primitive(corners, faces)
+    shell["targets"] = [{"POSITION": builder.accessor(corners * 0, "VEC3")}]
+    edge = {**core, "indices": builder.accessor(np.uint16([0, 1]), "SCALAR"), "mode": 1}
+    builder.mesh(shell, {**core, "targets": shell["targets"]}, name="shell")
+    builder.mesh(dict(core), name="core")
+    builder.mesh(dict(core), edge, name="wire")
+    builder.mesh(dict(core), name="elsewhere")
+    nodes = [{"name": "root", "children": [1, 2, 3, 4]}, {"mesh": 0, "weights": [0.0]}, {"mesh": 1, "name": "hidden"}]
+    nodes += [{"mesh": 2}, {"mesh": 3}, {"mesh": 3, "name": "of the other scene"}, {"camera": 0}]
+    cameras = [{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}}]
+    content = builder.glb(nodes, cameras=cameras, scenes=[{"nodes": [0, 6]}, {"nodes": [5]}])
+    (tmp_path / "in.glb").write_bytes(content)
+    done = obscurance("prune", "in.glb", "-o", "out.glb")
+    assert done.stdout.startswith("out.glb: 4 faces; 16 that"), done
+    header, _ = check_glb((tmp_path / "out.glb").read_bytes())
+    assert [mesh["name"] for mesh in header["meshes"]] == ["shell", "wire", "elsewhere"]
+    assert [len(mesh["primitives"]) for mesh in header["meshes"]] == [1, 1, 1]
+    assert [node.get("mesh") for node in header["nodes"]] == [None, 0, None, 1, None, 2, None]
+    assert header["nodes"][2] == {"name": "hidden"}
+    assert header["cameras"] == cameras
+    assert len(header["meshes"][0]["primitives"][0]["targets"]) == 1
 
 
 @pytest.mark.parametrize("ending", ["ply", "obj", "stl", "off"])
 def test_other_formats(engine, ending):
     assert obscurance("prune", "car.glb", "-o", f"out.{ending}", "-q").returncode == 0
-    assert len(trimesh.load(f"out.{ending}").faces) == 36  # the wheel that is inside is of the same mesh as the other
+    assert len(trimesh.load(f"out.{ending}").faces) == 24
 
 
 def test_what_is_refused(engine):

@@ -79,9 +79,11 @@ def check_glb(data):
     for view in header["bufferViews"]:
         assert view["buffer"] == 0
         assert view.get("byteOffset", 0) + view["byteLength"] <= buffer["byteLength"]
-    for accessor in header["accessors"]:
+    primitives = [primitive for mesh in header["meshes"] for primitive in mesh["primitives"]]
+    used = {number for primitive in primitives for number in primitive["attributes"].values()}
+    for number, accessor in enumerate(header["accessors"]):
         if "bufferView" not in accessor:
-            assert "sparse" in accessor
+            assert "sparse" in accessor or number not in used
             continue
         view = header["bufferViews"][accessor["bufferView"]]
         item = np.dtype(COMPONENTS[accessor["componentType"]]).itemsize

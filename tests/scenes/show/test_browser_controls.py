@@ -64,6 +64,19 @@ def test_all_of_the_mesh_is_in_view_at_first_and_again_by_a_key(tab, pages, bake
         assert found.target == pytest.approx(framed.target, abs=1e-3)
 
 
+def test_all_of_the_mesh_stays_in_view_in_a_narrower_window_until_the_camera_moves(tab, pages, bakes):
+    framed = Camera.framing(bakes[0], aspect=360 / SIZE[1], field_of_view=FIELD_OF_VIEW)
+    for start, expected in (("", framed), (HOME, camera_of(dict(part.split("=") for part in HOME[1:].split("&"))))):
+        opened(tab, pages.one + start)
+        tab.resize(250 + 360, SIZE[1])
+        drawn(tab)
+        tab.run("document.getElementById('view').focus()")
+        tab.press("2")
+        found = camera_of(address(tab, "mode=w"))
+        assert found.position == pytest.approx(expected.position, abs=1e-3)
+        assert found.target == pytest.approx(expected.target, abs=1e-3)
+
+
 def test_the_camera_follows_mouse_wheel_keys_and_fingers_and_stands_in_the_address(tab, pages):
     opened(tab, pages.one + HOME)
     start = camera_of(address(tab))

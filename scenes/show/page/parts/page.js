@@ -29,7 +29,7 @@ class Page {
     addModes(this);
     this.connect();
     this.resize();
-    this.camera.frame(mesh.positions, this.aspect);
+    this.frame();
     readAddress(this);
     this.draw();
   }
@@ -83,6 +83,7 @@ class Page {
     });
     new ResizeObserver(() => {
       this.resize();
+      if (JSON.stringify(this.camera) === this.framed) this.frame();
       this.draw();
     }).observe(this.canvas);
   }
@@ -159,8 +160,14 @@ class Page {
     });
   }
 
-  home() {
+  // Everything in view, and again when the window changes, until the camera moves.
+  frame() {
     this.camera.frame(this.mesh.positions, this.aspect);
+    this.framed = JSON.stringify(this.camera);
+  }
+
+  home() {
+    this.frame();
     this.changed();
   }
 
