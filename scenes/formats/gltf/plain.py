@@ -8,11 +8,13 @@ import numpy.typing as npt
 
 from raytrace.errors import OptionError
 from raytrace.image.srgb import decode_srgb
+from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import creased_normals
 from raytrace.types import Float64s, Int64s
 
 from ...geometry.attributes import SourceAttributes
 from ...geometry.corners import PerCorner, split_corners
+from ...geometry.instances import Submesh
 from ..load import MeshFile
 from ..ply.layout import fractions, stored_colors
 from ..primitive_groups import primitive_groups
@@ -38,9 +40,7 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
     """
     mesh = mesh_file.mesh
     source = mesh_file.held
-    white = {"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 1}}
-    document: dict[str, Any] = {"scene": 0, "scenes": [{"nodes": []}], "nodes": [], "meshes": [], "materials": [white]}
-    builder = GlbBuilder({"asset": {"version": "2.0", "generator": "obscurance"}, **document})
+    builder = _empty_document()
     add_materials(builder, source.materials)
     # What the document holds of each corner and vertex, and where its objects lie.
     groups = list(primitive_groups(mesh_file))
@@ -59,21 +59,14 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
             before = group.object
             _add_node(builder, before.name, origin)
         part = mesh_file.parts[group.part]
-        start = part.vertices.start
-        keep = part.vertices.stop - start if groups_of_part[group.part] == 1 else 0
-        corners = 3 * group.faces[:, None] + np.arange(3)
-        vertices, faces, like = split_corners(mesh.faces.ravel() - start, corners, split_by, keep)
-        vertices += start
+        vertices, faces, like = _group_vertices(mesh, part, group.faces, split_by, groups_of_part[group.part] == 1)
         positions = (mesh.vertices[vertices] - (0 if origin is None else origin)).astype("<f4")
         bounds = {"min": positions.min(axis=0).tolist(), "max": positions.max(axis=0).tolist()}
         attributes = {"POSITION": builder.accessor(positions, **bounds)}
-        columns = {}
-        vectors = normals.values[normals.of[like]] if normals else np.asarray(mesh.normals)[vertices]
-        length = np.linalg.norm(vectors, axis=1, keepdims=True)
-        if np.isfinite(length).all() and (length > 0).all():  # glTF allows unit normals only
-            columns["NORMAL"] = vectors / length
-        if uv and np.isfinite(coordinates := uv.values[uv.of[like]]).any():
-            columns["TEXCOORD_0"] = flipped(np.nan_to_num(coordinates))
+        columns = _corner_columns(
+            normals.values[normals.of[like]] if normals else np.asarray(mesh.normals)[vertices],
+            uv.values[uv.of[like]] if uv else None,
+        )
         columns |= {name: values[vertices] for name, values in of_vertices.items()}
         attributes |= {name: builder.accessor(values.astype("<f4")) for name, values in columns.items()}
         indices = builder.accessor(faces.astype("<u4").ravel(), ELEMENT_ARRAY_BUFFER)
@@ -83,6 +76,38 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
         builder.header["meshes"][-1]["primitives"].append(primitive)
         drawn.append((primitive, vertices))
     return builder, drawn
+
+
+def _empty_document() -> GlbBuilder:
+    white = {"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 1}}
+    asset = {"version": "2.0", "generator": "obscurance"}
+    scenes: list[dict[str, Any]] = [{"nodes": []}]
+    return GlbBuilder({"asset": asset, "scene": 0, "scenes": scenes, "nodes": [], "meshes": [], "materials": [white]})
+
+
+def _group_vertices(
+    mesh: Mesh, part: Submesh, face_rows: Int64s, split_by: list[PerCorner], keeps_all: bool
+) -> tuple[Int64s, Int64s, Int64s]:
+    """The vertices (k,) of the mesh that some of its faces get, the faces (m, 3), and a corner like each vertex (k,).
+
+    Args: face_rows: (m,) of the faces, in `part`. split_by: values whose corners divide vertices.
+    """
+    start = part.vertices.start
+    count = part.vertices.stop - start if keeps_all else 0
+    corners = 3 * face_rows[:, None] + np.arange(3)
+    vertices, faces, like = split_corners(mesh.faces.ravel() - start, corners, split_by, count)
+    return vertices + start, faces, like
+
+
+def _corner_columns(normals: npt.NDArray[Any], uv: npt.NDArray[Any] | None) -> dict[str, npt.NDArray[Any]]:
+    """Normals, unless one has no length, for glTF allows unit ones only, and texture coordinates of vertices."""
+    columns = {}
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    if np.isfinite(length).all() and (length > 0).all():
+        columns["NORMAL"] = normals / length
+    if uv is not None and np.isfinite(uv).any():
+        columns["TEXCOORD_0"] = flipped(np.nan_to_num(uv))
+    return columns
 
 
 def _add_node(builder: GlbBuilder, name: str, origin: Float64s | None) -> None:
