@@ -9,7 +9,8 @@ from raytrace.types import Float64s
 from ..rays.directions import BATCHES
 
 _TYPICAL = 0.2  # of their mean in each expected squared error
-_USUAL, _DOUBT = 1.0, 0.3  # factor by which expected squared errors are off, and its standard deviation
+_USUAL, USUAL_DOUBT = 1.0, 0.3  # factor by which expected squared errors are off, and its standard deviation
+_MOST = 9.0  # of that factor
 
 
 class CalibrationGroup(NamedTuple):
@@ -47,18 +48,23 @@ def _group(estimated: Float64s, measured: Float64s) -> CalibrationGroup:
     return CalibrationGroup(len(measured), *(float(np.sqrt(max(square, 0.0))) for square in squares))
 
 
-def calibration_factor(expected: Float64s, squared: Float64s, everywhere: Float64s) -> float:
+def calibration_factor(
+    expected: Float64s, squared: Float64s, everywhere: Float64s, doubt: float = USUAL_DOUBT
+) -> float:
     """The factor by which `expected` squared errors (j,) are off in the mean, from unbiased measures `squared` (j,).
 
     A measure that scatters much is mistrusted: the mean of it and what is usual, weighted by their variances. So is one
     where few points have most of the error `everywhere`, expected of all (k,), for it may have missed these.
+
+    Args: doubt: standard deviation of the factor.
     """
     mean = float(np.mean(expected)) if len(expected) else 0.0
     if mean <= 0 or len(squared) <= 1:
         return 1.0
     uneven = float(mean_square(everywhere) / np.mean(everywhere) ** 2)
-    scatter = (float(np.var(squared)) / mean**2 + 2 * uneven) / len(squared)
-    return float(np.clip(_USUAL + (float(np.mean(squared)) / mean - _USUAL) / (1 + scatter / _DOUBT**2), 1 / 3, 3))
+    measured = float(np.mean(squared))
+    scatter = (float(np.var(squared)) / max(mean, measured) ** 2 + 2 * uneven) / len(squared)
+    return float(np.clip(_USUAL + (measured / mean - _USUAL) / (1 + scatter / doubt**2), 1 / 3, _MOST))
 
 
 def mean_square(values: Float64s) -> float:

@@ -20,11 +20,12 @@ from ..execute.tracer import Tracer
 from ..options import Options
 from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, BENT, COLUMNS, W
-from .calibration import Calibration, calibration_factor, mean_square
+from .calibration import Calibration, mean_square
 from .inside import holes
 from .one_ring import Neighbours
-from .ray_plan import BATCH, fall_of, first_rays, rays_to_add
-from .sampling_error import RATE, TYPICAL, derive, sampling_variance, stratified_rows
+from .probes import Probes
+from .ray_plan import fall_of, first_rays, rays_to_add
+from .sampling_error import RATE, derive
 from .scales import denoise_over_scales
 
 _AIM = 0.92  # times the goal is aimed at: a few rays more, later, are worth little
@@ -32,9 +33,6 @@ _FARTHEST = 20.0  # times that the squared error may have to fall for the rays t
 _NEAR, _UNEVEN = 2.0, 2.5  # the same at jumps of w, where its mean square is so many times its squared mean
 _ROUNDS = 8  # of adding rays, at most
 _BLOCK = 1 << 12  # points
-_PROBED, _FEWEST_PROBES, _MOST_PROBES = 16, 96, 1024  # one point in how many is probed, at least and at most
-_SCATTER = 5.0  # variance of a squared error that two estimates with as large an error measure, relative to its square
-_PRIOR = 64  # probes that what is expected of their noise is worth
 
 
 class ToleranceWarning(UserWarning):
@@ -81,7 +79,7 @@ def estimate_to(
     Of several falloffs all meet it, by the same rays.
     """
     if not tracer.planned:
-        probes = _Probes(tracer, points, tolerance, max_samples, key)
+        probes = Probes(tracer, points, tolerance, max_samples, key)
         goal = tolerance**2 / (1 + probes.doubt)
         rays = np.zeros(len(points), np.int64)
         worth = np.zeros(len(points))
@@ -170,54 +168,14 @@ class _Round(NamedTuple):
         neighbours: Neighbours,
         rows: Float64s,
         worth: Float64s,
-        probes: "_Probes",
+        probes: Probes,
         column: int,
     ) -> "_Round":
         level = probes.level(rows[:, W], worth, column)
 
         def risk(w: Float64s) -> float:
-            return float(np.mean(probes.squared(w, column)))
+            return probes.mean_squared(w, column)
 
         w, error = denoise_over_scales(neighbours, points, rows, level, probes.rows, risk)
-        measured = probes.squared(w[probes.rows], column)
-        error *= calibration_factor(error[probes.rows], measured, error)
-        return cls(w, error, Calibration(error[probes.rows], measured))
-
-
-class _Probes:
-    """Points at which the error is measured: `rows` (j,), each by two independent estimates for every falloff."""
-
-    def __init__(self, tracer: Tracer, points: Points, tolerance: float, max_samples: int, key: np.uint32) -> None:
-        count = int(np.clip(len(points) // _PROBED, _FEWEST_PROBES, _MOST_PROBES))
-        self.rows = stratified_rows(len(points), count)
-        enough = (TYPICAL / tolerance**2) ** (1 / RATE)  # more would not make up for fewer probes: both err by as much
-        self._samples = int(min(BATCH * max(round(enough / BATCH), 1), max(max_samples, BATCH)))
-        probed = points[self.rows]
-
-        def traced(salt: int) -> tuple[Float64s, Float64s]:
-            here = tracer.gather(probed, self._samples, derive(key, salt))
-            elsewhere = tracer.gather_elsewhere(probed, self._samples, derive(key, salt + 2), here)
-            return here[:, W], elsewhere[:, W]
-
-        pairs = tracer.each_column(lambda: (traced(4), traced(5)))
-        self._here = [(first[0], second[0]) for first, second in pairs]
-        self._elsewhere = [(first[1], second[1]) for first, second in pairs]
-
-    @property
-    def doubt(self) -> float:
-        """Standard error of the mean square error that is measured, relative to it."""
-        return float(np.sqrt(_SCATTER / len(self.rows)))
-
-    def squared(self, w: Float64s, column: int) -> Float64s:
-        """Unbiased squared errors (j,) of `w` (j,) at the probes, as the estimates are independent."""
-        first, second = self._elsewhere[column]
-        return (w - first) * (w - second)
-
-    def level(self, raw: Float64s, worth: Float64s, column: int) -> float:
-        """Mean square error of values `raw` (k,) by rays alone, which are `worth` (k,): as measured, and, where there
-        are few probes, as the noise of the probes' own rays lets expect."""
-        first, second = self._here[column]
-        own = sampling_variance(first, second, self._samples)
-        expected = own * float(self._samples**RATE * np.mean(1 / worth))
-        measured = max(float(np.sum((raw[self.rows] - first) * (raw[self.rows] - second))), 0.0)
-        return (measured + _PRIOR * expected) / (len(self.rows) + _PRIOR)
+        probes.add_where_error_is_largest(error)
+        return cls(w, error, probes.calibrate(error, w, column))

@@ -1,0 +1,108 @@
+"""Points at which the error of a bake is measured, by rays that are no part of any estimate.
+
+Where w jumps, few points have most of the squared error. So the points are a stratified sample with optimum allocation
+(Neyman 1934): most are spread over all points, the others over those where the largest errors are expected.
+"""
+
+import numpy as np
+
+from raytrace.types import Float64s, Int64s
+
+from ..execute.tracer import Tracer
+from ..points.points import Points
+from ..rays.gather import W
+from .calibration import USUAL_DOUBT, Calibration, calibration_factor
+from .ray_plan import BATCH
+from .sampling_error import RATE, TYPICAL, derive, sampling_variance, stratified_rows
+
+_PROBED, _FEWEST, _MOST = 16, 96, 1024  # one point in how many is probed, at least and at most
+_LARGEST, _OF_PROBES = 0.05, 0.25  # part of the points that have the largest errors expected, and of the probes
+_UNKNOWN = 1.0  # standard deviation of the factor by which errors expected of these are off
+_SAMPLED = 1 << 14  # points by which these are told from others
+_SCATTER = 5.0  # variance of a squared error that two estimates with as large an error measure, relative to its square
+_PRIOR = 64  # probes that what is expected of their noise is worth
+
+
+class Probes:
+    """Points at which the error is measured: `rows` (j,), each by two independent estimates for every falloff."""
+
+    def __init__(self, tracer: Tracer, points: Points, tolerance: float, max_samples: int, key: np.uint32) -> None:
+        self._tracer = tracer
+        self._points = points
+        self._key = key
+        enough = (TYPICAL / tolerance**2) ** (1 / RATE)  # more would not make up for fewer probes: both err by as much
+        self._samples = int(min(BATCH * max(round(enough / BATCH), 1), max(max_samples, BATCH)))
+        self._count = int(np.clip(len(points) // _PROBED, _FEWEST, _MOST))
+        self.rows = stratified_rows(len(points), round((1 - _OF_PROBES) * self._count))
+        self._spread = slice(0, len(self.rows))  # rows over all points; others follow
+        self._among_largest = np.zeros(len(points), np.bool_)
+        self._weights = np.full(len(self.rows), 1 / max(len(self.rows), 1))
+        traced = self._trace(self.rows)
+        self._here = [(first[0], second[0]) for first, second in traced]
+        self._elsewhere = [(first[1], second[1]) for first, second in traced]
+
+    def _trace(self, rows: Int64s) -> list[tuple[tuple[Float64s, Float64s], tuple[Float64s, Float64s]]]:
+        """For each falloff two independent estimates at points, and elsewhere in what these stand for."""
+        probed = self._points[rows]
+
+        def traced(salt: int) -> tuple[Float64s, Float64s]:
+            here = self._tracer.gather(probed, self._samples, derive(self._key, salt))
+            elsewhere = self._tracer.gather_elsewhere(probed, self._samples, derive(self._key, salt + 2), here)
+            return here[:, W], elsewhere[:, W]
+
+        return self._tracer.each_column(lambda: (traced(4), traced(5)))
+
+    def add_where_error_is_largest(self, error: Float64s) -> None:
+        """Once, probe points of the largest squared errors (k,) expected, too."""
+        step = max(len(error) // _SAMPLED, 1)
+        largest = error > np.quantile(error[::step], 1 - _LARGEST)
+        unprobed = largest.copy()
+        unprobed[self.rows] = False
+        candidates = np.flatnonzero(unprobed)
+        if len(self.rows) > self._spread.stop or not len(candidates):
+            return
+        added = candidates[stratified_rows(len(candidates), self._count - len(self.rows))]
+        for column, (first, second) in enumerate(self._trace(added)):
+            before = self._elsewhere[column]
+            self._elsewhere[column] = np.append(before[0], first[1]), np.append(before[1], second[1])
+        self._among_largest = largest
+        self.rows = np.append(self.rows, added)
+        is_largest = largest[self.rows]
+        share = float(np.mean(largest))
+        count = int(np.count_nonzero(is_largest))
+        self._weights = np.where(is_largest, share / count, (1 - share) / max(len(self.rows) - count, 1))
+
+    @property
+    def doubt(self) -> float:
+        """Standard error of the mean square error that is measured, relative to it."""
+        return float(np.sqrt(_SCATTER / len(self.rows)))
+
+    def mean_squared(self, w: Float64s, column: int) -> float:
+        """The mean squared error over all points, measured at the probes, of which `w` (j,) is given."""
+        return float(self._weights @ self._squared(w, column))
+
+    def _squared(self, w: Float64s, column: int) -> Float64s:
+        """Unbiased squared errors (j,) of `w` (j,) at the probes, as the estimates are independent."""
+        first, second = self._elsewhere[column]
+        return (w - first) * (w - second)
+
+    def calibrate(self, error: Float64s, w: Float64s, column: int) -> Calibration:
+        """Scale the squared errors (k,) expected of `w` (k,) to what is measured, the largest by themselves.
+
+        Returns: errors at the probes that are spread over all points.
+        """
+        measured = self._squared(w[self.rows], column)
+        for stratum, doubt in ((self._among_largest, _UNKNOWN), (~self._among_largest, USUAL_DOUBT)):
+            probed = stratum[self.rows]
+            error[stratum] *= calibration_factor(error[self.rows[probed]], measured[probed], error[stratum], doubt)
+        return Calibration(error[self.rows[self._spread]], measured[self._spread])
+
+    def level(self, raw: Float64s, worth: Float64s, column: int) -> float:
+        """Mean square error of values `raw` (k,) by rays alone, which are `worth` (k,): as measured, and, where there
+        are few probes, as the noise of the probes' own rays lets expect."""
+        first, second = self._here[column]
+        own = sampling_variance(first, second, self._samples)
+        expected = own * float(self._samples**RATE * np.mean(1 / worth))
+        here = raw[self.rows[self._spread]]
+        measured = max(float(np.sum((here - first) * (here - second))), 0.0)
+        return (measured + _PRIOR * expected) / (len(here) + _PRIOR)
