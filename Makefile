@@ -39,7 +39,7 @@ install: $(BUILT) $(TOOLS) ## create .venv, install the project and all its extr
 kernels: install ## list anew which kernels the default tests use, the documents' commands among them, and build those
 	rm -f build/loaded.txt
 	-OBSCURANCE_KERNELS=$(CURDIR)/build/loaded.txt $(PYTEST) -m 'not slow'
-	$(BIN)/python -m raytrace.kernel.build record build/loaded.txt
+	$(BIN)/python -m raytrace.kernel.build build/loaded.txt
 	$(MAKE) --no-print-directory $(BUILT)
 
 wheel: $(STAMP) ## a wheel with the kernels of every level of processors, in dist/
@@ -90,6 +90,7 @@ pictures: install ## the pictures of docs: gallery, temple, the models' spheres,
 	$(BIN)/python -m benchmarks.pictures.rays
 	$(BIN)/python -m benchmarks.pictures.high
 	$(BIN)/python -m benchmarks.pictures.terrain
+	$(BIN)/python -m benchmarks.pictures.elements
 	-$(BIN)/python -m benchmarks.pictures.page --pictures docs/viewing
 
 site: $(TOOLS) ## the documentation as a site, in build/site, made without network

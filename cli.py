@@ -291,6 +291,8 @@ def main() -> None:
     if status == 130:
         print("interrupted; no file is half-written", file=sys.stderr)
         status = interrupts.exit_status()
+    if "OpenImageIO" not in sys.modules:  # which complains of what is left
+        gc.freeze()  # or the interpreter, as it ends, looks for garbage in what was imported
     sys.exit(status)
 
 

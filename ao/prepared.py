@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from functools import cache, partial
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
 
@@ -100,8 +100,7 @@ def prepare(mesh: Mesh | Any, normals: Normals = "angle") -> PreparedMesh:
     return PreparedMesh(**{field.name: getattr(mesh, field.name) for field in fields(Mesh)}, axes=normals)
 
 
-@dataclass(frozen=True, eq=False)
-class Prepared:
+class Prepared(NamedTuple):
     """A placed mesh, its receivers and the options of its bake."""
 
     mesh: Mesh  # with occluders behind it

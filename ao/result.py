@@ -185,8 +185,7 @@ class Bake(Columns):
         return {flag.name.lower(): int(np.count_nonzero(self.flags & flag)) for flag in Flag if flag.name}
 
 
-@dataclass(frozen=True, eq=False)
-class PointValues:
+class PointValues(NamedTuple):
     """Values at the k points of `Prepared.requested_receivers`; see `Bake`."""
 
     w: Float64s
@@ -209,8 +208,7 @@ class PointValues:
         return cls(w[0], error[0], estimate.rows[:, 1:], *rest)
 
 
-@dataclass(frozen=True, eq=False)
-class BakedElements:
+class BakedElements(NamedTuple):
     """The n vertices or faces that have a row of the result each."""
 
     point: Int64s  # (n,), the row in `PointValues`, −1 for none

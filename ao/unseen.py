@@ -8,6 +8,7 @@ from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.types import Bools
 
 from .baking import bake
+from .prepared import prepare
 
 _ROUNDS = 16, 128, 1024, 4096  # rays from each side of faces of which none has left so far
 _DOUBT = 3.0  # of n rays that none has hit what has a share of 3/n of them is the chance e⁻³, 5 %
@@ -36,16 +37,17 @@ def unseen_faces(mesh: Mesh | Any, seed: int = 0, threads: int | None = None) ->
     Raises: OptionError, MeshError, MemoryLimitError: as `ao.bake`.
     """
     mesh = mesh_of(mesh, "unseen_faces")
+    sides = prepare(mesh), prepare(mesh.reversed())
     unseen = np.ones(len(mesh.faces), np.bool_)
     for turn, samples in enumerate(_ROUNDS):
         corners = np.zeros(len(mesh.vertices), np.bool_)
         corners[mesh.faces[unseen]] = True
-        baked = bake(
-            mesh, "binary", samples, seed + turn, threads, at="faces", both_sides=True, only=corners, denoise=False,
-            interior="ignore",
-        )  # fmt: skip
-        backs = baked.below.w if baked.below else baked.w
-        unseen &= (baked.w == 0) & (backs == 0)
+        for side in sides:
+            baked = bake(
+                side, "binary", samples, seed + turn, threads, at="faces", only=corners, denoise=False,
+                interior="ignore",
+            )  # fmt: skip
+            unseen &= baked.w == 0
         if not unseen.any():
             break
     rays = sum(_ROUNDS)

@@ -14,7 +14,7 @@ outside their range raise ValueError.
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from math import acos, asin, atan2, cos, exp, expm1, hypot, inf, isinf, log, pi, radians, sin, sqrt, tan
+from math import acos, asin, atan, atan2, cos, exp, expm1, hypot, inf, isinf, log, pi, radians, sin, sqrt, tan
 
 import numpy as np
 from scipy.integrate import quad
@@ -115,6 +115,16 @@ def tilted_normal(tilt: float) -> float:
     """
     _require(0 <= tilt <= pi, f"tilt: expected 0 to π, got {tilt}")
     return (1 + cos(tilt)) / 2
+
+
+def inverted_pyramid(sides: int, slope: float) -> float:
+    """Tip of an inverted regular pyramid of n sides that rise by t: (n/π) cosβ arctan(cosβ tan(π/n)), tanβ = t.
+
+    For every μ: what is below the rim is hit at distance 0. By Lambert's formula; as n → ∞ a cone's cos²β.
+    """
+    _require(sides > 2 and slope > 0, f"sides, slope: expected > 2, > 0, got {sides}, {slope}")
+    cosine = 1 / hypot(1, slope)
+    return sides / pi * cosine * atan(cosine * tan(pi / sides))
 
 
 def dome(radius: float, tau: Rate = None, max_distance: float = inf) -> float:

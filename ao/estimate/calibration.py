@@ -1,6 +1,5 @@
 """Expected squared errors: from the spread between batches of rays, and calibrated by errors that rays measure."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -23,8 +22,7 @@ class CalibrationGroup(NamedTuple):
     high: float
 
 
-@dataclass(frozen=True, eq=False)
-class Calibration:
+class Calibration(NamedTuple):
     """Squared errors (j,) of w at points that were baked a second time."""
 
     estimated: Float64s  # their level is set by the measured ones

@@ -6,7 +6,6 @@ inside solids the values of the nearest points outside.
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -155,7 +154,7 @@ def estimate(
     values[corners.rows, :1] = corners.mean(at_corners.rows[:, :1])
     values[corners.rows, 1:] = corners.mean_direction(at_corners.rows[:, 1:])
     variance[corners.rows] = corners.variance(at_corners.variance)
-    return replace(found, rows=values, variance=variance)
+    return found._replace(rows=values, variance=variance)
 
 
 def estimate_outside(
@@ -187,4 +186,4 @@ def estimate_outside(
         again = traced_twice(tracer, traced[edge], min(2 * typical, options.rays), key)(None)
         known[edge] = np.column_stack([again.rows, again.variance])
     rows = extrapolate(points, cells, graph, known)
-    return replace(values, rows=rows[:, :4], variance=rows[:, 4]), len(points) - len(kept)
+    return values._replace(rows=rows[:, :4], variance=rows[:, 4]), len(points) - len(kept)

@@ -6,7 +6,6 @@ Probes, spread over the points, measure the error by rays that are no part of an
 """
 
 import warnings
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -60,8 +59,7 @@ def shortfalls(
     return (*found, *inward_warnings(solid, vertices[: len(solid.vertices)]))
 
 
-@dataclass(frozen=True, eq=False)
-class Estimate:
+class Estimate(NamedTuple):
     """Values of points, and their errors."""
 
     rows: Float64s  # (k, 4), w and the mean of μ·direction (x, y, z)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,8 +22,7 @@ _GATHERED = 1 << 20  # samples
 _BLOCK, _SHARE = 1 << 9, 16  # groups, and blocks at once
 
 
-@dataclass(frozen=True, eq=False)
-class SampleMeans:
+class SampleMeans(NamedTuple):
     """What makes a `Tracer` one of groups of samples: its points stand for the groups, by their numbers."""
 
     samples: SurfaceSamples
@@ -33,7 +33,7 @@ class SampleMeans:
         """The same with samples elsewhere in the groups of some `points`, if there are any."""
         if self.elsewhere is None:
             return None
-        return replace(self, samples=self.elsewhere(points.numbers.astype(np.int64), key))
+        return self._replace(samples=self.elsewhere(points.numbers.astype(np.int64), key))
 
     def rows(self, tracer: Tracer, points: Points, rays: int, key: np.uint32) -> Float64s:
         """Rows (k, …, COLUMNS) of groups, by so many `rays` each or a few more."""

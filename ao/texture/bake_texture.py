@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, partial
 from typing import Annotated, Any, NamedTuple
 
@@ -211,7 +211,7 @@ def _predicted(baked: Estimate, texels: Texels, cells: Callable[[], Neighbours])
     rows = np.concatenate([baked.rows, more])
     spared = baked.spared + baked.samples * (len(texels) - count)
     variance = baked.variance[texels.cell]  # measured anywhere in what a texel stands for
-    return replace(baked, rows=rows, variance=variance, spared=spared)
+    return baked._replace(rows=rows, variance=variance, spared=spared)
 
 
 def _frames(space: BentSpace, surface: UVSurface, texels: Texels) -> Float64s | None:

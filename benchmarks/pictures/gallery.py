@@ -25,6 +25,15 @@ OPTIONS = {
     "metals": ("--width", "560", "--height", "350"),
     "still_life": ("--width", "640", "--height", "400"),
 }
+MORE = {
+    "faces": ("openness of vertices, and of faces", "obscurance bake temple.ply -o faces.ply --at faces"),
+    "shell": (
+        "both sides of an opened shell, and without what nobody sees",
+        "obscurance prune engine.glb -o shell.glb",
+    ),
+    "points": ("clouds of 15,000 and 250,000 points", "obscurance bake scan.ply -o scan-w.ply --points"),
+}
+"""Strips of `benchmarks.pictures.elements`, and the command that makes such a thing."""
 HEAD = """\
 # Gallery
 
@@ -46,8 +55,14 @@ def page() -> str:
     text = HEAD
     for name, summary in BUILTIN.items():
         code = "\n".join(shlex.join(command) for command in commands(name))
-        text += f"\n## {name}: {summary}\n\n![{summary}](gallery/{name}.png)\n\n```sh\n{code}\n```\n"
-    return text
+        text += f"\n## {name}: {summary}\n\n![{name}](gallery/{name}.png)\n\n```sh\n{code}\n```\n"
+    text += "\n## More\n\nDrawn by `python -m benchmarks.pictures.elements`.\n"
+    for name, (summary, code) in MORE.items():
+        text += f"\n![{name}](gallery/{name}.png)\n\n*{summary.capitalize()}*\n\n```sh\n{code}\n```\n"
+    return (
+        text
+        + "\n![soft shadows](gallery/soft_shadows.png)\n\n*A hard light, and `radius` .15 and .5 in `[[lights]]`*\n"
+    )
 
 
 def run(command: list[str], folder: str) -> None:

@@ -2,6 +2,7 @@
 
 Each picture is a row of spheres under one directional light and faint ambient light, seen from the front without
 perspective, over the model's main parameter. Light arriving is π for physical models, so that ρ = 1 facing it is white.
+Warnock's are ever farther from a lamp at the viewer, whose light falls with the distance.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from raytrace import (
     PoulinFournier,
     Strauss,
     Ward,
+    Warnock,
     material_from_dict,
 )
 from raytrace.image.write import write_image
@@ -44,18 +46,20 @@ BRASS = material_from_dict({"preset": "rolled_brass"})
 BRUSHED = {"albedo": 0.0, "k_s": 1.0, "eta": 45.0, "k_a": 0.9, "grain": (0, 1, 0)}
 
 
-def sphere(material: Material, light: np.ndarray, intensity: float) -> np.ndarray:
-    """Linear RGB (SIZE, SIZE, 3) of one sphere."""
+def sphere(material: Material, light: np.ndarray, intensity: float, distance: float | None = None) -> np.ndarray:
+    """Linear RGB (SIZE, SIZE, 3) of one sphere. Args: distance: in radii, of its nearest point from a lamp in front."""
     place = (np.arange(SIZE * SAMPLES) + 0.5) / (SIZE * SAMPLES) * 2 - 1
     x, y = np.meshgrid(1.05 * place, -1.05 * place)
     inside = x * x + y * y < 1
     n = np.stack([x, y, np.sqrt(np.maximum(0, 1 - x * x - y * y))], axis=-1)
     row = material.pack().row
-    colour = intensity * reflect(material, n, light, VIEW) + row[:3] + AMBIENT * row[3:6]
+    fading = 1.0 if distance is None else 1.0 / (distance + 1.0 - n[..., 2:])
+    colour = intensity * fading * reflect(material, n, light, VIEW) + row[:3] + AMBIENT * row[3:6]
     pixels = np.where(inside[..., None], colour, BACKGROUND)
     return pixels.reshape(SIZE, SAMPLES, SIZE, SAMPLES, 3).mean(axis=(1, 3))
 
 
+DEPTHS = [1.2, 1.8, 2.6, 3.6, 5.0, 7.0]
 Strip = tuple[Callable[[float], Material], list[float], np.ndarray, float]
 STRIPS: dict[str, Strip] = {
     "lambert": (lambda x: Lambert(albedo=x), [0.05, 0.1, 0.2, 0.4, 0.7, 1.0], LIGHT, np.pi),
@@ -116,6 +120,7 @@ STRIPS: dict[str, Strip] = {
         lambda x: PoulinFournier(k_d=0.2, k_s=0.8, exponent=60, spacing=3, floor=x, grain=(0, 1, 0)),
         [0, 0.3, 0.6, 0.8, 0.95, 1], LIGHT, 1.0,
     ),
+    "warnock": (lambda _: Warnock(albedo=0.9), DEPTHS, VIEW, 1.0),
 }  # fmt: skip
 
 
@@ -138,7 +143,9 @@ GRAINS = [lambda x, y: (1 + 0 * x, 0 * y), lambda x, y: (-y, x), lambda x, y: (x
 def picture(name: str) -> np.ndarray:
     """Linear RGB (SIZE, SIZE · k, 3) of a strip of k spheres."""
     make, values, light, intensity = STRIPS[name]
-    return np.concatenate([sphere(make(value), light, intensity) for value in values], axis=1)
+    far = values if values is DEPTHS else [None] * len(values)
+    spheres = [sphere(make(value), light, intensity, each) for value, each in zip(values, far, strict=True)]
+    return np.concatenate(spheres, axis=1)
 
 
 def main() -> None:

@@ -17,12 +17,12 @@ TARGET = ROOT / "docs" / "terrain.png"
 SIZE, CELL = 256, 30.0  # cells each way, and metres
 
 
-def mountains(seed: int = 3) -> Float64s:
+def mountains(seed: int = 3, size: int = SIZE) -> Float64s:
     """Heights (n, n) in metres: noise whose spectrum falls as the frequency^−2.2, folded into ridges."""
-    noise = np.fft.rfft2(np.random.default_rng(seed).normal(size=(SIZE, SIZE)))
-    frequency = np.hypot(np.fft.fftfreq(SIZE)[:, None], np.fft.rfftfreq(SIZE))
+    noise = np.fft.rfft2(np.random.default_rng(seed).normal(size=(size, size)))
+    frequency = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size))
     frequency[0, 0] = np.inf
-    heights = np.fft.irfft2(noise * frequency**-2.2, (SIZE, SIZE))
+    heights = np.fft.irfft2(noise * frequency**-2.2, (size, size))
     return 2600 - 900 * np.abs(heights / heights.std())
 
 
@@ -49,7 +49,7 @@ def main() -> None:
     figure.colorbar(shown, shrink=0.85, label="sky-view factor")
     for axis, title in ((left, "heights"), (middle, "inclined surface"), (right, "horizontal cells")):
         axis.set(title=title, xticks=[], yticks=[])
-    figure.savefig(TARGET, dpi=90)
+    figure.savefig(TARGET, dpi=60)
     print(TARGET)
 
 

@@ -1,23 +1,20 @@
 """Building the library of kernels: each kernel of a recorded list becomes an object file, by several processes.
 
 The list, `kernels.txt`, has what the documents' commands and the tests load: they append it to a file that the variable
-`OBSCURANCE_KERNELS` names, and `python -m raytrace.kernel.build record FILE` makes the list of it. Object files stay in
+`OBSCURANCE_KERNELS` names, and `python -m raytrace.kernel.build FILE` makes the list of it. Object files stay in
 a folder of the build, by names that hold what they are made of, so that only what was edited is compiled again.
 """
 
-import os
-import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import suppress
 from itertools import groupby
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from typing import Any, NamedTuple
 
 from . import jit
-from .identity import PACKAGES, ROOT
+from .identity import PACKAGES
 from .jit import Kernel
 from .library import ABOUT, BUILT, POINTER, identity_of
 from .signature import Signature, example
@@ -30,12 +27,10 @@ Progress = Callable[[int, int], None]
 class Entry(NamedTuple):
     """A line of the list, and what it stands for in the sources as they are."""
 
-    line: str
-    symbol: str
+    signature: Signature
     identity: str
     function: Callable[..., Any]
     arguments: tuple[Any, ...]
-    path: tuple[int, ...]
 
     @classmethod
     def of(cls, line: str) -> "Entry":
@@ -43,14 +38,14 @@ class Entry(NamedTuple):
         kernel, path, arguments = example(line)
         if not isinstance(kernel, Kernel):
             raise TypeError(f"{line}: expected a kernel")
-        signature: Signature = kernel.signature(arguments, path)
-        return cls(line, signature.symbol, identity_of(kernel.function), kernel.function, arguments, path)
+        function = kernel.function
+        return cls(kernel.signature(arguments, path), identity_of(function), function, arguments)
 
     def file(self, folder: Path, level: str) -> Path:
         """Where its object file for a level is."""
         import numba
 
-        return folder / f"{self.symbol}.{self.identity}.{numba.__version__}.{level}.o"
+        return folder / f"{self.signature.symbol}.{self.identity}.{numba.__version__}.{level}.o"
 
 
 def entries() -> list[Entry]:
@@ -90,7 +85,7 @@ def objects(folder: Path, levels: Sequence[str], progress: Progress) -> Objects:
 
     folder.mkdir(parents=True, exist_ok=True)
     listed = entries()
-    _compile([entry.line for entry in listed if not _is_built(entry, folder, levels)], folder, levels, progress)
+    _compile([entry for entry in listed if not _is_built(entry, folder, levels)], folder, levels, progress)
     built = [entry for entry in listed if _is_built(entry, folder, levels)]
     files: dict[str, list[Path]] = {}
     for level in levels:
@@ -99,67 +94,45 @@ def objects(folder: Path, levels: Sequence[str], progress: Progress) -> Objects:
         files[level] = [shared, *(entry.file(folder, level) for entry in built)]
         for file in set(folder.glob(f"*.{level}.o")).difference(files[level]):
             file.unlink()
-    names = [name for entry in built for name in (entry.symbol, entry.symbol + ABOUT)]
+    symbols = [entry.signature.symbol for entry in built]
+    names = [*symbols, *(symbol + ABOUT for symbol in symbols)]
     names += [BUILT, *(POINTER + name for name in jit.externals)]
-    return Objects(files, names, [entry.line for entry in listed if entry not in built])
+    return Objects(files, names, [entry.signature.line for entry in listed if entry not in built])
 
 
 def _is_built(entry: Entry, folder: Path, levels: Sequence[str]) -> bool:
     return all(entry.file(folder, level).exists() for level in levels)
 
 
-def _compile(lines: list[str], folder: Path, levels: Sequence[str], progress: Progress) -> None:
+def _compile(listed: list[Entry], folder: Path, levels: Sequence[str], progress: Progress) -> None:
     """Make the object files of kernels, in as many processes as there are cores, each module's in one: they share much
     of what is compiled into them. The longest lines come before: much is compiled for arguments of many types."""
-    waiting: SimpleQueue[list[str]] = SimpleQueue()
-    modules = [list(group) for _, group in groupby(lines, _module)]
-    for group in sorted(modules, key=lambda group: sum(map(len, group)), reverse=True):
-        waiting.put(group)
-    done: list[str] = []
-
-    def work(_: int) -> None:
-        command = [sys.executable, "-m", __name__, "compile", str(folder), *levels]
-        with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as worker:
-            assert worker.stdin
-            assert worker.stdout
-            with suppress(Empty):
-                while True:
-                    for line in waiting.get_nowait():
-                        print(line, file=worker.stdin, flush=True)
-                        if not worker.stdout.readline():
-                            raise RuntimeError(f"the compiler ended at the kernel {line}")
-                        done.append(line)
-                        progress(len(done), len(lines))
-            worker.stdin.close()
-
-    if lines:
-        count = min(len(modules), os.cpu_count() or 1)
-        with ThreadPoolExecutor(count) as pool:
-            list(pool.map(work, range(count)))
+    lines = [entry.signature.line for entry in listed]
+    modules = [list(group) for _, group in groupby(lines, lambda line: line.split(" ")[0].rpartition(".")[0])]
+    done = 0
+    with ProcessPoolExecutor() as pool:
+        longest = sorted(modules, key=lambda group: sum(map(len, group)), reverse=True)
+        for work in as_completed([pool.submit(_compile_module, group, folder, levels) for group in longest]):
+            done += work.result()
+            progress(done, len(lines))
 
 
-def _module(line: str) -> str:
-    return line.split(" ")[0].rpartition(".")[0]
-
-
-def _compile_as_told(folder: Path, levels: Sequence[str]) -> None:
-    """Make the object files of each kernel that standard input names, and say so; of none that Numba refuses."""
+def _compile_module(lines: list[str], folder: Path, levels: Sequence[str]) -> int:
+    """Make the object files of some kernels, but of none that Numba refuses. Returns: how many were to be made."""
     from numba.core.errors import NumbaError
 
     from .compiler import object_files
 
-    for line in sys.stdin:
-        entry = Entry.of(line.rstrip("\n"))
-        try:
-            codes = object_files(entry.symbol, entry.function, entry.identity, entry.arguments, entry.path, levels)
-        except (NumbaError, TypeError):
-            codes = []
+    for entry in map(Entry.of, lines):
+        codes: list[bytes] = []
+        with suppress(NumbaError, TypeError):
+            codes = object_files(entry.signature, entry.function, entry.arguments, levels, entry.identity)
         for level, code in zip(levels, codes, strict=False):
             target = entry.file(folder, level)
             partial = target.with_suffix(".partial")
             partial.write_bytes(code)
             partial.replace(target)
-        print("done", flush=True)
+    return len(lines)
 
 
 def _record(loaded: Path) -> None:
@@ -169,8 +142,4 @@ def _record(loaded: Path) -> None:
 
 
 if __name__ == "__main__":
-    match sys.argv[1:]:
-        case ["compile", folder, *levels]:
-            _compile_as_told(Path(folder), levels)
-        case ["record", loaded]:
-            _record(Path(loaded))
+    _record(Path(sys.argv[1]))

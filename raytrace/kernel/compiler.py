@@ -27,6 +27,7 @@ from numba.core.runtime import rtsys
 from . import lanes as lanes  # Numba knows the type and its operators from then on
 from .jit import types
 from .library import ABOUT, ARM, BUILT, POINTER, levels
+from .signature import Signature
 from .words import load_argument, store_results, type_of_value
 
 _WORD = ir.IntType(64)
@@ -122,22 +123,23 @@ def machine_of(level: str) -> llvm.TargetMachine:
 
 
 def object_files(
-    symbol: str,
+    signature: Signature,
     function: Callable[..., Any],
-    identity: str,
     arguments: tuple[Any, ...],
-    path: tuple[int, ...],
     levels: Iterable[str],
+    identity: str = "",
 ) -> list[bytes]:
     """A kernel for arguments of certain types as object files, one for each level.
 
-    Its function `symbol` takes the address of one word for each number and array of the arguments, tuples being taken
-    apart: a number's value, with double precision if it is no whole number, or the address of the array's Python
-    object. To a second address it writes the results, a word each. It returns 0, or 1 if it ran out of memory.
-    Its text holds the formats of the results, as `struct` has them, a tuple's in brackets.
+    Its function, of the signature's symbol, takes the address of one word for each number and array of the arguments,
+    tuples being taken apart: a number's value, with double precision if it is no whole number, or the address of the
+    array's Python object. To a second address it writes the results, a word each. It returns 0, or 1 if it ran out of
+    memory. Its text holds the formats of the results, as `struct` has them, a tuple's in brackets.
 
-    Args: path: of a `Kernel.callback`, which takes one address and finds the words from there; its first argument.
+    A `Kernel.callback` takes one address, its first argument, and finds the words from there. Args: identity: for the
+        text, by which `raytrace.kernel.library` knows what the code is made of.
     """
+    symbol, path = signature.symbol, signature.path
     with _compiling():
         given = tuple(map(type_of_value, arguments))
         dispatcher = _Dispatcher(function, False)
@@ -201,20 +203,15 @@ def _emitted(library: Any, module: Any, symbol: str, levels: Iterable[str]) -> l
 
 
 def _optimized(library: Any, bitcode: bytes, symbol: str, level: str) -> bytes:
-    codegen = _context.codegen()
-    of_all = codegen._tm
-    codegen._tm = machine_of(level)
-    try:
-        library._final_module = llvm.parse_bitcode(bitcode)
-        library._optimize_final_module()
-        whole = library._final_module
-        missing = [each.name for each in whole.functions if each.is_declaration and each.name.startswith(_OF_NUMBA)]
-        if missing:
-            raise TypeError(f"{symbol}: expected no lists, texts or NumPy's sort, which need Numba's {missing}")
-        code: bytes = codegen._tm.emit_object(whole)
-        return code
-    finally:
-        codegen._tm = of_all
+    machine = _context.codegen()._tm = machine_of(level)
+    library._final_module = llvm.parse_bitcode(bitcode)
+    library._optimize_final_module()
+    whole = library._final_module
+    missing = [each.name for each in whole.functions if each.is_declaration and each.name.startswith(_OF_NUMBA)]
+    if missing:
+        raise TypeError(f"{symbol}: expected no lists, texts or NumPy's sort, which need Numba's {missing}")
+    code: bytes = machine.emit_object(whole)
+    return code
 
 
 def _memory() -> Any:

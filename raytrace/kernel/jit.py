@@ -137,8 +137,7 @@ def _code(signature: Signature, function: Callable[..., Any], arguments: tuple[A
 
         logging.getLogger("obscurance").info("compiling kernel %s", signature.line)
         compiled.append(signature.line)
-        identity = library.identity_of(function)
-        found = link.linked_here(signature.symbol, function, identity, arguments, signature.path)
+        found = link.linked_here(signature, function, arguments)
     return found
 
 

@@ -110,20 +110,14 @@ def built_by() -> str:
 
 def provide(name: str, address: int) -> None:
     """Let kernels call the C function of this name."""
-    _pointers[name] = _pointer(name)
-    _pointers[name].value = address
-
-
-def _pointer(name: str) -> ctypes.c_void_p:
+    _pointers[name] = ctypes.c_void_p(address)
     library = _library()
-    try:
-        return ctypes.c_void_p.in_dll(library, POINTER + name) if library else ctypes.c_void_p()
-    except ValueError:  # a library from before kernels called it
-        return ctypes.c_void_p()
+    if library and hasattr(library, POINTER + name):  # else it is from before kernels called this
+        ctypes.c_void_p.in_dll(library, POINTER + name).value = address
 
 
 def pointers() -> dict[str, int]:
-    """The addresses of the pointers to the functions that were provided, by their names in machine code."""
+    """The addresses of pointers to the functions that were provided, by their names in machine code."""
     return {POINTER + name: ctypes.addressof(pointer) for name, pointer in _pointers.items()}
 
 

@@ -8,6 +8,7 @@ import llvmlite.binding as llvm
 
 from .compiler import machine_of, object_files
 from .library import ABOUT, about, level, pointers
+from .signature import Signature
 
 
 @cache
@@ -16,14 +17,12 @@ def _engine() -> llvm.ExecutionEngine:
     return llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
 
 
-def linked_here(
-    symbol: str, function: Callable[..., Any], identity: str, arguments: tuple[Any, ...], path: tuple[int, ...]
-) -> tuple[str, int]:
+def linked_here(signature: Signature, function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str, int]:
     """The formats of a kernel's results and the address of its code, which LLVM links in this process."""
-    (code,) = object_files(symbol, function, identity, arguments, path, [level()])
+    (code,) = object_files(signature, function, arguments, [level()])
     for name, address in pointers().items():
         llvm.add_symbol(name, address)
     _engine().add_object_file(llvm.ObjectFileRef.from_data(code))
     _engine().finalize_object()
-    formats, _ = about(_engine().get_global_value_address(symbol + ABOUT))
-    return formats, _engine().get_function_address(symbol)
+    formats, _ = about(_engine().get_global_value_address(signature.symbol + ABOUT))
+    return formats, _engine().get_function_address(signature.symbol)

@@ -69,12 +69,6 @@ def count(context, builder, signature, mask):
 
 
 @intrinsic(lambda mask: types.int64(mask))
-def first(context, builder, signature, mask):
-    """The first lane that is set in a mask that is not empty, int64."""
-    return builder.zext(builder.cttz(_bits(builder, mask), ir.IntType(1)(0)), ir.IntType(64))
-
-
-@intrinsic(lambda mask: types.int64(mask))
 def bits(context, builder, signature, mask):
     """The lanes that are set, as the lowest bits of an int64."""
     return builder.zext(_bits(builder, mask), ir.IntType(64))

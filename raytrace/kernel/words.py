@@ -42,9 +42,7 @@ def load_argument(builder: Any, words: Any, rows: Iterator[int], kind: Any) -> A
         return builder.fptrunc(number, ir.FloatType()) if kind.bitwidth < 64 else number
     if isinstance(kind, types.Boolean):
         return builder.icmp_unsigned("!=", word, _WORD(0))
-    if isinstance(kind, types.Integer):
-        return builder.trunc(word, ir.IntType(kind.bitwidth)) if kind.bitwidth < 64 else word
-    raise TypeError(f"argument of a kernel: expected arrays, numbers and tuples of them, got {kind}")
+    return builder.trunc(word, ir.IntType(kind.bitwidth)) if kind.bitwidth < 64 else word
 
 
 def _array(builder: Any, word: Any, kind: Any) -> Any:

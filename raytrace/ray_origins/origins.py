@@ -189,7 +189,8 @@ def weld_points(
 
     Args: vertices: (n, 3), render space. faces: int64 (m, 3); degenerate ones are left out.
         weighting: of the faces' normals in their mean, see `vertex_sums`.
-        normals: (n, 3), unit or zero, on whose side of the surface the directions are; by default the vertices' means.
+        normals: (n, 3), unit or zero, the directions where these are in front of the faces, and on whose side they are
+            elsewhere; by default the vertices' means.
         agreement: least cosine between the normals of vertices that are welded.
     """
     face_normal, area = face_normals(vertices, faces)
@@ -205,8 +206,12 @@ def weld_points(
         first_vertices[group[::-1]] = np.arange(len(group))[::-1]
         face_points = group.take(faces)
         mean = normalize(sum_groups(group, sums))
-    axes, directions, clearance = outermost_normals(mean, face_points, face_normal)
+    start = mean
     if normals is not None:
-        behind = np.einsum("ij,ij->i", directions, normals[first_vertices]) < 0
-        directions = np.where(behind[:, None], -directions, directions)
+        given = normals[first_vertices]
+        behind = np.einsum("ij,ij->i", mean, given)[:, None] < 0
+        start = np.where(behind, -given, given)
+    axes, directions, clearance = outermost_normals(start, face_points, face_normal)
+    if normals is not None:
+        directions = np.where(behind, -directions, directions)
     return WeldedPoints(group, first_vertices, faces, face_normal, face_points, mean, axes, directions, clearance)

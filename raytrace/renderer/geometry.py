@@ -39,6 +39,7 @@ class BuiltGeometry:
     """Objects ready for kernels; a point p of the scene stands at (p − centre) · scale."""
 
     arrays: Geometry
+    opacity: PackedOpacity | None  # of the shapes' faces; None if all is opaque, materials included
     embree: EmbreeScene  # keeps the Embree scene and its buffers alive
     centre: Float64s
     scale: float  # a power of two
@@ -66,7 +67,7 @@ class BuiltGeometry:
     def hit_filter(self) -> tuple[int, Int64s] | None:
         """`raytrace.materials.alpha_filter.filter_hits` for `new_packet`, None where all is opaque."""
         of, callback = self.arrays, cast(Kernel, filter_hits).callback
-        return of.opacity and callback(FILTER_PATH, of.opacity, of.first_face, of.materials)
+        return self.opacity and callback(FILTER_PATH, self.opacity, of.first_face, of.materials)
 
 
 _built: WeakValueDictionary[Any, BuiltGeometry] = WeakValueDictionary()
@@ -113,6 +114,7 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
     corner_rows = [mesh.faces + start for mesh, start in zip(meshes, vertex_starts[:-1], strict=True)]
     polygons = _polygons(placed_shapes)
     textures = shape_textures(shapes)
+    opacity = _opacity(shapes)
     arrays = Geometry(
         handle=embree.handle,
         farthest=8.0 * max(1.0, space.scale * reach),
@@ -138,9 +140,9 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
         kinds=kinds[rank],
         materials=material_rows[rank],
         boxes=pack_boxes(merged(boxes)),
-        opacity=_opacity(shapes),
+        layered=opacity is not None,
     )
-    return BuiltGeometry(arrays, embree, space.centre, space.scale, textures, weighting)
+    return BuiltGeometry(arrays, opacity, embree, space.centre, space.scale, textures, weighting)
 
 
 def _place_shapes(

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from ..brdf.layout import BRUSHED, TO_LIGHT, TWO_SIDED
 from ..kernel.jit import inline
-from ..kernel.simd import double, first, gather, gather3, load_row, pick, select, single, some
+from ..kernel.simd import bits, double, gather, gather3, load_row, lowest_bit, pick, select, single, some
 from ..kernel.vector import add, choose, cross, dot, length, scale, subtract, triple, unit
 from ..mesh.interpolation import centroid, interpolate, phong_normal, quadratic_normal
 from ..mesh.placement import ULP
@@ -88,7 +88,7 @@ def face_normal(edge1, edge2):
 @inline
 def next_object(items, left):
     """The object of the first of the lanes `left`, and the mask of those that are of it."""
-    item = pick(items, first(left))
+    item = pick(items, lowest_bit(bits(left)))
     return item, left & (items == item)
 
 

@@ -11,7 +11,6 @@ import numpy as np
 from ..image.texture import PackedTextures
 from ..kernel.jit import inline
 from ..kernel.simd import load_row, select, store_row
-from ..mesh.opacity import PackedOpacity
 from ..types import Bools, Float32s, Float64s, Int32s, Int64s
 
 # Numba compiles a function anew for every constant of Python's that it is given, but only once for NumPy's.
@@ -100,7 +99,7 @@ class Geometry(NamedTuple):
     kinds: Int64s  # (o,), of materials packed as `raytrace.brdf.layout` has them
     materials: Float64s  # (o, …), see `raytrace.brdf.layout`
     boxes: Float32s  # around all that casts shadows, of `raytrace.shade.shaft_culling.pack_boxes`
-    opacity: PackedOpacity | None  # of the shapes' faces; None if all is opaque, materials included
+    layered: bool  # whether light passes some of the surfaces
 
 
 class Lights(NamedTuple):

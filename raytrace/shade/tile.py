@@ -119,7 +119,7 @@ def sample_pixels(scene, view, style, film, scratch, place, pending, samples):
 
     Args: place: of the tile on the film.
     """
-    points = scratch.points if scene.geometry.opacity is None else scratch.layers
+    points = scratch.layers if scene.geometry.layered else scratch.points
     corner = film.left + place[0], film.top + place[1]
     for done in range(samples[0], samples[1], FIRST):
         batch = min(FIRST, samples[1] - done)
@@ -153,17 +153,17 @@ def trace_samples(scene, view, style, scratch, corner, work, samples):
     pending, packets = work
     done, batch = samples
     of_packet = WIDE // batch
-    opacity = scene.geometry.opacity
+    layered = scene.geometry.layered
     traced = packets
     extended = False  # whether some light is more than a point
     for light in scene.lights.parameters:
         extended |= light[RADIUS] > 0.0
-    if opacity is not None:
+    if layered:
         begin_layers(scratch, packets)
     while traced > 0:  # once, where all surfaces are opaque
         for e in range(traced):
             numbers = lane_numbers() + e * WIDE  # of viewing rays, −1 for none
-            if opacity is not None:
+            if layered:
                 numbers = load_row(scratch.active_rays, e)
             # The pixel and the sample of each ray.
             turn = ((numbers & (WIDE - 1)) * (256 // batch + 1)) >> 8  # number // batch, in a packet
@@ -175,7 +175,7 @@ def trace_samples(scene, view, style, scratch, corner, work, samples):
             y = (pixels >> BITS) + corner[1]
             # The rays, and what they hit.
             start = aim(scratch.rays, view, x, y, select(there, sample, 0), scene.geometry.farthest)
-            if opacity is not None:  # rays start behind the layers that they have seen
+            if layered:  # rays start behind the layers that they have seen
                 for lane in range(WIDE):
                     ray = max(pick(numbers, lane), 0)
                     scratch.rays[TNEAR, lane] = scratch.layers[ray // WIDE, BEGIN, ray % WIDE]
@@ -187,7 +187,7 @@ def trace_samples(scene, view, style, scratch, corner, work, samples):
             scratch.counts[BACKGROUND] += count(there & (items < 0)) * len(scene.lights.kinds)
         if style.shading != GOURAUD:
             light_packets(scene.geometry, scene.lights, style, scratch, traced)
-        traced = 0 if opacity is None else composite(scratch, traced, style.layers)
+        traced = composite(scratch, traced, style.layers) if layered else 0
 
 
 @inline
@@ -198,7 +198,7 @@ def trace_packet(scene, view, style, scratch, e, start, there):
     rays = scratch.rays
     packet = scratch.points[e]
     items, faces, u, v, distance = closest_hits(geometry, rays, scratch.valid, there)
-    if geometry.opacity is not None:  # where the rays would go on, and the alpha of what they hit
+    if geometry.layered:  # where the rays would go on, and the alpha of what they hit
         store_row(scratch.layers[e], NEXT, distance + STEP)
         store_row(scratch.layers[e], COVER, load_row(rays, MET_ALPHA))
     # What a ray that hits nothing leaves: the background, fully lit.

@@ -3,8 +3,6 @@
 Embree calls `raytrace.materials.alpha_filter` at each hit: a shadow ray is traced once, a viewing ray once for each
 layer that it sees. It goes on `STEP` behind it: surfaces nearer together than that, and triangles that meet in an edge,
 count once.
-
-Where all is opaque, `opacity` is None, and kernels are compiled without any of this.
 """
 
 import numpy as np
@@ -26,7 +24,7 @@ SHORT = 1.0 - 1e-5  # of the way to a light: what touches the light itself is no
 def closest_hits(geometry, rays, valid, there):
     """The closest hits of `rays` where the mask `there` is set, past holes: rows of the objects, −1 for none, and of
     their shapes' faces, int32 lanes; barycentrics u, v and distance, float32 lanes."""
-    if geometry.opacity is not None:
+    if geometry.layered:
         store_row(rays, alpha_filter.TRANSMITTANCE, -1.0)
     store_row(valid, 0, there)
     intersect16(geometry.handle, rays, valid)
@@ -48,13 +46,13 @@ def transmittance(geometry, scratch, wanted, origin, l, distance):
         store_row(rays, DIR_X + axis, l[axis])
     store_row(rays, TFAR, min(distance * SHORT, geometry.farthest))
     store_row(scratch.valid, 0, wanted)
-    if geometry.opacity is not None:
+    if geometry.layered:
         store_row(rays, TNEAR, 0.0)
         store_row(rays, alpha_filter.TRANSMITTANCE, 1.0)
         store_row(rays, alpha_filter.COUNT, 0.0)
     occluded16(geometry.handle, rays, scratch.valid)
     scratch.counts[SHADOW_RAYS] += count(wanted)
-    if geometry.opacity is not None:
+    if geometry.layered:
         transmitted = load_row(rays, alpha_filter.TRANSMITTANCE)
     return wanted & (load_row(rays, TFAR) >= 0.0), transmitted
 
@@ -132,7 +130,7 @@ def mark_seen(geometry, view, columns, pixel_rows, rays, valid, seen, whole):
                     items, faces, _, _, distance = closest_hits(geometry, rays, valid, there)
                     mark_corners(geometry, items, faces, seen, whole)
                     there = items < items
-                    if geometry.opacity is not None:
+                    if geometry.layered:
                         transmitted = transmitted * (1.0 - load_row(rays, alpha_filter.STOPPED))
                         there = (items >= 0) & (transmitted > LEAST)
                         store_row(rays, TNEAR, distance + STEP)

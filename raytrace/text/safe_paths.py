@@ -34,10 +34,10 @@ def confined(name: str, folder: Path, source: object, field: str) -> Path:
 
 
 def resolve_inside(name: str, folder: Path) -> Path | None:
-    """The existing regular file `name` in `folder` or below, links followed, or None."""
+    """The existing regular file `name`, with either slash, in `folder` or below, links followed, or None."""
     try:
         root = folder.resolve()
-        target = (root / name).resolve()
+        target = (root / name.replace("\\", "/")).resolve()
         return target if target.is_relative_to(root) and target.is_file() else None
     except (OSError, ValueError):
         return None

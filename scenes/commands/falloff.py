@@ -2,6 +2,7 @@
 
 import shlex
 from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 from raytrace.errors import ConflictError, OptionError, SceneError, printable
 from raytrace.system.atomic import write_bytes
@@ -17,13 +18,16 @@ from ..formats.unsupported import unsupported_features
 from ..formats.write import channels, check_target, npy, npz, write_vertices
 from ..show.page.encode import Values
 
+if TYPE_CHECKING:
+    from ao import Bake
+
 
 def change_falloff(baked: Path, scales: Scales, output: Path, mesh: Path | None) -> str:
     """Write w at other half-distances in the format of the output's ending, and return a line about it.
 
     Args: baked: a `.npz`, an `.exr` or a mesh file with a profile. mesh: what a `.npz` belongs to, for other formats.
     """
-    check_ending("baked", baked, ".exr", *(each for each in endings("holds", "w") if each != ".npy"))
+    check_ending("baked", baked, ".exr", *(each for each in endings("w") if each != ".npy"))
     if mesh and baked.suffix.lower() != ".npz":
         raise ConflictError("mesh", "needs", "a .npz")
     textured = baked.suffix.lower() == ".exr"
@@ -58,7 +62,7 @@ def _write_vertices(baked: Path, scales: Scales, output: Path, mesh: Path | None
     shown = channels(output, False, None, False)
     if file:
         warn([], unsupported_features(output, file, shown))
-    values = Values(w, flags=read_beside_w(baked, len(w)).get("flags"), profile=profile)
+    values = cast("Bake", Values(w, flags=read_beside_w(baked, len(w)).get("flags"), profile=profile))
     if arrays:
         write_bytes(output, arrays(values))
     elif file:

@@ -61,7 +61,7 @@ from ..formats.gltf import records
 from ..formats.gltf.asset import DrawnPrimitive, Gltf, entry
 from ..formats.gltf.parse import JsonObject, parse
 from ..formats.gltf.textures import Textures, vertex_colours
-from ..formats.load import mesh_errors, read_objects
+from ..formats.load import parser_errors, read_objects
 from ..geometry.instances import Instance
 from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, three_lights
 
@@ -163,7 +163,7 @@ def read_gltf(path: Path, settings: Settings, up: str | None = None, view: str |
     Raises: as `gltf_objects`. OptionError: `up`, and the file has a camera of its own.
     """
     objects, asset, notes = gltf_objects(path)
-    with mesh_errors(path):
+    with parser_errors(path):
         stage = parse(records.Stage, asset.header, path)
         cameras = _placed(asset, "camera", "cameras", stage.cameras, _camera)
         camera = None if view else next(cameras, None)
@@ -183,7 +183,7 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...]]
     instances, asset = read_objects(path, alpha=True)
     if asset is None:
         raise MeshError(path, "file", "glTF or GLB", path.suffix)
-    with mesh_errors(path):
+    with parser_errors(path):
         _ = asset.materials  # to find what is malformed
         materials = Materials(textures := Textures(asset))
         shapes: dict[Any, Shape] = {}

@@ -70,23 +70,23 @@ def _shapes(source: MeshFile) -> Iterator[tuple[Shape, Origin | None]]:
     """A shape of the faces of each material; vertices are repeated at creases and where texture coordinates jump."""
     mesh = source.mesh
     total = len(mesh.vertices)
-    attributes = source.attributes
-    colours = linear_colours(attributes)
-    materials = attributes.materials if attributes and attributes.material_of is not None else ()
-    coordinates = attributes.uv if attributes and any(material.texture for material in materials) else None
-    several = [attributes.of_triangles(coordinates)] if attributes and coordinates else []
+    held = source.held
+    colours = linear_colours(held)
+    materials = () if held.material_of is None else held.materials
+    has_textures = any(material.texture for material in materials)
+    several = [held.of_triangles(held.uv)] if held.uv and has_textures else []
 
     # Vertices with one normal and one place in the texture each.
     mesh, origin, corner_like = _split(mesh, several)
     if colours is not None and origin:
         colours = colours[origin.of]
     bare = NEUTRAL if colours is None else WHITE
-    if not attributes or attributes.material_of is None:
+    if held.material_of is None:
         yield Shape(mesh, bare, colours=colours), origin
         return
 
     # The faces of each material, those without texture coordinates apart.
-    material_of = np.repeat(attributes.material_of, attributes.triangles.counts)
+    material_of = held.of_faces(held.material_of)
     uv = several[0].values[several[0].of[corner_like]] if several else np.full((len(mesh.vertices), 2), np.nan)
     has_uv = ~np.isnan(uv[mesh.faces]).any(axis=(1, 2))
     group = 2 * material_of + has_uv

@@ -14,7 +14,6 @@ from raytrace.renderer.render import seen_vertices
 from raytrace.renderer.render_scene import release
 from raytrace.scene import Scene
 from raytrace.system.checks import available
-from raytrace.types import Bools, Float64s
 
 from ..formats.stored_w import read_w
 from .description import SceneDescription
@@ -39,12 +38,17 @@ def with_obscurance(
     # w that is known without a bake.
     if description.w_from == "off":
         return scene, None
-    if isinstance(description.w_from, Path):
-        return scene.without_occlusion().with_obscurance(_stored_w(description, description.w_from)), None
+    if isinstance(description.w_from, Path):  # of all vertices of the scene, or of its mesh files
+        file_vertices, total = description.file_vertices()
+        w = read_w(description.w_from, total, len(file_vertices), scales=description.scales)
+        return scene.without_occlusion().with_obscurance(w[file_vertices] if len(w) == total else w), None
     if all(item.shape.occlusion for item in scene.objects):
         return scene, None
-    # Bake what can be seen, without the geometry of the picture where both do not fit.
-    only = _vertices_to_bake(description, threads)
+    # Bake what the camera can see of shapes without an occlusion texture.
+    seen = seen_vertices(scene, description.camera, description.settings, threads)
+    textured = [item.shape.occlusion is not None for item in scene.objects]
+    only = seen & ~np.repeat(textured, [len(item.shape.mesh.vertices) for item in scene.objects])
+    # Without the geometry of the picture where both do not fit.
     mesh = scene.flattened()
     room = available()
     options = description.bake
@@ -64,18 +68,3 @@ def with_obscurance(
     )
     surrounded = any(isinstance(light, SkyLight | EnvironmentLight) for light in scene.lights)
     return scene.with_obscurance(baked.w, baked.bent_normals if surrounded else None), baked
-
-
-def _vertices_to_bake(description: SceneDescription, threads: int | None) -> Bools:
-    """The vertices (n,) of the scene that the camera can see, of shapes without an occlusion texture."""
-    objects = description.scene.objects
-    seen = seen_vertices(description.scene, description.camera, description.settings, threads)
-    textured = [item.shape.occlusion is not None for item in objects]
-    return np.asarray(seen & ~np.repeat(textured, [len(item.shape.mesh.vertices) for item in objects]))
-
-
-def _stored_w(description: SceneDescription, path: Path) -> Float64s:
-    """w of all vertices of the scene, from a file that has one for each, or one for each vertex of its mesh files."""
-    file_vertices, total = description.file_vertices()
-    w = read_w(path, total, len(file_vertices), scales=description.scales)
-    return w[file_vertices] if len(w) == total else w

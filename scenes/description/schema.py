@@ -81,26 +81,22 @@ class Transform(Table):
                 raise fault("matrix", "an invertible matrix", shown(self.matrix))
             return matrix
         # Keys that exclude or need each other.
-        if self.scale is not None and 0 in self.scale:
-            raise fault("scale", "numbers other than 0", list(self.scale))
         if (self.axis is None) != (self.angle is None):
             raise fault("axis" if self.axis is None else "angle", "axis and angle together", "one alone")
         if self.axis is not None and self.rotate is not None:
             raise fault("rotate", "either rotate, or axis and angle", "both")
         # The rotation, then the scale before it, then the translation.
         matrix = np.eye(4)
-        if self.axis is not None or self.rotate is not None:
-            if self.axis is not None and self.angle is not None:
-                length = np.linalg.norm(self.axis)
-                if not length > 0:
-                    raise fault("axis", "a vector other than zero", list(self.axis))
-                matrix[:3, :3] = about(self.axis, self.angle)
-            elif self.rotate is not None:
-                matrix[:3, :3] = about_axes(self.rotate)
+        if self.axis is not None and self.angle is not None:
+            if not np.linalg.norm(self.axis) > 0:
+                raise fault("axis", "a vector other than zero", list(self.axis))
+            matrix[:3, :3] = about(self.axis, self.angle)
+        if self.rotate is not None:
+            matrix[:3, :3] = about_axes(self.rotate)
         if self.scale is not None:
             matrix[:3, :3] *= self.scale
             if not np.linalg.det(matrix[:3, :3]):
-                raise fault("scale", "numbers that do not vanish together", list(self.scale))
+                raise fault("scale", "numbers other than 0, whose product is not 0 either", list(self.scale))
         if self.translate is not None:
             matrix[:3, 3] = self.translate
         return matrix

@@ -14,10 +14,9 @@ from raytrace.errors import printable
 from raytrace.image.srgb import decode_srgb
 from raytrace.types import Float64s
 
-from ..formats.load import read_objects
+from ..formats.load import load
 from ..geometry.attributes import SourceAttributes
 from ..geometry.corners import split_corners
-from ..geometry.instances import flatten, joined_attributes
 from ..geometry.primitives import Origin, TexturedMesh
 
 _COLOURS = "colours", "texture of map_Kd", "texture of diffuse"  # how words on what is left out begin
@@ -28,16 +27,13 @@ def read_mesh(path: Path, textured: bool) -> tuple[TexturedMesh, list[str]]:
 
     Every combination of a vertex with a texture coordinate, and with a normal, becomes a vertex, after the file's own.
     """
-    instances, _ = read_objects(path, keep=True, alpha=True)
-    mesh, _ = flatten(instances, str(path))
-    notes = [printable(f"{path}: {note}") for instance in instances for note in instance.notes]
-    notes += colours_left_out(path, dict.fromkeys(words for instance in instances for words in instance.unread))
-    attributes = joined_attributes(instances)
+    file = load(path, names=True)
+    mesh = file.mesh
+    notes = [*file.notes, *colours_left_out(path, file.unread)]
+    attributes = file.held
     colours = linear_colours(attributes)
-    if attributes is None or attributes.uv is None or not textured:
-        return TexturedMesh(mesh, colours=colours), notes
     uv = attributes.uv
-    if np.isnan(uv.values[uv.of]).any():
+    if not textured or uv is None or np.isnan(uv.values[uv.of]).any():
         return TexturedMesh(mesh, colours=colours), notes
     split_by = [values for values in (uv, attributes.normals) if values]
     corner_numbers = attributes.triangles.take(np.arange(len(attributes.corners)))
@@ -50,9 +46,9 @@ def read_mesh(path: Path, textured: bool) -> tuple[TexturedMesh, list[str]]:
     return TexturedMesh(split, uv.values[uv.of[like]], origin, None if colours is None else colours[vertices]), notes
 
 
-def linear_colours(attributes: SourceAttributes | None) -> Float64s | None:
+def linear_colours(attributes: SourceAttributes) -> Float64s | None:
     """Linear RGB (n, 3) of the vertices in the file's order, None if they have none."""
-    if attributes is None or attributes.colors is None:
+    if attributes.colors is None:
         return None
     return decode_srgb(attributes.colors[:, :3].clip(0, 1)).astype(float)
 

@@ -11,7 +11,6 @@ from raytrace.system.faults import fields_of
 from raytrace.text.field_errors import check_keys, check_name, joined, located, shown
 from raytrace.text.safe_paths import confined
 
-from ..formats.load import mesh_errors
 from ..formats.table import format_of
 from ..geometry.builtin_shapes import SOLIDS
 from ..geometry.instances import check_copies
@@ -95,7 +94,13 @@ class ObjectReader:
             got = "neither" if table.mesh is None else "both"
             unknown = (nearest_name(key, ("mesh", "builtin")) for key in table.model_extra or {})
             raise SceneError(self._source, path, "either mesh or builtin", got, next(filter(None, unknown), None))
-        material = None if table.material is None else self._material(table.material, joined(path, "material"))
+        material = table.material
+        field = joined(path, "material")
+        if isinstance(material, str):
+            material = self._materials[check_name(self._source, field, material, sorted(self._materials))]
+        elif material is not None:
+            with located(self._source, field):
+                material = material_from_dict(material)
         if table.wrap is not None and not table.textured:
             raise SceneError(self._source, joined(path, "wrap"), "texture, grain or opacity_texture with it", "none")
         if table.cutoff is not None and table.opacity is None and table.opacity_texture is None:
@@ -112,7 +117,11 @@ class ObjectReader:
         with located(self._source, field):
             if "scene" in format_of(mesh).holds:
                 return self._gltf_pieces(mesh, table, path, material, texture)
-            geometry = self._once((mesh, table.textured), lambda: self._read(mesh, table.textured))
+            key = mesh, table.textured
+            if key not in self._geometry:
+                self._geometry[key], notes = read_mesh(*key)
+                self.notes += notes
+            geometry = self._geometry[key]
         return [Object(self._shape(table, path, geometry, material, texture), name=table.name or mesh.stem)]
 
     def _built_in(self, table: ObjectTable, path: str, field: str) -> TexturedMesh:
@@ -147,13 +156,6 @@ class ObjectReader:
             pieces.append(replace(item, shape=made, name=name))
         return pieces
 
-    def _read(self, path: Path, textured: bool) -> TexturedMesh:
-        """Any mesh file but glTF."""
-        with mesh_errors(path):
-            geometry, notes = read_mesh(path, textured)
-        self.notes += notes
-        return geometry
-
     def _once(self, key: Any, make: Any) -> TexturedMesh:
         if key not in self._geometry:
             self._geometry[key] = make()
@@ -172,8 +174,9 @@ class ObjectReader:
         for field, used in (("texture", texture), ("grain", grain), ("opacity_texture", image)):
             if used is not None and given.uv is None:
                 raise SceneError(self._source, joined(path, field), "a mesh with texture coordinates", "one without")
-        # Colours of vertices, and the material.
-        colours = given.colours if _wants_colours(table) else None
+        # A material of the entry's own takes the place of a mesh's colours, unless it says so.
+        wants_colours = table.material is None if table.vertex_colors is None else table.vertex_colors
+        colours = given.colours if wants_colours else None
         if table.vertex_colors and colours is None:
             field = joined(path, "vertex_colors")
             raise SceneError(self._source, field, "a mesh with colours of vertices", "one without")
@@ -190,12 +193,6 @@ class ObjectReader:
                 self.origins[id(self._shapes[key])] = given.origin
         return self._shapes[key]
 
-    def _material(self, given: str | dict[str, Any], path: str) -> Material:
-        if isinstance(given, str):
-            return self._materials[check_name(self._source, path, given, sorted(self._materials))]
-        with located(self._source, path):
-            return material_from_dict(given)
-
     def _texture(self, table: ObjectTable, path: str, field: str) -> Texture | None:
         name = getattr(table, field)
         if name is None:
@@ -203,11 +200,6 @@ class ObjectReader:
         file = confined(name, self._source.parent, self._source, joined(path, field))
         self.files.append(file)
         return Texture(file, srgb=field == "texture", wrap=table.wrap or ("repeat", "repeat"))
-
-
-def _wants_colours(table: ObjectTable) -> bool:
-    """Whether a mesh's colours are to be used: a material of the entry's own takes their place, unless it says so."""
-    return table.material is None if table.vertex_colors is None else table.vertex_colors
 
 
 def _keys(kind: str) -> list[str]:

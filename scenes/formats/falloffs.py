@@ -2,7 +2,6 @@
 
 import math
 import re
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,6 +14,8 @@ from ao.mu import MAX_KNOTS
 from raytrace.errors import ConflictError, InputError, OptionError, nearest_name
 from raytrace.system.checks import check_regular
 from raytrace.types import Float64s
+
+from .load import parser_errors
 
 _TABLE = "table:"
 _ENDINGS = ".csv", ".txt", ".npy"
@@ -89,31 +90,24 @@ def read_table(path: Path) -> ao.Tabulated:
     if path.suffix.lower() not in _ENDINGS:
         raise InputError(path, "file", "a table, a name ending in " + ", ".join(_ENDINGS), path.name)
     check_regular(path, "a table of distances and values")
-    try:
+    with parser_errors(path, InputError, "two columns, distances and values"):
         if path.stat().st_size > _MOST:
             raise InputError(path, "content", f"at most {MAX_KNOTS:,} rows", f"{path.stat().st_size:,} bytes")
-        distances, values = _array(path) if path.suffix.lower() == ".npy" else _text(path)
-    except OSError as reason:
-        raise InputError(path, "file", "a readable file", reason.strerror or reason) from None
-    except InputError:
-        raise
-    except Exception as reason:  # NumPy's on a damaged header are of a dozen kinds
-        raise InputError(path, "content", "two columns, distances and values", " ".join(str(reason).split())) from None
+        knots = _array(path) if path.suffix.lower() == ".npy" else _text(path)
     try:
-        return ao.Tabulated(distances, values)
+        return ao.Tabulated([distance for distance, _ in knots], [value for _, value in knots])
     except OptionError as fault:
         raise InputError(path, fault.field, fault.expected, fault.got) from None
 
 
-def _array(path: Path) -> tuple[Any, Any]:
-    with warnings.catch_warnings(action="ignore"):  # they quote the header as it is
-        values = np.load(path, allow_pickle=False)
+def _array(path: Path) -> Any:
+    values = np.load(path, allow_pickle=False)
     if not isinstance(values, np.ndarray) or values.ndim != 2 or values.shape[1] != 2 or values.dtype.kind not in "fiu":
         raise ValueError(f"shape {getattr(values, 'shape', '?')} of {getattr(values, 'dtype', '?')}")
-    return tuple(values.T.astype(np.float64).tolist())
+    return values.astype(np.float64).tolist()
 
 
-def _text(path: Path) -> tuple[list[str], list[float]]:
+def _text(path: Path) -> list[tuple[str, float]]:
     knots: list[tuple[str, float]] = []
     for number, line in enumerate(path.read_text("utf-8-sig").splitlines(), 1):
         cells = re.split(r"\s*[,;]\s*|\s+", line.partition("#")[0].strip())
@@ -126,4 +120,4 @@ def _text(path: Path) -> tuple[list[str], list[float]]:
         except ValueError:
             if knots or len(cells) != 2 or any(character.isdigit() for character in line):
                 raise InputError(path, f"line {number}", "a distance and a value", repr(line)) from None
-    return [distance for distance, _ in knots], [value for _, value in knots]
+    return knots

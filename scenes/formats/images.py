@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ao.texture.uv_layout import tile_ranges
 from raytrace.errors import OptionError, OutputError, is_utf8, printable
-from raytrace.image.dither import dithered
 from raytrace.system.atomic import check_writable
 from raytrace.types import Float32s, Float64s
 
@@ -44,6 +42,8 @@ def check_texture_target(option: str, path: Path, half: bool = False) -> None:
 
 def udim_tiles(uv: Float64s, source: object) -> list[tuple[int, int]]:
     """The UDIM tiles (column, row) that coordinates (m, 3, 2) reach into. Raises: OptionError: no number, or many."""
+    from ao.texture.uv_layout import tile_ranges
+
     low, high = tile_ranges(uv)
     corners = np.concatenate([low, high - 1])
     least = corners.min(axis=0)
@@ -72,6 +72,7 @@ def write_grey(
     profile: Profile | None = None,
 ) -> None:
     """Write w or its error (h, w), linear: PNG of 16 bits, or 8 dithered; EXR, with a profile as a layer, and TIFF."""
+    from raytrace.image.dither import dithered
     from raytrace.image.encode import write_data  # OpenImageIO's side, which names and checks do not need
 
     whole = values[:, :, None]

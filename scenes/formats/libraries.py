@@ -1,7 +1,5 @@
 """Mesh formats that libraries read: COLLADA by pycollada, the rest by meshio."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import tempfile

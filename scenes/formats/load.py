@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from raytrace.errors import MeshError, ObscuranceError, OptionError, printable
+from raytrace.errors import InputError, MeshError, ObscuranceError, OptionError, printable
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.system.checks import check_memory, check_regular
 from raytrace.types import Float64s
 
-from ..geometry.attributes import SourceAttributes, reversed_attributes
+from ..geometry.attributes import SourceAttributes, reversed_attributes, triangle_attributes
 from ..geometry.instances import Instance, Submesh, flatten, joined_attributes
 from .table import MeshInput, endings, format_of, formats, sniffed_format
 
@@ -66,16 +66,21 @@ class MeshFile(NamedTuple):
     def files(self) -> tuple[Path, ...]:
         """Every file that was read, or will be when the mesh is written."""
         named = self.gltf.files if self.gltf else (self.path,)
-        return named + (self.attributes.files if self.attributes else ())
+        return named + self.held.files
 
     @property
     def objects(self) -> tuple[str, ...]:
         """Names of the objects: of an OBJ file, loaded for a target, or else of the parts."""
-        attributes = self.attributes
-        if attributes is None or attributes.object_of is None:
+        held = self.held
+        if held.object_of is None:
             return tuple(part.name for part in self.parts)
-        names = (*attributes.objects, "")
-        return tuple(names[number] or self.parts[0].name for number in np.unique(attributes.object_of))
+        names = (*held.objects, "")
+        return tuple(names[number] or self.parts[0].name for number in np.unique(held.object_of))
+
+    @property
+    def held(self) -> SourceAttributes:
+        """The `attributes`, or those of the triangles alone."""
+        return self.attributes or triangle_attributes(self.mesh.faces)
 
     @property
     def uv(self) -> Float64s | None:
@@ -140,17 +145,17 @@ def load(
     """
     path = Path(path)
     aim = format_of(target or "")
-    keep = names or bool(aim.unsupported) or aim.ending == ".html"
+    keep = names or "source" in aim.holds or aim.ending == ".html"
     instances, asset = read_objects(path, keep, content, alpha, points)
     cloud = None
     if points:
         instances, cloud = _cloud(instances, path)
     instances = [instance._replace(up=up or instance.up) for instance in instances]
-    with mesh_errors(path):
+    with parser_errors(path):
         mesh, parts = flatten(instances, str(path))
         attributes = joined_attributes(instances)
         unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
-        if asset and aim.unsupported:
+        if asset and "source" in aim.holds:
             _ = asset.materials  # to find what is malformed
             if "scene" not in aim.holds:
                 from .gltf.textures import gltf_attributes
@@ -204,7 +209,7 @@ def read_objects(
     """
     row = format_of(path)
     name = "mesh" if path.stem == PIPED else path.stem
-    with mesh_errors(path):
+    with parser_errors(path):
         if content is None:
             check_regular(path, "a mesh file", MeshError)
         if not row.read or not row.ending:
@@ -233,25 +238,29 @@ def read_objects(
 
 
 @contextmanager
-def mesh_errors(path: Path) -> Iterator[None]:
-    """Everything a parser may raise on the hostile data of a mesh file, as one clear line; no warnings."""
+def parser_errors(path: Path, error: type[InputError] = MeshError, content: str = "") -> Iterator[None]:
+    """Everything a parser may raise on the hostile data of a file, as one clear line; no warnings.
+
+    Args: content: what is expected, if that is no mesh.
+    """
     try:
         with warnings.catch_warnings(action="ignore"):
             yield
     except ObscuranceError:
         raise
     except OSError as reason:
-        raise MeshError(path, "file", "a readable file", reason.strerror or reason) from None
+        raise error(path, "file", "a readable file", reason.strerror or reason) from None
     except MemoryError:
-        raise MeshError(path, "content", "sizes that fit into memory", "larger ones") from None
+        raise error(path, "content", "sizes that fit into memory", "larger ones") from None
     except ModuleNotFoundError as missing:
-        expected = f"{missing.name}, to read it: `python -m pip install 'obscurance[formats]'`"
-        raise MeshError(path, "format", expected, f"no {missing.name}") from None
+        extra = "terrain" if missing.name == "rasterio" else "formats"
+        expected = f"{missing.name}, to read it: `python -m pip install 'obscurance[{extra}]'`"
+        raise error(path, "format", expected, f"no {missing.name}") from None
     except Exception as reason:
         begin = {ValueError: "", KeyError: "no "}.get(type(reason), f"{type(reason).__name__}: ")
         said = " ".join(f"{begin}{reason}".split())[:160]
         kind = path.suffix.upper().removeprefix(".")
-        raise MeshError(path, "content", f"a complete and valid {kind} file", said) from None
+        raise error(path, "content", content or f"a complete and valid {kind} file", said) from None
 
 
 def standard_input(format_: str | None) -> tuple[Path, bytes]:

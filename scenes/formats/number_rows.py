@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -29,6 +30,11 @@ def line_blocks(data: bytes, begin: int = 0) -> tuple[bytes, UInt8s, list[tuple[
     return data, np.frombuffer(data, np.uint8), list(pairwise(ends))
 
 
+def for_blocks(count: int, work: Callable[[int], None]) -> None:
+    """Work on each of so many blocks, on all cores."""
+    run_blocks(count, 1, lambda block, _: work(block), thread_count(None))
+
+
 def round_left(data: bytes, values: Float64s) -> None:
     """Fill in the numbers (k,) that kernels have left as NaNs. Raises: ValueError: text that is not numbers."""
     odd = np.flatnonzero(np.isnan(values))
@@ -52,7 +58,7 @@ class NumberRows(NamedTuple):
         numbers = [np.empty(0)] * len(blocks)
         counts = [np.zeros(1, np.int64)] * (1 + len(blocks))
 
-        def work(block: int, _: int) -> None:
+        def work(block: int) -> None:
             first, end = blocks[block]
             most = (end - first) // 2 + 1
             words = np.empty(most)
@@ -61,7 +67,7 @@ class NumberRows(NamedTuple):
             numbers[block] = words[: by_row.sum()].copy()
             counts[1 + block] = by_row
 
-        run_blocks(len(blocks), 1, work, thread_count(None))
+        for_blocks(len(blocks), work)
         return cls(data, np.concatenate([np.empty(0), *numbers]), np.cumsum(np.concatenate(counts)))
 
     def words(self, at: Int64s) -> Int64s:
@@ -78,13 +84,19 @@ class NumberRows(NamedTuple):
         after = text[self.words(self.bounds[candidates]) + len(word)]
         return np.asarray(candidates[(after <= 32) | (after == 35)])
 
-    def take(self, at: Int64s, ends: Int64s, sizes: int | Int64s, fault: Exception) -> Float64s:
-        """So many numbers of each of some rows, which have `ends`, from places `at` on, one after the other.
+    @property
+    def lengths(self) -> Int64s:
+        """How many words each row has."""
+        return np.diff(self.bounds)
+
+    def take(self, rows: slice | Int64s, skip: int | Int64s, sizes: int | Int64s, fault: Exception) -> Float64s:
+        """So many numbers of each of some rows, after the ones to `skip`, one after the other.
 
         Raises: fault: a row has fewer. ValueError: text that is not numbers.
         """
+        at = self.bounds[:-1][rows] + skip
         counts = np.broadcast_to(sizes, at.shape)
-        if ((counts < 0) | (counts > ends - at)).any():
+        if ((counts < 0) | (counts > self.bounds[1:][rows] - at)).any():
             raise fault
         stride = int(at[1] - at[0]) if len(at) > 1 else 0
         if len(at) and not np.ptp(counts) and (np.diff(at) == stride).all():
@@ -96,13 +108,13 @@ class NumberRows(NamedTuple):
         round_left(self.data, values)
         return values
 
-    def take_lists(self, at: Int64s, ends: Int64s, fault: Exception) -> tuple[Int64s, Float64s]:
+    def take_lists(self, rows: slice, skip: int | Int64s, fault: Exception) -> tuple[Int64s, Float64s]:
         """Sizes and values of lists, each a size and so many numbers. Raises: as `take`; ValueError: other sizes."""
-        numbers = self.take(at, ends, 1, fault)
+        numbers = self.take(rows, skip, 1, fault)
         sizes = numbers.astype(np.int64)
         if (wrong := sizes != numbers).any():
             raise ValueError(f"a list of {numbers[wrong][0]} values")
-        return sizes, self.take(at + 1, ends, sizes, fault)
+        return sizes, self.take(rows, skip + 1, sizes, fault)
 
 
 def whole(numbers: Float64s) -> Int64s:

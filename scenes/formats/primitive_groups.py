@@ -46,38 +46,31 @@ def primitive_groups(mesh_file: MeshFile, coordinates: int = 0) -> Iterator[Prim
     if mesh_file.gltf:
         yield from _groups_of_gltf(mesh_file.gltf, mesh_file, coordinates)
         return
-    # Numbers of each face's object and material, from 1 on; 0: none.
-    object_of = np.zeros(len(mesh_file.mesh.faces), np.int64)
-    material_of = object_of
-    object_names: tuple[str, ...] = ("",)
-    materials: tuple[SourceMaterial, ...] = (SourceMaterial(_NO_MATERIAL),)
-    if attributes := mesh_file.attributes:
-        object_names += attributes.objects
-        materials += attributes.materials
-        if attributes.object_of is not None:
-            object_of = np.repeat(attributes.object_of + 1, attributes.triangles.counts)
-        if attributes.material_of is not None:
-            material_of = np.repeat(attributes.material_of + 1, attributes.triangles.counts)
+    # Numbers of each face's object and material; -1, none, is the last of a list.
+    held = mesh_file.held
+    object_of = held.of_faces(held.object_of)
+    material_of = held.of_faces(held.material_of)
+    object_names = (*held.objects, "")
+    materials = (*held.materials, SourceMaterial(_NO_MATERIAL))
     # Faces of one object and material, in runs.
     for number, part in enumerate(mesh_file.parts):
         order = np.lexsort((material_of[part.faces], object_of[part.faces])) + part.faces.start
         kinds = np.stack([object_of[order], material_of[order]], axis=1)
         begins = np.flatnonzero((kinds[1:] != kinds[:-1]).any(axis=1)) + 1
         for faces in np.split(order, begins):
-            material_key = int(material_of[faces[0]])
-            material = materials[material_key]
+            material_number = int(material_of[faces[0]])
+            material = materials[material_number]
             key = number, object_names[object_of[faces[0]]] or part.name
-            yield PrimitiveGroup(
-                number, faces, Named(material_key, material.name), Named(key, key[1]), body=key, image=material.texture
-            )
+            in_document = Named(material_number + 1, material.name)
+            yield PrimitiveGroup(number, faces, in_document, Named(key, key[1]), body=key, image=material.texture)
 
 
 def _groups_of_gltf(asset: Gltf, mesh_file: MeshFile, coordinates: int) -> Iterator[PrimitiveGroup]:
-    from .gltf.occlusion import material_of, texture_images
+    from .gltf.occlusion import stored_entry, texture_images
 
     for number, (drawn, part) in enumerate(zip(asset.drawn, mesh_file.parts, strict=True)):
         index = drawn.primitive.material
-        material = material_of(asset.header, index)
+        material = stored_entry(asset.header, "materials", index)
         name = material.get("name") or (_NO_MATERIAL if index is None else f"material {index}")
         has_set = f"TEXCOORD_{coordinates}" in drawn.primitive.attributes
         images = texture_images(asset.header, material, coordinates) if has_set else set[int]()

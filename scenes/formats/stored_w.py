@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -23,10 +22,10 @@ from raytrace.types import AnyFloats, Float64s
 
 from ..geometry.instances import Instance
 from .images import PROFILE
-from .load import joined_profile, mesh_errors, read_objects
+from .load import joined_profile, parser_errors, read_objects
 from .table import endings, format_of
 
-ENDINGS = endings("holds", "w")
+ENDINGS = endings("w")
 if TYPE_CHECKING:
     from ao import Profile
 
@@ -57,12 +56,14 @@ def read_w(path: str | os.PathLike[str], *counts: int, scales: Scales | None = N
     """
     path = Path(path)
     try:
-        w = _of_mesh(path, counts, scales) if format_of(path).read else _of_array(path, counts)
-        if scales and not format_of(path).read:
-            w = scales.of(checked_profile(path, find_profile(path)))
-            _check_count(path, counts, len(w))
+        if format_of(path).read:
+            w = _of_mesh(path, counts, scales)
+        else:
+            w = scales.of(checked_profile(path, find_profile(path))) if scales else _of_array(path, counts)
     except MeshError as fault:
         raise SceneError(fault.source, fault.field, fault.expected, fault.got) from None
+    if counts and len(w) not in counts:
+        raise _other_count(path, "w", counts, f"{len(w):,}")
     if not ((w >= 0) & (w <= 1)).all():
         raise SceneError(path, "w", "values in [0, 1]", "others")
     return w
@@ -72,19 +73,17 @@ def find_profile(path: Path) -> Profile | None:
     """The profile in a `.npz`, `.exr` or mesh file, or None. Raises: SceneError, MeshError: it cannot be read."""
     from ao import Profile
 
-    ending = path.suffix.lower()
-    profile = None
-    if ending == ".npz":
+    if path.suffix.lower() == ".npz":
         with _array_errors(path), path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             if set(arrays) >= _ARRAYS:
-                profile = Profile.stored(arrays["half_distances"], arrays["profile"], arrays["radius"][()])
-    elif ending == ".exr":
+                return Profile.stored(arrays["half_distances"], arrays["profile"], arrays["radius"][()])
+    elif path.suffix.lower() == ".exr":
         layers, known = read_image(path)
         if PROFILE in layers:
-            profile = Profile.stored(known.get("half_distances", "").split(), layers[PROFILE], known.get("radius"))
+            return Profile.stored(known.get("half_distances", "").split(), layers[PROFILE], known.get("radius"))
     elif format_of(path).read:
-        profile = joined_profile(read_objects(path)[0])
-    return profile
+        return joined_profile(read_objects(path)[0])
+    return None
 
 
 def checked_profile(path: Path, profile: Profile | None) -> Profile:
@@ -109,13 +108,7 @@ def _of_mesh(path: Path, counts: tuple[int, ...], scales: Scales | None) -> Floa
         w = np.concatenate([np.empty(0), *(w for _, w in stored)]).astype(np.float64)
     if len(stored) == 1 and asset:
         w = w[: unrepeated(stored[0][0].vertices, counts)]
-    _check_count(path, counts, len(w))
     return w
-
-
-def _check_count(path: Path, counts: tuple[int, ...], count: int) -> None:
-    if counts and count not in counts:
-        raise _other_count(path, "w", counts, f"{count:,}")
 
 
 def _other_count(path: Path, name: str, counts: tuple[int, ...], got: str) -> SceneError:
@@ -137,16 +130,15 @@ def _of_gltf(instances: Sequence[Instance], asset: Gltf) -> list[AnyFloats | Non
     """w of each drawn primitive: the attribute of a bake, or else the occlusion texture at the vertices."""
     from .gltf.textures import Textures
 
-    with mesh_errors(asset.path):
+    with parser_errors(asset.path):
         textures = Textures(asset)
-        columns = []
-        for drawn, instance in zip(asset.drawn, instances, strict=True):
-            columns.append(instance.w)
-            if instance.w is None and (used := textures.of_occlusion(drawn.primitive)):
+        columns = [instance.w for instance in instances]
+        for number, drawn in enumerate(asset.drawn):
+            if columns[number] is None and (used := textures.of_occlusion(drawn.primitive)):
                 uv, texture, strength = used
                 linear = np.empty((len(uv), 3))
                 sample_points(pack_textures([texture]), 0, uv, linear)
-                columns[-1] = 1.0 + strength * (linear[:, 0] - 1.0)  # glTF 2.0, section 5.21
+                columns[number] = 1.0 + strength * (linear[:, 0] - 1.0)  # glTF 2.0, section 5.21
     return columns
 
 
@@ -178,18 +170,12 @@ def _of_array(path: Path, counts: tuple[int, ...], name: str = "w", columns: tup
             raise _other_count(path, name, counts, got)
         if kind.kind not in "fiu" or kind.itemsize > 16:
             raise SceneError(path, name, "numbers", kind)
-        data = np.frombuffer(file.read(int(np.prod(shape)) * kind.itemsize), kind, int(np.prod(shape)))
+        data = np.frombuffer(file.read(int(np.prod(shape)) * kind.itemsize), kind)
         return data.reshape(shape, order="F" if by_columns else "C").astype(np.float64)
 
 
 @contextmanager
 def _array_errors(path: Path) -> Iterator[None]:
-    """The dozen kinds of errors of NumPy and zipfile on invalid files, as one kind."""
-    try:
-        check_regular(path, "a file of w", SceneError)
-        with warnings.catch_warnings(action="ignore"):  # they quote a header as it is
-            yield
-    except SceneError:
-        raise
-    except Exception as reason:
-        raise SceneError(path, "content", "w as obscurance bake writes it", " ".join(str(reason).split())) from None
+    check_regular(path, "a file of w", SceneError)
+    with parser_errors(path, SceneError, "w as obscurance bake writes it"):
+        yield

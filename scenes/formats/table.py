@@ -44,10 +44,9 @@ class FileFormat(NamedTuple):
     peak: float = 0.0  # bytes of memory a byte of file while it is read; what archives and glTF hold is counted later
     begins: bytes = b""  # a pattern of the first bytes, which identifies a pipe's format
     write: str = ""  # a bake, a `MeshFile` and `Channels` to bytes
-    unsupported: str = ""  # a `MeshFile` and `Channels.colors` to words for what an output lacks
-    holds: tuple[
-        str, ...
-    ] = ()  # "w", w of "faces" and backs, "colors" of vertices, "uv" of corners, a "scene", a "raster"
+    # what else the "source" of an output holds; "w", that of "faces" and backs, "colors" of vertices, "uv" of corners,
+    # a "scene", a "raster"
+    holds: tuple[str, ...] = ()
 
 
 _REGISTERED: dict[str, FileFormat] = {}
@@ -78,10 +77,9 @@ def format_of(path: str | os.PathLike[str]) -> FileFormat:
     return formats().get(Path(path).suffix.lower(), _LIBRARIES)
 
 
-def endings(column: str, word: str = "") -> tuple[str, ...]:
-    """The endings of formats that have something in a field, or among what they hold this word."""
-    known = formats().values()
-    return tuple(row.ending for row in known if (word in row.holds if word else getattr(row, column)))
+def endings(what: str) -> tuple[str, ...]:
+    """The endings of formats that have something in this field, or hold what this word says."""
+    return tuple(row.ending for row in formats().values() if what in row.holds or getattr(row, what, False))
 
 
 def is_raster(path: str | os.PathLike[str]) -> bool:

@@ -8,49 +8,22 @@ import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any, Literal, Protocol, cast, get_args
+from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.errors import ConflictError, OptionError, Term
 from raytrace.system.atomic import check_writable, write_bytes
-from raytrace.types import AnyFloats
 
 from .load import MeshFile, load
 from .table import Channels, endings, format_of
 
 if TYPE_CHECKING:
-    from ao import Bake, BakedTexture, Profile
+    from ao import Bake, BakedTexture
 
 Occlusion = Literal["none", "ramp"]
 _PLY_NAME = r"(?!(n?[xyz]|[stuv]|red|green|blue|alpha|texture_.|obscurance\w*)$)[A-Za-z_]\w*"
 Colors = Literal["rgb", "r", "g", "b", "a"]
-
-
-class VertexValues(Protocol):
-    """What is known of w at n vertices, or faces: an `ao.Bake`, or like it."""
-
-    @property
-    def w(self) -> AnyFloats: ...  # (n,)
-
-    @property
-    def error(self) -> AnyFloats | None: ...  # (n,)
-
-    @property
-    def bent_normals(self) -> AnyFloats | None: ...  # (n, 3)
-
-    @property
-    def flags(self) -> npt.NDArray[Any] | None: ...  # (n,)
-
-    @property
-    def profile(self) -> Profile | None: ...
-
-    @property
-    def at(self) -> str: ...  # what there is a value of, "vertices" or "faces"
-
-    @property
-    def below(self) -> VertexValues | None: ...  # of the backs of faces
 
 
 def check_target(path: str | os.PathLike[str]) -> None:
@@ -64,12 +37,12 @@ def check_holds(path: str | os.PathLike[str], at: str, both_sides: bool) -> None
     if "faces" not in format_of(path).holds and (at != "vertices" or both_sides):
         terms: dict[str, Term] = {"faces": ("at", "faces"), "points": "points"}
         term = terms.get(at, "both_sides")
-        raise ConflictError(term, "needs", "an output that ends in " + " ".join(endings("", "faces")))
+        raise ConflictError(term, "needs", "an output that ends in " + " ".join(endings("faces")))
 
 
 def write(
     path: str | os.PathLike[str],
-    bake: VertexValues | BakedTexture | Sequence[Bake | BakedTexture],
+    bake: Bake | BakedTexture | Sequence[Bake | BakedTexture],
     mesh_file: MeshFile | str | os.PathLike[str] | Any = None,
     *,
     colors: bool | Colors = False,
@@ -118,15 +91,19 @@ def write(
         MeshError: materials of a glTF source are malformed.
         OutputError: the file cannot be written; an existing one is untouched.
     """
-    several = bake if isinstance(bake, Sequence) else [cast("Bake | BakedTexture", bake)]
-    source = _source(path, getattr(several[0], "mesh", None) if mesh_file is None else mesh_file)
+    several = bake if isinstance(bake, Sequence) else [bake]
+    source = getattr(several[0], "mesh", None) if mesh_file is None else mesh_file
+    if isinstance(source, str | os.PathLike):
+        source = load(source, path)
+    elif not isinstance(source, MeshFile):
+        source = MeshFile.of(source)
     if isinstance(bake, Sequence) or bake.w.ndim == 2:  # texels, not vertices
         for name, value in {"colors": colors, "occlusion": occlusion, "up": up}.items():
             if value:
                 raise ConflictError(name, "does not go with", "a texture")
         _write_textures(Path(path), several, source, replace_occlusion)
         return
-    values = cast("VertexValues", bake)
+    values = cast("Bake", bake)
     count = len(source.cloud[0] if source.cloud else getattr(source.mesh, values.at))
     check_holds(path, values.at, values.below is not None)
     if len(bake.w) != count:
@@ -135,14 +112,7 @@ def write(
     write_vertices(path, values, source, shown)
 
 
-def _source(target: str | os.PathLike[str], given: Any) -> MeshFile:
-    """What was baked, in any form that `write` takes."""
-    if isinstance(given, str | os.PathLike):
-        return load(given, target)
-    return given if isinstance(given, MeshFile) else MeshFile.of(given)
-
-
-def write_vertices(path: str | os.PathLike[str], bake: VertexValues, mesh_file: MeshFile, shown: Channels) -> None:
+def write_vertices(path: str | os.PathLike[str], bake: Bake, mesh_file: MeshFile, shown: Channels) -> None:
     """Write a bake per vertex. Raises: as `write`."""
     write_bytes(path, _writer(path)(bake, mesh_file, shown))
 
@@ -178,12 +148,11 @@ def channels(
     """The channels of w for viewers. Raises: OptionError: options that exclude each other, or the ending."""
     ending = Path(path).suffix.lower()
     replaced = "rgb" if colors is True else colors or ""
-    if replaced not in ("", *get_args(Colors)):
-        raise OptionError("colors", "one of " + ", ".join(get_args(Colors)), repr(colors))
+    for name, given, kind in (("colors", replaced, Colors), ("occlusion", occlusion, Occlusion)):
+        if given and given not in get_args(kind):
+            raise OptionError(name, "one of " + ", ".join(get_args(kind)), given)
     if colors and "colors" not in format_of(path).holds:
         raise ConflictError("colors", "needs", "a .glb or .ply output")
-    if occlusion not in (None, *get_args(Occlusion)):
-        raise OptionError("occlusion", "one of " + ", ".join(get_args(Occlusion)), occlusion)
     if occlusion == "ramp" and ending != ".glb":
         raise ConflictError(("occlusion", "ramp"), "needs", "a .glb output")
     if occlusion == "ramp" and colors:
@@ -198,7 +167,7 @@ def channels(
     return Channels(replaced, ramp, replace_occlusion, up, ply_name)
 
 
-ENDINGS = tuple(ending for ending in endings("write") if ending not in endings("", "raster"))  # for any mesh
+ENDINGS = tuple(ending for ending in endings("write") if ending not in endings("raster"))  # for any mesh
 
 
 def _writer(path: str | os.PathLike[str]) -> Callable[..., bytes | memoryview]:
@@ -209,14 +178,14 @@ def _writer(path: str | os.PathLike[str]) -> Callable[..., bytes | memoryview]:
     return writer
 
 
-def npy(bake: VertexValues, *_: object) -> memoryview:
+def npy(bake: Bake, *_: object) -> memoryview:
     content = io.BytesIO()
     w = np.stack([bake.w, bake.below.w], axis=-1) if bake.below else bake.w
     np.save(content, w.astype("<f4"), allow_pickle=False)
     return content.getbuffer()
 
 
-def npz(bake: VertexValues, *_: object) -> memoryview:
+def npz(bake: Bake, *_: object) -> memoryview:
     """w, error and bent normals as float32, flags as uint8, as far as they are known; the profile as it is kept."""
     content = io.BytesIO()
     kinds = {"w": "<f4", "error": "<f4", "bent_normals": "<f4", "flags": "u1"}

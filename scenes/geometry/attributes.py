@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace import InputError, MemoryLimitError
-from raytrace.types import Float32s, Float64s, Int64s
+from raytrace.text.safe_paths import resolve_inside
+from raytrace.types import Float64s, Int64s
 
 from .corners import PerCorner
 from .polygons import Triangulation
@@ -29,25 +30,19 @@ class SourceMaterial(NamedTuple):
     specular: tuple[float, float, float] = (0.0, 0.0, 0.0)  # and `exponent`, of Blinn–Phong; glTF has `roughness`
     exponent: float = 0.0
     texture: Path | None = None  # an existing PNG or JPEG, multiplied into `colour`; coordinates as the file has them
-    opacity_texture: Path | None = None  # an existing image, multiplied into `opacity`, see `opacity_map`
-
-    def opacity_map(self) -> Float32s | None:
-        """Opacity (h, w) in [0, 1], rows from the top, of the `opacity_texture`; None without one.
-
-        The alpha channel if the image is also that of the colour, or if it is not constant, for exporters name the
-        picture of the colour; else luminance as stored, as Wavefront MTL 5.0 has it for scalar textures.
-        """
-        from raytrace.image.texture import Texture, texture_alpha
-
-        if self.opacity_texture is None:
-            return None
-        return texture_alpha(Texture(self.opacity_texture), grey=self.opacity_texture != self.texture)
+    opacity_texture: Path | None = None  # an existing image, multiplied into `opacity`
 
 
 def is_picture(path: Path) -> bool:
     """Whether a file begins as a PNG or a JPEG, which glTF and browsers show."""
     with path.open("rb") as file:
         return file.read(8).startswith((b"\x89PNG", b"\xff\xd8\xff"))
+
+
+def find_picture(name: str, folder: Path) -> Path | None:
+    """As `resolve_inside`, of pictures."""
+    path = resolve_inside(name, folder)
+    return path if path and is_picture(path) else None
 
 
 def is_opacity_map(path: Path, colour: Path | None) -> bool:
@@ -70,7 +65,7 @@ class Property(NamedTuple):
     kind: str  # the type of its values
     values: npt.NDArray[Any]  # (n,), or the values of all lists one after the other
     counted: str = ""  # of lists, the type of their lengths
-    sizes: npt.NDArray[Any] | None = None  # (n,), of lists their lengths
+    sizes: npt.NDArray[Any] = np.empty(0, np.int64)  # (n,), of lists their lengths
 
     def fitting(self) -> Property:
         """The same values in the same type if it holds them, or else in one that does."""
@@ -81,7 +76,7 @@ class Property(NamedTuple):
                 if not np.array_equal(cast, self.values, equal_nan=kind in "fd"):
                     kind = "d"
             counted = self.counted
-            if self.sizes is not None and not np.array_equal(self.sizes.astype("<" + counted), self.sizes):
+            if counted and not np.array_equal(self.sizes.astype("<" + counted), self.sizes):
                 counted = "I"
         return self._replace(kind=kind, counted=counted)
 
@@ -120,6 +115,11 @@ class SourceAttributes(NamedTuple):
         """Values of the triangles' corners, from those of the polygons'."""
         return PerCorner(values.values, self.triangles.take(values.of).ravel())
 
+    def of_faces(self, numbers: Int64s | None) -> Int64s:
+        """Numbers (m,) of the triangles, from those of the polygons, -1 where there are none."""
+        counts = self.triangles.counts
+        return np.repeat(np.full(len(counts), -1) if numbers is None else numbers, counts)
+
     def corner_uv(self) -> Float64s | None:
         """Texture coordinates (m, 3, 2) of the triangles, v upwards, NaN where a corner of one has none; None if there
         are none."""
@@ -152,7 +152,7 @@ def _reversed_element(element: Element, sizes: Int64s, order: Int64s) -> Element
         values = column.values
         if element.name == "vertex" and column.name in ("nx", "ny", "nz"):
             values = -values
-        elif element.name == "face" and column.sizes is not None and len(values) in (len(order), 2 * len(order)):
+        elif element.name == "face" and column.counted and len(values) in (len(order), 2 * len(order)):
             wide = len(values) // max(len(order), 1)
             if np.array_equal(column.sizes, wide * sizes):
                 values = values.reshape(-1, wide)[order].ravel()

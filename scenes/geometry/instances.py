@@ -39,9 +39,14 @@ class Instance(NamedTuple):
     polygons: Int64s | None = None  # (m,) the polygon of each face, as `raytrace.Mesh` has it, or None
 
     @property
+    def volume(self) -> float:
+        """What the matrix makes of a volume of 1; below 0 if it mirrors."""
+        return 1.0 if self.matrix is None else float(np.linalg.det(self.matrix[:3, :3]))
+
+    @property
     def is_flattened(self) -> bool:
         """Whether there is nothing to see: no faces, or a matrix of no volume."""
-        return not len(self.faces) or (self.matrix is not None and not np.linalg.det(self.matrix[:3, :3]))
+        return not len(self.faces) or not self.volume
 
 
 class Submesh(NamedTuple):
@@ -67,13 +72,13 @@ def check_copies(
 
 
 def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Submesh, ...]]:
-    """One mesh of all instances, in their order, in world space.
+    """One mesh of all instances, at least one, in their order, in world space.
 
     A mirroring matrix (negative determinant) reverses the winding of its faces, so that an outside stays an outside.
     Normals go by the inverse transpose; where only some instances have normals, the rest is NaN. Raises: MeshError.
     """
     parts = _parts(instances)
-    up = instances[0].up if instances else None
+    up = instances[0].up
     if len(instances) == 1 and instances[0].matrix is None:
         only = instances[0]
         mesh = Mesh(
@@ -81,15 +86,15 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Sub
         )
         return mesh, parts
     # Each instance in its place.
-    vertices = np.empty((parts[-1].vertices.stop if parts else 0, 3))
-    faces = np.empty((parts[-1].faces.stop if parts else 0, 3), np.int64)
+    vertices = np.empty((parts[-1].vertices.stop, 3))
+    faces = np.empty((parts[-1].faces.stop, 3), np.int64)
     has_normals = any(placed.normals is not None for placed in instances)
     normals = np.full(vertices.shape, np.nan) if has_normals else None
     opacities: list[Opacity | None] = []
     for placed, part in zip(instances, parts, strict=True):
         matrix = np.eye(4) if placed.matrix is None else placed.matrix
         linear = matrix[:3, :3]
-        is_mirrored = placed.matrix is not None and bool(np.linalg.det(linear) < 0)
+        is_mirrored = placed.volume < 0
         vertices[part.vertices] = placed.vertices @ linear.T + matrix[:3, 3]
         # Indices are checked against the object's own vertices: shifted ones could fall into a neighbour's range.
         checked = Mesh(vertices[part.vertices], placed.faces, source=f"{source}: {placed.name}").faces
@@ -117,16 +122,15 @@ def _parts(instances: Sequence[Instance]) -> tuple[Submesh, ...]:
 
 
 def joined_attributes(instances: Sequence[Instance]) -> SourceAttributes | None:
-    """What is kept beside the mesh that `flatten` makes; None where an object has nothing, or of none."""
+    """What is kept beside the mesh that `flatten` makes; None where an object has nothing."""
     kept = []
     for placed in instances:
         own = placed.attributes
         if own is None:
             return None
-        is_mirrored = placed.matrix is not None and bool(np.linalg.det(placed.matrix[:3, :3]) < 0)
-        kept.append(reversed_attributes(own) if is_mirrored else own)
-    if len(kept) < 2:
-        return kept[0] if kept else None
+        kept.append(reversed_attributes(own) if placed.volume < 0 else own)
+    if len(kept) == 1:
+        return kept[0]
     return join_attributes(kept, [len(placed.vertices) for placed in instances])
 
 

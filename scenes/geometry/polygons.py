@@ -185,16 +185,11 @@ def _view(points: Float64s, sizes: Int64s) -> _Views:
     return _Views(normals, offsets, areas, fills)
 
 
-def _usable(vertices: npt.NDArray[Any], corners: AnyInts) -> bool:
-    if not len(corners) or corners.min() < 0 or corners.max() >= len(vertices):
-        return False
-    return bool(np.abs(vertices).max() <= LARGEST)
-
-
 def _doubtful(vertices: npt.NDArray[Any], corners: AnyInts, starts: Int64s, sizes: Int64s) -> Int64s:
     """Numbers of the polygons of more than three corners, but for quadrilaterals whose two triangles face one way; none
     where an index or a coordinate is invalid."""
-    if not _usable(vertices, corners):
+    is_valid = len(corners) and corners.min() >= 0 and corners.max() < len(vertices)
+    if not is_valid or not np.abs(vertices).max() <= LARGEST:
         return np.empty(0, np.int64)
     doubtful = sizes > 3
     four = np.flatnonzero(sizes == 4)

@@ -130,13 +130,10 @@ def _patch(
     points = stacked_points.reshape(-1, 3)
     normals = stacked_normals.reshape(-1, 3)
     index = np.arange((rows + 1) * (columns + 1)).reshape(rows + 1, columns + 1)
-    a = index[:-1, :-1]
-    b = index[1:, :-1]
-    c = index[1:, 1:]
-    d = index[:-1, 1:]
-    faces = np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], axis=2).reshape(-1, 3)
-    corners = points[faces]
-    distinct = (corners != np.roll(corners, 1, axis=1)).any(axis=2).all(axis=1)
+    corners = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], axis=-1)
+    faces = corners[..., [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+    places = points[faces]
+    distinct = (places != np.roll(places, 1, axis=1)).any(axis=2).all(axis=1)
     return TexturedMesh(
         Mesh(points, faces[distinct], normals, source=name, up="z"), np.stack([s.ravel(), t.ravel()], axis=-1)
     )

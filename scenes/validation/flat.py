@@ -31,6 +31,7 @@ def flat_cases() -> list[ValidationCase]:
         *_trenches(),
         *_boxes(),
         _tilted(),
+        *map(_inverted_pyramid, (3, 4, 512)),
         *map(_triangles, TRIANGLE_SEEDS),
         _pentagon(),
     ]
@@ -161,6 +162,16 @@ def _tilted() -> ValidationCase:
     mesh = posed((vertices, faces), 19, normals, source="tilted normal")
     exact = [analytic.tilted_normal(t) for t in tilts]
     return ValidationCase("tilted normal", mesh, 7 * np.arange(3), lambda *_: exact, (Binary(),), normals="file")
+
+
+def _inverted_pyramid(sides: int) -> ValidationCase:
+    slope = 0.7
+    angles = 2 * pi * np.arange(sides) / sides
+    rim = np.stack([np.cos(angles), np.sin(angles), np.full(sides, slope * cos(pi / sides))], axis=-1)
+    faces = np.array([[0, k, k % sides + 1] for k in range(1, sides + 1)])
+    name = f"inverted pyramid of {sides} sides"
+    mesh = posed((np.concatenate([np.zeros((1, 3)), rim]), faces), 21, source=name)
+    return ValidationCase(name, mesh, np.array([0]), lambda *_: analytic.inverted_pyramid(sides, slope), (Binary(),))
 
 
 def _triangles(seed: int) -> ValidationCase:

@@ -135,7 +135,7 @@ def test_a_name_that_is_not_there_is_noticed():
     assert is_missing("ao.no_such_module.name")
     assert is_missing("ao.Bake.no_such_field")
     assert is_missing("Bake.no_such_field")
-    assert is_missing("scenes.load.mesh_errors")
+    assert is_missing("scenes.load.parser_errors")
     assert not is_missing("ao.Bake.bent_normals")
     assert missing_files("`ao/no_such.py` or `no_such.py`") == ["ao/no_such.py", "no_such.py"]
 

@@ -9,7 +9,7 @@ import numpy as np
 from mesh_files import ply
 from project import ROOT, environment
 
-FILES, MOVES = 24, 150  # of the command and of `scenes`, where a bake is decided, read and written
+FILES, MOVES = 24, 144  # of the command and of `scenes`, where a bake is decided, read and written
 WALK = """
 import json, sys
 import cli

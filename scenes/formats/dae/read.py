@@ -4,8 +4,6 @@ Of a material are read the colours and the picture of the COMMON profile: diffus
 which is taken for the exponent of Blinn–Phong. Format: COLLADA 1.4.1, chapter 8, "FX reference".
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Any
@@ -13,10 +11,9 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from raytrace.text.safe_paths import resolve_inside
 from raytrace.types import Float64s, Int64s
 
-from ...geometry.attributes import SourceAttributes, SourceMaterial, is_picture
+from ...geometry.attributes import SourceAttributes, SourceMaterial, find_picture
 from ...geometry.corners import PerCorner
 from ...geometry.instances import Instance, check_copies
 from ...geometry.polygons import triangulate
@@ -58,10 +55,14 @@ def read_dae(given: MeshInput) -> list[Instance]:
             rows += len(vertices) + len(corners)
             check_copies(rows, file.seek(0, os.SEEK_END), given.path)
             triangles = triangulate(vertices, corners, sizes, given.source)
-            matrix = np.asarray(placed.matrix, np.float64)
-            name = str(shape.name or shape.id)
-            attributes = None
-            unread: tuple[str, ...] = ()
+            instance = Instance(
+                str(shape.name or shape.id),
+                vertices,
+                triangles.take(corners),
+                matrix=np.asarray(placed.matrix, np.float64),
+                notes=triangles.notes,
+                up=up,
+            )
             if given.keep:
                 materials, unread = _materials(placed, same, given.path.parent)
                 attributes = SourceAttributes(
@@ -74,15 +75,15 @@ def read_dae(given: MeshInput) -> list[Instance]:
                     material_of=np.repeat(np.arange(len(same)), [len(count) for count in counts]),
                     files=tuple(material.texture for material in materials if material.texture),
                 )
-            faces = triangles.take(corners)
-            made.append(
-                Instance(name, vertices, faces, None, matrix, triangles.notes, attributes, unread=unread, up=up)
-            )
+                instance = instance._replace(attributes=attributes, unread=unread)
+            made.append(instance)
     return made
 
 
 def _coordinates(pieces: list[Any]) -> PerCorner | None:
     """The first set of texture coordinates of all corners, NaN where a primitive has none; None if none has."""
+    if not any(len(piece.texcoord_indexset) for piece in pieces):
+        return None
     values: list[Float64s] = []
     of: list[Int64s] = []
     for piece in pieces:
@@ -93,8 +94,6 @@ def _coordinates(pieces: list[Any]) -> PerCorner | None:
         else:
             of.append(np.full(np.size(piece.vertex_index), start))
             values.append(np.full((1, 2), np.nan))
-    if not any(len(piece.texcoord_indexset) for piece in pieces):
-        return None
     return PerCorner(np.concatenate(values), np.concatenate(of))
 
 
@@ -124,23 +123,18 @@ def _materials(placed: Any, pieces: list[Any], folder: Path) -> tuple[tuple[Sour
             materials.append(SourceMaterial(name))
             continue
         effect = material.effect
-        colour = _colour(effect.diffuse, 1.0)
         texture = None
-        if picture := _picture(effect.diffuse):
-            texture = resolve_inside(unquote(picture).replace("\\", "/").removeprefix("./"), folder)
-            if texture is None or not is_picture(texture):
-                unread.append(f"texture of diffuse ({picture})")
-                texture = None
-        specular = _colour(effect.specular, 0.0)
+        if sampler := getattr(effect.diffuse, "sampler", None):  # an image in place of a colour
+            picture = str(sampler.surface.image.path)
+            texture = find_picture(unquote(picture), folder)
+            unread += [] if texture else [f"texture of diffuse ({picture})"]
         shininess = effect.shininess
-        exponent = float(shininess) if isinstance(shininess, int | float) and shininess > 0 else 0.0
-        emission = _colour(effect.emission, 0.0)
         made = SourceMaterial(
             str(material.name or name),
-            colour,
-            emission=emission,
-            specular=specular,
-            exponent=exponent,
+            _colour(effect.diffuse, 1.0),
+            emission=_colour(effect.emission, 0.0),
+            specular=_colour(effect.specular, 0.0),
+            exponent=float(shininess) if isinstance(shininess, int | float) and shininess > 0 else 0.0,
             texture=texture,
         )
         materials.append(made)
@@ -153,9 +147,3 @@ def _colour(value: Any, otherwise: float) -> Colour:
         return otherwise, otherwise, otherwise
     red, green, blue = np.clip(np.asarray(value[:3], np.float64), 0, 1).tolist()
     return red, green, blue
-
-
-def _picture(value: Any) -> str | None:
-    """The name of the image that an effect has in place of a colour."""
-    sampler = getattr(value, "sampler", None)
-    return str(sampler.surface.image.path) if sampler else None

@@ -12,8 +12,7 @@ register(
         peak=2.0,
         begins=rb"glTF",
         write="scenes.formats.gltf.write:glb",
-        unsupported="scenes.formats.gltf.plain:unsupported_features",
-        holds=("w", "colors", "scene"),
+        holds=("source", "w", "colors", "scene"),
     ),
     FileFormat(".gltf", "glTF", read=_READ, peak=2.0, begins=rb"\s*\{", holds=("w", "scene")),
 )

@@ -79,6 +79,20 @@ class Gltf:
         paths = [resolve_inside(unquote(name), self.path.parent) for name in names if not name.startswith("data:")]
         return self.path, *(path for path in paths if path)
 
+    @cached_property
+    def _read(self) -> Callable[[Path], bytes]:
+        return cache(Path.read_bytes)
+
+    def referenced(self, uri: str) -> bytes | None:
+        """The bytes a URI stands for: embedded base64 data, or a file beside the asset or below. None for others."""
+        try:
+            if uri.startswith("data:"):
+                return base64.b64decode(uri.partition("base64,")[2])
+            target = resolve_inside(unquote(uri), self.path.parent)
+            return self._read(target) if target else None
+        except (OSError, ValueError):
+            return None
+
     @property
     def compressions(self) -> str:
         """The compressions that a file says it uses, for messages; empty if none."""
@@ -181,17 +195,6 @@ def entry(entries: Sequence[T], number: int, name: str) -> T:
     return entries[number]
 
 
-def referenced(uri: str, folder: Path, read: Callable[[Path], bytes] = Path.read_bytes) -> bytes | None:
-    """The bytes a URI stands for: embedded base64 data, or a file inside `folder`. None for anything else."""
-    try:
-        if uri.startswith("data:"):
-            return base64.b64decode(uri.partition("base64,")[2])
-        target = resolve_inside(unquote(uri), folder)
-        return read(target) if target else None
-    except (OSError, ValueError):
-        return None
-
-
 def decode(data: bytes, path: Path) -> Gltf:
     """The asset in a file's bytes. Raises: MeshError: not glTF 2.0, incomplete, or a buffer is missing or elsewhere."""
     binary = None
@@ -199,18 +202,17 @@ def decode(data: bytes, path: Path) -> Gltf:
         data, binary = _chunks(data, path)
     try:
         header = parse_json(data.decode("utf-8"))
-        deep = _depth(header) > _DEEPEST
+        deep = isinstance(header, dict | list) and _depth(header) > _DEEPEST
     except RecursionError:
         deep = True
     if deep:
         raise MeshError(path, "content", f"JSON of at most {_DEEPEST} levels", "more")
     asset = Gltf(path, header)
-    read = cache(Path.read_bytes)
     for number, stored in enumerate(asset.geometry.buffers):
         name = f"buffers[{number}]"
         if stored.uri is None and (stored.fallback or stored.khr_fallback):  # to be filled by a decoder
             raise MeshError(path, name, "uncompressed values", asset.compressions or "none")
-        content = binary if stored.uri is None else referenced(stored.uri, path.parent, read)
+        content = binary if stored.uri is None else asset.referenced(stored.uri)
         if content is None:
             raise MeshError(path, name, "data in or beside the file", (stored.uri or "none")[:80])
         if len(content) < stored.byteLength:
@@ -219,15 +221,10 @@ def decode(data: bytes, path: Path) -> Gltf:
     return asset
 
 
-def _depth(value: Any) -> int:
-    """Levels of lists and objects in one another, at most one more than may be."""
-    level = [value] if isinstance(value, dict | list) else []
-    depth = 0
-    while level and depth <= _DEEPEST:
-        children = (container.values() if isinstance(container, dict) else container for container in level)
-        level = [child for some in children for child in some if isinstance(child, dict | list)]
-        depth += 1
-    return depth
+def _depth(value: dict[str, Any] | list[Any]) -> int:
+    """Levels of lists and objects in one another. Raises: RecursionError: very many."""
+    children = value.values() if isinstance(value, dict) else value
+    return 1 + max((_depth(child) for child in children if isinstance(child, dict | list)), default=0)
 
 
 def _chunks(data: bytes, path: Path) -> tuple[bytes, bytes | None]:

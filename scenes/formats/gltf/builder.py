@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,12 +24,12 @@ ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 _GLB_MAGIC = 0x46546C67
 
 
+@dataclass(eq=False)
 class GlbBuilder:
     """A glTF header and its one buffer, which grow together."""
 
-    def __init__(self, header: dict[str, Any]) -> None:
-        self.header = header
-        self.binary = bytearray()
+    header: dict[str, Any]
+    binary: bytearray = field(default_factory=bytearray)
 
     def append(self, key: str, entry: dict[str, Any]) -> int:
         """Index of a new entry of a list of the header."""
@@ -51,7 +52,12 @@ class GlbBuilder:
     def encode(self) -> bytes:
         """The GLB file."""
         self.header["buffers"] = [{"byteLength": len(self.binary)}]
-        return encode_glb(self.header, bytes(self.binary))
+        content = json.dumps(self.header, separators=(",", ":")).encode("ascii")
+        content += b" " * (-len(content) % 4)
+        binary = self.binary + b"\0" * (-len(self.binary) % 4)
+        chunks = struct.pack("<II", len(content), JSON_CHUNK) + content
+        chunks += struct.pack("<II", len(binary), BIN_CHUNK) + binary
+        return struct.pack("<III", _GLB_MAGIC, 2, 12 + len(chunks)) + chunks
 
     def add(self, data: bytes) -> int:
         """Offset of `data` in the buffer, aligned as every component type needs."""
@@ -95,13 +101,3 @@ class GlbBuilder:
         level = np.clip(w, 0, 1) * largest
         colors[:, ["rgba".index(letter) for letter in channels]] = (level if largest == 1 else np.rint(level))[:, None]
         return self.accessor(colors, **({} if largest == 1 else {"normalized": True}))
-
-
-def encode_glb(header: dict[str, Any], binary: bytes) -> bytes:
-    """A GLB file. The header should declare one buffer, without URI, of `len(binary)` bytes."""
-    content = json.dumps(header, separators=(",", ":")).encode("ascii")
-    content += b" " * (-len(content) % 4)
-    binary += b"\0" * (-len(binary) % 4)
-    chunks = struct.pack("<II", len(content), JSON_CHUNK) + content
-    chunks += struct.pack("<II", len(binary), BIN_CHUNK) + binary
-    return struct.pack("<III", _GLB_MAGIC, 2, 12 + len(chunks)) + chunks

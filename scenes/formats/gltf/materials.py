@@ -10,48 +10,44 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.image.encode import linear_png
-from raytrace.image.texture import Texture, texture_codes
+from raytrace.image.texture import Texture, texture_alpha, texture_codes
 
 from ...geometry.attributes import SourceMaterial
 from .builder import GlbBuilder
-
-
-def _material(source: SourceMaterial) -> dict[str, Any]:
-    """glTF's material, without its picture."""
-    surface: dict[str, Any] = {"baseColorFactor": [*source.colour, source.opacity]}
-    surface |= {"metallicFactor": source.metallic, "roughnessFactor": source.roughness}
-    made: dict[str, Any] = {"name": source.name, "pbrMetallicRoughness": surface}
-    if any(source.emission):
-        made["emissiveFactor"] = list(source.emission)
-    if source.opacity < 1 or source.opacity_texture:
-        made["alphaMode"] = "BLEND"
-    return made
 
 
 def add_materials(builder: GlbBuilder, materials: Sequence[SourceMaterial]) -> None:
     """Append materials to a document, and to its buffer their pictures, each once."""
     numbers: dict[Any, int] = {}
     for source in materials:
-        material = _material(source)
+        surface: dict[str, Any] = {"baseColorFactor": [*source.colour, source.opacity]}
+        surface |= {"metallicFactor": source.metallic, "roughnessFactor": source.roughness}
+        material: dict[str, Any] = {"name": source.name, "pbrMetallicRoughness": surface}
+        if any(source.emission):
+            material["emissiveFactor"] = list(source.emission)
+        if source.opacity < 1 or source.opacity_texture:
+            material["alphaMode"] = "BLEND"
         builder.append("materials", material)
-        key = source.texture, source.opacity_texture
         texture = source.texture or source.opacity_texture
         if texture is None:
             continue
+        key = source.texture, source.opacity_texture
         if key not in numbers:
             data = _base_colour(source)
             kind = "image/png" if data.startswith(b"\x89PNG") else "image/jpeg"
             image = {"name": texture.name, "mimeType": kind, "bufferView": builder.bytes_view(data)}
             numbers[key] = builder.append("textures", {"source": builder.append("images", image)})
-        material["pbrMetallicRoughness"]["baseColorTexture"] = {"index": numbers[key]}
+        surface["baseColorTexture"] = {"index": numbers[key]}
 
 
 def _base_colour(source: SourceMaterial) -> bytes:
     """A PNG or JPEG file of a material's colour texture, its alpha the opacity map; of two sizes the larger."""
-    alpha = None if source.texture == source.opacity_texture else source.opacity_map()
-    if source.texture and alpha is None:
+    if source.texture and source.opacity_texture in (None, source.texture):
         return source.texture.read_bytes()
-    assert alpha is not None
+    # Alpha if that is not constant, for exporters name the picture of the colour; else luminance as stored, as
+    # Wavefront MTL 5.0 has it for scalar textures.
+    assert source.opacity_texture
+    alpha = texture_alpha(Texture(source.opacity_texture), grey=True)
     colour: npt.NDArray[Any] = np.full((1, 1, 3), 255, np.uint8)
     if source.texture:
         colour = texture_codes(Texture(source.texture))

@@ -6,6 +6,7 @@ texture coordinates: one of primitives with different sets becomes several (Khro
 
 import copy
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from itertools import count
 from typing import Any
 
@@ -23,23 +24,26 @@ LINEAR, CLAMP_TO_EDGE = 9729, 33071
 _VARIANTS, TRANSFORM = "KHR_materials_variants", "KHR_texture_transform"
 
 
+@dataclass(eq=False)
 class OcclusionTextures:
-    """Occlusion textures for primitives of a document: `add` images, `give` them to primitives, then `apply` once."""
+    """Occlusion textures for primitives of a document: `add` images, `give` them to primitives, then `apply` once.
 
-    def __init__(self, builder: GlbBuilder, replace: bool = False) -> None:
-        """Args: replace: put them also in place of occlusion textures that are not ours."""
-        self._builder = builder
-        self._replace = replace
-        self._given: dict[int, tuple[int, int]] = {}  # texture and coordinates by the id of a primitive
+    Args: replace: put them also in place of occlusion textures that are not ours.
+    """
+
+    builder: GlbBuilder
+    replace: bool = False
+    apart: set[int] = field(default_factory=set)  # numbers of the textures that could not hold w as asked for
+    _given: dict[int, tuple[int, int]] = field(default_factory=dict)  # texture and coordinates by the id of a primitive
 
     def add(self, png: bytes, name: str, **sampler: int) -> int:
         """Index of a new texture, of a file by `raytrace.image.encode.linear_png`.
 
         Args: name: of its image; begins with `OWN`. sampler: filters and wrap modes in place of linear and clamped.
         """
-        image = {"name": name, "mimeType": "image/png", "bufferView": self._builder.bytes_view(png)}
+        image = {"name": name, "mimeType": "image/png", "bufferView": self.builder.bytes_view(png)}
         modes = {"magFilter": LINEAR, "minFilter": LINEAR, "wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE} | sampler
-        append = self._builder.append
+        append = self.builder.append
         return append("textures", {"sampler": append("samplers", modes), "source": append("images", image)})
 
     def add_page(self, w: Float32s) -> int:
@@ -58,7 +62,7 @@ class OcclusionTextures:
     def apply(self) -> None:
         """Put the textures into the primitives' materials, the default one for none; materials that other primitives
         share are copied first, and keep their places."""
-        header = self._builder.header
+        header = self.builder.header
         before = copy.deepcopy(header.get("materials", []))
         others: set[int | None] = {None}  # there is no such entry
         uses: dict[tuple[int | None, int, int], list[dict[str, Any]]] = {}
@@ -73,7 +77,7 @@ class OcclusionTextures:
         for (material, texture, coordinates), slots in uses.items():
             if material in others:
                 made = {} if material is None else copy.deepcopy(before[material])
-                number = self._builder.append("materials", made)
+                number = self.builder.append("materials", made)
                 for slot in slots:
                     slot["material"] = number
             else:
@@ -85,11 +89,11 @@ class OcclusionTextures:
         material["occlusionTexture"] = texture_reference(texture, coordinates)
 
     def _open(self, material: int | None) -> bool:
-        header = self._builder.header
+        header = self.builder.header
         if material is not None and material >= len(header.get("materials", [])):
             return False
         reference = occlusion_reference(header, material)
-        return self._replace or reference is None or image_name(header, reference).startswith(OWN)
+        return self.replace or reference is None or image_name(header, reference).startswith(OWN)
 
 
 def texture_reference(texture: int, coordinates: int) -> dict[str, Any]:
@@ -103,7 +107,7 @@ def free_set(header: dict[str, Any], primitive: dict[str, Any]) -> int:
     used: set[int] = set()
     for material in _materials(primitive):
         ramp = occlusion_reference(header, material) if is_ramp(header, material) else None
-        references = _references(material_of(header, material))
+        references = _references(stored_entry(header, "materials", material))
         used |= {number for reference in references if reference is not ramp for number in sets_of(reference)}
     ramps = ramp_sets(header, primitive)
     return next(n for n in count() if n not in used and (n in ramps or f"TEXCOORD_{n}" not in names))
@@ -117,8 +121,8 @@ def is_ramp(header: dict[str, Any], material: int | None) -> bool:
 
 def ramp_sets(header: dict[str, Any], primitive: dict[str, Any]) -> set[int]:
     """Numbers of the TEXCOORD sets by which a primitive's materials use a ramp of ours."""
-    ramps = [material_of(header, number) for number in _materials(primitive) if is_ramp(header, number)]
-    return {material["occlusionTexture"].get("texCoord", 0) for material in ramps}
+    ramps = [number for number in _materials(primitive) if is_ramp(header, number)]
+    return {occlusion_reference(header, number).get("texCoord", 0) for number in ramps}
 
 
 def add_coordinates(builder: GlbBuilder, primitive: dict[str, Any], number: int, uv: AnyFloats) -> None:
@@ -134,33 +138,30 @@ def add_coordinates(builder: GlbBuilder, primitive: dict[str, Any], number: int,
 
 def occlusion_reference(header: dict[str, Any], material: int | None) -> Any:
     """The reference (`index`, `texCoord`, `strength`) to a material's occlusion texture, or None."""
-    return material_of(header, material).get("occlusionTexture")
+    return stored_entry(header, "materials", material).get("occlusionTexture")
 
 
-def material_of(header: dict[str, Any], material: int | None) -> dict[str, Any]:
-    """The material of this number, or an empty one if there is none."""
-    materials: list[dict[str, Any]] = header.get("materials", [])
-    return materials[material] if material is not None and material < len(materials) else {}
+def stored_entry(header: dict[str, Any], key: str, number: int | None) -> dict[str, Any]:
+    """The entry of this number of a list of a header, or an empty one if there is none."""
+    entries: list[dict[str, Any]] = header.get(key, [])
+    return entries[number] if number is not None and 0 <= number < len(entries) else {}
 
 
-def _source(header: dict[str, Any], reference: dict[str, Any]) -> int:
-    """The number of the image that a texture reference leads to, or -1."""
-    textures = header.get("textures", [])
-    return int(textures[reference["index"]].get("source", -1)) if reference["index"] < len(textures) else -1
+def _source(header: dict[str, Any], reference: dict[str, Any]) -> int | None:
+    """The number of the image that a texture reference leads to."""
+    return stored_entry(header, "textures", reference["index"]).get("source")
 
 
 def image_name(header: dict[str, Any], reference: dict[str, Any]) -> str:
     """Name of the image that a texture reference leads to; empty if it has none, or leads nowhere."""
-    source = _source(header, reference)
-    images = header.get("images", [])
-    return str(images[source].get("name", "")) if 0 <= source < len(images) else ""
+    return str(stored_entry(header, "images", _source(header, reference)).get("name", ""))
 
 
 def texture_images(header: dict[str, Any], material: dict[str, Any], coordinates: int) -> set[int]:
     """Numbers of the images that a material uses by a TEXCOORD set, without images of earlier bakes."""
     used = [reference for reference in _references(material) if coordinates in sets_of(reference)]
-    others = (reference for reference in used if not image_name(header, reference).startswith(OWN))
-    return {_source(header, reference) for reference in others} - {-1}
+    sources = [_source(header, each) for each in used if not image_name(header, each).startswith(OWN)]
+    return {source for source in sources if source is not None}
 
 
 def _slots(primitive: dict[str, Any]) -> Iterator[dict[str, Any]]:

@@ -3,8 +3,8 @@
 Format: Khronos glTF 2.0 specification, sections 3.9.2 (metallic-roughness) and 3.9.3 (occlusion).
 """
 
-from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,6 @@ from raytrace.image.texture import texture_codes
 from raytrace.types import Float32s, UInt8s, UInt16s
 
 from .asset import Gltf, entry
-from .builder import GlbBuilder
 from .materials import enlarged
 from .occlusion import OWN, TRANSFORM, OcclusionTextures, sets_of, texture_reference
 from .records import WRAP
@@ -26,25 +25,25 @@ _SURFACE, _REFERENCE = "pbrMetallicRoughness", "metallicRoughnessTexture"
 _IDENTITY = {"offset": [0, 0], "rotation": 0, "scale": [1, 1]}  # of `TRANSFORM`
 
 
+@dataclass(eq=False)
 class OrmTextures(OcclusionTextures):
     """Gives materials w in R of a copy of their metallic-roughness image, or of a white one where they have none.
 
     An image that cannot hold w, by the coordinates that are baked for, stays, and w gets one of its own.
 
-    Attributes: apart: the numbers of the textures with such images.
+    Args: asset: the source of the document, if it is glTF.
     """
 
-    def __init__(
-        self, builder: GlbBuilder, asset: Gltf | None, pages: Sequence[Float32s], replace: bool = False
-    ) -> None:
-        """Args: asset: the source of the document, if it is glTF. pages: w (h, w), which `give` takes by its number."""
-        super().__init__(builder, replace)
-        self._asset = asset
-        self._pages = pages
-        self._images: dict[int, npt.NDArray[Any] | None] = {}
-        self._packed: dict[tuple[int | None, int], tuple[int, int]] = {}
-        self._alone: dict[int, int] = {}
-        self.apart: set[int] = set()
+    asset: Gltf | None = None
+    _pages: list[Float32s] = field(default_factory=list)
+    _images: dict[int, npt.NDArray[Any] | None] = field(default_factory=dict)
+    _packed: dict[tuple[int | None, int], tuple[int, int]] = field(default_factory=dict)
+    _alone: dict[int, int] = field(default_factory=dict)
+
+    def add_page(self, w: Float32s) -> int:
+        """The number of w (h, w), for `give`."""
+        self._pages.append(w)
+        return len(self._pages) - 1
 
     def _put(self, material: dict[str, Any], page: int, coordinates: int) -> None:
         surface = material.setdefault(_SURFACE, {})
@@ -53,7 +52,7 @@ class OrmTextures(OcclusionTextures):
         if number is not None and (not _goes_by(reference, coordinates) or self._image(number) is None):
             self.apart.add(number)
             if page not in self._alone:
-                self._alone[page] = self.add_page(self._pages[page])
+                self._alone[page] = super().add_page(self._pages[page])
             super()._put(material, self._alone[page], coordinates)
             return
         if (number, page) not in self._packed:
@@ -67,13 +66,13 @@ class OrmTextures(OcclusionTextures):
 
     def _image(self, number: int) -> npt.NDArray[Any] | None:
         """The codes (h, w, 1 to 4) of a texture; None if it cannot be read, or has not 8 or 16 bits."""
-        if number not in self._images and self._asset:
+        if number not in self._images and self.asset:
             self._images[number] = None
             with suppress(ValueError):  # an image or sampler that is not there, or no PNG or JPEG
-                texture = entry(self._asset.materials.textures, number, "textures")
-                self._asset.sampler(texture)
+                texture = entry(self.asset.materials.textures, number, "textures")
+                self.asset.sampler(texture)
                 if texture.source is not None:
-                    codes = texture_codes(Textures(self._asset).image(texture.source))
+                    codes = texture_codes(Textures(self.asset).image(texture.source))
                     if codes.dtype in (np.uint8, np.uint16) and codes.shape[2] <= 4:
                         self._images[number] = codes
         return self._images.get(number)
@@ -84,12 +83,12 @@ class OrmTextures(OcclusionTextures):
         if image is None:
             image = np.full((*w.shape, 3), 255, np.uint8)
         both = self.add(linear_png(with_occlusion(image, w)), _NAME, wrapS=WRAP, wrapT=WRAP)
-        if number is not None and self._asset:
-            added = self._builder.header["textures"]
-            stored = self._asset.materials.textures[number]
-            sampler = self._asset.sampler(stored)
+        if number is not None and self.asset:
+            added = self.builder.header["textures"]
+            stored = self.asset.materials.textures[number]
+            sampler = self.asset.sampler(stored)
             if not sampler.wrapS == sampler.wrapT == WRAP:  # what is baked is taken modulo 1
-                return both, self._builder.append("textures", added[both] | {"sampler": stored.sampler})
+                return both, self.builder.append("textures", added[both] | {"sampler": stored.sampler})
             if stored.sampler is None:
                 del added[both]["sampler"]
             else:

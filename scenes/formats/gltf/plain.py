@@ -1,6 +1,5 @@
 """Binary glTF of meshes that were no glTF: one node an object, one primitive a material of it."""
 
-import copy
 from collections import Counter
 from typing import Any
 
@@ -17,15 +16,13 @@ from ...geometry.attributes import SourceAttributes
 from ...geometry.corners import PerCorner, split_corners
 from ...geometry.instances import Submesh
 from ..load import MeshFile
-from ..ply.layout import fractions, own_colors, stored_colors
+from ..ply.layout import fractions, stored_colors
 from ..primitive_groups import primitive_groups
 from .accessors import flipped
-from .accessors import stored_colors as colors_of_gltf
 from .builder import ELEMENT_ARRAY_BUFFER, GlbBuilder
 from .materials import add_materials
 
 _LARGEST = 1e38  # of float32, and of a difference of two
-WHITE: dict[str, Any] = {"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 1}}
 SOURCE_INDEX = "_SOURCE_INDEX"
 
 
@@ -42,17 +39,17 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
     Args: colors: the channels that are to hold w: of all, the source's are left out.
     """
     mesh = mesh_file.mesh
-    source = mesh_file.attributes
+    source = mesh_file.held
     builder = _empty_document()
-    add_materials(builder, source.materials if source else ())
-    # What the document holds of each corner, and where its objects lie.
+    add_materials(builder, source.materials)
+    # What the document holds of each corner and vertex, and where its objects lie.
     groups = list(primitive_groups(mesh_file))
     groups_of_part = Counter(group.part for group in groups)
-    is_divided = len(groups) > len(mesh_file.parts)
     origins = [part_origin(mesh.vertices[part.vertices]) for part in mesh_file.parts]
-    uv = _corner_uv(mesh_file)
+    uv = source.of_triangles(source.uv) if source.uv else None
     normals = _corner_normals(mesh_file)
     split_by = [values for values in (uv, normals) if values]
+    of_vertices = _vertex_columns(source, colors)
     drawn: list[Drawn] = []
     before = None
     # A primitive for each group, in the node of its object.
@@ -63,14 +60,17 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
             _add_node(builder, before.name, origin)
         part = mesh_file.parts[group.part]
         vertices, faces, like = _group_vertices(mesh, part, group.faces, split_by, groups_of_part[group.part] == 1)
-        attributes = {"POSITION": _add_positions(builder, mesh.vertices[vertices], origin)}
-        smooth = None if mesh.normals is None else mesh.normals[vertices]
-        _add_normals(builder, attributes, normals.values[normals.of[like]] if normals else smooth)
-        if uv:
-            _add_uv(builder, attributes, uv.values[uv.of[like]])
-        _add_columns(builder, attributes, source, vertices, colors)
+        positions = (mesh.vertices[vertices] - (0 if origin is None else origin)).astype("<f4")
+        bounds = {"min": positions.min(axis=0).tolist(), "max": positions.max(axis=0).tolist()}
+        attributes = {"POSITION": builder.accessor(positions, **bounds)}
+        columns = _corner_columns(
+            normals.values[normals.of[like]] if normals else np.asarray(mesh.normals)[vertices],
+            uv.values[uv.of[like]] if uv else None,
+        )
+        columns |= {name: values[vertices] for name, values in of_vertices.items()}
+        attributes |= {name: builder.accessor(values.astype("<f4")) for name, values in columns.items()}
         indices = builder.accessor(faces.astype("<u4").ravel(), ELEMENT_ARRAY_BUFFER)
-        if is_divided and fits_float(vertices):
+        if len(groups) > len(mesh_file.parts) and fits_float(vertices):
             attributes[SOURCE_INDEX] = builder.accessor(vertices.astype("<f4"))
         primitive = {"attributes": attributes, "indices": indices, "material": group.material.key}
         builder.header["meshes"][-1]["primitives"].append(primitive)
@@ -79,25 +79,10 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
 
 
 def _empty_document() -> GlbBuilder:
-    return GlbBuilder(
-        {
-            "asset": {"version": "2.0", "generator": "obscurance"},
-            "scene": 0,
-            "scenes": [{"nodes": []}],
-            "nodes": [],
-            "meshes": [],
-            "materials": [copy.deepcopy(WHITE)],
-        }
-    )
-
-
-def _add_node(builder: GlbBuilder, name: str, origin: Float64s | None) -> None:
-    """Append a node with an empty mesh to the scene."""
-    mesh = builder.append("meshes", {"name": name, "primitives": []})
-    node: dict[str, Any] = {"name": name, "mesh": mesh}
-    if origin is not None:
-        node["translation"] = origin.tolist()
-    builder.header["scenes"][0]["nodes"].append(builder.append("nodes", node))
+    white = {"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 1}}
+    asset = {"version": "2.0", "generator": "obscurance"}
+    scenes: list[dict[str, Any]] = [{"nodes": []}]
+    return GlbBuilder({"asset": asset, "scene": 0, "scenes": scenes, "nodes": [], "meshes": [], "materials": [white]})
 
 
 def _group_vertices(
@@ -114,16 +99,30 @@ def _group_vertices(
     return vertices + start, faces, like
 
 
-def _corner_uv(mesh_file: MeshFile) -> PerCorner | None:
-    """Texture coordinates of the triangles' corners."""
-    source = mesh_file.attributes
-    return source.of_triangles(source.uv) if source and source.uv else None
+def _corner_columns(normals: npt.NDArray[Any], uv: npt.NDArray[Any] | None) -> dict[str, npt.NDArray[Any]]:
+    """Normals, unless one has no length, for glTF allows unit ones only, and texture coordinates of vertices."""
+    columns = {}
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    if np.isfinite(length).all() and (length > 0).all():
+        columns["NORMAL"] = normals / length
+    if uv is not None and np.isfinite(uv).any():
+        columns["TEXCOORD_0"] = flipped(np.nan_to_num(uv))
+    return columns
+
+
+def _add_node(builder: GlbBuilder, name: str, origin: Float64s | None) -> None:
+    """Append a node with an empty mesh to the scene."""
+    mesh = builder.append("meshes", {"name": name, "primitives": []})
+    node: dict[str, Any] = {"name": name, "mesh": mesh}
+    if origin is not None:
+        node["translation"] = origin.tolist()
+    builder.header["scenes"][0]["nodes"].append(builder.append("nodes", node))
 
 
 def _corner_normals(mesh_file: MeshFile) -> PerCorner | None:
     """Normals of the triangles' corners; None where each vertex has one."""
-    source = mesh_file.attributes
-    if source and source.normals:
+    source = mesh_file.held
+    if source.normals:
         return source.of_triangles(source.normals)
     if mesh_file.mesh.normals is not None:
         return None
@@ -141,102 +140,27 @@ def part_origin(vertices: Float64s) -> Float64s | None:
     return np.asarray((vertices.min(axis=0) + vertices.max(axis=0)) / 2)
 
 
-def _add_positions(builder: GlbBuilder, vertices: Float64s, origin: Float64s | None) -> int:
-    positions = (vertices if origin is None else vertices - origin).astype("<f4")
-    return builder.accessor(positions, min=positions.min(axis=0).tolist(), max=positions.max(axis=0).tolist())
+def _vertex_columns(source: SourceAttributes, colors: str) -> dict[str, npt.NDArray[Any]]:
+    """Colours, unless all channels are to hold w, and further numbers of the vertices, by glTF's names."""
+    columns: dict[str, npt.NDArray[Any]] = {}
+    stored = source.colors if len(colors) < 2 else None
+    if stored is None and len(colors) == 1:
+        stored = fractions(stored_colors(source.elements))  # the grey of an earlier bake
+    if stored is not None:
+        columns["COLOR_0"] = np.concatenate([decode_srgb(stored[:, :3]), stored[:, 3:]], axis=1)
+    return columns | {f"_{name.upper()}": source.numbers[name] for name in kept_numbers(source)}
 
 
-def _add_uv(builder: GlbBuilder, attributes: dict[str, int], uv: Float64s) -> None:
-    if np.isfinite(uv).any():
-        attributes["TEXCOORD_0"] = builder.accessor(flipped(np.nan_to_num(uv)).astype("<f4"))
-
-
-def _add_normals(builder: GlbBuilder, attributes: dict[str, int], normals: Float64s | None) -> None:
-    """glTF allows unit normals only: a primitive that lacks some goes without."""
-    if normals is not None:
-        length = np.linalg.norm(normals, axis=1, keepdims=True)
-        if np.isfinite(length).all() and (length > 0).all():
-            attributes["NORMAL"] = builder.accessor((normals / length).astype("<f4"))
-
-
-def _add_columns(
-    builder: GlbBuilder, attributes: dict[str, int], source: SourceAttributes | None, vertices: Int64s, colors: str
-) -> None:
-    """Colours, unless all channels are to hold w, and further numbers of the vertices."""
-    if source is None:
-        return
-    source_colors = source.colors if len(colors) < 2 else None
-    if source_colors is None and len(colors) == 1:
-        source_colors = fractions(stored_colors(source.elements))  # the grey of an earlier bake
-    if source_colors is not None:
-        linear = np.concatenate([decode_srgb(source_colors[vertices, :3]), source_colors[vertices, 3:]], axis=1)
-        attributes["COLOR_0"] = builder.accessor(linear.astype("<f4"))
+def kept_numbers(source: SourceAttributes) -> list[str]:
+    """Names of the further numbers of vertices that a .glb has: float32 holds them, and capitals do not clash."""
+    kept = {"OBSCURANCE": ""}
     for name, values in source.numbers.items():
-        if fits_float(values) and attribute_name(name) not in attributes:
-            attributes[attribute_name(name)] = builder.accessor(values[vertices].astype("<f4"))
+        if fits_float(values):
+            kept.setdefault(name.upper(), name)
+    return [name for name in kept.values() if name]
 
 
 def fits_float(values: npt.NDArray[Any]) -> bool:
     """Whether float32 holds the values exactly."""
     with np.errstate(over="ignore", invalid="ignore"):
         return bool(np.isfinite(values).all() and np.array_equal(values.astype("<f4"), values))
-
-
-def attribute_name(name: str) -> str:
-    """The glTF name of an attribute that is not in the specification."""
-    return "_" + name.upper()
-
-
-def unsupported_features(mesh_file: MeshFile, colors: str) -> list[str]:
-    """What of a mesh file a .glb lacks, in words. Args: colors: the channels of vertex colours that hold w.
-
-    Raises: OptionError: coordinates that it cannot hold. MeshError: colours to be kept are malformed.
-    """
-    source = mesh_file.attributes
-    replaced = len(colors) > 1
-    if mesh_file.gltf:
-        return _unsupported_of_gltf(mesh_file, colors)
-    part_origin(mesh_file.mesh.vertices)
-    if source is None:
-        return list(mesh_file.unread)
-    divided = len(list(primitive_groups(mesh_file))) > len(mesh_file.parts)
-    left_out = (
-        (replaced and source.colors is not None, "its colours"),
-        (divided, f"the order of vertices ({SOURCE_INDEX} has their places)"),
-        (divided and len(np.unique(source.corners)) < len(mesh_file.mesh.vertices), "vertices that no face uses"),
-        ((source.sizes != 3).any(), "polygons, which become triangles"),
-    )
-    missing = [*mesh_file.unread, *(words for is_left_out, words in left_out if is_left_out)]
-    names = {"POSITION", "NORMAL", "_OBSCURANCE"}
-    for name, values in source.numbers.items():
-        if not fits_float(values) or attribute_name(name) in names:
-            missing.append(f"{name} of vertices")
-        names.add(attribute_name(name))
-    return missing + _unsupported_of_elements(source)
-
-
-def _unsupported_of_gltf(mesh_file: MeshFile, colors: str) -> list[str]:
-    asset = mesh_file.gltf
-    assert asset is not None
-    if len(colors) == 1:  # the other channels are kept, so they must be right
-        for drawn, part in zip(asset.drawn, mesh_file.parts, strict=True):
-            colors_of_gltf(asset, drawn.primitive.attributes, part.vertices.stop - part.vertices.start)
-    stored = (primitive.attributes for mesh in asset.geometry.meshes for primitive in mesh.primitives)
-    return ["its colours"] if len(colors) > 1 and any("COLOR_0" in attributes for attributes in stored) else []
-
-
-def _unsupported_of_elements(source: SourceAttributes) -> list[str]:
-    """What of a PLY's elements a .glb lacks."""
-    missing = []
-    for element in source.elements:
-        if element.name == "vertex":
-            missing += [f"{column.name} of vertices" for column in element.properties if column.sizes is not None]
-            if own_colors(source.elements) and source.colors is None:
-                missing.append("its colours")
-        elif element.name == "face":
-            has_wedges = source.uv and source.uv.of is not source.corners  # coordinates of corners
-            used = ("vertex_indices", "vertex_index", "texcoord" if has_wedges else "")
-            missing += [f"{column.name} of faces" for column in element.properties if column.name not in used]
-        elif element.count:
-            missing.append(f"elements {element.name}")
-    return missing

@@ -5,6 +5,7 @@ sum; normals by the inverse transpose of the blended matrix. The transform of a 
 Format: Khronos glTF 2.0 specification, sections 3.7.2.2 (morph targets) and 3.7.3 (skins).
 """
 
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ _BLOCK = 1 << 14  # vertices at a time
 _MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
+@dataclass(eq=False)
 class Poses:
     """The poses of an asset's primitives.
 
@@ -29,10 +31,9 @@ class Poses:
         are no nodes of a tree, or very many values by few bytes. ValueError: as `accessors.values`.
     """
 
-    def __init__(self, asset: Gltf) -> None:
-        self._asset = asset
-        self._moved = 0
-        self._skins: dict[int, Float64s] = {}
+    asset: Gltf
+    _moved: int = 0
+    _skins: dict[int, Float64s] = field(default_factory=dict)
 
     def posed(self, drawn: DrawnPrimitive, stored: Instance) -> Instance:
         """A primitive, given in its own frame, posed: there, or with a skin in the world, mirrored if its joints do."""
@@ -40,17 +41,12 @@ class Poses:
         targets = drawn.primitive.targets
         weights = drawn.weights
         if weights and len(weights) != len(targets):
-            is_own = self._asset.geometry.nodes[drawn.node].weights
-            field = f"nodes[{drawn.node}].weights" if is_own else f"meshes[{drawn.mesh}].weights"
+            is_own = self.asset.geometry.nodes[drawn.node].weights
+            whose = f"nodes[{drawn.node}].weights" if is_own else f"meshes[{drawn.mesh}].weights"
             expected = f"{len(targets)} numbers, one a morph target of {at}"
-            raise MeshError(self._asset.path, field, expected, len(weights))
-        columns = {"POSITION": stored.vertices, "NORMAL": stored.normals}
-        moved = {
-            name: None if column is None else self._morphed(drawn, name, column, at) for name, column in columns.items()
-        }
-        vertices = moved["POSITION"]
-        normals = moved["NORMAL"]
-        assert vertices is not None
+            raise MeshError(self.asset.path, whose, expected, len(weights))
+        vertices = self._morphed(drawn, "POSITION", stored.vertices, at)
+        normals = None if stored.normals is None else self._morphed(drawn, "NORMAL", stored.normals, at)
         made = stored._replace(vertices=vertices, normals=normals)
         return made if drawn.skin is None else self._skinned(drawn.skin, drawn, made, f"{at}.attributes")
 
@@ -61,9 +57,9 @@ class Poses:
                 weight_of[target[name]] = weight_of.get(target[name], 0.0) + weight
         self._count(len(values) * len(weight_of), f"{at}.targets")
         for number, weight in weight_of.items():
-            delta = vectors(self._asset, number)
+            delta = vectors(self.asset, number)
             if len(delta) != len(values):
-                raise MeshError(self._asset.path, f"{at}.targets: {name}", f"{len(values)} rows", len(delta))
+                raise MeshError(self.asset.path, f"{at}.targets: {name}", f"{len(values)} rows", len(delta))
             values = values + weight * delta.astype(np.float64)
         return values
 
@@ -72,10 +68,10 @@ class Poses:
         joints, weights = self._influences(drawn, len(stored.vertices), f"{at}.")
         if joints.max() >= len(matrices):
             expected = f"numbers below {len(matrices)}, of joints of skins[{skin}]"
-            raise MeshError(self._asset.path, f"{at}.JOINTS", expected, joints.max())
+            raise MeshError(self.asset.path, f"{at}.JOINTS", expected, joints.max())
         if len(without := np.flatnonzero(~weights.any(axis=1))):
             got = f"none at vertex {without[0]}"
-            raise MeshError(self._asset.path, f"{at}.WEIGHTS", "a weight above 0 at every vertex", got)
+            raise MeshError(self.asset.path, f"{at}.WEIGHTS", "a weight above 0 at every vertex", got)
         vertices = np.empty(stored.vertices.shape)
         normals = None if stored.normals is None else np.empty(vertices.shape)
         turned = 0
@@ -97,7 +93,7 @@ class Poses:
         """The maps of a skin's joints, (j, 3, 4), from where the mesh is stored to the world at rest."""
         if number in self._skins:
             return self._skins[number]
-        asset = self._asset
+        asset = self.asset
         at = f"skins[{number}]"
         skin = entry(asset.geometry.skins, number, "skins")
         wrong = next((joint for joint in skin.joints if joint not in asset.everywhere), None)
@@ -117,7 +113,7 @@ class Poses:
 
     def _influences(self, drawn: DrawnPrimitive, count: int, at: str) -> tuple[npt.NDArray[Any], Float64s]:
         """Joints and weights (count, 4 for each set) of a primitive's vertices; joint 0 where the weight is 0."""
-        asset = self._asset
+        asset = self.asset
         attributes = drawn.primitive.attributes
         numbers = {name.rpartition("_")[2] for name in attributes if name.startswith(("JOINTS_", "WEIGHTS_"))}
         influences = []
@@ -137,12 +133,12 @@ class Poses:
             influences.append((np.where(weights > 0, joints, joints.dtype.type(0)), weights))
         return np.hstack([joints for joints, _ in influences]), np.hstack([weights for _, weights in influences])
 
-    def _count(self, moved: int, field: str) -> None:
+    def _count(self, moved: int, at: str) -> None:
         """Refuse a small file that takes long because its values are used many times."""
         self._moved += moved
-        limit = max(MAX_COPIED, sum(map(len, self._asset.buffers)))
+        limit = max(MAX_COPIED, sum(map(len, self.asset.buffers)))
         if self._moved > limit:
-            raise MeshError(self._asset.path, field, f"at most {limit:,} moves of vertices", f"{self._moved:,}")
+            raise MeshError(self.asset.path, at, f"at most {limit:,} moves of vertices", f"{self._moved:,}")
 
 
 def _blended(matrices: Float64s, joints: npt.NDArray[Any], weights: Float64s) -> Float64s:

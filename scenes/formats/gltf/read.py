@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from raytrace import Opacity
 from raytrace.errors import MeshError
-from raytrace.types import Int64s
 
 from ...geometry.instances import Instance, check_copies
 from ..table import MeshInput
 from .accessors import normalized, triangles, values, vectors
-from .asset import DrawnPrimitive, Gltf, decode, entry
+from .asset import Gltf, decode, entry
 from .pose import Poses, in_words
 from .records import PROFILE, Primitive
 
@@ -33,7 +30,11 @@ def read_gltf(given: MeshInput) -> tuple[list[Instance], Gltf]:
         with alpha.
     """
     asset = decode(given.file.read(), given.path)
-    opacity_of = _opacity_reader(asset) if given.alpha else None
+    textures = None
+    if given.alpha and _has_alpha(asset):
+        from .textures import Textures, opacity_of
+
+        textures = Textures(asset)
     poses = Poses(asset)
     shapes: dict[Any, Instance] = {}
     made: list[Instance] = []
@@ -41,35 +42,30 @@ def read_gltf(given: MeshInput) -> tuple[list[Instance], Gltf]:
     for drawn in asset.drawn:
         if drawn.shape not in shapes:
             shape = poses.posed(drawn, _shape(asset, drawn.primitive))
-            shape = shape._replace(opacity=opacity_of(drawn.primitive, shape.faces)) if opacity_of else shape
+            if textures:
+                shape = shape._replace(opacity=opacity_of(textures, drawn.primitive, shape.faces))
             shapes[drawn.shape] = shape
         shape = shapes[drawn.shape]
         copied += len(shape.vertices) + len(shape.faces)
         check_copies(copied, sum(map(len, asset.buffers)), asset.path)
-        name = _name(asset, drawn)
+        node = asset.geometry.nodes[drawn.node]
+        mesh = asset.geometry.meshes[drawn.mesh]
+        name = node.name or mesh.name or f"node {drawn.node}"
+        if len(mesh.primitives) > 1:
+            name += f"[{drawn.primitive_number}]"
         notes = () if made else in_words(asset)
-        if _COPIES in asset.geometry.nodes[drawn.node].extensions:
+        if _COPIES in node.extensions:
             notes += (f"{name} is drawn many times by {_COPIES}, which is not read: once here",)
         matrix = asset.world[drawn.node] if drawn.skin is None else shape.matrix
         made.append(shape._replace(name=name, matrix=matrix, notes=notes))
     return made, asset
 
 
-def _opacity_reader(asset: Gltf) -> Callable[[Primitive, Int64s], Opacity | None] | None:
-    """What reads alpha of faces; None if all materials are opaque, which are not read."""
+def _has_alpha(asset: Gltf) -> bool:
+    """Whether some material may not be opaque; opaque ones are not read."""
     materials = asset.header.get("materials", [])
     tables = [table for table in materials if isinstance(table, dict)] if isinstance(materials, list) else []
-    if all(table.get("alphaMode", "OPAQUE") == "OPAQUE" for table in tables):
-        return None
-    from .textures import Textures, opacity_of
-
-    return partial(opacity_of, Textures(asset))
-
-
-def _name(asset: Gltf, drawn: DrawnPrimitive) -> str:
-    mesh = asset.geometry.meshes[drawn.mesh]
-    name = asset.geometry.nodes[drawn.node].name or mesh.name or f"node {drawn.node}"
-    return f"{name}[{drawn.primitive_number}]" if len(mesh.primitives) > 1 else name
+    return any(table.get("alphaMode", "OPAQUE") != "OPAQUE" for table in tables)
 
 
 def _shape(asset: Gltf, primitive: Primitive) -> Instance:
@@ -90,27 +86,22 @@ def _shape(asset: Gltf, primitive: Primitive) -> Instance:
 
 def _stored_w(asset: Gltf, attributes: dict[str, int], count: int) -> npt.NDArray[Any] | None:
     """w of an earlier bake, unless the attribute of that name is something else."""
-    if "_OBSCURANCE" not in attributes:
-        return None
-    try:
+    with suppress(KeyError, ValueError):
         w = values(asset, attributes["_OBSCURANCE"], "SCALAR").ravel()
-    except ValueError:
-        return None
-    return w if len(w) == count and w.dtype.kind == "f" else None
+        if len(w) == count and w.dtype.kind == "f":
+            return w
+    return None
 
 
 def _stored_profile(asset: Gltf, attributes: dict[str, int], count: int) -> Profile | None:
     """The profile of an earlier bake, unless the attributes of these names are something else."""
-    if f"{PROFILE}0" not in attributes:
-        return None
-    from ao import Profile
-
-    try:
+    with suppress(KeyError, TypeError, ValueError):
         extras = entry(asset.geometry.accessors, attributes[f"{PROFILE}0"], "accessors").extras
         lengths = extras["half_distances"]
-        radius = extras["radius"]
         numbers = [attributes[f"{PROFILE}{number}"] for number in range(-(-len(lengths) // 4))]
         columns = np.hstack([normalized(values(asset, number, "VEC4")) for number in numbers])
-    except (KeyError, TypeError, ValueError):
-        return None
-    return Profile.stored(lengths, columns[:, : len(lengths)], radius) if len(columns) == count else None
+        if len(columns) == count:
+            from ao import Profile
+
+            return Profile.stored(lengths, columns[:, : len(lengths)], extras["radius"])
+    return None

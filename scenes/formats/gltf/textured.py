@@ -5,11 +5,9 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from ao.texture.result import BakedTexture
 from ao.texture.uv_layout import on_page
-from raytrace.errors import MeshError
 from raytrace.types import AnyFloats, Float64s, Int64s
 
 from ..load import MeshFile
@@ -25,7 +23,6 @@ from .records import Primitive
 from .write import document, write_ramp
 
 _SAME = 1e-6  # of texture coordinates that float32 has rounded
-_KINDS = {"SCALAR", "VEC2", "VEC3", "VEC4"}
 _RESTART = 65535  # in indices of 16 bits, no vertex (section 3.7.2.1)
 
 
@@ -51,9 +48,8 @@ def textured_glb(
     # The document without textures, and what puts these into its materials.
     builder, drawn = document(mesh_file, None)
     asset = Gltf(mesh_file.path, builder.header, [bytes(builder.binary)])
-    packing = OrmTextures(builder, mesh_file.gltf, [page.w for page in pages], replace) if orm else None
-    textures = packing or OcclusionTextures(builder, replace)
-    numbers = list(range(len(pages))) if orm else [textures.add_page(page.w) for page in pages]
+    textures = OrmTextures(builder, replace, asset=mesh_file.gltf) if orm else OcclusionTextures(builder, replace)
+    numbers = [textures.add_page(page.w) for page in pages]
     on_no_page: list[Drawn] = []
     kept = 0
     # Each primitive: kept, on no page, or divided by its pages.
@@ -79,19 +75,15 @@ def textured_glb(
     textures.apply()
     if w is not None:
         write_ramp(builder, [(primitive, w[vertices]) for primitive, vertices in on_no_page], replace)
-    return builder.encode(), _warnings(kept, len(packing.apart) if packing else 0)
-
-
-def _warnings(kept: int, apart: int) -> list[str]:
-    """Lines on `kept` occlusion textures, and on images of w `apart` from metallic-roughness textures."""
     lines = []
     if kept:
         advice = "so viewers do not show the bake there; --replace-occlusion replaces them"
         lines.append(f"keeps the file's own occlusion textures (primitives: {kept:,}), {advice}")
-    if apart:
+    if textures.apart:
+        apart = f"in images apart from metallic-roughness textures ({len(textures.apart):,})"
         reason = "which have other coordinates, are moved by KHR_texture_transform, or are neither PNG nor JPEG"
-        lines.append(f"has its occlusion in images apart from metallic-roughness textures ({apart:,}), {reason}")
-    return lines
+        lines.append(f"has its occlusion {apart}, {reason}")
+    return builder.encode(), lines
 
 
 def _by_page(
@@ -116,7 +108,9 @@ def draw(builder: GlbBuilder, primitive: dict[str, Any], corners: Int64s) -> Non
 
 def _set_of(asset: Gltf, primitive: Primitive, faces: Int64s, uv: Float64s) -> int | None:
     """Number of the set of a primitive that holds the coordinates `uv` (t, 3, 2), or None."""
-    for name in (name for name in primitive.attributes if name.startswith("TEXCOORD_")):
+    for name in primitive.attributes:
+        if not name.startswith("TEXCOORD_"):
+            continue
         stored = normalized(values(asset, primitive.attributes[name], "VEC2"))[faces] * (1, -1) + (0, 1)
         if np.allclose(stored, uv, _SAME, _SAME):
             return int(name.removeprefix("TEXCOORD_"))
@@ -128,12 +122,9 @@ def split_vertices(
 ) -> None:
     """Give a primitive the set TEXCOORD_`number`, uv (t, 3, 2), with a vertex for each place that one has there."""
     rounded = uv.reshape(-1, 2).astype("<f4")
-    keys = np.empty(len(rounded), [("vertex", "<i8"), ("u", "<f4"), ("v", "<f4")])
-    keys["vertex"] = faces.ravel()
-    keys["u"] = rounded[:, 0]
-    keys["v"] = rounded[:, 1]
-    kinds, example, corners = np.unique(keys, return_index=True, return_inverse=True)
-    take_vertices(builder, asset, primitive, kinds["vertex"])
+    keys = np.column_stack([faces.ravel(), rounded])  # doubles, which hold both
+    _, example, corners = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    take_vertices(builder, asset, primitive, faces.ravel()[example])
     add_coordinates(builder, primitive, number, flipped(rounded[example]))
     draw(builder, primitive, corners)
 
@@ -148,16 +139,12 @@ def take_vertices(builder: GlbBuilder, asset: Gltf, primitive: dict[str, Any], t
 def _taken(builder: GlbBuilder, asset: Gltf, number: int, taken_rows: Int64s) -> int:
     """Index of a new accessor of some rows of another."""
     old = asset.header["accessors"][number]
-    if old["type"] not in _KINDS:
-        raise MeshError(asset.path, f"accessors[{number}]", "a number or vector a vertex", old["type"])
-    taken = np.ascontiguousarray(values(asset, number, old["type"])[taken_rows])
-    size = taken.shape[1] * taken.dtype.itemsize
-    stride = -(-size // 4) * 4
-    padded: npt.NDArray[np.uint8] = np.zeros((len(taken_rows), stride), np.uint8)
-    padded[:, :size] = taken.view(np.uint8).reshape(len(taken_rows), size)
+    taken = np.ascontiguousarray(values(asset, number, "SCALAR", "VEC2", "VEC3", "VEC4")[taken_rows])
+    data = taken.view(np.uint8)
+    padding = -data.shape[1] % 4
+    strided = {"byteStride": data.shape[1] + padding} if padding else {}
+    view = builder.bytes_view(np.pad(data, ((0, 0), (0, padding))).tobytes(), target=ARRAY_BUFFER, **strided)
     made = {key: old[key] for key in ("componentType", "type", "normalized", "name", "extras") if key in old}
-    strided = {"byteStride": stride} if stride != size else {}
-    view = builder.bytes_view(padded.tobytes(), target=ARRAY_BUFFER, **strided)
     made |= {"bufferView": view, "count": len(taken_rows)}
     if "min" in old:
         made |= {"min": taken.min(axis=0).tolist(), "max": taken.max(axis=0).tolist()}

@@ -4,8 +4,8 @@ Of samplers the wrap modes are read; filtering is the renderer's. Format: Khrono
 3.6.2, 3.7.2.1 (`COLOR_0`), 3.8, 3.9.2 to 3.9.4 and 5.26; KHR_texture_transform.
 """
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
 from math import cos, sin
 from typing import Any
 from urllib.parse import unquote
@@ -25,7 +25,7 @@ from ...geometry.attributes import SourceAttributes, triangle_attributes
 from ...geometry.corners import PerCorner
 from ...geometry.instances import Submesh
 from .accessors import column, flipped, view_bytes
-from .asset import Gltf, entry, referenced
+from .asset import Gltf, entry
 from .occlusion import ramp_sets
 from .records import GltfTexture, Primitive, TextureReference
 
@@ -38,13 +38,12 @@ _WORDS = {
 }  # fmt: skip
 
 
+@dataclass(eq=False)
 class Textures:
     """The textures of an asset, each made once."""
 
-    def __init__(self, asset: Gltf) -> None:
-        self.asset = asset
-        self._path = asset.path
-        self._made: dict[tuple[int, tuple[Wrap, Wrap], bool], Texture] = {}
+    asset: Gltf
+    _made: dict[tuple[int, tuple[Wrap, Wrap], bool], Texture] = field(default_factory=dict)
 
     def of_base(self, primitive: Primitive) -> tuple[Float64s, Texture] | None:
         """Coordinates uv (n, 2), v upwards, and the base colour texture of a primitive that has both, or None."""
@@ -52,9 +51,7 @@ class Textures:
 
     def of_occlusion(self, primitive: Primitive) -> tuple[Float64s, Texture, float] | None:
         """The same of the occlusion texture, whose R channel is linear, with its strength in [0, 1]."""
-        materials = self.asset.materials.materials
-        known = primitive.material is not None and primitive.material < len(materials)
-        reference = self.asset.material(primitive).occlusionTexture if known else None
+        reference = self.asset.material(primitive).occlusionTexture
         used = self._used(primitive, reference, srgb=False)
         return None if reference is None or used is None else (*used, float(np.clip(reference.strength, 0.0, 1.0)))
 
@@ -66,13 +63,12 @@ class Textures:
         moved = reference.transform
         number = reference.texCoord if moved.texCoord is None else moved.texCoord
         stored = entry(self.asset.materials.textures, reference.index, "textures")
-        if f"TEXCOORD_{number}" not in primitive.attributes or stored.source is None:
+        uv = column(self.asset, primitive, f"TEXCOORD_{number}", "VEC2")
+        if uv is None or stored.source is None:
             return None
         key = stored.source, self._wrap(stored), srgb
         if key not in self._made:
             self._made[key] = replace(self.image(stored.source), wrap=key[1], srgb=srgb)
-        uv = column(self.asset, primitive, f"TEXCOORD_{number}", "VEC2")
-        assert uv is not None
         if vars(moved):  # scaled, turned anticlockwise as seen, then moved
             c = cos(moved.rotation)
             s = sin(moved.rotation)
@@ -86,22 +82,22 @@ class Textures:
             got = getattr(sampler, name)
             if not isinstance(got, int) or got not in _MODES:
                 field = f"samplers[{texture.sampler}].{name}"
-                raise MeshError(self._path, field, "10497, 33648 or 33071", shown(got))
+                raise MeshError(self.asset.path, field, "10497, 33648 or 33071", shown(got))
         return _MODES[sampler.wrapS], _MODES[sampler.wrapT]
 
     def image(self, number: int) -> Texture:
         """An image of the asset, as a texture that repeats. Raises: SceneError: it is missing, or elsewhere."""
         stored = entry(self.asset.geometry.images, number, "images")
-        label = self._path.with_name(f"{self._path.name}: images[{number}]")
+        label = self.asset.path.with_name(f"{self.asset.path.name}: images[{number}]")
         if stored.bufferView is not None:
             return Texture(label, data=bytes(view_bytes(self.asset, stored.bufferView)))
         field = f"images[{number}].uri"
         if stored.uri.startswith("data:"):
-            data = referenced(stored.uri, self._path.parent)
+            data = self.asset.referenced(stored.uri)
             if not data:
-                raise SceneError(self._path, field, "an image in base64", shown(stored.uri))
+                raise SceneError(self.asset.path, field, "an image in base64", shown(stored.uri))
             return Texture(label, data)
-        return Texture(confined(unquote(stored.uri), self._path.parent, self._path, field))
+        return Texture(confined(unquote(stored.uri), self.asset.path.parent, self.asset.path, field))
 
 
 def opacity_of(textures: Textures, primitive: Primitive, faces: Int64s) -> Opacity | None:
@@ -135,15 +131,15 @@ def gltf_attributes(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tup
     unread = [words for key, words in _WORDS.items() if asset.header.get(key)]
     if len(parts) > 1:
         unread.insert(0, "nodes")
-    ramps = [{f"TEXCOORD_{n}" for n in ramp_sets(asset.header, drawn.stored)} for drawn in asset.drawn]
     names = [
-        drawn.primitive.attributes.keys() - ramp_names for drawn, ramp_names in zip(asset.drawn, ramps, strict=True)
+        drawn.primitive.attributes.keys() - {f"TEXCOORD_{number}" for number in ramp_sets(asset.header, drawn.stored)}
+        for drawn in asset.drawn
     ]
     unread += sorted(set[str]().union(*names) - set(_READ))
     columns = {}
     for name, kinds, missing in (("TEXCOORD_0", ("VEC2",), 0.0), ("COLOR_0", ("VEC3", "VEC4"), 1.0)):
         try:
-            columns[name] = _column(asset, parts, name, kinds, missing, [name in ramp_names for ramp_names in names])
+            columns[name] = _column(asset, parts, names, name, kinds, missing)
         except (ValueError, KeyError, TypeError):
             unread.append(name)
     uv = columns.get("TEXCOORD_0")
@@ -163,24 +159,30 @@ def texture_coordinates(asset: Gltf, parts: Sequence[Submesh], faces: Int64s, nu
     Raises: MeshError: values that are not finite, or not one for each vertex.
     """
     name = f"TEXCOORD_{number}"
-    has = [name in drawn.primitive.attributes for drawn in asset.drawn]
     try:
-        uv = _column(asset, parts, name, ("VEC2",), np.nan, has)
+        uv = _column(asset, parts, [drawn.primitive.attributes for drawn in asset.drawn], name, ("VEC2",), np.nan)
     except (ValueError, KeyError, TypeError) as reason:
         raise MeshError(asset.path, name, "two numbers a vertex", reason) from None
     return None if uv is None else flipped(uv)[faces]
 
 
 def _column(
-    asset: Gltf, parts: Sequence[Submesh], name: str, kinds: tuple[str, ...], missing: float, has: Sequence[bool]
+    asset: Gltf,
+    parts: Sequence[Submesh],
+    names: Sequence[Collection[str]],
+    name: str,
+    kinds: tuple[str, ...],
+    missing: float,
 ) -> Float64s | None:
-    """An attribute of all vertices, `missing` of primitives that have none; None if all do. Raises: as `column`."""
-    if not any(has):
+    """An attribute of all vertices, `missing` of primitives that have it not among their names; None if none has.
+
+    Raises: as `column`.
+    """
+    if not any(name in known for known in names):
         return None
     made = np.full((parts[-1].vertices.stop, int(kinds[-1][-1])), missing)
-    for drawn, part, has_it in zip(asset.drawn, parts, has, strict=True):
-        if has_it:
-            values = column(asset, drawn.primitive, name, *kinds)
-            assert values is not None
+    for drawn, part, known in zip(asset.drawn, parts, names, strict=True):
+        values = column(asset, drawn.primitive, name, *kinds) if name in known else None
+        if values is not None:
             made[part.vertices, : values.shape[1]] = values
     return made

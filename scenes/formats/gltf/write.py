@@ -6,7 +6,6 @@ Linear in u, sampled linearly at a u interpolated linearly, it shows vertex valu
 import copy
 from collections.abc import Iterable
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from ...geometry.instances import Submesh
 from ..load import MeshFile
 from ..table import Channels
 from .accessors import stored_colors
-from .asset import DRACO, MESHOPT, Gltf, referenced
+from .asset import DRACO, MESHOPT, Gltf
 from .builder import GlbBuilder
 from .occlusion import RAMP, OcclusionTextures, add_coordinates, free_set
 from .plain import Drawn, plain
@@ -49,8 +48,7 @@ def document(mesh_file: MeshFile, bake: Bake | None, channels: Channels = Channe
     asset = mesh_file.gltf
     builder, drawn = _stored(asset, mesh_file.parts) if asset else plain(mesh_file, channels.colors)
     stored = Gltf(mesh_file.path, builder.header, [bytes(builder.binary)]) if len(channels.colors) == 1 else None
-    roots = asset.roots if asset else builder.header["scenes"][0]["nodes"]
-    _add_up_axis_node(builder.header, up_axis(mesh_file.mesh, channels.up), roots, asset.hidden if asset else [])
+    _add_up_axis_node(builder.header, up_axis(mesh_file.mesh, channels.up), asset)
     if bake:
         for primitive, vertices in drawn:
             colors = None if stored is None else stored_colors(stored, primitive["attributes"], len(vertices))
@@ -76,12 +74,13 @@ def _stored(asset: Gltf, parts: tuple[Submesh, ...]) -> tuple[GlbBuilder, list[D
     return builder, drawn
 
 
-def _add_up_axis_node(header: dict[str, Any], up: str, roots: list[int], hidden: list[int]) -> None:
+def _add_up_axis_node(header: dict[str, Any], up: str, asset: Gltf | None) -> None:
     """Put the roots of the default scene below a node that turns `up` to y, glTF's up axis, if it is another; and
-    `hidden` nodes below one that no scene shows.
+    hidden nodes of the source below one that no scene shows.
     """
     if up == "y":
         return
+    roots, hidden = (asset.roots, asset.hidden) if asset else (header["scenes"][0]["nodes"], [])
     matrix = np.eye(4)
     matrix[:3, :3] = TO_Y_UP[up]
     nodes = header["nodes"]
@@ -101,11 +100,10 @@ def one_buffer(asset: Gltf) -> GlbBuilder:
         else:  # nothing that was read refers to it
             view |= {"byteOffset": 0, "byteLength": 1}
         view["buffer"] = 0
-    read = cache(Path.read_bytes)
     views: dict[int, int] = {}
     for image in builder.header.get("images", []):
         uri = str(image.get("uri", "data:"))
-        data = None if uri.startswith("data:") else referenced(uri, asset.path.parent, read)
+        data = None if uri.startswith("data:") else asset.referenced(uri)
         if data is not None:
             del image["uri"]
             image.setdefault("mimeType", "image/png" if data.startswith(b"\x89PNG") else "image/jpeg")

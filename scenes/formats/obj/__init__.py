@@ -10,7 +10,6 @@ register(
         peak=9.0,
         begins=rb"(\s*(#[^\n]*)?\n)*\s*(v|vn|vt|o|g|mtllib|usemtl|s)\s",
         write="scenes.formats.obj.write:obj",
-        unsupported="scenes.formats.unsupported:left_out",
-        holds=("uv",),
+        holds=("source", "uv"),
     )
 )

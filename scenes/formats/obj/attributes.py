@@ -1,7 +1,5 @@
 """Colours, texture coordinates and materials of an OBJ file, its faces' alpha, and in words what is not kept."""
 
-from pathlib import Path
-
 import numpy as np
 
 from raytrace.mesh.opacity import AlphaSurface, Opacity
@@ -9,7 +7,7 @@ from raytrace.mesh.opacity import AlphaSurface, Opacity
 from ...geometry.attributes import SourceAttributes, SourceMaterial
 from ...geometry.corners import PerCorner
 from ...geometry.polygons import Triangulation
-from .mtl import LIBRARY, OPAQUE, OPTION, read_libraries
+from .mtl import LIBRARY, OPAQUE, OPTION, Libraries
 from .text import ObjText
 
 MAX_OBJECTS = 4096  # each takes a kilobyte or two of a .glb
@@ -23,7 +21,7 @@ _TOLD = {  # of what is left out of materials, what matters to alpha
 
 
 def obj_attributes(
-    file: ObjText, folder: Path, triangles: Triangulation, normals: PerCorner | None, one_each: bool
+    file: ObjText, libraries: Libraries, triangles: Triangulation, normals: PerCorner | None, one_each: bool
 ) -> tuple[SourceAttributes, tuple[str, ...]]:
     """All of an OBJ file that can be kept, and the rest in words.
 
@@ -31,7 +29,7 @@ def obj_attributes(
     """
     # Texture coordinates and colours.
     uv = file.uv()
-    uv_is_finite = uv is None or bool(np.isfinite(uv.values[uv.of[file.some("vt")]]).all())
+    uv_is_finite = uv is None or np.isfinite(uv.values[uv.of[file.some("vt")]]).all()
     colors = file.colors
     if colors is not None and not ((colors >= 0) & (colors <= 1)).all():
         colors = None
@@ -42,7 +40,7 @@ def obj_attributes(
     keeps_objects = bool(objects.names) and objects.kinds <= MAX_OBJECTS
     # Materials.
     used = file.named("usemtl")
-    known, files, missing = read_libraries(file.lines("mtllib"), folder) if used.names else ({}, [], [])
+    known, files, missing = libraries if used.names else ({}, [], [])
     materials = tuple(known.get(name, SourceMaterial(name)) for name in used.names)
     # What is left out, in words.
     left_out = (
@@ -70,19 +68,19 @@ def obj_attributes(
     return attributes, (*(words for is_left_out, words in left_out if is_left_out), *missing)
 
 
-def obj_opacity(file: ObjText, folder: Path, triangles: Triangulation) -> tuple[Opacity | None, tuple[str, ...]]:
+def obj_opacity(
+    file: ObjText, libraries: Libraries, triangles: Triangulation
+) -> tuple[Opacity | None, tuple[str, ...]]:
     """Alpha of the faces, None where all are opaque; and warnings of images that are missing."""
-    known, _, left = read_libraries(file.lines("mtllib"), folder)
+    known, _, left = libraries
     notes = tuple(
         words + end for words in dict.fromkeys(left) for begin, end in _TOLD.items() if words.startswith(begin)
     )
     # The see-through material of each face, −1: none.
     materials = {name: material for name, material in known.items() if material.opacity < 1 or material.opacity_texture}
-    if not materials:
-        return None, notes
     used = file.named("usemtl")
-    of_name = [list(materials).index(name) if name in materials else -1 for name in used.names]
-    of = np.repeat(np.array([*of_name, -1])[used.of], triangles.counts)
+    numbers = {name: number for number, name in enumerate(materials)}
+    of = np.repeat(np.array([*(numbers.get(name, -1) for name in used.names), -1])[used.of], triangles.counts)
     if (of < 0).all():
         return None, notes
     from raytrace.image.texture import Texture
@@ -90,10 +88,9 @@ def obj_opacity(file: ObjText, folder: Path, triangles: Triangulation) -> tuple[
     uv = file.uv()
     surfaces = []
     for material in materials.values():
-        image = None if uv is None else material.opacity_texture
-        surfaces.append(
-            AlphaSurface(material.opacity, Texture(image) if image else None, grey=image != material.texture)
-        )
+        image = material.opacity_texture if uv else None
+        texture = Texture(image) if image else None
+        surfaces.append(AlphaSurface(material.opacity, texture, grey=image != material.texture))
     if uv is None:
         return Opacity(of, tuple(surfaces), None), notes
     # Faces without texture coordinates have the alpha of their material without its image.

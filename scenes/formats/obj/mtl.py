@@ -24,11 +24,14 @@ _NAMES, _NAME = 3, 60  # of libraries or materials that a message lists, and let
 _LIBRARY = re.compile(r"^[ \t]*mtllib(?!\S)([^#\n]*)", re.MULTILINE)
 OPAQUE, OPTION, LIBRARY = "Tr 1", "option", "material library"  # how words on them begin
 MATERIAL_WORDS = ("texture of", LIBRARY, OPAQUE, OPTION)  # how what is missing of materials begins
-_COUNTS = {"Kd": 3, "Ke": 3, "Ks": 3, "d": 1, "Tr": 1, "Ns": 1, "Pm": 1, "Pr": 1}  # numbers of a statement
+_STEEPEST = 1e6  # exponent of a highlight
+_NUMBERS = {  # how many numbers a statement has, and the largest that they may be
+    "Kd": (3, 1), "Ke": (3, 1), "Ks": (3, 1), "d": (1, 1), "Tr": (1, 1), "Ns": (1, _STEEPEST), "Pm": (1, 1),
+    "Pr": (1, 1),
+}  # fmt: skip
 _MAPS = "map_Kd", "map_d"
 _UNREAD = "map_", "bump", "disp", "decal", "refl", "norm"
 _LARGEST = 1 << 24  # bytes of a library
-_STEEPEST = 1e6  # exponent of a highlight
 _OPTION = r"(?i)-(?:mm\s+\S+\s+\S+|[ost](?:\s+[-+.\de]+(?=\s)){1,3}|[a-z]+\s+\S+)\s+"
 _IDLE = (  # options at their defaults, and options of filters and bumps
     r"(?i)-(?:s(\s+1(\.0*)?)+|[ot](\s+0(\.0*)?)+|mm\s+0(\.0*)?\s+1(\.0*)?|(clamp|cc)\s+off"
@@ -36,8 +39,12 @@ _IDLE = (  # options at their defaults, and options of filters and bumps
 )
 
 
-def read_libraries(names: str, folder: Path) -> tuple[dict[str, SourceMaterial], list[Path], list[str]]:
-    """The materials of libraries by name, the files they come from, and what was left out, in words.
+Libraries = tuple[dict[str, SourceMaterial], list[Path], list[str]]
+"""The materials of libraries by name, the files they come from, and what was left out, in words."""
+
+
+def read_libraries(names: str, folder: Path) -> Libraries:
+    """The libraries of an OBJ file.
 
     Args: names: what follows each `mtllib`, a statement a line. folder: of the OBJ file.
     """
@@ -48,15 +55,12 @@ def read_libraries(names: str, folder: Path) -> tuple[dict[str, SourceMaterial],
     libraries = list(_libraries(names.split("\n"), find))
     if gone := dict.fromkeys(name for name, library in libraries if library is None):
         left.append(f"{LIBRARY} {_first_names([printable(name, _NAME) for name in gone])}")
-    for _, library in libraries:
-        if library is None:
-            continue
+    for library in (library for _, library in libraries if library):
         materials, missing = read_mtl(library, find)
         known = materials | known  # the first of a name counts
-        pictures = [
-            picture for material in materials.values() for picture in (material.texture, material.opacity_texture)
-        ]
-        files += [library, *filter(None, pictures)]
+        files.append(library)
+        for material in materials.values():
+            files += filter(None, (material.texture, material.opacity_texture))
         left += missing
     return known, files, left
 
@@ -84,7 +88,7 @@ def _libraries(lines: Iterable[str], find: Callable[[str], Path | None]) -> Iter
 
 def _resolve_inside(folder: Path, name: str) -> Path | None:
     """A file in a folder or below it, or None."""
-    return resolve_inside(name.strip().strip('"').replace("\\", "/"), folder)
+    return resolve_inside(name.strip().strip('"'), folder)
 
 
 def read_mtl(path: Path, find: Callable[[str], Path | None]) -> tuple[dict[str, SourceMaterial], list[str]]:
@@ -97,24 +101,21 @@ def read_mtl(path: Path, find: Callable[[str], Path | None]) -> tuple[dict[str, 
             statements = given[rest] = {}
         elif statements is None:
             continue
-        elif key in _COUNTS:
-            statements[key] = _numbers(rest, _COUNTS[key])
+        elif key in _NUMBERS:
+            statements[key] = _numbers(rest, *_NUMBERS[key])
         elif key in _MAPS:
-            picture, options = _picture(rest)
-            statements[key] = find(picture)
-            left += [f"{OPTION} {option} of {key} ({picture})" for option in options if statements[key]]
-            if not statements[key] or (key == "map_Kd" and not is_picture(statements[key])):
+            name, options = _picture(rest)
+            picture = statements[key] = find(name)
+            left += [f"{OPTION} {option} of {key} ({name})" for option in options if picture]
+            if not picture or (key == "map_Kd" and not is_picture(picture)):
                 left.append(f"texture of {key} ({rest or 'no name'})")
                 del statements[key]
         elif key.startswith(_UNREAD):
             left.append(f"texture of {key} ({rest or 'no name'})")
     made = {name: _material(name, values) for name, values in given.items()}
-    unread = [
-        values_of["map_d"]
-        for name, values_of in given.items()
-        if "map_d" in values_of and not made[name].opacity_texture
-    ]
-    left += [f"texture of map_d ({picture.name})" for picture in unread]
+    for name, values in given.items():
+        if "map_d" in values and not made[name].opacity_texture:
+            left.append(f"texture of map_d ({values['map_d'].name})")
     if opaque := [name for name, values in given.items() if _is_opaque(values)]:
         left.append(f"{OPAQUE} of {_first_names(opaque)}, taken for opaque")
     return made, left
@@ -138,43 +139,39 @@ def _picture(text: str) -> tuple[str, list[str]]:
 
 def _is_opaque(given: dict[str, Any]) -> bool:
     """Whether `Tr` would hide everything."""
-    return not given.get("d") and bool(given.get("Tr")) and given["Tr"][0] >= 1
+    return not given.get("d") and given.get("Tr") == (1.0,)
 
 
-def _numbers(text: str, count: int) -> tuple[float, ...] | None:
+def _numbers(text: str, count: int, largest: float) -> tuple[float, ...]:
+    """So many numbers in [0, largest], of which one stands for all; none if there are others."""
     try:
-        values = [float(word) for word in text.split()[:count]]
+        values = np.array([float(word) for word in text.split()[:count]])
     except ValueError:
-        return None
-    if len(values) == 1:
-        values *= count
-    return tuple(values) if len(values) == count and np.isfinite(values).all() else None
+        return ()
+    if len(values) not in (1, count) or not np.isfinite(values).all():
+        return ()
+    return tuple(np.broadcast_to(values, count).clip(0, largest).tolist())
 
 
 def _material(name: str, given: dict[str, Any]) -> SourceMaterial:
-    def fraction(key: str, otherwise: float) -> float:
-        return float(np.clip(given[key][0], 0, 1)) if given.get(key) else otherwise
+    def number(key: str, otherwise: float = 0.0) -> float:
+        return given[key][0] if given.get(key) else otherwise
 
-    def colour(key: str, otherwise: float) -> tuple[float, float, float]:
-        red, green, blue = np.clip(given.get(key) or (otherwise,) * 3, 0, 1).tolist()
-        return red, green, blue
-
-    colour_texture = given.get("map_Kd")
-    roughness = fraction("Pr", 1.0)
-    if not given.get("Pr") and given.get("Ns") and any(given.get("Ks") or (0,)):
-        roughness = float((2 / (max(given["Ns"][0], 0) + 2)) ** 0.25)
+    black = 0.0, 0.0, 0.0
+    specular = given.get("Ks") or black
+    exponent = number("Ns")
+    glossy = (2 / (exponent + 2)) ** 0.25 if given.get("Ns") and any(specular) else 1.0
+    texture = given.get("map_Kd")
     opacity_texture = given.get("map_d")
-    if opacity_texture and not is_opacity_map(opacity_texture, colour_texture):
-        opacity_texture = None
     return SourceMaterial(
         name,
-        colour("Kd", 1.0),
-        opacity=1.0 if _is_opaque(given) else fraction("d", 1 - fraction("Tr", 0.0)),
-        metallic=fraction("Pm", 0.0),
-        roughness=roughness,
-        emission=colour("Ke", 0.0),
-        specular=colour("Ks", 0.0),
-        exponent=float(np.clip(given["Ns"][0], 0, _STEEPEST)) if given.get("Ns") else 0.0,
-        texture=colour_texture,
-        opacity_texture=opacity_texture,
+        given.get("Kd") or (1.0, 1.0, 1.0),
+        opacity=1.0 if _is_opaque(given) else number("d", 1 - number("Tr")),
+        metallic=number("Pm"),
+        roughness=number("Pr", glossy),
+        emission=given.get("Ke") or black,
+        specular=specular,
+        exponent=exponent,
+        texture=texture,
+        opacity_texture=opacity_texture if opacity_texture and is_opacity_map(opacity_texture, texture) else None,
     )

@@ -10,6 +10,7 @@ from ...geometry.instances import Instance
 from ...geometry.polygons import triangulate
 from ..table import MeshInput
 from .attributes import obj_attributes, obj_opacity
+from .mtl import read_libraries
 from .text import ObjText
 
 
@@ -18,18 +19,18 @@ def read_obj(given: MeshInput) -> list[Instance]:
 
     Normals are taken where every face has them and each vertex has only one. Raises: as `ObjText`.
     """
-    folder = given.path.parent
     file = ObjText(given.file.read(), given.source)
     normals = file.normals()
     vertex_normals = normals and normals.at_vertices(file.corners, len(file.vertices), np.nan)
     triangles = triangulate(file.vertices, file.corners, file.sizes, given.source)
     notes = file.notes + triangles.notes
     made = Instance(given.name, file.vertices, triangles.take(file.corners), vertex_normals, notes=notes)
+    libraries = read_libraries(file.lines("mtllib"), given.path.parent) if given.keep or given.alpha else ({}, [], [])
     if given.keep:
-        attributes, unread = obj_attributes(file, folder, triangles, normals, vertex_normals is not None)
+        attributes, unread = obj_attributes(file, libraries, triangles, normals, vertex_normals is not None)
         made = made._replace(attributes=attributes, unread=unread)
     if given.alpha:
-        opacity, of_alpha = obj_opacity(file, folder, triangles)
+        opacity, of_alpha = obj_opacity(file, libraries, triangles)
         unread = tuple(words for words in made.unread if not any(note.startswith(words) for note in of_alpha))
         made = made._replace(opacity=opacity, unread=unread, notes=notes + of_alpha)
     return [made._replace(polygons=triangles.polygons)]

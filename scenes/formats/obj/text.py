@@ -3,21 +3,18 @@
 Kernels read vertices and faces from blocks of the file's bytes, on all cores; the rest becomes text.
 """
 
-from __future__ import annotations
-
 import re
 from typing import NamedTuple
 
 import numpy as np
 
 from raytrace.errors import MeshError
-from raytrace.system.threads import run_blocks, thread_count
 from raytrace.text import lines
 from raytrace.text.lines import COUNT, LEAST, MOST, NEEDED, NONE, NUMBERED, SLASHES, USABLE, WORDS, F, V
 from raytrace.types import Bools, Float64s, Int64s
 
 from ...geometry.corners import PerCorner
-from ..number_rows import line_blocks, round_left
+from ..number_rows import for_blocks, line_blocks, round_left
 
 _RUN = re.compile(r"^[ \t]*(\w+)(?!\S)[^\n]*(?:\n[ \t]*\1(?!\S)[^\n]*)*+", re.MULTILINE)
 
@@ -92,12 +89,12 @@ class ObjText:
         tallies = np.zeros((len(self._blocks), F + 1, SLASHES + 1), np.int64)
         rest = [np.empty((0, 3), np.int64)] * len(tallies)
 
-        def work(block: int, _: int) -> None:
+        def work(block: int) -> None:
             begin, end = self._blocks[block]
             runs_found = np.empty(((end - begin) // 4 + 2, 3), np.int64)
             rest[block] = runs_found[: lines.survey(self._text, begin, end, tallies[block], runs_found)].copy()
 
-        run_blocks(len(tallies), 1, work, thread_count(None))
+        for_blocks(len(tallies), work)
         self._tallies = tallies
         self._before = np.cumsum(np.insert(tallies, 0, 0, axis=0), axis=0)
         self.runs: list[Run] = []
@@ -115,12 +112,12 @@ class ObjText:
         ends = self._before[:, kind, USABLE]
         values = np.empty((ends[-1], least if alike else needed))
 
-        def work(block: int, _: int) -> None:
+        def work(block: int) -> None:
             if self._tallies[block, kind, COUNT]:
                 row = values[ends[block] : ends[block + 1]]
                 lines.read_numbers(self._text, *self._blocks[block], kind, row)
 
-        run_blocks(len(self._blocks), 1, work, thread_count(None))
+        for_blocks(len(self._blocks), work)
         round_left(self._data, values.reshape(-1))
         return values
 
@@ -130,12 +127,12 @@ class ObjText:
         indices = np.empty((3 if self._before[-1, F, SLASHES] else 1, self._before[-1, F, WORDS]), np.int64)
         valid = [True] * len(self._blocks)
 
-        def work(block: int, _: int) -> None:
+        def work(block: int) -> None:
             if self._tallies[block, F, COUNT]:
                 faces = self._before[block], sizes, indices
                 valid[block] = lines.read_faces(self._text, *self._blocks[block], *faces)
 
-        run_blocks(len(valid), 1, work, thread_count(None))
+        for_blocks(len(valid), work)
         return sizes, indices, all(valid)
 
     def lines(self, keyword: str, runs: list[Run] | None = None) -> str:
@@ -157,7 +154,7 @@ class ObjText:
         return np.asarray(self.indices[keyword] != NONE)
 
     def _per_corner(self, keyword: str) -> PerCorner:
-        values = self._rows(keyword)
+        values = np.ascontiguousarray(self._numbers(keyword)[:, : NEEDED[NUMBERED.index(keyword)]])
         some = self.some(keyword)
         of = np.full(len(some), len(values))
         of[some] = self._from_zero(self.indices[keyword][some], len(values), keyword)
@@ -177,9 +174,6 @@ class ObjText:
         counts = np.diff(np.append(begins, len(self.sizes)))
         of = np.array(labels)
         return FaceNames(tuple(names), np.repeat(of, counts), len(set(of[counts > 0].tolist())))
-
-    def _rows(self, keyword: str) -> Float64s:
-        return np.ascontiguousarray(self._numbers(keyword)[:, : NEEDED[NUMBERED.index(keyword)]])
 
     def _from_zero(self, indices: Int64s, count: int, keyword: str) -> Int64s:
         """Indices from zero on, of indices from one on."""

@@ -1,31 +1,27 @@
 """Obscurance as vertex colours of a Wavefront OBJ, `v x y z r g b`, which MeshLab, Blender and ZBrush read."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
 
+from ao import Bake
 from raytrace.image.srgb import encode_srgb
 from raytrace.types import AnyFloats
 
 from ..load import MeshFile
-from ..write import VertexValues
 
 
-def obj(bake: VertexValues, mesh_file: MeshFile, _: object) -> bytes:
+def obj(bake: Bake, mesh_file: MeshFile, _: object) -> bytes:
     """The vertices in their order, grey w, sRGB-encoded as programs take such colours; the source's polygons, texture
     coordinates and normals of vertices."""
     mesh = mesh_file.mesh
-    attributes = mesh_file.attributes
-    corners = attributes.corners if attributes else mesh.faces.ravel()
-    sizes = attributes.sizes if attributes else np.full(len(mesh.faces), 3)
+    held = mesh_file.held
     grey = np.repeat(encode_srgb(bake.w)[:, None], 3, axis=1).astype(np.float64).round(6)
     lines = ["# obscurance: 1 = open; r g b = obscurance as sRGB", *_lines("v", np.hstack([mesh.vertices, grey]))]
-    vertex = list(map(str, (corners + 1).tolist()))
+    vertex = list(map(str, (held.corners + 1).tolist()))
     tokens = vertex
-    uv = attributes.uv if attributes else None
+    uv = held.uv
     if uv and np.isfinite(uv.values).all():
         lines += _lines("vt", uv.values)
         tokens = [f"{token}/{number}" for token, number in zip(tokens, (uv.of + 1).tolist(), strict=True)]
@@ -33,7 +29,7 @@ def obj(bake: VertexValues, mesh_file: MeshFile, _: object) -> bytes:
         lines += _lines("vn", np.nan_to_num(mesh.normals))
         between = "/" if tokens is not vertex else "//"
         tokens = [f"{token}{between}{number}" for token, number in zip(tokens, vertex, strict=True)]
-    ends = np.cumsum(sizes).tolist()
+    ends = np.cumsum(held.sizes).tolist()
     lines += (" ".join(["f", *tokens[first:end]]) for first, end in pairwise([0, *ends]))
     return "\n".join([*lines, ""]).encode()
 

@@ -24,29 +24,28 @@ def read_off(given: MeshInput) -> list[Instance]:
     if not header:
         raise MeshError(source, "content", "an OFF file of text with three coordinates a vertex", "another header")
     lines = NumberRows.of(data, header.end())
-    begins = lines.bounds[:-1]
-    ends = lines.bounds[1:]
     # The first row: numbers of vertices and of faces.
-    fault = MeshError(source, "content", "a number of vertices and one of faces", "fewer numbers")
-    counts = whole(lines.take(begins[:1], ends[:1], 2, fault))
+    expected = "a number of vertices and one of faces"
+    fault = MeshError(source, "content", expected, "fewer numbers")
+    counts = whole(lines.take(slice(1), 0, 2, fault))
     vertex_count, face_count = [*counts.tolist(), 0, 0][:2]
     if vertex_count < 1 or face_count < 0:
-        raise MeshError(source, "content", "a number of vertices and one of faces", f"{vertex_count} and {face_count}")
-    expected = f"{vertex_count} vertices and {face_count} faces"
-    if len(begins) < 1 + vertex_count + face_count:
-        raise MeshError(source, "content", expected, "an end before that")
-    fault = MeshError(source, "content", expected, "lines of fewer numbers")
+        raise MeshError(source, "content", expected, f"{vertex_count} and {face_count}")
     # A row for each vertex, then one for each face.
+    expected = f"{vertex_count} vertices and {face_count} faces"
     of_vertices = slice(1, 1 + vertex_count)
     of_faces = slice(1 + vertex_count, 1 + vertex_count + face_count)
+    if len(lines.lengths) < of_faces.stop:
+        raise MeshError(source, "content", expected, "an end before that")
+    fault = MeshError(source, "content", expected, "lines of fewer numbers")
     has_normals = b"N" in header[1]
     columns = 6 if has_normals else 3
-    vertex_rows = lines.take(begins[of_vertices], ends[of_vertices], columns, fault).reshape(-1, columns)
-    sizes, values = lines.take_lists(begins[of_faces], ends[of_faces], fault)
+    vertex_rows = lines.take(of_vertices, 0, columns, fault).reshape(-1, columns)
+    sizes, values = lines.take_lists(of_faces, 0, fault)
     corners = whole(values)
     vertices = vertex_rows[:, :3]
     triangles = triangulate(vertices, corners, sizes, source)
-    has_colours = b"C" in header[1] or bool((ends[of_faces] - begins[of_faces] > sizes + 1).any())
+    has_colours = b"C" in header[1] or bool((lines.lengths[of_faces] > sizes + 1).any())
     return [
         Instance(
             given.name,

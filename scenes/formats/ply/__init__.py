@@ -10,7 +10,6 @@ register(
         peak=7.5,
         begins=rb"ply\r?\n",
         write="scenes.formats.ply.write:ply",
-        unsupported="scenes.formats.ply.write:unsupported_features",
-        holds=("w", "faces", "colors", "uv"),
+        holds=("source", "w", "faces", "colors", "uv"),
     )
 )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -13,10 +12,9 @@ import numpy.typing as npt
 
 from raytrace.image.srgb import encode_srgb
 from raytrace.mesh.up import UP
-from raytrace.text.safe_paths import resolve_inside
 from raytrace.types import AnyInts, Float32s, Float64s, Int64s
 
-from ...geometry.attributes import Element, Property, SourceAttributes, SourceMaterial, is_picture
+from ...geometry.attributes import Element, Property, SourceAttributes, SourceMaterial, find_picture
 from ...geometry.corners import PerCorner
 from ...geometry.polygons import Triangulation
 
@@ -28,9 +26,7 @@ NAMES = {
     "q": "int64", "Q": "uint64",
 }  # fmt: skip
 """The format's names of the types that NumPy calls by these letters."""
-_TYPES = {name: letter for letter, name in NAMES.items()} | {
-    "int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I", "float32": "f", "float64": "d",
-}  # fmt: skip
+_TYPES = {name: letter for letter in NAMES for name in (NAMES[letter], np.dtype(letter).name)}
 _ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
 _END = re.compile(rb"^end_header[ \t\r]*\n", re.MULTILINE)
 INDICES = ("vertex_indices", "vertex_index")
@@ -42,34 +38,27 @@ RGB = ("red", "green", "blue")
 _TEXTURE = "comment TextureFile "  # of MeshLab and others, and a name
 UV = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 _MESH = ("x", "y", "z", "nx", "ny", "nz")
+_NO_VALUES = np.empty(0)
 
 
-@dataclass
-class PlyElement:
-    """An element as a header declares it."""
-
-    name: str
-    count: int
-    # by name the type of the values, and of the length of a list or "" for a single value
-    properties: dict[str, tuple[str, str]] = field(default_factory=dict)
-
-    def row(self, lengths: Mapping[str, int], order: str = "<") -> np.dtype[Any]:
-        """The type of a row, whose lists are of these lengths; the field `COUNT` + name has a list's length."""
-        fields: list[tuple[Any, ...]] = []
-        for name, (kind, counted) in self.properties.items():
-            if counted:
-                fields.append((COUNT + name, order + counted))
-            fields.append((name, order + kind, *([(lengths[name],)] if counted else [])))
-        return np.dtype(fields)
+def row_of(element: Element, lengths: Mapping[str, int], order: str = "<") -> np.dtype[Any]:
+    """The type of a row, whose lists are of these lengths; the field `COUNT` + name has a list's length."""
+    fields: list[tuple[Any, ...]] = []
+    for column in element.properties:
+        if column.counted:
+            fields.append((COUNT + column.name, order + column.counted))
+        fields.append((column.name, order + column.kind, *([(lengths[column.name],)] if column.counted else [])))
+    return np.dtype(fields)
 
 
 class PlyHeader(NamedTuple):
     """Attributes: text: whether the data are numbers in words. order: NumPy's sign of the bytes' order.
-    elements: with at least one property. comments: lines, "comment …" or "obj_info …". start: of the data."""
+    elements: with at least one property, all without values. comments: lines, "comment …" or "obj_info …".
+    start: of the data."""
 
     text: bool
     order: str
-    elements: list[PlyElement]
+    elements: list[Element]
     comments: tuple[str, ...]
     start: int
 
@@ -105,36 +94,35 @@ def read_header(data: bytes) -> PlyHeader:
     return PlyHeader(formats[0] == "ascii", _ORDERS[formats[0]], _elements(lines), comments, end.end())
 
 
-def _elements(lines: list[list[str]]) -> list[PlyElement]:
-    made: dict[str, PlyElement] = {}
-    last = PlyElement("", 0)
+def _elements(lines: list[list[str]]) -> list[Element]:
+    made: dict[str, tuple[int, dict[str, Property]]] = {}
+    columns: dict[str, Property] = {}
     for words in lines:
         match words:
             case ["element", name, count]:
-                last = PlyElement(name, int(count))
-                if made.setdefault(name, last) is not last or last.count < 0:
+                columns = {}
+                if name in made or int(count) < 0:
                     raise ValueError(f"element {name} twice, or of a negative count")
-                continue
+                made[name] = int(count), columns
+            case ["property", *_, name] if name in columns:
+                raise ValueError(f"property {name} twice")
             case ["property", "list", counted, kind, name]:
-                types = _TYPES[kind], _TYPES[counted]
+                columns[name] = Property(name, _TYPES[kind], _NO_VALUES, _TYPES[counted])
             case ["property", kind, name]:
-                types = _TYPES[kind], ""
+                columns[name] = Property(name, _TYPES[kind], _NO_VALUES)
             case ["element" | "property", *_]:
                 raise ValueError("the line " + " ".join(words))
-            case _:
-                continue
-        if last.properties.setdefault(name, types) is not types:
-            raise ValueError(f"property {name} twice")
-    return [element for element in made.values() if element.properties]
+    return [Element(name, count, tuple(columns.values())) for name, (count, columns) in made.items() if columns]
 
 
-def write_header(elements: Iterable[PlyElement], comments: Iterable[str]) -> bytes:
+def write_header(elements: Iterable[Element], comments: Iterable[str]) -> bytes:
     """The header of a binary little-endian file."""
     lines = ["ply", "format binary_little_endian 1.0", *comments]
     for element in elements:
         lines.append(f"element {element.name} {element.count}")
-        for name, (kind, counted) in element.properties.items():
-            lines.append(f"property {f'list {NAMES[counted]} ' if counted else ''}{NAMES[kind]} {name}")
+        for column in element.properties:
+            counted = f"list {NAMES[column.counted]} " if column.counted else ""
+            lines.append(f"property {counted}{NAMES[column.kind]} {column.name}")
     return "\n".join([*lines, "end_header\n"]).encode("latin-1", "replace")
 
 
@@ -149,17 +137,13 @@ def ply_attributes(
     """All of a PLY file. Args: corners, sizes: of its polygons. folder: where it is, and textures that it names."""
     vertex = columns_of(elements, "vertex")
     face = columns_of(elements, "face")
-    uv, used = _coordinates(vertex, face, corners, sizes)
-    colors = fractions(own_colors(elements))
+    uv, used = _coordinates(vertex, columns_of(elements, "face", lists=True).get("texcoord"), corners, sizes)
     known = {*_MESH, *RGB, "alpha", "obscurance", *used}
-    numbers = {
-        name: c.values for name, c in vertex.items() if c.sizes is None and name not in known and not is_profile(name)
-    }
+    numbers = {name: column.values for name, column in vertex.items() if name not in known and not is_profile(name)}
     # Comments that are no bake's, and the textures that they name.
     kept = tuple(line for line in comments if not line.startswith(("comment obscurance: ", PROFILE_COMMENT)))
     names = [line.removeprefix(_TEXTURE).strip() for line in comments if line.startswith(_TEXTURE)] if uv else []
-    pictures = [resolve_inside(name, folder) for name in names]
-    shown = [picture if picture and is_picture(picture) else None for picture in pictures]
+    pictures = [find_picture(name, folder) for name in names]
     number = face["texnumber"].values if "texnumber" in face else np.zeros(len(sizes))
     material_of = np.where((number >= 0) & (number < len(names)), number, -1).astype(np.int64)
     return SourceAttributes(
@@ -167,25 +151,26 @@ def ply_attributes(
         np.asarray(sizes, np.int64),
         triangles,
         uv,
-        colors=colors,
+        colors=fractions(own_colors(elements)),
         numbers=numbers,
-        materials=tuple(SourceMaterial(name, texture=texture) for name, texture in zip(names, shown, strict=True)),
+        materials=tuple(SourceMaterial(name, texture=texture) for name, texture in zip(names, pictures, strict=True)),
         material_of=material_of if names else None,
         elements=elements,
         comments=kept,
-        files=tuple(filter(None, shown)),
+        files=tuple(filter(None, pictures)),
     )
 
 
-def columns_of(elements: Sequence[Element], name: str) -> dict[str, Property]:
-    """The properties of the elements of this name."""
-    return {column.name: column for element in elements if element.name == name for column in element.properties}
+def columns_of(elements: Sequence[Element], name: str, lists: bool = False) -> dict[str, Property]:
+    """The properties of the element of this name that are single values, or `lists`."""
+    columns = (column for element in elements if element.name == name for column in element.properties)
+    return {column.name: column for column in columns if bool(column.counted) == lists}
 
 
 def stored_colors(elements: tuple[Element, ...]) -> dict[str, Property]:
     """The vertices' properties red, green, blue and alpha, as far as there are any."""
     vertex = columns_of(elements, "vertex")
-    return {name: vertex[name] for name in (*RGB, "alpha") if name in vertex and vertex[name].sizes is None}
+    return {name: vertex[name] for name in (*RGB, "alpha") if name in vertex}
 
 
 def own_colors(elements: tuple[Element, ...]) -> dict[str, Property]:
@@ -231,14 +216,13 @@ def with_channel(w: npt.NDArray[Any], channel: str, stored: dict[str, Property])
 
 
 def _coordinates(
-    vertex: dict[str, Property], face: dict[str, Property], corners: Int64s, sizes: AnyInts
+    vertex: dict[str, Property], wedges: Property | None, corners: Int64s, sizes: AnyInts
 ) -> tuple[PerCorner | None, tuple[str, ...]]:
     """Texture coordinates, of vertices or of corners, and the vertices' properties that they come from."""
     for pair in UV:
-        if all(name in vertex and vertex[name].sizes is None and _finite(vertex[name]) for name in pair):
+        if all(name in vertex and _finite(vertex[name]) for name in pair):
             return PerCorner(np.stack([vertex[name].values for name in pair], axis=1).astype(np.float64), corners), pair
-    wedges = face.get("texcoord")
-    if wedges is not None and wedges.sizes is not None and _finite(wedges) and np.array_equal(wedges.sizes, 2 * sizes):
+    if wedges and _finite(wedges) and np.array_equal(wedges.sizes, 2 * sizes):
         return PerCorner(wedges.values.reshape(-1, 2).astype(np.float64), np.arange(len(corners))), ()
     return None, ()
 

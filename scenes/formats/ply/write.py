@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 
 from ao import Bake
+from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import face_normals
 from raytrace.mesh.up import up_axis
 
 from ...geometry.attributes import Element, Property, SourceAttributes
 from ..load import MeshFile
-from ..obj.mtl import MATERIAL_WORDS
 from ..table import Channels
 from . import layout
-from .layout import COUNT, RGB, UP_COMMENT, PlyElement, grey_of, is_profile, own_colors, stored_colors
+from .layout import COUNT, RGB, UP_COMMENT, grey_of, is_profile, own_colors, stored_colors
 
 OWN = "comment obscurance: 1 = open"
 GREY = "; red green blue = obscurance as sRGB"
@@ -32,13 +32,12 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     `channels.ply_name` is another property with w. With `channels.colors` "rgb" the grey also replaces the source's own
     colours; with one letter w replaces only that channel. A comment says which axis but y is up.
     """
-    attributes = mesh_file.attributes
+    attributes = mesh_file.held
     profile = bake.profile
-    elements = attributes.elements if attributes and attributes.elements else _elements(mesh_file, attributes)
+    elements = attributes.elements or _elements(mesh_file.mesh, attributes)
     shown = channels.colors or ("" if has_own_colors(attributes) else "rgb")
     axis = up_axis(mesh_file.mesh, channels.up)
-    stored = attributes.comments if attributes else ()
-    comments = [line for line in stored if not line.startswith(UP_COMMENT) or line == UP_COMMENT + axis]
+    comments = [line for line in attributes.comments if not line.startswith(UP_COMMENT) or line == UP_COMMENT + axis]
     if axis != "y" and UP_COMMENT + axis not in comments:
         comments.insert(0, UP_COMMENT + axis)
     comments.insert(0, OWN + _COMMENTS[shown])
@@ -48,47 +47,21 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     further = channels.ply_name
     named = "face" if bake.at == "faces" else "vertex"
     values = _of_polygons(bake, mesh_file) if bake.at == "faces" else bake
-    annotated = [
-        _annotate(element, values, shown, further) if element.name == named else element for element in elements
-    ]
-    fitting = [
-        replace(element, properties=tuple(column.fitting() for column in element.properties)) for element in annotated
-    ]
-    layouts = [PlyElement(e.name, e.count, {c.name: (c.kind, c.counted) for c in e.properties}) for e in fitting]
-    return b"".join([layout.write_header(layouts, comments), *map(_rows, fitting, layouts)])
+    fitting = []
+    for element in elements:
+        annotated = _annotate(element, values, shown, further) if element.name == named else element
+        fitting.append(replace(element, properties=tuple(column.fitting() for column in annotated.properties)))
+    return b"".join([layout.write_header(fitting, comments), *map(_rows, fitting)])
 
 
-def has_own_colors(attributes: SourceAttributes | None) -> bool:
+def has_own_colors(attributes: SourceAttributes) -> bool:
     """Whether the source has vertex colours that are not the grey of an earlier bake."""
-    if attributes is None or not attributes.elements:
-        return attributes is not None and attributes.colors is not None
-    return bool(own_colors(attributes.elements))
-
-
-def unsupported_features(mesh_file: MeshFile, colors: str) -> list[str]:
-    """What of a mesh file a PLY lacks, in words. Args: colors: the channels of colours that hold w."""
-    attributes = mesh_file.attributes
-    missing: list[str] = []
-    if len(colors) > 1 and has_own_colors(attributes):
-        missing.append("its colours")
-    if attributes is None or not attributes.elements:
-        of = None if attributes is None else attributes.object_of
-        if not mesh_file.gltf and (len(mesh_file.parts) > 1 or (of is not None and np.ptp(of))):
-            missing.append("its division into objects")
-        missing += [words for words in mesh_file.unread if not words.startswith(MATERIAL_WORDS)]
-    if attributes and attributes.normals:
-        missing.append("normals of vertices that have several")
-    if attributes and attributes.uv and not np.isfinite(attributes.uv.values).all():
-        missing.append("texture coordinates, which some corners lack")
-    if attributes and attributes.materials and not attributes.elements:
-        missing.append("materials")
-    return missing
+    return bool(own_colors(attributes.elements)) or (attributes.colors is not None and not attributes.elements)
 
 
 def _of_polygons(bake: Bake, mesh_file: MeshFile) -> Bake:
     """w of the polygons that the faces of a bake were cut from: the mean by area. Its profile is left out."""
-    attributes = mesh_file.attributes
-    polygon = attributes.triangles.polygons if attributes else None
+    polygon = mesh_file.held.triangles.polygons
     if polygon is None:
         return replace(bake, profile=None)
     areas = np.maximum(face_normals(bake.mesh.vertices, bake.mesh.faces)[1], 1e-300)
@@ -111,11 +84,10 @@ def _annotate(element: Element, bake: Bake, shown: str, further: str | None) -> 
     elif shown:
         grey = grey_of(bake.w)
         made += [Property(name, "B", grey) for name in RGB]
-    return Element(element.name, element.count, (*kept, *made))
+    return replace(element, properties=(*kept, *made))
 
 
-def _elements(mesh_file: MeshFile, attributes: SourceAttributes | None) -> tuple[Element, ...]:
-    mesh = mesh_file.mesh
+def _elements(mesh: Mesh, attributes: SourceAttributes) -> tuple[Element, ...]:
     # Coordinates and normals.
     columns = [Property(axis, "f", mesh.vertices[:, number]).fitting() for number, axis in enumerate("xyz")]
     if any(column.kind == "d" for column in columns):
@@ -126,33 +98,29 @@ def _elements(mesh_file: MeshFile, attributes: SourceAttributes | None) -> tuple
         normals = (normals / np.where(longest > _LONGEST, longest, 1.0)).astype("<f4")
         columns += [Property(axis, "f", column) for axis, column in zip(("nx", "ny", "nz"), normals.T, strict=True)]
     # Polygons, texture coordinates and colours of another format.
-    sizes = np.full(len(mesh.faces), 3)
-    corners = mesh.faces.ravel()
+    sizes = attributes.sizes
+    corners = attributes.corners
     lists = []
-    if attributes:
-        sizes = attributes.sizes
-        corners = attributes.corners
-        if attributes.uv and np.isfinite(attributes.uv.values).all():
-            uv = attributes.uv.at_vertices(corners, len(mesh.vertices))
-            if uv is None:
-                uv = attributes.uv.values[attributes.uv.of]
-                lists = [Property("texcoord", "f", uv.astype("<f4").ravel(), "B", 2 * sizes)]
-            else:
-                columns += [Property(name, "f", uv[:, n].astype("<f4")) for n, name in enumerate("st")]
-        if attributes.colors is not None:
-            whole = np.rint(np.clip(np.nan_to_num(attributes.colors), 0, 1) * 255)
-            names = (*RGB, "alpha")
-            columns += [Property(name, "B", column) for name, column in zip(names, whole.T, strict=False)]
+    if attributes.uv and np.isfinite(attributes.uv.values).all():
+        uv = attributes.uv.at_vertices(corners, len(mesh.vertices))
+        if uv is None:
+            uv = attributes.uv.values[attributes.uv.of]
+            lists = [Property("texcoord", "f", uv.astype("<f4").ravel(), "B", 2 * sizes)]
+        else:
+            columns += [Property(name, "f", uv[:, n].astype("<f4")) for n, name in enumerate("st")]
+    if attributes.colors is not None:
+        whole = np.rint(np.clip(np.nan_to_num(attributes.colors), 0, 1) * 255)
+        columns += [Property(name, "B", column) for name, column in zip((*RGB, "alpha"), whole.T, strict=False)]
     faces = Property("vertex_indices", "i", corners, "B", sizes)
     return Element("vertex", len(mesh.vertices), tuple(columns)), Element("face", len(sizes), (faces, *lists))
 
 
-def _rows(element: Element, declared: PlyElement) -> memoryview:
+def _rows(element: Element) -> memoryview:
     """The rows of an element: as an array where their lists are equally long, or else column by column."""
-    lists = {column.name: column.sizes for column in element.properties if column.sizes is not None}
+    lists = {column.name: column.sizes for column in element.properties if column.counted}
     if all((sizes == sizes[:1]).all() for sizes in lists.values()):
         lengths = {name: int(sizes[0]) if len(sizes) else 0 for name, sizes in lists.items()}
-        table = np.empty(element.count, declared.row(lengths))
+        table = np.empty(element.count, layout.row_of(element, lengths))
         for column in element.properties:
             table[column.name] = column.values.reshape(table[column.name].shape)
             if column.counted:
@@ -161,9 +129,9 @@ def _rows(element: Element, declared: PlyElement) -> memoryview:
     one = np.ones(element.count, np.int64)
     columns = []
     for column in element.properties:
-        if column.sizes is not None:
+        if column.counted:
             columns.append((column.sizes.astype("<" + column.counted), one))
-        columns.append((column.values.astype("<" + column.kind), one if column.sizes is None else column.sizes))
+        columns.append((column.values.astype("<" + column.kind), column.sizes if column.counted else one))
     widths = sum((values.itemsize * sizes for values, sizes in columns), start=0 * one)
     data = np.empty(int(widths.sum()), np.uint8)
     starts = np.cumsum(widths) - widths

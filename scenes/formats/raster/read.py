@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def read_raster(given: MeshInput) -> list[Instance]:
     """The surface through the cells of the first band, z upwards.
 
-    Raises: MeshError: rasterio is missing, no cell has data, or cells are in degrees.
+    Raises: MeshError: no cell has data, or cells are in degrees. Others as `opened`.
     """
     with opened(given.file, given.source) as raster:
         heights = raster.read(1).astype(np.float64)
@@ -51,12 +51,10 @@ def read_raster(given: MeshInput) -> list[Instance]:
 
 
 def opened(file: Any, source: str) -> DatasetReader:
-    """A raster in a file. Raises: MeshError: rasterio is missing, or it is none."""
-    try:
-        import rasterio
-        from rasterio.errors import RasterioError
-    except ImportError:
-        raise MeshError(source, "format", "pip install rasterio, to read rasters", "no such package") from None
+    """A raster in a file. Raises: MeshError: it is none. ModuleNotFoundError: there is no rasterio."""
+    import rasterio
+    from rasterio.errors import RasterioError
+
     try:
         return rasterio.open(file)
     except RasterioError as reason:

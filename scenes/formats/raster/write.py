@@ -1,21 +1,19 @@
 """w of the cells of a height raster, as a raster of the same grid."""
 
-from __future__ import annotations
-
 import numpy as np
 
+from ao import Bake
 from raytrace.errors import OptionError
 
 from ..load import MeshFile
 from ..table import is_raster
-from ..write import VertexValues
 from .read import data_mask, opened
 
 _NO_DATA = -9999.0
 _KEPT = "width", "height", "crs", "transform"
 
 
-def raster(bake: VertexValues, mesh_file: MeshFile, _: object) -> bytes:
+def raster(bake: Bake, mesh_file: MeshFile, _: object) -> bytes:
     """A GeoTIFF of w and, as a second band, its standard error where that is known, float32.
 
     Raises: OptionError: what was baked is no raster.

@@ -39,8 +39,6 @@ def read_stl(given: MeshInput) -> list[Instance]:
 def _solids(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
     """Name and vertices (n, 3) of each solid that has some."""
     lines = NumberRows.of(data)
-    begins = lines.bounds[:-1]
-    ends = lines.bounds[1:]
     solid = lines.starting_with(b"solid")
     vertex = lines.starting_with(b"vertex")
     end = lines.starting_with(b"endsolid")
@@ -50,10 +48,10 @@ def _solids(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
     marks = np.stack([solid, end], axis=1).ravel()
     splits = np.searchsorted(vertex, marks)
     outside = np.diff(splits, prepend=0, append=len(vertex))[::2]
-    if (np.diff(marks) < 0).any() or outside.any() or (ends[vertex] - begins[vertex] != 4).any():
+    if (np.diff(marks) < 0).any() or outside.any() or (lines.lengths[vertex] != 4).any():
         raise damaged
-    numbers = lines.take(begins[vertex] + 1, ends[vertex], 3, damaged).reshape(-1, 3)
-    names = [next(_NAME.finditer(lines.data, word))[1] for word in lines.words(begins[solid]).tolist()]
+    numbers = lines.take(vertex, 1, 3, damaged).reshape(-1, 3)
+    names = [next(_NAME.finditer(lines.data, word))[1] for word in lines.words(lines.bounds[solid]).tolist()]
     parts = zip(names, np.split(numbers, splits)[1::2], strict=True)
     solids = [(name.decode("utf-8", "replace").strip(), part) for name, part in parts if len(part)]
     if not solids:

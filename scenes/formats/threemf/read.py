@@ -13,6 +13,7 @@ import os
 import re
 import zipfile
 from array import array
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
@@ -52,18 +53,18 @@ class _Object:
     paint: Paint | None = None  # of faces without their own
 
 
+@dataclass
 class _Reader:
     """The target of the XML parser: collects the objects and build items of one model file."""
 
-    def __init__(self, model: str, objects: dict[Key, _Object]) -> None:
-        self.model = model
-        self.objects = objects
-        self.items: list[tuple[Key, Float64s]] = []
-        self.current = _Object("")
-        self.group = ""
-        self.colours: dict[Paint, SourceMaterial] = {}
-        self.sizes: dict[str, int] = {}  # of groups, as far as they are read
-        self.has_unread = False
+    model: str
+    objects: dict[Key, _Object]
+    items: list[tuple[Key, Float64s]] = field(default_factory=list)
+    current: _Object = field(default_factory=lambda: _Object(""))
+    group: str = ""
+    colours: dict[Paint, SourceMaterial] = field(default_factory=dict)
+    sizes: Counter[str] = field(default_factory=Counter)  # of groups, as far as they are read
+    has_unread: bool = False
 
     def start(self, tag: str, attributes: Mapping[str, str]) -> None:
         match tag.rpartition("}")[2]:
@@ -77,15 +78,17 @@ class _Reader:
                 self.current.vertices.extend(float(attributes[axis]) for axis in "xyz")
             case "triangle":
                 self.current.faces.extend(int(attributes[corner]) for corner in ("v1", "v2", "v3"))
-                self.current.paints.append(self._paint(attributes))
+                paint = self.current.paint
+                if "p1" in attributes:  # at its first corner
+                    paint = attributes.get("pid") or (paint or ("", ""))[0], attributes["p1"]
+                self.current.paints.append(paint)
             case "component":
                 self.current.components.append(self._placed(attributes))
             case name if name in _COLOURED:
                 self.group = attributes["id"]
             case "base" | "color":
-                self._add_colour(
-                    attributes.get("name", ""), attributes.get("displaycolor", attributes.get("color", ""))
-                )
+                code = attributes.get("displaycolor", attributes.get("color", ""))
+                self._add_colour(attributes.get("name", ""), code)
             case name if name in _UNREAD:
                 self.has_unread = True
             case "item":
@@ -93,21 +96,14 @@ class _Reader:
 
     def _add_colour(self, name: str, code: str) -> None:
         """Add a colour "#RRGGBB" or "#RRGGBBAA", sRGB, to the group that is read."""
-        number = self.sizes.get(self.group, 0)
-        self.sizes[self.group] = number + 1
+        number = self.sizes[self.group]
+        self.sizes[self.group] += 1
         if not re.fullmatch("#([0-9A-Fa-f]{6}|[0-9A-Fa-f]{8})", code):
             self.has_unread = True
             return
         codes = np.frombuffer(bytes.fromhex(code[1:7]), np.uint8)
         red, green, blue = decode_srgb(codes / 255).tolist()
         self.colours[self.group, str(number)] = SourceMaterial(name or code, (red, green, blue))
-
-    def _paint(self, attributes: Mapping[str, str]) -> Paint | None:
-        """The colour of a triangle, at its first corner."""
-        own = self.current.paint
-        if "p1" not in attributes:
-            return own
-        return attributes.get("pid") or (own or ("", ""))[0], attributes["p1"]
 
     def _placed(self, attributes: Mapping[str, str]) -> tuple[Key, Float64s]:
         path = next((value for name, value in attributes.items() if name.rpartition("}")[2] == "path"), "")
@@ -182,8 +178,8 @@ def _attributes(
     used = [paint for paint in dict.fromkeys(paints) if paint and paint in colours]
     if not used:
         return attributes
-    number = {paint: row for row, paint in enumerate(used)}
-    material_of = np.array([number.get(paint, -1) if paint else -1 for paint in paints])
+    number = dict[Paint | None, int](zip(used, range(len(used)), strict=True))
+    material_of = np.array([number.get(paint, -1) for paint in paints])
     return attributes._replace(materials=tuple(colours[paint] for paint in used), material_of=material_of)
 
 

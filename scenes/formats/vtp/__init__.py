@@ -7,6 +7,6 @@ register(
         ".vtp",
         "VTK",
         write="scenes.formats.vtp.write:vtp",
-        unsupported="scenes.formats.vtp.write:unsupported_features",
+        holds=("source",),
     )
 )

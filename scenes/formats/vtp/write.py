@@ -3,30 +3,26 @@
 Format: VTK XML formats, PolyData, version 1.0; arrays inline, in base64 after their lengths.
 """
 
-from __future__ import annotations
-
 from base64 import b64encode
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from ao import Bake
+
 from ..load import MeshFile
-from ..unsupported import left_out
-from ..write import VertexValues
 
 _TYPES = {"f4": "Float32", "f8": "Float64", "i8": "Int64", "u1": "UInt8"}
 _HEADER = '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">'
 
 
-def vtp(bake: VertexValues, mesh_file: MeshFile, _: object) -> bytes:
+def vtp(bake: Bake, mesh_file: MeshFile, _: object) -> bytes:
     """The vertices and polygons of the source with `obscurance`, float, and as far as they are known `error`, `flags`,
     `bent_normals` and `Normals`, the source's own."""
     mesh = mesh_file.mesh
-    attributes = mesh_file.attributes
-    corners = attributes.corners if attributes else mesh.faces.ravel()
-    sizes = attributes.sizes if attributes else np.full(len(mesh.faces), 3)
-    columns = {
+    held = mesh_file.held
+    columns: dict[str, tuple[npt.NDArray[Any] | None, str]] = {
         "obscurance": (bake.w, "f4"),
         "error": (bake.error, "f4"),
         "flags": (bake.flags, "u1"),
@@ -37,7 +33,7 @@ def vtp(bake: VertexValues, mesh_file: MeshFile, _: object) -> bytes:
     lines = [
         _HEADER,
         "<PolyData>",
-        f'<Piece NumberOfPoints="{len(mesh.vertices)}" NumberOfPolys="{len(sizes)}">',
+        f'<Piece NumberOfPoints="{len(mesh.vertices)}" NumberOfPolys="{len(held.sizes)}">',
         '<PointData Scalars="obscurance">',
         *point_data,
         "</PointData>",
@@ -45,8 +41,8 @@ def vtp(bake: VertexValues, mesh_file: MeshFile, _: object) -> bytes:
         _array("Points", mesh.vertices, "f8"),
         "</Points>",
         "<Polys>",
-        _array("connectivity", corners, "i8"),
-        _array("offsets", np.cumsum(sizes), "i8"),
+        _array("connectivity", held.corners, "i8"),
+        _array("offsets", np.cumsum(held.sizes), "i8"),
         "</Polys>",
         "</Piece>",
         "</PolyData>",
@@ -61,10 +57,3 @@ def _array(name: str, values: npt.NDArray[Any], kind: str) -> str:
     components = values.shape[1] if values.ndim > 1 else 1
     of_what = f'type="{_TYPES[kind]}" Name="{name}" NumberOfComponents="{components}"'
     return f'<DataArray {of_what} format="binary">{encoded}</DataArray>'
-
-
-def unsupported_features(mesh_file: MeshFile, _: str) -> list[str]:
-    """What of a mesh file a .vtp lacks, in words."""
-    has_uv = mesh_file.attributes and mesh_file.attributes.uv
-    others = [words for words in left_out(mesh_file) if not words.startswith("texture coordinates")]
-    return [*others, *(["texture coordinates"] if has_uv else [])]

@@ -16,7 +16,7 @@ from raytrace.image.texture import Texture, Wrap, texture_alpha, texture_codes
 from raytrace.mesh.opacity import AlphaSurface, Opacity
 from raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
 
-from ...formats.load import MeshFile, mesh_errors
+from ...formats.load import MeshFile, parser_errors
 from ...geometry.attributes import SourceAttributes
 from ...geometry.corners import PerCorner
 
@@ -102,10 +102,10 @@ class _Collected:
 def _read(file: MeshFile) -> BaseColour | None:
     found = _Collected(len(file.mesh.faces))
     if file.gltf:
-        with mesh_errors(file.path):
+        with parser_errors(file.path):
             _collect_of_gltf(file, file.gltf, found)
-    elif file.attributes:
-        _collect_of_attributes(file.mesh.faces, file.attributes, found)
+    else:
+        _collect_of_attributes(file.mesh.faces, file.held, found)
     if file.mesh.opacity:
         _collect_alpha(file.mesh.opacity, found)
     used = np.unique(found.image_of[found.image_of >= 0])
@@ -148,7 +148,7 @@ def _collect_of_attributes(faces: Int64s, attributes: SourceAttributes, found: _
     # Of each material and, last, of none.
     factors = np.array([*(material.colour for material in attributes.materials), (1, 1, 1)])
     pictures = [Texture(material.texture) if material.texture else None for material in attributes.materials]
-    material_of = np.repeat(attributes.material_of, attributes.triangles.counts)
+    material_of = attributes.of_faces(attributes.material_of)
     found.light = found.light * factors[material_of, None]
     uv = attributes.corner_uv()
     if uv is not None:

@@ -17,7 +17,7 @@ from raytrace.types import Float64s, UInt8s
 
 from ...formats.gltf.occlusion import is_ramp
 from ...formats.gltf.textures import Textures
-from ...formats.load import MeshFile, load, mesh_errors
+from ...formats.load import MeshFile, load, parser_errors
 from ...formats.stored_w import ENDINGS, find_profile, read_beside_w, read_w, unrepeated
 from ...geometry.standing import lying_notes
 from .base_colour import base_colour
@@ -85,7 +85,7 @@ def _textures(source: MeshFile | None) -> TexturedW | None:
     uv = np.zeros((count, 2))
     of = np.full(count, -1)
     numbers: dict[tuple[Texture, float], int] = {}
-    with mesh_errors(asset.path):
+    with parser_errors(asset.path):
         textures = Textures(asset)
         for drawn, part in zip(asset.drawn, source.parts, strict=True):
             used = textures.of_occlusion(drawn.primitive)

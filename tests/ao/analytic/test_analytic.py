@@ -149,6 +149,16 @@ def test_published_values() -> None:
     assert analytic.tilted_normal(pi / 3) == pytest.approx(0.75, abs=1e-15)
 
 
+@pytest.mark.parametrize("slope", [0.2, 0.7, 2.0])
+@pytest.mark.parametrize("sides", [3, 4, 7, 4096])
+def test_an_inverted_pyramid(sides: int, slope: float) -> None:
+    """(1/2π) ∫ cos² h dφ, where a side towards φ = 0 has the horizon tan h = t cosφ; from far away a cone's cos² β."""
+    horizon = quad(lambda phi: 1 / (1 + (slope * cos(phi)) ** 2), -pi / sides, pi / sides, epsabs=1e-14)[0]
+    assert analytic.inverted_pyramid(sides, slope) == pytest.approx(sides * horizon / (2 * pi), abs=1e-12)
+    if sides == 4096:
+        assert analytic.inverted_pyramid(sides, slope) == pytest.approx(1 / (1 + slope**2), abs=1e-6)
+
+
 @pytest.mark.parametrize("tau", [None, 1.3])
 @pytest.mark.parametrize("spread", [150, 80])
 def test_a_disk_in_a_cone(tau: float | None, spread: float) -> None:
@@ -236,7 +246,8 @@ def test_arguments_out_of_range_are_refused() -> None:
         lambda: analytic.ceiling(0.0), lambda: analytic.ceiling(1.0, tau=0.0), lambda: analytic.ceiling(1.0, "linear"),
         lambda: analytic.corner(1.0, 1.0, "smooth"), lambda: analytic.ceiling(1.0, 1.0, -1.0),
         lambda: analytic.sphere(2.0, 1.0), lambda: analytic.cylinder(2.0, 1.0), lambda: analytic.groove(4.0, 1.0),
-        lambda: analytic.tilted_normal(4.0), lambda: analytic.wall(-1.0), lambda: analytic.box((1, 1, 1, 0), 1.0),
+        lambda: analytic.tilted_normal(4.0), lambda: analytic.inverted_pyramid(2, 1.0),
+        lambda: analytic.inverted_pyramid(4, 0.0), lambda: analytic.wall(-1.0), lambda: analytic.box((1, 1, 1, 0), 1.0),
         lambda: analytic.corner(0.0, 1.0), lambda: analytic.inside_sphere(0.0), lambda: analytic.inside_cylinder(0.0),
     ):  # fmt: skip
         with pytest.raises(ValueError, match="expected"):

@@ -69,12 +69,12 @@ def test_folders_without_permission_are_no_obstacle(tmp_path):
     bind = ["setpriv", f"--bounding-set={given_up}", f"--inh-caps={given_up}"] if os.getuid() == 0 else []
     places = dict.fromkeys(("HOME", "XDG_CACHE_HOME", "TMPDIR"), str(closed))
     code = f"import tempfile; tempfile.tempdir = {str(closed)!r}; import cli; cli.main()"
-    command = [*bind, sys.executable, "-c", code, "bake", mesh, "-o", target, "--samples", "64"]
+    command = [*bind, sys.executable, "-c", code, "bake", mesh, "-o", target, "--samples", "64", "--quiet"]
     result = subprocess.run(
         command, capture_output=True, text=True, check=False, cwd=ROOT, timeout=600, env=os.environ | places
     )
     assert result.returncode == 0, result.stderr
-    assert result.stderr.count("\n") == 1
+    assert not result.stderr
     content = target.read_bytes()
     assert not list(closed.iterdir())
     assert obscurance("bake", mesh, "-o", target, "--samples", 64).returncode == 0

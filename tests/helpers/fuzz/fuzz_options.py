@@ -155,7 +155,7 @@ def profile(rng):
                 continue
             case 1:
                 array = array.reshape(-1)[: rng.randrange(array.size + 1)]
-            case 2:
+            case 2 if array.dtype.kind != "c":
                 array = array.astype(rng.choice(("f2", "i8", "c16", "U5", "?", "S3", "u1")))
             case 3:
                 array = array[..., None]

@@ -9,15 +9,16 @@ from raytrace.kernel.arrays import aligned
 from raytrace.kernel.jit import kernel
 from raytrace.kernel.simd import (
     WIDE,
+    bits,
     count,
     double,
-    first,
     gather,
     gather3,
     highest,
     lane_numbers,
     load_row,
     lowest,
+    lowest_bit,
     pick,
     replace,
     scatter4,
@@ -90,7 +91,15 @@ def masks(a, out):
     positive = x > 0.0
     store_row(out, 0, positive)
     store_row(out, 1, (lane_numbers() * 5 & 7) + (lane_numbers() >> 2))
-    return some(positive), some(x > 100.0), count(positive), first(positive), pick(x, 5), lowest(x), highest(x)
+    return (
+        some(positive),
+        some(x > 100.0),
+        count(positive),
+        lowest_bit(bits(positive)),
+        pick(x, 5),
+        lowest(x),
+        highest(x),
+    )
 
 
 def test_masks_and_single_lanes(values):

@@ -142,6 +142,13 @@ def test_the_texture_that_a_ply_names_is_shown(folder):
     assert b"comment TextureFile p.png\ncomment TextureFile q.png\n" in (folder / "u.ply").read_bytes()
 
 
+def test_a_texture_may_be_named_with_a_backslash(folder):
+    (folder / "sub").mkdir()
+    (folder / "sub" / "p.png").write_bytes((folder / "p.png").read_bytes())
+    described = ply(folder, "property int texnumber\n", " 0", ("sub\\p.png",))
+    assert described.scene.objects[-1].shape.texture.path.parts[-2:] == ("sub", "p.png")
+
+
 @pytest.mark.parametrize("name", ["gone.png", "../p.png", "t.ply"])
 def test_a_texture_that_is_none_is_left_out(folder, name):
     described = ply(folder, "property int texnumber\n", " 0", (name,))

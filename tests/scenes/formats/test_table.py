@@ -18,14 +18,14 @@ from scenes.formats.table import endings, format_of, formats, sniffed_format
 
 @pytest.mark.parametrize("row", formats().values(), ids=formats())
 def test_functions_of_a_row_are_there(row):
-    for name in filter(None, (row.read, row.write, row.unsupported)):
+    for name in filter(None, (row.read, row.write)):
         assert callable(resolve_name(name))
     assert bool(row.read) == bool(row.peak)
-    assert not row.unsupported or row.write
+    assert "source" not in row.holds or row.write
 
 
 def test_options_offer_the_formats_of_the_table():
-    piped = {*endings("read")} - {*endings("", "raster")}
+    piped = {*endings("read")} - {*endings("raster")}
     assert {f".{name}" for name in get_args(InputFormat)} == piped
     assert {f".{name}" for name in get_args(Format)} == {*endings("write"), *IMAGES} - {".tiff"}
 

@@ -88,11 +88,13 @@ def test_every_closed_form_has_a_line() -> None:
         "ceiling", "coaxial disk", "wall", "infinite wall", "corner of two walls", "V-groove", "trench",
         "sphere above a plane", "inside a sphere", "inside a cylinder", "cylinder parallel to a plane",
         "closed unit cube", "tilted normal", "polygons by Lambert's formula",
+        "inverted pyramid of 3 sides", "inverted pyramid of 512 sides",
     ):  # fmt: skip
         assert name in names
     for name in {line.name for line in LINES} - {"tilted normal"}:
         kinds = {type(line.falloff) for line in LINES if line.name == name}
-        assert kinds - {Linear, Smooth} == ({Binary} if "olygon" in name else {Binary, Exponential}), name
+        binary_alone = "olygon" in name or "pyramid" in name
+        assert kinds - {Linear, Smooth} == ({Binary} if binary_alone else {Binary, Exponential}), name
     for kind, at_least in (
         (Linear, {"ceiling", "infinite wall", "trench", "closed unit cube", "closed box", "dome", "coaxial disk"}),
         (Smooth, {"ceiling", "infinite wall", "dome", "coaxial disk"}),

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 from command import obscurance, refused
 
 rasterio = pytest.importorskip("rasterio")
@@ -76,6 +77,64 @@ def test_a_basin_and_a_cone(tmp_path, shape):
     rises = np.tan(BETA) * np.array([two, np.cos(turn) + np.sin(turn)] if shape == "cone" else [1.0])
     assert abs(w[60, 60] - np.mean(1 / (1 + rises**2))) < 0.02
     assert (w[radius > 60] == NOWHERE).all()
+
+
+def horizons(heights, cell, azimuths):
+    """Tangents (cells, azimuths) of the horizon's elevation, by the profile of the surface towards each azimuth: its
+    highest points are over edges, of rows, of columns and of the diagonals of cells; −∞ where none is."""
+    rows, columns = (index.ravel()[:, None, None] for index in np.indices(heights.shape))
+    down, right = -np.cos(azimuths)[:, None], np.sin(azimuths)[:, None]
+    line = np.arange(1 - max(heights.shape), max(heights.shape))
+    start = heights.ravel()[:, None, None]
+    size = np.array(heights.shape) - 1
+    highest = np.full((heights.size, len(azimuths)), -np.inf)
+    for steps in ((line - rows) / down, (line - columns) / right, (line - rows + columns) / (down - right)):
+        r, c = rows + steps * down, columns + steps * right
+        inside = [np.abs(2 * at - most) < most + 1e-9 for at, most in zip((r, c), size, strict=True)]
+        within = (steps > 1e-9) & inside[0] & inside[1]
+        r0, c0 = (np.clip(np.floor(at), 0, None).astype(int) for at in (np.where(within, r, 0), np.where(within, c, 0)))
+        r1, c1 = np.minimum(r0 + 1, heights.shape[0] - 1), np.minimum(c0 + 1, heights.shape[1] - 1)
+        u, v = np.where(within, r - r0, 0), np.where(within, c - c0, 0)
+        flat = heights[r0, c0] * (1 - np.maximum(u, v)) + heights[r1, c1] * np.minimum(u, v)
+        met = flat + heights[r1, c0] * np.maximum(u - v, 0) + heights[r0, c1] * np.maximum(v - u, 0)
+        rise = (met - start) / (cell * np.where(within, steps, 1))
+        highest = np.maximum(highest, np.where(within, rise, -np.inf).max(axis=2))
+    return highest
+
+
+def factors(tangents, azimuths, normals):
+    """Sky-view factors of surfaces with `normals` (cells, 3), x east and y north, by the integral over azimuths of
+    Steger et al. 2022: (1/2π) ∫ (n_x sin φ + n_y cos φ)(π/2 − h − sin h cos h) + n_z cos² h dφ, h not below the
+    surface."""
+    aside = normals[:, :1] * np.sin(azimuths) + normals[:, 1:2] * np.cos(azimuths)
+    h = np.arctan(np.maximum(tangents, -aside / normals[:, 2:]))
+    return np.mean(aside * (np.pi / 2 - h - np.sin(h) * np.cos(h)) + normals[:, 2:] * np.cos(h) ** 2, axis=1)
+
+
+@pytest.mark.parametrize("steepness", [0.25, 1.0])
+def test_both_definitions_are_the_integrals_of_the_horizon(tmp_path, steepness):
+    """Steep cells, up to 82°, have folds, where w of the inclined surface is a mean over its faces and no integral."""
+    size, cell = 20, 30.0
+    rng = np.random.default_rng(8)
+    waves = [np.sin(np.add.outer(a * np.arange(size), b * np.arange(size)) + c) for a, b, c in rng.normal(size=(9, 3))]
+    heights = (steepness * cell * np.sum(waves, axis=0)).astype(np.float32).astype(np.float64)
+    write(tmp_path / "hills.tif", heights, cell, cell)
+    azimuths = np.radians(np.arange(360) + 0.37)
+    tangents = horizons(heights, cell, azimuths)
+    row, column = (index.ravel() for index in np.indices(heights.shape))
+    number = np.arange(size * size).reshape(size, size)
+    a, b, c, d = (n.ravel() for n in (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]))
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    places = np.stack([cell * column, -cell * row, heights.ravel()], axis=1)
+    sloping = np.asarray(trimesh.Trimesh(places, faces, process=False).vertex_normals)
+    up = np.tile([0.0, 0.0, 1.0], (size * size, 1))
+    inclined, horizontal = factors(tangents, azimuths, sloping), factors(tangents, azimuths, up)
+    cases = [(horizontal, inclined, ("--normals", "up")), (inclined, horizontal, ())]
+    for exact, other, options in cases[: 2 if steepness < 1 else 1]:
+        w = sky(tmp_path / "hills.tif", *options)[0].ravel()
+        assert np.sqrt(np.mean((w - exact) ** 2)) < 0.004
+        assert np.abs(w - exact).max() < 0.02
+        assert np.sqrt(np.mean((w - other) ** 2)) > 0.02
 
 
 def test_a_plane_is_open_and_the_grid_is_kept(tmp_path):
