@@ -4,13 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.types import Float64s
+from raytrace.types import Float64s, Int64s
 
 from ..rays.directions import BATCHES
 
 _TYPICAL = 0.2  # of their mean in each expected squared error
-_USUAL, USUAL_DOUBT = 1.0, 0.3  # factor by which expected squared errors are off, and its standard deviation
-_MOST = 9.0  # of that factor
+_USUAL, _DOUBT = 1.0, 0.3  # factor by which expected squared errors are off, and its standard deviation
 
 
 class CalibrationGroup(NamedTuple):
@@ -28,43 +27,39 @@ class Calibration(NamedTuple):
 
     estimated: Float64s  # their level is set by the measured ones
     measured: Float64s  # unbiased, so that some are negative
+    weight: Float64s  # by how many of all points each stands for
 
     def whole(self) -> CalibrationGroup:
-        return _group(self.estimated, self.measured)
+        return self._group(slice(None))
 
     def groups(self, count: int = 5) -> list[CalibrationGroup]:
         """The points in `count` groups of one size by their estimated error, the least first; none for few points."""
         if len(self.estimated) < 8 * count:
             return []
         rows = np.array_split(np.argsort(self.estimated, kind="stable"), count)
-        return [_group(self.estimated[each], self.measured[each]) for each in rows]
+        return [self._group(group) for group in rows]
+
+    def _group(self, rows: Int64s | slice) -> CalibrationGroup:
+        measured = self.measured[rows]
+        weight = self.weight[rows] / max(float(np.sum(self.weight[rows])), 1e-300)
+        mean = float(weight @ measured)
+        doubt = float(np.sqrt(weight**2 @ measured**2))
+        squares = float(weight @ self.estimated[rows]), mean, mean - doubt, mean + doubt
+        return CalibrationGroup(len(measured), *(float(np.sqrt(max(square, 0.0))) for square in squares))
 
 
-def _group(estimated: Float64s, measured: Float64s) -> CalibrationGroup:
-    count = max(len(measured), 1)
-    mean = float(np.sum(measured)) / count
-    doubt = float(np.sqrt(np.sum(measured**2))) / count
-    squares = float(np.sum(estimated)) / count, mean, mean - doubt, mean + doubt
-    return CalibrationGroup(len(measured), *(float(np.sqrt(max(square, 0.0))) for square in squares))
-
-
-def calibration_factor(
-    expected: Float64s, squared: Float64s, everywhere: Float64s, doubt: float = USUAL_DOUBT
-) -> float:
+def calibration_factor(expected: Float64s, squared: Float64s, everywhere: Float64s) -> float:
     """The factor by which `expected` squared errors (j,) are off in the mean, from unbiased measures `squared` (j,).
 
     A measure that scatters much is mistrusted: the mean of it and what is usual, weighted by their variances. So is one
     where few points have most of the error `everywhere`, expected of all (k,), for it may have missed these.
-
-    Args: doubt: standard deviation of the factor.
     """
     mean = float(np.mean(expected)) if len(expected) else 0.0
     if mean <= 0 or len(squared) <= 1:
         return 1.0
     uneven = float(mean_square(everywhere) / np.mean(everywhere) ** 2)
-    measured = float(np.mean(squared))
-    scatter = (float(np.var(squared)) / max(mean, measured) ** 2 + 2 * uneven) / len(squared)
-    return float(np.clip(_USUAL + (measured / mean - _USUAL) / (1 + scatter / doubt**2), 1 / 3, _MOST))
+    scatter = (float(np.var(squared)) / mean**2 + 2 * uneven) / len(squared)
+    return float(np.clip(_USUAL + (float(np.mean(squared)) / mean - _USUAL) / (1 + scatter / _DOUBT**2), 1 / 3, 3))
 
 
 def mean_square(values: Float64s) -> float:

@@ -60,7 +60,7 @@ def traced_twice(
             level = min(level, rays**-2.0)
         variance = shrunk_to_mean(distribute_variance(spread, level)) + within
         before = (w[calibration] - again) ** 2
-        checked = Calibration(variance[calibration], before / 2)
+        checked = Calibration(variance[calibration], before / 2, np.ones(len(before)))
         raw = Estimate(rows[:, VALUES], variance, samples, calibration=checked)
         if neighbours is None:
             return raw
@@ -74,7 +74,7 @@ def traced_twice(
             return raw
         error += within
         error *= calibration_factor(error[calibration], after - before / 2, error)
-        checked = Calibration(error[calibration], after - before / 2)
+        checked = Calibration(error[calibration], after - before / 2, np.ones(len(before)))
         return Estimate(np.column_stack([denoised, rows[:, BENT:]]), error, samples, calibration=checked)
 
     return estimated

@@ -11,13 +11,13 @@ from raytrace.types import Float64s, Int64s
 from ..execute.tracer import Tracer
 from ..points.points import Points
 from ..rays.gather import W
-from .calibration import USUAL_DOUBT, Calibration, calibration_factor
+from .calibration import Calibration, calibration_factor
 from .ray_plan import BATCH
 from .sampling_error import RATE, TYPICAL, derive, sampling_variance, stratified_rows
 
 _PROBED, _FEWEST, _MOST = 16, 96, 1024  # one point in how many is probed, at least and at most
-_LARGEST, _OF_PROBES = 0.05, 0.25  # part of the points that have the largest errors expected, and of the probes
-_UNKNOWN = 1.0  # standard deviation of the factor by which errors expected of these are off
+_LARGEST, _MORE = 0.05, 0.25  # part of the points that have the largest errors expected, and of as many probes more
+_EXPECTED = 16  # probes that errors expected of these are worth
 _SAMPLED = 1 << 14  # points by which these are told from others
 _SCATTER = 5.0  # variance of a squared error that two estimates with as large an error measure, relative to its square
 _PRIOR = 64  # probes that what is expected of their noise is worth
@@ -33,7 +33,7 @@ class Probes:
         enough = (TYPICAL / tolerance**2) ** (1 / RATE)  # more would not make up for fewer probes: both err by as much
         self._samples = int(min(BATCH * max(round(enough / BATCH), 1), max(max_samples, BATCH)))
         self._count = int(np.clip(len(points) // _PROBED, _FEWEST, _MOST))
-        self.rows = stratified_rows(len(points), round((1 - _OF_PROBES) * self._count))
+        self.rows = stratified_rows(len(points), self._count)
         self._spread = slice(0, len(self.rows))  # rows over all points; others follow
         self._among_largest = np.zeros(len(points), np.bool_)
         self._weights = np.full(len(self.rows), 1 / max(len(self.rows), 1))
@@ -61,7 +61,7 @@ class Probes:
         candidates = np.flatnonzero(unprobed)
         if len(self.rows) > self._spread.stop or not len(candidates):
             return
-        added = candidates[stratified_rows(len(candidates), self._count - len(self.rows))]
+        added = candidates[stratified_rows(len(candidates), round(_MORE * self._count))]
         for column, (first, second) in enumerate(self._trace(added)):
             before = self._elsewhere[column]
             self._elsewhere[column] = np.append(before[0], first[1]), np.append(before[1], second[1])
@@ -87,15 +87,17 @@ class Probes:
         return (w - first) * (w - second)
 
     def calibrate(self, error: Float64s, w: Float64s, column: int) -> Calibration:
-        """Scale the squared errors (k,) expected of `w` (k,) to what is measured, the largest by themselves.
-
-        Returns: errors at the probes that are spread over all points.
-        """
+        """Scale the squared errors (k,) expected of `w` (k,) to what is measured, the largest by themselves."""
         measured = self._squared(w[self.rows], column)
-        for stratum, doubt in ((self._among_largest, _UNKNOWN), (~self._among_largest, USUAL_DOUBT)):
-            probed = stratum[self.rows]
-            error[stratum] *= calibration_factor(error[self.rows[probed]], measured[probed], error[stratum], doubt)
-        return Calibration(error[self.rows[self._spread]], measured[self._spread])
+        largest = self._among_largest
+        probed = largest[self.rows]
+        if probed.any():
+            expected = float(np.mean(error[self.rows[probed]]))
+            found = (float(np.sum(measured[probed])) + _EXPECTED * expected) / (np.count_nonzero(probed) + _EXPECTED)
+            error[largest] *= max(found / max(expected, 1e-300), 1 / 3)
+        others = ~largest
+        error[others] *= calibration_factor(error[self.rows[~probed]], measured[~probed], error[others])
+        return Calibration(error[self.rows], measured, self._weights)
 
     def level(self, raw: Float64s, worth: Float64s, column: int) -> float:
         """Mean square error of values `raw` (k,) by rays alone, which are `worth` (k,): as measured, and, where there

@@ -34,6 +34,7 @@ _FEWEST = 1024  # points of a level that is worth one above it
 _REACH = 4  # cells over which squared residuals are averaged
 _AMOUNTS = 2.0, 1.2, 0.8, 0.5, 0.25, 0.0  # times the expected noise may be in residuals
 _JUMP = 3.0  # times the noise may be in the mean squared residual of a point and its neighbours
+_OUTLIER = 9.0  # times the noise may be in a squared residual; what is beyond, shrinking makes an error
 _AVERAGED = 0.8  # of the squared errors of cells, is left of them in planes fitted to several
 _CANCELLED = 0.1  # length of a mean normal below which it says nothing
 _BLOCK, _MOST = 1 << 11, 16  # points, and blocks at once
@@ -196,8 +197,10 @@ def _shrink(detail, amounts, out, first, last):
             share = min(max(1.0 - amounts[a] * noise / squared, 0.0), 1.0)
             predicted = detail.predicted[i, a]
             error = _AVERAGED * max(detail.predicted[i, len(amounts) + a], 0.0)
-            out[i, a] = predicted + share * (detail.w[i] - predicted)
-            out[i, len(amounts) + a] = error + share * max(noise - error, 0.0)
+            residual = detail.w[i] - predicted
+            unexplained = max(residual * residual - _OUTLIER * noise, 0.0)
+            out[i, a] = predicted + share * residual
+            out[i, len(amounts) + a] = error + share * max(noise - error, 0.0) + (1.0 - share) ** 2 * unexplained
 
 
 def _pyramid(neighbours: Neighbours, points: Points) -> list[_Level]:

@@ -30,10 +30,11 @@ def test_measured_errors_are_those_of_a_reference(mesh, truth, name):
     bakes = [ao.bake(mesh, ao.Binary(), seed=seed, **OPTIONS[name]) for seed in range(4)]
     true = np.sqrt(np.mean([np.mean((bake.w - truth) ** 2) for bake in bakes]))
     found = [bake.calibration for bake in bakes]
-    measured = np.concatenate([each.measured for each in found])
-    estimated = np.concatenate([each.estimated for each in found])
-    assert np.sqrt(measured.mean()) == pytest.approx(true, rel=0.15)
-    assert np.sqrt(estimated.mean()) == pytest.approx(true, rel=0.25)
+    weight = np.concatenate([each.weight / each.weight.sum() for each in found]) / len(found)
+    measured = weight @ np.concatenate([each.measured for each in found])
+    estimated = weight @ np.concatenate([each.estimated for each in found])
+    assert np.sqrt(measured) == pytest.approx(true, rel=0.15)
+    assert np.sqrt(estimated) == pytest.approx(true, rel=0.25)
 
 
 def test_errors_estimated_as_larger_are_larger(mesh):
@@ -44,7 +45,7 @@ def test_errors_estimated_as_larger_are_larger(mesh):
 
 
 def test_groups_are_root_mean_squares_with_their_doubt():
-    found = Calibration(np.repeat([4.0, 1.0], 8), np.tile([9.0, -7.0], 8))
+    found = Calibration(np.repeat([4.0, 1.0], 8), np.tile([9.0, -7.0], 8), np.ones(16))
     low, high = found.groups(2)
     assert (low.points, low.estimated, high.estimated) == (8, 1, 2)
     assert low.measured == 1
@@ -54,8 +55,8 @@ def test_groups_are_root_mean_squares_with_their_doubt():
 
 
 def test_few_points_are_not_grouped_and_none_have_no_error():
-    assert Calibration(np.ones(30), np.ones(30)).groups() == []
-    nothing = Calibration(np.zeros(0), np.zeros(0)).whole()
+    assert Calibration(np.ones(30), np.ones(30), np.ones(30)).groups() == []
+    nothing = Calibration(np.zeros(0), np.zeros(0), np.zeros(0)).whole()
     assert nothing == (0, 0, 0, 0, 0)
 
 

@@ -53,9 +53,10 @@ def failures(mesh: Mesh, truth: ao.Bake, seed: int) -> list[str]:
     return [name for name, failed in found.items() if failed]
 
 
-@pytest.mark.parametrize("seed", range(1, 4))  # of one bake in six the largest error is larger
-def test_contact_shadows_are_found(posts: Mesh, truth: ao.Bake, seed: int) -> None:
-    assert not failures(posts, truth, seed)
+def test_contact_shadows_are_found(posts: Mesh, truth: ao.Bake) -> None:
+    """A vertex is off by more in one bake of six; in three of eight with a chance of 3 %, if there are no more."""
+    failed = list(filter(None, (failures(posts, truth, seed) for seed in range(8))))
+    assert failed in ([["largest error"]] * count for count in range(4))
 
 
 def test_a_single_vertex_that_differs_is_baked(posts: Mesh) -> None:
@@ -66,5 +67,6 @@ def test_a_single_vertex_that_differs_is_baked(posts: Mesh) -> None:
     only = np.arange(len(mesh.vertices)) == at
     plain = ao.bake(mesh, ao.Binary(), samples=1024, denoise=False, only=only)
     assert plain.w[at] < 0.5
-    found = np.array([ao.bake(mesh, ao.Binary(), tolerance=TOLERANCE, seed=seed).w[at] for seed in range(8)])
-    assert np.sqrt(np.mean((found - plain.w[at]) ** 2)) < 0.07
+    for seed in range(4):
+        baked = ao.bake(mesh, ao.Binary(), tolerance=TOLERANCE, seed=seed)
+        assert abs(baked.w[at] - plain.w[at]) < 0.1
