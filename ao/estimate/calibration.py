@@ -27,7 +27,7 @@ class Calibration(NamedTuple):
 
     estimated: Float64s  # their level is set by the measured ones
     measured: Float64s  # unbiased, so that some are negative
-    weight: Float64s  # by how many of all points each stands for
+    weight: Float64s  # how many points each stands for
 
     def whole(self) -> CalibrationGroup:
         return self._group(slice(None))

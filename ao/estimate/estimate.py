@@ -50,6 +50,7 @@ def traced_twice(
     here = tracer.gather(twice, samples, other_key)
     again = tracer.gather_elsewhere(twice, samples, derive(other_key, 1), here)[:, W]
     rays = tracer.rays
+    weight = np.full(len(calibration), len(points) / max(len(calibration), 1))
 
     def estimated(neighbours: Neighbours | None) -> Estimate:
         w = rows[:, W]
@@ -60,7 +61,7 @@ def traced_twice(
             level = min(level, rays**-2.0)
         variance = shrunk_to_mean(distribute_variance(spread, level)) + within
         before = (w[calibration] - again) ** 2
-        checked = Calibration(variance[calibration], before / 2, np.ones(len(before)))
+        checked = Calibration(variance[calibration], before / 2, weight)
         raw = Estimate(rows[:, VALUES], variance, samples, calibration=checked)
         if neighbours is None:
             return raw
@@ -74,7 +75,7 @@ def traced_twice(
             return raw
         error += within
         error *= calibration_factor(error[calibration], after - before / 2, error)
-        checked = Calibration(error[calibration], after - before / 2, np.ones(len(before)))
+        checked = Calibration(error[calibration], after - before / 2, weight)
         return Estimate(np.column_stack([denoised, rows[:, BENT:]]), error, samples, calibration=checked)
 
     return estimated

@@ -32,11 +32,10 @@ class Probes:
         self._key = key
         enough = (TYPICAL / tolerance**2) ** (1 / RATE)  # more would not make up for fewer probes: both err by as much
         self._samples = int(min(BATCH * max(round(enough / BATCH), 1), max(max_samples, BATCH)))
-        self._count = int(np.clip(len(points) // _PROBED, _FEWEST, _MOST))
-        self.rows = stratified_rows(len(points), self._count)
-        self._spread = slice(0, len(self.rows))  # rows over all points; others follow
+        self.rows = stratified_rows(len(points), int(np.clip(len(points) // _PROBED, _FEWEST, _MOST)))
+        self._spread = len(self.rows)  # so many are over all points; others follow
         self._among_largest = np.zeros(len(points), np.bool_)
-        self._weights = np.full(len(self.rows), 1 / max(len(self.rows), 1))
+        self._weights = np.full(self._spread, 1 / max(self._spread, 1))
         traced = self._trace(self.rows)
         self._here = [(first[0], second[0]) for first, second in traced]
         self._elsewhere = [(first[1], second[1]) for first, second in traced]
@@ -59,9 +58,9 @@ class Probes:
         unprobed = largest.copy()
         unprobed[self.rows] = False
         candidates = np.flatnonzero(unprobed)
-        if len(self.rows) > self._spread.stop or not len(candidates):
+        if len(self.rows) > self._spread or not len(candidates):
             return
-        added = candidates[stratified_rows(len(candidates), round(_MORE * self._count))]
+        added = candidates[stratified_rows(len(candidates), round(_MORE * self._spread))]
         for column, (first, second) in enumerate(self._trace(added)):
             before = self._elsewhere[column]
             self._elsewhere[column] = np.append(before[0], first[1]), np.append(before[1], second[1])
@@ -97,7 +96,7 @@ class Probes:
             error[largest] *= max(found / max(expected, 1e-300), 1 / 3)
         others = ~largest
         error[others] *= calibration_factor(error[self.rows[~probed]], measured[~probed], error[others])
-        return Calibration(error[self.rows], measured, self._weights)
+        return Calibration(error[self.rows], measured, len(error) * self._weights)
 
     def level(self, raw: Float64s, worth: Float64s, column: int) -> float:
         """Mean square error of values `raw` (k,) by rays alone, which are `worth` (k,): as measured, and, where there
@@ -105,6 +104,6 @@ class Probes:
         first, second = self._here[column]
         own = sampling_variance(first, second, self._samples)
         expected = own * float(self._samples**RATE * np.mean(1 / worth))
-        here = raw[self.rows[self._spread]]
+        here = raw[self.rows[: self._spread]]
         measured = max(float(np.sum((here - first) * (here - second))), 0.0)
         return (measured + _PRIOR * expected) / (len(here) + _PRIOR)

@@ -2,7 +2,7 @@
 
 Every point gets some rays, so that no jump of w stays unseen; values are denoised over all scales, and the error that
 is left at each point says how many more rays it gets: rate allocation by a Lagrange multiplier (Shoham & Gersho 1988).
-Probes, spread over the points, measure the error by rays that are no part of any estimate.
+`Probes` measure the error by rays that are no part of any estimate.
 """
 
 import warnings

@@ -157,7 +157,7 @@ def _bake_groups(plan: Plan, inputs: BakeInputs) -> ao.Bake:
             column[vertices] = getattr(part, name)
         parts.append(part)
     calibrations = [part.calibration for part in parts if part.calibration]
-    columns = ([getattr(group, name) for group in calibrations] for name in ("estimated", "measured"))
+    columns = zip(*calibrations, strict=True)
     rmse = float(np.sqrt(np.sum(values["error"] ** 2) / max(count if only is None else int(only.sum()), 1)))
     return ao.Bake(
         **values, mesh=chosen.mesh, mu=parts[0].mu, rmse=rmse, rmses=(rmse,), rays=sum(part.rays for part in parts),

@@ -11,6 +11,8 @@ from ao.estimate.cells import Cells, nearest_baked
 from ao.estimate.one_ring import Neighbours
 from ao.estimate.upsampling import upsample
 from ao.points.receivers import find_receivers
+from benchmarks.accuracy.dense_meshes import PAIRS
+from benchmarks.accuracy.density import Judgement, Truth
 from raytrace import Mesh, OptionError
 from raytrace.mesh.placement import Placement
 from scenes.geometry.builtin_shapes import temple
@@ -45,6 +47,16 @@ def test_the_tolerance_is_kept_and_the_error_estimated(name: str) -> None:
 @pytest.mark.parametrize("name", MESHES)
 def test_the_tolerance_is_kept_over_forty_seeds(name: str) -> None:
     check(name, 40, (0.03, 0.01, 0.005))
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_where_few_vertices_have_most_of_the_error_it_is_measured_too(seed: int) -> None:
+    """Sharp valleys in a smooth, dense sphere."""
+    _, dense = PAIRS["bumpy sphere"](seed)
+    truth = Truth.of(dense)
+    for other in (5, 6):
+        baked = Judgement.of(dense, truth, 0.01, other)
+        assert 1 / 1.3 < baked.reported / baked.rmse < 1.3
 
 
 def test_a_dense_mesh_costs_what_its_shape_does() -> None:
