@@ -206,12 +206,14 @@ def weld_points(
         first_vertices[group[::-1]] = np.arange(len(group))[::-1]
         face_points = group.take(faces)
         mean = normalize(sum_groups(group, sums))
-    start = mean
+    axes, directions, clearance = outermost_normals(mean, face_points, face_normal)
     if normals is not None:
         given = normals[first_vertices]
-        behind = np.einsum("ij,ij->i", mean, given)[:, None] < 0
-        start = np.where(behind, -given, given)
-    axes, directions, clearance = outermost_normals(start, face_points, face_normal)
-    if normals is not None:
+        behind = np.einsum("ij,ij->i", directions, given)[:, None] < 0
         directions = np.where(behind, -directions, directions)
+        # A given normal in front of all faces, or behind all of them, is the direction itself.
+        _, _, clear = outermost_normals(np.where(behind, -given, given), face_points, face_normal)
+        is_in_front = (clear > SHARP) & nonzero(given)
+        directions[is_in_front] = given[is_in_front]
+        clearance[is_in_front] = clear[is_in_front]
     return WeldedPoints(group, first_vertices, faces, face_normal, face_points, mean, axes, directions, clearance)
