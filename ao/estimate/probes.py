@@ -53,12 +53,14 @@ class Probes:
 
     def add_where_error_is_largest(self, error: Float64s) -> None:
         """Once, probe points of the largest squared errors (k,) expected, too."""
+        if len(self.rows) > self._spread:
+            return
         step = max(len(error) // _SAMPLED, 1)
         largest = error > np.quantile(error[::step], 1 - _LARGEST)
         unprobed = largest.copy()
         unprobed[self.rows] = False
         candidates = np.flatnonzero(unprobed)
-        if len(self.rows) > self._spread or not len(candidates):
+        if not len(candidates):
             return
         added = candidates[stratified_rows(len(candidates), round(_MORE * self._spread))]
         for column, (first, second) in enumerate(self._trace(added)):
