@@ -111,7 +111,6 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
     # shapes: their vertices and faces one after the other, then polygons
     vertex_starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     face_starts = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])
-    corner_rows = [mesh.faces + start for mesh, start in zip(meshes, vertex_starts[:-1], strict=True)]
     polygons = _polygons(placed_shapes)
     textures = shape_textures(shapes)
     opacity = _opacity(shapes)
@@ -120,7 +119,7 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
         farthest=8.0 * max(1.0, space.scale * reach),
         vertices=_joined([*(placed.vertices for placed in placed_shapes), polygons.centres], np.float32),
         normals=_joined([*(placed.normals for placed in placed_shapes), polygons.normals], np.float32),
-        faces=_joined(corner_rows, np.int32),
+        faces=_joined([mesh.faces + start for mesh, start in zip(meshes, vertex_starts, strict=False)], np.int32),
         uv=joined(meshes, [shape.uv for shape in shapes], 2, needed=True),
         occlusion_uv=joined(meshes, [shape.occlusion.uv if shape.occlusion else None for shape in shapes], 2),
         colours=joined(meshes, [shape.colours for shape in shapes], 3, fill=1.0),

@@ -60,9 +60,7 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
             _add_node(builder, before.name, origin)
         part = mesh_file.parts[group.part]
         vertices, faces, like = _group_vertices(mesh, part, group.faces, split_by, groups_of_part[group.part] == 1)
-        positions = (mesh.vertices[vertices] - (0 if origin is None else origin)).astype("<f4")
-        bounds = {"min": positions.min(axis=0).tolist(), "max": positions.max(axis=0).tolist()}
-        attributes = {"POSITION": builder.accessor(positions, **bounds)}
+        attributes = {"POSITION": _add_positions(builder, mesh.vertices[vertices], origin)}
         columns = _corner_columns(
             normals.values[normals.of[like]] if normals else np.asarray(mesh.normals)[vertices],
             uv.values[uv.of[like]] if uv else None,
@@ -76,6 +74,11 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
         builder.header["meshes"][-1]["primitives"].append(primitive)
         drawn.append((primitive, vertices))
     return builder, drawn
+
+
+def _add_positions(builder: GlbBuilder, vertices: Float64s, origin: Float64s | None) -> int:
+    positions = (vertices - (0 if origin is None else origin)).astype("<f4")
+    return builder.accessor(positions, min=positions.min(axis=0).tolist(), max=positions.max(axis=0).tolist())
 
 
 def _empty_document() -> GlbBuilder:
