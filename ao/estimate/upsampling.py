@@ -10,7 +10,7 @@ import numpy as np
 
 from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import inline, kernel
-from raytrace.kernel.vector import dot, load, store, subtract
+from raytrace.kernel.vector import dot, load, store, subtract, tangents
 from raytrace.system.threads import run_blocks
 from raytrace.types import Float64s, Int32s
 
@@ -85,7 +85,7 @@ def _upsample(points, cell, nodes, values, plain, scratch, out):
     for row in range(len(cell)):
         o = cell[row]
         count, spread = _relative_positions(load(points.origins, row), load(points.normals, row), nodes, o, scratch)
-        own = _weigh_plane_fit(points.normals[row], spread, scratch[:count])
+        own = _weigh_plane_fit(load(points.normals, row), spread, scratch[:count])
         for column in range(values.shape[1]):
             total = 0.0
             for k in range(1, count):
@@ -115,23 +115,15 @@ def _relative_positions(p, normal, nodes, o, samples):
 def _weigh_plane_fit(n, spread, samples):
     """Turn positions and weights by normals into weights of samples in the value at 0 of the plane fitted to them over
     coordinates u, v across n; the first one's weight."""
-    tx, ty, tz = (0.0, n[2], -n[1]) if abs(n[0]) < 0.6 else (-n[2], 0.0, n[0])
-    length = np.sqrt(tx * tx + ty * ty + tz * tz)
-    tx = tx / length
-    ty = ty / length
-    tz = tz / length
-    bx = n[1] * tz - n[2] * ty
-    by = n[2] * tx - n[0] * tz
-    bz = n[0] * ty - n[1] * tx
+    t, b = tangents(n)
     s0 = su = sv = suu = suv = svv = 0.0
     for k in range(len(samples)):
-        x = samples[k, 0]
-        y = samples[k, 1]
-        z = samples[k, 2]
-        u = (x * tx + y * ty + z * tz) / np.sqrt(spread)
-        v = (x * bx + y * by + z * bz) / np.sqrt(spread)
-        w = samples[k, 3] / (1.0 + (x * x + y * y + z * z) / spread)
-        samples[k, 0], samples[k, 1], samples[k, 3] = u, v, w
+        away = load(samples, k)
+        u = dot(away, t) / np.sqrt(spread)
+        v = dot(away, b) / np.sqrt(spread)
+        w = samples[k, 3] / (1.0 + dot(away, away) / spread)
+        store(samples, k, (u, v, 0.0))
+        samples[k, 3] = w
         s0 += w
         su += w * u
         sv += w * v
@@ -141,12 +133,12 @@ def _weigh_plane_fit(n, spread, samples):
     suu += 0.02 * s0  # a plane through samples in a row, or too few of them, leans no further than they do
     svv += 0.02 * s0
     # first row of the inverse moments
-    a = suu * svv - suv * suv
-    b = suv * sv - su * svv
-    c = su * suv - suu * sv
-    determinant = s0 * a + su * b + sv * c
+    of_value = suu * svv - suv * suv
+    of_u = suv * sv - su * svv
+    of_v = su * suv - suu * sv
+    determinant = s0 * of_value + su * of_u + sv * of_v
     own = 1.0
     for k in range(1, len(samples)):
-        samples[k, 3] *= (a + b * samples[k, 0] + c * samples[k, 1]) / determinant
+        samples[k, 3] *= (of_value + of_u * samples[k, 0] + of_v * samples[k, 1]) / determinant
         own -= samples[k, 3]
     return own

@@ -10,6 +10,7 @@ import numpy as np
 from raytrace.kernel.arrays import aligned
 from raytrace.kernel.jit import inline
 from raytrace.kernel.simd import WIDE
+from raytrace.kernel.vector import tangents
 from raytrace.sampling.sequences import GOLDEN, LEAPED, cosine_hemisphere, hash32, jittered_lattice
 from raytrace.system.threads import run_blocks, thread_count
 from raytrace.types import Float32s, Float64s, Int64s, UInt8s
@@ -126,21 +127,10 @@ def choose(number, table):
 
 @inline
 def turned_frame(n, turn):
-    """Orthonormal tangents of the unit normal `n` (Duff et al. 2017), turned about it by `turn` radians."""
-    x = np.float64(n[0])
-    y = np.float64(n[1])
-    z = np.float64(n[2])
-    sign = 1.0 if z >= 0.0 else -1.0
-    a = -1.0 / (sign + z)
-    b = x * y * a
+    """Orthonormal tangents of the unit normal `n`, turned about it by `turn` radians."""
+    t, b = tangents((np.float64(n[0]), np.float64(n[1]), np.float64(n[2])))
     c = np.cos(turn)
     s = np.sin(turn)
-    tx = 1.0 + sign * x * x * a
-    ty = sign * b
-    tz = -sign * x
-    bx = b
-    by = sign + y * y * a
-    bz = -y
-    t = np.float32(c * tx + s * bx), np.float32(c * ty + s * by), np.float32(c * tz + s * bz)
-    b2 = np.float32(c * bx - s * tx), np.float32(c * by - s * ty), np.float32(c * bz - s * tz)
-    return t, b2
+    turned = np.float32(c * t[0] + s * b[0]), np.float32(c * t[1] + s * b[1]), np.float32(c * t[2] + s * b[2])
+    across = np.float32(c * b[0] - s * t[0]), np.float32(c * b[1] - s * t[1]), np.float32(c * b[2] - s * t[2])
+    return turned, across

@@ -111,6 +111,15 @@ def halfway(l, v):
 
 
 @inline
+def tangents(n):
+    """Unit tangents (t, n × t) of the unit normal `n` (Duff et al. 2017)."""
+    sign = select(n[2] >= 0.0, 1.0, -1.0)
+    a = -1.0 / (sign + n[2])
+    b = n[0] * n[1] * a
+    return (1.0 + sign * n[0] * n[0] * a, sign * b, -sign * n[0]), (b, sign + n[1] * n[1] * a, -n[1])
+
+
+@inline
 def perpendicular(n, grain):
     """Unit tangents (g, n × g): `grain` projected into the plane of the unit normal `n`; some if it is along that."""
     projected = subtract(grain, scale(dot(grain, n), n))

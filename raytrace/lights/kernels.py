@@ -4,7 +4,7 @@ from math import acos, asin, inf, sqrt
 
 from ..kernel.jit import inline
 from ..kernel.simd import select
-from ..kernel.vector import add, dot, scale, subtract, triple, unit
+from ..kernel.vector import add, dot, scale, subtract, tangents, triple, unit
 from . import layout
 
 FLOOR = 1e-30  # of the attenuation's denominator: finite at the light itself
@@ -38,13 +38,9 @@ def towards(kind, row, point):
 @inline
 def towards_disc(kind, row, towards_centre, x, y):
     """(l, distance) to the place (x, y) on the unit disc of a light whose disc faces the point. Args: all but `kind`
-    and `row` may be lanes; towards_centre: of `towards`. The axes of the disc are Duff et al. 2017's."""
+    and `row` may be lanes; towards_centre: of `towards`."""
     l, distance = towards_centre
-    sign = select(l[2] >= 0.0, 1.0, -1.0)
-    a = -1.0 / (sign + l[2])
-    b = l[0] * l[1] * a
-    across = (1.0 + sign * l[0] * l[0] * a, sign * b, -sign * l[0])
-    along = (b, sign + l[1] * l[1] * a, -l[1])
+    across, along = tangents(l)
     shift = scale(row[layout.RADIUS], add(scale(x, across), scale(y, along)))
     if kind == layout.DIRECTIONAL:
         return unit(add(l, shift)), distance
