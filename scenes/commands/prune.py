@@ -36,9 +36,9 @@ def prune(source: Path, output: Path, seed: int, threads: int | None) -> str:
     ending = output.suffix.lower()
     if ending not in _ENDINGS:
         raise OptionError("output", "a name ending in " + ", ".join(_ENDINGS), output)
-    mesh_file = load(source, output)
-    check_outputs({"--output": output}, mesh_file.files)
     check_writable(output)
+    mesh_file = load(source, output if ending == ".glb" else None)
+    check_outputs({"--output": output}, mesh_file.files)
     if ending == ".glb" and not mesh_file.gltf:
         from ..formats.gltf.write import document
 

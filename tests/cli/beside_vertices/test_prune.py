@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 from command import obscurance, refused
-from gltf_files import Builder, check_glb
+from gltf_files import Builder, check_glb, values
 
 
 @pytest.fixture
@@ -72,7 +72,7 @@ def test_what_stands_behind_glass_is_seen(tmp_path, monkeypatch, alpha, kept, en
 
 
 def test_a_document_keeps_what_is_no_face_of_its_scene(tmp_path, monkeypatch):
-    """Nodes without a mesh, lines, another scene's mesh, morph targets and cameras."""
+    """Nodes without a mesh, lines, another scene's mesh, morph targets, cameras and animations."""
     monkeypatch.chdir(tmp_path)
     builder = Builder()
     corners = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
@@ -88,16 +88,22 @@ def test_a_document_keeps_what_is_no_face_of_its_scene(tmp_path, monkeypatch):
     nodes = [{"name": "root", "children": [1, 2, 3, 4]}, {"mesh": 0, "weights": [0.0]}, {"mesh": 1, "name": "hidden"}]
     nodes += [{"mesh": 2}, {"mesh": 3}, {"mesh": 3, "name": "of the other scene"}, {"camera": 0}]
     cameras = [{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}}]
-    content = builder.glb(nodes, cameras=cameras, scenes=[{"nodes": [0, 6]}, {"nodes": [5]}])
+    times = builder.accessor(np.float32([0, 1]), "SCALAR", min=[0], max=[1])
+    moves = builder.accessor(np.float32([[0, 0, 0], [0, 1, 0]]), "VEC3")
+    channels = [{"sampler": 0, "target": {"node": 1, "path": "translation"}}]
+    animations = [{"samplers": [{"input": times, "output": moves}], "channels": channels}]
+    content = builder.glb(nodes, cameras=cameras, animations=animations, scenes=[{"nodes": [0, 6]}, {"nodes": [5]}])
     (tmp_path / "in.glb").write_bytes(content)
     done = obscurance("prune", "in.glb", "-o", "out.glb")
     assert done.stdout.startswith("out.glb: 4 faces; 16 that"), done
-    header, _ = check_glb((tmp_path / "out.glb").read_bytes())
+    header, binary = check_glb((tmp_path / "out.glb").read_bytes())
     assert [mesh["name"] for mesh in header["meshes"]] == ["shell", "wire", "elsewhere"]
     assert [len(mesh["primitives"]) for mesh in header["meshes"]] == [1, 1, 1]
     assert [node.get("mesh") for node in header["nodes"]] == [None, 0, None, 1, None, 2, None]
     assert header["nodes"][2] == {"name": "hidden"}
     assert header["cameras"] == cameras
+    assert header["animations"] == animations
+    np.testing.assert_array_equal(values(header, binary, moves), [[0, 0, 0], [0, 1, 0]])
     assert len(header["meshes"][0]["primitives"][0]["targets"]) == 1
 
 
