@@ -87,7 +87,6 @@ pictures: install ## the pictures of docs: gallery, temple, the models' spheres,
 	$(BIN)/python -m benchmarks.pictures.tutorials
 	$(BIN)/python -m benchmarks.pictures.half_distances
 	$(BIN)/python -m benchmarks.pictures.occluders
-	$(BIN)/python -m benchmarks.pictures.rays
 	$(BIN)/python -m benchmarks.pictures.high
 	$(BIN)/python -m benchmarks.pictures.terrain
 	$(BIN)/python -m benchmarks.pictures.elements

@@ -2,12 +2,15 @@
 
 w of a ring: alone, over a ground plane, and with a wall behind it, which occludes and is not shown. And w of a plate
 with a ball and a ring on it: as it is, with only the plate receiving, with a ring that casts nothing, and without it.
+And of the built-in temple: w, w of a narrower cone, thickness; and w behind the back of a wall that is not shown, which
+occludes, then lets rays pass.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -19,6 +22,7 @@ from raytrace import Mesh
 from raytrace.image.write import write_image
 from scenes.formats.load import MeshFile
 from scenes.formats.objects import select_objects
+from scenes.geometry.builtin_shapes import temple
 from scenes.geometry.instances import Instance, flatten
 from scenes.geometry.polyhedra import icosphere
 
@@ -48,8 +52,21 @@ def objects() -> list[np.ndarray]:
     return [picture(replace(each.mesh, opacity=None), each.w, 1.0) for each in bakes]
 
 
+def rays() -> list[np.ndarray]:
+    mesh = temple()
+    y, far = mesh.bounds[0][1] - 0.05 * mesh.radius, 9 * mesh.radius
+    corners = [(-far, y, -far), (far, y, -far), (far, y, far), (-far, y, far)]
+    wall: dict[str, Any] = {"occluders": [Mesh(corners, [[0, 1, 2], [0, 2, 3]])]}
+    options = {}, {"spread": 60}, {"thickness": True}, wall, wall | {"back_faces": "ignore"}
+    shown = []
+    for each in options:
+        falloff = ao.Exponential(half_distance="2%" if "thickness" in each else "40%")
+        shown.append(picture(mesh, ao.bake(mesh, falloff, samples=256, **each).w))
+    return shown
+
+
 def main() -> None:
-    for name, strip in (("ground", ground()), ("objects", objects())):
+    for name, strip in (("ground", ground()), ("objects", objects()), ("rays", rays())):
         target = ROOT / "docs" / f"{name}.png"
         write_image(target, np.concatenate(strip, axis=1))
         print(target)
