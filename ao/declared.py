@@ -39,7 +39,6 @@ class Option(NamedTuple):
     metavar: str | None = None
     short: str | None = None
     section: str = ""  # of the whole help; none of those that matter
-    old_name: str | None = None
     words: Sequence[str] | Callable[[], Iterable[str]] = ()  # for completion
     is_argument: bool = False  # of the command, known by its place
     is_setting: bool = True  # whether `--options` takes it over, if it is no file that is written
@@ -137,19 +136,17 @@ def _without_none(kind: Any) -> Any:
 
 
 def with_option_parameters(record: Callable[P, T]) -> Callable[[Callable[[Any, T], R]], Callable[P, R]]:
-    """Let a function of a mesh and a record take the record's fields, some by earlier names too, and describe them."""
+    """Let a function of a mesh and a record take the record's fields, and describe them."""
     declared: list[Field[Any]] = sorted(fields(record), key=lambda field: bool(field.kw_only))  # type: ignore[arg-type]
-    new_names = {row.old_name: name for name, row in rows(record).items() if row.old_name}
 
     def with_fields(function: Callable[[Any, T], R]) -> Callable[P, R]:
         @wraps(function)
         def called(*unnamed: P.args, **named: P.kwargs) -> R:
-            values: Any = {new_names.get(name, name): value for name, value in named.items()}
             try:
-                signature.bind(*unnamed, **values)
+                signature.bind(*unnamed, **named)
             except TypeError as fault:
                 raise TypeError(f"{function.__name__}() {fault}") from None
-            given: Any = record(*unnamed, **values)
+            given: Any = record(*unnamed, **named)
             return function(given.mesh, given)
 
         before, raises, after = cleandoc(function.__doc__ or "").partition("\n\nRaises:")

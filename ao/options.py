@@ -66,10 +66,10 @@ class Options:
         "Target RMS error of w, 0.005 by default; ray counts are chosen to meet it.", python_help=
         "1e-5 to 1; over the vertices or the covered texels, by the surface method of the fitted values. None where "
         "`samples` alone is given, and without `denoise`, where each point gets 256 rays.")] = None
-    denoise: Annotated[bool, Option(old_name="reconstruct", help=
+    denoise: Annotated[bool, Option(help=
         "Shrink estimates towards those of neighbours.", python_help=
         "They are leave-one-out predictions, of texels across seams, too. Not by the surface method.")] = True
-    interior: Annotated[Interior, Option(old_name="hidden", help=
+    interior: Annotated[Interior, Option(help=
         "Vertices inside closed solids: ignore, flag (mark), or fill from visible neighbours; auto fills those inside "
         "parts of the mesh that are closed.", python_help=
         '"auto": vertices inside a closed part that is not their own are flagged and get the values of the nearest '

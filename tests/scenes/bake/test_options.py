@@ -17,7 +17,6 @@ import ao
 from ao.declared import rows
 from ao.execute.checkpoint import Checkpoint, identity
 from ao.options import Options, TextureOptions, VertexOptions
-from raytrace import Settings
 from raytrace.errors import ConflictError
 from raytrace.system.threads import MAX_THREADS
 from scenes.bake.options import BAKE, BAKER, MERGE, ROWS, BakeOptions, check_kind, check_together
@@ -265,15 +264,6 @@ def test_relations_name_options_of_the_table():
         assert set(row.bake_kinds.split()) <= {"vertices", "texture", "part", "merge", "batch"}
 
 
-def test_earlier_names_of_options_are_understood_in_python():
-    vertices, faces = hills(4)
-    new = ao.bake((vertices, faces), samples=4, denoise=False, interior="mark")
-    old = ao.bake((vertices, faces), samples=4, reconstruct=False, hidden="mark")
-    assert old.w.tobytes() == new.w.tobytes()
-    assert old.w.tobytes() != ao.bake((vertices, faces), samples=4).w.tobytes()
+def test_options_that_there_are_not_are_refused_in_python():
     with pytest.raises(TypeError):
-        ao.bake((vertices, faces), smooth=False)
-
-
-def test_the_earlier_name_of_a_form_of_obscurance_is_understood():
-    assert Settings(obscurance="book") == Settings(obscurance="ambient and diffuse")
+        ao.bake(hills(4), smooth=False)
