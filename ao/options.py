@@ -8,7 +8,7 @@ import math
 from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from .declared import EVERY_BAKE, IMAGE, Option, check_values, rows
+from .declared import EVERY_BAKE, IMAGE, Option, check_values, options_of
 
 if TYPE_CHECKING:  # the help of the command imports nothing heavy
     from raytrace.mesh.mesh import Mesh
@@ -161,7 +161,7 @@ class Options:
 
         from .falloff import is_length
 
-        values = {name: getattr(self, name) for name, row in rows(self).items() if row.role == "result"}
+        values = {name: getattr(self, name) for name, row in options_of(self).items() if row.role == "result"}
         only = None if self.only is None else np.packbits(self.only).tobytes()
         cage = self.cage if is_length(self.cage) else None  # what is traced from is hashed
         return tuple((values | {"samples": self.rays, "only": only, "cage": cage}).items())

@@ -152,10 +152,14 @@ class ConflictError(OptionError):
 
     def in_words(self, shown: Callable[[Term], str]) -> str:
         """The sentence. Args: shown: how options are written."""
-        first = shown(self.first)
-        second = shown(self.second)
+        first_option = shown(self.first)
+        second_option = shown(self.second)
         excludes = self.relation == "excludes"
-        return f"{first} and {second} exclude each other" if excludes else f"{first} {self.relation} {second}"
+        return (
+            f"{first_option} and {second_option} exclude each other"
+            if excludes
+            else f"{first_option} {self.relation} {second_option}"
+        )
 
 
 def _in_python(term: Term) -> str:

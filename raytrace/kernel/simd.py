@@ -38,14 +38,14 @@ def multiply_add(context, builder, signature, a, b, c):
     """a b + c of lanes of float32, scalars repeated; rounded once where the processor can (FMA)."""
     pairs = zip((a, b, c), signature.args, strict=True)
     given = [lanes.widened(context, builder, value, kind, lanes.SINGLE) for value, kind in pairs]
-    return lanes.each(builder, "llvm.fmuladd", given)
+    return lanes.in_each_lane(builder, "llvm.fmuladd", given)
 
 
 @intrinsic(lambda a: lanes.SINGLE(a))
 def reciprocal_root(context, builder, signature, a):
     """1/√a of lanes of float32 above 0, to about 2⁻²⁰: by the processor's estimate and a step of Newton's method."""
     one = lanes.widened(context, builder, ir.Constant(ir.FloatType(), 1.0), types.float32, lanes.SINGLE)
-    return builder.fdiv(one, lanes.each(builder, "llvm.sqrt", [a]), flags=("arcp", "contract", "reassoc"))
+    return builder.fdiv(one, lanes.in_each_lane(builder, "llvm.sqrt", [a]), flags=("arcp", "contract", "reassoc"))
 
 
 @intrinsic(lambda: lanes.WHOLE())

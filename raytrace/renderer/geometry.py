@@ -313,13 +313,13 @@ def _in_render_space(geometry: Geometry) -> tuple[Float64s, Int64s, Float64s]:
     ends = np.append(begins, len(geometry.faces))[np.searchsorted(begins, geometry.first_face) + 1]
     for item, size in enumerate(np.diff(geometry.first_w)):
         start = geometry.first_vertex[item]
-        own = geometry.vertices[start : start + size].astype(np.float64)
+        positions = geometry.vertices[start : start + size].astype(np.float64)
         normal = geometry.normals[start : start + size].astype(np.float64)
         if not geometry.placed[item]:
-            own = product(own, geometry.to_render[item, :, :3].T) + geometry.to_render[item, :, 3]
+            positions = product(positions, geometry.to_render[item, :, :3].T) + geometry.to_render[item, :, 3]
             normal = product(normal, geometry.normal_to_render[item].T)
         corners = geometry.faces[geometry.first_face[item] : ends[item]] - start + geometry.first_w[item]
-        vertices.append(own)
+        vertices.append(positions)
         faces.append(corners[:, ::-1] if geometry.mirrored[item] < 0 else corners)
         normals.append(normal)
     return np.concatenate(vertices), np.concatenate(faces).astype(np.int64), normalize(np.concatenate(normals))

@@ -59,11 +59,11 @@ class NumberRows(NamedTuple):
         counts = [np.zeros(1, np.int64)] * (1 + len(blocks))
 
         def work(block: int) -> None:
-            first, end = blocks[block]
-            most = (end - first) // 2 + 1
+            begin, end = blocks[block]
+            most = (end - begin) // 2 + 1
             words = np.empty(most)
             by_row = np.empty(most, np.int64)
-            by_row = by_row[: read_rows(text, first, end, words, by_row)].copy()
+            by_row = by_row[: read_rows(text, begin, end, words, by_row)].copy()
             numbers[block] = words[: by_row.sum()].copy()
             counts[1 + block] = by_row
 

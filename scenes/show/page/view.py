@@ -44,7 +44,7 @@ def view_results(
     check_ending("output", target, ".html")
     check_outputs({"--output": target}, [*results, *([mesh] if mesh else [])])
     sources = {path: load(path, _PAGE) for path in results if path.suffix.lower() not in _ARRAYS}
-    whole = load(mesh, _PAGE) if mesh else min(sources.values(), key=lambda each: len(each.mesh.vertices))
+    whole = load(mesh, _PAGE) if mesh else min(sources.values(), key=lambda file: len(file.mesh.vertices))
     read = [*whole.files, *results]
     for source in sources.values():
         _check_same(whole.mesh, source)

@@ -14,7 +14,7 @@ from meshes import hills
 from project import environment
 
 import ao
-from ao.declared import rows
+from ao.declared import options_of
 from ao.execute.checkpoint import Checkpoint, identity
 from ao.options import Options, TextureOptions, VertexOptions
 from raytrace.errors import ConflictError
@@ -214,16 +214,16 @@ IN_PYTHON = CHANGED | {
 RECORDS = VertexOptions, TextureOptions
 
 
-@pytest.mark.parametrize(("record", "name"), [(record, name) for record in RECORDS for name in rows(record)])
+@pytest.mark.parametrize(("record", "name"), [(record, name) for record in RECORDS for name in options_of(record)])
 def test_every_declared_option_changes_what_a_journal_belongs_to_or_is_one_that_changes_no_ray(record, name):
-    row, changed = rows(record)[name], record(**{name: IN_PYTHON[name]})
+    row, changed = options_of(record)[name], record(**{name: IN_PYTHON[name]})
     assert (changed.identity != record().identity) == (row.role == "result")
 
 
 @pytest.mark.parametrize(("function", "record"), [(ao.bake, VertexOptions), (ao.bake_texture, TextureOptions)])
 def test_help_and_signatures_show_what_is_declared(function, record):
     parameters, text = inspect.signature(function).parameters, inspect.getdoc(function)
-    for name, row in rows(record).items():
+    for name, row in options_of(record).items():
         assert re.search(rf"^    {name}: \S", text, re.MULTILINE), f"{name} is not described"
         assert parameters[name].default == getattr(record, name)
         assert row.help
