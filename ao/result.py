@@ -240,8 +240,8 @@ def assemble(prepared: Prepared, mesh: Mesh, elements: BakedElements, values: Po
         for values_of, outside in zip(values.others, (1.0, 0.0), strict=False)
     ]
     # Root mean squares over the elements asked for, and rays not traced, by reason.
-    errors = [error, *(column for each in spread[1:] for column in each.T)]
-    rmses = tuple(float(np.sqrt(np.sum(each**2) / max(wanted, 1))) for each in errors)
+    errors = [error, *(column for table in spread[1:] for column in table.T)]
+    rmses = tuple(float(np.sqrt(np.sum(column**2) / max(wanted, 1))) for column in errors)
     elements_skipped = {
         "duplicate": int(np.count_nonzero(point >= 0)) - len(normals),
         "no_normal": int(np.count_nonzero(flags & (Flag.UNREFERENCED | Flag.DEGENERATE))),

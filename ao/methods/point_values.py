@@ -75,7 +75,7 @@ def bake_points(
     if mesh is None:
         mesh, lifts[usable] = discs(places[usable], axes[usable])
     solid = mesh_of(mesh, "bake_points")
-    prepared = Prepared.of(solid, checked, progress, None, [mesh_of(each, "occluders") for each in occluders])
+    prepared = Prepared.of(solid, checked, progress, None, [mesh_of(occluder, "occluders") for occluder in occluders])
     order = usable[_origins_order(prepared, places[usable])]
     baked = _points_at(prepared, places[order], axes[order], lifts[order])
     tracer = prepared.tracer(len(order))

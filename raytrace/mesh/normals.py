@@ -151,8 +151,8 @@ def creased_normals(mesh: Mesh) -> tuple[Float64s, Int64s]:
     renumber_components(fan)
     corners = vertices[faces.ravel()].astype(np.float64)
     sums = sum_groups(fan, vertex_sums(corners, np.arange(faces.size).reshape(-1, 3), across, areas))
-    first = np.flatnonzero(np.diff(np.maximum.accumulate(fan), prepend=-1))
-    group = weld(vertices[faces.ravel()[first]], fan.reshape(-1, 3), normalize(sums), CREASE)
+    first_corner = np.flatnonzero(np.diff(np.maximum.accumulate(fan), prepend=-1))
+    group = weld(vertices[faces.ravel()[first_corner]], fan.reshape(-1, 3), normalize(sums), CREASE)
     of = group[fan].reshape(-1, 3)
     flat = areas == 0
     group_at = np.full(len(vertices), -1)

@@ -26,7 +26,7 @@ def _written(values: dict[str, Any]) -> str:
 def _value(value: Any, digits: int | None = 5) -> str:
     """A value as TOML has it, one number for three equal ones. Args: digits: None: the shortest exact form."""
     if isinstance(value, list | tuple):
-        parts = [_value(each, digits) for each in value]
+        parts = [_value(part, digits) for part in value]
         return parts[0] if len(set(parts)) == 1 else f"[{', '.join(parts)}]"
     if isinstance(value, float) and digits:
         return f"{value:.{digits}g}"
