@@ -200,6 +200,7 @@ def texture_mean(texture: Texture) -> Float64s:
 
 @contextmanager
 def _opened(texture: Texture) -> Iterator[Any]:
+    """The image as an open `ImageInput`; data of a texture go through a file, which OpenImageIO wants."""
     with ExitStack() as stack:
         content = None
         if texture.data is not None:

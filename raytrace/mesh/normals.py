@@ -94,21 +94,22 @@ def normalized(v):
 
 @kernel
 def _face_normals(vertices, faces, normals, areas, start, stop):
+    """Write `face_normals` of the faces from `start` to `stop`; rows of degenerate ones stay zero."""
     for f in range(start, stop):
         i, j, k = load_triangle(vertices, faces, f)
         a = subtract(j, i)
         b = subtract(k, j)
         c = subtract(i, k)
         normal = cross(a, b)
-        double = length(normal)
+        double_area = length(normal)
         aa = dot(a, a)
         bb = dot(b, b)
         cc = dot(c, c)
         shortest = min(aa, bb, cc)
-        longest = np.sqrt(aa * bb if shortest == cc else (bb * cc if shortest == aa else cc * aa))
-        if double > 4.0 * EPSILON * longest:
-            areas[f] = 0.5 * double
-            store(normals, f, divide(normal, double))
+        longest_two = np.sqrt(aa * bb if shortest == cc else (bb * cc if shortest == aa else cc * aa))
+        if double_area > 4.0 * EPSILON * longest_two:
+            areas[f] = 0.5 * double_area
+            store(normals, f, divide(normal, double_area))
 
 
 @kernel

@@ -139,7 +139,7 @@ class _Refusing(ABCMeta):
 
     @__signature__.setter
     def __signature__(cls, _: object) -> None:
-        """Not what pydantic would show."""
+        """Keep the one above: pydantic sets its own as it makes a class."""
 
 
 def _option_error(error: ValidationError, kind: _Refusing, values: dict[str, Any]) -> OptionError:

@@ -94,10 +94,11 @@ class NumberRows(NamedTuple):
 
         Raises: fault: a row has fewer. ValueError: text that is not numbers.
         """
-        at = self.bounds[:-1][rows] + skip
+        at = self.bounds[:-1][rows] + skip  # of each row's first number in `numbers`
         counts = np.broadcast_to(sizes, at.shape)
         if ((counts < 0) | (counts > self.bounds[1:][rows] - at)).any():
             raise fault
+        # Rows of one length, evenly spaced, are a view of the numbers; others are indexed one by one.
         stride = int(at[1] - at[0]) if len(at) > 1 else 0
         if len(at) and not np.ptp(counts) and (np.diff(at) == stride).all():
             shape = len(at), int(counts[0])

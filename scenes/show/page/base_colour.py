@@ -141,11 +141,12 @@ def _collect_of_gltf(file: MeshFile, asset: Gltf, collected: _Collected) -> None
 
 
 def _collect_of_attributes(faces: Int64s, attributes: SourceAttributes, collected: _Collected) -> None:
+    """Colours of vertices times those of materials, and the materials' images where there are texture coordinates."""
     if attributes.colors is not None:
         collected.light = decode_srgb(attributes.colors[:, :3].clip(0, 1))[faces].astype(np.float64)
     if attributes.material_of is None:
         return
-    # Of each material and, last, of none.
+    # Of each material and, last, of none, which −1 is.
     factors = np.array([*(material.colour for material in attributes.materials), (1, 1, 1)])
     pictures = [Texture(material.texture) if material.texture else None for material in attributes.materials]
     material_of = attributes.of_faces(attributes.material_of)
@@ -193,6 +194,7 @@ def block_means(image: AnyFloats, high: int, wide: int) -> AnyFloats:
 
 
 def _textures_of(picture: Picture) -> list[Texture]:
+    """Those of colour and of alpha, as far as there are."""
     texture, surface = picture
     return [used for used in (texture, surface and surface.texture) if used]
 
