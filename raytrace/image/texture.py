@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
+import numpy.typing as npt
 
 from ..errors import InputError, OptionError
 from ..system.checks import check_memory
@@ -165,6 +166,13 @@ def texture_codes(texture: Texture, besides: int = 0) -> UInt8s | UInt16s | Floa
         for at, block in row_blocks(image, texture.path):
             codes[at] = block
         return codes
+
+
+def rgb_codes(codes: npt.NDArray[Any]) -> UInt8s:
+    """`texture_codes` as RGB of 8 bits (h, w, 3), without alpha."""
+    largest = np.iinfo(codes.dtype).max if codes.dtype.kind == "u" else 1.0
+    colours = np.broadcast_to(codes[..., : 3 if codes.shape[2] > 2 else 1], (*codes.shape[:2], 3))
+    return np.rint(colours * (255 / largest)).astype(np.uint8)
 
 
 def texture_alpha(texture: Texture, grey: bool = False) -> Float32s:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..errors import OptionError, check_type, numbers
-from ..image.texture_lookup import blend, neighbours
+from ..image.texture_lookup import blend, four_texels
 from ..kernel.jit import inline, kernel
 from ..types import Bools, Float32s, Float64s, Int64s
 
@@ -223,23 +223,11 @@ def alpha(opacity, face, u, v):
         at = opacity.uv[face]
         s = first_weight * at[0, 0] + u * at[1, 0] + v * at[2, 0]
         t = first_weight * at[0, 1] + u * at[1, 1] + v * at[2, 1]
-        a *= _texture_alpha(opacity.texels, opacity.images[surface], s, t)
+        image = opacity.images[surface]
+        a *= blend(opacity.texels, four_texels(image[:3], image[3:], s, t), 0)
     if opacity.cutoff[surface] < 0.0:
         return min(max(a, 0.0), 1.0)
     return 1.0 if a >= opacity.cutoff[surface] else 0.0
-
-
-@inline
-def _texture_alpha(texels, image, u, v):
-    """Bilinear alpha of an image of `PackedOpacity` at texture coordinates."""
-    start = image[0]
-    width = image[1]
-    height = image[2]
-    left, right, s = neighbours(u, width, image[3])
-    upper, lower, t = neighbours(1.0 - v, height, image[4])
-    upper = start + upper * width
-    lower = start + lower * width
-    return blend(texels, upper + left, upper + right, lower + left, lower + right, s, t, 0)
 
 
 @kernel

@@ -134,6 +134,7 @@ def is_batch_of_parts(folder: Path) -> bool:
 def merge_batch(folder: Path) -> Manifest:
     """Merge the manifests of all shards. Raises: InputError: one is missing, not finished, or of another batch."""
     from ao.execute.parts import missing_of
+    from ao.execute.work import first_difference
 
     paths = sorted(path for path in folder.iterdir() if _NAME.fullmatch(path.name))
     parts = [_read(path) for path in paths]
@@ -142,9 +143,9 @@ def merge_batch(folder: Path) -> Manifest:
         {**part.options, "versions": part.versions, "of": part.part.of, "inputs": part.part.inputs} for part in parts
     ]
     for path, known in zip(paths, facts, strict=True):
-        for name in facts[0] | known:
-            if facts[0].get(name) != known.get(name):
-                raise InputError(path, name, f"{facts[0].get(name)}, as in the first part", known.get(name))
+        if difference := first_difference(facts[0], known):
+            name, expected, got = difference
+            raise InputError(path, name, f"{expected}, as in the first part", got)
     of, numbers = first_part.part.of, {part.part.number for part in parts}
     if lacking := missing_of(of, numbers):
         raise InputError(folder, "parts", f"all of 1 to {of}", f"{len(parts)} of them; missing: {lacking}")

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from raytrace.errors import InputError, printable
 from raytrace.image.encode import linear_png, write_picture, written
 from raytrace.image.srgb import decode_srgb, encode_srgb
-from raytrace.image.texture import Texture, Wrap, texture_alpha, texture_codes
+from raytrace.image.texture import Texture, Wrap, rgb_codes, texture_alpha, texture_codes
 from raytrace.mesh.opacity import AlphaSurface, Opacity
 from raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
 
@@ -211,15 +211,8 @@ def _image(picture: Picture, most: int) -> bytes:
     is_opaque = codes.shape[2] in (1, 3)
     if is_opaque and max(codes.shape[:2]) <= most and len(data) <= _SMALL and data.startswith(_SHOWN):
         return data
-    small = shrunk(_colours(codes), most)
+    small = shrunk(rgb_codes(codes), most)
     return written("small.jpg", write_picture, decode_srgb(small / np.float32(255)).astype(np.float32), {})
-
-
-def _colours(codes: npt.NDArray[Any]) -> UInt8s:
-    """RGB of 8 bits (h, w, 3) of what an image holds."""
-    largest = np.iinfo(codes.dtype).max if codes.dtype.kind == "u" else 1.0
-    colours = np.broadcast_to(codes[..., : 3 if codes.shape[2] > 2 else 1], (*codes.shape[:2], 3))
-    return np.rint(colours * (255 / largest)).astype(np.uint8)
 
 
 def _image_with_alpha(texture: Texture | None, surface: AlphaSurface, of_alpha: Texture, most: int) -> bytes:
@@ -228,7 +221,7 @@ def _image_with_alpha(texture: Texture | None, surface: AlphaSurface, of_alpha: 
     if surface.cutoff is not None:
         alpha = (surface.factor * alpha >= surface.cutoff).astype(np.float32)
     white = np.full((1, 1, 3), 255, np.uint8)
-    layers = [_colours(texture_codes(texture)) if texture else white, np.rint(255 * alpha[..., None]).astype(np.uint8)]
+    layers = [rgb_codes(texture_codes(texture)) if texture else white, np.rint(255 * alpha[..., None]).astype(np.uint8)]
     high, wide = (min(max(layer.shape[axis] for layer in layers), most) for axis in range(2))
     fitted = [block_means(layer.astype(np.float64), high, wide) for layer in layers]
     return linear_png(np.rint(np.concatenate(fitted, axis=2)).astype(np.uint8))
