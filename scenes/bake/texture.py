@@ -70,10 +70,8 @@ class Layout:
         """Print, and return, warnings about the meshes and their texture coordinates."""
         source = inputs.source
         remarks = lacking(source, self.coordinates.uv, inputs.chosen.receive, plan.keeps_uv)
-        if self.coordinates.cramped:
-            smaller = (
-                f"{self.coordinates.cramped:,} faces have charts smaller than a texel and show texels of other faces"
-            )
+        if cramped := self.coordinates.cramped:
+            smaller = f"{cramped:,} faces have charts smaller than a texel and show texels of other faces"
             remarks.append(f"{source.path}: {smaller}; a larger --size or --uv unwrap gives them texels")
         return warn(inputs.meshes, [*inputs.notes, *remarks], plan.falloff)
 

@@ -93,9 +93,5 @@ def bench_file(
     print(f"{mesh.source}: {len(mesh.vertices):,} vertices, {len(mesh.faces):,} faces")
     print(bench_table(measured))
     if report:
-        facts = {
-            "mesh": mesh.source,
-            "vertices": len(mesh.vertices),
-            "rows": [asdict(row) for row in measured],
-        }
+        facts = {"mesh": mesh.source, "vertices": len(mesh.vertices), "rows": [asdict(row) for row in measured]}
         write_json(report, facts | {"options": options, "threads": thread_count(threads), "versions": versions()})

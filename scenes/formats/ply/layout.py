@@ -178,10 +178,9 @@ def own_colors(elements: tuple[Element, ...]) -> dict[str, Property]:
     colors = stored_colors(elements)
     baked = columns_of(elements, "vertex").get("obscurance")
     if baked is not None and all(name in colors and colors[name].kind == "B" for name in RGB):
-        linear = np.rint(np.clip(np.nan_to_num(baked.values), 0, 1) * 255.0)  # of older files
-        for grey in (grey_of(baked.values), linear):
-            if all(np.array_equal(colors[name].values, grey) for name in RGB):
-                return {}
+        grey = grey_of(baked.values)
+        if all(np.array_equal(colors[name].values, grey) for name in RGB):
+            return {}
     return colors if set(colors) & set(RGB) else {}
 
 
