@@ -152,14 +152,10 @@ class ConflictError(OptionError):
 
     def in_words(self, shown: Callable[[Term], str]) -> str:
         """The sentence. Args: shown: how options are written."""
-        first_option = shown(self.first)
-        second_option = shown(self.second)
+        option = shown(self.first)
+        other = shown(self.second)
         excludes = self.relation == "excludes"
-        return (
-            f"{first_option} and {second_option} exclude each other"
-            if excludes
-            else f"{first_option} {self.relation} {second_option}"
-        )
+        return f"{option} and {other} exclude each other" if excludes else f"{option} {self.relation} {other}"
 
 
 def _in_python(term: Term) -> str:

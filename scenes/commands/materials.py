@@ -8,7 +8,10 @@ from raytrace.errors import OptionError, nearest_name
 
 def presets() -> list[tuple[str, str]]:
     """The name of each preset, and its values in one line."""
-    return [(name, _written(values)) for name, values in PRESETS.items()]
+    return [
+        (name, ", ".join(f"{key} = {_value(value)}" for key, value in values.items()))
+        for name, values in PRESETS.items()
+    ]
 
 
 def preset_toml(name: str) -> str:
@@ -17,10 +20,6 @@ def preset_toml(name: str) -> str:
         raise OptionError("name", "one of " + ", ".join(sorted(PRESETS)), name, nearest=nearest_name(name, PRESETS))
     lines = [f"{key} = {_value(value, None)}" for key, value in PRESETS[name].items()]
     return "\n".join(["[[materials]]", f'name = "my_{name}"', *lines, ""])
-
-
-def _written(values: dict[str, Any]) -> str:
-    return ", ".join(f"{key} = {_value(value)}" for key, value in values.items())
 
 
 def _value(value: Any, digits: int | None = 5) -> str:
