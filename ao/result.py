@@ -117,7 +117,7 @@ class Bake(Columns):
         rays: number of rays traced, by an interrupted run too.
         rays_skipped: number of rays not traced, by reason.
         rmse: estimated root mean square of `error` over the vertices asked for.
-        seconds: `build` (the hierarchy over the faces), `compile` (kernels) and `bake` (everything else that makes w).
+        seconds: `build` (the hierarchy over the faces) and `bake` (everything else that makes w).
         mu: the falloff used, in mesh units.
         mesh: what was baked.
         shortfalls: what the result lacks of what was asked for, in words: a tolerance that is not met.
