@@ -59,7 +59,7 @@ def _write_vertices(baked: Path, scales: Scales, output: Path, mesh: Path | None
     w = scales.of(profile)
     if file and len(w) != len(file.mesh.vertices):
         raise SceneError(baked, "profile", f"a row for each of the {len(file.mesh.vertices):,} vertices", f"{len(w):,}")
-    shown = channels(output, False, None, False)
+    shown = channels(output, None, None, False)
     if file:
         warn([], unsupported_features(output, file, shown))
     values = cast("Bake", Values(w, flags=read_beside_w(baked, len(w)).get("flags"), profile=profile))

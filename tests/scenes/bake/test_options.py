@@ -173,7 +173,7 @@ TOGETHER = {
         {"high": ["other.obj"], "cage": "200%"},
         {"high": ["other.obj"], "cage": "200%", "match_names": True},
     ),
-    "colors": ({"output": "w.ply"}, {"output": "w.ply", "colors": True}),
+    "colors": ({"output": "w.ply"}, {"output": "w.ply", "colors": "rgb"}),
     "ply_name": ({"output": "w.ply"}, {"output": "w.ply", "ply_name": "quality"}),
     "up": ({"output": "w.ply"}, {"output": "w.ply", "up": "z"}),
     "preset": ({"output": "w.glb"}, {"output": "w.glb", "preset": "three"}),
@@ -251,7 +251,7 @@ def test_the_three_forms_of_conflicts():
             check_together(BakeOptions(mesh=[], **options), BAKE)
     for kind, said in {"part": "and part exclude each other", "texture": "does not go with a texture"}.items():
         with pytest.raises(ConflictError, match=f"options: colors {said}$"):
-            check_kind(BakeOptions(mesh=[], colors=True), kind)
+            check_kind(BakeOptions(mesh=[], colors="rgb"), kind)
     with pytest.raises(ConflictError, match=r"^options: denoise=False does not go with tolerance$") as fault:
         Options(tolerance=0.1, denoise=False)
     assert (fault.value.first, fault.value.relation) == (("denoise", False), "does not go with")

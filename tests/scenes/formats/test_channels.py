@@ -167,4 +167,4 @@ def test_colours_that_cannot_be_kept_are_refused_before_the_bake(tmp_path):
     source = load(tmp_path / "in.glb", "out.glb")
     with pytest.raises(MeshError, match=r"in\.glb: COLOR_0: expected 4 rows, got 3"):
         unsupported_features(tmp_path / "out.glb", source, channels("out.glb", "r", None, False))
-    assert unsupported_features(tmp_path / "out.glb", source, channels("out.glb", True, None, False))
+    assert unsupported_features(tmp_path / "out.glb", source, channels("out.glb", "rgb", None, False))

@@ -62,7 +62,7 @@ def test_ply(tmp_path, normals, shift):
 def test_half_open_is_half_the_light_to_readers_of_either_format(tmp_path):
     half = SimpleNamespace(w=np.full(4, 0.5), profile=None, at="vertices", below=None)
     for ending in ("ply", "glb"):
-        write(tmp_path / f"m.{ending}", half, mesh_file(), colors=True)
+        write(tmp_path / f"m.{ending}", half, mesh_file(), colors="rgb")
     colours = trimesh.load_mesh(tmp_path / "m.ply", process=False).visual.vertex_colors
     assert np.unique(colours[:, :3]).tolist() == [188]  # importers of PLY take sRGB
     header, binary = check_glb((tmp_path / "m.glb").read_bytes())
