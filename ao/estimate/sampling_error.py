@@ -18,7 +18,8 @@ def sampling_variance(first: Float64s, second: Float64s, rays: int) -> float:
 
 def rays_alone(tolerance: float) -> int:
     """Rays by which a point errs by the `tolerance` without any other's."""
-    return BATCH * max(round((TYPICAL / tolerance**2) ** (1 / RATE) / BATCH), 1)
+    enough = float(TYPICAL / tolerance**2) ** (1 / RATE)
+    return int(BATCH * max(round(enough / BATCH), 1))
 
 
 def derive(key: np.uint32, salt: int) -> np.uint32:
