@@ -22,7 +22,7 @@ from ..rays.gather import BATCH_VARIANCE, BENT, VALUES, W
 from .calibration import Calibration, calibration_factor, distribute_variance, shrunk_to_mean
 from .cells import Cells, nearest_baked
 from .one_ring import Neighbours
-from .sampling_error import derive, sampling_variance
+from .sampling_error import derive, rays_alone, sampling_variance
 from .scales import denoise_over_scales
 from .tolerance import Estimate, estimate_to
 from .upsampling import extrapolate
@@ -30,8 +30,11 @@ from .upsampling import extrapolate
 _BLOCK = 1 << 14  # faces
 _CALIBRATION_SHARE = 32
 _CALIBRATION_LEAST = 128
-_CORNER_SHARE = 8  # of a point's rays, for each of some 18 corner samples, whose mean errs as much as a point's w
+_CORNERS = 18  # samples of a folded point, about, half of them as if independent
+_CORNER_SHARE = 8  # of a point's rays, for each of its corner samples, whose mean errs as much as a point's w
 _CORNER_SHARE_DENOISED = 3  # where the points are denoised
+_KEPT = 0.9  # of the squared tolerance is aimed at for folded and other points together
+_FARTHEST = 4.0  # times the tolerance that folded points may err by, where they are few
 NeighboursOf = Callable[[Int64s], Neighbours]  # from rows (k,), ascending, in that order among each other
 
 
@@ -84,6 +87,15 @@ def traced_twice(
 def rays_per_corner_sample(samples: int, denoised: bool) -> int:
     """Rays of each corner sample where ordinary points get `samples` rays."""
     return -(-samples // (_CORNER_SHARE_DENOISED if denoised else _CORNER_SHARE))
+
+
+def _corner_rays(found: Estimate, folded: int, tolerance: float, most: int) -> int:
+    """Rays of each corner sample by which so many `folded` points beside those `found` leave the tolerance kept."""
+    share = folded / (folded + len(found.rows))
+    rest = _KEPT * tolerance**2 - (1 - share) * float(np.mean(found.variance))
+    error = np.clip(rest / share, tolerance**2 / 2, (_FARTHEST * tolerance) ** 2)  # of each folded point, squared
+    alone = rays_alone(np.sqrt(_CORNERS / 2 * error))
+    return min(max(rays_per_corner_sample(found.mean_samples, True), alone), most)
 
 
 def _calibration_subset(count: int) -> Int64s:
@@ -142,7 +154,7 @@ def estimate(
     elif len(rows):
         found = estimate_to(tracer, ordinary, neighbours_of(rows), tolerance, most, key)
         if len(corners):
-            at_corners = traced_twice(tracer, folded, rays_per_corner_sample(found.mean_samples, True), key)(None)
+            at_corners = traced_twice(tracer, folded, _corner_rays(found, len(corners), tolerance, most), key)(None)
     else:  # rays can be planned by corner samples alone, of which the mean of some 18 is asked for
         alone = Neighbours.of(np.zeros((0, 3), np.int64), folded.normals, tracer.threads)
         at_corners = estimate_to(tracer, folded, alone, min(2 * tolerance, 1.0), most, key)
@@ -183,7 +195,8 @@ def estimate_outside(
         edge[graph.indices[np.repeat(edge, np.diff(graph.starts))]] = True
         edge[subset.rows] = False
         key = derive(seed_key(options.seed), 6)
-        again = traced_twice(tracer, traced[edge], min(2 * values.mean_samples, options.rays), key)(None)
+        enough = max(2 * values.mean_samples, rays_alone(options.tolerance))
+        again = traced_twice(tracer, traced[edge], min(enough, options.rays), key)(None)
         known[edge] = np.column_stack([again.rows, again.variance])
     rows = extrapolate(points, cells, graph, known)
     return values._replace(rows=rows[:, :4], variance=rows[:, 4]), len(points) - len(kept)

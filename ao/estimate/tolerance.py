@@ -14,13 +14,13 @@ from raytrace.kernel.jit import bind, kernel
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.solids import inward_warnings
 from raytrace.system.threads import run_blocks
-from raytrace.types import Float32s, Float64s, Int64s
+from raytrace.types import Bools, Float32s, Float64s, Int64s
 
 from ..execute.tracer import Tracer
 from ..options import Options
 from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, BENT, COLUMNS, W
-from .calibration import Calibration, mean_square
+from .calibration import Calibration, distribute_variance, mean_square
 from .inside import holes
 from .one_ring import Neighbours
 from .probes import Probes
@@ -111,8 +111,11 @@ def estimate_to(
             fall = fall_of(neighbours, raw, probes.level(raw, worth, column), means[column], aim)
             more = np.minimum(rays_to_add(error, worth, max_samples, aim, fall, tracer.threads), max_samples - rays)
         if means[column] <= goal:  # points that are expected to be far off meet the tolerance by rays of their own
-            worst = np.max([each.error for each in found], axis=0) > (_WORST * tolerance) ** 2
-            more = np.where(worst, np.clip(rays_alone(tolerance), rays, max_samples) - rays, 0)
+            worst = [
+                each.errs_by_more(_WORST * tolerance, neighbours, rows, probes.level(rows[:, W], worth, column))
+                for column, (each, rows) in enumerate(zip(found, gathered, strict=True))
+            ]
+            more = np.where(np.any(worst, axis=0), np.clip(rays_alone(tolerance), rays, max_samples) - rays, 0)
             _add_rays(tracer, points, gathered, (rays, worth), more, derive(key, 16 + _ROUNDS))
             again = np.flatnonzero(more)
             found = [
@@ -194,6 +197,15 @@ class _Round(NamedTuple):
         w, error = denoise_over_scales(neighbours, points, rows, level, probes.rows, risk)
         probes.add_where_error_is_largest(error)
         return cls(w, error, probes.calibrate(error, w, column))
+
+    def errs_by_more(self, limit: float, neighbours: Neighbours, rows: Float64s, level: float) -> Bools:
+        """The points (k,) that are expected to; where w differs from the neighbours' by more, their own rays decide.
+
+        Args: level: mean square error of w in `rows` (k, COLUMNS).
+        """
+        (nearby,) = neighbours.means((self.w.astype(np.float32), 0.0))
+        alone = np.minimum(distribute_variance(rows[:, BATCH_VARIANCE], level), (self.w - nearby) ** 2)
+        return np.asarray(np.maximum(self.error, np.nan_to_num(alone)) > limit**2)
 
     def by_own_rays(self, again: Int64s, rows: Float64s, worth: Float64s, probes: Probes, column: int) -> "_Round":
         """With the points `again` (j,) as their rows say it, without denoising."""
