@@ -31,7 +31,7 @@ MOST = {"a height field": (0.02, 0.013), "a bumpy ball": (0.01, 0.008), "a ditch
 @pytest.mark.parametrize("name", MESHES)
 def test_few_rays_on_dense_meshes_err_little_and_say_so(name):
     mesh = MESHES[name]
-    some = np.random.default_rng(0).random(len(mesh.vertices)) < 0.125  # the root mean square of 3,000 is good to 2%
+    some = np.random.default_rng(0).random(len(mesh.vertices)) < 0.125  # 3,000 or more: enough for the mean
     truth = ao.bake(mesh, ao.Binary(), 1024, seed=99, only=some).w
     for samples, most in zip((8, 16), MOST[name], strict=True):
         for seed in range(2):
