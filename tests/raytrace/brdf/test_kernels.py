@@ -51,10 +51,8 @@ def test_a_picture_is_the_sum_over_lights_and_materials():
     layers = render(Scene(tuple(items), tuple(LIGHTS)), camera, settings).layers
     rows, columns = np.nonzero(layers["object_id"][..., 0])
     v = -camera.directions((2 * columns + 1 - 80) / 32, 1 - (2 * rows + 1) / 32)
-    normals, which = (
-        layers["normal"][rows, columns].astype(float),
-        layers["object_id"][rows, columns, 0].astype(int) - 1,
-    )
+    normals = layers["normal"][rows, columns].astype(float)
+    which = layers["object_id"][rows, columns, 0].astype(int) - 1
     points = camera.position - layers["depth"][rows, columns].astype(float) * v
     expected = np.empty((len(rows), 3))
     for i, point in enumerate(points):
