@@ -167,6 +167,7 @@ def test_the_driver_notices(tmp_path, step, finding):
         "import fuzz_worker",
         "fuzz_worker.SECONDS = 0.3",
         "fuzz_worker.warm = lambda inside, made, structure: None",
+        "fuzz_worker.fuzz_structure.companions = lambda: {'m.obj': b''}",
         "def consume(family, path, made, index):",
         f"    {step}",
         "fuzz_worker.consume = consume",

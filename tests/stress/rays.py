@@ -18,42 +18,49 @@ from .line import LEAKS, MILLION, SELF_HITS, Line, undefined
 from .pose import Pose, poses
 from .solids import FLAT, TORN, closed, convex, inward
 
-SAMPLES = 256
 _SINGLE = [Pose(scale, offset, 9, True) for scale, offset in ((1.0, 10.0), (1e-6, 100.0), (1e6, 1000.0))]
 
 
 def self_hits(long: bool) -> Iterator[Line]:
     """Convex meshes, where w is exactly 1: a line for each, over all poses."""
+    samples = _samples(long)
     for name, part in convex().items():
         single = [] if name in FLAT else _SINGLE
-        yield _share(name, part, 1.0, "self-hits/M", SELF_HITS, poses(long) + single)
+        yield _share(name, part, 1.0, "self-hits/M", SELF_HITS, poses(long) + single, samples)
 
 
 def leaks(long: bool) -> Iterator[Line]:
     """Closed meshes seen from inside: a line for each, over all poses, then lines of random rays."""
     for name, part in closed().items():
-        yield leak(name, part, poses(long) + ([] if name in TORN else _SINGLE))
-    count = 4_000_000 if long else 1_000_000
+        yield leak(name, part, poses(long) + ([] if name in TORN else _SINGLE), _samples(long))
+    count = 4_000_000 if long else 500_000
     for name in ("icosphere", "torus", "cube with T-junctions", "slab 1000:1000:1"):
         yield _random_rays(name, closed()[name], count)
 
 
-def leak(name: str, part: RawMesh, where: list[Pose]) -> Line:
+def _samples(long: bool) -> int:
+    """Rays a vertex."""
+    return 256 if long else 128
+
+
+def leak(name: str, part: RawMesh, where: list[Pose], samples: int = 128) -> Line:
     """A closed mesh seen from inside, where the binary w is exactly 0."""
-    return _share(f"{name}, inside", inward(part), 0.0, "leaks/M", LEAKS, where)
+    return _share(f"{name}, inside", inward(part), 0.0, "leaks/M", LEAKS, where, samples)
 
 
-def _share(name: str, part: RawMesh, truth: float, quantity: str, allowed: float, where: list[Pose]) -> Line:
+def _share(
+    name: str, part: RawMesh, truth: float, quantity: str, allowed: float, where: list[Pose], samples: int
+) -> Line:
     """Rays that make w differ from `truth`, a million, over the poses; stored as float32 where that can hold it."""
     wrong = rays = missing = used = 0
     for pose in where:
         mesh = pose.mesh(part)
         if pose.single and coarseness(mesh).vertices:
             continue
-        baked = bake(mesh, Binary(), samples=SAMPLES, denoise=False)
+        baked = bake(mesh, Binary(), samples=samples, denoise=False)
         used += 1
-        rays += SAMPLES * len(baked.w)
-        wrong += round(float(np.abs(baked.w - truth).sum()) * SAMPLES)
+        rays += samples * len(baked.w)
+        wrong += round(float(np.abs(baked.w - truth).sum()) * samples)
         missing += undefined(baked.w, baked.error, baked.bent_normals)
     return Line(name, f"{used} poses, {rays / MILLION:.0f} M rays", quantity, wrong / rays * MILLION, allowed, missing)
 

@@ -13,8 +13,10 @@ __all__ = ["left_sockets"]
 def pytest_collection_modifyitems(items):
     """These are the last tests of `ao`: another process of pytest-xdist compiles the renderer meanwhile."""
     folder = Path(__file__).parent
-    places = [place for place, item in enumerate(items) if folder.parent in item.path.parents]
-    ordered = sorted((items[place] for place in places), key=lambda item: folder in item.path.parents)
+    beside = {path for path in {item.path for item in items} if folder.parent in path.parents}
+    here = {path for path in beside if path.parent == folder}
+    places = [place for place, item in enumerate(items) if item.path in beside]
+    ordered = sorted((items[place] for place in places), key=lambda item: item.path in here)
     for place, item in zip(places, ordered, strict=True):
         items[place] = item
 

@@ -54,9 +54,8 @@ def test_where_few_vertices_have_most_of_the_error_it_is_measured_too(seed: int)
     """Sharp valleys in a smooth, dense sphere."""
     _, dense = PAIRS["bumpy sphere"](seed)
     truth = Truth.of(dense)
-    for other in (5, 6):
-        baked = Judgement.of(dense, truth, 0.01, other)
-        assert 1 / 1.3 < baked.reported / baked.rmse < 1.3
+    baked = Judgement.of(dense, truth, 0.01, 5)
+    assert 1 / 1.3 < baked.reported / baked.rmse < 1.3
 
 
 def test_a_dense_mesh_costs_what_its_shape_does() -> None:

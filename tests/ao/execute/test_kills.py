@@ -69,7 +69,7 @@ def killed(tmp_path, kills, method, options):
 
 @pytest.mark.parametrize("method", [*METHODS, "texture"])
 def test_killed_at_random_moments_nothing_is_lost(tmp_path, method):
-    killed(tmp_path, 4, method, {"samples": 256})
+    killed(tmp_path, 4, method, {"samples": 128})
 
 
 @pytest.mark.slow

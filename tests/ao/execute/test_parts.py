@@ -64,7 +64,7 @@ def test_rows_that_other_parts_trace_bring_no_warnings(tmp_path, monkeypatch):
 @pytest.mark.parametrize("of", [1, 2, 7])
 def test_merged_parts_of_a_texture_are_the_whole(tmp_path, of):
     mesh = Mesh(*hills(12))
-    make = partial(ao.bake_texture, mesh, grid_charts(len(mesh.faces)), 64, samples=64, profile=of == 2)
+    make = partial(ao.bake_texture, mesh, grid_charts(len(mesh.faces)), 48, samples=64, profile=of == 2)
     for number in range(of, 0, -1):
         trace_part(make, tmp_path / "parts", number, of)
     assert bits_of_texture(merged(make, tmp_path / "parts")) == bits_of_texture(make())

@@ -125,7 +125,7 @@ def table(rng):
 @pytest.mark.parametrize("seed", range(3))
 def test_coarse_meshes_are_fitted_to_a_tolerance(seed):
     mesh = slabs(table(np.random.default_rng(seed)))
-    dense = bake_surface(mesh, samples=1 << 17, seed=99).w
+    dense = bake_surface(mesh, samples=1 << 16, seed=99).w
     rays = []
     for options in ({"tolerance": 0.01}, {}, {"tolerance": 0.004}):
         baked = bake_surface(mesh, **options, seed=seed)
@@ -213,10 +213,10 @@ def test_some_stretches_of_a_large_mesh_show_how_smooth_it_is(monkeypatch, watch
 def coarse_temple(falloff):
     """The mesh, and what many rays make of it."""
     mesh = temple(fineness=0.6)
-    return mesh, bake_surface(mesh, falloff, samples=2048, seed=99).w
+    return mesh, bake_surface(mesh, falloff, samples=1024, seed=99).w
 
 
-@pytest.mark.parametrize("samples", [16, 64, 256])
+@pytest.mark.parametrize("samples", [16, 256])
 @pytest.mark.parametrize("falloff", [ao.Binary(), ao.Exponential()], ids=["binary", "exponential"])
 def test_the_estimated_rmse_is_near_the_true_one(samples, falloff):
     mesh, reference = coarse_temple(falloff)

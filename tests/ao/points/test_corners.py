@@ -60,10 +60,17 @@ def test_folded_vertices_are_the_mean_over_their_corners(noisy, brute_force, tau
     assert (off > 0.3).mean() <= 0.01
 
 
+@cache
+def crumpled_ball():
+    """A mesh with very many folds, and a bake of it by many rays."""
+    mesh = Mesh(*crumpled(icosphere(4), 0.35, 5))
+    return mesh, ao.bake(mesh, ao.Binary(), samples=8192, seed=1)
+
+
 @pytest.mark.parametrize("options", [{"samples": 64}, {"samples": 256}, {"tolerance": 0.02}])
 def test_their_errors_are_estimated(options):
-    mesh = Mesh(*crumpled(icosphere(4), 0.35, 5))
-    baked, truth = ao.bake(mesh, ao.Binary(), **options), ao.bake(mesh, ao.Binary(), samples=8192, seed=1)
+    mesh, truth = crumpled_ball()
+    baked = ao.bake(mesh, ao.Binary(), **options)
     which = split(baked)
     assert which.sum() > 500
     off = (baked.w - truth.w)[which] / np.hypot(baked.error, truth.error)[which]

@@ -23,7 +23,7 @@ def one_dark_of(count):
 @pytest.mark.parametrize("samples", [1, 8, 64])
 @pytest.mark.parametrize("size", [1, 5])
 def test_each_of_any_number_of_layers_counts_alike(size, samples):
-    for count in range(1, 41):
+    for count in (*range(1, 10), 15, 16, 17, 31, 32, 33, 40):
         mesh, uv, lid = one_dark_of(count)
         baked = ao.bake_texture(
             mesh, uv, size, falloff=ao.Binary(max_distance=9.0), samples=samples, occluders=[lid], interior="ignore"

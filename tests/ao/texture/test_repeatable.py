@@ -10,7 +10,7 @@ import ao
 from ao.execute.checkpoint import Checkpoint
 from raytrace import Mesh
 
-OPTIONS = {"size": 96, "samples": 256}
+OPTIONS = {"size": 64, "samples": 256}
 
 
 @pytest.fixture(scope="module")

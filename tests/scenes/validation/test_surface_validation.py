@@ -15,6 +15,7 @@ SIZE = 0.02
 SAMPLES = 4096
 OTHERS = "tilted normal", "inverted pyramid", "disk behind"  # two with normals of no face, one that the method refuses
 LINES = [line for line in validation.configurations() if not line.name.startswith(OTHERS)]
+COSTLY = "inside a cylinder"  # as the sphere, at ten times the cost: by one falloff
 
 
 def with_small_receivers(line):
@@ -43,7 +44,11 @@ def excess(line, baked):
     return float(np.max(error - (4 * baked.error[line.points] + 1e-3 + line.truncation + line.tessellation)))
 
 
-@pytest.mark.parametrize("line", LINES, ids=lambda line: f"{line.name}, {validation.described(line.falloff)}")
+@pytest.mark.parametrize(
+    "line",
+    [line for line in LINES if line.name != COSTLY or isinstance(line.falloff, ao.Binary)],
+    ids=lambda line: f"{line.name}, {validation.described(line.falloff)}",
+)
 def test_the_surface_method_matches_the_closed_form(line):
     small = with_small_receivers(line)
     baked = baked_at(small, small.falloff)

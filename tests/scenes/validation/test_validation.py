@@ -28,10 +28,9 @@ def label(line: Configuration) -> str:
     return f"{line.name}, {validation.described(line.falloff)}"
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_matches_the_closed_forms(seed: int) -> None:
+def test_matches_the_closed_forms() -> None:
     with only_w():
-        found = validation.run_validation(seed=seed)
+        found = validation.run_validation()
     assert len(found) == len(LINES)
     assert [result for result in found if not result.ok or abs(result.error) > result.allowed] == []
 
@@ -45,7 +44,7 @@ def test_a_bake_to_a_tolerance_matches_the_closed_form(line: Configuration) -> N
     assert np.sqrt(np.mean(error**2)) <= 2 * 0.002 + line.truncation + line.tessellation
 
 
-@pytest.mark.parametrize("samples", [1, 3, 100, 1024])
+@pytest.mark.parametrize("samples", [1, 3, 100])
 def test_what_is_allowed_goes_by_the_number_of_rays(samples: int) -> None:
     with only_w():
         found = validation.run_validation(samples=samples)

@@ -1,5 +1,7 @@
 """Sky-view factors of terrain against closed forms, and what rasters keep."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 import trimesh
@@ -111,16 +113,23 @@ def factors(tangents, azimuths, normals):
     return np.mean(aside * (np.pi / 2 - h - np.sin(h) * np.cos(h)) + normals[:, 2:] * np.cos(h) ** 2, axis=1)
 
 
+@cache
+def steep_hills(size, cell):
+    """Heights of a raster of cells, azimuths and the tangents of its horizons."""
+    rng = np.random.default_rng(8)
+    waves = [np.sin(np.add.outer(a * np.arange(size), b * np.arange(size)) + c) for a, b, c in rng.normal(size=(9, 3))]
+    heights = (cell * np.sum(waves, axis=0)).astype(np.float32).astype(np.float64)
+    azimuths = np.radians(np.arange(360) + 0.37)
+    return heights, azimuths, horizons(heights, cell, azimuths)
+
+
 @pytest.mark.parametrize("steepness", [0.25, 1.0])
 def test_both_definitions_are_the_integrals_of_the_horizon(tmp_path, steepness):
     """Steep cells, up to 82°, have folds, where w of the inclined surface is a mean over its faces and no integral."""
     size, cell = 20, 30.0
-    rng = np.random.default_rng(8)
-    waves = [np.sin(np.add.outer(a * np.arange(size), b * np.arange(size)) + c) for a, b, c in rng.normal(size=(9, 3))]
-    heights = (steepness * cell * np.sum(waves, axis=0)).astype(np.float32).astype(np.float64)
+    steepest, azimuths, tangents = steep_hills(size, cell)
+    heights, tangents = steepness * steepest, steepness * tangents  # a power of two changes no other digit
     write(tmp_path / "hills.tif", heights, cell, cell)
-    azimuths = np.radians(np.arange(360) + 0.37)
-    tangents = horizons(heights, cell, azimuths)
     row, column = (index.ravel() for index in np.indices(heights.shape))
     number = np.arange(size * size).reshape(size, size)
     a, b, c, d = (n.ravel() for n in (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]))
