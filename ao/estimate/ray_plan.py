@@ -35,7 +35,7 @@ def fall_of(neighbours: Neighbours, raw: Float64s, level: float, error: float, g
     It falls about as the rays grow, while larger cells take the noise away; not slower than what one-rings leave of the
     noise, whose mean square is `level` in values `raw` (k,), where w itself is as rough as it is.
     """
-    squared = (raw - neighbours.means((raw, 0.0))[0]) ** 2
+    squared = (raw - neighbours.means(raw.astype(np.float32), 0.0)) ** 2
     rough = max(float(np.nanmean(squared)) - (1 + _SHARED) * level, 0.0) if np.isfinite(squared).any() else np.inf
     times = np.exp2(np.arange(1, 129) / 8)
     variance = level * times**-RATE

@@ -125,7 +125,7 @@ class _Detail(NamedTuple):
         squared = np.empty(len(self.w), np.float32)
         neighbours.each(bind(_square, self.w, self.predicted, squared))
         noise = bind(_beyond_noise, self.cell, self.around)
-        return self._replace(jump=neighbours.means((squared, 1.0), then=lambda nearby: partial(noise, nearby))[0])
+        return self._replace(jump=neighbours.means(squared, 1.0, then=lambda nearby: partial(noise, nearby)))
 
     def at(self, rows: Int64s) -> Self:
         """At some of the points."""
