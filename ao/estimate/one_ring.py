@@ -187,9 +187,9 @@ def _mean(starts, indices, weights, values, own, out, first, last):
     """Ring means, the point's own value weighted by `own`, of differences: equal values stay equal to the bit."""
     for i in range(first, last):
         weight, difference, centre = own[0], np.float32(0.0), values[i]
-        for k in range(starts[i], starts[i + 1]):
+        for k in range(np.uint64(starts[i]), np.uint64(starts[i + 1])):  # unsigned: nothing is counted from the end
             weight += weights[k]
-            difference += weights[k] * (values[indices[k]] - centre)
+            difference += weights[k] * (values[np.uint32(indices[k])] - centre)
         out[i] = centre + difference / weight if weight > _NOTHING else np.float32(np.nan)
 
 
@@ -200,7 +200,7 @@ def _mean_lanes(starts, indices, weights, values, own, out, first, last):
         weight = load_row(own, 0)
         centre = load_row(values, i)
         difference = centre - centre
-        for k in range(starts[i], starts[i + 1]):
+        for k in range(np.uint64(starts[i]), np.uint64(starts[i + 1])):
             weight += weights[k]
             difference = multiply_add(weights[k], load_row(values, indices[k]) - centre, difference)
         share = select(weight > _NOTHING, np.float32(1.0) / weight, np.float32(np.nan))

@@ -19,7 +19,7 @@ from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.simd import WIDE
 from raytrace.kernel.vector import add, divide, length, load, scale, store
 from raytrace.system.threads import run_blocks
-from raytrace.types import Float32s, Float64s, Int32s, Int64s
+from raytrace.types import AnyFloats, Float32s, Float64s, Int32s, Int64s
 
 from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, COLUMNS
@@ -84,20 +84,20 @@ def denoise_over_scales(
     del rows
     # Cells by all amounts at once, of which the points choose one.
     amounts = np.array(_AMOUNTS if len(levels) > 1 else _AMOUNTS[:1])
-    values = np.repeat(np.column_stack(said.pop()), len(amounts), axis=1)
+    values: AnyFloats = np.repeat(np.column_stack(said.pop()), len(amounts), axis=1)
     threads = neighbours.threads
     for fine, coarse in zip(levels[-2::-1], levels[:0:-1], strict=True):
         values = _Detail.of(said.pop(), fine.points, coarse, values).shrunk(amounts, threads)
     lowest = levels[0]
     cell = lowest.cells.cell[checked]
-    predicted = upsample(points[checked], cell, lowest.neighbours, lowest.points, values)
+    predicted = upsample(points[checked], cell, lowest.neighbours, lowest.points, values).astype(np.float64)
     best = min(range(len(amounts)), key=lambda column: risk(predicted[:, column]))
     detail = _Detail.of(finest, points, lowest, values[:, best :: len(amounts)].copy()).with_jumps(neighbours)
     # Points, by the amount that is best at those that are checked.
     some = detail.at(checked)
-    by_amount = [some.shrunk(np.array([amount]), 1)[:, 0] for amount in _AMOUNTS]
+    by_amount = [some.shrunk(np.array([amount]), 1)[:, 0].astype(np.float64) for amount in _AMOUNTS]
     amount = _AMOUNTS[min(range(len(_AMOUNTS)), key=lambda column: risk(by_amount[column]))]
-    w, error = detail.shrunk(np.array([amount]), threads).T
+    w, error = np.ascontiguousarray(detail.shrunk(np.array([amount]), threads).T, np.float64)
     return w, shrunk_to_mean(error)
 
 
@@ -106,13 +106,13 @@ class _Detail(NamedTuple):
 
     w: Float64s  # (k,), as the level says it
     error: Float64s  # (k,), its squared error expected
-    predicted: Float64s  # (k, 2 a), w by each amount, then their squared errors expected
+    predicted: Float32s  # (k, 2 a), w by each amount, then their squared errors expected
     cell: Int32s  # (k,)
     around: Float32s  # (c, WIDE), means around each cell: the noise expected, then squared residuals by each amount
     jump: Float32s  # (k,), what squared residuals are at least
 
     @classmethod
-    def of(cls, said: Said, points: Points, coarse: _Level, above: Float64s) -> Self:
+    def of(cls, said: Said, points: Points, coarse: _Level, above: AnyFloats) -> Self:
         """Args: said: of the `points`. above: (c, 2 a), of the cells, as `predicted`."""
         cell = coarse.cells.cell
         predicted = upsample(points, cell, coarse.neighbours, coarse.points, above)
@@ -132,7 +132,7 @@ class _Detail(NamedTuple):
         kept = {name: getattr(self, name)[rows] for name in ("w", "error", "predicted", "cell", "jump")}
         return self._replace(**kept)
 
-    def shrunk(self, amounts: Float64s, threads: int) -> Float64s:
+    def shrunk(self, amounts: Float64s, threads: int) -> Float32s:
         """w by each of the `amounts` (a,) of noise in residuals, and its squared errors expected: (k, 2 a)."""
         out = np.empty_like(self.predicted)
         run_blocks(len(out), _BLOCK, bind(_shrink, self, amounts, out), threads, most=_MOST)
