@@ -13,8 +13,15 @@ import numpy as np
 from raytrace.kernel.arrays import aligned, unrefcounted_view
 from raytrace.kernel.jit import inline, kernel
 from raytrace.kernel.simd import (
-    WIDE, gather, gather3, lane_numbers, load_row, pick, select, store_row,
-)  # fmt: skip
+    WIDE,
+    gather,
+    gather3,
+    lane_numbers,
+    load_row,
+    pick,
+    select,
+    store_row,
+)
 from raytrace.kernel.vector import dot, scale, subtract, tangents
 from raytrace.system.threads import run_blocks
 from raytrace.types import AnyFloats, Float32s, Float64s, Int32s
@@ -135,7 +142,7 @@ def _find_samples(p, normal, nodes, own, samples):
     neighbours = gather(nodes.starts, own + 1) - first
     most = 1
     for lane in range(WIDE):
-        most = max(most, 1 + np.int64(pick(neighbours, lane)))
+        most = max(most, 1 + int(pick(neighbours, lane)))
     most = min(most, _MOST)
     count = ZERO * p[0]
     spread = count
