@@ -50,10 +50,10 @@ class _Level(NamedTuple):
     weight: Float32s  # (c,), points of the mesh in each
     cells: Cells
 
-    def means(self, rows: Float64s, weight: Float32s, slope: float, offset: float) -> Float64s:
+    def means(self, rows: Float32s, weight: Float32s, slope: float, offset: float) -> Float32s:
         """Rows (c, COLUMNS) from rows (k, COLUMNS) of the points below; variances, from `slope` times theirs and
         `offset`, are those of the means. Args: weight: (k,), of the points below."""
-        out = np.empty((len(self.points), COLUMNS))
+        out = np.empty((len(self.points), COLUMNS), np.float32)
         self.neighbours.each(bind(_average, self.cells, weight, rows, slope, offset, out))
         return out
 
@@ -62,7 +62,7 @@ _pyramids: WeakKeyDictionary[Neighbours, list[_Level]] = WeakKeyDictionary()
 
 
 def denoise_over_scales(
-    neighbours: Neighbours, points: Points, rows: Float64s, level: float, checked: Int64s, risk: Risk
+    neighbours: Neighbours, points: Points, rows: Float32s, level: float, checked: Int64s, risk: Risk
 ) -> Said:
     """w (k,) denoised over all scales, and the mean square error expected of each, (k,).
 
@@ -75,10 +75,10 @@ def denoise_over_scales(
         return finest
     said = []
     weight = np.ones(len(points), np.float32)
-    line = variance_line(float(np.mean(rows[:, BATCH_VARIANCE])), level)
+    line = variance_line(_mean_variance(rows), level)
     for each in levels:
         rows = each.means(rows, weight, *line)
-        said.append(denoise(each.neighbours, each.points, rows, float(np.mean(rows[:, BATCH_VARIANCE]))))
+        said.append(denoise(each.neighbours, each.points, rows, _mean_variance(rows)))
         weight = each.weight
         line = 1.0, 0.0
     del rows
@@ -99,6 +99,10 @@ def denoise_over_scales(
     amount = _AMOUNTS[min(range(len(_AMOUNTS)), key=lambda column: risk(by_amount[column]))]
     w, error = np.ascontiguousarray(detail.shrunk(np.array([amount]), threads).T, np.float64)
     return w, shrunk_to_mean(error)
+
+
+def _mean_variance(rows: Float32s) -> float:
+    return float(np.mean(rows[:, BATCH_VARIANCE], dtype=np.float64))
 
 
 class _Detail(NamedTuple):

@@ -66,7 +66,7 @@ class _Fields(NamedTuple):
     part: Float32s  # that each estimate has in its own prediction
 
 
-def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float) -> tuple[Float64s, Float64s]:
+def denoise(neighbours: Neighbours, points: Points, rows: Float32s, level: float) -> tuple[Float64s, Float64s]:
     """w (k,) shrunk towards its predictions, and the mean square error expected of each, (k,).
 
     Where all rays around a point agree, nothing is shrunk. Args: level: mean square error of w in `rows` (k, COLUMNS).
@@ -79,6 +79,7 @@ def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float
     neighbours.each(bind(_normal_equations, coefficients, size, at, around))
     shape = shape_of(neighbours, points)
     neighbours.smooth(around, _FIT_REACH, spare, lambda moments: bind(_local_fits, shape, moments, at))
+    del around, spare
     w, error = np.empty((2, len(points)))
     neighbours.smooth(at.excess, _REACH, then=lambda beyond: bind(_shrink, rows, beyond, at, w, error))
     return w, shrunk_to_mean(error)
@@ -87,7 +88,7 @@ def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float
 def _compare_with_neighbours(
     neighbours: Neighbours,
     points: Points,
-    rows: Float64s,
+    rows: Float32s,
     level: float,
     at: _Fields,
     around: Float32s,

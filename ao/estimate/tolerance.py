@@ -84,7 +84,7 @@ def estimate_to(
         rays = np.zeros(len(points), np.int64)
         worth = np.zeros(len(points))
         more = np.full(len(points), min(first_rays(tolerance, len(points)), max_samples))
-        gathered = [np.zeros((len(points), COLUMNS)) for _ in range(tracer.columns)]
+        gathered = [np.zeros((len(points), COLUMNS), np.float32) for _ in range(tracer.columns)]
         for turn in range(_ROUNDS):
             found = list[_Round]()  # lets go of the last ones
             tracer.stage = f"rays, round {turn + 1}"
@@ -101,7 +101,7 @@ def estimate_to(
             beyond = means[column] / goal
             farthest = _FARTHEST if mean_square(error) < _UNEVEN * np.mean(error) ** 2 else _NEAR
             aim = goal * (_AIM if beyond < farthest else beyond ** (2 / 3))
-            raw = gathered[column][:, W]
+            raw = np.ascontiguousarray(gathered[column][:, W])
             fall = fall_of(neighbours, raw, probes.level(raw, worth, column), means[column], aim)
             more = np.minimum(rays_to_add(error, worth, max_samples, aim, fall, tracer.threads), max_samples - rays)
         most = int(rays.max())
@@ -117,7 +117,7 @@ def estimate_to(
 def _add_rays(
     tracer: Tracer,
     points: Points,
-    gathered: list[Float64s],
+    gathered: list[Float32s],
     counts: tuple[Int64s, Float64s],
     more: Int64s,
     key: np.uint32,
@@ -166,7 +166,7 @@ class _Round(NamedTuple):
         cls,
         points: Points,
         neighbours: Neighbours,
-        rows: Float64s,
+        rows: Float32s,
         worth: Float64s,
         probes: Probes,
         column: int,

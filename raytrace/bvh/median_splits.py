@@ -14,14 +14,14 @@ from ..kernel.jit import bind, inline, kernel
 from ..kernel.simd import WIDE, load_row, pick
 from ..kernel.vector import load_triangle
 from ..system.threads import run_blocks, thread_count
-from ..types import Float32s, Int64s
+from ..types import Float32s, Int32s, Int64s
 
 _LEAST, _PARTS = 1 << 12, 16  # triangles of a part that one thread orders, and how many parts there are at least
 _STACK = 1 << 7
 _ROW = WIDE // 4  # triangles whose records are a row of lanes
 
 
-def median_order(vertices: Float32s, faces: Int64s) -> Int64s:
+def median_order(vertices: Float32s, faces: Int64s) -> Int32s:
     """The order (m,) of `faces` (m, 3) of `vertices` (n, 3)."""
     # Centroids, and whose they are, moved together, in whole rows of lanes; what is left of the last compares as false.
     records = aligned((-(-len(faces) // _ROW) * _ROW, 4), np.float32)
@@ -48,7 +48,7 @@ def median_order(vertices: Float32s, faces: Int64s) -> Int64s:
             ordered[number].set()
 
     run_blocks(len(parts), 1, divide, threads)
-    return numbers[: len(faces), 3].astype(np.int64)
+    return numbers[: len(faces), 3].copy()
 
 
 def _middle(start: int, stop: int) -> int:
