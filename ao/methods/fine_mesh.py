@@ -67,7 +67,7 @@ def _project(prepared: Prepared, coarse: Mesh, vertices: Receivers, inputs: Inpu
     fine = FineMesh(prepared.mesh.source, placement, prepared.receivers, prepared.threads)
     representative = vertices.first_vertex
     positions = (coarse.vertices[representative] - placement.centre) * placement.scale
-    cage = cage_of(prepared.options.cage, coarse)
+    cage = cage_of(prepared.options.cage, coarse, prepared.mesh)
     reach = cage.vertices[representative] if isinstance(cage, Mesh) else cage
     groups = inputs.groups and (np.asarray(inputs.groups[0])[representative], inputs.groups[1])
     return fine.project(positions, vertices.points.normals.astype(np.float64), reach, groups)

@@ -29,6 +29,7 @@ Groups = tuple[Int64s, Int64s]
 
 _ROUNDED = 1e-6  # of coordinates, in single precision
 _MOST_HOLES = 64  # that a ray goes through
+_LARGER = 1e12  # how much larger one of the two meshes may be
 _BESIDE = 0.01  # of the cage: how far from its ray a point that counts as met may be
 
 
@@ -158,11 +159,17 @@ class FineMesh:
         return np.asarray(_ROUNDED * np.minimum(most, np.maximum(NEAR, np.abs(positions).max(axis=1))))
 
 
-def cage_of(cage: Length | Mesh | Any, mesh: Mesh) -> float | Mesh:
+def cage_of(cage: Length | Mesh | Any, mesh: Mesh, fine: Mesh) -> float | Mesh:
     """A cage about the coarse `mesh` in mesh units: a distance, or its own mesh.
 
-    Raises: MeshError: it is none, or has not the vertices and faces of `mesh`; OptionError: it is no length.
+    Raises: MeshError: it is none, or has not the vertices and faces of `mesh`, or this and the `fine` one differ in
+    size by more than single precision holds; OptionError: it is no length.
     """
+    across = np.ptp(mesh.bounds, axis=0).max()
+    fine_across = np.ptp(fine.bounds, axis=0).max()
+    if not across / _LARGER <= fine_across <= across * _LARGER:
+        sizes = f"from {1 / _LARGER:g} to {_LARGER:g} times that of {mesh.source}"
+        raise MeshError(fine.source, "size", sizes, f"{fine_across:.3g}, beside {across:.3g}")
     if is_length(cage):
         return resolve_length("cage", cage, mesh.radius or 1.0)
     made = mesh_of(cage, "cage")

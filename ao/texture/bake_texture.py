@@ -152,7 +152,7 @@ def _scene(mesh: Mesh, options: TextureArguments) -> _Scene:
     occluders = occluding(options.occluders, options.high)
     uv = corner_uv(options.uv, mesh)
     solid = mesh if options.high is None else mesh_of(options.high, "high")
-    cage = None if options.high is None else Cage(cage_of(options.cage, mesh), options.groups)
+    cage = None if options.high is None else Cage(cage_of(options.cage, mesh, solid), options.groups)
     return _Scene(mesh, uv, solid.reversed() if options.thickness else solid, cage, occluders)
 
 

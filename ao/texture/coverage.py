@@ -41,7 +41,8 @@ class Page(NamedTuple):
         crowding = np.zeros(len(layout.face))
         if areas is not None:
             even = areas[np.unique(layout.face)].sum() / (layout.width * layout.height)
-            crowding = areas[layout.face] / (even * np.abs(doubled_areas(layout.corners)) / 2)
+            evenly = even * np.abs(doubled_areas(layout.corners)) / 2
+            np.divide(areas[layout.face], evenly, out=crowding, where=evenly > 0)
         rows = max(min(_BAND // layout.width, layout.height // _BANDS), 1)
         counts = np.zeros(-(-layout.height // rows), np.int64)
         count_bands(layout.corners, layout.height, rows, counts)

@@ -108,6 +108,17 @@ def test_a_cage_that_misses_everything():
         ao.bake(floor(), samples=8, high=floor_and_wall(-1.0), cage="1%")
 
 
+@pytest.mark.parametrize("scale", [1e-40, 1e40])
+def test_meshes_whose_sizes_single_precision_does_not_hold_together(scale):
+    fine = Mesh(floor().vertices * scale, floor().faces, source="fine.obj")
+    coarse, uv = quads((rectangle((0, -2, 0), (4, 0, 0), (0, 4, 0)), square(0, 0, 1, 1)))
+    refusal = r"fine.obj: size: expected from 1e-12 to 1e\+12 times that of"
+    with pytest.raises(MeshError, match=refusal):
+        ao.bake(coarse, samples=8, high=fine)
+    with pytest.raises(MeshError, match=refusal):
+        ao.bake_texture(coarse, uv, size=4, samples=8, high=fine)
+
+
 @pytest.mark.parametrize("interior", ["auto", "mark", "ignore"])
 def test_vertices_inside_of_solids_of_the_fine_mesh(interior):
     """A box stands on the floor: w under it is that of the floor about it, or that of its inside."""

@@ -157,3 +157,11 @@ def test_neighbours_do_not_overlap():
     a, b, c, d = points[:-1, :-1], points[:-1, 1:], points[1:, 1:], points[1:, :-1]
     uv = np.concatenate([np.stack(t, axis=-2).reshape(-1, 3, 2) for t in ((a, b, c), (a, c, d))])
     assert not Page.of(laid_out(uv, (256, 256))).cover("mean", 1).overlapping.any()
+
+
+def test_a_face_whose_area_on_the_page_is_rounded_away_crowds_nothing():
+    tiny = 1e-20
+    layout = laid_out([[[0.1, 0.1], [0.9, 0.1], [0.1, 0.9]], [[0, 0], [tiny, 0], [0, tiny]]])
+    crowding = Page.of(layout, np.array([1.0, 1.0])).crowding
+    assert crowding[0] > 0
+    assert crowding[1] == 0
