@@ -115,8 +115,8 @@ def _upsample(points, cell, nodes, plain, samples, out):
     for begin in range(0, len(cell), WIDE):
         rows = min(lane_numbers() + begin, len(cell) - 1)
         normal = _triples(points.normals, rows)
-        count, spread = _find_samples(_triples(points.origins, rows), normal, nodes, gather(cell, rows), samples)
-        own_weight = _weigh_plane_fit(normal, spread, samples.placed, count)
+        count, spread, alike = _find_samples(_triples(points.origins, rows), normal, nodes, gather(cell, rows), samples)
+        own_weight = _weigh_plane_fit(normal, spread, alike, samples.placed, count)
         own = columns * load_row(samples.cells, 0)
         for column in range(columns):
             centre = gather(nodes.values, own + column)
@@ -136,8 +136,8 @@ def _triples(array, rows):
 
 @inline
 def _find_samples(p, normal, nodes, own, samples):
-    """Set `samples`, weighted by normals, around points `p` of the cells `own`; the most that a point has, and the mean
-    of their squared distances."""
+    """Set `samples`, weighted by normals, around points `p` of the cells `own`; the most that a point has, the mean of
+    their squared distances and the sum of their weights."""
     first = gather(nodes.starts, own)
     neighbours = gather(nodes.starts, own + 1) - first
     most = 1
@@ -145,7 +145,7 @@ def _find_samples(p, normal, nodes, own, samples):
         most = max(most, 1 + int(pick(neighbours, lane)))
     most = min(most, _MOST)
     count = ZERO * p[0]
-    spread = count
+    spread = total = count
     for k in range(most):
         is_there = neighbours >= k
         cells = own if k == 0 else select(is_there, gather(nodes.indices, select(is_there, first + (k - 1), 0)), own)
@@ -156,14 +156,16 @@ def _find_samples(p, normal, nodes, own, samples):
         store_row(samples.cells, k, cells)
         for axis in range(3):
             store_row(samples.placed, 4 * k + axis, away[axis])
-        store_row(samples.placed, 4 * k + 3, select(is_there, alike * alike, ZERO))
+        alike = select(is_there, alike * alike, ZERO)
+        store_row(samples.placed, 4 * k + 3, alike)
+        total += alike
         count += select(is_there, ONE, ZERO)
         spread += select(is_there, dot(away, away), ZERO)
-    return most, max(spread / count, np.float32(1e-30))
+    return most, max(spread / count, np.float32(1e-30)), total
 
 
 @inline
-def _weigh_plane_fit(n, spread, placed, count):
+def _weigh_plane_fit(n, spread, alike, placed, count):
     """Turn positions and weights by normals into weights of samples in the value at 0 of the plane fitted to them over
     coordinates u, v across n; the first one's weight."""
     t, b = tangents(n)
@@ -174,7 +176,7 @@ def _weigh_plane_fit(n, spread, placed, count):
         away = scale(size, (load_row(placed, 4 * k), load_row(placed, 4 * k + 1), load_row(placed, 4 * k + 2)))
         u = dot(away, t)
         v = dot(away, b)
-        w = load_row(placed, 4 * k + 3) / (ONE + dot(away, away))
+        w = load_row(placed, 4 * k + 3) / alike / (ONE + dot(away, away))  # of sum about 1: no product of three is lost
         store_row(placed, 4 * k, u)
         store_row(placed, 4 * k + 1, v)
         store_row(placed, 4 * k + 3, w)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from meshes import hills
@@ -114,6 +116,9 @@ def test_what_varies_linearly_is_filled_in_exactly() -> None:
     assert np.abs(filled[:, 0] - value[:, 0]).max() < 0.02  # on the rim it leans on one side
     assert rms(filled[:, 0] - value[:, 0]) < 0.004
     np.testing.assert_array_equal(filled[:, 1], value[:, 1])
+    opposed = replace(receivers.points, normals=-receivers.points.normals)  # all weights are as small as they can be
+    again = upsample(opposed, cells.cell, joined, receivers.points[rows], value[rows])
+    np.testing.assert_allclose(again, filled, atol=1e-5)
 
 
 def test_a_part_without_a_baked_point_is_baked() -> None:
