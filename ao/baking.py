@@ -91,12 +91,12 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
         baked = replace(baked, measure_between=measure)
     baked.seconds.update(build=build, bake=time.perf_counter() - start - build)
     vertices = prepared.placement.vertices
-    each = "face" if options.at == "faces" else "vertex"
+    element = "face" if options.at == "faces" else "vertex"
     if options.both_sides:
         below = call_checked(bake, options, mesh.reversed(), both_sides=False, checkpoint=None)
         baked.seconds["bake"] += sum(below.seconds.values())
         baked = replace(baked, below=below, rays=baked.rays + below.rays)
-    return replace(baked, shortfalls=shortfalls(options, max(baked.rmses), values.samples, each, solid, vertices))
+    return replace(baked, shortfalls=shortfalls(options, max(baked.rmses), values.samples, element, solid, vertices))
 
 
 def _measure_between(prepared: Prepared, baked: Bake) -> Interpolation:

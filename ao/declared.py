@@ -39,7 +39,6 @@ class Option(NamedTuple):
     metavar: str | None = None
     short: str | None = None
     section: str = ""  # of the whole help; none of those that matter
-    old_name: str | None = None
     words: Sequence[str] | Callable[[], Iterable[str]] = ()  # for completion
     is_argument: bool = False  # of the command, known by its place
     is_setting: bool = True  # whether `--options` takes it over, if it is no file that is written
@@ -85,14 +84,16 @@ class Option(NamedTuple):
         return self.is_setting and self.role != "run" and not (self.role == "output" and self.kind == Path | None)
 
 
-def rows(record: Any) -> dict[str, Option]:
+def options_of(record: Any) -> dict[str, Option]:
     """The options that a record declares."""
-    found = {}
-    for each in fields(record):
-        kind, row = _declaration(each)
-        same = {"kind": kind, "default": each.default}
-        found[each.name] = row._replace(name=each.name, **{key: same[key] for key in same if getattr(row, key) is SAME})
-    return found
+    options = {}
+    for field in fields(record):
+        kind, option = _declaration(field)
+        same = {"kind": kind, "default": field.default}
+        options[field.name] = option._replace(
+            name=field.name, **{key: same[key] for key in same if getattr(option, key) is SAME}
+        )
+    return options
 
 
 def _declaration(field: Field[Any]) -> tuple[Any, Option]:
@@ -103,11 +104,11 @@ def _declaration(field: Field[Any]) -> tuple[Any, Option]:
 
 def check_values(record: Any) -> None:
     """Make the numbers, choices and switches of a record plain. Raises: OptionError: one is out of range."""
-    for each in fields(record):
-        kind, row = _declaration(each)
-        value = getattr(record, each.name)
+    for field in fields(record):
+        kind, option = _declaration(field)
+        value = getattr(record, field.name)
         if value is not None or NoneType not in get_args(kind):
-            object.__setattr__(record, each.name, _checked(each.name, _without_none(kind), row.bounds, value))
+            object.__setattr__(record, field.name, _checked(field.name, _without_none(kind), option.bounds, value))
 
 
 def _checked(name: str, kind: Any, bounds: tuple[float, float] | None, value: Any) -> Any:
@@ -137,19 +138,17 @@ def _without_none(kind: Any) -> Any:
 
 
 def with_option_parameters(record: Callable[P, T]) -> Callable[[Callable[[Any, T], R]], Callable[P, R]]:
-    """Let a function of a mesh and a record take the record's fields, some by earlier names too, and describe them."""
+    """Let a function of a mesh and a record take the record's fields, and describe them."""
     declared: list[Field[Any]] = sorted(fields(record), key=lambda field: bool(field.kw_only))  # type: ignore[arg-type]
-    new_names = {row.old_name: name for name, row in rows(record).items() if row.old_name}
 
     def with_fields(function: Callable[[Any, T], R]) -> Callable[P, R]:
         @wraps(function)
         def called(*unnamed: P.args, **named: P.kwargs) -> R:
-            values: Any = {new_names.get(name, name): value for name, value in named.items()}
             try:
-                signature.bind(*unnamed, **values)
+                signature.bind(*unnamed, **named)
             except TypeError as fault:
                 raise TypeError(f"{function.__name__}() {fault}") from None
-            given: Any = record(*unnamed, **values)
+            given: Any = record(*unnamed, **named)
             return function(given.mesh, given)
 
         before, raises, after = cleandoc(function.__doc__ or "").partition("\n\nRaises:")
@@ -178,9 +177,9 @@ def call_checked(function: Callable[..., R], options: object, mesh: object, **in
 def _parameter(field: Field[Any]) -> Parameter:
     kind = _declaration(field)[0]
     default = Parameter.empty if field.default is MISSING else field.default
-    place = Parameter.KEYWORD_ONLY if field.kw_only else Parameter.POSITIONAL_OR_KEYWORD
+    kind_of_parameter = Parameter.KEYWORD_ONLY if field.kw_only else Parameter.POSITIONAL_OR_KEYWORD
     written = kind.__forward_arg__ if isinstance(kind, ForwardRef) else kind
-    return Parameter(field.name, place, default=default, annotation=written)
+    return Parameter(field.name, kind_of_parameter, default=default, annotation=written)
 
 
 def _described(field: Field[Any]) -> str:

@@ -37,8 +37,8 @@ class KernelColumns(NamedTuple):
             self.taus.tolist(), self.limits.tolist(), self.scales.tolist(), pairwise(self.starts), strict=True
         )
         return [
-            KernelMu(tau, limit, scale, self.distances[slice(*own)], self.values[slice(*own)])
-            for tau, limit, scale, own in columns
+            KernelMu(tau, limit, scale, self.distances[slice(*knots)], self.values[slice(*knots)])
+            for tau, limit, scale, knots in columns
         ]
 
 
@@ -73,17 +73,17 @@ def attenuation(distance, falloff):
 
 
 @inline
-def _between_knots(distance, distances, values, first, last):
-    """μ at a distance by the knots from `first` to `last`, linear between them."""
-    while last - first > 1:
-        middle = (first + last) >> 1
+def _between_knots(distance, distances, values, low_knot, high_knot):
+    """μ at a distance by the knots from `low_knot` to `high_knot`, linear between them."""
+    while high_knot - low_knot > 1:
+        middle = (low_knot + high_knot) >> 1
         if distances[middle] <= distance:
-            first = middle
+            low_knot = middle
         else:
-            last = middle
-    start = distances[first]
-    low = values[first]
-    slope = (values[last] - low) / (distances[last] - start)
+            high_knot = middle
+    start = distances[low_knot]
+    low = values[low_knot]
+    slope = (values[high_knot] - low) / (distances[high_knot] - start)
     return min(low + slope * (distance - start), 1.0)
 
 
@@ -102,9 +102,9 @@ def accumulate_occlusion(columns, distance, share, occlusion):
                 power = 1.0 + below
             mu = -below * columns.scales[c]
         elif distance < columns.limits[c] and columns.starts[c] < columns.starts[c + 1]:
-            first = columns.starts[c]
-            last = columns.starts[c + 1] - 1
-            mu = _between_knots(distance, columns.distances, columns.values, first, last)
+            first_knot = columns.starts[c]
+            last_knot = columns.starts[c + 1] - 1
+            mu = _between_knots(distance, columns.distances, columns.values, first_knot, last_knot)
         if distance < columns.limits[c]:
             occlusion[c] += share * (1.0 - mu)
 

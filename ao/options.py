@@ -8,7 +8,7 @@ import math
 from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from .declared import EVERY_BAKE, IMAGE, Option, check_values, rows
+from .declared import EVERY_BAKE, IMAGE, Option, check_values, options_of
 
 if TYPE_CHECKING:  # the help of the command imports nothing heavy
     from raytrace.mesh.mesh import Mesh
@@ -66,10 +66,10 @@ class Options:
         "Target RMS error of w, 0.005 by default; ray counts are chosen to meet it.", python_help=
         "1e-5 to 1; over the vertices or the covered texels, by the surface method of the fitted values. None where "
         "`samples` alone is given, and without `denoise`, where each point gets 256 rays.")] = None
-    denoise: Annotated[bool, Option(old_name="reconstruct", help=
+    denoise: Annotated[bool, Option(help=
         "Shrink estimates towards those of neighbours.", python_help=
         "They are leave-one-out predictions, of texels across seams, too. Not by the surface method.")] = True
-    interior: Annotated[Interior, Option(old_name="hidden", help=
+    interior: Annotated[Interior, Option(help=
         "Vertices inside closed solids: ignore, flag (mark), or fill from visible neighbours; auto fills those inside "
         "parts of the mesh that are closed.", python_help=
         '"auto": vertices inside a closed part that is not their own are flagged and get the values of the nearest '
@@ -161,7 +161,7 @@ class Options:
 
         from .falloff import is_length
 
-        values = {name: getattr(self, name) for name, row in rows(self).items() if row.role == "result"}
+        values = {name: getattr(self, name) for name, row in options_of(self).items() if row.role == "result"}
         only = None if self.only is None else np.packbits(self.only).tobytes()
         cage = self.cage if is_length(self.cage) else None  # what is traced from is hashed
         return tuple((values | {"samples": self.rays, "only": only, "cage": cage}).items())

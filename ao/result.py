@@ -117,7 +117,7 @@ class Bake(Columns):
         rays: number of rays traced, by an interrupted run too.
         rays_skipped: number of rays not traced, by reason.
         rmse: estimated root mean square of `error` over the vertices asked for.
-        seconds: `build` (the hierarchy over the faces), `compile` (kernels) and `bake` (everything else that makes w).
+        seconds: `build` (the hierarchy over the faces) and `bake` (everything else that makes w).
         mu: the falloff used, in mesh units.
         mesh: what was baked.
         shortfalls: what the result lacks of what was asked for, in words: a tolerance that is not met.
@@ -240,8 +240,8 @@ def assemble(prepared: Prepared, mesh: Mesh, elements: BakedElements, values: Po
         for values_of, outside in zip(values.others, (1.0, 0.0), strict=False)
     ]
     # Root mean squares over the elements asked for, and rays not traced, by reason.
-    errors = [error, *(column for each in spread[1:] for column in each.T)]
-    rmses = tuple(float(np.sqrt(np.sum(each**2) / max(wanted, 1))) for each in errors)
+    errors = [error, *(column for table in spread[1:] for column in table.T)]
+    rmses = tuple(float(np.sqrt(np.sum(column**2) / max(wanted, 1))) for column in errors)
     elements_skipped = {
         "duplicate": int(np.count_nonzero(point >= 0)) - len(normals),
         "no_normal": int(np.count_nonzero(flags & (Flag.UNREFERENCED | Flag.DEGENERATE))),

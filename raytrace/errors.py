@@ -152,10 +152,10 @@ class ConflictError(OptionError):
 
     def in_words(self, shown: Callable[[Term], str]) -> str:
         """The sentence. Args: shown: how options are written."""
-        first = shown(self.first)
-        second = shown(self.second)
+        option = shown(self.first)
+        other = shown(self.second)
         excludes = self.relation == "excludes"
-        return f"{first} and {second} exclude each other" if excludes else f"{first} {self.relation} {second}"
+        return f"{option} and {other} exclude each other" if excludes else f"{option} {self.relation} {other}"
 
 
 def _in_python(term: Term) -> str:

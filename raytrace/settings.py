@@ -2,17 +2,14 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from .errors import OptionError
 from .system.parameters import Parameters, Seed, Switch, Whole
 
 Shading = Literal["constant", "flat", "gouraud", "phong", "quadratic"]
 Normals = Literal["file", "angle", "area", "equal"]
-ObscuranceForm = Annotated[
-    Literal["off", "ambient", "ambient and diffuse"],
-    BeforeValidator(lambda form: "ambient and diffuse" if form == "book" else form),  # its earlier name
-]
+ObscuranceForm = Literal["off", "ambient", "ambient and diffuse"]
 MAX_SIZE = 32768
 Pixels = Annotated[Whole, Field(ge=1, le=MAX_SIZE)]
 Samples = Annotated[Whole, Field(ge=1, le=4096)]

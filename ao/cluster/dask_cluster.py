@@ -116,7 +116,10 @@ class DaskCluster:
         return bool(failed) and all(failed)
 
     def call(self, worker: str, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """What `function` returns on a worker: texts, numbers, bytes and tuples of such, or a TypeError."""
+        """Call `function` on a worker; its result, to wait for: texts, numbers, bytes, tuples of these, or a TypeError.
+
+        The thread beside this one begins the call, so that Ctrl-C cannot come between.
+        """
         loop = self._client.loop.asyncio_loop
 
         def begin() -> Future[Any]:

@@ -142,7 +142,7 @@ def estimate(
     elif len(rows):
         found = estimate_to(tracer, ordinary, neighbours_of(rows), tolerance, most, key)
         if len(corners):
-            at_corners = traced_twice(tracer, folded, rays_per_corner_sample(found.samples, True), key)(None)
+            at_corners = traced_twice(tracer, folded, rays_per_corner_sample(found.mean_samples, True), key)(None)
     else:  # rays can be planned by corner samples alone, of which the mean of some 18 is asked for
         alone = Neighbours.of(np.zeros((0, 3), np.int64), folded.normals, tracer.threads)
         at_corners = estimate_to(tracer, folded, alone, min(2 * tolerance, 1.0), most, key)
@@ -183,8 +183,7 @@ def estimate_outside(
         edge[graph.indices[np.repeat(edge, np.diff(graph.starts))]] = True
         edge[subset.rows] = False
         key = derive(seed_key(options.seed), 6)
-        typical = values.samples - values.spared // len(kept)
-        again = traced_twice(tracer, traced[edge], min(2 * typical, options.rays), key)(None)
+        again = traced_twice(tracer, traced[edge], min(2 * values.mean_samples, options.rays), key)(None)
         known[edge] = np.column_stack([again.rows, again.variance])
     rows = extrapolate(points, cells, graph, known)
     return values._replace(rows=rows[:, :4], variance=rows[:, 4]), len(points) - len(kept)

@@ -12,8 +12,7 @@ from ..execute.tracer import Tracer
 from ..points.points import Points
 from ..rays.gather import W
 from .calibration import Calibration, calibration_factor
-from .ray_plan import BATCH
-from .sampling_error import RATE, TYPICAL, derive, sampling_variance, stratified_rows
+from .sampling_error import BATCH, RATE, derive, rays_alone, sampling_variance, stratified_rows
 
 _PROBED, _FEWEST, _MOST = 16, 96, 1024  # one point in how many is probed, at least and at most
 _LARGEST, _MORE = 0.05, 0.25  # part of the points that have the largest errors expected, and of as many probes more
@@ -30,8 +29,8 @@ class Probes:
         self._tracer = tracer
         self._points = points
         self._key = key
-        enough = (TYPICAL / tolerance**2) ** (1 / RATE)  # more would not make up for fewer probes: both err by as much
-        self._samples = int(min(BATCH * max(round(enough / BATCH), 1), max(max_samples, BATCH)))
+        # More rays would not make up for fewer probes: both err by as much.
+        self._samples = min(rays_alone(tolerance), max(max_samples, BATCH))
         self.rows = stratified_rows(len(points), int(np.clip(len(points) // _PROBED, _FEWEST, _MOST)))
         self._spread = len(self.rows)  # so many are over all points; others follow
         self._among_largest = np.zeros(len(points), np.bool_)

@@ -7,10 +7,9 @@ from raytrace.system.threads import run_blocks
 from raytrace.types import Float32s, Float64s, Int64s
 
 from .one_ring import Neighbours
-from .sampling_error import RATE
+from .sampling_error import BATCH, RATE
 
 _FIRST, _FEWEST = 0.048, 8  # rays at first, times the tolerance, and at least: with fewer, single jumps stay unseen
-BATCH = 4  # rays are added in multiples of these
 _FEW_POINTS, _PLENTY = 1 << 15, 0.64  # all points have so many rays together at first, but a point so many / tolerance
 _SHARED = 0.2  # variance of a neighbours' mean, relative to one neighbour's
 _UNEXPLAINED = 0.06  # part of the squared distance from a neighbours' mean that typical predictions leave

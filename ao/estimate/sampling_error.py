@@ -5,6 +5,7 @@ import numpy as np
 from raytrace.sampling.sequences import hash32_array
 from raytrace.types import Float64s, Int64s
 
+BATCH = 4  # rays are added in multiples of these
 RATE = 1.5  # the variance of n rays falls as n^−1.5
 TYPICAL, PRIOR = 0.09, 8  # variance of n rays · n^1.5, and how many points that is worth: a few may agree by luck
 
@@ -13,6 +14,12 @@ def sampling_variance(first: Float64s, second: Float64s, rays: int) -> float:
     """Mean square error of either of two independent estimates (k,) with `rays` rays a point."""
     halves = float(np.sum((first - second) ** 2)) / 2
     return float((halves + PRIOR * TYPICAL * rays**-RATE) / (len(first) + PRIOR))
+
+
+def rays_alone(tolerance: float) -> int:
+    """Rays by which a point errs by the `tolerance` without any other's."""
+    enough = float(TYPICAL / tolerance**2) ** (1 / RATE)
+    return int(BATCH * max(round(enough / BATCH), 1))
 
 
 def derive(key: np.uint32, salt: int) -> np.uint32:

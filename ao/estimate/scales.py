@@ -76,6 +76,7 @@ def denoise_over_scales(
     said = []
     weight = np.ones(len(points), np.float32)
     line = variance_line(_mean_variance(rows), level)
+    variance = line[0] * rows[:, BATCH_VARIANCE].astype(np.float64) + line[1]
     for each in levels:
         rows = each.means(rows, weight, *line)
         said.append(denoise(each.neighbours, each.points, rows, _mean_variance(rows)))
@@ -92,7 +93,8 @@ def denoise_over_scales(
     cell = lowest.cells.cell[checked]
     predicted = upsample(points[checked], cell, lowest.neighbours, lowest.points, values).astype(np.float64)
     best = min(range(len(amounts)), key=lambda column: risk(predicted[:, column]))
-    detail = _Detail.of(finest, points, lowest, values[:, best :: len(amounts)].copy()).with_jumps(neighbours)
+    detail = _Detail.of(finest, points, lowest, values[:, best :: len(amounts)].copy())
+    detail = detail.with_jumps(neighbours, variance)
     # Points, by the amount that is best at those that are checked.
     some = detail.at(checked)
     by_amount = [some.shrunk(np.array([amount]), 1)[:, 0].astype(np.float64) for amount in _AMOUNTS]
@@ -109,7 +111,7 @@ class _Detail(NamedTuple):
     """What a level of k points says beyond what the cells above it predict by each of some amounts."""
 
     w: Float64s  # (k,), as the level says it
-    error: Float64s  # (k,), its squared error expected
+    error: Float64s  # (k,), its squared error expected, if nothing is shrunk
     predicted: Float32s  # (k, 2 a), w by each amount, then their squared errors expected
     cell: Int32s  # (k,)
     around: Float32s  # (c, WIDE), means around each cell: the noise expected, then squared residuals by each amount
@@ -124,12 +126,16 @@ class _Detail(NamedTuple):
         coarse.neighbours.each(bind(_compare, coarse.cells, *said, predicted, around))
         return cls(*said, predicted, cell, coarse.neighbours.smooth(around, _REACH), np.zeros(len(points), np.float32))
 
-    def with_jumps(self, neighbours: Neighbours) -> Self:
-        """Where a point and its neighbours together are far beyond their noise, no wider surroundings count."""
+    def with_jumps(self, neighbours: Neighbours, variance: Float64s) -> Self:
+        """Where a point and its neighbours together are far beyond their noise, no wider surroundings count.
+
+        Args: variance: (k,), by the points' own rays, which a point far from all others is left with.
+        """
         squared = np.empty(len(self.w), np.float32)
         neighbours.each(bind(_square, self.w, self.predicted, squared))
         noise = bind(_beyond_noise, self.cell, self.around)
-        return self._replace(jump=neighbours.means(squared, 1.0, then=lambda nearby: partial(noise, nearby)))
+        jump = neighbours.means(squared, 1.0, then=lambda nearby: partial(noise, nearby))
+        return self._replace(error=variance, jump=jump)
 
     def at(self, rows: Int64s) -> Self:
         """At some of the points."""
@@ -203,8 +209,9 @@ def _shrink(detail, amounts, out, first, last):
             error = _AVERAGED * max(detail.predicted[i, len(amounts) + a], 0.0)
             residual = detail.w[i] - predicted
             unexplained = max(residual * residual - _OUTLIER * noise, 0.0)
+            alone = detail.error[i] if unexplained > 0.0 else noise
             out[i, a] = predicted + share * residual
-            out[i, len(amounts) + a] = error + share * max(noise - error, 0.0) + (1.0 - share) ** 2 * unexplained
+            out[i, len(amounts) + a] = error + share * max(alone - error, 0.0) + (1.0 - share) ** 2 * unexplained
 
 
 def _pyramid(neighbours: Neighbours, points: Points) -> list[_Level]:

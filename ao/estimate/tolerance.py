@@ -25,13 +25,14 @@ from .inside import holes
 from .one_ring import Neighbours
 from .probes import Probes
 from .ray_plan import fall_of, first_rays, rays_to_add
-from .sampling_error import RATE, derive
+from .sampling_error import RATE, TYPICAL, derive, rays_alone
 from .scales import denoise_over_scales
 
 _AIM = 0.92  # times the goal is aimed at: a few rays more, later, are worth little
 _FARTHEST = 20.0  # times that the squared error may have to fall for the rays to be foreseen; else some come before
 _NEAR, _UNEVEN = 2.0, 2.5  # the same at jumps of w, where its mean square is so many times its squared mean
 _ROUNDS = 8  # of adding rays, at most
+_WORST = 8.0  # times the tolerance that a point may be expected to err
 _BLOCK = 1 << 12  # points
 
 
@@ -65,6 +66,11 @@ class Estimate(NamedTuple):
     samples: int  # rays of a point, the most that one has
     spared: int = 0  # rays fewer than that at the other points
     calibration: Calibration | None = None  # of the variances, at some of the points
+
+    @property
+    def mean_samples(self) -> int:
+        """Rays of a point in the mean."""
+        return self.samples - self.spared // max(len(self.rows), 1)
 
     def skipped(self, hidden: int) -> dict[str, int]:
         """Rays not traced, by reason. Args: hidden: number of points inside solids."""
@@ -104,6 +110,15 @@ def estimate_to(
             raw = np.ascontiguousarray(gathered[column][:, W])
             fall = fall_of(neighbours, raw, probes.level(raw, worth, column), means[column], aim)
             more = np.minimum(rays_to_add(error, worth, max_samples, aim, fall, tracer.threads), max_samples - rays)
+        if means[column] <= goal:  # points that are expected to be far off meet the tolerance by rays of their own
+            worst = np.max([each.error for each in found], axis=0) > (_WORST * tolerance) ** 2
+            more = np.where(worst, np.clip(rays_alone(tolerance), rays, max_samples) - rays, 0)
+            _add_rays(tracer, points, gathered, (rays, worth), more, derive(key, 16 + _ROUNDS))
+            again = np.flatnonzero(more)
+            found = [
+                each.by_own_rays(again, rows, worth, probes, column)
+                for column, (each, rows) in enumerate(zip(found, gathered, strict=True))
+            ]
         most = int(rays.max())
         spared = most * len(rays) - int(rays.sum())
         tracer.planned = [
@@ -179,3 +194,11 @@ class _Round(NamedTuple):
         w, error = denoise_over_scales(neighbours, points, rows, level, probes.rows, risk)
         probes.add_where_error_is_largest(error)
         return cls(w, error, probes.calibrate(error, w, column))
+
+    def by_own_rays(self, again: Int64s, rows: Float32s, worth: Float64s, probes: Probes, column: int) -> "_Round":
+        """With the points `again` (j,) as their rows say it, without denoising."""
+        if not len(again):
+            return self
+        self.w[again] = rows[again, W]
+        self.error[again] = TYPICAL / worth[again]
+        return self._replace(calibration=probes.calibrate(self.error, self.w, column))

@@ -53,13 +53,16 @@ class Journal:
             raise
 
     def _read(self) -> None:
-        """Learn what is in the file, up to the first incomplete record."""
+        """Learn what is in the file, up to the first incomplete record. Raises: OutputError: it is another file."""
+        # The header; a crash may have left a part of it, or zeros in place of what was not yet on the disk.
         head = self._file.read(len(MAGIC) + IDENTITY)
         self.identity = head[len(MAGIC) :] if head.startswith(MAGIC) and len(head) == len(MAGIC) + IDENTITY else None
-        begun = head.startswith(MAGIC) or MAGIC.startswith(head.rstrip(b"\0"))
-        rest = iter(lambda: self._file.read(1 << 20), b"")
-        if self.identity is None and not (begun and not any(chunk.strip(b"\0") for chunk in rest)):  # cut by a crash
-            raise _another(self.path, "another file")
+        if self.identity is None:
+            is_cut = head.startswith(MAGIC) or MAGIC.startswith(head.rstrip(b"\0"))
+            rest = iter(lambda: self._file.read(1 << 20), b"")
+            if not is_cut or any(chunk.strip(b"\0") for chunk in rest):
+                raise _another(self.path, "another file")
+        # Records, each where the last whole one ends.
         self._end = self._file.tell() if self.identity else 0
         while self.identity and len(start := self._file.read(_RECORD.size)) == _RECORD.size:
             call, first, last, size, check = _RECORD.unpack(start)

@@ -45,8 +45,8 @@ class SampleMeans(NamedTuple):
         for samples in np.flatnonzero(np.bincount(samples_of)).tolist():
             alike = np.flatnonzero(samples_of == samples)
             step = _GATHERED // samples
-            for first in range(0, len(alike), step):
-                block = alike[first : first + step]
+            for begin in range(0, len(alike), step):
+                block = alike[begin : begin + step]
                 self._write_means(tracer, groups[block], samples, (-(-rays // samples), key), (out, block))
         return out
 

@@ -27,9 +27,9 @@ class Stencil(NamedTuple):
         behind = face_points[:, [2, 0, 1]].ravel()
         one, other = corners[hinges].T
         diagonal = np.arange(count, dtype=np.int32)
-        rows = np.concatenate([corners, corners, one, other, diagonal])
-        columns = np.concatenate([ahead, behind, other, one, diagonal])
-        pattern = coo_array((np.ones(len(rows), np.bool_), (rows, columns)), shape=(count, count)).tocsr()
+        row_of = np.concatenate([corners, corners, one, other, diagonal])
+        column_of = np.concatenate([ahead, behind, other, one, diagonal])
+        pattern = coo_array((np.ones(len(row_of), np.bool_), (row_of, column_of)), shape=(count, count)).tocsr()
         return cls(face_points, pattern.indptr.astype(np.int32), pattern.indices.astype(np.int32))
 
     def matrix(self, values: Float64s) -> csr_array:

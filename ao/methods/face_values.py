@@ -48,9 +48,9 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Checkpoint | None) 
     areas = face_normals(vertices, receivers.faces[faces])[1]
     flat = SmoothSurface(np.zeros_like(vertices), SmoothSurface.of(vertices, receivers).surface)
 
-    def samples_of(rows: Int64s, key: np.uint32) -> SurfaceSamples:
-        on_faces = _spread(faces[rows], areas[rows] / areas.sum(), key)
-        all_count = np.zeros(len(rows), np.bool_)
+    def samples_of(numbers: Int64s, key: np.uint32) -> SurfaceSamples:
+        on_faces = _spread(faces[numbers], areas[numbers] / areas.sum(), key)
+        all_count = np.zeros(len(numbers), np.bool_)
         return SurfaceSamples.place(on_faces, all_count, flat, receivers, threads)
 
     def outside(samples: SurfaceSamples) -> tuple[SurfaceSamples, Bools]:
@@ -67,8 +67,8 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Checkpoint | None) 
         inside &= ~np.repeat(hidden, samples.counts)
         return samples.without(inside, threads) if inside.any() else samples, hidden
 
-    def elsewhere(rows: Int64s, key: np.uint32) -> SurfaceSamples:
-        ascending = np.sort(rows)
+    def elsewhere(numbers: Int64s, key: np.uint32) -> SurfaceSamples:
+        ascending = np.sort(numbers)
         return outside(samples_of(ascending, key))[0].spread(ascending, len(faces))
 
     samples, hidden = outside(samples_of(np.arange(len(faces)), derive(prepared.key, _PLACES)))
@@ -103,13 +103,13 @@ def _spread(faces: Int64s, shares: Float64s, key: np.uint32) -> PointGroups:
     parts = np.eye(3)[None]
     for k in range(1, _MOST + 1):
         parts = _quartered(parts)
-        rows = np.flatnonzero(depth == k)
-        turns = hash32_array(hash32_array(faces[rows]) ^ key)[:, None]
+        of_depth = np.flatnonzero(depth == k)
+        turns = hash32_array(hash32_array(faces[of_depth]) ^ key)[:, None]
         number = np.arange(4**k)
-        part = np.zeros((len(rows), len(number)), np.int64)
+        part = np.zeros((len(of_depth), len(number)), np.int64)
         for digit in range(k):
             part += (number // 4**digit + (turns >> np.uint32(2 * digit))) % 4 * 4**digit
-        sample = starts[rows][:, None] + number
+        sample = starts[of_depth][:, None] + number
         within = _uniform(sample, derive(key, _JITTER))
         barycentric[sample] = np.einsum("rsc,rscb->rsb", within, parts[part])
     return PointGroups(starts, np.repeat(faces, 4**depth).astype(np.int32), barycentric)

@@ -75,8 +75,8 @@ def bake_points(
     if mesh is None:
         mesh, lifts[usable] = discs(places[usable], axes[usable])
     solid = mesh_of(mesh, "bake_points")
-    prepared = Prepared.of(solid, checked, progress, None, [mesh_of(each, "occluders") for each in occluders])
-    order = usable[_origins_order(prepared, places[usable])]
+    prepared = Prepared.of(solid, checked, progress, None, [mesh_of(occluder, "occluders") for occluder in occluders])
+    order = usable[morton_order(_placed(prepared, places[usable]).astype(np.float32))]
     baked = _points_at(prepared, places[order], axes[order], lifts[order])
     tracer = prepared.tracer(len(order))
     near = cKDTree(places[order]).query(places[order], min(_NEIGHBOURS + 1, len(order)), workers=prepared.threads)[1]
@@ -126,10 +126,6 @@ def discs(points: Float64s, axes: Float64s, source: str = "points") -> tuple[Mes
 def _placed(prepared: Prepared, points: Float64s) -> Float64s:
     placed: Float64s = (points - prepared.placement.centre) * prepared.placement.scale
     return placed
-
-
-def _origins_order(prepared: Prepared, points: Float64s) -> npt.NDArray[np.int64]:
-    return morton_order(_placed(prepared, points).astype(np.float32))
 
 
 def _points_at(prepared: Prepared, points: Float64s, axes: Float64s, lifts: Float64s) -> Points:

@@ -52,14 +52,14 @@ class CornerSamples:
 
     def only(self, kept: Int64s) -> CornerSamples:
         """The samples of the rows `kept`, ascending, which become rows 0, 1, …"""
-        rows = np.searchsorted(kept, self.rows)
-        known = np.append(kept, -1)[rows] == self.rows
+        new_rows = np.searchsorted(kept, self.rows)
+        known = np.append(kept, -1)[new_rows] == self.rows
         if not known.any():
             return CornerSamples.none()
         counts = np.diff(self.starts)
         which = np.repeat(known, counts)
         starts = np.concatenate([[0], np.cumsum(counts[known])])
-        return CornerSamples(rows[known], starts, self.points[which], self.weights[which])
+        return CornerSamples(new_rows[known], starts, self.points[which], self.weights[which])
 
     def mean(self, values: Float64s) -> Float64s:
         """Means (j, c) of `values` (k, c); equal values keep every bit."""
@@ -78,17 +78,19 @@ class CornerSamples:
         return np.where(np.linalg.norm(mean, axis=1)[:, None] > _CANCELLED * lengths, mean, 0.0)
 
 
-def find_corner_samples(tree: BVH16, surface: Surface, corners: Int64s, points: Int64s, first: int) -> CornerSamples:
+def find_corner_samples(
+    tree: BVH16, surface: Surface, corners: Int64s, points: Int64s, first_number: int
+) -> CornerSamples:
     """Sample the face corners of folded vertices.
 
     Args:
         tree: over the faces of `surface`.
         corners: (c,), ascending: all face corners at the points, at least one; 3 f + k is face f's k-th.
-        points: (c,), the point of each corner. first: number of the first sample.
+        points: (c,), the point of each corner. first_number: of the first sample.
     """
     order = np.argsort(points, kind="stable")
     face, corner = np.divmod(corners[order], 3)
-    rows, starts = np.unique(points[order], return_index=True)
+    point_rows, starts = np.unique(points[order], return_index=True)
     starts = np.append(starts, len(face))
     positions, angle = _spread_over_corners(surface, face, corner)
 
@@ -104,9 +106,9 @@ def find_corner_samples(tree: BVH16, surface: Surface, corners: Int64s, points: 
     origins, _ = ray_origins(tree, surface, positions, normals, np.ones(len(of)), number, of, magnitude[of])
     weights = angle / np.repeat(np.add.reduceat(angle, starts[:-1]), np.diff(starts)) / SPREAD
     samples = Points(
-        origins.astype(np.float32), normals.astype(np.float32), first + np.arange(len(of), dtype=np.uint32)
+        origins.astype(np.float32), normals.astype(np.float32), first_number + np.arange(len(of), dtype=np.uint32)
     )
-    return CornerSamples(rows, SPREAD * starts, samples, np.repeat(weights, SPREAD))
+    return CornerSamples(point_rows, SPREAD * starts, samples, np.repeat(weights, SPREAD))
 
 
 def _spread_over_corners(surface: Surface, face: Int64s, corner: Int64s) -> tuple[Float64s, Float64s]:

@@ -38,8 +38,8 @@ class Points:
     def __getitem__(self, which: slice | npt.NDArray[Any]) -> Points:
         if isinstance(which, slice):
             return Points(self.origins[which], self.normals[which], self.numbers[which])
-        rows = np.flatnonzero(which) if which.dtype == np.bool_ else which
-        return Points(self.origins.take(rows, axis=0), self.normals.take(rows, axis=0), self.numbers.take(rows))
+        taken = np.flatnonzero(which) if which.dtype == np.bool_ else which
+        return Points(self.origins.take(taken, axis=0), self.normals.take(taken, axis=0), self.numbers.take(taken))
 
     @property
     def arrays(self) -> PointArrays:

@@ -91,9 +91,9 @@ class Receivers:
         needed[of_vertex] = True
         needed[-1] = False  # what −1 has set
         kept = np.flatnonzero(needed)
-        rows = np.where(needed, np.cumsum(needed) - 1, -1)
+        new_rows = np.where(needed, np.cumsum(needed) - 1, -1)
         subset = self.points[kept], self.corners.only(kept), self.displaced[kept]
-        return replace(self, points=subset[0], corners=subset[1], displaced=subset[2], of_vertex=rows[of_vertex])
+        return replace(self, points=subset[0], corners=subset[1], displaced=subset[2], of_vertex=new_rows[of_vertex])
 
 
 class OffsetPoints(NamedTuple):

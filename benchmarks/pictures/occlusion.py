@@ -28,7 +28,7 @@ from scenes.geometry.builtin_shapes import Temple
 TARGET = ROOT / "docs" / "textures" / "viewers.png"
 WIDTH, HEIGHT = 320, 240
 AMBIENT, SUN, TOWARDS_SUN, BACKGROUND = 0.45, 0.5, (-0.5, -0.6, 0.7), (0.2, 0.25, 0.3)
-FILES = {"attribute": {"occlusion": "none"}, "ramp": {}, "colours": {"colors": True}}
+FILES = {"attribute": {"occlusion": "none"}, "ramp": {}, "colours": {"colors": "rgb"}}
 FORMS = ("off", "ambient", "ambient and diffuse")
 
 

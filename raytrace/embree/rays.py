@@ -31,18 +31,18 @@ class Hits:
 def _closest(scene, traced, rays, hits, begin, end):
     (packet, valid), (origins, directions, reach), (distance, face, barycentric) = traced, rays, hits
     ids = packet.view(np.uint32)
-    for first in range(begin, end, LANES):
+    for first_ray in range(begin, end, LANES):
         for lane in range(LANES):
-            ray = min(first + lane, end - 1)
-            valid[lane] = -1 if first + lane < end else 0
+            ray = min(first_ray + lane, end - 1)
+            valid[lane] = -1 if first_ray + lane < end else 0
             for axis in range(3):
                 packet[ORG_X + axis, lane] = origins[ray, axis]
                 packet[DIR_X + axis, lane] = directions[ray, axis]
             packet[TFAR, lane] = reach[ray]
         intersect8(scene, packet, valid)
-        for lane in range(min(LANES, end - first)):
+        for lane in range(min(LANES, end - first_ray)):
             if ids[GEOM_ID, lane] != INVALID:
-                ray = first + lane
+                ray = first_ray + lane
                 distance[ray] = packet[TFAR, lane]
                 face[ray] = ids[PRIM_ID, lane]
                 u = packet[U, lane]

@@ -65,9 +65,9 @@ def write_layers(
     spec.attribute("compression", "zip")
     spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
 
-    def rows(first: int, end: int) -> Float32s:
+    def rows(begin: int, end: int) -> Float32s:
         largest = {name: _LARGEST_HALF if half and name not in _ALWAYS_FLOAT else np.inf for name in layers}
-        return np.concatenate([layers[name][first:end].clip(-most, most) for name, most in largest.items()], axis=2)
+        return np.concatenate([layers[name][begin:end].clip(-most, most) for name, most in largest.items()], axis=2)
 
     _write(path, spec, metadata, rows)
 
@@ -100,8 +100,8 @@ def write_picture(
         spec.attribute("Compression", "jpeg:95")
         spec.attribute("jpeg:subsampling", "4:4:4")
 
-    def rows(first: int, end: int) -> npt.NDArray[Any]:
-        block = pixels[first:end]
+    def rows(begin: int, end: int) -> npt.NDArray[Any]:
+        block = pixels[begin:end]
         alpha = block[..., 3:]
         colour = block
         if straight:
@@ -110,7 +110,7 @@ def write_picture(
         if file_format(path) != "png":
             return np.concatenate([encoded, alpha.clip(0.0, 1.0)], axis=2)
         coverage = np.rint(255 * alpha.clip(0.0, 1.0)).astype(np.uint8)
-        return np.concatenate([dithered(encoded, left, top + first), coverage], axis=2)
+        return np.concatenate([dithered(encoded, left, top + begin), coverage], axis=2)
 
     _write(path, spec, metadata, rows)
 
@@ -141,7 +141,7 @@ def write_data(
         spec.attribute("oiio:UnassociatedAlpha", 1)
     else:
         spec.attribute("compression", "zip")
-    _write(path, spec, metadata, lambda first, end: values[first:end])
+    _write(path, spec, metadata, lambda begin, end: values[begin:end])
 
 
 def written(name: str, write: Callable[..., None], *given: Any) -> bytes:
@@ -160,7 +160,10 @@ def linear_png(values: npt.NDArray[np.uint8 | np.uint16]) -> bytes:
 
 
 def _write(
-    path: str | os.PathLike[str], spec: Any, metadata: Mapping[str, str], rows: Callable[[int, int], npt.NDArray[Any]]
+    path: str | os.PathLike[str],
+    spec: Any,
+    metadata: Mapping[str, str],
+    pixel_rows: Callable[[int, int], npt.NDArray[Any]],
 ) -> None:
     import OpenImageIO as oiio
 
@@ -181,9 +184,9 @@ def _write(
         output: Any = oiio.ImageOutput.create(format_name)
         done = output.open(str(scratch), spec)
         try:
-            for first in range(0, spec.height, _ROWS):
-                end = min(first + _ROWS, spec.height)
-                done = done and output.write_scanlines(first, end, 0, np.ascontiguousarray(rows(first, end)))
+            for begin in range(0, spec.height, _ROWS):
+                end = min(begin + _ROWS, spec.height)
+                done = done and output.write_scanlines(begin, end, 0, np.ascontiguousarray(pixel_rows(begin, end)))
         finally:
             done = output.close() and done
         reason = output.geterror()
@@ -198,8 +201,8 @@ def _write(
 def _reserve(scratch: Path, size: int) -> None:
     """Fail now if the disk has no room for `size` bytes: libjpeg answers a full disk by ending the process."""
     with scratch.open("wb") as file:
-        for first in range(0, size, _SPARE):
-            file.write(bytes(min(_SPARE, size - first)))
+        for begin in range(0, size, _SPARE):
+            file.write(bytes(min(_SPARE, size - begin)))
 
 
 def _complete(scratch: Path, format_name: str, height: int) -> bool:

@@ -24,7 +24,7 @@ _LIMIT, _TOO_LARGE = "limits:imagesize_MB", " exceeds the"  # of OpenImageIO
 _ROWS = 64
 _FEW = 1 << 20  # bytes; to look at what is available takes longer than to decode so few
 _printing = threading.Lock()
-_ORDER = {name: place for place, name in enumerate("RGBXYZA")}
+_ORDER = {name: position for position, name in enumerate("RGBXYZA")}
 
 
 def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Float32s], dict[str, str]]:

@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
+import numpy.typing as npt
 
 from ..errors import InputError, OptionError
 from ..system.checks import check_memory
@@ -90,11 +91,11 @@ class LazyTextures:
         levels = np.array([size for sizes in self._sizes.values() for size in sizes], np.int64).reshape(-1, 2)
         end = np.cumsum(levels.prod(axis=1))
         counts = np.cumsum([0] + [len(sizes) for sizes in self._sizes.values()])
-        first = dict(zip(self._sizes, counts.tolist(), strict=False))
+        first_level = dict(zip(self._sizes, counts.tolist(), strict=False))
         self.packed = PackedTextures(
             texels=np.empty((int(end[-1]) if len(end) else 0, 3), np.float32),
             levels=np.column_stack([end - levels.prod(axis=1), levels]),
-            first=np.array([first[image] for image in self._images], np.int64),
+            first=np.array([first_level[image] for image in self._images], np.int64),
             depth=np.zeros(len(textures), np.int64),
             wrap=np.array([[WRAPS.index(mode) for mode in t.wrap] for t in textures], np.int64).reshape(-1, 2),
         )
@@ -161,10 +162,17 @@ def texture_codes(texture: Texture, besides: int = 0) -> UInt8s | UInt16s | Floa
         spec = image.spec()
         kind = np.dtype(stored_type(spec))
         check_pixels(image, texture.path, kind.itemsize * spec.nchannels + besides)
-        found = np.empty((spec.height, spec.width, spec.nchannels), kind)
-        for rows, codes in row_blocks(image, texture.path):
-            found[rows] = codes
-        return found
+        codes = np.empty((spec.height, spec.width, spec.nchannels), kind)
+        for at, block in row_blocks(image, texture.path):
+            codes[at] = block
+        return codes
+
+
+def rgb_codes(codes: npt.NDArray[Any]) -> UInt8s:
+    """`texture_codes` as RGB of 8 bits (h, w, 3), without alpha."""
+    largest = np.iinfo(codes.dtype).max if codes.dtype.kind == "u" else 1.0
+    colours = np.broadcast_to(codes[..., : 3 if codes.shape[2] > 2 else 1], (*codes.shape[:2], 3))
+    return np.rint(colours * (255 / largest)).astype(np.uint8)
 
 
 def texture_alpha(texture: Texture, grey: bool = False) -> Float32s:
@@ -175,10 +183,10 @@ def texture_alpha(texture: Texture, grey: bool = False) -> Float32s:
     codes = texture_codes(texture, _ALPHA)
     most = 1.0 if codes.dtype == np.float32 else 2.0 ** (8 * codes.itemsize) - 1
     colours = codes.shape[2] - 1 + codes.shape[2] % 2  # 1 or 3
-    found = codes[..., -1] if colours < codes.shape[2] else np.full(codes.shape[:2], most, np.float32)
-    if grey and (found == found[0, 0]).all():
-        found = codes[..., :3] @ _LUMINANCE if colours == 3 else codes[..., 0]
-    alpha: Float32s = np.divide(found, most, dtype=np.float32)
+    stored = codes[..., -1] if colours < codes.shape[2] else np.full(codes.shape[:2], most, np.float32)
+    if grey and (stored == stored[0, 0]).all():
+        stored = codes[..., :3] @ _LUMINANCE if colours == 3 else codes[..., 0]
+    alpha: Float32s = np.divide(stored, most, dtype=np.float32)
     return np.clip(np.nan_to_num(alpha, copy=False), 0.0, 1.0, out=alpha)
 
 
@@ -200,6 +208,7 @@ def texture_mean(texture: Texture) -> Float64s:
 
 @contextmanager
 def _opened(texture: Texture) -> Iterator[Any]:
+    """The image as an open `ImageInput`; data of a texture go through a file, which OpenImageIO wants."""
     with ExitStack() as stack:
         content = None
         if texture.data is not None:
@@ -216,9 +225,9 @@ def _build_pyramid(pyramid: list[Float32s], image: Any, texture: Texture) -> Non
 
     spec = image.spec()
     values = decoding_table(spec, texture.srgb)
-    for rows, numbers in row_blocks(image, texture.path):
+    for at, numbers in row_blocks(image, texture.path):
         colour = numbers[..., : 3 if spec.nchannels >= 3 else 1]
-        pyramid[0][rows] = colour if values is None else values[colour]
+        pyramid[0][at] = colour if values is None else values[colour]
     level = oiio.ImageBuf(pyramid[0])
     for coarser in pyramid[1:]:
         height, width = coarser.shape[:2]

@@ -49,18 +49,21 @@ def sample_points(textures, number, uv, out):
 @inline
 def bilinear(texels, levels, level, wrap, u, v):
     """Linear RGB within a level; texel centres lie at half integers. (u, v) that are not finite count as 0."""
-    start = levels[level, 0]
-    width = levels[level, 1]
-    height = levels[level, 2]
-    left, right, s = neighbours(u, width, wrap[0])
-    upper, lower, t = neighbours(1.0 - v, height, wrap[1])
-    upper = start + upper * width
-    lower = start + lower * width
-    return (
-        blend(texels, upper + left, upper + right, lower + left, lower + right, s, t, 0),
-        blend(texels, upper + left, upper + right, lower + left, lower + right, s, t, 1),
-        blend(texels, upper + left, upper + right, lower + left, lower + right, s, t, 2),
-    )
+    around = four_texels(levels[level], wrap, u, v)
+    return blend(texels, around, 0), blend(texels, around, 1), blend(texels, around, 2)
+
+
+@inline
+def four_texels(level, wrap, u, v):
+    """The texels around (u, v), two above and two below, and the parts of the way to the right and down.
+
+    Args: level: its first texel, width and height. wrap: modes along u and v.
+    """
+    left, right, s = neighbours(u, level[1], wrap[0])
+    upper, lower, t = neighbours(1.0 - v, level[2], wrap[1])
+    upper = level[0] + upper * level[1]
+    lower = level[0] + lower * level[1]
+    return upper + left, upper + right, lower + left, lower + right, s, t
 
 
 @inline
@@ -76,8 +79,9 @@ def neighbours(position, size, wrap):
 
 
 @inline
-def blend(texels, a, b, c, d, s, t, channel):
-    """Bilinear mean of four texels: a, b above, c, d below."""
+def blend(texels, around, channel):
+    """Bilinear mean of `four_texels`."""
+    a, b, c, d, s, t = around
     above = lerp(s, texels[a, channel], texels[b, channel])
     return lerp(t, above, lerp(s, texels[c, channel], texels[d, channel]))
 

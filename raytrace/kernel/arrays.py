@@ -31,7 +31,7 @@ def _uncounted(context, builder, kind, value):
     """The same value, whose arrays own nothing."""
     if isinstance(kind, types.BaseTuple):
         members = [builder.extract_value(value, position) for position in range(len(kind.types))]
-        views = [_uncounted(context, builder, *each) for each in zip(kind.types, members, strict=True)]
+        views = [_uncounted(context, builder, *typed) for typed in zip(kind.types, members, strict=True)]
         return context.make_tuple(builder, kind, views)
     if not isinstance(kind, types.Array):
         return value

@@ -76,8 +76,8 @@ def intrinsic(signature: Callable[..., Any], emit: Callable[..., Any]) -> Any:
     """Numba's type of a function that writes LLVM's code, as `raytrace.kernel.jit.intrinsic` has it."""
 
     def define(_typing: Any, *kinds: Any) -> Any:
-        found = signature(*kinds)
-        return found and (found, lambda context, builder, kinds, values: emit(context, builder, kinds, *values))
+        made = signature(*kinds)
+        return made and (made, lambda context, builder, kinds, values: emit(context, builder, kinds, *values))
 
     define.__signature__ = inspect.Signature([*inspect.signature(emit).parameters.values()][2:])  # type: ignore[attr-defined]
     compiled = numba.extending.intrinsic(define)
@@ -150,17 +150,17 @@ def object_files(
         builder = ir.IRBuilder(entry.append_basic_block())
         words = builder.bitcast(entry.args[0], _WORD.as_pointer())
         results = builder.bitcast(entry.args[1], _WORD.as_pointer())
-        for place in path:
-            pointer = builder.load(cgutils.gep_inbounds(builder, words, place))
+        for element in path:
+            pointer = builder.load(cgutils.gep_inbounds(builder, words, element))
             words = builder.inttoptr(pointer, _WORD.as_pointer())
-        rows = count()
-        values = [load_argument(builder, words, rows, kind) for kind in given]
+        word_numbers = count()
+        values = [load_argument(builder, words, word_numbers, kind) for kind in given]
         if path:
             values[0] = builder.ptrtoint(entry.args[0], _WORD)
-        status, found = _context.call_internal_no_propagate(builder, compiled.fndesc, compiled.signature, values)
+        status, value = _context.call_internal_no_propagate(builder, compiled.fndesc, compiled.signature, values)
         with builder.if_then(status.is_error):
             builder.ret(ir.IntType(32)(1))
-        formats = store_results(builder, compiled.signature.return_type, found, results, count())
+        formats = store_results(builder, compiled.signature.return_type, value, results, count())
         builder.ret(ir.IntType(32)(0))
         _text(module, symbol + ABOUT, f"{formats}\n{identity}")
         return _emitted(compiled.library, module, symbol, levels)
@@ -190,8 +190,8 @@ def _emitted(library: Any, module: Any, symbol: str, levels: Iterable[str]) -> l
     library.add_ir_module(module)
     library.add_ir_module(_memory())
     whole, libraries = library._final_module, [library]
-    for each in libraries:
-        libraries += [linked for linked in dict.fromkeys(each._linking_libraries) if linked not in libraries]
+    for other in libraries:
+        libraries += [linked for linked in dict.fromkeys(other._linking_libraries) if linked not in libraries]
     for linked in libraries[1:]:
         whole.link_in(linked._final_module, preserve=True)
     for defined in (*whole.functions, *whole.global_variables):
@@ -207,7 +207,9 @@ def _optimized(library: Any, bitcode: bytes, symbol: str, level: str) -> bytes:
     library._final_module = llvm.parse_bitcode(bitcode)
     library._optimize_final_module()
     whole = library._final_module
-    missing = [each.name for each in whole.functions if each.is_declaration and each.name.startswith(_OF_NUMBA)]
+    missing = [
+        function.name for function in whole.functions if function.is_declaration and function.name.startswith(_OF_NUMBA)
+    ]
     if missing:
         raise TypeError(f"{symbol}: expected no lists, texts or NumPy's sort, which need Numba's {missing}")
     code: bytes = machine.emit_object(whole)

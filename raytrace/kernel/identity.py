@@ -75,16 +75,16 @@ def _code(code: CodeType, docstring: str | None = None) -> str:
 
     A docstring moves the other constants, above all None, and may leave an instruction behind that does nothing.
     """
-    first = 0 if docstring is None else 1
-    kept = [place for place, value in enumerate(code.co_consts) if place >= first and value is not None]
-    renumbered = {place: number for number, place in enumerate(kept)}
+    first_constant = 0 if docstring is None else 1
+    kept = [index for index, value in enumerate(code.co_consts) if index >= first_constant and value is not None]
+    renumbered = {index: number for number, index in enumerate(kept)}
     instructions = bytearray(code.co_code)
     if len(code.co_consts) <= _ONE_BYTE:
-        for place in range(0, len(instructions), 2):
-            if instructions[place] in _TAKES_CONSTANT:
-                instructions[place + 1] = renumbered.get(instructions[place + 1], _ONE_BYTE)
-    text = [each for each in instructions.hex(" ", 2).split() if each != _NOP]
-    constants = [_constant(code.co_consts[place]) for place in kept]
+        for index in range(0, len(instructions), 2):
+            if instructions[index] in _TAKES_CONSTANT:
+                instructions[index + 1] = renumbered.get(instructions[index + 1], _ONE_BYTE)
+    text = [instruction for instruction in instructions.hex(" ", 2).split() if instruction != _NOP]
+    constants = [_constant(code.co_consts[index]) for index in kept]
     return f"{text} {code.co_names} {code.co_varnames} {constants}"
 
 

@@ -129,16 +129,16 @@ def _code(signature: Signature, function: Callable[..., Any], arguments: tuple[A
     if RECORD in os.environ:
         with open(os.environ[RECORD], "a") as file:
             file.write(signature.line + "\n")
-    found = library.find(signature.symbol, function)
-    if found is None:
+    formats_and_address = library.find(signature.symbol, function)
+    if formats_and_address is None:
         if not find_spec("numba"):
             raise KernelError(library.what_is_missing(signature.line))
         import logging
 
         logging.getLogger("obscurance").info("compiling kernel %s", signature.line)
         compiled.append(signature.line)
-        found = link.linked_here(signature, function, arguments)
-    return found
+        formats_and_address = link.linked_here(signature, function, arguments)
+    return formats_and_address
 
 
 def kernel(function: F) -> F:

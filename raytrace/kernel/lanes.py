@@ -55,8 +55,8 @@ def widened(context: Any, builder: Any, value: Any, kind: types.Type, wanted: ty
     if not isinstance(wanted, Lanes):
         return context.cast(builder, value, kind, wanted)
     nothing = ir.Constant(llvm_type(wanted), ir.Undefined)
-    first = builder.insert_element(nothing, context.cast(builder, value, kind, wanted.dtype), INDEX(0))
-    return builder.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(INDEX, WIDE), None))
+    in_lane_0 = builder.insert_element(nothing, context.cast(builder, value, kind, wanted.dtype), INDEX(0))
+    return builder.shuffle_vector(in_lane_0, nothing, ir.Constant(ir.VectorType(INDEX, WIDE), None))
 
 
 def common(*kinds: types.Type) -> Lanes | None:
@@ -128,7 +128,7 @@ for _function, _sign in (
     _operator(_function, _compared(_sign), lambda lanes: MASK)
 
 
-def each(builder: Any, name: str, vectors: list[Any]) -> Any:
+def in_each_lane(builder: Any, name: str, vectors: list[Any]) -> Any:
     """An LLVM intrinsic applied to whole vectors."""
     kind = vectors[0].type
     suffix = f"v{WIDE}f{64 if isinstance(kind.element, ir.DoubleType) else 32}"
@@ -136,7 +136,7 @@ def each(builder: Any, name: str, vectors: list[Any]) -> Any:
     return builder.call(function, vectors)
 
 
-_operator(operator.pow, lambda b, floats, x, y: each(b, "llvm.pow", [x, y]))
+_operator(operator.pow, lambda b, floats, x, y: in_each_lane(b, "llvm.pow", [x, y]))
 
 
 def _unary(function: Any, emit: Callable[[Any, Any], Any]) -> None:
@@ -149,9 +149,9 @@ def _unary(function: Any, emit: Callable[[Any, Any], Any]) -> None:
 
 _unary(operator.neg, lambda b, x: b.fneg(x))
 _unary(operator.invert, lambda b, x: b.not_(x))
-_unary(abs, lambda b, x: each(b, "llvm.fabs", [x]))
-_unary(math.exp, lambda b, x: each(b, "llvm.exp", [x]))
-_unary(math.sqrt, lambda b, x: each(b, "llvm.sqrt", [x]))
+_unary(abs, lambda b, x: in_each_lane(b, "llvm.fabs", [x]))
+_unary(math.exp, lambda b, x: in_each_lane(b, "llvm.exp", [x]))
+_unary(math.sqrt, lambda b, x: in_each_lane(b, "llvm.sqrt", [x]))
 
 
 class RecordView(types.Opaque):
@@ -181,9 +181,9 @@ class _Members(AttributeTemplate):
 
 @lower_getattr_generic(RecordView)
 def _member(context: Any, builder: Any, kind: Any, address: Any, name: str) -> Any:
-    place = kind.record.fields.index(name)
+    number = kind.record.fields.index(name)
     record = builder.bitcast(address, context.get_value_type(kind.record).as_pointer())
-    member = cgutils.gep_inbounds(builder, record, 0, place)
-    if isinstance(view_type(kind.record.types[place]), RecordView):
+    member = cgutils.gep_inbounds(builder, record, 0, number)
+    if isinstance(view_type(kind.record.types[number]), RecordView):
         return builder.bitcast(member, cgutils.voidptr_t)
     return builder.load(member)

@@ -33,7 +33,13 @@ class Signature(NamedTuple):
 
     @classmethod
     def of(cls, name: str, key: tuple[Any, ...], path: tuple[int, ...]) -> "Signature":
-        """Args: key: what `raytrace.kernel.jit` finds of the types. Raises: TypeError."""
+        """The signature of a kernel of this name and path.
+
+        Args: key: the types in order, as `raytrace.kernel.jit` lists them: of a number its type; of an array its dtype,
+            axes and flags; of a tuple its type, how many members it has, and theirs.
+
+        Raises: TypeError: something else among them.
+        """
         kinds = iter(key)
         texts = ["@".join((name, *map(str, path)))]
         members: list[str] = []

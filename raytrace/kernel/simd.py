@@ -38,14 +38,14 @@ def multiply_add(context, builder, signature, a, b, c):
     """a b + c of lanes of float32, scalars repeated; rounded once where the processor can (FMA)."""
     pairs = zip((a, b, c), signature.args, strict=True)
     given = [lanes.widened(context, builder, value, kind, lanes.SINGLE) for value, kind in pairs]
-    return lanes.each(builder, "llvm.fmuladd", given)
+    return lanes.in_each_lane(builder, "llvm.fmuladd", given)
 
 
 @intrinsic(lambda a: lanes.SINGLE(a))
 def reciprocal_root(context, builder, signature, a):
     """1/√a of lanes of float32 above 0, to about 2⁻²⁰: by the processor's estimate and a step of Newton's method."""
     one = lanes.widened(context, builder, ir.Constant(ir.FloatType(), 1.0), types.float32, lanes.SINGLE)
-    return builder.fdiv(one, lanes.each(builder, "llvm.sqrt", [a]), flags=("arcp", "contract", "reassoc"))
+    return builder.fdiv(one, lanes.in_each_lane(builder, "llvm.sqrt", [a]), flags=("arcp", "contract", "reassoc"))
 
 
 @intrinsic(lambda: lanes.WHOLE())
@@ -137,8 +137,8 @@ def store_row(context, builder, signature, array, row, value):
 @intrinsic(lambda array, *others: types.boolean(array, *[types.int64] * len(others)))
 def compare_and_swap(context, builder, signature, array, element, expected, new):
     """Write `new` to an element of a C-contiguous int64 array if `expected` is there, at once; whether it was."""
-    place = _pointer(context, builder, signature.args[0], array, element, ir.IntType(64))
-    return builder.extract_value(builder.cmpxchg(place, expected, new, "monotonic", "monotonic"), 1)
+    address = _pointer(context, builder, signature.args[0], array, element, ir.IntType(64))
+    return builder.extract_value(builder.cmpxchg(address, expected, new, "monotonic", "monotonic"), 1)
 
 
 @intrinsic(lambda *_: types.Array(types.float32, 2, "C")(types.int64, types.int64, types.int64))
@@ -151,7 +151,7 @@ def rows_at(context, builder, signature, address, rows, columns):
     return array._getvalue()
 
 
-def _transpose(builder, rows):
+def _transpose(builder, vectors):
     """Four vectors that hold four 4×4 blocks side by side, each block transposed."""
 
     def mix(a, b, order):
@@ -160,7 +160,7 @@ def _transpose(builder, rows):
 
     low = [0, 4, 1, 5]
     high = [2, 6, 3, 7]
-    a, b, c, d = rows
+    a, b, c, d = vectors
     ac = mix(a, c, low)
     bd = mix(b, d, low)
     ac_high = mix(a, c, high)
@@ -177,15 +177,15 @@ def _place(builder, places, lane):
     return builder.sext(builder.extract_element(places, lanes.INDEX(lane)), ir.IntType(64))
 
 
-@intrinsic(lambda array, rows: types.UniTuple(lanes.Lanes(array.dtype), 3)(array, rows))
-def gather3(context, builder, signature, array, rows):
+@intrinsic(lambda array, row_numbers: types.UniTuple(lanes.Lanes(array.dtype), 3)(array, row_numbers))
+def gather3(context, builder, signature, array, row_numbers):
     """The triples of a C-contiguous array (n, 3) in the lanes' rows, three lanes of the array's own type. The array
     must own a fourth number behind its last triple, see `raytrace.kernel.arrays.aligned`."""
     kind = signature.args[0]
     four = ir.VectorType(lanes.ELEMENT[kind.dtype], _FOUR)
     quads = []
     for lane in range(WIDE):
-        start = builder.mul(_place(builder, rows, lane), ir.IntType(64)(3))
+        start = builder.mul(_place(builder, row_numbers, lane), ir.IntType(64)(3))
         quads.append(builder.load(_pointer(context, builder, kind, array, start, four), align=4))
 
     def join(a, b):
@@ -199,24 +199,26 @@ def gather3(context, builder, signature, array, rows):
 @intrinsic(lambda array, places: lanes.Lanes(array.dtype)(array, places))
 def gather(context, builder, signature, array, places):
     """Elements of a C-contiguous array in the lanes' places, counted from its beginning, as lanes of its type."""
-    found = ir.Constant(lanes.llvm_type(signature.return_type), ir.Undefined)
+    gathered = ir.Constant(lanes.llvm_type(signature.return_type), ir.Undefined)
     for lane in range(WIDE):
-        place = _place(builder, places, lane)
-        value = builder.load(_pointer(context, builder, signature.args[0], array, place, found.type.element))
-        found = builder.insert_element(found, value, lanes.INDEX(lane))
-    return found
+        element = _place(builder, places, lane)
+        value = builder.load(_pointer(context, builder, signature.args[0], array, element, gathered.type.element))
+        gathered = builder.insert_element(gathered, value, lanes.INDEX(lane))
+    return gathered
 
 
 @intrinsic(lambda array, begin, *others: types.void(array, types.int64, *others))
 def scatter4(context, builder, signature, array, begin, places, mask, values):
     """Write four float32 lanes as four neighbours each, from the lanes' places on, where the mask is set. `places` are
     counted from the place `begin` of a C-contiguous float32 array."""
-    rows = _transpose(builder, [builder.extract_value(values, i) for i in range(_FOUR)])
+    quads = _transpose(builder, [builder.extract_value(values, i) for i in range(_FOUR)])
     for lane in range(WIDE):
         with builder.if_then(builder.extract_element(mask, lanes.INDEX(lane))):
-            place = builder.add(_place(builder, places, lane), begin)
-            row = rows[lane % _FOUR]
-            first = lane // _FOUR * _FOUR
-            part = _shuffle(builder, row, ir.Constant(row.type, ir.Undefined), list(range(first, first + _FOUR)))
-            builder.store(part, _pointer(context, builder, signature.args[0], array, place, part.type), align=4)
+            element = builder.add(_place(builder, places, lane), begin)
+            row = quads[lane % _FOUR]
+            first_number = lane // _FOUR * _FOUR
+            part = _shuffle(
+                builder, row, ir.Constant(row.type, ir.Undefined), list(range(first_number, first_number + _FOUR))
+            )
+            builder.store(part, _pointer(context, builder, signature.args[0], array, element, part.type), align=4)
     return context.get_dummy_value()

@@ -27,14 +27,14 @@ def type_of_value(value: Any) -> Any:
     return kind.copy(readonly=False) if isinstance(kind, types.Array) else kind
 
 
-def load_argument(builder: Any, words: Any, rows: Iterator[int], kind: Any) -> Any:
+def load_argument(builder: Any, words: Any, word_numbers: Iterator[int], kind: Any) -> Any:
     """A value of a Numba type, made of the next words."""
     if isinstance(kind, types.BaseTuple):
-        members = [load_argument(builder, words, rows, member) for member in kind.types]
+        members = [load_argument(builder, words, word_numbers, member) for member in kind.types]
         return _context.make_tuple(builder, kind, members)
     if kind == types.none:
         return _context.get_dummy_value()
-    word = builder.load(cgutils.gep_inbounds(builder, words, next(rows)))
+    word = builder.load(cgutils.gep_inbounds(builder, words, next(word_numbers)))
     if isinstance(kind, types.Array):
         return _array(builder, word, kind)
     if isinstance(kind, types.Float):
@@ -50,7 +50,7 @@ def _array(builder: Any, word: Any, kind: Any) -> Any:
 
     def words(address: Any, places: Iterable[int]) -> list[Any]:
         pointer = builder.inttoptr(address, _WORD.as_pointer())
-        return [builder.load(cgutils.gep_inbounds(builder, pointer, place)) for place in places]
+        return [builder.load(cgutils.gep_inbounds(builder, pointer, element)) for element in places]
 
     data, lengths, steps = words(word, (_DATA, _SHAPE, _STRIDES))
     shape = words(lengths, range(kind.ndim))
@@ -61,17 +61,15 @@ def _array(builder: Any, word: Any, kind: Any) -> Any:
     return array._getvalue()
 
 
-def store_results(builder: Any, kind: Any, value: Any, results: Any, rows: Iterator[int]) -> str:
+def store_results(builder: Any, kind: Any, value: Any, results: Any, word_numbers: Iterator[int]) -> str:
     """Write a value to where results are wanted, a word each number; returns their formats."""
     if kind == types.none:
         return ""
     if isinstance(kind, types.BaseTuple):
-        members = [builder.extract_value(value, place) for place in range(len(kind))]
-        return (
-            "("
-            + "".join(store_results(builder, *each, results, rows) for each in zip(kind, members, strict=True))
-            + ")"
-        )
+        members = [builder.extract_value(value, member) for member in range(len(kind))]
+        typed = zip(kind, members, strict=True)
+        formats = [store_results(builder, part, member, results, word_numbers) for part, member in typed]
+        return f"({''.join(formats)})"
     if isinstance(kind, types.Float):
         word, letter = builder.bitcast(builder.fpext(value, ir.DoubleType()), _WORD), "d"
     elif isinstance(kind, types.Integer | types.Boolean):
@@ -80,5 +78,5 @@ def store_results(builder: Any, kind: Any, value: Any, results: Any, rows: Itera
         letter = "?7x" if isinstance(kind, types.Boolean) else letter
     else:
         raise TypeError(f"result of a kernel: expected numbers and tuples of them, got {kind}")
-    builder.store(word, cgutils.gep_inbounds(builder, results, next(rows)))
+    builder.store(word, cgutils.gep_inbounds(builder, results, next(word_numbers)))
     return letter

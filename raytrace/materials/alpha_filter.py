@@ -29,11 +29,13 @@ def filter_hits(call, opacity, first_face, materials):
     ids = hits.view(np.int32)
     for k in range(len(valid)):
         if valid[k] != 0:
+            # What of the light stops at the hit: alpha of the face there, times the material's opacity.
             lane = rays.view(np.int32)[ID, k]
             item = ids[INST_ID - NG_X, k] if ids[INST_ID - NG_X, k] >= 0 else ids[GEOM_ID - NG_X, k]
             face = first_face[item] + ids[PRIM_ID - NG_X, k]
             cover = np.float32(alpha(opacity, face, np.float64(hits[U - NG_X, k]), np.float64(hits[V - NG_X, k])))
             stopped = cover * np.float32(materials[item, ALPHA])
+            # A hole is no hit; a shadow ray loses that light once, and ends when little is left.
             transmittance = packet[TRANSMITTANCE, lane]
             if transmittance < 0.0 < cover:  # a viewing ray ends at what is there
                 packet[MET_ALPHA, lane] = cover

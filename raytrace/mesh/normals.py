@@ -94,21 +94,22 @@ def normalized(v):
 
 @kernel
 def _face_normals(vertices, faces, normals, areas, start, stop):
+    """Write `face_normals` of the faces from `start` to `stop`; rows of degenerate ones stay zero."""
     for f in range(start, stop):
         i, j, k = load_triangle(vertices, faces, f)
         a = subtract(j, i)
         b = subtract(k, j)
         c = subtract(i, k)
         normal = cross(a, b)
-        double = length(normal)
+        double_area = length(normal)
         aa = dot(a, a)
         bb = dot(b, b)
         cc = dot(c, c)
         shortest = min(aa, bb, cc)
-        longest = np.sqrt(aa * bb if shortest == cc else (bb * cc if shortest == aa else cc * aa))
-        if double > 4.0 * EPSILON * longest:
-            areas[f] = 0.5 * double
-            store(normals, f, divide(normal, double))
+        longest_two = np.sqrt(aa * bb if shortest == cc else (bb * cc if shortest == aa else cc * aa))
+        if double_area > 4.0 * EPSILON * longest_two:
+            areas[f] = 0.5 * double_area
+            store(normals, f, divide(normal, double_area))
 
 
 @kernel
@@ -151,8 +152,8 @@ def creased_normals(mesh: Mesh) -> tuple[Float64s, Int64s]:
     renumber_components(fan)
     corners = vertices[faces.ravel()].astype(np.float64)
     sums = sum_groups(fan, vertex_sums(corners, np.arange(faces.size).reshape(-1, 3), across, areas))
-    first = np.flatnonzero(np.diff(np.maximum.accumulate(fan), prepend=-1))
-    group = weld(vertices[faces.ravel()[first]], fan.reshape(-1, 3), normalize(sums), CREASE)
+    first_corner = np.flatnonzero(np.diff(np.maximum.accumulate(fan), prepend=-1))
+    group = weld(vertices[faces.ravel()[first_corner]], fan.reshape(-1, 3), normalize(sums), CREASE)
     of = group[fan].reshape(-1, 3)
     flat = areas == 0
     group_at = np.full(len(vertices), -1)

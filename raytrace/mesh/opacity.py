@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..errors import OptionError, check_type, numbers
-from ..image.texture_lookup import blend, neighbours
+from ..image.texture_lookup import blend, four_texels
 from ..kernel.jit import inline, kernel
 from ..types import Bools, Float32s, Float64s, Int64s
 
@@ -147,9 +147,9 @@ class Opacity:
     @staticmethod
     def joined(opacities: Sequence[Opacity | None], counts: Sequence[int]) -> Opacity | None:
         """That of several meshes' faces after one another. Args: counts: of their faces."""
-        if all(each is None for each in opacities):
+        if all(opacity is None for opacity in opacities):
             return None
-        parts = [each or Opacity(np.full(count, -1), ()) for each, count in zip(opacities, counts, strict=True)]
+        parts = [opacity or Opacity(np.full(count, -1), ()) for opacity, count in zip(opacities, counts, strict=True)]
         starts = np.cumsum([0] + [len(part.surfaces) for part in parts[:-1]])
         of = [np.where(part.of < 0, -1, part.of + start) for part, start in zip(parts, starts, strict=True)]
         surfaces = tuple(surface for part in parts for surface in part.surfaces)
@@ -169,7 +169,7 @@ class Opacity:
         texels = [np.zeros((0, 1), np.float32)]
         end = 0
         images = np.zeros((len(self.surfaces), 5), np.int64)
-        cutoff = np.array([_BLEND if each.cutoff is None else each.cutoff for each in self.surfaces])
+        cutoff = np.array([_BLEND if surface.cutoff is None else surface.cutoff for surface in self.surfaces])
         stored: dict[tuple[Texture, bool], tuple[int, int, int, float]] = {}
         # Each surface with faces: its image, once for all that share it, and the least alpha it has.
         for number, surface in enumerate(self.surfaces):
@@ -184,8 +184,8 @@ class Opacity:
                     stored[key] = end, values.shape[1], values.shape[0], float(values.min())
                     texels.append(values.reshape(-1, 1))
                     end += values.size
-                *place, lowest = stored[key]
-                images[number] = *place, *(WRAPS.index(mode) for mode in surface.texture.wrap)
+                *image, lowest = stored[key]
+                images[number] = *image, *(WRAPS.index(mode) for mode in surface.texture.wrap)
                 least *= lowest
             # Faces that are opaque wherever one looks.
             if least >= (1.0 if surface.cutoff is None else surface.cutoff):
@@ -194,7 +194,7 @@ class Opacity:
             return None
         uv = np.zeros((0, 3, 2)) if self.uv is None else self.uv
         corners = np.zeros((0, 3)) if self.corners is None else self.corners
-        factor = np.array([each.factor for each in self.surfaces], np.float64)
+        factor = np.array([surface.factor for surface in self.surfaces], np.float64)
         return PackedOpacity(of, uv, corners, factor, cutoff, np.concatenate(texels), images)
 
 
@@ -215,31 +215,19 @@ def alpha(opacity, face, u, v):
     if surface < 0:
         return 1.0
     a = opacity.factor[surface]
-    first = 1.0 - u - v
+    first_weight = 1.0 - u - v
     if len(opacity.corners) > 0:
         at = opacity.corners[face]
-        a *= first * at[0] + u * at[1] + v * at[2]
+        a *= first_weight * at[0] + u * at[1] + v * at[2]
     if opacity.images[surface, 1] > 0:
         at = opacity.uv[face]
-        s = first * at[0, 0] + u * at[1, 0] + v * at[2, 0]
-        t = first * at[0, 1] + u * at[1, 1] + v * at[2, 1]
-        a *= _texture_alpha(opacity.texels, opacity.images[surface], s, t)
+        s = first_weight * at[0, 0] + u * at[1, 0] + v * at[2, 0]
+        t = first_weight * at[0, 1] + u * at[1, 1] + v * at[2, 1]
+        image = opacity.images[surface]
+        a *= blend(opacity.texels, four_texels(image[:3], image[3:], s, t), 0)
     if opacity.cutoff[surface] < 0.0:
         return min(max(a, 0.0), 1.0)
     return 1.0 if a >= opacity.cutoff[surface] else 0.0
-
-
-@inline
-def _texture_alpha(texels, image, u, v):
-    """Bilinear alpha of an image of `PackedOpacity` at texture coordinates."""
-    start = image[0]
-    width = image[1]
-    height = image[2]
-    left, right, s = neighbours(u, width, image[3])
-    upper, lower, t = neighbours(1.0 - v, height, image[4])
-    upper = start + upper * width
-    lower = start + lower * width
-    return blend(texels, upper + left, upper + right, lower + left, lower + right, s, t, 0)
 
 
 @kernel

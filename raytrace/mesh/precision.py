@@ -78,19 +78,19 @@ def outlier_warnings(mesh: Mesh) -> list[str]:
 def _may_tilt(mesh: Mesh) -> bool:
     """Whether a face would be tilted by more than `TILT` if all coordinates were as coarse as the largest float32."""
     spacing = float(_spacing(2 * np.array(mesh.bounds), np.float32).max())  # twice: from the centre of the mesh
-    found = np.zeros(1, np.bool_)
-    work = bind(_find_tilted, mesh.vertices, mesh.faces, spacing, found)
+    is_tilted = np.zeros(1, np.bool_)
+    work = bind(_find_tilted, mesh.vertices, mesh.faces, spacing, is_tilted)
     run_blocks(len(mesh.faces), _BLOCK, work, thread_count(None))
-    return bool(found[0])
+    return bool(is_tilted[0])
 
 
 @kernel
-def _find_tilted(vertices, faces, spacing, found, start, stop):
+def _find_tilted(vertices, faces, spacing, is_tilted, start, stop):
     for f in range(start, stop):
         a, b, c = load_triangle(vertices, faces, f)
         double, longest = _measured(a, b, c)
         if double > _NO_AREA * longest * longest and 0.5 * spacing * longest > TILT * double:
-            found[0] = True
+            is_tilted[0] = True
 
 
 @inline

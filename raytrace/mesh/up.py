@@ -17,16 +17,16 @@ TO_Y_UP: dict[str, tuple[Vector, Vector, Vector]] = {
     "-z": ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
 }
 """Rows of the rotation that turns each axis to y; of z it is that of −90° about x."""
-UP = {name: rows[1] for name, rows in TO_Y_UP.items()}
+UP = {name: axes[1] for name, axes in TO_Y_UP.items()}
 _FROM = (0.55, 0.4, 1.0)
 
 
-def _turned_back(rows: tuple[Vector, Vector, Vector]) -> Vector:
-    x, y, z = np.array(_FROM) @ rows
+def _turned_back(axes: tuple[Vector, Vector, Vector]) -> Vector:
+    x, y, z = np.array(_FROM) @ axes
     return float(x), float(y), float(z)
 
 
-FROM = {rows[1]: _turned_back(rows) for rows in TO_Y_UP.values()}
+FROM = {axes[1]: _turned_back(axes) for axes in TO_Y_UP.values()}
 """From the front, the right and above, by what is up."""
 
 

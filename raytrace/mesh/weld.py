@@ -177,15 +177,15 @@ def grids(positions: Float32s) -> Iterator[tuple[Int64s, Int64s]]:
     Two positions within the contact radius share a key in one of them at least: along each axis they are parted by one
     grid at most. A grid has the rows near borders of all grids before it.
     """
-    rows = np.arange(len(positions))
+    kept = np.arange(len(positions))
     for quarter in range(4):
-        subset = positions[rows] if quarter else positions
-        keys = np.empty(len(rows), np.int64)
-        beside = np.empty(len(rows), np.bool_)
+        subset = positions[kept] if quarter else positions
+        keys = np.empty(len(kept), np.int64)
+        beside = np.empty(len(kept), np.bool_)
         locate = bind(_locate, subset, quarter / 4 + 0.1, keys, beside)  # no border is at 0, where many coordinates are
-        run_blocks(len(rows), _PLACED, locate, thread_count(None))
-        yield rows, keys
-        rows = rows[beside]
+        run_blocks(len(kept), _PLACED, locate, thread_count(None))
+        yield kept, keys
+        kept = kept[beside]
 
 
 @kernel
@@ -210,9 +210,9 @@ def sum_groups(group: Int64s, values: Float64s) -> Float64s:
     return np.stack([np.bincount(group, values[:, axis]) for axis in range(3)], axis=1)
 
 
-def _near(positions: Float32s, faces: Int64s, rows: Int64s) -> Int64s:
-    """Pairs (j, 2) of `rows` (k,), which are sorted by x, that share a place: indices into these."""
-    subset = positions[rows]
+def _near(positions: Float32s, faces: Int64s, vertices: Int64s) -> Int64s:
+    """Pairs (j, 2) of `vertices` (k,), which are sorted by x, that share a place: indices into these."""
+    subset = positions[vertices]
     links = [np.zeros((0, 2), np.int64)]
     for which, keys in grids(subset):
         sort = np.argsort(keys, kind="stable")
@@ -230,7 +230,7 @@ def _near(positions: Float32s, faces: Int64s, rows: Int64s) -> Int64s:
         edge = positions[faces[:, corner]] - positions[faces[:, corner - 1]]
         for end in (corner, corner - 1):
             np.maximum.at(longest, faces[:, end], np.linalg.norm(edge, axis=1))
-    large = longest[rows] >= _FINE * contact_radius(subset.astype(np.float64))
+    large = longest[vertices] >= _FINE * contact_radius(subset.astype(np.float64))
     return pairs[large[pairs].all(axis=1)]
 
 
@@ -238,7 +238,7 @@ def _pairs(keys: AnyInts, along: Float64s) -> Iterator[tuple[Int64s, Int64s]]:
     """Pairs a < b of equal `keys` (k,), ascending, up to 64 apart; not of what is apart in `along`, ascending too."""
     for step in range(1, min(_NEIGHBOURS, len(keys) - 1) + 1):
         near = along[step:] - along[:-step] <= _EDGE / _CELLS * np.maximum(1.0, np.abs(along[step:]))
-        first = np.flatnonzero((keys[step:] == keys[:-step]) & near)
-        if not len(first):
+        earlier = np.flatnonzero((keys[step:] == keys[:-step]) & near)
+        if not len(earlier):
             return
-        yield first, first + step
+        yield earlier, earlier + step

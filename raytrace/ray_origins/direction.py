@@ -34,7 +34,7 @@ class PointFaces(NamedTuple):
 
 
 def resolve_contacts(
-    found: tuple[Float64s, Float64s, Bools],
+    results: tuple[Float64s, Float64s, Bools],
     surface: Surface,
     points: Float64s,
     touched: Contacts,
@@ -44,40 +44,41 @@ def resolve_contacts(
     """Turn the directions of touched `points` in front of what they touch, where possible.
 
     Args: touched: at least one, sorted by point. face_points, numbers: as `find_contacts` takes them.
-        found: directions (k, 3), their clearance (k,), and whether (k,) a touched face decides what is seen: it rises
+        results: directions (k, 3), their clearance (k,), and whether (k,) a touched face decides what is seen: it rises
             above the plane across the direction, or lies in it and looks the other way. Changed in place.
     """
-    first = np.flatnonzero(np.diff(touched.point, prepend=-1))
-    rows = touched.point[first]
+    first_contact = np.flatnonzero(np.diff(touched.point, prepend=-1))
+    point_rows = touched.point[first_contact]
     needed = np.zeros(max(int(face_points.max()), int(numbers.max())) + 1, np.bool_)
-    needed[numbers[rows]] = True
+    needed[numbers[point_rows]] = True
     kept = np.where(needed, np.cumsum(needed) - 1, -1)
     corners, starts = counting_sort(kept[face_points], int(np.count_nonzero(needed)))
-    at = kept[numbers[rows]]
+    at = kept[numbers[point_rows]]
     own_faces = PointFaces(corners // 3, starts[at], starts[at + 1])
-    others = PointFaces(touched.face, first, np.append(first, len(touched.point))[1:])
-    work = bind(_turn, surface, points, found, rows, own_faces, others)
-    run_blocks(len(rows), _BLOCK, work, thread_count(None), most=_MOST)
+    others = PointFaces(touched.face, first_contact, np.append(first_contact, len(touched.point))[1:])
+    work = bind(_turn, surface, points, results, point_rows, own_faces, others)
+    run_blocks(len(point_rows), _BLOCK, work, thread_count(None), most=_MOST)
 
 
 @kernel
-def _turn(surface, points, found, rows, own_faces, touched_faces, first, last):
-    """`resolve_contacts` of the points rows[first:last], from the `PointFaces` that they are a corner of, or touch."""
+def _turn(surface, points, results, point_rows, own_faces, touched_faces, first, last):
+    """`resolve_contacts` of the points `point_rows[first:last]`, from the faces that they are a corner of, or touch."""
     surface = unrefcounted_view(surface)
-    directions, clearance, ambiguous = unrefcounted_view(found)
-    rows = unrefcounted_view(rows)
-    own = unrefcounted_view(own_faces)
-    touched = unrefcounted_view(touched_faces)
+    directions, clearance, ambiguous = unrefcounted_view(results)
+    point_rows = unrefcounted_view(point_rows)
+    own_faces = unrefcounted_view(own_faces)
+    touched_faces = unrefcounted_view(touched_faces)
     largest = 0
     for k in range(first, last):
-        largest = max(largest, own.ends[k] - own.starts[k] + touched.ends[k] - touched.starts[k])
+        own_count = own_faces.ends[k] - own_faces.starts[k]
+        largest = max(largest, own_count + touched_faces.ends[k] - touched_faces.starts[k])
     listed = np.empty((largest, 3)), np.empty(largest), np.empty(largest, np.bool_)  # see `_list_faces`
     front = np.empty((largest, 3))  # normals of the faces that a point is in front of
     for k in range(first, last):
-        row = rows[k]
+        row = point_rows[k]
         direction = load(directions, row)
-        own_here = own.faces[own.starts[k] : own.ends[k]]
-        touched_here = touched.faces[touched.starts[k] : touched.ends[k]]
+        own_here = own_faces.faces[own_faces.starts[k] : own_faces.ends[k]]
+        touched_here = touched_faces.faces[touched_faces.starts[k] : touched_faces.ends[k]]
         count, decides = _list_faces(load(points, row), direction, surface, own_here, touched_here, listed)
         ambiguous[row] |= decides
         start, fronts = _mean_in_front(count, listed, direction, front)
@@ -88,8 +89,8 @@ def _turn(surface, points, found, rows, own_faces, touched_faces, first, last):
 
 
 @inline
-def _list_faces(p, direction, surface, own, touched, listed):
-    """List the faces that a point is a corner of, `own`, and those that it touches, both ascending, as one.
+def _list_faces(p, direction, surface, own_faces, touched_faces, listed):
+    """List the faces that a point is a corner of, and those that it touches, both ascending, as one.
 
     Returns their number, and whether a touched one decides what is seen. Args: listed: normals (k, 3), those of its
     own faces on the side of `direction`; the angles (k,) about the point; whether (k,) a face is its own. Filled.
@@ -98,17 +99,17 @@ def _list_faces(p, direction, surface, own, touched, listed):
     decides = False
     i = 0
     j = 0
-    count = len(own) + len(touched)
+    count = len(own_faces) + len(touched_faces)
     for row in range(count):
-        is_own[row] = j == len(touched) or (i < len(own) and own[i] < touched[j])
+        is_own[row] = j == len(touched_faces) or (i < len(own_faces) and own_faces[i] < touched_faces[j])
         if is_own[row]:
-            f = own[i]
+            f = own_faces[i]
             i += 1
             n = load(surface.normals, f)
             if dot(n, direction) < 0.0:  # seen from its other side
                 n = scale(-1.0, n)
         else:
-            f = touched[j]
+            f = touched_faces[j]
             j += 1
             n = load(surface.normals, f)
             decides |= dot(n, direction) < -_SAME_PLANE or _rises(p, direction, surface, f)

@@ -84,15 +84,15 @@ def offsets_and_reaches(
     points: Float64s, directions: Float64s, magnitude: Float64s, clearance: Float64s
 ) -> tuple[Float64s, Float64s, Float64s]:
     """`ray_offset`, how near a face is touched, and within what distance to look for faces, −1 without a direction."""
-    found = np.empty((3, len(points)))
-    work = bind(_offsets_and_reaches, points, directions, magnitude, clearance, found)
+    lengths = np.empty((3, len(points)))
+    work = bind(_offsets_and_reaches, points, directions, magnitude, clearance, lengths)
     run_blocks(len(points), _BLOCK, work, thread_count(None))
-    return found[0], found[1], found[2]
+    return lengths[0], lengths[1], lengths[2]
 
 
 @kernel
-def _offsets_and_reaches(points, directions, magnitude, clearance, found, start, stop):
-    offset, touching, reach = found
+def _offsets_and_reaches(points, directions, magnitude, clearance, lengths, start, stop):
+    offset, touching, reach = lengths
     for i in range(start, stop):
         direction = load(directions, i)
         point = load(points, i)

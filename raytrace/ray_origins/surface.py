@@ -160,7 +160,7 @@ def find_contacts(
     most = float(surface.rounding.max())
     if most <= _USUAL_ROUNDING:
         return _find(tree, surface, around, most)
-    found = []
+    contacts = []
     least = -1.0
     while least < most:
         limit = max(_CLASS * least, _USUAL_ROUNDING)
@@ -168,9 +168,9 @@ def find_contacts(
         if len(uncertain):
             some = BVH16.of(surface.vertices.astype(np.float32), surface.faces[uncertain])
             some = some._replace(rows=np.where(some.rows < 0, -1, uncertain[some.rows]).astype(np.int32))
-            found.append(_find(some, surface, around, limit))
+            contacts.append(_find(some, surface, around, limit))
         least = limit
-    joined = Contacts(*(np.concatenate(column) for column in zip(*found, strict=True)))
+    joined = Contacts(*(np.concatenate(column) for column in zip(*contacts, strict=True)))
     joined = joined.only(np.lexsort((joined.face, joined.point)))
     rank = np.arange(len(joined.point)) - np.searchsorted(joined.point, joined.point)
     return joined.only(rank < _MOST_CONTACTS)
@@ -182,13 +182,13 @@ def _find(tree: BVH16, surface: Surface, around: _Points, most: float) -> Contac
     parts: list[Contacts] = [_empty(0)] * -(-count // _SEARCHED)
 
     def search(start: int, stop: int) -> None:
-        found = _empty(_USUAL * _SEARCHED)
+        contacts = _empty(_USUAL * _SEARCHED)
         fill = bind(_search, tree, new_stack(), surface, around, most)
-        size = fill(start, stop, found)
-        if size > len(found.point):
-            found = _empty(size)
-            fill(start, stop, found)
-        parts[start // _SEARCHED] = found.only(np.arange(size))  # copies, so that the rest is let go
+        size = fill(start, stop, contacts)
+        if size > len(contacts.point):
+            contacts = _empty(size)
+            fill(start, stop, contacts)
+        parts[start // _SEARCHED] = contacts.only(np.arange(size))  # copies, so that the rest is let go
 
     run_blocks(count, _SEARCHED, search, thread_count(None))
     return Contacts(*(np.concatenate(column) for column in zip(*parts, strict=True)))
@@ -205,11 +205,11 @@ def _beside(p, reach, a, b, c):
 
 
 @kernel
-def _search(tree, stack, surface, around, most, start, stop, found):
+def _search(tree, stack, surface, around, most, start, stop, contacts):
     """Write the contacts of points from `start` to `stop` into `found` as far as they fit; returns their number."""
     tree = unrefcounted_view(tree)
     surface = unrefcounted_view(surface)
-    found = unrefcounted_view(found)
+    contacts = unrefcounted_view(contacts)
     points, reach, corners, numbers = unrefcounted_view(around)
     count = 0
     kept = np.empty(_MOST_CONTACTS, np.int64)
@@ -234,10 +234,10 @@ def _search(tree, stack, surface, around, most, start, stop, found):
             leaf, near = next_leaf(tree, stack, waiting)
         # They are counted even where they do not fit.
         for k in range(filled):
-            if count < len(found.point):
-                found.point[count] = i
-                found.face[count] = kept[k]
-                found.distance[count] = distances[k]
+            if count < len(contacts.point):
+                contacts.point[count] = i
+                contacts.face[count] = kept[k]
+                contacts.distance[count] = distances[k]
             count += 1
     return count
 
@@ -256,11 +256,11 @@ def _keep(surface, f, p, within, nearest, filled):
     away = closest_on_triangle(p, a, b, c)[0]
     if away > within:
         return filled
-    place = min(filled, _MOST_CONTACTS - 1)
-    while place > 0 and kept[place - 1] > f:
-        kept[place] = kept[place - 1]
-        distances[place] = distances[place - 1]
-        place -= 1
-    kept[place] = f
-    distances[place] = away
+    slot = min(filled, _MOST_CONTACTS - 1)
+    while slot > 0 and kept[slot - 1] > f:
+        kept[slot] = kept[slot - 1]
+        distances[slot] = distances[slot - 1]
+        slot -= 1
+    kept[slot] = f
+    distances[slot] = away
     return min(filled + 1, _MOST_CONTACTS)

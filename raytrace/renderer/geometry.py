@@ -28,7 +28,7 @@ from ..scene import Object, Shape
 from ..settings import Normals
 from ..shade.layout import Geometry
 from ..shade.shaft_culling import SLACK, cluster, merged, pack_boxes
-from ..types import AnyFloats, Float32s, Float64s, Int64s
+from ..types import AnyFloats, Bools, Float32s, Float64s, Int64s
 from .polygon_outlines import Polygons, mesh_polygons
 
 _INSTANCED = 4.0  # the ray's own way into an instance's frame is rounded too, as if coordinates were that large
@@ -104,7 +104,7 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
     # objects: where they are, what Embree traces, and their materials
     instanced = np.array([placed.scene is not None for placed in placed_shapes])[rank]
     transforms = np.array([item.transform for item in objects])
-    matrices = _to_render(transforms, space, placed_shapes, rank)
+    matrices = _to_render(transforms, space, placed_shapes, rank, instanced)
     embree, boxes = _build_embree(placed_shapes, rank, matrices)
     kinds, material_rows = pack_materials([shape.material for shape in shapes])
 
@@ -160,10 +160,11 @@ def _place_shapes(
     return shapes, np.array([row_of[id(item.shape)] for item in objects])
 
 
-def _to_render(transforms: Float64s, space: RenderSpace, shapes: list[_PlacedShape], rank: Int64s) -> Float64s:
+def _to_render(
+    transforms: Float64s, space: RenderSpace, shapes: list[_PlacedShape], rank: Int64s, instanced: Bools
+) -> Float64s:
     """Matrices (o, 4, 4) from objects' shapes, as they are traced, to render space. Args: rank: rows in `shapes`."""
     from_shape = np.array([placed.from_shape if placed.scene else np.eye(4) for placed in shapes])
-    instanced = np.array([placed.scene is not None for placed in shapes])[rank]
     matrices = _scaling(space.centre, space.scale) @ transforms @ np.linalg.inv(from_shape)[rank]
     return np.where(instanced[:, None, None], matrices, np.eye(4))
 
@@ -313,13 +314,13 @@ def _in_render_space(geometry: Geometry) -> tuple[Float64s, Int64s, Float64s]:
     ends = np.append(begins, len(geometry.faces))[np.searchsorted(begins, geometry.first_face) + 1]
     for item, size in enumerate(np.diff(geometry.first_w)):
         start = geometry.first_vertex[item]
-        own = geometry.vertices[start : start + size].astype(np.float64)
+        positions = geometry.vertices[start : start + size].astype(np.float64)
         normal = geometry.normals[start : start + size].astype(np.float64)
         if not geometry.placed[item]:
-            own = product(own, geometry.to_render[item, :, :3].T) + geometry.to_render[item, :, 3]
+            positions = product(positions, geometry.to_render[item, :, :3].T) + geometry.to_render[item, :, 3]
             normal = product(normal, geometry.normal_to_render[item].T)
         corners = geometry.faces[geometry.first_face[item] : ends[item]] - start + geometry.first_w[item]
-        vertices.append(own)
+        vertices.append(positions)
         faces.append(corners[:, ::-1] if geometry.mirrored[item] < 0 else corners)
         normals.append(normal)
     return np.concatenate(vertices), np.concatenate(faces).astype(np.int64), normalize(np.concatenate(normals))

@@ -67,7 +67,7 @@ def _find_polygons(vertices, faces, order, starts, slots, out):
         for half in range(3 * len(triangles)):  # the two sides of a diagonal cancel
             a, b = _half_edge(faces, triangles, half)
             slots[1, _slot(slots, size, a, b)] += 1 if a < b else -1
-        first, centre = used, (0.0, 0.0, 0.0)
+        first_edge, centre = used, (0.0, 0.0, 0.0)
         for half in range(3 * len(triangles)):
             a, b = _half_edge(faces, triangles, half)
             if a != b and slots[1, _slot(slots, size, a, b)] * (1 if a < b else -1) > 0:
@@ -77,9 +77,9 @@ def _find_polygons(vertices, faces, order, starts, slots, out):
         # Record the polygon.
         for f in triangles:
             out.of[f] = count
-        store(out.centres, count, scale(1.0 / (used - first), centre))
+        store(out.centres, count, scale(1.0 / (used - first_edge), centre))
         store(out.normals, count, unit(newell))
-        out.counts[count] = used - first
+        out.counts[count] = used - first_edge
         count += 1
     return count, used
 

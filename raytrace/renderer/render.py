@@ -94,8 +94,8 @@ def _render_tiles(picture: RenderJob, film: Film, threads: int, progress: Progre
         if progress:
             progress(done, tiles)
 
-    def work(first: int, end: int, again: bool = False) -> None:
-        finished.append(picture.render(film, picture.scratch(), (first, end), again))
+    def work(begin: int, end: int, again: bool = False) -> None:
+        finished.append(picture.render(film, picture.scratch(), (begin, end), again))
 
     finished: list[Int64s] = []
     share = max(min(tiles // (_SHARES * threads), _LONGEST // picture.style.samples), 1)
@@ -139,8 +139,8 @@ def seen_vertices(scene: Scene, camera: Camera, settings: Settings, threads: int
     seen = np.zeros(geometry.arrays.first_w[-1], np.bool_)
     whole = settings.shading == "gouraud" and len(geometry.arrays.polygons) > 0
 
-    def work(first: int, end: int) -> None:
-        part = (left, left + wide), (top + first, top + end)
+    def work(begin: int, end: int) -> None:
+        part = (left, left + wide), (top + begin, top + end)
         mark_seen(geometry.arrays, view, *part, *new_packet(WIDE, True, geometry.hit_filter), seen, whole)
 
     run_blocks(high, 8, work, thread_count(threads))

@@ -74,14 +74,14 @@ class RenderJob:
     def __reduce__(self) -> tuple[type[RenderJob], tuple[object, ...]]:
         return RenderJob, (*self._given, self.scene.lit_vertices)
 
-    def film(self, first: int = 0, stop: int | None = None) -> Film:
-        """A film for the tiles of the rows [first, stop), None: all."""
-        stop = self.rows if stop is None else stop
-        high = min(stop * TILE, self._high) - first * TILE
-        tiles = self.columns * (stop - first) if self.adaptive else 0
+    def film(self, first_row: int = 0, end_row: int | None = None) -> Film:
+        """A film for the tiles of the rows [first_row, end_row), None: all."""
+        end_row = self.rows if end_row is None else end_row
+        high = min(end_row * TILE, self._high) - first_row * TILE
+        tiles = self.columns * (end_row - first_row) if self.adaptive else 0
         pixels = np.empty((high, self._wide, self.channels), np.float32)
         edges = np.empty((tiles, EDGES), np.float32)
-        return Film(pixels, self._left, self._top + first * TILE, edges, self.geometry.scale)
+        return Film(pixels, self._left, self._top + first_row * TILE, edges, self.geometry.scale)
 
     def scratch(self) -> Scratch:
         """Room for what a thread writes while it renders a tile."""
@@ -128,13 +128,13 @@ class RenderJob:
         """
         pixels, edges, counts = out
         again = around is not None
-        first = max(int(numbers.min()) // self.columns - again, 0)
-        film = self.film(first, min(int(numbers.max()) // self.columns + 1 + again, self.rows))
+        first_row = max(int(numbers.min()) // self.columns - again, 0)
+        film = self.film(first_row, min(int(numbers.max()) // self.columns + 1 + again, self.rows))
         scratch = self.scratch()
         for row, number in enumerate(numbers):
-            tile = int(number) - first * self.columns
+            tile = int(number) - first_row * self.columns
             if around is not None:
-                film.edges[self.beside(numbers[row : row + 1])[0] - first * self.columns] = around[row]
+                film.edges[self.beside(numbers[row : row + 1])[0] - first_row * self.columns] = around[row]
             counts[row] = self.render(film, scratch, (tile, tile + 1), again)
             part = _part(film, tile)
             pixels[row, : len(part), : part.shape[1]] = part
@@ -150,10 +150,10 @@ class RenderJob:
     def beside(self, numbers: Int64s) -> Int64s:
         """Numbers of tiles and of those around them, (k, 9); the tile's own where there is none."""
         right, down = np.meshgrid([-1, 0, 1], [-1, 0, 1])
-        columns = numbers[:, None] % self.columns + right.ravel()
-        rows = numbers[:, None] // self.columns + down.ravel()
-        there = (columns >= 0) & (columns < self.columns) & (rows >= 0) & (rows < self.rows)
-        return np.where(there, rows * self.columns + columns, numbers[:, None])
+        tile_columns = numbers[:, None] % self.columns + right.ravel()
+        tile_rows = numbers[:, None] // self.columns + down.ravel()
+        there = (tile_columns >= 0) & (tile_columns < self.columns) & (tile_rows >= 0) & (tile_rows < self.rows)
+        return np.where(there, tile_rows * self.columns + tile_columns, numbers[:, None])
 
     def light_vertices(self, threads: int) -> None:
         """Light all vertices, if the shading is Gouraud's: fronts, and backs if they may reflect more than them."""

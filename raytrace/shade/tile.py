@@ -114,13 +114,13 @@ def list_retired(scratch, reopened):
 
 
 @inline
-def sample_pixels(scene, view, style, film, scratch, place, pending, samples):
+def sample_pixels(scene, view, style, film, scratch, tile_corner, pending, samples):
     """Add the samples [first, end) of the pixels on the list `todo` to their sums and cells, a few at a time.
 
-    Args: place: of the tile on the film.
+    Args: tile_corner: its left column and top row on the film.
     """
     points = scratch.layers if scene.geometry.layered else scratch.points
-    corner = film.left + place[0], film.top + place[1]
+    corner = film.left + tile_corner[0], film.top + tile_corner[1]
     for done in range(samples[0], samples[1], FIRST):
         batch = min(FIRST, samples[1] - done)
         of_packet = WIDE // batch  # pixels a packet, all samples of a pixel on end
@@ -134,14 +134,21 @@ def sample_pixels(scene, view, style, film, scratch, place, pending, samples):
 
 
 @inline
-def write_means(style, film, scratch, place, pending):
+def write_means(style, film, scratch, tile_corner, pending):
     """Write the means of the pixels on the list `todo` to the film."""
     points = scratch.points if len(scratch.layers) == 0 else scratch.layers
     for k in range(0, pending, WIDE):
         packet = points[k // WIDE]  # with one sample a pixel, its lanes are the pixels
         if style.samples > 1:
             mean(scratch.sums, scratch.todo[k : min(k + WIDE, pending)], style.layers, packet)
-        write_pixels(packet, load_row(scratch.todo, k // WIDE), lane_numbers() < pending - k, film, place[0], place[1])
+        write_pixels(
+            packet,
+            load_row(scratch.todo, k // WIDE),
+            lane_numbers() < pending - k,
+            film,
+            tile_corner[0],
+            tile_corner[1],
+        )
 
 
 @inline

@@ -60,7 +60,7 @@ def _beside(path: str | os.PathLike[str], replaces: bool = True) -> Iterator[tup
     try:
         target = _regular_target(path)
         _remove_left_over(target.parent)
-        temporary = _temporary_name(target)
+        temporary = target.parent / f"{_BEGIN}{os.urandom(6).hex()}{_END}"
         lock = -1
         try:  # from before the file is there: an interrupt may come as it is opened
             handle = _create(temporary)
@@ -77,7 +77,7 @@ def _beside(path: str | os.PathLike[str], replaces: bool = True) -> Iterator[tup
     except OutputError:
         raise
     except OSError as reason:
-        raise _cannot_write(path, reason) from None
+        raise OutputError(f"{os.fspath(path)}: cannot write: {reason.strerror or reason}") from None
 
 
 def standard_output(ending: str) -> Path:
@@ -131,10 +131,6 @@ def _regular_target(path: str | os.PathLike[str]) -> Path:
     return target
 
 
-def _temporary_name(target: Path) -> Path:
-    return target.parent / f"{_BEGIN}{os.urandom(6).hex()}{_END}"
-
-
 def _create(path: Path) -> int:
     """A new file, open, and locked as long as it or a duplicate is: what nobody holds a lock of, the dead have left."""
     while True:
@@ -165,7 +161,3 @@ def _remove_left_over(folder: Path) -> None:
                         os.unlink(entry.path)
                 finally:
                     os.close(handle)
-
-
-def _cannot_write(path: str | os.PathLike[str], reason: OSError) -> OutputError:
-    return OutputError(f"{os.fspath(path)}: cannot write: {reason.strerror or reason}")

@@ -74,22 +74,18 @@ Whole = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
 Switch = Annotated[bool, Field(strict=True), BeforeValidator(_listed)]
 Seed = Annotated[Whole, Field(ge=0, le=2**64 - 1)]
 
+N = TypeVar("N", bound=float)
 if TYPE_CHECKING:  # three are kept, one number may be given
-    Reflectance = tuple[float, float, float] | Any
-    Radiance = Reflectance
-    Indices = Reflectance
-    ConductorIndices = Reflectance
-    Extinctions = Reflectance
-    Wavelengths = Reflectance
-    Lengths = Reflectance
+    Triple = tuple[N, N, N] | Any
 else:
-    Reflectance = Annotated[tuple[Fraction, Fraction, Fraction], BeforeValidator(triple)]
-    Radiance = Annotated[tuple[NonNegative, NonNegative, NonNegative], BeforeValidator(triple)]
-    Indices = Annotated[tuple[Index, Index, Index], BeforeValidator(triple)]
-    ConductorIndices = Annotated[tuple[ConductorIndex, ConductorIndex, ConductorIndex], BeforeValidator(triple)]
-    Extinctions = Annotated[tuple[Extinction, Extinction, Extinction], BeforeValidator(triple)]
-    Wavelengths = Annotated[tuple[Nanometres, Nanometres, Nanometres], BeforeValidator(triple)]
-    Lengths = Annotated[tuple[Length, Length, Length], BeforeValidator(triple)]
+    Triple = Annotated[tuple[N, N, N], BeforeValidator(triple)]
+Reflectance = Triple[Fraction]
+Radiance = Triple[NonNegative]
+Indices = Triple[Index]
+ConductorIndices = Triple[ConductorIndex]
+Extinctions = Triple[Extinction]
+Wavelengths = Triple[Nanometres]
+Lengths = Triple[Length]
 Point = Annotated[tuple[Finite, Finite, Finite], BeforeValidator(_listed)]
 Direction = Annotated[Point, AfterValidator(_direction)]
 Sides = Annotated[bool | Literal["viewer"], BeforeValidator(_side)]
@@ -139,7 +135,7 @@ class _Refusing(ABCMeta):
 
     @__signature__.setter
     def __signature__(cls, _: object) -> None:
-        """Not what pydantic would show."""
+        """Keep the one above: pydantic sets its own as it makes a class."""
 
 
 def _option_error(error: ValidationError, kind: _Refusing, values: dict[str, Any]) -> OptionError:

@@ -159,19 +159,19 @@ def _parse_word(text, i):
 @kernel
 def read_rows(text, begin, end, numbers, counts):
     """The `numbers` (`_parse_word`) of lines that have words, and their `counts`; returns how many lines these are."""
-    found, rows, i = 0, 0, begin
+    number, line, i = 0, 0, begin
     while i < end:
-        before = found
+        before = number
         i, some = _next_word(text, i)
         while some:
-            numbers[found], i = _parse_word(text, i)
-            found += 1
+            numbers[number], i = _parse_word(text, i)
+            number += 1
             i, some = _next_word(text, i)
-        if found > before:
-            counts[rows] = found - before
-            rows += 1
+        if number > before:
+            counts[line] = number - before
+            line += 1
         i = _skip_line(text, i)
-    return rows
+    return line
 
 
 @kernel
@@ -215,18 +215,18 @@ def survey(text, begin, end, tally, rest):
 
 
 @kernel
-def read_numbers(text, begin, end, wanted, rows):
-    """The first numbers, `rows` (lines, numbers), of lines of the kind `wanted` that have the words that it needs."""
+def read_numbers(text, begin, end, wanted, values):
+    """The first numbers, `values` (lines, numbers), of lines of the kind `wanted` that have the words that it needs."""
     row, i = 0, begin
     while i < end:
         kind, i = _keyword(text, i)
         if kind == wanted:
             words = 0
             i, some = _next_word(text, i)
-            while some and words < rows.shape[1]:
+            while some and words < values.shape[1]:
                 value, i = _parse_word(text, i)
-                if row < len(rows):
-                    rows[row, words] = value
+                if row < len(values):
+                    values[row, words] = value
                 words += 1
                 i, some = _next_word(text, i)
             row += words >= NEEDED[wanted]
@@ -251,7 +251,7 @@ def read_faces(text, begin, end, before, sizes, indices):
         vt = vt + (kind == VT)
         vn = vn + (kind == VN)
         if kind == F:
-            first = corner
+            first_corner = corner
             i, some = _next_word(text, i)
             # Each corner: up to three indices with slashes between them.
             while some:
@@ -271,7 +271,7 @@ def read_faces(text, begin, end, before, sizes, indices):
                 stop = _skip_word(text, i)
                 valid &= stop == i
                 i, some = _next_word(text, stop)
-            sizes[face] = corner - first
+            sizes[face] = corner - first_corner
             face += 1
         i = _skip_line(text, i)
     return valid

@@ -49,10 +49,10 @@ class Batch:
         start = time.perf_counter()
         with self.workers.session(self.folder / MANIFEST) if self.workers else nullcontext() as session:
             self.check_files()
-            own, manifest = self._begin()
+            own_plans, manifest = self._begin()
             try:
                 with silence_tolerance_warnings():
-                    self._bake_all(own, manifest, session)
+                    self._bake_all(own_plans, manifest, session)
             except KeyboardInterrupt:
                 note(f"interrupted: {self._summary(manifest)}; the same command with --resume bakes the others")
                 raise SystemExit(130) from None

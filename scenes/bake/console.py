@@ -112,13 +112,13 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff
     """
     from raytrace.mesh.precision import outlier_warnings, precision_warnings
 
-    each = {id(mesh): mesh for mesh in meshes}.values()
-    warnings = list(dict.fromkeys(warning for mesh in each for warning in precision_warnings(mesh)))
+    distinct = {id(mesh): mesh for mesh in meshes}.values()
+    warnings = list(dict.fromkeys(warning for mesh in distinct for warning in precision_warnings(mesh)))
     if falloff and len({(mu.max_distance, mu.tau) for mu in map(falloff.resolve, (1.0, 2.0))}) > 1:
-        warnings += outlier_warnings(list(each)[-1])
+        warnings += outlier_warnings(list(distinct)[-1])
     warnings += list(dict.fromkeys(others))
     printed = [] if getattr(_silent, "on", False) else warnings
-    for warning in (each for each in printed if not (_quiet and COARSE in each)):
+    for warning in (line for line in printed if not (_quiet and COARSE in line)):
         kind = "note" if any(words in warning for words in (": not kept from ", ": in the pose ")) else "warning"
         print(f"{kind}: {printable(warning, LINE)}", file=sys.stderr)
     return warnings
@@ -149,6 +149,6 @@ def texture_summary(baked: ao.BakedTexture, target: str) -> str:
     return f"{text}\nw, the openness, jumps at the {facts.seam_edges:,} edges of seams {jumps}"
 
 
-def columns(rows: Sequence[tuple[str, str]]) -> str:
-    width = max(len(name) for name, _ in rows)
-    return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)
+def columns(named_values: Sequence[tuple[str, str]]) -> str:
+    width = max(len(name) for name, _ in named_values)
+    return "\n".join(f"{name:<{width}}  {value}" for name, value in named_values)

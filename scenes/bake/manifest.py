@@ -104,13 +104,13 @@ class Manifest:
         if facts != self._about:
             notify(f"{self.path}: of other options or another version; starting from the beginning")
             return
-        for place, entry in enumerate(self.entries):
+        for number, entry in enumerate(self.entries):
             earlier = done.get(entry.input)
             if not earlier or not earlier.output_sha256:
                 continue
             is_same = (earlier.output, earlier.sha256) == (entry.output, entry.sha256)
             if is_same and digest([Path(entry.output)]) == earlier.output_sha256:
-                self.entries[place] = earlier
+                self.entries[number] = earlier
 
 
 def part_manifest(number: int, of: int) -> str:
@@ -121,9 +121,9 @@ def assign_shards(sizes: Sequence[int], of: int) -> list[int]:
     """The shard, 1 to `of`, of each mesh: the largest first, each to the shard with the least work so far."""
     shards = [0] * len(sizes)
     loads = [(0, part) for part in range(1, of + 1)]
-    for place in sorted(range(len(sizes)), key=lambda place: -sizes[place]):
-        load, shards[place] = heapq.heappop(loads)
-        heapq.heappush(loads, (load + sizes[place] + 1, shards[place]))
+    for mesh in sorted(range(len(sizes)), key=lambda mesh: -sizes[mesh]):
+        load, shards[mesh] = heapq.heappop(loads)
+        heapq.heappush(loads, (load + sizes[mesh] + 1, shards[mesh]))
     return shards
 
 
@@ -134,18 +134,19 @@ def is_batch_of_parts(folder: Path) -> bool:
 def merge_batch(folder: Path) -> Manifest:
     """Merge the manifests of all shards. Raises: InputError: one is missing, not finished, or of another batch."""
     from ao.execute.parts import missing_of
+    from ao.execute.work import first_difference
 
     paths = sorted(path for path in folder.iterdir() if _NAME.fullmatch(path.name))
     parts = [_read(path) for path in paths]
-    first = parts[0]
+    first_part = parts[0]
     facts = [
         {**part.options, "versions": part.versions, "of": part.part.of, "inputs": part.part.inputs} for part in parts
     ]
     for path, known in zip(paths, facts, strict=True):
-        for name in facts[0] | known:
-            if facts[0].get(name) != known.get(name):
-                raise InputError(path, name, f"{facts[0].get(name)}, as in the first part", known.get(name))
-    of, numbers = first.part.of, {part.part.number for part in parts}
+        if difference := first_difference(facts[0], known):
+            name, expected, got = difference
+            raise InputError(path, name, f"{expected}, as in the first part", got)
+    of, numbers = first_part.part.of, {part.part.number for part in parts}
     if lacking := missing_of(of, numbers):
         raise InputError(folder, "parts", f"all of 1 to {of}", f"{len(parts)} of them; missing: {lacking}")
     entries = {entry.input: entry for part in parts for entry in part.inputs}
@@ -153,11 +154,11 @@ def merge_batch(folder: Path) -> Manifest:
         if waiting := part.waiting:
             expected = "a finished part; the same command continues it"
             raise InputError(path, "waiting", expected, f"{waiting:,} meshes that wait")
-    for name in first.part.inputs:
+    for name in first_part.part.inputs:
         if name not in entries:  # the parts saw files of other sizes
             raise InputError(folder, "inputs", f"{name} in one of the parts", "none that has it")
-    about = {"options": first.options, "versions": first.versions}
-    manifest = Manifest(folder / MANIFEST, [entries[name] for name in first.part.inputs], about)
+    about = {"options": first_part.options, "versions": first_part.versions}
+    manifest = Manifest(folder / MANIFEST, [entries[name] for name in first_part.part.inputs], about)
     manifest.write()
     return manifest
 

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
-from ao.declared import EVERY_BAKE, IMAGE, Option, rows
+from ao.declared import EVERY_BAKE, IMAGE, Option, options_of
 from ao.options import Normals, TextureOptions, VertexOptions
 from raytrace.errors import ConflictError, InputError, OptionError
 
@@ -159,9 +159,11 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
                "given here override them.", EVERY_BAKE, "run", metavar="REPORT"),
     ),
 }  # fmt: skip
-BAKER = {row.name: row for record in (VertexOptions, TextureOptions) for row in rows(record).values() if row.bake_kinds}
+BAKER = {
+    row.name: row for record in (VertexOptions, TextureOptions) for row in options_of(record).values() if row.bake_kinds
+}
 """The options that `ao.bake` or `ao.bake_texture` has, too; one that the table does not name is of "Sampling"."""
-_SECTIONS["Sampling"] += tuple(name for name in BAKER if not any(name in rows for rows in _SECTIONS.values()))
+_SECTIONS["Sampling"] += tuple(name for name in BAKER if not any(name in listed for listed in _SECTIONS.values()))
 BAKE = tuple(
     (BAKER[row] if isinstance(row, str) else row)._replace(section=section)
     for section, listed in _SECTIONS.items()
@@ -284,8 +286,8 @@ def check_stored(source: Path, options: Mapping[str, Any]) -> None:
         if row.is_list and not isinstance(value, list):
             raise InputError(source, f"options.{name}", "a list of texts", repr(value))
         try:
-            for each in value if row.is_list else [value]:
-                row.parsed(each)
+            for item in value if row.is_list else [value]:
+                row.parsed(item)
         except OptionError as fault:
             raise InputError(source, f"options.{name}", fault.expected, fault.got, fault.nearest) from None
 
@@ -302,12 +304,12 @@ def named(option: str) -> Iterator[None]:
 def plain(value: object) -> object:
     """An option as a JSON report has it."""
     if isinstance(value, list):
-        return [plain(each) for each in value]
+        return [plain(item) for item in value]
     return str(value) if isinstance(value, Path) else value
 
 
 def absolute(value: Any) -> Any:
     """A path, or several, whatever folder is the current one; anything else stays."""
     if isinstance(value, list):
-        return [each.absolute() for each in value]
+        return [item.absolute() for item in value]
     return value.absolute() if isinstance(value, Path) else value

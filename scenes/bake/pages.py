@@ -59,14 +59,14 @@ class Layouts:
         the pages; 0 of new coordinates, which no two instances have in common.
     """
 
-    def __init__(self, source: MeshFile, found: Coordinates) -> None:
+    def __init__(self, source: MeshFile, coordinates: Coordinates) -> None:
         self.of, self.instance = np.zeros((2, len(source.mesh.faces)), np.int64)
         self.all = [
-            piece._replace(faces=piece.faces[each])
-            for piece in primitive_groups(source, found.number or 0)
-            for new in (found.new[piece.faces],)
-            for each in (~new, new)
-            if each.any()
+            piece._replace(faces=piece.faces[mask])
+            for piece in primitive_groups(source, coordinates.number or 0)
+            for new in (coordinates.new[piece.faces],)
+            for mask in (~new, new)
+            if mask.any()
         ]
         self.pieces: list[PrimitiveGroup] = []  # one of each layout
         self.images: list[Hashable] = []  # one of each layout, or a key that is the layout's own
@@ -74,14 +74,14 @@ class Layouts:
         keys: dict[Hashable, int] = {}
         owners: dict[Hashable, dict[Hashable, int]] = {}
         for piece in self.all:
-            new = bool(found.new[piece.faces].any())
+            new = bool(coordinates.new[piece.faces].any())
             shared = piece.image is not None and not new
             key = piece.material.key, None if shared else piece.body, new
             if key not in keys:
                 self.pieces.append(piece)
                 self.images.append("new" if new else ("image", piece.image) if shared else key)
             self.of[piece.faces] = keys.setdefault(key, len(keys))
-            if not new and on_page(found.uv[piece.faces]).any():
+            if not new and on_page(coordinates.uv[piece.faces]).any():
                 same = owners.setdefault(piece.body, {})
                 self.instance[piece.faces] = same.setdefault(piece.object.key, len(same))
 
@@ -95,16 +95,16 @@ class Layouts:
 
     def sets(self, clashes: dict[tuple[int, int], int]) -> Iterator[tuple[str, Bools]]:
         """Names and faces (m,) of pages: layouts that have an image in common and do not overlap share one."""
-        found: list[list[int]] = []
+        pages: list[list[int]] = []
         for layout, image in enumerate(self.images):
-            beside = [each for each in found if self.images[each[0]] == image]
-            free = (each for each in beside if not any((other, layout) in clashes for other in each))
+            beside = [layouts for layouts in pages if self.images[layouts[0]] == image]
+            free = (layouts for layouts in beside if not any((other, layout) in clashes for other in layouts))
             page = next(free, None)
             if page is None:
-                found.append(page := [])
+                pages.append(page := [])
             page.append(layout)
-        names = file_words(self.pieces[page[0]].material.name for page in found)
-        return zip(names, (np.isin(self.of, page) for page in found), strict=True)
+        names = file_words(self.pieces[page[0]].material.name for page in pages)
+        return zip(names, (np.isin(self.of, page) for page in pages), strict=True)
 
     def by_instance(self, pages: Sequence[Page]) -> list[Page]:
         """The pages, where several instances of a mesh are on one of them a page for each, named by its object."""
@@ -122,38 +122,38 @@ class Layouts:
         return [replace(page, name=word, words={MATERIAL: word}) for page, word in zip(made, words, strict=True)]
 
 
-def pages_of(plan: Plan, source: MeshFile, found: Coordinates) -> list[Page]:
+def pages_of(plan: Plan, source: MeshFile, coordinates: Coordinates) -> list[Page]:
     """The pages of a plan, each of some faces.
 
     Raises: OptionError: layouts would share one that overlap, and may not; or tiles that have no number.
     """
-    layouts = Layouts(source, found)
-    pages = _pages(plan, source, layouts, found)
+    layouts = Layouts(source, coordinates)
+    pages = _pages(plan, source, layouts, coordinates)
     if plan.options.instances == "own":
         apart = layouts.by_instance(pages)
         if len(apart) > len(pages) and plan.ending != ".glb":
             raise OptionError("output", f"{OBJECT} in its name, or a .glb: instances have a texture each", plan.output)
         pages = apart
     if plan.options.instances == "first":
-        first = [replace(page, uv=_only(page.uv, layouts.instance == 0), shown=page.uv) for page in pages]
-        pages = [page for page in first if on_page(page.uv).any()]
-    return pages or [Page(found.uv)]
+        of_first = [replace(page, uv=_only(page.uv, layouts.instance == 0), shown=page.uv) for page in pages]
+        pages = [page for page in of_first if on_page(page.uv).any()]
+    return pages or [Page(coordinates.uv)]
 
 
-def _pages(plan: Plan, source: MeshFile, layouts: Layouts, found: Coordinates) -> list[Page]:
+def _pages(plan: Plan, source: MeshFile, layouts: Layouts, coordinates: Coordinates) -> list[Page]:
     """`pages_of` by material, object and tile alone."""
-    mixed = plan.options.overlap is not None or found.number is None  # new layouts do not overlap
+    mixed = plan.options.overlap is not None or coordinates.number is None  # new layouts do not overlap
     threads = plan.options.threads
     if plan.ending == ".glb":
-        whole = Page(found.uv, words={MATERIAL: "all"})
-        clashes = {} if mixed else layouts.clashes(whole, found.size, threads)
+        whole = Page(coordinates.uv, words={MATERIAL: "all"})
+        clashes = {} if mixed else layouts.clashes(whole, coordinates.size, threads)
         sets = layouts.sets(clashes) if clashes else []
-        pages = [Page(_only(found.uv, mask), name=name, words={MATERIAL: name}) for name, mask in sets]
+        pages = [Page(_only(coordinates.uv, mask), name=name, words={MATERIAL: name}) for name, mask in sets]
         return [page for page in pages if on_page(page.uv).any()] or [whole]
     output = plan.output
     pages = []
     for words, mask in _groups(layouts.all, output, len(source.mesh.faces)):
-        uv = _only(found.uv, mask)
+        uv = _only(coordinates.uv, mask)
         shown = uv[have_area(uv)]
         if UDIM in output.name and len(shown):
             tiles = [tile for tile in udim_tiles(shown, source.path) if reaches_into_page(shown - tile, source.path)]
@@ -161,7 +161,7 @@ def _pages(plan: Plan, source: MeshFile, layouts: Layouts, found: Coordinates) -
         elif on_page(uv).any():
             pages.append(Page(uv, words=words))
     for page in () if mixed else pages:
-        clashes = layouts.clashes(page, found.size, threads)
+        clashes = layouts.clashes(page, coordinates.size, threads)
         if clashes:
             raise _refusal(source, layouts, clashes, page.path(output))
     return pages
@@ -174,8 +174,8 @@ def _groups(all_groups: Sequence[PrimitiveGroup], output: Path, count: int) -> l
     for placeholder, column in columns.items():
         if placeholder in output.name:
             different = dict.fromkeys(column)
-            known = dict(zip(different, file_words(each.name for each in different), strict=True))
-            words.append([(placeholder, known[each]) for each in column])
+            known = dict(zip(different, file_words(item.name for item in different), strict=True))
+            words.append([(placeholder, known[item]) for item in column])
     groups: dict[tuple[tuple[str, str], ...], Bools] = {}
     for number, piece in enumerate(all_groups):
         key = tuple(column[number] for column in words)
@@ -188,11 +188,11 @@ def _only(uv: Float64s, mask: Bools) -> Float64s:
 
 
 def _refusal(source: MeshFile, layouts: Layouts, clashes: dict[tuple[int, int], int], output: Path) -> OptionError:
-    pair = max(clashes, key=lambda each: clashes[each])
+    pair = max(clashes, key=lambda clash: clashes[clash])
     one = layouts.pieces[pair[0]]
     other = layouts.pieces[pair[1]]
     by_material = one.material.key != other.material.key
-    names = " and ".join(each.material.name if by_material else each.object.name for each in (one, other))
+    names = " and ".join(piece.material.name if by_material else piece.object.name for piece in (one, other))
     more = f" ({len(clashes) - 1} more such pairs)" if len(clashes) > 1 else ""
     expected = f"{MATERIAL if by_material else OBJECT} in its name, a .glb, or --overlap mean: layouts overlap"
     return OptionError("output", expected, f"{clashes[pair]:,} texels of {output} for both {names}{more}", source.path)

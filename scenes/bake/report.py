@@ -114,18 +114,13 @@ def saved_options(path: Path) -> dict[str, Any]:
     if not isinstance(report.get("options"), dict) or "settings" in report:
         got = "the report of a rendering" if "settings" in report else "something else"
         raise InputError(path, "options", "the report of a bake, or the manifest of a batch", got)
-    new_names = {row.old_name: row.name for row in BAKE if row.old_name}
-    options = {new_names.get(name, name): value for name, value in report["options"].items() if value is not None}
-    if isinstance(options.get("colors"), bool):  # of earlier versions
-        options["colors"] = "rgb" if options["colors"] else None
+    options = {name: value for name, value in report["options"].items() if value is not None}
     names = {row.name for row in BAKE if row.role != "run"} | {"threads"}
     for name in options.keys() - names:
         near = nearest_name(name, names)
         raise InputError(path, f"options.{name}", "options of this version", "one that it has not", near)
     chosen = PRESETS.get(str(options.get("preset")), {})  # another preset or output may set them otherwise
     options = {name: value for name, value in options.items() if chosen.get(name) != value}
-    if options.get("occlusion") == "auto":  # of earlier versions, which tried textures
-        options["occlusion"] = "ramp"
     if options.get("occlusion") == _usual_occlusion(report):
         del options["occlusion"]
     options |= {name: [options[name]] for name in ("mesh", "high") if isinstance(options.get(name), str)}

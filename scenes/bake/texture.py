@@ -50,7 +50,7 @@ class BakedPage(NamedTuple):
 class Layout:
     """Where faces lie on pages, and the falloff: in mesh units where groups of objects are baked."""
 
-    found: Coordinates
+    coordinates: Coordinates
     pages: list[Page]
     falloff: ao.Falloff
 
@@ -59,19 +59,19 @@ class Layout:
         """Raises: as `coordinates`, `pages_of`, `ObjectSelection.of_page`."""
         source = inputs.source
         chosen = inputs.chosen
-        found = coordinates(plan, source, chosen)
-        pages = pages_of(plan, source, found)
+        of_faces = coordinates(plan, source, chosen)
+        pages = pages_of(plan, source, of_faces)
         for page in pages:
             check_area(source, page)
             chosen.of_page(page.uv)
-        return cls(found, pages, chosen.absolute(plan.falloff))
+        return cls(of_faces, pages, chosen.absolute(plan.falloff))
 
     def warn(self, plan: Plan, inputs: BakeInputs) -> list[str]:
         """Print, and return, warnings about the meshes and their texture coordinates."""
         source = inputs.source
-        remarks = lacking(source, self.found.uv, inputs.chosen.receive, plan.keeps_uv)
-        if self.found.cramped:
-            smaller = f"{self.found.cramped:,} faces have charts smaller than a texel and show texels of other faces"
+        remarks = lacking(source, self.coordinates.uv, inputs.chosen.receive, plan.keeps_uv)
+        if cramped := self.coordinates.cramped:
+            smaller = f"{cramped:,} faces have charts smaller than a texel and show texels of other faces"
             remarks.append(f"{source.path}: {smaller}; a larger --size or --uv unwrap gives them texels")
         return warn(inputs.meshes, [*inputs.notes, *remarks], plan.falloff)
 
@@ -79,9 +79,9 @@ class Layout:
 def work_size(plan: Plan, inputs: BakeInputs) -> WorkSize:
     """The size of the bake. Raises: as `Layout.of`."""
     layout = Layout.of(plan, inputs)
-    width, height = layout.found.size
+    width, height = layout.coordinates.size
     arguments = plan.arguments
-    covered = max(covered_texels(page.uv, layout.found.size) for page in layout.pages)
+    covered = max(covered_texels(page.uv, layout.coordinates.size) for page in layout.pages)
     blocks = arguments.tolerance is not None and inputs.arguments["high"] is None
     needed = texture_bytes(width * height, covered, *inputs.counts, arguments.rays, blocks)
     needed += column_bytes(width * height, arguments.columns)
@@ -129,7 +129,7 @@ def trace_page(plan: Plan, inputs: BakeInputs, layout: Layout, page: Page, check
     options = plan.options
     with progress(options.quiet, "rays", form=options.progress, status=checkpoint.status) as (advance,):
         baked = call_checked(
-            ao.bake_texture, plan.arguments, inputs.chosen.of_page(page.uv), uv=page.uv, size=layout.found.size,
+            ao.bake_texture, plan.arguments, inputs.chosen.of_page(page.uv), uv=page.uv, size=layout.coordinates.size,
             wrap=page.wraps, falloff=layout.falloff, threads=options.threads, progress=advance, checkpoint=checkpoint,
             **inputs.arguments,
         )  # fmt: skip

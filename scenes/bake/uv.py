@@ -94,21 +94,21 @@ def _cramped(mesh: Mesh, uv: Float64s, areas: Float64s, size: tuple[int, int]) -
 
     Args: areas: (m,), of faces' surface.
     """
-    found = np.zeros(len(uv), np.bool_)
-    rows = np.flatnonzero(have_area(uv))
-    places = uv[rows] * size
-    texels = areas[rows] * (size[0] * size[1] / max(areas.sum(), 1e-300))
+    is_cramped = np.zeros(len(uv), np.bool_)
+    face_rows = np.flatnonzero(have_area(uv))
+    places = uv[face_rows] * size
+    texels = areas[face_rows] * (size[0] * size[1] / max(areas.sum(), 1e-300))
     if not (np.abs(doubled_areas(places)) / 2 * _FILLED < texels).any():
-        return found
-    corners = corner_places(places, mesh.faces[rows])
+        return is_cramped
+    corners = corner_places(places, mesh.faces[face_rows])
     chart = np.unique(connected_components(corners, int(corners.max()) + 1)[corners[:, 0]], return_inverse=True)[1]
     order = np.argsort(chart, kind="stable")
     begins = np.flatnonzero(np.diff(chart[order], prepend=-1))
     low = np.minimum.reduceat(places.min(axis=1)[order], begins)
     high = np.maximum.reduceat(places.max(axis=1)[order], begins)
     within = (high - low < 1).all(axis=1) & (np.bincount(chart, texels) >= _FILLED)
-    found[rows] = (within & (len(begins) > 1))[chart]
-    return found
+    is_cramped[face_rows] = (within & (len(begins) > 1))[chart]
+    return is_cramped
 
 
 def _page(mesh: Mesh, uv: Float64s, size: tuple[int, int] | str) -> tuple[int, int]:
@@ -158,8 +158,8 @@ def unwrap(mesh: Mesh | Any, size: int = 1024, uv: Any = None) -> Float64s:
         got = f"{atlas.page_count} pages of {size} texels; a larger --size may do"
         raise MeshError(mesh.source, "faces", "a mesh that uvunwrap can unwrap to one page", got)
     made = np.full((len(mesh.faces), 3, 2), np.nan)
-    for (rows, *_), each in zip(pieces, atlas.meshes, strict=True):
-        made[rows] = np.reshape(each.corner_uvs, (-1, 3, 2))
+    for (face_rows, *_), unwrapped in zip(pieces, atlas.meshes, strict=True):
+        made[face_rows] = np.reshape(unwrapped.corner_uvs, (-1, 3, 2))
     if atlas.page_count != 1 or not np.isfinite(made).all():
         raise MeshError(mesh.source, "faces", "a mesh that uvunwrap can unwrap", f"{atlas!r}")
     return made if uv is None else made * (atlas.width / size, atlas.height / size)
@@ -169,18 +169,18 @@ def _flat_charts(
     vertices: Float64s, faces: Int64s, uv: Float64s, size: int
 ) -> Iterator[tuple[Int64s, Float64s, Int64s]]:
     """The charts of `uv` (m, 3, 2), mirrored halves apart: rows of faces, and a flat mesh of the area that it has."""
-    rows = np.flatnonzero(have_area(uv))
-    if not len(rows):
+    face_rows = np.flatnonzero(have_area(uv))
+    if not len(face_rows):
         return
-    uv = uv[rows]
-    faces = faces[rows]
+    uv = uv[face_rows]
+    faces = faces[face_rows]
     doubled = doubled_areas(uv)
     areas = face_normals(vertices, faces)[1]
     points = np.unique(vertices, axis=0, return_inverse=True)[1].reshape(-1)[faces]
     corners = 2 * corner_places(uv * size, points) + (doubled < 0)[:, None]
     chart = connected_components(corners, int(corners.max()) + 1)[corners[:, 0]]
     order = np.argsort(chart, kind="stable")
-    for own in np.split(order, np.flatnonzero(np.diff(chart[order])) + 1):
-        scale = np.sqrt(2 * areas[own].sum() / abs(doubled[own]).sum())
-        flat = np.pad((uv[own] - uv[own].min(axis=(0, 1))) * scale, ((0, 0), (0, 0), (0, 1)))
-        yield rows[own], flat, np.arange(3 * len(own))
+    for chart_faces in np.split(order, np.flatnonzero(np.diff(chart[order])) + 1):
+        scale = np.sqrt(2 * areas[chart_faces].sum() / abs(doubled[chart_faces]).sum())
+        flat = np.pad((uv[chart_faces] - uv[chart_faces].min(axis=(0, 1))) * scale, ((0, 0), (0, 0), (0, 1)))
+        yield face_rows[chart_faces], flat, np.arange(3 * len(chart_faces))

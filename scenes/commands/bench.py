@@ -54,23 +54,23 @@ def run_bench(
             start = time.perf_counter()
             baked = ao.bake(mesh, falloff, count, seed + turn, threads, interior="ignore")  # as the reference
             bakes[count].append((time.perf_counter() - start, baked))
-    rows = []
+    measured = []
     for count, timed in bakes.items():
         seconds = [took for took, _ in timed]
-        results = [each for _, each in timed]
-        build = median(each.seconds["build"] for each in results)
-        estimate = median(each.rmse for each in results)
+        results = [bake for _, bake in timed]
+        build = median(bake.seconds["build"] for bake in results)
+        estimate = median(bake.rmse for bake in results)
         errors = Errors.of(results[0].w[truth.vertices], truth.w[0])
-        rows.append(Row(count, seconds, build, results[0].rays, estimate, errors))
-    return rows
+        measured.append(Row(count, seconds, build, results[0].rays, estimate, errors))
+    return measured
 
 
-def bench_table(rows: Sequence[Row]) -> str:
+def bench_table(measured: Sequence[Row]) -> str:
     head = ("samples", "seconds", "Mrays/s", "RMSE", "p99", "max", "estimated")
     cells = [
         (str(row.samples), f"{median(row.seconds):.3f}", f"{row.rays / median(row.seconds) / 1e6:.1f}",
          f"{row.errors.rmse:.5f}", f"{row.errors.p99:.4f}", f"{row.errors.largest:.4f}", f"{row.estimate:.5f}")
-        for row in rows
+        for row in measured
     ]  # fmt: skip
     return "\n".join(text_table(head, cells, head))
 
@@ -89,9 +89,9 @@ def bench_file(
         check_outputs({"--report": report}, [path] if path else [])
     Options(seed=seed, threads=threads)
     mesh = temple(_FINENESS) if path is None else load(path).mesh
-    rows = run_bench(mesh, falloff, seed=seed, threads=threads)
+    measured = run_bench(mesh, falloff, seed=seed, threads=threads)
     print(f"{mesh.source}: {len(mesh.vertices):,} vertices, {len(mesh.faces):,} faces")
-    print(bench_table(rows))
+    print(bench_table(measured))
     if report:
-        facts = {"mesh": mesh.source, "vertices": len(mesh.vertices), "rows": [asdict(row) for row in rows]}
+        facts = {"mesh": mesh.source, "vertices": len(mesh.vertices), "rows": [asdict(row) for row in measured]}
         write_json(report, facts | {"options": options, "threads": thread_count(threads), "versions": versions()})

@@ -45,10 +45,10 @@ def dry_run(plans: Sequence[Plan], besides: Sequence[Path] = (), content: bytes 
         lines = [printable(str(path)) + (" in place of the one there" if path.exists() else "") for path in paths[:8]]
         if len(paths) > 8:
             lines.append(f"and {len(paths) - 8:,} more")
-        rows = [*_rows(works, plans[0], held), *(("would write", line) for line in lines)]
+        described = [*_rows(works, plans[0], held), *(("would write", line) for line in lines)]
         if faults:
-            rows.append(("would fail", f"{len(faults):,} of {len(plans):,} meshes"))
-        print(columns(rows))
+            described.append(("would fail", f"{len(faults):,} of {len(plans):,} meshes"))
+        print(columns(described))
     elif len(plans) == 1:
         raise faults[0]
     return 1 if faults else 0

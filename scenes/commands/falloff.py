@@ -27,7 +27,7 @@ def change_falloff(baked: Path, scales: Scales, output: Path, mesh: Path | None)
 
     Args: baked: a `.npz`, an `.exr` or a mesh file with a profile. mesh: what a `.npz` belongs to, for other formats.
     """
-    check_ending("baked", baked, ".exr", *(each for each in endings("w") if each != ".npy"))
+    check_ending("baked", baked, ".exr", *(ending for ending in endings("w") if ending != ".npy"))
     if mesh and baked.suffix.lower() != ".npz":
         raise ConflictError("mesh", "needs", "a .npz")
     textured = baked.suffix.lower() == ".exr"
@@ -59,7 +59,7 @@ def _write_vertices(baked: Path, scales: Scales, output: Path, mesh: Path | None
     w = scales.of(profile)
     if file and len(w) != len(file.mesh.vertices):
         raise SceneError(baked, "profile", f"a row for each of the {len(file.mesh.vertices):,} vertices", f"{len(w):,}")
-    shown = channels(output, False, None, False)
+    shown = channels(output, None, None, False)
     if file:
         warn([], unsupported_features(output, file, shown))
     values = cast("Bake", Values(w, flags=read_beside_w(baked, len(w)).get("flags"), profile=profile))

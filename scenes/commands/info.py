@@ -66,12 +66,12 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
     profile = source.profile
     stored = known["stored_profile"]
     occlusion = "no textures in the file"
-    found = known["occlusion_textures"]
-    if found and found["textured"]:
-        occlusion = f"textures of {found['textured']:,} of {found['primitives']:,} primitives"
-        occlusion += f", {found['ramps']:,} of them ramps of a bake" if found["ramps"] else ""
+    textures = known["occlusion_textures"]
+    if textures and textures["textured"]:
+        occlusion = f"textures of {textures['textured']:,} of {textures['primitives']:,} primitives"
+        occlusion += f", {textures['ramps']:,} of them ramps of a bake" if textures["ramps"] else ""
     text = profile and f"w at {len(profile.half_distances)} half-distances, {profile.range}, as {stored['stored']}"
-    rows = [
+    named_facts = [
         ("file", printable(known["file"])),
         ("objects", f"{len(names)}: " + ", ".join(names[:8])),
         ("vertices", f"{known['vertices']:,}"),
@@ -88,8 +88,8 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
         ("alpha", mesh.opacity.summary.removeprefix("alpha: ") if mesh.opacity else "none: all faces are opaque"),
         ("points to bake", f"{known['points_to_bake']:,}, coincident vertices once"),
     ]
-    rows += [(f"{name} vertices", f"{count:,}") for name, count in known["flagged_vertices"].items()]
-    return rows + [("warning", line) for line in known["warnings"]]
+    named_facts += [(f"{name} vertices", f"{count:,}") for name, count in known["flagged_vertices"].items()]
+    return named_facts + [("warning", line) for line in known["warnings"]]
 
 
 def _occlusion(source: MeshFile) -> dict[str, int] | None:
@@ -120,12 +120,12 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _stored_in_words(found: dict[str, Any] | None) -> str:
-    if found is None:
+def _stored_in_words(stored: dict[str, Any] | None) -> str:
+    if stored is None:
         return "none in the file"
-    if found["least"] is None:
+    if stored["least"] is None:
         return "in the file, none of it finite"
-    mean = float("inf") if found["mean"] is None else found["mean"]
-    text = f"{found['least']:.4g} to {found['largest']:.4g}, mean {mean:.4g}"
-    strange = found["outside_0_to_1"]
+    mean = float("inf") if stored["mean"] is None else stored["mean"]
+    text = f"{stored['least']:.4g} to {stored['largest']:.4g}, mean {mean:.4g}"
+    strange = stored["outside_0_to_1"]
     return f"{text}; {strange:,} values are not in [0, 1]" if strange else text

@@ -8,7 +8,10 @@ from raytrace.errors import OptionError, nearest_name
 
 def presets() -> list[tuple[str, str]]:
     """The name of each preset, and its values in one line."""
-    return [(name, _written(values)) for name, values in PRESETS.items()]
+    return [
+        (name, ", ".join(f"{key} = {_value(value)}" for key, value in values.items()))
+        for name, values in PRESETS.items()
+    ]
 
 
 def preset_toml(name: str) -> str:
@@ -19,14 +22,10 @@ def preset_toml(name: str) -> str:
     return "\n".join(["[[materials]]", f'name = "my_{name}"', *lines, ""])
 
 
-def _written(values: dict[str, Any]) -> str:
-    return ", ".join(f"{key} = {_value(value)}" for key, value in values.items())
-
-
 def _value(value: Any, digits: int | None = 5) -> str:
     """A value as TOML has it, one number for three equal ones. Args: digits: None: the shortest exact form."""
     if isinstance(value, list | tuple):
-        parts = [_value(each, digits) for each in value]
+        parts = [_value(part, digits) for part in value]
         return parts[0] if len(set(parts)) == 1 else f"[{', '.join(parts)}]"
     if isinstance(value, float) and digits:
         return f"{value:.{digits}g}"

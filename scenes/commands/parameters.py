@@ -69,7 +69,7 @@ def _take_options(context: click.Context, _: click.Parameter, report: Path | Non
 
 
 class TableCommand(click.Command):
-    """A command whose parameters are the rows of a table. Options by earlier names are understood.
+    """A command whose parameters are the rows of a table.
 
     Its help after `-h` has the options that matter, those without a section, after `-h all` every option.
 
@@ -80,7 +80,6 @@ class TableCommand(click.Command):
         super().__init__(**settings)
         self._rows = rows
         self._sections = {row.name: row.section for row in rows}
-        self._new = {f"--{no}{row.old_name}": f"--{no}{row.name}" for row in rows if row.old_name for no in ("", "no-")}
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         self.params = self.params or [*map(parameter, self._rows)]  # of the command that is called
@@ -88,12 +87,13 @@ class TableCommand(click.Command):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         ctx.meta[_WHOLE] = args[-1:] == ["all"]
-        bare = [each == "--colors" and not after.isalpha() for each, after in pairwise([*args, ""])]
-        pairs = [(f"{each}=rgb" if is_bare else each).partition("=") for each, is_bare in zip(args, bare, strict=True)]
-        for name, _, _ in pairs:
+        bare = [word == "--colors" and not after.isalpha() for word, after in pairwise([*args, ""])]
+        words = [f"{word}=rgb" if is_bare else word for word, is_bare in zip(args, bare, strict=True)]
+        for word in words:
+            name = word.partition("=")[0]
             if name in _GONE:
                 raise OptionError(name.removeprefix("--"), _GONE[name], f"{name}, which is no more")
-        return super().parse_args(ctx, [self._new.get(name, name) + sign + value for name, sign, value in pairs])
+        return super().parse_args(ctx, words)
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         self.format_usage(ctx, formatter)

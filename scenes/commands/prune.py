@@ -43,17 +43,17 @@ def prune(source: Path, output: Path, seed: int, threads: int | None) -> str:
         from ..formats.gltf.write import document
 
         mesh_file = load(source.with_suffix(".glb"), output, document(mesh_file, None)[0].encode())
-    found = unseen_faces(mesh_file.mesh, seed, threads)
-    if found.faces.all():
+    unseen = unseen_faces(mesh_file.mesh, seed, threads)
+    if unseen.faces.all():
         raise OptionError("mesh", "faces that something outside sees", f"{source}, without any: is it a room?")
     if ending == ".glb":
-        content, kept = _glb(mesh_file, ~found.faces)
+        content, kept = _glb(mesh_file, ~unseen.faces)
     else:
-        content = _plain(mesh_file.mesh, ~found.faces, ending)
-        kept = int(np.count_nonzero(~found.faces))
+        content = _plain(mesh_file.mesh, ~unseen.faces, ending)
+        kept = int(np.count_nonzero(~unseen.faces))
     write_bytes(output, content)
-    text = f"{output}: {kept:,} faces; {len(found.faces) - kept:,} that nothing outside sees are gone"
-    return f"{text}. Of what one of these looks at less than {found.share:.2%} is open, with 95 % confidence"
+    text = f"{output}: {kept:,} faces; {len(unseen.faces) - kept:,} that nothing outside sees are gone"
+    return f"{text}. Of what one of these looks at less than {unseen.share:.2%} is open, with 95 % confidence"
 
 
 def _plain(mesh: Mesh, seen: Bools, ending: str) -> bytes:
@@ -125,7 +125,7 @@ def _kept(asset: Gltf, parts: Sequence[Submesh], seen: Bools) -> dict[tuple[int,
 def _values_of_primitives(meshes: list[dict[str, Any]]) -> set[int]:
     """The accessors of all primitives."""
     primitives = [primitive for mesh in meshes for primitive in mesh["primitives"]]
-    tables = [table for each in primitives for table in (each["attributes"], *each.get("targets", []))]
+    tables = [table for primitive in primitives for table in (primitive["attributes"], *primitive.get("targets", []))]
     used = {number for table in tables for number in table.values()}
     return used | {primitive["indices"] for primitive in primitives if "indices" in primitive}
 

@@ -22,7 +22,7 @@ def fault_in_words(fault: Any, app: Any, arguments: Sequence[str]) -> str:
 
 def _mistake_in_words(mistake: click.UsageError, app: click.Group, command: click.Command | None) -> str:
     """A mistake that the parser found."""
-    place = str(command.name) if command else ""
+    subject = str(command.name) if command else ""
     near = None
     if isinstance(mistake, click.NoSuchOption):
         names = [name for item in (command or app).params for name in (*item.opts, *item.secondary_opts)]
@@ -30,21 +30,21 @@ def _mistake_in_words(mistake: click.UsageError, app: click.Group, command: clic
         got = mistake.option_name
         near = nearest_name(got, [*names, "--help"])
     elif isinstance(mistake, click.BadOptionUsage):
-        place = f"{place} {mistake.option_name}".lstrip()
+        subject = f"{subject} {mistake.option_name}".lstrip()
         takes = "requires" in mistake.message
         expected, got = ("a value", "nothing") if takes else ("the option alone", "a value")
     elif isinstance(mistake, click.MissingParameter):
         expected = _shown(mistake.param)
         got = "nothing"
     elif isinstance(mistake, click.exceptions.NoSuchCommand):
-        place = "command"
+        subject = "command"
         expected = "one of " + ", ".join(app.commands)
         got = mistake.command_name
         near = nearest_name(got, app.commands)
     else:
         expected = "no more arguments"
         got = mistake.message.partition("(")[2].removesuffix(")")
-    return _line(place, expected, got, near, command)
+    return _line(subject, expected, got, near, command)
 
 
 def _option_in_words(mistake: InputError, command: Any) -> str:
@@ -71,12 +71,12 @@ def _option_in_words(mistake: InputError, command: Any) -> str:
     return _line(f"{command.name} {shown}", mistake.expected, mistake.got, mistake.nearest, command)
 
 
-def _line(place: str, expected: str, got: object, near: str | None, command: Any) -> str:
+def _line(subject: str, expected: str, got: object, near: str | None, command: Any) -> str:
     name = f" {command.name}" if command else ""
     given = shortened(got) or '""'
     hint = f"did you mean {near}? See" if near else "see"
     text = f"expected {expected}, got {given}; {hint} obscurance{name} --help"
-    return printable(f"{place}: {text}" if place else text)
+    return printable(f"{subject}: {text}" if subject else text)
 
 
 def _file_meant(missing: Path) -> str:

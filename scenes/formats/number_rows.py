@@ -59,11 +59,11 @@ class NumberRows(NamedTuple):
         counts = [np.zeros(1, np.int64)] * (1 + len(blocks))
 
         def work(block: int) -> None:
-            first, end = blocks[block]
-            most = (end - first) // 2 + 1
+            begin, end = blocks[block]
+            most = (end - begin) // 2 + 1
             words = np.empty(most)
             by_row = np.empty(most, np.int64)
-            by_row = by_row[: read_rows(text, first, end, words, by_row)].copy()
+            by_row = by_row[: read_rows(text, begin, end, words, by_row)].copy()
             numbers[block] = words[: by_row.sum()].copy()
             counts[1 + block] = by_row
 
@@ -94,10 +94,11 @@ class NumberRows(NamedTuple):
 
         Raises: fault: a row has fewer. ValueError: text that is not numbers.
         """
-        at = self.bounds[:-1][rows] + skip
+        at = self.bounds[:-1][rows] + skip  # of each row's first number in `numbers`
         counts = np.broadcast_to(sizes, at.shape)
         if ((counts < 0) | (counts > self.bounds[1:][rows] - at)).any():
             raise fault
+        # Rows of one length, evenly spaced, are a view of the numbers; others are indexed one by one.
         stride = int(at[1] - at[0]) if len(at) > 1 else 0
         if len(at) and not np.ptp(counts) and (np.diff(at) == stride).all():
             shape = len(at), int(counts[0])

@@ -96,14 +96,14 @@ def checked_profile(path: Path, profile: Profile | None) -> Profile:
 def _of_mesh(path: Path, counts: tuple[int, ...], scales: Scales | None) -> Float64s:
     instances, asset = read_objects(path)
     if scales:
-        instances = [each._replace(w=scales.of(checked_profile(path, each.profile))) for each in instances]
-    columns = [each.w for each in instances] if asset is None else _of_gltf(instances, asset)
-    stored = [(each, w) for each, w in zip(instances, columns, strict=True) if w is not None]
+        instances = [instance._replace(w=scales.of(checked_profile(path, instance.profile))) for instance in instances]
+    columns = [instance.w for instance in instances] if asset is None else _of_gltf(instances, asset)
+    stored = [(instance, w) for instance, w in zip(instances, columns, strict=True) if w is not None]
     if not stored or len(stored) < len(instances):
         raise SceneError(path, "w", "obscurance at every vertex, as obscurance bake writes it", "none")
     total = sum(len(w) for _, w in stored)
     if asset and counts and total not in counts:  # pictures leave out what nodes flatten to nothing
-        stored = [(each, w) for each, w in stored if not each.is_flattened]
+        stored = [(instance, w) for instance, w in stored if not instance.is_flattened]
     with np.errstate(invalid="ignore"):  # signalling NaNs, which are no w
         w = np.concatenate([np.empty(0), *(w for _, w in stored)]).astype(np.float64)
     if len(stored) == 1 and asset:

@@ -45,7 +45,7 @@ def write(
     bake: Bake | BakedTexture | Sequence[Bake | BakedTexture],
     mesh_file: MeshFile | str | os.PathLike[str] | Any = None,
     *,
-    colors: bool | Colors = False,
+    colors: Colors | None = None,
     occlusion: Occlusion | None = None,
     replace_occlusion: bool = False,
     up: str | None = None,
@@ -75,7 +75,7 @@ def write(
             different faces; a bake per vertex among them is for faces on none.
         mesh_file: what was baked, with what else it holds: of `load` for this target, or the file's path; or a mesh in
             any form that `ao.bake` takes; None: the mesh of the bake alone.
-        colors: "rgb" (or True): give a .glb the vertex colours `COLOR_0` = w, and a .ply the grey, in place of the
+        colors: "rgb": give a .glb the vertex colours `COLOR_0` = w, and a .ply the grey, in place of the
             source's colours; "r", "g", "b" or "a": w in that channel alone, the others as in the source, 1 without.
         occlusion: "ramp" gives a .glb's materials an occlusion texture that shows w, "none" does not; None is "ramp",
             but "none" with `colors`.
@@ -139,7 +139,7 @@ def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file:
 
 def channels(
     path: str | os.PathLike[str],
-    colors: bool | Colors | None,
+    colors: Colors | None,
     occlusion: Occlusion | None,
     replace_occlusion: bool,
     up: str | None = None,
@@ -147,8 +147,7 @@ def channels(
 ) -> Channels:
     """The channels of w for viewers. Raises: OptionError: options that exclude each other, or the ending."""
     ending = Path(path).suffix.lower()
-    replaced = "rgb" if colors is True else colors or ""
-    for name, given, kind in (("colors", replaced, Colors), ("occlusion", occlusion, Occlusion)):
+    for name, given, kind in (("colors", colors, Colors), ("occlusion", occlusion, Occlusion)):
         if given and given not in get_args(kind):
             raise OptionError(name, "one of " + ", ".join(get_args(kind)), given)
     if colors and "colors" not in format_of(path).holds:
@@ -164,7 +163,7 @@ def channels(
         raise ConflictError("ply_name", "needs", "a .ply output")
     if ply_name and not re.fullmatch(_PLY_NAME, ply_name):
         raise OptionError("ply_name", "a word other than those of coordinates and colours, such as quality", ply_name)
-    return Channels(replaced, ramp, replace_occlusion, up, ply_name)
+    return Channels(colors or "", ramp, replace_occlusion, up, ply_name)
 
 
 ENDINGS = tuple(ending for ending in endings("write") if ending not in endings("raster"))  # for any mesh

@@ -166,41 +166,42 @@ def join_attributes(several: Sequence[SourceAttributes], vertices: Sequence[int]
     Args: vertices: how many each object has.
     """
     first_vertex = np.cumsum([0, *vertices[:-1]])
-    first_corner = np.cumsum([0, *(len(each.corners) for each in several[:-1])])
-    corners = [each.corners + start for each, start in zip(several, first_vertex, strict=True)]
-    triangles = [each.triangles for each in several]
-    numbers = [np.arange(len(each.corners)) for each in several]
-    places = [cut.take(own) + start for cut, own, start in zip(triangles, numbers, first_corner, strict=True)]
+    first_corner = np.cumsum([0, *(len(item.corners) for item in several[:-1])])
+    corners = [item.corners + start for item, start in zip(several, first_vertex, strict=True)]
+    triangles = [item.triangles for item in several]
+    numbers = [np.arange(len(item.corners)) for item in several]
+    listed = zip(triangles, numbers, first_corner, strict=True)
+    corner_places = [cut.take(of_polygons) + start for cut, of_polygons, start in listed]
     # Each material once; -1, none, is the last of a list.
-    materials = tuple(dict.fromkeys(material for each in several for material in each.materials))
+    materials = tuple(dict.fromkeys(material for item in several for material in item.materials))
     material_of = []
-    for each in several:
-        number = np.array([*(materials.index(material) for material in each.materials), -1])
-        own = np.full(len(each.sizes), -1) if each.material_of is None else each.material_of
-        material_of.append(number[own])
+    for item in several:
+        number = np.array([*(materials.index(material) for material in item.materials), -1])
+        own_material = np.full(len(item.sizes), -1) if item.material_of is None else item.material_of
+        material_of.append(number[own_material])
     # NaN where an object has no texture coordinates, white where it has no colours.
-    uv = [each.uv or PerCorner(np.full((1, 2), np.nan), np.zeros(len(each.corners), np.int64)) for each in several]
+    uv = [item.uv or PerCorner(np.full((1, 2), np.nan), np.zeros(len(item.corners), np.int64)) for item in several]
     first_value = np.cumsum([0, *(len(values.values) for values in uv[:-1])])
     of = [values.of + start for values, start in zip(uv, first_value, strict=True)]
     colors = [
-        np.ones((count, 3)) if each.colors is None else each.colors[:, :3]
-        for each, count in zip(several, vertices, strict=True)
+        np.ones((count, 3)) if item.colors is None else item.colors[:, :3]
+        for item, count in zip(several, vertices, strict=True)
     ]
     return SourceAttributes(
         np.concatenate(corners),
-        np.concatenate([each.sizes for each in several]),
+        np.concatenate([item.sizes for item in several]),
         Triangulation(
             np.concatenate([cut.counts for cut in triangles]),
             sum(cut.crossing for cut in triangles),
-            None if all(cut.places is None for cut in triangles) else np.concatenate(places),
+            None if all(cut.places is None for cut in triangles) else np.concatenate(corner_places),
         ),
         uv=PerCorner(np.concatenate([values.values for values in uv]), np.concatenate(of))
-        if any(each.uv for each in several)
+        if any(item.uv for item in several)
         else None,
-        colors=np.concatenate(colors) if any(each.colors is not None for each in several) else None,
+        colors=np.concatenate(colors) if any(item.colors is not None for item in several) else None,
         materials=materials,
         material_of=np.concatenate(material_of) if materials else None,
-        files=tuple(dict.fromkeys(path for each in several for path in each.files)),
+        files=tuple(dict.fromkeys(path for item in several for path in item.files)),
     )
 
 

@@ -217,5 +217,5 @@ class Sponge(Solid):
 
 
 SOLIDS: dict[str, type[Solid]] = {
-    each.__name__.lower(): each for each in (Plane, Box, Sphere, Cylinder, Temple, Sponge)
+    solid.__name__.lower(): solid for solid in (Plane, Box, Sphere, Cylinder, Temple, Sponge)
 }

@@ -58,17 +58,17 @@ class Submesh(NamedTuple):
 
 
 def check_copies(
-    rows: int, stored: int, source: object, error: type[InputError] = MeshError, field: str = "objects"
+    elements: int, stored: int, source: object, error: type[InputError] = MeshError, field: str = "objects"
 ) -> None:
     """Refuse a small file that fills the memory by repeating its `field`. Raises: `error`, MemoryLimitError.
 
-    Args: rows: vertices and triangles, counted wherever they are placed. Each takes a byte or more where it is stored.
-        stored: bytes that hold them.
+    Args: elements: vertices and triangles, counted wherever they are placed. Each takes a byte or more where it is
+        stored. stored: bytes that hold them.
     """
     limit = max(stored, MAX_COPIED)
-    if rows > limit:
-        raise error(source, field, f"at most {limit:,} vertices and triangles with all copies", f"{rows:,}")
-    check_memory(source, _ROW * rows, f"to place {rows:,} vertices and triangles")
+    if elements > limit:
+        raise error(source, field, f"at most {limit:,} vertices and triangles with all copies", f"{elements:,}")
+    check_memory(source, _ROW * elements, f"to place {elements:,} vertices and triangles")
 
 
 def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Submesh, ...]]:
@@ -125,10 +125,10 @@ def joined_attributes(instances: Sequence[Instance]) -> SourceAttributes | None:
     """What is kept beside the mesh that `flatten` makes; None where an object has nothing."""
     kept = []
     for placed in instances:
-        own = placed.attributes
-        if own is None:
+        attributes = placed.attributes
+        if attributes is None:
             return None
-        kept.append(reversed_attributes(own) if placed.volume < 0 else own)
+        kept.append(reversed_attributes(attributes) if placed.volume < 0 else attributes)
     if len(kept) == 1:
         return kept[0]
     return join_attributes(kept, [len(placed.vertices) for placed in instances])
@@ -138,8 +138,8 @@ def _polygons(instances: Sequence[Instance], parts: Sequence[Submesh]) -> Int64s
     """The polygon of each face of a mesh of all, or None if all are triangles."""
     if all(placed.polygons is None for placed in instances):
         return None
-    own = [np.arange(len(placed.faces)) if placed.polygons is None else placed.polygons for placed in instances]
-    return np.concatenate([part.faces.start + polygons for part, polygons in zip(parts, own, strict=True)])
+    counted = [np.arange(len(placed.faces)) if placed.polygons is None else placed.polygons for placed in instances]
+    return np.concatenate([part.faces.start + polygons for part, polygons in zip(parts, counted, strict=True)])
 
 
 def cofactors(linear: Float64s) -> Float64s:

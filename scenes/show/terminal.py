@@ -23,7 +23,7 @@ def show_picture(pixels: npt.NDArray[np.float32]) -> None:
     wide = min(console.width, width)
     high = max(round(height * wide / width * step / 2 / step), 1) * step  # characters are twice as high as wide
     codes = (255 * encode_srgb(block_means(pixels[..., :3], high, wide).astype("f4")) + 0.5).astype(int)
-    for lines in zip(*(codes[first::step] for first in range(step)), strict=True):
+    for lines in zip(*(codes[offset::step] for offset in range(step)), strict=True):
         text = Text(no_wrap=True, end="\n")
         for column in range(codes.shape[1]):
             upper = Color.from_rgb(*lines[0][column])

@@ -62,6 +62,7 @@ def _case(
 
 
 def _rectangle(corner: _Point, u: _Point, v: _Point) -> Float64s:
+    """The corners (4, 3) of the rectangle with sides u and v from one corner."""
     a, b, c = np.array([corner, u, v], float)
     return np.array([a, a + b, a + b + c, a + c])
 

@@ -99,12 +99,12 @@ def described(falloff: Falloff) -> str:
 def validation_table(results: Sequence[Result]) -> str:
     """The results as lines of text, and a count; the error allowed includes a stand-in's own, which has its column."""
     head = ("closed form", "falloff", "measured", "exact", "error", "allowed", "stand-in", "")
-    rows = [
+    cells = [
         (r.line.name, described(r.line.falloff), f"{r.measured:.6f}", f"{r.exact:.6f}", f"{r.error:+.6f}",
          f"{r.allowed:.6f}", f"{r.line.truncation + r.line.tessellation:.6f}", "ok" if r.ok else "FAILED")
         for r in results
     ]  # fmt: skip
-    lines = text_table(head, rows, head[2:7])
+    lines = text_table(head, cells, head[2:7])
     failed = sum(not r.ok for r in results)
     count = f"{failed} of {len(results)} failed" if failed else f"all {len(results)} within what is allowed"
     return "\n".join([*lines, count])

@@ -110,7 +110,7 @@ def unexplained(seed):
     """How many standard errors each vertex without an explanation is off, (k,), and whether it was to be compared."""
     vertices, faces = nasty(seed)
     falloff = ao.Exponential(tau=1.0) if seed % 2 else ao.Binary()
-    baked = ao.bake(Mesh(vertices, faces), falloff, SAMPLES, reconstruct=False, hidden="ignore")
+    baked = ao.bake(Mesh(vertices, faces), falloff, SAMPLES, denoise=False, interior="ignore")
     truth = reference.estimate(reference.distances(vertices, faces, RAYS, seed), 1.0 if seed % 2 else None)
     p = np.clip(baked.w, 2 / RAYS, 1 - 2 / RAYS)  # few rays that hit say little of their spread
     error = np.hypot(np.maximum(truth.error, 0.5 * np.sqrt(p * (1 - p) / RAYS)), baked.error) + ROUNDING / SIGMAS

@@ -224,7 +224,7 @@ def test_a_user_s_script_under_strict_mypy_sees_the_types(installed, tmp_path):
     check = ("--strict", "--no-incremental", "--python-executable", installed / "python")
     found = run(sys.executable, "-m", "mypy", *check, "script.py", folder=tmp_path).stdout
     lines, faults = TYPED.count("\n"), re.findall(r":(\d+): error: (.*)  \[", found)
-    choices = "Literal['angle', 'area', 'equal', 'file']"
+    choices = "Literal['angle', 'area', 'equal', 'file', 'up']"
     assert faults == [
         (str(lines - 1), f"Argument \"normals\" to \"bake_texture\" has incompatible type \"Literal['aera']\"; "
                          f'expected "{choices}"'),

@@ -58,7 +58,7 @@ _table = kirchhoff_table()
 LAST_G = _table.shape[0] - 1
 LAST_T = _table.shape[1] - 1
 TABLE = _table.ravel()
-ONE, TWO, THREE, NEXT = np.array([1, 2, 3, LAST_T + 1], np.uint64)  # whose places need no test for negative ones
+ONE, TWO, THREE, NEXT = np.array([1, 2, 3, LAST_T + 1], np.uint64)  # unsigned: no test for negative indices
 SIXTH = 1.0 / 6.0
 ETA = MODEL
 WAVE = MODEL + 3
@@ -77,7 +77,7 @@ def cubic_weights(x):
 
 @inline
 def weighted(start, a, b, c, d):
-    """The sum of four entries of the table."""
+    """a, b, c and d times four neighbours in a row of the table, from the entry `start` on, added up."""
     return a * TABLE[start] + b * TABLE[start + ONE] + c * TABLE[start + TWO] + d * TABLE[start + THREE]
 
 

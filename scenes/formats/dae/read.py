@@ -39,7 +39,7 @@ def read_dae(given: MeshInput) -> list[Instance]:
     content = Collada(file, ignore=[DaeError])
     up = str(content.assetInfo.upaxis or "y")[0].lower()
     made = []
-    rows = 0
+    placed_elements = 0
     for placed in content.scene.objects("geometry") if content.scene else ():
         shape = placed.original
         # Primitives that share vertices are one mesh.
@@ -52,8 +52,8 @@ def read_dae(given: MeshInput) -> list[Instance]:
             corners = np.concatenate([np.ravel(piece.vertex_index) for piece in same]).astype(np.int64)
             counts = [getattr(piece, "vcounts", np.full(len(piece.vertex_index), 3)) for piece in same]
             sizes = np.concatenate(counts).astype(np.int64)
-            rows += len(vertices) + len(corners)
-            check_copies(rows, file.seek(0, os.SEEK_END), given.path)
+            placed_elements += len(vertices) + len(corners)
+            check_copies(placed_elements, file.seek(0, os.SEEK_END), given.path)
             triangles = triangulate(vertices, corners, sizes, given.source)
             instance = Instance(
                 str(shape.name or shape.id),

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.image.encode import linear_png
-from raytrace.image.texture import Texture, texture_alpha, texture_codes
+from raytrace.image.texture import Texture, rgb_codes, texture_alpha, texture_codes
 
 from ...geometry.attributes import SourceMaterial
 from .builder import GlbBuilder
@@ -50,10 +50,7 @@ def _base_colour(source: SourceMaterial) -> bytes:
     alpha = texture_alpha(Texture(source.opacity_texture), grey=True)
     colour: npt.NDArray[Any] = np.full((1, 1, 3), 255, np.uint8)
     if source.texture:
-        colour = texture_codes(Texture(source.texture))
-        colour = np.repeat(colour[..., :1], 3, axis=2) if colour.shape[2] < 3 else colour[..., :3]
-    if colour.dtype == np.uint16:
-        colour = np.rint(colour / 257).astype(np.uint8)
+        colour = rgb_codes(texture_codes(Texture(source.texture)))
     size = max(colour.shape[0], len(alpha)), max(colour.shape[1], alpha.shape[1])
     codes = np.rint(enlarged(alpha[..., None], *size) * 255).astype(np.uint8)
     return linear_png(np.concatenate([enlarged(colour, *size), codes], axis=2))

@@ -160,7 +160,7 @@ def image_name(header: dict[str, Any], reference: dict[str, Any]) -> str:
 def texture_images(header: dict[str, Any], material: dict[str, Any], coordinates: int) -> set[int]:
     """Numbers of the images that a material uses by a TEXCOORD set, without images of earlier bakes."""
     used = [reference for reference in _references(material) if coordinates in sets_of(reference)]
-    sources = [_source(header, each) for each in used if not image_name(header, each).startswith(OWN)]
+    sources = [_source(header, reference) for reference in used if not image_name(header, reference).startswith(OWN)]
     return {source for source in sources if source is not None}
 
 

@@ -76,14 +76,14 @@ class Poses:
         normals = None if stored.normals is None else np.empty(vertices.shape)
         turned = 0
         for start in range(0, len(vertices), _BLOCK):
-            rows = slice(start, start + _BLOCK)
-            blended = _blended(matrices, joints[rows], weights[rows])
-            vertices[rows] = _times(blended, stored.vertices[rows]) + blended[:, :, 3]
+            block = slice(start, start + _BLOCK)
+            blended = _blended(matrices, joints[block], weights[block])
+            vertices[block] = _times(blended, stored.vertices[block]) + blended[:, :, 3]
             cofactor = cofactors(blended[:, :, :3])
             sign = np.where((blended[:, 0, :3] * cofactor[:, 0]).sum(axis=1) < 0, -1, 1)
             turned += int(sign.sum())
             if normals is not None and stored.normals is not None:
-                normals[rows] = _times(cofactor, stored.normals[rows]) * sign[:, None]
+                normals[block] = _times(cofactor, stored.normals[block]) * sign[:, None]
         if turned >= 0:
             return stored._replace(vertices=vertices, normals=normals, matrix=np.eye(4))
         normals = None if normals is None else normals * _MIRROR

@@ -30,7 +30,7 @@ def obj(bake: Bake, mesh_file: MeshFile, _: object) -> bytes:
         between = "/" if tokens is not vertex else "//"
         tokens = [f"{token}{between}{number}" for token, number in zip(tokens, vertex, strict=True)]
     ends = np.cumsum(held.sizes).tolist()
-    lines += (" ".join(["f", *tokens[first:end]]) for first, end in pairwise([0, *ends]))
+    lines += (" ".join(["f", *tokens[begin:end]]) for begin, end in pairwise([0, *ends]))
     return "\n".join([*lines, ""]).encode()
 
 

@@ -178,10 +178,9 @@ def own_colors(elements: tuple[Element, ...]) -> dict[str, Property]:
     colors = stored_colors(elements)
     baked = columns_of(elements, "vertex").get("obscurance")
     if baked is not None and all(name in colors and colors[name].kind == "B" for name in RGB):
-        linear = np.rint(np.clip(np.nan_to_num(baked.values), 0, 1) * 255.0)  # of older files
-        for grey in (grey_of(baked.values), linear):
-            if all(np.array_equal(colors[name].values, grey) for name in RGB):
-                return {}
+        grey = grey_of(baked.values)
+        if all(np.array_equal(colors[name].values, grey) for name in RGB):
+            return {}
     return colors if set(colors) & set(RGB) else {}
 
 
@@ -208,10 +207,10 @@ def with_channel(w: npt.NDArray[Any], channel: str, stored: dict[str, Property])
     It keeps its type; the others are as stored, or 1 where red, green or blue is missing.
     """
     name = next(name for name in (*RGB, "alpha") if name[0] == channel)
-    kind = next((stored[each].kind for each in (name, *stored) if each in stored), "B")
+    kind = next((stored[column].kind for column in (name, *stored) if column in stored), "B")
     values = encode_srgb(np.nan_to_num(w)) if channel != "a" else np.clip(np.nan_to_num(w), 0, 1)
     levels = values.astype(kind) if kind in "fd" else np.rint(values * _largest(kind))
-    white = {each: Property(each, kind, np.full(len(w), _largest(kind))) for each in RGB}
+    white = {column: Property(column, kind, np.full(len(w), _largest(kind))) for column in RGB}
     return [*(white | stored | {name: Property(name, kind, levels)}).values()]
 
 

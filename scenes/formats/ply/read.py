@@ -64,8 +64,8 @@ def _read_text(data: bytes, header: PlyHeader, source: str) -> list[Element]:
     first_line = 0
     made = []
     for element in header.elements:
-        rows = slice(first_line, first_line + element.count)
-        lengths = line_lengths[rows]
+        lines_of = slice(first_line, first_line + element.count)
+        lengths = line_lengths[lines_of]
         wanted = len(element.properties)
         left = lines.bounds[-1] - lines.bounds[first_line]
         if len(lengths) < element.count or left < element.count * wanted:
@@ -77,11 +77,11 @@ def _read_text(data: bytes, header: PlyHeader, source: str) -> list[Element]:
         used = np.zeros(element.count, np.int64)  # numbers of each row
         for column in element.properties:
             if column.counted:
-                sizes, values = lines.take_lists(rows, used, fault)
+                sizes, values = lines.take_lists(lines_of, used, fault)
                 columns.append(column._replace(values=values, sizes=sizes))
                 used += sizes
             else:
-                columns.append(column._replace(values=lines.take(rows, used, 1, fault)))
+                columns.append(column._replace(values=lines.take(lines_of, used, 1, fault)))
             used += 1
         if not np.array_equal(used, lengths):
             raise fault
@@ -131,8 +131,8 @@ def _read_binary(data: bytes, header: PlyHeader, source: str) -> list[Element]:
 
 def _read_rows(data: bytes, start: int, order: str, element: Element) -> tuple[list[Property], int]:
     """The columns of an element, and where its rows end: together where all are as long as the first."""
-    first, _ = _walk(data, start, order, element, min(element.count, 1))
-    lengths = {column.name: int(column.sizes.sum()) for column in first if column.counted}
+    of_first_row, _ = _walk(data, start, order, element, min(element.count, 1))
+    lengths = {column.name: int(column.sizes.sum()) for column in of_first_row if column.counted}
     row = row_of(element, lengths, order)
     fits = start + element.count * row.itemsize <= len(data)
     table = np.frombuffer(data, row, element.count if fits else 0, start)

@@ -72,7 +72,7 @@ def _of_polygons(bake: Bake, mesh_file: MeshFile) -> Bake:
 
 def _annotate(element: Element, bake: Bake, shown: str, further: str | None) -> Element:
     replaced = ("obscurance", further, *(RGB if shown else ()), *(("alpha",) if len(shown) == 1 else ()))
-    kept = [each for each in element.properties if each.name not in replaced and not is_profile(each.name)]
+    kept = [column for column in element.properties if column.name not in replaced and not is_profile(column.name)]
     made = [Property(name, "f", bake.w.astype("<f4")) for name in filter(None, ("obscurance", further))]
     if bake.below:
         made.append(Property("obscurance_below", "f", bake.below.w.astype("<f4")))

@@ -36,9 +36,9 @@ def read_raster(given: MeshInput) -> list[Instance]:
             unit = raster.crs.linear_units_factor[1]
     if not has_data.any():
         raise MeshError(given.source, "cells", "some with data", "none")
-    rows, columns = np.nonzero(has_data)
-    x = transform.a * (columns + 0.5) + transform.b * (rows + 0.5)
-    y = transform.d * (columns + 0.5) + transform.e * (rows + 0.5)
+    cell_rows, cell_columns = np.nonzero(has_data)
+    x = transform.a * (cell_columns + 0.5) + transform.b * (cell_rows + 0.5)
+    y = transform.d * (cell_columns + 0.5) + transform.e * (cell_rows + 0.5)
     vertices = np.stack([unit * x, unit * y, heights[has_data]], axis=1)
     number = np.full(heights.shape, -1)
     number[has_data] = np.arange(len(vertices))
@@ -64,5 +64,5 @@ def opened(file: Any, source: str) -> DatasetReader:
 def data_mask(raster: DatasetReader) -> Bools:
     """The cells (h, w) of the first band with a height."""
     heights: Float64s = raster.read(1)
-    found: Bools = (raster.read_masks(1) > 0) & np.isfinite(heights)
-    return found
+    has_data: Bools = (raster.read_masks(1) > 0) & np.isfinite(heights)
+    return has_data

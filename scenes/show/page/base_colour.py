@@ -12,7 +12,7 @@ import numpy.typing as npt
 from raytrace.errors import InputError, printable
 from raytrace.image.encode import linear_png, write_picture, written
 from raytrace.image.srgb import decode_srgb, encode_srgb
-from raytrace.image.texture import Texture, Wrap, texture_alpha, texture_codes
+from raytrace.image.texture import Texture, Wrap, rgb_codes, texture_alpha, texture_codes
 from raytrace.mesh.opacity import AlphaSurface, Opacity
 from raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
 
@@ -100,79 +100,80 @@ class _Collected:
 
 
 def _read(file: MeshFile) -> BaseColour | None:
-    found = _Collected(len(file.mesh.faces))
+    collected = _Collected(len(file.mesh.faces))
     if file.gltf:
         with parser_errors(file.path):
-            _collect_of_gltf(file, file.gltf, found)
+            _collect_of_gltf(file, file.gltf, collected)
     else:
-        _collect_of_attributes(file.mesh.faces, file.held, found)
+        _collect_of_attributes(file.mesh.faces, file.held, collected)
     if file.mesh.opacity:
-        _collect_alpha(file.mesh.opacity, found)
-    used = np.unique(found.image_of[found.image_of >= 0])
-    found.image_of = np.where(found.image_of < 0, -1, np.searchsorted(used, found.image_of))
-    found.pictures = [found.pictures[number] for number in used]
-    is_opaque = (found.alpha == 1).all() and not any(surface for _, surface in found.pictures)
-    if (found.image_of < 0).all() and (found.light == 1).all() and is_opaque:
+        _collect_alpha(file.mesh.opacity, collected)
+    used = np.unique(collected.image_of[collected.image_of >= 0])
+    collected.image_of = np.where(collected.image_of < 0, -1, np.searchsorted(used, collected.image_of))
+    collected.pictures = [collected.pictures[number] for number in used]
+    is_opaque = (collected.alpha == 1).all() and not any(surface for _, surface in collected.pictures)
+    if (collected.image_of < 0).all() and (collected.light == 1).all() and is_opaque:
         return None
-    codes = np.rint(255 * encode_srgb(found.light.clip(0, 1).astype(np.float32))).astype(np.uint8)
+    codes = np.rint(255 * encode_srgb(collected.light.clip(0, 1).astype(np.float32))).astype(np.uint8)
     side = _LARGEST
-    while len(found.pictures) * side**2 > _MANY * _LARGEST**2 and side > 1:
+    while len(collected.pictures) * side**2 > _MANY * _LARGEST**2 and side > 1:
         side //= 2
-    images = [_image(picture, side) for picture in found.pictures]
-    wraps = [texture.wrap for picture in found.pictures for texture in _textures_of(picture)[:1]]
-    alpha = None if is_opaque else np.rint(255 * found.alpha).astype(np.uint8)
-    return BaseColour(codes, found.uv * (1, -1) + (0, 1), found.image_of, images, wraps, alpha)
+    images = [_image(picture, side) for picture in collected.pictures]
+    wraps = [texture.wrap for picture in collected.pictures for texture in _textures_of(picture)[:1]]
+    alpha = None if is_opaque else np.rint(255 * collected.alpha).astype(np.uint8)
+    return BaseColour(codes, collected.uv * (1, -1) + (0, 1), collected.image_of, images, wraps, alpha)
 
 
-def _collect_of_gltf(file: MeshFile, asset: Gltf, found: _Collected) -> None:
+def _collect_of_gltf(file: MeshFile, asset: Gltf, collected: _Collected) -> None:
     from ...formats.gltf.textures import Textures, vertex_colours
 
     textures = Textures(asset)
     for drawn, part in zip(asset.drawn, file.parts, strict=True):
-        rows = file.mesh.faces[part.faces] - part.vertices.start
+        corners = file.mesh.faces[part.faces] - part.vertices.start
         w = None if file.w is None else file.w[part.vertices]
         colours = vertex_colours(asset, drawn.primitive, w)
         factor = np.clip(asset.material(drawn.primitive).base[0][:3], 0, 1)
-        found.light[part.faces] = factor if colours is None else factor * colours[rows]
+        collected.light[part.faces] = factor if colours is None else factor * colours[corners]
         if used := textures.of_base(drawn.primitive):
             uv, texture = used
-            found.uv[part.faces] = uv[rows]
-            found.image_of[part.faces] = found.number(texture)
+            collected.uv[part.faces] = uv[corners]
+            collected.image_of[part.faces] = collected.number(texture)
 
 
-def _collect_of_attributes(faces: Int64s, attributes: SourceAttributes, found: _Collected) -> None:
+def _collect_of_attributes(faces: Int64s, attributes: SourceAttributes, collected: _Collected) -> None:
+    """Colours of vertices times those of materials, and the materials' images where there are texture coordinates."""
     if attributes.colors is not None:
-        found.light = decode_srgb(attributes.colors[:, :3].clip(0, 1))[faces].astype(np.float64)
+        collected.light = decode_srgb(attributes.colors[:, :3].clip(0, 1))[faces].astype(np.float64)
     if attributes.material_of is None:
         return
-    # Of each material and, last, of none.
+    # Of each material and, last, of none, which −1 is.
     factors = np.array([*(material.colour for material in attributes.materials), (1, 1, 1)])
     pictures = [Texture(material.texture) if material.texture else None for material in attributes.materials]
     material_of = attributes.of_faces(attributes.material_of)
-    found.light = found.light * factors[material_of, None]
+    collected.light = collected.light * factors[material_of, None]
     uv = attributes.corner_uv()
     if uv is not None:
-        image_of = np.array([*(-1 if picture is None else found.number(picture) for picture in pictures), -1])
+        image_of = np.array([*(-1 if picture is None else collected.number(picture) for picture in pictures), -1])
         has_uv = np.asarray(~np.isnan(uv).any(axis=(1, 2)))
-        found.uv = np.where(has_uv[:, None, None], uv, 0)
-        found.image_of = np.where(has_uv, image_of[material_of], -1)
+        collected.uv = np.where(has_uv[:, None, None], uv, 0)
+        collected.image_of = np.where(has_uv, image_of[material_of], -1)
 
 
-def _collect_alpha(opacity: Opacity, found: _Collected) -> None:
+def _collect_alpha(opacity: Opacity, collected: _Collected) -> None:
     """The alpha of corners and images; with a cutoff 0 or 1. Images of alpha go by the places of those of colour."""
     for number, surface in enumerate(opacity.surfaces):
         faces = np.flatnonzero(opacity.of == number)
         corners = np.ones((len(faces), 3)) if opacity.corners is None else opacity.corners[faces]
         alpha = surface.factor * corners
         if surface.texture is None or opacity.uv is None:
-            found.alpha[faces] = alpha if surface.cutoff is None else alpha >= surface.cutoff
+            collected.alpha[faces] = alpha if surface.cutoff is None else alpha >= surface.cutoff
             continue
-        found.alpha[faces] = alpha if surface.cutoff is None else 1
-        is_bare = found.image_of[faces] < 0
-        found.uv[faces[is_bare]] = opacity.uv[faces[is_bare]]
-        for image in np.unique(found.image_of[faces]).tolist():
-            texture = found.pictures[image][0] if image >= 0 else None
-            found.image_of[faces[found.image_of[faces] == image]] = found.number(texture, surface)
+        collected.alpha[faces] = alpha if surface.cutoff is None else 1
+        is_bare = collected.image_of[faces] < 0
+        collected.uv[faces[is_bare]] = opacity.uv[faces[is_bare]]
+        for image in np.unique(collected.image_of[faces]).tolist():
+            texture = collected.pictures[image][0] if image >= 0 else None
+            collected.image_of[faces[collected.image_of[faces] == image]] = collected.number(texture, surface)
 
 
 def shrunk(image: UInt8s, most: int) -> UInt8s:
@@ -193,8 +194,9 @@ def block_means(image: AnyFloats, high: int, wide: int) -> AnyFloats:
 
 
 def _textures_of(picture: Picture) -> list[Texture]:
+    """Those of colour and of alpha, as far as there are."""
     texture, surface = picture
-    return [each for each in (texture, surface and surface.texture) if each]
+    return [used for used in (texture, surface and surface.texture) if used]
 
 
 def _image(picture: Picture, most: int) -> bytes:
@@ -209,15 +211,8 @@ def _image(picture: Picture, most: int) -> bytes:
     is_opaque = codes.shape[2] in (1, 3)
     if is_opaque and max(codes.shape[:2]) <= most and len(data) <= _SMALL and data.startswith(_SHOWN):
         return data
-    small = shrunk(_colours(codes), most)
+    small = shrunk(rgb_codes(codes), most)
     return written("small.jpg", write_picture, decode_srgb(small / np.float32(255)).astype(np.float32), {})
-
-
-def _colours(codes: npt.NDArray[Any]) -> UInt8s:
-    """RGB of 8 bits (h, w, 3) of what an image holds."""
-    largest = np.iinfo(codes.dtype).max if codes.dtype.kind == "u" else 1.0
-    colours = np.broadcast_to(codes[..., : 3 if codes.shape[2] > 2 else 1], (*codes.shape[:2], 3))
-    return np.rint(colours * (255 / largest)).astype(np.uint8)
 
 
 def _image_with_alpha(texture: Texture | None, surface: AlphaSurface, of_alpha: Texture, most: int) -> bytes:
@@ -226,7 +221,7 @@ def _image_with_alpha(texture: Texture | None, surface: AlphaSurface, of_alpha: 
     if surface.cutoff is not None:
         alpha = (surface.factor * alpha >= surface.cutoff).astype(np.float32)
     white = np.full((1, 1, 3), 255, np.uint8)
-    layers = [_colours(texture_codes(texture)) if texture else white, np.rint(255 * alpha[..., None]).astype(np.uint8)]
+    layers = [rgb_codes(texture_codes(texture)) if texture else white, np.rint(255 * alpha[..., None]).astype(np.uint8)]
     high, wide = (min(max(layer.shape[axis] for layer in layers), most) for axis in range(2))
     fitted = [block_means(layer.astype(np.float64), high, wide) for layer in layers]
     return linear_png(np.rint(np.concatenate(fitted, axis=2)).astype(np.uint8))

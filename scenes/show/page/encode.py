@@ -61,7 +61,7 @@ class Values:
 
     def checked(self, count: int) -> Values:
         """The same as float64 and uint8 arrays for `count` vertices. Raises: OptionError."""
-        found: dict[str, Any] = {}
+        arrays: dict[str, Any] = {}
         for field, columns, least, most, expected in (
             ("w", (), 0, 1, "numbers in [0, 1]"),
             ("error", (), 0, 100, "numbers in [0, 100]"),
@@ -78,10 +78,10 @@ class Values:
             bad = ~np.isfinite(array) | (array < least) | (array > most)
             if bad.any():
                 raise OptionError(field, expected, array[bad][0], self.name)
-            found[field] = array.astype(np.uint8) if field == "flags" else array
+            arrays[field] = array.astype(np.uint8) if field == "flags" else array
         if self.profile and self.profile.values.shape[:-1] != (count,):
             raise OptionError("profile", f"{count:,} rows", self.profile.values.shape, self.name)
-        return replace(self, **found)
+        return replace(self, **arrays)
 
 
 def encoded(mesh: Mesh, bakes: Sequence[Values], base: BaseColour | None = None) -> tuple[dict[str, Any], bytes]:
@@ -160,8 +160,8 @@ def _texture_columns(textures: TexturedW, number: int, columns: dict[str, npt.ND
     steps, scale = uv_steps(textures.uv)
     columns[f"uv{number}"] = steps.astype("<u4")
     images = [shrunk(image, _LARGEST) for image in textures.images]
-    for place, image in enumerate(images):
-        columns[f"texels{number}.{place}"] = np.diff(image.ravel(), prepend=np.uint8(0))
+    for image_number, image in enumerate(images):
+        columns[f"texels{number}.{image_number}"] = np.diff(image.ravel(), prepend=np.uint8(0))
     sizes = [{"width": image.shape[1], "height": image.shape[0]} for image in images]
     return {"textures": [size | {"wrap": wrap} for size, wrap in zip(sizes, textures.wraps, strict=True)], **scale}
 
@@ -170,7 +170,7 @@ def _runs(shown: Int64s) -> list[list[int]]:
     """Runs of faces with the same textures: their lengths and textures. Args: shown: (bakes + 1, m)."""
     starts = np.flatnonzero((shown[:, 1:] != shown[:, :-1]).any(axis=0)) + 1
     ends = [0, *starts.tolist(), shown.shape[1]]
-    return [[last - first, *shown[:, first].tolist()] for first, last in pairwise(ends)]
+    return [[end - begin, *shown[:, begin].tolist()] for begin, end in pairwise(ends)]
 
 
 def _sorted(faces: Int64s, image: Int64s | None) -> Int64s:
@@ -182,7 +182,8 @@ def _sorted(faces: Int64s, image: Int64s | None) -> Int64s:
 
 
 def _differences(faces: Int64s) -> Int64s:
-    """Of sorted faces, (3, m): the growth of the lowest vertex, and how far the other two lie above it."""
+    """Small numbers, (3, m), that compress well, in place of the vertices of `_sorted` faces (m, 3): by how much the
+    lowest vertex grows from face to face, and how far the other two lie above it."""
     stored = faces.copy()
     stored[:, 1:] -= faces[:, :1]
     stored[1:, 0] = np.diff(faces[:, 0])  # modulo 2³² where another image begins

@@ -44,7 +44,7 @@ def view_results(
     check_ending("output", target, ".html")
     check_outputs({"--output": target}, [*results, *([mesh] if mesh else [])])
     sources = {path: load(path, _PAGE) for path in results if path.suffix.lower() not in _ARRAYS}
-    whole = load(mesh, _PAGE) if mesh else min(sources.values(), key=lambda each: len(each.mesh.vertices))
+    whole = load(mesh, _PAGE) if mesh else min(sources.values(), key=lambda file: len(file.mesh.vertices))
     read = [*whole.files, *results]
     for source in sources.values():
         _check_same(whole.mesh, source)
@@ -92,7 +92,7 @@ def _textures(source: MeshFile | None) -> TexturedW | None:
             if used and not is_ramp(asset.header, drawn.primitive.material):
                 uv[part.vertices] = used[0] * (1, -1) + (0, 1)
                 of[part.vertices] = numbers.setdefault(used[1:], len(numbers))
-        images = [_codes(*each) for each in numbers]
+        images = [_codes(*picture) for picture in numbers]
     return TexturedW(uv, of, images, [texture.wrap for texture, _ in numbers]) if numbers else None
 
 
@@ -108,8 +108,8 @@ def _check_same(mesh: Mesh, source: MeshFile) -> None:
     other = source.mesh
     path = source.path
     count = len(mesh.vertices)
-    own = len(other.vertices) if source.w is None else unrepeated(other.vertices, (count,))
-    if own != count:
+    stored_count = len(other.vertices) if source.w is None else unrepeated(other.vertices, (count,))
+    if stored_count != count:
         raise SceneError(path, "vertices", f"the {count:,} of {mesh.source}", f"{len(other.vertices):,}")
     as_stored = np.abs(mesh.vertices - other.vertices[:count]).max()
     as_glb = np.abs(_upright(mesh, count) - _upright(other, count)).max()

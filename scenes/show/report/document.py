@@ -187,8 +187,8 @@ def _flags(report: Report) -> str:
     return _section("Flagged vertices", f"<p>{text}</p>{_table(counts)}")
 
 
-def _table(rows: Mapping[str, Any]) -> str:
-    cells = "".join(f"<tr><th>{_text(name)}</th><td>{_text(value)}</td></tr>" for name, value in rows.items())
+def _table(facts: Mapping[str, Any]) -> str:
+    cells = "".join(f"<tr><th>{_text(name)}</th><td>{_text(value)}</td></tr>" for name, value in facts.items())
     return f"<table>{cells}</table>"
 
 

@@ -18,6 +18,7 @@ from raytrace.types import AnyFloats, Float32s, Float64s
 
 from ...description.description import framing
 from ..look import BACKGROUND, FIELD_OF_VIEW, HEAT, clay_scene, clay_settings
+from ..page.base_colour import block_means
 
 _WIDTH, _HEIGHT = 480, 400
 _SAMPLES = 8
@@ -111,16 +112,9 @@ def _textured(mesh: Mesh, uv: Float64s, values: AnyFloats) -> Shape:
 
 
 def _shrunk(layer: Float32s) -> Float32s:
-    """A picture of at most `_LARGEST` pixels a side, by means over squares of pixels."""
-    height, width, channels = layer.shape
-    size = -(-max(height, width) // _LARGEST)
-    if size == 1:
-        return layer
-    high = max(height // size, 1)
-    wide = max(width // size, 1)
-    whole = layer[: high * size, : wide * size]
-    squares = whole.reshape(high, min(size, height), wide, min(size, width), channels)
-    return np.asarray(squares.mean(axis=(1, 3), dtype=np.float32))
+    """A picture of at most `_LARGEST` pixels a side, by means over blocks of pixels."""
+    size = -(-max(layer.shape[:2]) // _LARGEST)
+    return block_means(layer, *(-(-side // size) for side in layer.shape[:2])).astype(np.float32)
 
 
 def _png(linear: AnyFloats) -> bytes:

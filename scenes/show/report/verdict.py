@@ -52,8 +52,8 @@ class Finding(NamedTuple):
 def verdict(report: Facts) -> dict[str, Any]:
     """Whether nothing is bad, and the findings, bad ones first; of a report of several pages, of each by its name."""
     pages = report.get("pages", {"": report})
-    found = ((name, finding) for name, page in pages.items() for finding in _findings(page))
-    findings = [finding._replace(what=f"{name}: {finding.what}") if name else finding for name, finding in found]
+    named = ((name, finding) for name, page in pages.items() for finding in _findings(page))
+    findings = [finding._replace(what=f"{name}: {finding.what}") if name else finding for name, finding in named]
     findings = sorted(dict.fromkeys(findings), key=lambda finding: _LEVELS.index(finding.level))
     return {
         "good": all(finding.level != "bad" for finding in findings),
@@ -160,10 +160,10 @@ def write_report(
 
 def hashed(files: Iterable[Path], contents: Mapping[Path, bytes | None] = {}) -> list[dict[str, Any]]:
     """Name, size in bytes and SHA-256 of files, each once. Args: contents: of inputs that are no files."""
-    rows = []
+    files_hashed = []
     for path in dict.fromkeys(files):
         content = contents.get(path)
         with path.open("rb") if content is None else io.BytesIO(content) as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
-            rows.append({"path": str(path), "bytes": file.seek(0, io.SEEK_END), "sha256": digest})
-    return rows
+            files_hashed.append({"path": str(path), "bytes": file.seek(0, io.SEEK_END), "sha256": digest})
+    return files_hashed

@@ -72,7 +72,7 @@ def still(_):
 
 PICTURES = {
     "still": (still, SMALL),
-    "gouraud": (still, replace(SMALL, shading="gouraud", obscurance="book")),
+    "gouraud": (still, replace(SMALL, shading="gouraud", obscurance="ambient and diffuse")),
     "few samples, cropped": (still, replace(SMALL, samples=2, crop=(19, 7, 50, 40))),
     "alpha": (pierced, Settings(width=150, height=101, samples=9)),
     "textured": (textured, Settings(width=150, height=101, samples=9)),

@@ -12,15 +12,20 @@ from scenes.geometry.polyhedra import join
 TOLERANCE = 0.01
 
 
-def slab_with_posts(side: int = 160) -> Mesh:
-    """A finely cut square and seven thin posts that stand on it: 17 edges apart, so that few baked points are near."""
+def square(side: int = 160) -> tuple[np.ndarray, np.ndarray]:
+    """A finely cut square in the plane z = 0."""
     steps = np.linspace(-4, 4, side + 1)
     x, y = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing="ij"))
     cell = np.array([i * (side + 1) + j for i in range(side) for j in range(side)])
     ahead = side + 1
-    square = np.concatenate([np.stack([cell, cell + ahead, cell + ahead + 1], -1),
-                             np.stack([cell, cell + ahead + 1, cell + 1], -1)])  # fmt: skip
-    parts = [(np.stack([x, y, 0 * x], -1), square)]
+    faces = np.concatenate([np.stack([cell, cell + ahead, cell + ahead + 1], -1),
+                            np.stack([cell, cell + ahead + 1, cell + 1], -1)])  # fmt: skip
+    return np.stack([x, y, 0 * x], -1), faces
+
+
+def slab_with_posts() -> Mesh:
+    """The square and seven thin posts that stand on it: 17 edges apart, so that few baked points are near."""
+    parts = [square()]
     corners = np.array([(i, j, k) for i in (-0.1, 0.1) for j in (-0.1, 0.1) for k in (0.0, 2.0)])
     sides = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6]])
     for place in np.random.default_rng(3).uniform(-3.5, 3.5, (7, 2)):
@@ -59,14 +64,28 @@ def test_contact_shadows_are_found(posts: Mesh, truth: ao.Bake) -> None:
     assert failed in ([], [["largest error"]], [["estimated error"]])
 
 
-def test_a_single_vertex_that_differs_is_baked(posts: Mesh) -> None:
-    """A roof over one vertex, smaller than the edges there, far from all else."""
-    at = int(np.argmin(np.linalg.norm(posts.vertices[: 161**2, :2] - [0.51, -2.02], axis=1)))
-    roof = posts.vertices[at] + 0.01 * np.array([[-1, -1, 0.5], [1, -1, 0.5], [0, 1.2, 0.5]])
-    mesh = Mesh(np.vstack([posts.vertices, roof]), np.vstack([posts.faces, len(posts.vertices) + np.arange(3)]))
+def with_roof(vertices: np.ndarray, faces: np.ndarray) -> tuple[Mesh, int, float]:
+    """A roof over one vertex, smaller than the edges there, far from all else; which vertex, and its w."""
+    at = int(np.argmin(np.linalg.norm(vertices[: 161**2, :2] - [0.51, -2.02], axis=1)))
+    roof = vertices[at] + 0.01 * np.array([[-1, -1, 0.5], [1, -1, 0.5], [0, 1.2, 0.5]])
+    mesh = Mesh(np.vstack([vertices, roof]), np.vstack([faces, len(vertices) + np.arange(3)]))
     only = np.arange(len(mesh.vertices)) == at
-    plain = ao.bake(mesh, ao.Binary(), samples=1024, denoise=False, only=only)
-    assert plain.w[at] < 0.5
+    w = float(ao.bake(mesh, ao.Binary(), samples=1024, denoise=False, only=only).w[at])
+    assert w < 0.5
+    return mesh, at, w
+
+
+def test_a_single_vertex_that_differs_is_baked(posts: Mesh) -> None:
+    mesh, at, w = with_roof(posts.vertices, posts.faces)
     for seed in range(10, 18):
         baked = ao.bake(mesh, ao.Binary(), tolerance=TOLERANCE, seed=seed)
-        assert abs(baked.w[at] - plain.w[at]) < 0.1
+        assert abs(baked.w[at] - w) < 0.1
+
+
+def test_a_single_vertex_that_differs_is_baked_where_the_first_rays_meet_the_tolerance() -> None:
+    """All else is open, and one vertex in 26,000 leaves no error in the mean."""
+    mesh, at, w = with_roof(*square())
+    for seed in range(8):
+        baked = ao.bake(mesh, ao.Binary(), tolerance=TOLERANCE, seed=seed)
+        assert baked.rays < 20 * len(mesh.vertices)  # with those of the probes
+        assert abs(baked.w[at] - w) < 4 * TOLERANCE

@@ -83,7 +83,7 @@ def test_they_change_no_bit(name, falloff, monkeypatch):
     some = np.arange(len(mesh.vertices)) % 36 == 1  # no tip
 
     def bake(samples):
-        return ao.bake(mesh, falloff, samples, only=some, reconstruct=False, hidden="ignore")
+        return ao.bake(mesh, falloff, samples, only=some, denoise=False, interior="ignore")
 
     oriented = [bake(samples) for samples in (16, 100)]
     monkeypatch.setattr(bvh16, "orient", lambda triangles, boxes, starts: (boxes, starts, None))

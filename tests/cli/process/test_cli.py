@@ -256,7 +256,7 @@ def test_usage_mistakes_take_one_line():
     [
         (signal.SIGINT, ()),
         (signal.SIGTERM, ()),
-        (signal.SIGTERM, ("--no-reconstruct", "--hidden", "ignore")),
+        (signal.SIGTERM, ("--no-denoise", "--interior", "ignore")),
     ],
 )
 def test_an_interrupt_leaves_nothing_behind(tmp_path, by, options):

@@ -64,7 +64,7 @@ WRONG = {
         "r.json: options.samples: expected a whole number, got many",
     ),
     "a switch that is none": (
-        '{"options": {"reconstruct": "maybe"}}',
+        '{"options": {"denoise": "maybe"}}',
         "r.json: options.denoise: expected true or false",
     ),
     "a choice that is none": ('{"options": {"falloff": "exp"}}', "did you mean exponential?"),

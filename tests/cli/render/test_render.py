@@ -134,7 +134,8 @@ def test_a_preview_is_small_and_cheap(scene, folder, whole):
 
 
 def test_the_forms_of_obscurance(scene, folder, whole):
-    off, book = (rendered(scene, folder / f"{form}.exr", "--obscurance", form) for form in ("off", "book"))
+    forms = ("off", "ambient and diffuse")
+    off, book = (rendered(scene, folder / f"{form}.exr", "--obscurance", form) for form in forms)
     w = whole["obscurance"]
     assert off["obscurance"].min() == 1
     assert w.min() < 0.8

@@ -86,7 +86,7 @@ def consume(family, path, made, index):
             write(made / f"made.{ending}", baked, file, colors=ending == "ply")
         load(made / "made.ply")
         with suppress(OptionError):  # coordinates beyond float32
-            write(made / "made.glb", baked, file, colors=True)
+            write(made / "made.glb", baked, file, colors="rgb")
             load(made / "made.glb")
             write(made / "ramp.glb", baked, file, replace_occlusion=True)
             describe(load(made / "ramp.glb"))

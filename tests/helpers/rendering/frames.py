@@ -5,7 +5,7 @@ import numpy as np
 from raytrace.image.encode import LAYERS
 from raytrace.image.frame import Frame
 
-METADATA = {"scene": "Säule “7”: a=b", "seed": "7", "version": "0.1.0", "samples": "16", "obscurance": "book"}
+METADATA = {"scene": "Säule “7”: a=b", "seed": "7", "version": "0.1.0", "samples": "16", "obscurance": "off"}
 
 
 def frame(height=70, width=90, seed=0):

@@ -49,7 +49,7 @@ def picture(item, **settings):
 
 
 @pytest.mark.parametrize("shading", ["constant", "flat", "gouraud", "phong", "quadratic"])
-@pytest.mark.parametrize("form", ["ambient", "book", "off"])
+@pytest.mark.parametrize("form", ["ambient", "ambient and diffuse", "off"])
 def test_a_ramp_is_the_same_picture_as_w_at_the_vertices(shading, form):
     plain = Shape(MESH, Lambert(albedo=0.8))
     textured = Shape(MESH, Lambert(albedo=0.8), occlusion=ramp(W))

@@ -157,16 +157,17 @@ def test_obscurance_in_a_picture_is_the_bakers():
 def test_the_two_forms_weight_what_they_say(still):
     layers = {
         form: render(still, CAMERA, Settings(width=48, height=32, samples=1, obscurance=form)).layers
-        for form in ("off", "ambient", "book")
+        for form in ("off", "ambient", "ambient and diffuse")
     }
+    book = layers["ambient and diffuse"]  # the textbook's
     w = layers["off"]["obscurance"]
     hit = layers["off"]["object_id"][..., 0] > 0
     weighted = layers["off"]["ambient"] * w
     np.testing.assert_allclose(layers["ambient"]["ambient"][hit], weighted[hit], rtol=1e-5)
     np.testing.assert_array_equal(layers["ambient"]["diffuse"], layers["off"]["diffuse"])
-    np.testing.assert_allclose(layers["book"]["ambient"][hit], weighted[hit], rtol=1e-5)
-    np.testing.assert_allclose(layers["book"]["diffuse"][hit], (layers["off"]["diffuse"] * w)[hit], rtol=1e-5)
-    np.testing.assert_array_equal(layers["book"]["specular"], layers["off"]["specular"])
+    np.testing.assert_allclose(book["ambient"][hit], weighted[hit], rtol=1e-5)
+    np.testing.assert_allclose(book["diffuse"][hit], (layers["off"]["diffuse"] * w)[hit], rtol=1e-5)
+    np.testing.assert_array_equal(book["specular"], layers["off"]["specular"])
 
 
 def test_the_back_of_a_one_sided_surface_reflects_nothing():

@@ -53,7 +53,7 @@ def test_a_sky_of_one_colour_is_ambient_light_exactly():
             np.testing.assert_array_equal(found, expected)
     w = np.random.default_rng(0).random(len(BALL.mesh.vertices))
     bent = BALL.mesh.normals + 0.5 * np.random.default_rng(1).normal(size=(len(w), 3))
-    for form in ("ambient", "book", "off"):
+    for form in ("ambient", "ambient and diffuse", "off"):
         expected, found = (picture(MATT, light, w=w, bent=bent, obscurance=form)["beauty"] for light in (plain, sky))
         np.testing.assert_array_equal(found, expected)
 

@@ -14,10 +14,9 @@ from meshes import hills
 from project import environment
 
 import ao
-from ao.declared import rows
+from ao.declared import options_of
 from ao.execute.checkpoint import Checkpoint, identity
 from ao.options import Options, TextureOptions, VertexOptions
-from raytrace import Settings
 from raytrace.errors import ConflictError
 from raytrace.system.threads import MAX_THREADS
 from scenes.bake.options import BAKE, BAKER, MERGE, ROWS, BakeOptions, check_kind, check_together
@@ -174,7 +173,7 @@ TOGETHER = {
         {"high": ["other.obj"], "cage": "200%"},
         {"high": ["other.obj"], "cage": "200%", "match_names": True},
     ),
-    "colors": ({"output": "w.ply"}, {"output": "w.ply", "colors": True}),
+    "colors": ({"output": "w.ply"}, {"output": "w.ply", "colors": "rgb"}),
     "ply_name": ({"output": "w.ply"}, {"output": "w.ply", "ply_name": "quality"}),
     "up": ({"output": "w.ply"}, {"output": "w.ply", "up": "z"}),
     "preset": ({"output": "w.glb"}, {"output": "w.glb", "preset": "three"}),
@@ -215,16 +214,16 @@ IN_PYTHON = CHANGED | {
 RECORDS = VertexOptions, TextureOptions
 
 
-@pytest.mark.parametrize(("record", "name"), [(record, name) for record in RECORDS for name in rows(record)])
+@pytest.mark.parametrize(("record", "name"), [(record, name) for record in RECORDS for name in options_of(record)])
 def test_every_declared_option_changes_what_a_journal_belongs_to_or_is_one_that_changes_no_ray(record, name):
-    row, changed = rows(record)[name], record(**{name: IN_PYTHON[name]})
+    row, changed = options_of(record)[name], record(**{name: IN_PYTHON[name]})
     assert (changed.identity != record().identity) == (row.role == "result")
 
 
 @pytest.mark.parametrize(("function", "record"), [(ao.bake, VertexOptions), (ao.bake_texture, TextureOptions)])
 def test_help_and_signatures_show_what_is_declared(function, record):
     parameters, text = inspect.signature(function).parameters, inspect.getdoc(function)
-    for name, row in rows(record).items():
+    for name, row in options_of(record).items():
         assert re.search(rf"^    {name}: \S", text, re.MULTILINE), f"{name} is not described"
         assert parameters[name].default == getattr(record, name)
         assert row.help
@@ -252,7 +251,7 @@ def test_the_three_forms_of_conflicts():
             check_together(BakeOptions(mesh=[], **options), BAKE)
     for kind, said in {"part": "and part exclude each other", "texture": "does not go with a texture"}.items():
         with pytest.raises(ConflictError, match=f"options: colors {said}$"):
-            check_kind(BakeOptions(mesh=[], colors=True), kind)
+            check_kind(BakeOptions(mesh=[], colors="rgb"), kind)
     with pytest.raises(ConflictError, match=r"^options: denoise=False does not go with tolerance$") as fault:
         Options(tolerance=0.1, denoise=False)
     assert (fault.value.first, fault.value.relation) == (("denoise", False), "does not go with")
@@ -265,15 +264,6 @@ def test_relations_name_options_of_the_table():
         assert set(row.bake_kinds.split()) <= {"vertices", "texture", "part", "merge", "batch"}
 
 
-def test_earlier_names_of_options_are_understood_in_python():
-    vertices, faces = hills(4)
-    new = ao.bake((vertices, faces), samples=4, denoise=False, interior="mark")
-    old = ao.bake((vertices, faces), samples=4, reconstruct=False, hidden="mark")
-    assert old.w.tobytes() == new.w.tobytes()
-    assert old.w.tobytes() != ao.bake((vertices, faces), samples=4).w.tobytes()
+def test_options_that_there_are_not_are_refused_in_python():
     with pytest.raises(TypeError):
-        ao.bake((vertices, faces), smooth=False)
-
-
-def test_the_earlier_name_of_a_form_of_obscurance_is_understood():
-    assert Settings(obscurance="book") == Settings(obscurance="ambient and diffuse")
+        ao.bake(hills(4), smooth=False)

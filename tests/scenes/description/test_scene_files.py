@@ -43,7 +43,7 @@ crop = [10, 20, 30, 40]
 seed = 7
 normals = "area"
 [obscurance]
-form = "book"
+form = "ambient and diffuse"
 falloff = "exponential"
 tau = 2.0
 max_distance = "25%"
@@ -73,7 +73,8 @@ intensity = 0.2
 """,
     )
     assert made.camera == Camera((1, 2, 3), (0, 0, 0), (0, 1, 0), 50, aperture=0.1, focus=2.5)
-    assert made.settings == Settings(320, 200, 4, "gouraud", "book", False, False, (10, 20, 30, 40), 7, "area")
+    form, crop = "ambient and diffuse", (10, 20, 30, 40)
+    assert made.settings == Settings(320, 200, 4, "gouraud", form, False, False, crop, 7, "area")
     assert made.w_from == "bake"
     assert made.bake.falloff == ao.Exponential(tau=2.0, max_distance="25%")
     assert (made.bake.samples, made.bake.seed) == (64, 3)

@@ -82,7 +82,7 @@ def test_the_grey_that_a_bake_writes_is_no_colour(tmp_path, ending):
     obj(tmp_path / "quad.obj", np.ones((4, 3)))
     made = scenes.load(tmp_path / "quad.obj")
     bake = ao.bake(made.mesh, samples=16)
-    scenes.write(tmp_path / f"baked{ending}", bake, made, colors=True)
+    scenes.write(tmp_path / f"baked{ending}", bake, made, colors="rgb")
     shape = only_shape(read_scene(tmp_path / f"baked{ending}").scene)
     assert shape.colours is None
 

@@ -161,8 +161,8 @@ def test_a_ramp_is_read_as_w(folder):
 def test_a_gltf_is_rendered_with_its_own_occlusion_and_needs_no_bake(folder):
     expected = picture("corner.ply", "--baked", "w.npy")
     np.testing.assert_allclose(picture("w.glb"), expected, rtol=0, atol=1e-6)
-    book = picture_of("beauty", "w.glb", "--obscurance", "book")
-    baked = picture_of("beauty", "w.glb", "--obscurance", "book", "--baked", "w.glb")
+    book = picture_of("beauty", "w.glb", "--obscurance", "ambient and diffuse")
+    baked = picture_of("beauty", "w.glb", "--obscurance", "ambient and diffuse", "--baked", "w.glb")
     np.testing.assert_allclose(book, baked, rtol=0, atol=1e-5)
     assert np.abs(book - picture_of("beauty", "w.glb", "--obscurance", "off")).max() > 0.05
 

@@ -82,8 +82,8 @@ def test_standard_streams_are_so_in_the_command_and_have_a_hash():
 
 
 def test_a_command_line_has_the_options_that_differ_from_nothing():
-    options = {"mesh": "a b.ply", "output": "w.npy", "tau": None, "denoise": False, "colors": True, "half": False}
+    options = {"mesh": "a b.ply", "output": "w.npy", "tau": None, "denoise": False, "orm": True, "half": False}
     line = command_line("bake", BAKE, {**options, "threads": 2})
-    assert line == "obscurance bake 'a b.ply' --output w.npy --no-denoise --colors"
+    assert line == "obscurance bake 'a b.ply' --output w.npy --no-denoise --orm"
     options = {"scene": "s.toml", "own_occlusion": True, "shadows": False}
     assert command_line("render", RENDER, options) == "obscurance render s.toml --no-shadows"

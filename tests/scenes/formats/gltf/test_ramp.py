@@ -105,7 +105,7 @@ def test_a_second_bake_replaces_the_ramp(tmp_path, name):
     assert len(header["materials"]) == len(before["materials"])
     assert not any(
         "keeps" in line
-        for line in unsupported_features(tmp_path / "out.glb", source, channels("o.glb", False, None, False))
+        for line in unsupported_features(tmp_path / "out.glb", source, channels("o.glb", None, None, False))
     )
 
 
@@ -176,7 +176,7 @@ def test_textures_that_are_moved_stay(tmp_path):
     assert occlusion(header, primitive)["texCoord"] == 2
     surface = header["materials"][0]["pbrMetallicRoughness"]
     assert surface == source.gltf.header["materials"][0]["pbrMetallicRoughness"]
-    (warning,) = unsupported_features(tmp_path / "out.glb", source, channels("out.glb", False, "ramp", False))
+    (warning,) = unsupported_features(tmp_path / "out.glb", source, channels("out.glb", None, "ramp", False))
     expected = "out.glb: uses the set TEXCOORD_2; not every viewer reads more than 2: remove sets that are not used"
     assert warning.endswith(expected)
 
@@ -194,9 +194,9 @@ def test_an_occlusion_texture_of_the_file_is_kept_and_that_is_reported(tmp_path)
     assert "TEXCOORD_1" not in first["attributes"]
     np.testing.assert_array_equal(values(header, binary, first["attributes"]["_OBSCURANCE"]), w[:4].astype("<f4"))
     assert occlusion(header, second) == {"index": 1, "texCoord": 1}
-    (warning,) = unsupported_features(tmp_path / "out.glb", source, channels("out.glb", False, None, False))
+    (warning,) = unsupported_features(tmp_path / "out.glb", source, channels("out.glb", None, None, False))
     assert "keeps the file's own occlusion textures (primitives: 1 of 2)" in warning
-    assert not unsupported_features(tmp_path / "out.glb", source, channels("out.glb", False, None, True))
+    assert not unsupported_features(tmp_path / "out.glb", source, channels("out.glb", None, None, True))
 
 
 def test_where_all_are_kept_no_ramp_is_written(tmp_path):
@@ -266,9 +266,9 @@ def test_references_to_nothing_are_left_alone(tmp_path):
         ("m.ply", {"occlusion": "ramp"}, "occlusion='ramp' needs a .glb output"),
         ("m.npy", {"replace_occlusion": True}, "replace_occlusion needs an occlusion texture to write"),
         ("m.glb", {"occlusion": "none", "replace_occlusion": True}, "replace_occlusion needs"),
-        ("m.glb", {"occlusion": "ramp", "colors": True}, "colors does not go with occlusion='ramp'"),
+        ("m.glb", {"occlusion": "ramp", "colors": "rgb"}, "colors does not go with occlusion='ramp'"),
         ("m.glb", {"occlusion": "pramp"}, "occlusion: expected one of none, ramp, got pramp"),
-        ("m.npz", {"colors": True}, "colors needs a .glb or .ply output"),
+        ("m.npz", {"colors": "rgb"}, "colors needs a .glb or .ply output"),
     ],
 )
 def test_options_that_exclude_each_other(tmp_path, monkeypatch, target, options, expected):
@@ -281,7 +281,7 @@ def test_options_that_exclude_each_other(tmp_path, monkeypatch, target, options,
 
 
 def test_colours_come_without_a_ramp_and_neither_if_none_is_asked_for(tmp_path):
-    for options in ({"colors": True}, {"occlusion": "none"}):
+    for options in ({"colors": "rgb"}, {"occlusion": "none"}):
         _, _, header, _ = written(tmp_path, SAMPLES["plain"](), **options)
         assert "images" not in header
         assert "occlusionTexture" not in json.dumps(header)

@@ -18,7 +18,7 @@ from scenes.geometry.builtin_shapes import SOLIDS
 
 validated = pytest.mark.skipif(validator.missing() is not None, reason=str(validator.missing()))
 shown = pytest.mark.skipif(browser.missing() is not None, reason=str(browser.missing()))
-OPTIONS = ({}, {"colors": True}, {"occlusion": "none"}, {"replace_occlusion": True})
+OPTIONS = ({}, {"colors": "rgb"}, {"occlusion": "none"}, {"replace_occlusion": True})
 SIZE = 160, 120
 
 

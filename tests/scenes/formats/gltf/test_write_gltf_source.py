@@ -128,7 +128,7 @@ def test_each_of_several_instances_has_its_own_values(tmp_path):
 def test_glb_colours_when_asked(tmp_path, kind):
     source = mesh_file() if kind == "plain" else textured(tmp_path)
     result = random_bake(len(source.mesh.vertices))
-    write(tmp_path / "out.glb", result, source, colors=True)
+    write(tmp_path / "out.glb", result, source, colors="rgb")
     header, binary = check_glb((tmp_path / "out.glb").read_bytes())
     primitive = header["meshes"][0]["primitives"][0]
     accessor = header["accessors"][primitive["attributes"]["COLOR_0"]]
