@@ -72,7 +72,7 @@ def traced_twice(
         def risk(w: Float64s) -> float:
             return float(np.mean((w - again) ** 2))
 
-        denoised, error = denoise_over_scales(neighbours, points, rows, level, calibration, risk)
+        denoised, error = denoise_over_scales(neighbours, points, rows.astype(np.float32), level, calibration, risk)
         after = (denoised[calibration] - again) ** 2
         if float(np.sum(after - before)) >= 0:
             return raw

@@ -2,21 +2,18 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Self, TypeVar
+from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
 from raytrace.kernel.arrays import aligned
 from raytrace.kernel.jit import bind, kernel
-from raytrace.kernel.simd import load_row, multiply_add, store_row
-from raytrace.kernel.vector import add, load, scale, store, subtract
+from raytrace.kernel.simd import WIDE, load_row, multiply_add, select, store_row
 from raytrace.system.threads import run_blocks, run_ranges
 from raytrace.types import AnyInts, Float32s, Int32s, Int64s
 
-Real = TypeVar("Real", np.float32, np.float64)
 Block = Callable[[int, int], None]
-_NOTHING = 1e-6  # of weight
+_NOTHING = np.float32(1e-6)  # of weight
 _CREASE = 16  # power of n·n' by which a neighbour counts less
 _BLOCK, _MOST = 1 << 11, 16  # points, and blocks at once
 _FEW = 32  # ends of edges at a point that are looked through
@@ -80,28 +77,40 @@ class Neighbours:
     def ring(self) -> tuple[Int64s, Int32s, Float32s]:
         return self.starts, self.indices, self.weights
 
-    def smooth(self, values: npt.NDArray[Real], rounds: int) -> npt.NDArray[Real]:
-        """`values`, as `means` takes them, averaged with the neighbours', `rounds` times: about so many edges far."""
-        for _ in range(rounds):
-            values = self.means((values, 1.0))[0]
+    def smooth(
+        self,
+        values: Float32s,
+        rounds: int,
+        spare: Float32s | None = None,
+        then: Callable[[Float32s], Block] | None = None,
+    ) -> Float32s:
+        """`values`, as `means` takes them, averaged with the neighbours', `rounds` times: about so many edges far.
+
+        Args: spare: of the shape of `values`; both are overwritten. then: of the last means.
+        """
+        for left in range(rounds, 0, -1):
+            values, spare = self.means(values, 1.0, spare, then if left == 1 else None), values
         return values
 
-    def means(self, *wanted: tuple[npt.NDArray[Any], float], then: Callable[..., Block] | None = None) -> Any:
-        """Weighted means over the neighbours of several values, NaN without any, all in one pass over the points.
+    def means(
+        self,
+        values: Float32s,
+        own: float | Float32s,
+        out: Float32s | None = None,
+        then: Callable[[Float32s], Block] | None = None,
+    ) -> Float32s:
+        """Weighted means over the neighbours, NaN without any, in one pass over the points.
 
-        Args: wanted: values (k,), float32 (k, 3), or float32 (k, 16) as `aligned` makes it, and the weight of a point's
-            own. then: makes of the means what is called after them on blocks, whose means are there.
+        Args: values: (k,), or (k, 16) as `aligned` makes it. own: the weight of a point's own, or sixteen. out: what
+            the means are written to. then: makes of the means what is called after them on blocks, whose means are
+            there.
         """
-        found = []
-        works = []
-        for values, own in wanted:
-            kernel = _mean if values.ndim == 1 else _mean_triples if values.shape[1] == 3 else _mean_lanes
-            found.append(aligned(values.shape, values.dtype, zeroed=False))
-            works.append(bind(kernel, *self.ring, np.ascontiguousarray(values), own, found[-1]))
-        if then:
-            works.append(then(*found))
-        self.each(*works)
-        return found
+        out = aligned(values.shape, np.float32, zeroed=False) if out is None else out
+        weight = aligned((WIDE,), np.float32)
+        weight[:] = own
+        kernel = _mean if values.ndim == 1 else _mean_lanes
+        self.each(bind(kernel, *self.ring, values, weight, out), *([then(out)] if then else []))
+        return out
 
 
 @kernel
@@ -177,38 +186,22 @@ def _weigh_by_normals(starts, indices, normals, weights, first, last):
 def _mean(starts, indices, weights, values, own, out, first, last):
     """Ring means, the point's own value weighted by `own`, of differences: equal values stay equal to the bit."""
     for i in range(first, last):
-        weight, difference, centre = own, 0.0, values[i]
-        for k in range(starts[i], starts[i + 1]):
-            w = np.float64(weights[k])
-            weight += w
-            difference += w * (values[indices[k]] - centre)
-        out[i] = centre + difference / weight if weight > _NOTHING else np.nan
-
-
-@kernel
-def _mean_triples(starts, indices, weights, values, own, out, first, last):
-    """`_mean` of rows of three."""
-    for i in range(first, last):
-        weight = own
-        difference = (0.0, 0.0, 0.0)
-        centre = load(values, i)
-        for k in range(starts[i], starts[i + 1]):
-            w = np.float64(weights[k])
-            weight += w
-            difference = add(difference, scale(w, subtract(load(values, indices[k]), centre)))
-        share = 1.0 / weight if weight > _NOTHING else np.nan
-        store(out, i, add(centre, scale(share, difference)))
+        weight, difference, centre = own[0], np.float32(0.0), values[i]
+        for k in range(np.uint64(starts[i]), np.uint64(starts[i + 1])):  # unsigned: nothing is counted from the end
+            weight += weights[k]
+            difference += weights[k] * (values[np.uint32(indices[k])] - centre)
+        out[i] = centre + difference / weight if weight > _NOTHING else np.float32(np.nan)
 
 
 @kernel
 def _mean_lanes(starts, indices, weights, values, own, out, first, last):
     """`_mean` of rows of sixteen."""
     for i in range(first, last):
-        weight = np.float32(own)
+        weight = load_row(own, 0)
         centre = load_row(values, i)
         difference = centre - centre
-        for k in range(starts[i], starts[i + 1]):
+        for k in range(np.uint64(starts[i]), np.uint64(starts[i + 1])):
             weight += weights[k]
             difference = multiply_add(weights[k], load_row(values, indices[k]) - centre, difference)
-        share = np.float32(1.0) / weight if weight > _NOTHING else np.float32(np.nan)
+        share = select(weight > _NOTHING, np.float32(1.0) / weight, np.float32(np.nan))
         store_row(out, i, multiply_add(share, difference, centre))

@@ -6,7 +6,7 @@ Where w jumps, few points have most of the squared error. So the points are a st
 
 import numpy as np
 
-from raytrace.types import Float64s, Int64s
+from raytrace.types import Float32s, Float64s, Int64s
 
 from ..execute.tracer import Tracer
 from ..points.points import Points
@@ -99,7 +99,7 @@ class Probes:
         error[others] *= calibration_factor(error[self.rows[~probed]], measured[~probed], error[others])
         return Calibration(error[self.rows], measured, len(error) * self._weights)
 
-    def level(self, raw: Float64s, worth: Float64s, column: int) -> float:
+    def level(self, raw: Float32s, worth: Float64s, column: int) -> float:
         """Mean square error of values `raw` (k,) by rays alone, which are `worth` (k,): as measured, and, where there
         are few probes, as the noise of the probes' own rays lets expect."""
         first, second = self._here[column]

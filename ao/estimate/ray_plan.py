@@ -4,7 +4,7 @@ import numpy as np
 
 from raytrace.kernel.jit import bind, kernel
 from raytrace.system.threads import run_blocks
-from raytrace.types import Float64s, Int64s
+from raytrace.types import Float32s, Float64s, Int64s
 
 from .one_ring import Neighbours
 from .sampling_error import BATCH, RATE
@@ -28,13 +28,13 @@ def first_rays(tolerance: float, count: int) -> int:
     return BATCH * max(round(max(_FIRST / tolerance, _FEWEST, few) / BATCH), 1)
 
 
-def fall_of(neighbours: Neighbours, raw: Float64s, level: float, error: float, goal: float) -> float:
+def fall_of(neighbours: Neighbours, raw: Float32s, level: float, error: float, goal: float) -> float:
     """The power of the number of rays with which the mean square `error` falls to the `goal`.
 
     It falls about as the rays grow, while larger cells take the noise away; not slower than what one-rings leave of the
     noise, whose mean square is `level` in values `raw` (k,), where w itself is as rough as it is.
     """
-    squared = (raw - neighbours.means((raw, 0.0))[0]) ** 2
+    squared = (raw - neighbours.means(raw, 0.0)) ** 2
     rough = max(float(np.nanmean(squared)) - (1 + _SHARED) * level, 0.0) if np.isfinite(squared).any() else np.inf
     times = np.exp2(np.arange(1, 129) / 8)
     variance = level * times**-RATE

@@ -19,7 +19,7 @@ from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.simd import WIDE
 from raytrace.kernel.vector import add, divide, length, load, scale, store
 from raytrace.system.threads import run_blocks
-from raytrace.types import Float32s, Float64s, Int32s, Int64s
+from raytrace.types import AnyFloats, Float32s, Float64s, Int32s, Int64s
 
 from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, COLUMNS
@@ -50,10 +50,10 @@ class _Level(NamedTuple):
     weight: Float32s  # (c,), points of the mesh in each
     cells: Cells
 
-    def means(self, rows: Float64s, weight: Float32s, slope: float, offset: float) -> Float64s:
+    def means(self, rows: Float32s, weight: Float32s, slope: float, offset: float) -> Float32s:
         """Rows (c, COLUMNS) from rows (k, COLUMNS) of the points below; variances, from `slope` times theirs and
         `offset`, are those of the means. Args: weight: (k,), of the points below."""
-        out = np.empty((len(self.points), COLUMNS))
+        out = np.empty((len(self.points), COLUMNS), np.float32)
         self.neighbours.each(bind(_average, self.cells, weight, rows, slope, offset, out))
         return out
 
@@ -62,7 +62,7 @@ _pyramids: WeakKeyDictionary[Neighbours, list[_Level]] = WeakKeyDictionary()
 
 
 def denoise_over_scales(
-    neighbours: Neighbours, points: Points, rows: Float64s, level: float, checked: Int64s, risk: Risk
+    neighbours: Neighbours, points: Points, rows: Float32s, level: float, checked: Int64s, risk: Risk
 ) -> Said:
     """w (k,) denoised over all scales, and the mean square error expected of each, (k,).
 
@@ -75,30 +75,34 @@ def denoise_over_scales(
         return finest
     said = []
     weight = np.ones(len(points), np.float32)
-    line = variance_line(float(np.mean(rows[:, BATCH_VARIANCE])), level)
+    line = variance_line(_mean_variance(rows), level)
     for each in levels:
         rows = each.means(rows, weight, *line)
-        said.append(denoise(each.neighbours, each.points, rows, float(np.mean(rows[:, BATCH_VARIANCE]))))
+        said.append(denoise(each.neighbours, each.points, rows, _mean_variance(rows)))
         weight = each.weight
         line = 1.0, 0.0
     del rows
     # Cells by all amounts at once, of which the points choose one.
     amounts = np.array(_AMOUNTS if len(levels) > 1 else _AMOUNTS[:1])
-    values = np.repeat(np.column_stack(said.pop()), len(amounts), axis=1)
+    values: AnyFloats = np.repeat(np.column_stack(said.pop()), len(amounts), axis=1)
     threads = neighbours.threads
     for fine, coarse in zip(levels[-2::-1], levels[:0:-1], strict=True):
         values = _Detail.of(said.pop(), fine.points, coarse, values).shrunk(amounts, threads)
     lowest = levels[0]
     cell = lowest.cells.cell[checked]
-    predicted = upsample(points[checked], cell, lowest.neighbours, lowest.points, values)
+    predicted = upsample(points[checked], cell, lowest.neighbours, lowest.points, values).astype(np.float64)
     best = min(range(len(amounts)), key=lambda column: risk(predicted[:, column]))
     detail = _Detail.of(finest, points, lowest, values[:, best :: len(amounts)].copy()).with_jumps(neighbours)
     # Points, by the amount that is best at those that are checked.
     some = detail.at(checked)
-    by_amount = [some.shrunk(np.array([amount]), 1)[:, 0] for amount in _AMOUNTS]
+    by_amount = [some.shrunk(np.array([amount]), 1)[:, 0].astype(np.float64) for amount in _AMOUNTS]
     amount = _AMOUNTS[min(range(len(_AMOUNTS)), key=lambda column: risk(by_amount[column]))]
-    w, error = detail.shrunk(np.array([amount]), threads).T
+    w, error = np.ascontiguousarray(detail.shrunk(np.array([amount]), threads).T, np.float64)
     return w, shrunk_to_mean(error)
+
+
+def _mean_variance(rows: Float32s) -> float:
+    return float(np.mean(rows[:, BATCH_VARIANCE], dtype=np.float64))
 
 
 class _Detail(NamedTuple):
@@ -106,13 +110,13 @@ class _Detail(NamedTuple):
 
     w: Float64s  # (k,), as the level says it
     error: Float64s  # (k,), its squared error expected
-    predicted: Float64s  # (k, 2 a), w by each amount, then their squared errors expected
+    predicted: Float32s  # (k, 2 a), w by each amount, then their squared errors expected
     cell: Int32s  # (k,)
     around: Float32s  # (c, WIDE), means around each cell: the noise expected, then squared residuals by each amount
     jump: Float32s  # (k,), what squared residuals are at least
 
     @classmethod
-    def of(cls, said: Said, points: Points, coarse: _Level, above: Float64s) -> Self:
+    def of(cls, said: Said, points: Points, coarse: _Level, above: AnyFloats) -> Self:
         """Args: said: of the `points`. above: (c, 2 a), of the cells, as `predicted`."""
         cell = coarse.cells.cell
         predicted = upsample(points, cell, coarse.neighbours, coarse.points, above)
@@ -125,14 +129,15 @@ class _Detail(NamedTuple):
         squared = np.empty(len(self.w), np.float32)
         neighbours.each(bind(_square, self.w, self.predicted, squared))
         noise = bind(_beyond_noise, self.cell, self.around)
-        return self._replace(jump=neighbours.means((squared, 1.0), then=lambda nearby: partial(noise, nearby))[0])
+        jump = neighbours.means(squared, 1.0, then=lambda nearby: partial(noise, nearby))
+        return self._replace(jump=jump)
 
     def at(self, rows: Int64s) -> Self:
         """At some of the points."""
         kept = {name: getattr(self, name)[rows] for name in ("w", "error", "predicted", "cell", "jump")}
         return self._replace(**kept)
 
-    def shrunk(self, amounts: Float64s, threads: int) -> Float64s:
+    def shrunk(self, amounts: Float64s, threads: int) -> Float32s:
         """w by each of the `amounts` (a,) of noise in residuals, and its squared errors expected: (k, 2 a)."""
         out = np.empty_like(self.predicted)
         run_blocks(len(out), _BLOCK, bind(_shrink, self, amounts, out), threads, most=_MOST)

@@ -19,7 +19,7 @@ import numpy as np
 
 from raytrace.kernel.arrays import aligned, unrefcounted_view
 from raytrace.kernel.jit import bind, kernel
-from raytrace.kernel.simd import WIDE
+from raytrace.kernel.simd import WIDE, load_row, store_row
 from raytrace.kernel.vector import add, cross, dot, load, scale, store
 from raytrace.system.threads import run_blocks
 from raytrace.types import Float32s, Float64s
@@ -34,6 +34,10 @@ _FIT_REACH = 4  # and what corrections are fitted to; three for the spread betwe
 _OUTLIER = 9.0  # a residual of more than three σ is the point's own
 _RIDGE, _RIDGE_POINTS = 3e-3, 10.0
 _SUMMED = 1 << 14  # points whose moments are summed by themselves: sums do not depend on the number of threads
+_CLOSED, _SPREAD, _MEAN, _SQUARED = 0, 3, 4, 5  # columns: (1 − μ)·direction, the batches', w, squared residuals of w
+_OTHERS, _ROUGHNESS = np.ones((2, WIDE), np.float32)  # weights of a point's own in means
+_OTHERS[[_CLOSED, _CLOSED + 1, _CLOSED + 2, _MEAN]] = 0.0
+_ROUGHNESS[_SQUARED] = 0.0
 Named = TypeVar("Named")
 
 
@@ -48,20 +52,12 @@ class _Shape(NamedTuple):
 _shapes: WeakKeyDictionary[Neighbours, _Shape] = WeakKeyDictionary()
 
 
-class _Surroundings(NamedTuple):
-    """What predictions start from at k points, float32 (k,), but (k, 3) for `closed`."""
-
-    filled: Float32s  # the neighbours' mean w, the point's own without any
-    spread: Float32s  # between the batches of a point
-    closed: Float32s  # mean of (1 − μ)·direction
-    leaning: Float32s  # how far the normal leans to what is closed around the point
-
-
 class _Fields(NamedTuple):
     """What denoising reckons at k points, float32 (k,), but (k, 3) for `unlike`."""
 
     w: Float32s  # estimates
     variance: Float32s  # of them
+    spread: Float32s  # between the batches of the points around each
     unlike: Float32s  # from its neighbours: in what is around these, in its leaning and in its rise
     prediction: Float32s  # of w by the neighbours, NaN without any
     residual: Float32s  # of w from its prediction, 0 without any
@@ -70,54 +66,53 @@ class _Fields(NamedTuple):
     part: Float32s  # that each estimate has in its own prediction
 
 
-def denoise(neighbours: Neighbours, points: Points, rows: Float64s, level: float) -> tuple[Float64s, Float64s]:
+def denoise(neighbours: Neighbours, points: Points, rows: Float32s, level: float) -> tuple[Float64s, Float64s]:
     """w (k,) shrunk towards its predictions, and the mean square error expected of each, (k,).
 
     Where all rays around a point agree, nothing is shrunk. Args: level: mean square error of w in `rows` (k, COLUMNS).
     """
-    means, shape = neighbours.means, shape_of(neighbours, points)
     at = _empty(_Fields, len(points))
-    spread = _compare_with_neighbours(neighbours, points, rows, level, at)
+    around = aligned((len(points), WIDE), np.float32)
+    spare = aligned((len(points), WIDE), np.float32)
+    _compare_with_neighbours(neighbours, points, rows, level, at, around, spare)
     coefficients, size = _ridge_regression(at, neighbours.threads)
-    moments = aligned((len(points), WIDE), np.float32)
-    neighbours.each(bind(_normal_equations, coefficients, size, at, moments))
-    for _ in range(_FIT_REACH - 1):
-        moments = means((moments, 1.0))[0]  # which lets go of those before
-    means((moments, 1.0), then=lambda around: bind(_local_fits, shape, around, at))
+    neighbours.each(bind(_normal_equations, coefficients, size, at, around))
+    shape = shape_of(neighbours, points)
+    neighbours.smooth(around, _FIT_REACH, spare, lambda moments: bind(_local_fits, shape, moments, at))
+    del around, spare
     w, error = np.empty((2, len(points)))
-    (beyond,) = means((neighbours.smooth(at.excess, _REACH - 1), 1.0))
-    neighbours.each(bind(_shrink, rows, beyond, spread, at, w, error))
+    neighbours.smooth(at.excess, _REACH, then=lambda beyond: bind(_shrink, rows, beyond, at, w, error))
     return w, shrunk_to_mean(error)
 
 
 def _compare_with_neighbours(
-    neighbours: Neighbours, points: Points, rows: Float64s, level: float, at: _Fields
-) -> Float32s:
-    """Fill in all fields of points but `part`, predictions by means alone; returns the spread around each, (k,)."""
-    means, normals, shape = neighbours.means, points.normals, shape_of(neighbours, points)
-    near = _empty(_Surroundings, len(points))
+    neighbours: Neighbours,
+    points: Points,
+    rows: Float32s,
+    level: float,
+    at: _Fields,
+    around: Float32s,
+    spare: Float32s,
+) -> None:
+    """Fill in all fields of points but `excess` and `part`, predictions by means alone.
 
-    neighbours.each(bind(_begin, rows, normals, at, near))
-    _, closed, spread = means(
-        (at.w, 0.0), (near.closed, 0.0), (near.spread, 1.0),
-        then=lambda mean, closed, _: bind(_compare, shape, mean, closed, at, near),
-    )  # fmt: skip
-    wide, closed, spread = means((near.filled, 1.0), (closed, 1.0), (spread, 1.0))
-    closed, spread = means((closed, 1.0), (spread, 1.0))
-    typical = float(np.mean(spread, dtype=np.float64)) if len(points) else 0.0
-    line = variance_line(typical, level)
-    means((closed, 1.0), then=lambda closed: bind(_lean, shape, (wide, closed, spread), line, normals, at, near))
-    leaning, excess = means((near.leaning, 0.0), (at.excess, 1.0))
-    means((neighbours.smooth(excess, 1), 0.0), then=lambda rough: bind(_weigh, leaning, rough, at, near))
-    smoothed: Float32s = spread
-    return smoothed
+    Args: around, spare: (k, WIDE), overwritten: columns of means over ever wider surroundings.
+    """
+    means, normals, shape = neighbours.means, points.normals, shape_of(neighbours, points)
+    neighbours.each(bind(_begin, rows, normals, at, around))
+    near = means(around, _OTHERS, spare, lambda mean: bind(_compare, shape, around, mean, at))
+    wide = means(near, 1.0, around, lambda wide: bind(_compare_wide, shape, near, wide, at))
+    wider = means(wide, 1.0, near)
+    line = variance_line(float(np.mean(wider[:, _SPREAD], dtype=np.float64)) if len(points) else 0.0, level)
+    leaning = np.empty(len(points), np.float32)
+    means(wider, _ROUGHNESS, wide, lambda widest: bind(_lean, wider, widest, line, normals, at, leaning))
+    means(leaning, 0.0, then=lambda mean: bind(_compare_leaning, leaning, mean, at))
 
 
 def _empty(kind: Callable[..., Named], count: int) -> Named:
     """Arrays of `count` points, to be filled in."""
-    vectors = "closed", "unlike"
     names = get_type_hints(kind)
-    return kind(*(np.empty((count, 3) if name in vectors else count, np.float32) for name in names))
+    return kind(*(np.empty((count, 3) if name == "unlike" else count, np.float32) for name in names))
 
 
 def shape_of(neighbours: Neighbours, points: Points) -> _Shape:
@@ -125,7 +120,7 @@ def shape_of(neighbours: Neighbours, points: Points) -> _Shape:
     if neighbours not in _shapes:
         ring, shape = neighbours.ring, _empty(_Shape, len(points))
         neighbours.each(bind(_measure, ring, points.origins, points.normals, shape))
-        (rise,) = neighbours.means((shape.rise, 0.0), then=lambda mean: bind(_compare_shapes, ring, shape, mean))
+        rise = neighbours.means(shape.rise, 0.0, then=lambda mean: bind(_compare_shapes, ring, shape, mean))
         _shapes[neighbours] = shape._replace(rise=rise)
     return _shapes[neighbours]
 
@@ -168,57 +163,70 @@ def _compare_shapes(ring, shape, mean, first, last):
 
 
 @kernel
-def _begin(rows, normals, at, near, first, last):
-    """Fill in `w`, `spread` and `closed`."""
+def _begin(rows, normals, at, around, first, last):
+    """Fill in `w`, and what surroundings are means of."""
     rows = unrefcounted_view(rows)
     normals = unrefcounted_view(normals)
     at = unrefcounted_view(at)
-    near = unrefcounted_view(near)
+    around = unrefcounted_view(around)
     for i in range(first, last):
         at.w[i] = rows[i, W]
-        near.spread[i] = rows[i, BATCH_VARIANCE]
+        around[i, _MEAN] = rows[i, W]
+        around[i, _SPREAD] = rows[i, BATCH_VARIANCE]
         for axis in range(3):
-            near.closed[i, axis] = 2.0 / 3.0 * normals[i, axis] - rows[i, BENT + axis]
+            around[i, _CLOSED + axis] = 2.0 / 3.0 * normals[i, axis] - rows[i, BENT + axis]
 
 
 @kernel
-def _compare(shape, mean, closed, at, near, first, last):
-    """Compare points with the means of their neighbours' `w`, `closed` and `rise`."""
-    for i in range(first, last):
-        alone = np.isnan(mean[i])
-        if alone:
-            store(closed, i, load(near.closed, i))
-        near.filled[i] = at.w[i] if alone else mean[i]
-        at.prediction[i] = mean[i]
-        at.residual[i] = 0.0 if alone else at.w[i] - mean[i]
-        at.unlike[i, 2] = 0.0 if alone else shape.rise[i]
-
-
-@kernel
-def _lean(shape, means, line, normals, at, near, first, last):
-    """Compare the mean of the neighbours with that of their neighbours, `wide`, from which the point's own w is taken
-    out; fill in `leaning` and `variance`."""
-    wide, closed, spread = unrefcounted_view(means)
-    slope, at_zero = line
+def _compare(shape, own, mean, at, first, last):
+    """Compare points with the means of their neighbours' `w` and `rise`; those alone are their own surroundings."""
     shape = unrefcounted_view(shape)
+    own = unrefcounted_view(own)
+    mean = unrefcounted_view(mean)
     at = unrefcounted_view(at)
+    for i in range(first, last):
+        alone = np.isnan(mean[i, _MEAN])
+        at.prediction[i] = mean[i, _MEAN]
+        if alone:
+            store_row(mean, i, load_row(own, i))
+        at.residual[i] = at.w[i] - mean[i, _MEAN]
+        at.unlike[i, 2] = 0.0 if alone else shape.rise[i]
+        mean[i, _SQUARED] = at.residual[i] ** 2
+
+
+@kernel
+def _compare_wide(shape, near, wide, at, first, last):
+    """Compare the mean of the neighbours with that of their neighbours, `wide`, from which the point's own w is taken
+    out."""
+    shape = unrefcounted_view(shape)
     near = unrefcounted_view(near)
+    wide = unrefcounted_view(wide)
+    at = unrefcounted_view(at)
     for i in range(first, last):
         leverage = shape.leverage[i]
-        beside = (wide[i] - leverage * at.w[i]) / (1.0 - leverage) - near.filled[i]
+        beside = (wide[i, _MEAN] - leverage * at.w[i]) / (1.0 - leverage) - near[i, _MEAN]
         at.unlike[i, 0] = 0.0 if np.isnan(at.prediction[i]) else beside
-        c = load(closed, i)
-        n = load(normals, i)
-        near.leaning[i] = c[0] * n[0] + c[2] * n[2] + c[1] * n[1]
-        at.variance[i] = slope * spread[i] + at_zero
-        at.excess[i] = at.residual[i] ** 2 - at.variance[i]
 
 
 @kernel
-def _weigh(leaning, rough, at, near, first, last):
+def _lean(wider, widest, line, normals, at, leaning, first, last):
+    """Fill in how far normals lean to what is closed around, `variance`, `spread` and `weight`."""
+    slope, at_zero = line
+    wider = unrefcounted_view(wider)
+    widest = unrefcounted_view(widest)
+    at = unrefcounted_view(at)
     for i in range(first, last):
-        at.unlike[i, 1] = 0.0 if np.isnan(at.prediction[i]) else near.leaning[i] - leaning[i]
-        at.weight[i] = 1.0 / max(at.variance[i] + (0.0 if np.isnan(rough[i]) else max(rough[i], 0.0)), 1e-12)
+        leaning[i] = dot(load(widest, i), load(normals, i))
+        at.spread[i] = wider[i, _SPREAD]
+        at.variance[i] = slope * wider[i, _SPREAD] + at_zero
+        squared = widest[i, _SQUARED]
+        at.weight[i] = 1.0 / max(at.variance[i] if np.isnan(squared) else max(at.variance[i], squared), 1e-12)
+
+
+@kernel
+def _compare_leaning(leaning, mean, at, first, last):
+    for i in range(first, last):
+        at.unlike[i, 1] = 0.0 if np.isnan(at.prediction[i]) else leaning[i] - mean[i]
 
 
 def _ridge_regression(at: _Fields, threads: int) -> tuple[Float64s, Float64s]:
@@ -288,14 +296,14 @@ def _local_fits(shape, moments, at, first, last):
 
 
 @kernel
-def _shrink(rows, beyond, spread, at, w, errors, first, last):
+def _shrink(rows, beyond, at, w, errors, first, last):
     """Write w, shrunk, and the mean square errors expected."""
     at = unrefcounted_view(at)
     for i in range(first, last):
         variance = np.float64(at.variance[i])
         residual = np.float64(at.residual[i])
         error = max(max(beyond[i], residual * residual - _OUTLIER * variance), 0.01 * variance)
-        usable = not np.isnan(at.prediction[i]) and variance > 0.0 and spread[i] > 0.0
+        usable = not np.isnan(at.prediction[i]) and variance > 0.0 and at.spread[i] > 0.0
         share = variance / (variance + error) if usable else 0.0
         w[i] = rows[i, W] - share * residual
         errors[i] = variance * (1.0 - share * (1.0 - 2.0 * at.part[i]))

@@ -90,7 +90,7 @@ def estimate_to(
         rays = np.zeros(len(points), np.int64)
         worth = np.zeros(len(points))
         more = np.full(len(points), min(first_rays(tolerance, len(points)), max_samples))
-        gathered = [np.zeros((len(points), COLUMNS)) for _ in range(tracer.columns)]
+        gathered = [np.zeros((len(points), COLUMNS), np.float32) for _ in range(tracer.columns)]
         for turn in range(_ROUNDS):
             found = list[_Round]()  # lets go of the last ones
             tracer.stage = f"rays, round {turn + 1}"
@@ -107,7 +107,7 @@ def estimate_to(
             beyond = means[column] / goal
             farthest = _FARTHEST if mean_square(error) < _UNEVEN * np.mean(error) ** 2 else _NEAR
             aim = goal * (_AIM if beyond < farthest else beyond ** (2 / 3))
-            raw = gathered[column][:, W]
+            raw = np.ascontiguousarray(gathered[column][:, W])
             fall = fall_of(neighbours, raw, probes.level(raw, worth, column), means[column], aim)
             more = np.minimum(rays_to_add(error, worth, max_samples, aim, fall, tracer.threads), max_samples - rays)
         if means[column] <= goal:  # points that are expected to be far off meet the tolerance by rays of their own
@@ -135,7 +135,7 @@ def estimate_to(
 def _add_rays(
     tracer: Tracer,
     points: Points,
-    gathered: list[Float64s],
+    gathered: list[Float32s],
     counts: tuple[Int64s, Float64s],
     more: Int64s,
     key: np.uint32,
@@ -184,7 +184,7 @@ class _Round(NamedTuple):
         cls,
         points: Points,
         neighbours: Neighbours,
-        rows: Float64s,
+        rows: Float32s,
         worth: Float64s,
         probes: Probes,
         column: int,
@@ -198,16 +198,16 @@ class _Round(NamedTuple):
         probes.add_where_error_is_largest(error)
         return cls(w, error, probes.calibrate(error, w, column))
 
-    def errs_by_more(self, limit: float, neighbours: Neighbours, rows: Float64s, level: float) -> Bools:
+    def errs_by_more(self, limit: float, neighbours: Neighbours, rows: Float32s, level: float) -> Bools:
         """The points (k,) that are expected to; where w differs from the neighbours' by more, their own rays decide.
 
         Args: level: mean square error of w in `rows` (k, COLUMNS).
         """
-        (nearby,) = neighbours.means((self.w.astype(np.float32), 0.0))
+        nearby = neighbours.means(self.w.astype(np.float32), 0.0)
         alone = np.minimum(distribute_variance(rows[:, BATCH_VARIANCE], level), (self.w - nearby) ** 2)
         return np.asarray(np.maximum(self.error, np.nan_to_num(alone)) > limit**2)
 
-    def by_own_rays(self, again: Int64s, rows: Float64s, worth: Float64s, probes: Probes, column: int) -> "_Round":
+    def by_own_rays(self, again: Int64s, rows: Float32s, worth: Float64s, probes: Probes, column: int) -> "_Round":
         """With the points `again` (j,) as their rows say it, without denoising."""
         if not len(again):
             return self

@@ -5,14 +5,26 @@ neighbours (weighted least squares over the tangent plane): linear functions ove
 """
 
 from dataclasses import replace
+from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.kernel.arrays import unrefcounted_view
+from raytrace.kernel.arrays import aligned, unrefcounted_view
 from raytrace.kernel.jit import inline, kernel
-from raytrace.kernel.vector import dot, load, store, subtract, tangents
+from raytrace.kernel.simd import (
+    WIDE,
+    gather,
+    gather3,
+    lane_numbers,
+    load_row,
+    pick,
+    select,
+    store_row,
+)
+from raytrace.kernel.vector import dot, scale, subtract, tangents
 from raytrace.system.threads import run_blocks
-from raytrace.types import Float64s, Int32s
+from raytrace.types import AnyFloats, Float32s, Float64s, Int32s
 
 from ..points.points import Points
 from .cells import Cells
@@ -20,25 +32,48 @@ from .one_ring import Neighbours
 
 _BLOCK, _SHARE = 1 << 10, 16  # points, and blocks at once
 _MOST = 32  # cells that a prediction looks at
+_RIDGE = np.float32(0.02)
+ZERO, ONE = np.float32(0.0), np.float32(1.0)
 
 
 def upsample(
-    points: Points, cell: Int32s, graph: Neighbours, centres: Points, values: Float64s, variances: int = 0
-) -> Float64s:
+    points: Points, cell: Int32s, graph: Neighbours, centres: Points, values: AnyFloats, variances: int = 0
+) -> Float32s:
     """Values (k, c) at `points` from the values (b, c) at the centres of their cells.
 
     Args: cell: (k,), of each point. graph: of the cells. variances: how many of the last columns are variances.
     """
-    out = np.empty((len(points), values.shape[1]))
-    nodes = centres.origins, centres.normals, graph.starts, graph.indices
+    out = np.empty((len(points), values.shape[1]), np.float32)
+    origins = aligned(centres.origins.shape, np.float32)
+    normals = aligned(centres.normals.shape, np.float32)
+    origins[:], normals[:] = centres.origins, centres.normals
+    links = graph.starts.astype(np.int32), graph.indices
+    nodes = _Nodes(origins, normals, *links, np.ascontiguousarray(values, np.float32))
 
     def work(first: int, last: int) -> None:
-        scratch = np.empty((_MOST, 4))
+        scratch = _Samples(aligned((_MOST, WIDE), np.int32), aligned((4 * _MOST, WIDE), np.float32))
         rows = points[first:last].arrays, cell[first:last]
-        _upsample(*rows, nodes, values, values.shape[1] - variances, scratch, out[first:last])
+        _upsample(*rows, nodes, values.shape[1] - variances, scratch, out[first:last])
 
     run_blocks(len(points), _BLOCK, work, graph.threads, most=_SHARE)
     return out
+
+
+class _Nodes(NamedTuple):
+    """The centres of b cells, their one-rings, and values (b, c)."""
+
+    origins: Float32s
+    normals: Float32s
+    starts: Int32s
+    indices: Int32s
+    values: Float32s
+
+
+class _Samples(NamedTuple):
+    """What sixteen points look at: their own cells, then neighbours of these, those that are missing with weight 0."""
+
+    cells: Int32s  # (_MOST, WIDE)
+    placed: Float32s  # (4 _MOST, WIDE), for each their positions relative to the points, and weights
 
 
 def extrapolate(points: Points, cells: Cells, graph: Neighbours, values: Float64s) -> Float64s:
@@ -63,82 +98,105 @@ def extrapolate(points: Points, cells: Cells, graph: Neighbours, values: Float64
     away *= np.minimum(1.0, edge[own] / distance)[:, None]
     moved = replace(moved, origins=(positions[own] + away).astype(np.float32))
     rows = np.empty((len(points), values.shape[1]))
-    values = np.ascontiguousarray(values)
     rows[cells.centres] = values
     rows[wanted] = upsample(moved, own, graph, centres, values, variances=1)
     return rows
 
 
 @kernel
-def _upsample(points, cell, nodes, values, plain, scratch, out):
-    """Write values at the points; the columns from `plain` on are variances.
-
-    Args: nodes: the cells' centres: `origins`, `normals`, `starts` and `indices`.
-    """
+def _upsample(points, cell, nodes, plain, samples, out):
+    """Write values at the points, sixteen at once; the columns from `plain` on are variances."""
     points = unrefcounted_view(points)
     nodes = unrefcounted_view(nodes)
-    starts, indices = nodes[2], nodes[3]
     cell = unrefcounted_view(cell)
-    values = unrefcounted_view(values)
-    scratch = unrefcounted_view(scratch)
+    samples = unrefcounted_view(samples)
     out = unrefcounted_view(out)
-    for row in range(len(cell)):
-        o = cell[row]
-        count, spread = _relative_positions(load(points.origins, row), load(points.normals, row), nodes, o, scratch)
-        own = _weigh_plane_fit(load(points.normals, row), spread, scratch[:count])
-        for column in range(values.shape[1]):
-            total = 0.0
+    columns = nodes.values.shape[1]
+    for begin in range(0, len(cell), WIDE):
+        rows = min(lane_numbers() + begin, len(cell) - 1)
+        normal = _triples(points.normals, rows)
+        count, spread, alike = _find_samples(_triples(points.origins, rows), normal, nodes, gather(cell, rows), samples)
+        own_weight = _weigh_plane_fit(normal, spread, alike, samples.placed, count)
+        own = columns * load_row(samples.cells, 0)
+        for column in range(columns):
+            centre = gather(nodes.values, own + column)
+            total = centre if column < plain else own_weight * own_weight * centre
             for k in range(1, count):
-                value = values[indices[starts[o] + k - 1], column]
-                q = scratch[k, 3]
-                total += q * (value - values[o, column]) if column < plain else q * q * value
-            out[row, column] = total + values[o, column] * (1.0 if column < plain else own * own)
+                value = gather(nodes.values, columns * load_row(samples.cells, k) + column)
+                q = load_row(samples.placed, 4 * k + 3)
+                total += q * (value - centre) if column < plain else q * q * value
+            for lane in range(min(WIDE, len(cell) - begin)):
+                out[begin + lane, column] = pick(total, lane)
 
 
 @inline
-def _relative_positions(p, normal, nodes, o, samples):
-    """Set rows of `samples` to positions relative to a point `p`, and weights by normals, of a cell's centre and its
-    neighbours; their number, and the mean of their squared distances."""
-    origins, normals, starts, indices = nodes
-    count, spread = 0, 0.0
-    for k in range(starts[o] - 1, min(starts[o + 1], starts[o] + _MOST - 1)):
-        c = o if k < starts[o] else indices[k]
-        away = subtract(load(origins, c), p)
-        store(samples, count, away)
-        samples[count, 3] = max(dot(normal, load(normals, c)), 1e-3) ** 8
-        spread += dot(away, away)
-        count += 1
-    return count, max(spread / count, 1e-30)
+def _triples(array, rows):
+    return gather(array, 3 * rows), gather(array, 3 * rows + 1), gather(array, 3 * rows + 2)
 
 
 @inline
-def _weigh_plane_fit(n, spread, samples):
+def _find_samples(p, normal, nodes, own, samples):
+    """Set `samples`, weighted by normals, around points `p` of the cells `own`; the most that a point has, the mean of
+    their squared distances and the sum of their weights."""
+    first = gather(nodes.starts, own)
+    neighbours = gather(nodes.starts, own + 1) - first
+    most = 1
+    for lane in range(WIDE):
+        most = max(most, 1 + int(pick(neighbours, lane)))
+    most = min(most, _MOST)
+    count = ZERO * p[0]
+    spread = total = count
+    for k in range(most):
+        is_there = neighbours >= k
+        cells = own if k == 0 else select(is_there, gather(nodes.indices, select(is_there, first + (k - 1), 0)), own)
+        away = subtract(gather3(nodes.origins, cells), p)
+        alike = max(dot(normal, gather3(nodes.normals, cells)), np.float32(1e-3))
+        alike *= alike
+        alike *= alike
+        store_row(samples.cells, k, cells)
+        for axis in range(3):
+            store_row(samples.placed, 4 * k + axis, away[axis])
+        alike = select(is_there, alike * alike, ZERO)
+        store_row(samples.placed, 4 * k + 3, alike)
+        total += alike
+        count += select(is_there, ONE, ZERO)
+        spread += select(is_there, dot(away, away), ZERO)
+    return most, max(spread / count, np.float32(1e-30)), total
+
+
+@inline
+def _weigh_plane_fit(n, spread, alike, placed, count):
     """Turn positions and weights by normals into weights of samples in the value at 0 of the plane fitted to them over
     coordinates u, v across n; the first one's weight."""
     t, b = tangents(n)
-    s0 = su = sv = suu = suv = svv = 0.0
-    for k in range(len(samples)):
-        away = load(samples, k)
-        u = dot(away, t) / np.sqrt(spread)
-        v = dot(away, b) / np.sqrt(spread)
-        w = samples[k, 3] / (1.0 + dot(away, away) / spread)
-        store(samples, k, (u, v, 0.0))
-        samples[k, 3] = w
+    size = ONE / sqrt(spread)
+    s0 = ZERO * spread
+    su, sv, suu, suv, svv = s0, s0, s0, s0, s0
+    for k in range(count):
+        away = scale(size, (load_row(placed, 4 * k), load_row(placed, 4 * k + 1), load_row(placed, 4 * k + 2)))
+        u = dot(away, t)
+        v = dot(away, b)
+        w = load_row(placed, 4 * k + 3) / alike / (ONE + dot(away, away))  # of sum about 1: no product of three is lost
+        store_row(placed, 4 * k, u)
+        store_row(placed, 4 * k + 1, v)
+        store_row(placed, 4 * k + 3, w)
         s0 += w
         su += w * u
         sv += w * v
         suu += w * u * u
         suv += w * u * v
         svv += w * v * v
-    suu += 0.02 * s0  # a plane through samples in a row, or too few of them, leans no further than they do
-    svv += 0.02 * s0
+    suu += _RIDGE * s0  # a plane through samples in a row, or too few of them, leans no further than they do
+    svv += _RIDGE * s0
     # first row of the inverse moments
     of_value = suu * svv - suv * suv
     of_u = suv * sv - su * svv
     of_v = su * suv - suu * sv
-    determinant = s0 * of_value + su * of_u + sv * of_v
-    own = 1.0
-    for k in range(1, len(samples)):
-        samples[k, 3] *= (of_value + of_u * samples[k, 0] + of_v * samples[k, 1]) / determinant
-        own -= samples[k, 3]
+    size = ONE / (s0 * of_value + su * of_u + sv * of_v)
+    own = ONE + ZERO * spread
+    for k in range(1, count):
+        fitted = of_value + of_u * load_row(placed, 4 * k) + of_v * load_row(placed, 4 * k + 1)
+        w = load_row(placed, 4 * k + 3) * fitted * size
+        store_row(placed, 4 * k + 3, w)
+        own = own - w
     return own

@@ -136,8 +136,8 @@ class Checkpoint:
     def restored(self, work: KeptRowTask, tables: Outputs) -> Bools:
         """Which rows of the work are kept, bool (k,); they are copied into `tables`."""
         is_kept = np.zeros(len(work), np.bool_)
-        name = work.name
         if self._journal:
+            name = work.name
             for block in self._journal.blocks:
                 if block[0] == name:
                     restore(block, self._journal.content(block), work, tables, is_kept)

@@ -92,7 +92,12 @@ def _is_smooth(tree, stack, faces, points, most, block, scratch):
     known = locate(points, middle, SLOTS, -1, edges, weights)
     p, side, axis = point_on(surface, axes, points.face[known], weights)
     reach, bent = 0.0, 0.0
+    step = 1
+    if size > 1 and _is_on_one_face(points, block):
+        step = size - 1  # the block's corners are farthest away
     for k in range(SLOTS if size == 1 else size * size):
+        if k % size % step or k // size % step:
+            continue
         row, point = middle, k
         if size > 1:
             row, point = np.int64(row_of[corner + k // size * points.width + k % size]), SLOTS
@@ -105,6 +110,17 @@ def _is_smooth(tree, stack, faces, points, most, block, scratch):
         if bent >= most:
             return False
     return not _rises(tree, stack, surface, p, side, _AROUND * reach, _SLOPE * most)
+
+
+@inline
+def _is_on_one_face(points, block):
+    """Whether the centres of all texels of a block are in one triangle."""
+    row_of, corner, size, middle = block
+    for k in range(size * size):
+        row = np.int64(row_of[corner + k // size * points.width + k % size])
+        if row < 0 or points.triangle[row, SLOTS] != points.triangle[middle, SLOTS]:
+            return False
+    return True
 
 
 @inline

@@ -10,7 +10,7 @@ from ..kernel.arrays import aligned
 from ..kernel.jit import bind, kernel
 from ..kernel.simd import WIDE
 from ..system.threads import run_blocks, thread_count
-from ..types import Float32s, Int64s
+from ..types import Float32s, Int32s, Int64s
 from .median_splits import median_order
 from .oriented import orient
 
@@ -24,14 +24,14 @@ class BVH16(NamedTuple):
     Unused places hold NaN, which compares as false.
 
     Attributes:
-        triangles: float32 (leaves, 9, 16), the corners' coordinates. rows: int64 (leaves, 16), which faces they are.
+        triangles: float32 (leaves, 9, 16), the corners' coordinates. rows: int32 (leaves, 16), which faces they are.
         boxes: float32 (nodes, 6, 16), centres and half sides of a node's children; levels follow each other upwards.
         starts: int64 (levels + 1,), the first node of each level, the lowest one's children being leaves.
         axes: float32 (nodes, 9, 16), three unit vectors, along which the boxes' sides are; None if all are aligned.
     """
 
     triangles: Float32s
-    rows: Int64s
+    rows: Int32s
     boxes: Float32s
     starts: Int64s
     axes: Float32s | None
@@ -55,7 +55,7 @@ class BVH16(NamedTuple):
                 break
         boxes = aligned((starts[-1], 6, WIDE), np.float32)
         np.concatenate(levels, out=boxes)
-        leaf_faces = np.full((leaves, WIDE), -1)
+        leaf_faces = np.full((leaves, WIDE), -1, np.int32)
         leaf_faces.ravel()[: len(order)] = order
         return cls(triangles, leaf_faces, *orient(triangles, boxes, np.array(starts)))
 

@@ -9,19 +9,23 @@ from threading import Event
 
 import numpy as np
 
+from ..kernel.arrays import aligned
 from ..kernel.jit import bind, inline, kernel
-from ..kernel.simd import WIDE
+from ..kernel.simd import WIDE, load_row, pick
 from ..kernel.vector import load_triangle
 from ..system.threads import run_blocks, thread_count
-from ..types import Float32s, Int64s
+from ..types import Float32s, Int32s, Int64s
 
 _LEAST, _PARTS = 1 << 12, 16  # triangles of a part that one thread orders, and how many parts there are at least
 _STACK = 1 << 7
+_ROW = WIDE // 4  # triangles whose records are a row of lanes
 
 
-def median_order(vertices: Float32s, faces: Int64s) -> Int64s:
+def median_order(vertices: Float32s, faces: Int64s) -> Int32s:
     """The order (m,) of `faces` (m, 3) of `vertices` (n, 3)."""
-    records = np.empty((len(faces), 4), np.float32)  # centroids, and whose they are: moved together
+    # Centroids, and whose they are, moved together, in whole rows of lanes; what is left of the last compares as false.
+    records = aligned((-(-len(faces) // _ROW) * _ROW, 4), np.float32)
+    records[len(faces) :] = np.nan
     numbers = records.view(np.int32)
     threads = thread_count(None)
     run_blocks(len(faces), _LEAST, bind(_find_centroids, vertices, faces, records, numbers), threads)
@@ -44,7 +48,7 @@ def median_order(vertices: Float32s, faces: Int64s) -> Int64s:
             ordered[number].set()
 
     run_blocks(len(parts), 1, divide, threads)
-    return numbers[:, 3].astype(np.int64)
+    return numbers[: len(faces), 3].copy()
 
 
 def _middle(start: int, stop: int) -> int:
@@ -98,14 +102,18 @@ def _split(records, numbers, start, stop):
 @inline
 def _longest_axis(records, start, stop):
     """The axis along which the centroids of a part extend farthest."""
-    low = np.full(3, np.inf, np.float32)
-    high = np.full(3, -np.inf, np.float32)
-    for k in range(start, stop):
-        for axis in range(3):
-            x = records[k, axis]
-            low[axis] = min(low[axis], x)
-            high[axis] = max(high[axis], x)
-    return np.argmax(high - low)
+    low = high = load_row(records, start // _ROW)
+    for row in range(start // _ROW + 1, -(-stop // _ROW)):
+        here = load_row(records, row)
+        low = min(here, low)
+        high = max(here, high)
+    longest, most = 0, np.float32(-1.0)
+    for axis in range(3):
+        least = min(min(pick(low, axis), pick(low, axis + 4)), min(pick(low, axis + 8), pick(low, axis + 12)))
+        last = max(max(pick(high, axis), pick(high, axis + 4)), max(pick(high, axis + 8), pick(high, axis + 12)))
+        if last - least > most:
+            longest, most = axis, last - least
+    return longest
 
 
 @inline

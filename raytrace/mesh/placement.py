@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..kernel.arrays import product
+from ..system.threads import run_blocks, thread_count
 from ..types import Float32s, Float64s
 from .mesh import Mesh
 
@@ -22,6 +23,7 @@ FAR = 64.0  # times the median distance from the median vertex: what is farther 
 NEAR = 8.0  # what coordinates count for at least where bounds of errors are cut off
 _LARGEST = 36  # binary exponent of coordinates; products of three are float32 numbers
 _SAMPLE = 1 << 12  # vertices that say where most are
+_BLOCK = 1 << 14  # vertices
 LEAST = 2.0**-16  # what coordinates count for at least: double precision rounds, too, where a mesh is placed
 
 
@@ -54,8 +56,14 @@ class RenderSpace:
 
     def place(self, vertices: Float64s) -> Float32s:
         """Vertices (k, 3) in render space."""
-        with np.errstate(over="ignore"):
-            return to_single((vertices - self.centre) * self.scale)
+        placed = np.empty(vertices.shape, np.float32)
+
+        def place_some(first: int, last: int) -> None:
+            with np.errstate(over="ignore"):
+                placed[first:last] = to_single((vertices[first:last] - self.centre) * self.scale)
+
+        run_blocks(len(vertices), _BLOCK, place_some, thread_count(None))
+        return placed
 
 
 def to_single(placed: Float64s) -> Float32s:

@@ -167,7 +167,7 @@ def find_contacts(
         uncertain = np.flatnonzero((surface.rounding > least) & (surface.rounding <= limit))
         if len(uncertain):
             some = BVH16.of(surface.vertices.astype(np.float32), surface.faces[uncertain])
-            some = some._replace(rows=np.where(some.rows < 0, -1, uncertain[some.rows]))
+            some = some._replace(rows=np.where(some.rows < 0, -1, uncertain[some.rows]).astype(np.int32))
             contacts.append(_find(some, surface, around, limit))
         least = limit
     joined = Contacts(*(np.concatenate(column) for column in zip(*contacts, strict=True)))

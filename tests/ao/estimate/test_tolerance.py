@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from meshes import hills
@@ -108,11 +110,14 @@ def test_what_varies_linearly_is_filled_in_exactly() -> None:
     rows = cells.centres
     joined = cells.joined(near, receivers.points.normals[rows])
     place = receivers.points.origins.astype(np.float64)
-    value = np.column_stack([0.2 + 0.3 * place[:, 0] - 0.1 * place[:, 1], np.full(400, 0.7)])
+    value = np.column_stack([0.2 + 0.3 * place[:, 0] - 0.1 * place[:, 1], np.full(400, 0.75)])
     filled = upsample(receivers.points, cells.cell, joined, receivers.points[rows], value[rows])
     assert np.abs(filled[:, 0] - value[:, 0]).max() < 0.02  # on the rim it leans on one side
     assert rms(filled[:, 0] - value[:, 0]) < 0.004
     np.testing.assert_array_equal(filled[:, 1], value[:, 1])
+    opposed = replace(receivers.points, normals=-receivers.points.normals)  # all weights are as small as they can be
+    again = upsample(opposed, cells.cell, joined, receivers.points[rows], value[rows])
+    np.testing.assert_allclose(again, filled, atol=1e-5)
 
 
 def test_a_part_without_a_baked_point_is_baked() -> None:
