@@ -203,9 +203,9 @@ class _Round(NamedTuple):
 
         Args: level: mean square error of w in `rows` (k, COLUMNS).
         """
-        nearby = neighbours.means(self.w.astype(np.float32), 0.0)
-        alone = np.minimum(distribute_variance(rows[:, BATCH_VARIANCE], level), (self.w - nearby) ** 2)
-        return np.asarray(np.maximum(self.error, np.nan_to_num(alone)) > limit**2)
+        unlike = (self.w - neighbours.means(self.w.astype(np.float32), 0.0)) ** 2
+        variance = distribute_variance(rows[:, BATCH_VARIANCE].astype(np.float64), level)
+        return np.asarray((self.error > limit**2) | (np.minimum(variance, unlike) > limit**2))
 
     def by_own_rays(self, again: Int64s, rows: Float32s, worth: Float64s, probes: Probes, column: int) -> "_Round":
         """With the points `again` (j,) as their rows say it, without denoising."""
