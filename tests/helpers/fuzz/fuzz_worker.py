@@ -82,8 +82,8 @@ def consume(family, path, made, index):
         baked = ao.bake(file.mesh, samples=4, threads=1)
         if not ((baked.w >= 0) & (baked.w <= 1)).all():
             raise Finding("w is not in [0, 1]")
-        for ending in ("ply", "npz"):
-            write(made / f"made.{ending}", baked, file, colors=ending == "ply")
+        write(made / "made.npz", baked, file)
+        write(made / "made.ply", baked, file, colors="rgb")
         load(made / "made.ply")
         with suppress(OptionError):  # coordinates beyond float32
             write(made / "made.glb", baked, file, colors="rgb")
