@@ -28,7 +28,8 @@ import fuzz_structure
 from fuzz_sandbox import memory, modest, prepared, reset_peak, silent, watch
 from fuzz_structure import Finding
 
-SECONDS = 10  # of processor time for one input, or one command
+SECONDS = 10  # of processor time for one input
+COMMAND_SECONDS = 20  # for one command: a scene of 28,000 instances takes some 9, while others run 14
 SPARE = 2 << 30  # address space beyond what the process has once it is warm
 CONSTANT, FACTOR = 64 << 20, 256  # an input of k bytes may take CONSTANT + FACTOR k bytes
 PICTURES = ("png", "jpeg", "exr", "tiff", "pictures")
@@ -157,7 +158,7 @@ def commanded(family, path, made, chance, opened):
         warnings.simplefilter("error")
         for arguments, target in fuzz_structure.commands(family, path, made, chance):
             size = path.stat().st_size >> 20  # a file of many megabytes may take its time
-            signal.setitimer(signal.ITIMER_PROF, SECONDS + size)
+            signal.setitimer(signal.ITIMER_PROF, COMMAND_SECONDS + size)
             reset_peak()
             before = memory()
             message, seconds = fuzz_structure.checked_command(arguments, target, made)
