@@ -3,6 +3,7 @@
 import re
 import shlex
 
+import click
 import pytest
 from project import ROOT
 
@@ -34,7 +35,9 @@ CALLS = [(page.name, words) for page in PAGES for words in calls(page.read_text(
 
 
 def parse(words):
-    KNOWN[words[0]].make_context(words[0], words[1:])
+    """Parse below the group, as the program does: a command keeps the names of help that it is first asked with."""
+    above = click.Context(cli.commands, **cli.commands.context_settings)
+    KNOWN[words[0]].make_context(words[0], words[1:], parent=above)
 
 
 @pytest.mark.parametrize(("page", "words"), CALLS, ids=[f"{page}: {shlex.join(words)}" for page, words in CALLS])
