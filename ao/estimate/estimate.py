@@ -30,11 +30,8 @@ from .upsampling import extrapolate
 _BLOCK = 1 << 14  # faces
 _CALIBRATION_SHARE = 32
 _CALIBRATION_LEAST = 128
-_CORNERS = 18  # samples of a folded point, about, half of them as if independent
-_CORNER_SHARE = 8  # of a point's rays, for each of its corner samples, whose mean errs as much as a point's w
+_CORNER_SHARE = 8  # of a point's rays, for each of some 18 corner samples, whose mean errs as much as a point's w
 _CORNER_SHARE_DENOISED = 3  # where the points are denoised
-_KEPT = 0.9  # of the squared tolerance is aimed at for folded and other points together
-_FARTHEST = 4.0  # times the tolerance that folded points may err by, where they are few
 NeighboursOf = Callable[[Int64s], Neighbours]  # from rows (k,), ascending, in that order among each other
 
 
@@ -87,15 +84,6 @@ def traced_twice(
 def rays_per_corner_sample(samples: int, denoised: bool) -> int:
     """Rays of each corner sample where ordinary points get `samples` rays."""
     return -(-samples // (_CORNER_SHARE_DENOISED if denoised else _CORNER_SHARE))
-
-
-def _corner_rays(found: Estimate, folded: int, tolerance: float, most: int) -> int:
-    """Rays of each corner sample by which so many `folded` points beside those `found` leave the tolerance kept."""
-    share = folded / (folded + len(found.rows))
-    rest = _KEPT * tolerance**2 - (1 - share) * float(np.mean(found.variance))
-    error = np.clip(rest / share, tolerance**2 / 2, (_FARTHEST * tolerance) ** 2)  # of each folded point, squared
-    alone = rays_alone(np.sqrt(_CORNERS / 2 * error))
-    return min(max(rays_per_corner_sample(found.mean_samples, True), alone), most)
 
 
 def _calibration_subset(count: int) -> Int64s:
@@ -154,7 +142,7 @@ def estimate(
     elif len(rows):
         found = estimate_to(tracer, ordinary, neighbours_of(rows), tolerance, most, key)
         if len(corners):
-            at_corners = traced_twice(tracer, folded, _corner_rays(found, len(corners), tolerance, most), key)(None)
+            at_corners = traced_twice(tracer, folded, rays_per_corner_sample(found.mean_samples, True), key)(None)
     else:  # rays can be planned by corner samples alone, of which the mean of some 18 is asked for
         alone = Neighbours.of(np.zeros((0, 3), np.int64), folded.normals, tracer.threads)
         at_corners = estimate_to(tracer, folded, alone, min(2 * tolerance, 1.0), most, key)

@@ -6,7 +6,7 @@ is left at each point says how many more rays it gets: rate allocation by a Lagr
 """
 
 import warnings
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -87,76 +87,58 @@ def estimate_to(
     if not tracer.planned:
         probes = Probes(tracer, points, tolerance, max_samples, key)
         goal = tolerance**2 / (1 + probes.doubt)
-        rays = np.zeros(len(points), np.int64)
-        worth = np.zeros(len(points))
+        traced = _Traced(tracer, points)
         more = np.full(len(points), min(first_rays(tolerance, len(points)), max_samples))
-        gathered = [np.zeros((len(points), COLUMNS), np.float32) for _ in range(tracer.columns)]
         for turn in range(_ROUNDS):
             found = list[_Round]()  # lets go of the last ones
             tracer.stage = f"rays, round {turn + 1}"
-            _add_rays(tracer, points, gathered, (rays, worth), more, derive(key, 16 + turn))
-            found = [_Round.of(points, neighbours, rows, worth, probes, column) for column, rows in enumerate(gathered)]
-            means = [float(np.mean(each.error)) for each in found]
-            column = int(np.argmax(means))
-            if means[column] <= goal or (rays >= max_samples).all():
+            traced.add(more, derive(key, 16 + turn))
+            found = [_Round.of(traced, neighbours, probes, column) for column in range(tracer.columns)]
+            if max(each.mean for each in found) <= goal:  # points expected to be far off get rays of their own
+                worst = [each.errs_by_more(_WORST * tolerance, neighbours) for each in found]
+                enough = np.clip(rays_alone(tolerance), traced.rays, max_samples)
+                more = np.where(np.any(worst, axis=0), enough - traced.rays, 0)
+                traced.add(more, derive(key, 16 + _ROUNDS + turn))
+                found = [each.by_own_rays(np.flatnonzero(more), traced, probes) for each in found]
+            if max(each.mean for each in found) <= goal or (traced.rays >= max_samples).all():
                 break
-            error = found[column].error
-            for each, mean in zip(found, means, strict=True):
-                if each is not found[column]:
-                    error = np.maximum(error, each.error * (means[column] / max(mean, 1e-30)))
-            beyond = means[column] / goal
-            farthest = _FARTHEST if mean_square(error) < _UNEVEN * np.mean(error) ** 2 else _NEAR
-            aim = goal * (_AIM if beyond < farthest else beyond ** (2 / 3))
-            raw = np.ascontiguousarray(gathered[column][:, W])
-            fall = fall_of(neighbours, raw, probes.level(raw, worth, column), means[column], aim)
-            more = np.minimum(rays_to_add(error, worth, max_samples, aim, fall, tracer.threads), max_samples - rays)
-        if means[column] <= goal:  # points that are expected to be far off meet the tolerance by rays of their own
-            worst = [
-                each.errs_by_more(_WORST * tolerance, neighbours, rows, probes.level(rows[:, W], worth, column))
-                for column, (each, rows) in enumerate(zip(found, gathered, strict=True))
-            ]
-            more = np.where(np.any(worst, axis=0), np.clip(rays_alone(tolerance), rays, max_samples) - rays, 0)
-            _add_rays(tracer, points, gathered, (rays, worth), more, derive(key, 16 + _ROUNDS))
-            again = np.flatnonzero(more)
-            found = [
-                each.by_own_rays(again, rows, worth, probes, column)
-                for column, (each, rows) in enumerate(zip(found, gathered, strict=True))
-            ]
-        most = int(rays.max())
-        spared = most * len(rays) - int(rays.sum())
+            more = _more_rays(found, traced, neighbours, goal, max_samples)
+        most = int(traced.rays.max())
+        spared = most * len(points) - int(traced.rays.sum())
         tracer.planned = [
-            Estimate(np.column_stack([each.w, rows[:, BENT:]]), each.error, most, spared, each.calibration)
-            for each, rows in zip(found, gathered, strict=True)
+            Estimate(np.column_stack([each.w, each.rows[:, BENT:]]), each.error, most, spared, each.calibration)
+            for each in found
         ]
     planned: list[Estimate] = tracer.planned
     return planned[tracer.column]
 
 
-def _add_rays(
-    tracer: Tracer,
-    points: Points,
-    gathered: list[Float32s],
-    counts: tuple[Int64s, Float64s],
-    more: Int64s,
-    key: np.uint32,
-) -> None:
-    """Trace `more` rays (k,) at the points and put them into the rows (k, COLUMNS) of each falloff, and into `counts`:
-    how many the points have, (k,), and what these are worth, (k,)."""
-    tracer.expected = tracer.rays + int(more.sum())
-    rays, worth = counts
-    for count in (np.flatnonzero(np.bincount(more)[1:]) + 1).tolist():
-        which = np.flatnonzero(more == count)
-        subset = points[which] if len(which) < len(points) else points
+class _Traced:
+    """Rays traced at k points: how many each has, what they are worth, and the rows that they give by each falloff."""
 
-        def added() -> Float64s:
-            return tracer.gather(subset, count, key)  # noqa: B023
+    def __init__(self, tracer: Tracer, points: Points) -> None:
+        self._tracer = tracer
+        self.points = points
+        self.rays = np.zeros(len(points), np.int64)
+        self.worth = np.zeros(len(points))
+        self.rows = [np.zeros((len(points), COLUMNS), np.float32) for _ in range(tracer.columns)]
 
-        for rows, new in zip(gathered, tracer.each_column(added), strict=True):
-            run_blocks(
-                len(which), _BLOCK, bind(_combine, which, worth, float(count) ** RATE, new, rows), tracer.threads
-            )
-        rays[which] += count
-        worth[which] += float(count) ** RATE
+    def add(self, more: Int64s, key: np.uint32) -> None:
+        """Trace `more` rays (k,) at the points."""
+        tracer = self._tracer
+        tracer.expected = tracer.rays + int(more.sum())
+        for count in (np.flatnonzero(np.bincount(more)[1:]) + 1).tolist():
+            which = np.flatnonzero(more == count)
+            subset = self.points[which] if len(which) < len(self.points) else self.points
+
+            def added() -> Float64s:
+                return tracer.gather(subset, count, key)  # noqa: B023
+
+            for rows, new in zip(self.rows, tracer.each_column(added), strict=True):
+                combine = bind(_combine, which, self.worth, float(count) ** RATE, new, rows)
+                run_blocks(len(which), _BLOCK, combine, tracer.threads)
+            self.rays[which] += count
+            self.worth[which] += float(count) ** RATE
 
 
 @kernel
@@ -173,44 +155,57 @@ def _combine(which, worth, more, new, rows, first, last):
 
 
 class _Round(NamedTuple):
-    """The estimate by what is gathered, its errors scaled to what the probes measure."""
+    """The estimate by the rays of one falloff so far, its errors scaled to what the probes measure."""
 
-    w: Float64s  # (k,)
+    column: int  # which falloff
+    rows: Float32s  # (k, COLUMNS), of the rays alone
+    level: float  # mean square error of w in these
+    w: Float64s  # (k,), denoised
     error: Float64s  # (k,), squared, expected
     calibration: Calibration
 
     @classmethod
-    def of(
-        cls,
-        points: Points,
-        neighbours: Neighbours,
-        rows: Float32s,
-        worth: Float64s,
-        probes: Probes,
-        column: int,
-    ) -> "_Round":
-        level = probes.level(rows[:, W], worth, column)
+    def of(cls, traced: _Traced, neighbours: Neighbours, probes: Probes, column: int) -> Self:
+        rows = traced.rows[column]
+        level = probes.level(rows[:, W], traced.worth, column)
 
         def risk(w: Float64s) -> float:
             return probes.mean_squared(w, column)
 
-        w, error = denoise_over_scales(neighbours, points, rows, level, probes.rows, risk)
+        w, error = denoise_over_scales(neighbours, traced.points, rows, level, probes.rows, risk)
         probes.add_where_error_is_largest(error)
-        return cls(w, error, probes.calibrate(error, w, column))
+        return cls(column, rows, level, w, error, probes.calibrate(error, w, column))
 
-    def errs_by_more(self, limit: float, neighbours: Neighbours, rows: Float32s, level: float) -> Bools:
-        """The points (k,) that are expected to; where w differs from the neighbours' by more, their own rays decide.
+    @property
+    def mean(self) -> float:
+        """The mean square error expected."""
+        return float(np.mean(self.error))
 
-        Args: level: mean square error of w in `rows` (k, COLUMNS).
-        """
+    def errs_by_more(self, limit: float, neighbours: Neighbours) -> Bools:
+        """The points (k,) expected to err by more; where w differs from the neighbours' by more, their own rays say."""
         unlike = (self.w - neighbours.means(self.w.astype(np.float32), 0.0)) ** 2
-        variance = distribute_variance(rows[:, BATCH_VARIANCE].astype(np.float64), level)
+        variance = distribute_variance(self.rows[:, BATCH_VARIANCE].astype(np.float64), self.level)
         return np.asarray((self.error > limit**2) | (np.minimum(variance, unlike) > limit**2))
 
-    def by_own_rays(self, again: Int64s, rows: Float32s, worth: Float64s, probes: Probes, column: int) -> "_Round":
-        """With the points `again` (j,) as their rows say it, without denoising."""
+    def by_own_rays(self, again: Int64s, traced: _Traced, probes: Probes) -> Self:
+        """The same with the points `again` (j,), traced since, as their own rays say, without denoising."""
         if not len(again):
             return self
-        self.w[again] = rows[again, W]
-        self.error[again] = TYPICAL / worth[again]
-        return self._replace(calibration=probes.calibrate(self.error, self.w, column))
+        self.w[again] = self.rows[again, W]
+        self.error[again] = TYPICAL / traced.worth[again]
+        return self._replace(calibration=probes.calibrate(self.error, self.w, self.column))
+
+
+def _more_rays(found: list[_Round], traced: _Traced, neighbours: Neighbours, goal: float, max_samples: int) -> Int64s:
+    """Rays (k,) to add so that the mean square error of the falloff that errs most becomes the `goal`, or nearer."""
+    most = max(found, key=lambda each: each.mean)
+    error = most.error
+    for each in found:
+        if each is not most:
+            error = np.maximum(error, each.error * (most.mean / max(each.mean, 1e-30)))
+    beyond = most.mean / goal
+    farthest = _FARTHEST if mean_square(error) < _UNEVEN * np.mean(error) ** 2 else _NEAR
+    aim = goal * (_AIM if beyond < farthest else beyond ** (2 / 3))
+    fall = fall_of(neighbours, np.ascontiguousarray(most.rows[:, W]), most.level, most.mean, aim)
+    more = rays_to_add(error, traced.worth, max_samples, aim, fall, neighbours.threads)
+    return np.minimum(more, max_samples - traced.rays)

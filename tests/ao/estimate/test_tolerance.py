@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from meshes import hills
+from meshes import crumpled, hills
 
 import ao
 from ao.estimate.cells import Cells, nearest_baked
@@ -18,6 +18,7 @@ from benchmarks.accuracy.density import Judgement, Truth
 from raytrace import Mesh, OptionError
 from raytrace.mesh.placement import Placement
 from scenes.geometry.builtin_shapes import temple
+from scenes.geometry.polyhedra import icosphere
 
 MESHES = {"hills": Mesh(*hills(60)), "temple": temple(fineness=0.6)}
 
@@ -49,6 +50,16 @@ def test_the_tolerance_is_kept_and_the_error_estimated(name: str) -> None:
 @pytest.mark.parametrize("name", MESHES)
 def test_the_tolerance_is_kept_over_forty_seeds(name: str) -> None:
     check(name, 40, (0.03, 0.01, 0.005))
+
+
+def test_few_vertices_that_are_far_off_do_not_hide_that_the_tolerance_is_missed() -> None:
+    """A rough sphere, mostly open, whose first rays seem to meet the tolerance."""
+    mesh = Mesh(*crumpled(icosphere(6), 0.1, 5))
+    some = np.arange(len(mesh.vertices)) % 4 == 0
+    truth = ao.bake(mesh, ao.Binary(), samples=1024, seed=1, denoise=False, only=some).w
+    baked = ao.bake(mesh, ao.Binary(), tolerance=0.01)
+    assert rms((baked.w - truth)[some]) < 1.2 * 0.01
+    assert baked.rmse <= 0.01
 
 
 @pytest.mark.parametrize("seed", [1, 2])
