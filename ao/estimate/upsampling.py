@@ -27,13 +27,13 @@ from raytrace.system.threads import run_blocks
 from raytrace.types import AnyFloats, Float32s, Float64s, Int32s
 
 from ..points.points import Points
+from ..rays.ray_blocks import ONE, ZERO
 from .cells import Cells
 from .one_ring import Neighbours
 
 _BLOCK, _SHARE = 1 << 10, 16  # points, and blocks at once
 _MOST = 32  # cells that a prediction looks at
 _RIDGE = np.float32(0.02)
-ZERO, ONE = np.float32(0.0), np.float32(1.0)
 
 
 def upsample(

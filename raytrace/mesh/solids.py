@@ -52,14 +52,14 @@ def inward_looking(vertices: Float32s, faces: Int64s) -> tuple[int, int, float]:
     negative = np.flatnonzero(volume < 0).tolist()
     inward = [number for number in negative if not _is_enclosed(number, vertices, faces, part, volume)]
     _, areas = face_normals(vertices.astype(np.float64), faces)
-    share = areas[np.isin(part[faces[:, 0]], inward)].sum() / areas.sum()
+    share = areas[np.isin(part[faces[:, 0]], inward)].sum() / max(areas.sum(), 1e-300)
     return len(inward), int(np.count_nonzero(volume)), float(share)
 
 
 def inward_warnings(mesh: Mesh, vertices: Float32s | None = None) -> list[str]:
     """A line if closed parts of a mesh look inwards; or none. Args: vertices: of the mesh in render space."""
     inward, closed, share = inward_looking(Placement.of(mesh).vertices if vertices is None else vertices, mesh.faces)
-    if not inward:
+    if not share:
         return []
     which = "its faces look" if closed == 1 else f"{inward:,} of {closed:,} closed parts look"
     remedy = "--flip turns all faces over" if share > 0.5 else "turn only these over, where the mesh was made"

@@ -16,7 +16,7 @@ from ..kernel.jit import bind, inline, kernel
 from ..kernel.vector import add, angle_between, cross, divide, dot, length, load, scale, store, subtract
 from ..mesh.placement import NEAR, ULP
 from ..system.threads import run_blocks, thread_count
-from ..types import Bools, Float64s, Int64s
+from ..types import AnyInts, Bools, Float64s, Int64s
 from .clearance import MANY, outermost_normal
 from .surface import Contacts, Surface
 
@@ -28,7 +28,7 @@ _BLOCK, _MOST = 1 << 7, 16  # points, and blocks at once
 class PointFaces(NamedTuple):
     """Faces at each of k points."""
 
-    faces: Int64s  # of all points one after another, ascending at each
+    faces: AnyInts  # of all points one after another, ascending at each
     starts: Int64s  # (k,), where those of a point begin, and where they end
     ends: Int64s
 

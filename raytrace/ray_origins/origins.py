@@ -57,11 +57,12 @@ def ray_origins(
         clearance = clearance.copy()
         magnitude = magnitude.copy()
         resolve_contacts((directions, clearance, ambiguous), surface, points, touched, face_points, numbers)
-        np.maximum.at(magnitude, touched.point, np.maximum(surface.extent[touched.face], surface.flat[touched.face]))
+        np.maximum.at(magnitude, touched.point, np.maximum(surface.extent, surface.flat)[touched.face])
         offset = ray_offset(directions, magnitude, clearance)
         farther = np.where((reach >= 0.0) & (2.0 * offset > reach), 2.0 * offset, -1.0)
         more = find_contacts(tree, surface, points, farther, face_points, numbers)
-        near = Contacts(*(np.append(a, b) for a, b in zip(near, more, strict=True)))
+        if len(more.point):
+            near = Contacts.joined([near, more])
     ambiguous[blurred] = True
     sharp = np.flatnonzero((reach >= 0.0) & (clearance < SHARP))
     if len(sharp):

@@ -5,6 +5,7 @@ The latter are seams, T-junctions, feet on floors, plates almost in contact.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from ..kernel.simd import lowest_bit
 from ..kernel.vector import cross, length, load, load_triangle, subtract
 from ..mesh.placement import NEAR, TOUCHING, ULP
 from ..system.threads import run_blocks, run_ranges, thread_count
-from ..types import Bools, Float64s, Int64s
+from ..types import Bools, Float64s, Int32s, Int64s
 
 FLAT = 1.0 / 16.0
 _BLOCK, _MOST = 1 << 11, 32  # faces, and blocks at once
@@ -132,11 +133,16 @@ def _magnitudes(extent, face_points, around, magnitude, start, stop):
 
 
 class Contacts(NamedTuple):
-    """Pairs of a point and a face near it, sorted: `point`, `face` int64 (j,), `distance` float64 (j,)."""
+    """Pairs of a point and a face near it, sorted: `point`, `face` int32 (j,), `distance` float64 (j,)."""
 
-    point: Int64s
-    face: Int64s
+    point: Int32s
+    face: Int32s
     distance: Float64s
+
+    @classmethod
+    def joined(cls, parts: Sequence[Contacts]) -> Contacts:
+        """Those of several, one after another."""
+        return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
     def only(self, which: Bools | Int64s) -> Contacts:
         """Some of the pairs, copied; `which` is bool (j,) or their rows."""
@@ -170,7 +176,7 @@ def find_contacts(
             some = some._replace(rows=np.where(some.rows < 0, -1, uncertain[some.rows]).astype(np.int32))
             contacts.append(_find(some, surface, around, limit))
         least = limit
-    joined = Contacts(*(np.concatenate(column) for column in zip(*contacts, strict=True)))
+    joined = Contacts.joined(contacts)
     joined = joined.only(np.lexsort((joined.face, joined.point)))
     rank = np.arange(len(joined.point)) - np.searchsorted(joined.point, joined.point)
     return joined.only(rank < _MOST_CONTACTS)
@@ -191,11 +197,11 @@ def _find(tree: BVH16, surface: Surface, around: _Points, most: float) -> Contac
         parts[start // _SEARCHED] = contacts.only(np.arange(size))  # copies, so that the rest is let go
 
     run_blocks(count, _SEARCHED, search, thread_count(None))
-    return Contacts(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    return Contacts.joined(parts)
 
 
 def _empty(count: int) -> Contacts:
-    return Contacts(np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count))
+    return Contacts(np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count))
 
 
 @inline
@@ -206,7 +212,7 @@ def _beside(p, reach, a, b, c):
 
 @kernel
 def _search(tree, stack, surface, around, most, start, stop, contacts):
-    """Write the contacts of points from `start` to `stop` into `found` as far as they fit; returns their number."""
+    """Write the contacts of points from `start` to `stop` into `contacts` as far as they fit; returns their number."""
     tree = unrefcounted_view(tree)
     surface = unrefcounted_view(surface)
     contacts = unrefcounted_view(contacts)

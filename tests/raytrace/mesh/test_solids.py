@@ -54,3 +54,9 @@ def test_flip_is_advised_where_it_turns_more_of_the_surface_right_than_wrong(rad
     mesh = Mesh(*join([ball(), ball(radius, (3, 0, 0), inverted=True)]))
     (line,) = inward_warnings(mesh)
     assert f"1 of 2 closed parts look inwards, so the inside is baked: {remedy}" in line
+
+
+def test_faces_that_enclose_a_volume_by_rounding_and_have_no_area():
+    far = -(2.0**127)
+    vertices = [(0, 0, 0), (1, 0, 0), (1, 0, 0), (1, 1, far), (3.6e-43, 0.5, 0.25), (2, 0, 0), (9, 9, 9)]
+    assert inward_warnings(Mesh(vertices, [(0, 1, 3), (0, 3, 4), (2, 5, 3)])) == []
