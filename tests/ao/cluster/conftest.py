@@ -4,7 +4,7 @@ import gc
 from pathlib import Path
 
 import pytest
-from clusters import MEDIUM, left_sockets, scheduler
+from clusters import MEDIUM, forked_workers, left_sockets, scheduler
 from parts_of_bakes import bits
 
 __all__ = ["left_sockets"]
@@ -19,6 +19,12 @@ def pytest_collection_modifyitems(items):
     ordered = sorted((items[place] for place in places), key=lambda item: item.path in here)
     for place, item in zip(places, ordered, strict=True):
         items[place] = item
+
+
+@pytest.fixture(scope="package", autouse=True)
+def forked():
+    with forked_workers():
+        yield
 
 
 @pytest.fixture(scope="package")
