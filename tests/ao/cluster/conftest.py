@@ -1,10 +1,11 @@
 """One cluster for all tests here: starting workers takes longer than what they do."""
 
 import gc
+import os
 from pathlib import Path
 
 import pytest
-from clusters import MEDIUM, forked_workers, left_sockets, scheduler
+from clusters import MEDIUM, left_sockets, scheduler
 from parts_of_bakes import bits
 
 __all__ = ["left_sockets"]
@@ -21,10 +22,24 @@ def pytest_collection_modifyitems(items):
         items[place] = item
 
 
+USED = ["ao.baking", "ao.cluster.worker", "ao.texture.bake_texture", "distributed.nanny", "raytrace.renderer.render"]
+
+
 @pytest.fixture(scope="package", autouse=True)
-def forked():
-    with forked_workers():
+def forked_workers():
+    """Workers are forks of one process that has imported what they use: that would take each of them a second."""
+    if os.name == "nt":
         yield
+        return
+    from multiprocessing import forkserver
+
+    config = pytest.importorskip("dask", reason="pip install '.[cluster]'").config
+    utils = pytest.importorskip("distributed.utils")
+    with config.set({"distributed.worker.multiprocessing-method": "forkserver"}):
+        utils.get_mp_context()  # sets modules of its own
+        forkserver.set_forkserver_preload(USED)
+        yield
+    forkserver._forkserver._stop()  # and with it the processor time of what it has forked is known
 
 
 @pytest.fixture(scope="package")

@@ -8,7 +8,6 @@ import time
 from contextlib import contextmanager
 from functools import partial
 from itertools import count
-from multiprocessing import forkserver, get_context
 from pathlib import Path
 from threading import Thread
 
@@ -44,21 +43,6 @@ def all_bits(baked):
 
 LONG = partial(ao.bake, Mesh(*hills(100)), samples=1024)
 LONG_ROWS = 100**2 + 100**2 // 32  # some are traced twice, to calibrate errors
-
-
-USED = ["ao.baking", "ao.cluster.worker", "ao.texture.bake_texture", "distributed.nanny", "raytrace.renderer.render"]
-
-
-@contextmanager
-def forked_workers():
-    """Workers are forks of one process that has imported what they use: that would take each of them a second."""
-    config = pytest.importorskip("dask", reason="pip install '.[cluster]'").config
-    utils = pytest.importorskip("distributed.utils")
-    with config.set({"distributed.worker.multiprocessing-method": "forkserver"}):
-        utils.get_mp_context()  # sets modules of its own
-        get_context("forkserver").set_forkserver_preload(USED)
-        yield
-    forkserver._forkserver._stop()  # and with it the processor time of what it has forked is known
 
 
 @contextmanager

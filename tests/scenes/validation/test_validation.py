@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from math import isinf, log, nan, pi
 
 import numpy as np
 import pytest
 from ray_starts import change_origins, scaled_offsets
-from shared_directions import only_w
+from shared_directions import only_w, prepared
 
 import ao
 from ao.falloff import Binary, Exponential, Linear, Smooth
@@ -26,16 +26,6 @@ SEEDS = 20
 
 def label(line: Configuration) -> str:
     return f"{line.name}, {validation.described(line.falloff)}"
-
-
-@cache
-def prepared_mesh(mesh: Mesh, normals: ao.options.Normals) -> ao.PreparedMesh:
-    return ao.prepare(mesh, normals)
-
-
-def prepared(lines: Sequence[Configuration]) -> list[Configuration]:
-    """The lines, of which all that a bake does before its first ray is done once."""
-    return [replace(line, mesh=prepared_mesh(line.mesh, line.options["normals"])) for line in lines]
 
 
 def test_matches_the_closed_forms() -> None:
