@@ -46,7 +46,7 @@ def check(name: str, seeds: int, tolerances: tuple[float, ...]) -> None:
 
 @pytest.mark.parametrize("name", MESHES)
 def test_the_tolerance_is_kept_and_the_error_estimated(name: str) -> None:
-    check(name, 3, (0.03, 0.01, 0.005))
+    check(name, 5, (0.03, 0.01, 0.005))
 
 
 @pytest.mark.slow
