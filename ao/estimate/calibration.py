@@ -36,15 +36,15 @@ class Calibration(NamedTuple):
         """The points in `count` groups of one size by their estimated error, the least first; none for few points."""
         if len(self.estimated) < 8 * count:
             return []
-        rows = np.array_split(np.argsort(self.estimated, kind="stable"), count)
-        return [self._group(group) for group in rows]
+        groups = np.array_split(np.argsort(self.estimated, kind="stable"), count)
+        return [self._group(group) for group in groups]
 
-    def _group(self, rows: Int64s | slice) -> CalibrationGroup:
-        measured = self.measured[rows]
-        weight = self.weight[rows] / max(float(np.sum(self.weight[rows])), 1e-300)
+    def _group(self, members: Int64s | slice) -> CalibrationGroup:
+        measured = self.measured[members]
+        weight = self.weight[members] / max(float(np.sum(self.weight[members])), 1e-300)
         mean = float(weight @ measured)
         doubt = float(np.sqrt(weight**2 @ measured**2))
-        squares = float(weight @ self.estimated[rows]), mean, mean - doubt, mean + doubt
+        squares = float(weight @ self.estimated[members]), mean, mean - doubt, mean + doubt
         return CalibrationGroup(len(measured), *(float(np.sqrt(max(square, 0.0))) for square in squares))
 
 

@@ -70,9 +70,9 @@ def rays_to_add(error: Float64s, worth: Float64s, most: int, goal: float, fall: 
 
 
 @kernel
-def _plan(error, worth, powers, limits, step, first, last):
+def _plan(error, worth, powers, limits, step, start, stop):
     """The `step` of `_STEPS` by which what each point's rays are worth comes nearest to what is wanted."""
     fall, rate, factor = powers
-    for i in range(first, last):
+    for i in range(start, stop):
         wanted = factor * (max(error[i], _LEAST) * worth[i] ** fall) ** rate - worth[i]
         step[i] = np.searchsorted(limits, wanted)

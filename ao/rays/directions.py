@@ -97,7 +97,7 @@ def _in_blocks(x: Float64s, y: Float64s) -> Int64s:
     columns = max(round(np.sqrt(blocks)), 1)
     order = np.argsort(x, kind="stable")
     ends = [*(round(k * (blocks / columns)) * WIDE for k in range(columns)), blocks * WIDE]
-    parts = (order[first:last] for first, last in pairwise(ends))
+    parts = (order[start:stop] for start, stop in pairwise(ends))
     return np.concatenate([part[np.argsort(y[part], kind="stable")] for part in parts])
 
 

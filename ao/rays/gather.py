@@ -55,14 +55,14 @@ def gather_hemispheres(packet, points, table, falloff, t_max, out):
         sums[:] = 0.0
         valid[:] = -1
         start_from(rays, origins[i])
-        for first in range(0, samples, LANES):
-            lanes = min(LANES, samples - first)
+        for first_ray in range(0, samples, LANES):
+            lanes = min(LANES, samples - first_ray)
             valid[lanes:] = 0
-            aim(rays, local, first, t, b, n, t_max)
+            aim(rays, local, first_ray, t, b, n, t_max)
             trace(packet, fading, falloff, t_max, alpha_rows)
             for lane in range(lanes):
                 if _lost_by_lane(rays, lane, fading, falloff, falloff.columns, alpha_rows, occlusion):
-                    _add(occlusion, table.batches[first + lane], local, first + lane, sums)
+                    _add(occlusion, table.batches[first_ray + lane], local, first_ray + lane, sums)
         _write(out[i], sums, table, chosen, (t, b, n))
 
 

@@ -58,7 +58,7 @@ def leaf_of(layers, tree, node, origin):
     """A leaf of a `BVH16` seen from a point, as `alpha_test` takes it; None where all is opaque."""
     if layers is None:
         return None
-    return layers, tree.rows[node], tree.triangles[node], origin
+    return layers, tree.leaf_faces[node], tree.triangles[node], origin
 
 
 @inline

@@ -53,12 +53,12 @@ def start_from(rays, origin):
 
 
 @inline
-def aim(rays, local, first, t, b, n, t_max):
+def aim(rays, local, first_ray, t, b, n, t_max):
     """Turn eight of the directions `local` about +z, (3, samples), into the frame t, b, n; rays of length `t_max`."""
     for lane in range(LANES):
-        x = local[0, first + lane]
-        y = local[1, first + lane]
-        z = local[2, first + lane]
+        x = local[0, first_ray + lane]
+        y = local[1, first_ray + lane]
+        z = local[2, first_ray + lane]
         rays[packets.DIR_X, lane] = x * t[0] + y * b[0] + z * n[0]
         rays[packets.DIR_Y, lane] = x * t[1] + y * b[1] + z * n[1]
         rays[packets.DIR_Z, lane] = x * t[2] + y * b[2] + z * n[2]

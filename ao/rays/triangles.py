@@ -69,9 +69,9 @@ def _edge_plane(a, b, ab):
     squared_b = dot(b, b)
     near_a = _FOUR * squared_a < squared_b
     near_b = _FOUR * squared_b < squared_a
-    first = choose(near_a, a, choose(near_b, b, ab))
-    second = choose(near_a, b, choose(near_b, scale(-ONE, a), both))
-    return _cross(first, second)
+    one = choose(near_a, a, choose(near_b, b, ab))
+    other = choose(near_a, b, choose(near_b, scale(-ONE, a), both))
+    return _cross(one, other)
 
 
 @inline
@@ -87,20 +87,20 @@ def _cross(a, b):
 @inline
 def _normal(ab, bc, ca):
     """The normal of triangles with these edges: each coordinate from the edges whose products are smaller."""
-    first = _cross(ab, bc)
-    second = _cross(bc, ca)
+    one = _cross(ab, bc)
+    other = _cross(bc, ca)
     return (
-        select(abs(ab[2] * bc[1]) < abs(bc[2] * ca[1]), first[0], second[0]),
-        select(abs(ab[0] * bc[2]) < abs(bc[0] * ca[2]), first[1], second[1]),
-        select(abs(ab[1] * bc[0]) < abs(bc[1] * ca[0]), first[2], second[2]),
+        select(abs(ab[2] * bc[1]) < abs(bc[2] * ca[1]), one[0], other[0]),
+        select(abs(ab[0] * bc[2]) < abs(bc[0] * ca[2]), one[1], other[1]),
+        select(abs(ab[1] * bc[0]) < abs(bc[1] * ca[0]), one[2], other[2]),
     )
 
 
 @inline
-def store_triple(rows, first, v):
-    store_row(rows, first, v[0])
-    store_row(rows, first + 1, v[1])
-    store_row(rows, first + 2, v[2])
+def store_triple(array, row, v):
+    store_row(array, row, v[0])
+    store_row(array, row + 1, v[1])
+    store_row(array, row + 2, v[2])
 
 
 @inline

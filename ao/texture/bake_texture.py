@@ -127,7 +127,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
         mu=prepared.mu,
         mesh=scene.mesh,
         calibration=estimates[0].calibration,
-        **of_columns(prepared, [np.stack(each, axis=-1) for each in zip(*others, strict=True)]),
+        **of_columns(prepared, [np.stack(column_pages, axis=-1) for column_pages in zip(*others, strict=True)]),
         shortfalls=shortfalls(
             options, max(rmses), estimates[0].samples, "texel", scene.solid, prepared.placement.vertices
         ),
@@ -197,21 +197,21 @@ def _estimates(tracer: Tracer, surface: UVSurface, texels: Texels, prepared: Pre
     points = texels.samples.first_points
 
     def by_falloff() -> Estimate:
-        found = estimate(tracer, points, CornerSamples.none(), lambda _: cells(), prepared.options)
-        return _predicted(found, texels, cells) if len(texels) > len(points) else found
+        baked = estimate(tracer, points, CornerSamples.none(), lambda _: cells(), prepared.options)
+        return _predicted(baked, texels, cells) if len(texels) > len(points) else baked
 
     return tracer.each_column(by_falloff)
 
 
 def _predicted(baked: Estimate, texels: Texels, cells: Callable[[], Neighbours]) -> Estimate:
     """Estimates at all texels (k,) from those at the texels that were baked."""
-    count = len(baked.rows)
+    count = len(baked.values)
     cell = texels.cell[count:].astype(np.int32)
-    more = upsample(texels.points[count:], cell, cells(), texels.points[:count], baked.rows)
-    rows = np.concatenate([baked.rows, more])
+    more = upsample(texels.points[count:], cell, cells(), texels.points[:count], baked.values)
+    values = np.concatenate([baked.values, more])
     spared = baked.spared + baked.samples * (len(texels) - count)
     variance = baked.variance[texels.cell]  # measured anywhere in what a texel stands for
-    return baked._replace(rows=rows, variance=variance, spared=spared)
+    return baked._replace(values=values, variance=variance, spared=spared)
 
 
 def _frames(space: BentSpace, surface: UVSurface, texels: Texels) -> Float64s | None:

@@ -103,10 +103,10 @@ class Coverage:
         counts[counts == 0] = SLOTS
         counts[alone] = 1
         starts = np.concatenate([[0], np.cumsum(np.minimum(counts[order], most))])
-        found = PointGroups(starts, np.empty(starts[-1], np.int32), np.empty((starts[-1], 3), np.float32))
-        work = bind(_write_samples, order, alone, self.points, self.listed, found)
+        samples = PointGroups(starts, np.empty(starts[-1], np.int32), np.empty((starts[-1], 3), np.float32))
+        work = bind(_write_samples, order, alone, self.points, self.listed, samples)
         run_blocks(len(order), _BLOCK, work, threads, most=_SHARE)
-        return found
+        return samples
 
     def every_sample(self, threads: int) -> PointGroups:
         """`samples` of all texels, ascending, none of them by their centre."""
@@ -131,22 +131,22 @@ def locate(points, row, k, known, edges, out):
 
 
 @kernel
-def _write_samples(order, alone, points, listed, found, first, last):
+def _write_samples(order, alone, points, listed, samples, start, stop):
     """Write samples of texels in order, as `Coverage.samples` has them."""
     points = unrefcounted_view(points)
     listed = unrefcounted_view(listed)
-    found = unrefcounted_view(found)
+    samples = unrefcounted_view(samples)
     edges = np.empty((3, EDGE))
-    for i in range(first, last):
+    for i in range(start, stop):
         row = order[i]
         known = -1
-        for k in range(found.starts[i + 1] - found.starts[i]):
-            to = found.starts[i] + k
+        for k in range(samples.starts[i + 1] - samples.starts[i]):
+            to = samples.starts[i] + k
             source = listed.starts[row] + k
             if alone[row] or source >= listed.starts[row + 1]:
-                known = locate(points, row, SLOTS if alone[row] else k, known, edges, found.barycentric[to])
-                found.face[to] = points.face[known]
+                known = locate(points, row, SLOTS if alone[row] else k, known, edges, samples.barycentric[to])
+                samples.face[to] = points.face[known]
                 continue
-            found.face[to] = listed.face[source]
+            samples.face[to] = listed.face[source]
             for corner in range(3):
-                found.barycentric[to, corner] = listed.barycentric[source, corner]
+                samples.barycentric[to, corner] = listed.barycentric[source, corner]

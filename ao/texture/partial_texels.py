@@ -75,14 +75,14 @@ def sample_partial(triangles, width, layered, partial, lists, out):
         listed = lists.triangle[lists.starts[i] : lists.starts[i + 1]]
         texel = np.float64(partial.texels[i] % width), np.float64(partial.texels[i] // width)
         points = partial.points[i if len(partial.points) > 1 else 0]
-        found = triangle[i], barycentric[i]
+        texel_samples = triangle[i], barycentric[i]
         if partial.how[i] == LAYERS:
-            counts[i] = _sample_layers(corners, listed, texel, partial.texels[i], points, edges, found)
+            counts[i] = _sample_layers(corners, listed, texel, partial.texels[i], points, edges, texel_samples)
         else:
             offset = partial.offsets[i if len(partial.offsets) > 1 else 0]
-            counts[i] = _sample_area(corners, crowding, listed, texel, offset, (clipped, edges), found)
+            counts[i] = _sample_area(corners, crowding, listed, texel, offset, (clipped, edges), texel_samples)
             if not layered:
-                _bring_to_top(corners, listed, counts[i], edges, found)
+                _bring_to_top(corners, listed, counts[i], edges, texel_samples)
 
 
 @inline

@@ -48,22 +48,22 @@ class Lists(NamedTuple):
 
 
 @kernel
-def count_bands(corners, height, rows, counts):
-    """Add to `counts` how many triangles reach into each band of so many `rows` of a page."""
+def count_bands(corners, height, band_rows, counts):
+    """Add to `counts` how many triangles reach into each band of so many `band_rows` of a page."""
     for t in range(len(corners)):
-        first, last = _rows(corners[t], 0, height)
-        if first < last:
-            for band in range(first // rows, (last - 1) // rows + 1):
+        start, stop = _rows(corners[t], 0, height)
+        if start < stop:
+            for band in range(start // band_rows, (stop - 1) // band_rows + 1):
                 counts[band] += 1
 
 
 @kernel
-def list_bands(corners, height, rows, places, listed):
+def list_bands(corners, height, band_rows, places, listed):
     """List the triangles of each band, ascending, from its place on, which is moved past them."""
     for t in range(len(corners)):
-        first, last = _rows(corners[t], 0, height)
-        if first < last:
-            for band in range(first // rows, (last - 1) // rows + 1):
+        start, stop = _rows(corners[t], 0, height)
+        if start < stop:
+            for band in range(start // band_rows, (stop - 1) // band_rows + 1):
                 listed[places[band]] = t
                 places[band] += 1
 
@@ -189,11 +189,11 @@ def _reach(edges, x, y):
 
 
 @inline
-def _rows(triangle, first, last):
-    """The rows from `first` to `last` that a triangle reaches into: the first, and that after the last."""
+def _rows(triangle, start, stop):
+    """The rows from `start` to `stop` that a triangle reaches into: the first, and that after the last."""
     low = min(triangle[0, 1], triangle[1, 1], triangle[2, 1])
     high = max(triangle[0, 1], triangle[1, 1], triangle[2, 1])
-    return max(np.int64(np.floor(low)), first), min(np.int64(np.ceil(high)), last)
+    return max(np.int64(np.floor(low)), start), min(np.int64(np.ceil(high)), stop)
 
 
 @inline

@@ -40,10 +40,10 @@ def smooth_cells(
     alone = np.zeros(count, np.bool_)
     cell = np.arange(count)
 
-    def work(first: int, last: int) -> None:
+    def work(start: int, stop: int) -> None:
         faces = (smooth.surface, smooth.axes)
         out = (alone, cell)
-        page = row_of[: last * layout.width], first, largest
+        page = row_of[: stop * layout.width], start, largest
         _find_smooth(tree, new_stack(), faces, coverage.points, most, page, out)
 
     run_blocks(layout.height, _ROWS, work, threads)
@@ -59,14 +59,14 @@ def _find_smooth(tree, stack, faces, points, most, page, out):
     tree = unrefcounted_view(tree)
     faces = unrefcounted_view(faces)
     points = unrefcounted_view(points)
-    row_of, first, size = page
+    row_of, first_row, size = page
     alone, cell = unrefcounted_view(out)
     width = points.width
-    last = len(row_of) // width
+    stop_row = len(row_of) // width
     edges = np.empty((3, EDGE))
     weights = np.empty(3)
     while size > 0:
-        for top in range(first, last - size + 1, size):
+        for top in range(first_row, stop_row - size + 1, size):
             for left in range(0, width - size + 1, size):
                 middle = np.int64(row_of[(top + size // 2) * width + left + size // 2])
                 if middle < 0 or alone[middle]:
@@ -130,7 +130,7 @@ def _rises(tree, stack, surface, p, side, reach, slope):
     leaf, near = next_leaf(tree, stack, around)
     while near != 0:
         while near != 0:
-            f = tree.rows[leaf, lowest_bit(near)]
+            f = tree.leaf_faces[leaf, lowest_bit(near)]
             near &= near - 1
             a, b, c = load_triangle(surface.vertices, surface.faces, f)
             to_a = subtract(a, p)

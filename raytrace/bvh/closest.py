@@ -4,7 +4,7 @@ around = begin(tree, stack, point, radius)
 leaf, near = next_leaf(tree, stack, around)
 while near != 0:
     while near != 0:
-        face = tree.rows[leaf, lowest_bit(near)]
+        face = tree.leaf_faces[leaf, lowest_bit(near)]
         near &= near - 1
         ...
     leaf, near = next_leaf(tree, stack, around)
@@ -113,7 +113,7 @@ def _search(tree, stack, surface, points, radius, match, face, weights):
             leaf, near = next_leaf(tree, stack, around)
             while near != 0:
                 while near != 0:
-                    f = tree.rows[leaf, lowest_bit(near)]
+                    f = tree.leaf_faces[leaf, lowest_bit(near)]
                     near &= near - 1
                     if of_face[f] != group[i]:
                         continue

@@ -32,9 +32,9 @@ def orient(triangles: Float32s, boxes: Float32s, starts: Int64s) -> tuple[Float3
     axes = aligned((len(boxes), 9, WIDE), np.float32)
     span = 1
     oriented[:], threads = boxes, thread_count(None)
-    for first, last in pairwise(starts):
+    for start, stop in pairwise(starts):
         children = -(-len(triangles) // span)
-        level = (axes[first:last], oriented[first:last])
+        level = (axes[start:stop], oriented[start:stop])
         span = span * WIDE
         run_blocks(children, max(_LEAVES * WIDE // span, 1), partial(_turn, triangles, span // WIDE, *level), threads)
     fewer = _overlap(triangles, oriented[: starts[1]], axes[: starts[1]]) * _GAIN < overlap
@@ -68,10 +68,10 @@ def _count_around(points, boxes, axes):
 
 
 @kernel
-def _covariances(triangles, span, first, out):
-    """Write those of the corners in every `span` leaves, up to their number, from the `first` ones on."""
+def _covariances(triangles, span, first_child, out):
+    """Write the covariances, up to a factor, of the corners in `span` leaves of each child, from `first_child` on."""
     for row in range(len(out)):
-        k = first + row
+        k = first_child + row
         corners = 0
         total = np.zeros(3)
         offset = np.zeros(3)
