@@ -60,7 +60,7 @@ class Cells(NamedTuple):
 
     @classmethod
     def about_four(cls, neighbours: Neighbours) -> Self:
-        """Cells of about four points: every fourth one and those a few edges away; of one where none is so near."""
+        """Cells of about four points: every fourth and the points a few edges away; of one where none is so near."""
         points = np.arange(len(neighbours.starts) - 1, dtype=np.int32)
         nearest = np.where(points % _CELL == 0, points, np.int32(-1))
         for _ in range(_STEPS):
@@ -69,7 +69,7 @@ class Cells(NamedTuple):
         return cls.of(np.where(nearest < 0, points, nearest))
 
     def joined(self, neighbours: Neighbours, normals: Float32s) -> Neighbours:
-        """The graph of the cells, neighbours where points of theirs are. Args: normals: float32 (c, 3)."""
+        """The graph of the cells, neighbours where points of two cells are. Args: normals: float32 (c, 3)."""
         if len(self.centres) == len(self.cell):
             return neighbours
         links = neighbours.starts, neighbours.indices, self
@@ -86,7 +86,7 @@ class Cells(NamedTuple):
 
 @kernel
 def _step(starts, indices, weights, before, nearest, start, stop):
-    """Give points without a centre that of the most similar neighbour that had one `before`, the first of these."""
+    """Give points without a centre the centre that their most similar neighbour had `before`, the least of several."""
     for i in range(start, stop):
         most = np.float32(-1.0)
         for k in range(starts[i], starts[i + 1]):
@@ -99,7 +99,7 @@ def _step(starts, indices, weights, before, nearest, start, stop):
 
 @kernel
 def _list_links(starts, indices, cells, listed, ends, start, stop):
-    """List the cell beyond each link out of a cell from listed[c] on, or count these links: listed[c + 1]."""
+    """List the cell beyond each link out of a cell from listed[c] on, or count the links: listed[c + 1]."""
     cells = unrefcounted_view(cells)
     for c in range(start, stop):
         count = 0

@@ -32,13 +32,14 @@ _CALIBRATION_SHARE = 32
 _CALIBRATION_LEAST = 128
 _CORNER_SHARE = 8  # of a point's rays, for each of some 18 corner samples, whose mean errs as much as a point's w
 _CORNER_SHARE_DENOISED = 3  # where the points are denoised
-NeighboursOf = Callable[[Int64s], Neighbours]  # from rows (k,), ascending, in that order among each other
+NeighboursOf = Callable[[Int64s], Neighbours]  # neighbours among the points of rows (k,), ascending
 
 
 def traced_twice(
     tracer: Tracer, points: Points, samples: int, key: np.uint32, later: int = 0
 ) -> Callable[[Neighbours | None], Estimate]:
-    """Trace `points`, some of them twice to calibrate the error; what makes estimates, denoised if given neighbours.
+    """Trace `points`, some twice to calibrate the error; returns a function that makes estimates of what was traced,
+    denoised if it is given neighbours.
 
     Args: later: rays that are to follow.
     """
@@ -93,7 +94,7 @@ def _calibration_subset(count: int) -> Int64s:
 
 
 def edges_of(points: Points, of_vertex: Int64s, faces: Int64s, tracer: Tracer) -> NeighboursOf:
-    """Neighbours along the edges of `faces` (m, 3); kept where several falloffs need them.
+    """Neighbours along the edges of `faces` (m, 3), kept where several falloffs need the same.
 
     Args: of_vertex: (n,), the row in `points` of each vertex, −1 for none.
     """
@@ -125,7 +126,7 @@ def _look_up(row_of_vertex, faces, corners, start, stop):
 def estimate(
     tracer: Tracer, points: Points, corners: CornerSamples, neighbours_of: NeighboursOf, options: Options
 ) -> Estimate:
-    """Estimates at all `points` (k,), with a number of rays each that is given or meets the tolerance."""
+    """Estimates at all `points` (k,), with the number of rays each that `options` give, or that meets the tolerance."""
     ordinary_rows = np.delete(np.arange(len(points)), corners.point_rows)
     ordinary, folded = points[ordinary_rows] if len(corners) else points, corners.points
     most, tolerance, key = options.rays, options.tolerance, seed_key(options.seed)
@@ -161,7 +162,7 @@ def estimate(
 def estimate_outside(
     tracer: Tracer, points: Points, corners: CornerSamples, neighbours_of: NeighboursOf, inside: Bools, options: Options
 ) -> tuple[Estimate, int]:
-    """`estimate` where points `inside` (k,) are filled from the nearest points outside; how many were not traced.
+    """`estimate` where points `inside` (k,) are filled from the nearest points outside; and how many were not traced.
 
     Points from which no path of edges leads out are traced.
     """

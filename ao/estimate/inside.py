@@ -95,8 +95,8 @@ def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Boo
 def _find_hidden(packet, points, table, solids, hidden):
     """Whether over half of each point's rays end on the back of a face, bool (k,); no more are traced than decide.
 
-    Args: solids: the part (m,) that each face bounds, −1 for none; the part (k,) of each point, which does not hide it;
-        the rays' length.
+    Args: solids: the part (m,) that each face bounds, −1 for none; the part (k,) of each point, whose faces do not
+        hide it; the rays' length.
     """
     packet = unrefcounted_view(packet)
     points = unrefcounted_view(points)
@@ -140,8 +140,8 @@ def _solids(vertices: Float32s, faces: Int64s) -> tuple[Int64s, Bools]:
 
 
 def holes(mesh: Mesh) -> list[str]:
-    """What it means, in words, if there are edges at which more faces run one way than the other; vertices at the same
-    place are one."""
+    """What open edges of a `mesh` mean, in words: edges at which more faces run one way than the other. Vertices at the
+    same place are one."""
     corners = coincident(Placement.of(mesh).vertices, mesh.faces)[mesh.faces]
     a = corners.ravel()
     b = corners[:, [1, 2, 0]].ravel()

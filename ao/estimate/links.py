@@ -22,7 +22,7 @@ def linked(here: AnyInts, there: AnyInts, normals: Float32s, threads: int) -> Ne
 
 
 def _among(graph: csr_array, normals: Float32s, threads: int, point_rows: Int64s) -> Neighbours:
-    """The neighbours among some points, `point_rows` (k,)."""
+    """The neighbours among the points of `point_rows` (k,)."""
     part = graph[point_rows][:, point_rows] if len(point_rows) < len(normals) else graph
     starts = part.indptr.astype(np.int64)
     indices = part.indices.astype(np.int32)

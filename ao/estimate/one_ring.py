@@ -17,7 +17,7 @@ _NOTHING = np.float32(1e-6)  # of weight
 _CREASE = 16  # power of n·n' by which a neighbour counts less
 _BLOCK, _MOST = 1 << 11, 16  # points, and blocks at once
 _FEW = 32  # ends of edges at a point that are looked through
-_PART = 1 << 11  # points for each thread: to wake one for fewer takes longer than they do
+_PART = 1 << 11  # points for each thread: to wake a thread for fewer takes longer than their work
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class Neighbours:
 
     starts: Int64s
     indices: Int32s
-    weights: Float32s  # 1 for a neighbour of the same normal, half of it along an edge with one face
+    weights: Float32s  # 1 for a neighbour of the same normal, half along an edge with one face
     threads: int
 
     @classmethod
@@ -115,7 +115,7 @@ class Neighbours:
 
 @kernel
 def _list_ends(faces, places, ends, start, stop):
-    """Write ends of edges at each point from its place on, unless they are only counted, and move that past them."""
+    """Write the ends of edges at point i from places[i] on, or count them, without `ends`; move places[i] past them."""
     for f in range(len(faces)):
         for k in range(3):
             i = faces[f, k]

@@ -15,9 +15,9 @@ from .calibration import Calibration, calibration_factor
 from .sampling_error import BATCH, RATE, derive, rays_alone, sampling_variance, stratified_rows
 
 _PROBED, _FEWEST, _MOST = 16, 96, 1024  # one point in how many is probed, at least and at most
-_LARGEST, _MORE = 0.05, 0.25  # part of the points that have the largest errors expected, and of as many probes more
-_EXPECTED = 16  # probes that errors expected of these are worth
-_SAMPLED = 1 << 14  # points by which these are told from others
+_LARGEST, _MORE = 0.05, 0.25  # part of the points that count as largest errors; probes among them, to the other probes
+_EXPECTED = 16  # probes that the expected largest errors are worth
+_SAMPLED = 1 << 14  # points by which the largest errors are told from others
 _SCATTER = 5.0  # variance of a squared error that two estimates with as large an error measure, relative to its square
 _PRIOR = 64  # probes that what is expected of their noise is worth
 
@@ -40,7 +40,7 @@ class Probes:
         self._elsewhere = [(one[1], other[1]) for one, other in traced]
 
     def _trace(self, point_rows: Int64s) -> list[tuple[tuple[Float64s, Float64s], tuple[Float64s, Float64s]]]:
-        """For each falloff two independent estimates at points, and elsewhere in what these stand for."""
+        """For each falloff two independent estimates at points, and elsewhere in what the points stand for."""
         probed = self._points[point_rows]
 
         def traced(salt: int) -> tuple[Float64s, Float64s]:
@@ -74,7 +74,7 @@ class Probes:
 
     @property
     def doubt(self) -> float:
-        """Standard error of the mean square error that is measured, relative to it."""
+        """Standard error of the measured mean square error, relative to that."""
         return float(np.sqrt(_SCATTER / len(self.point_rows)))
 
     def mean_squared(self, w: Float64s, column: int) -> float:

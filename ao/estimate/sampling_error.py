@@ -5,9 +5,9 @@ import numpy as np
 from raytrace.sampling.sequences import hash32_array
 from raytrace.types import Float64s, Int64s
 
-BATCH = 4  # rays are added in multiples of these
+BATCH = 4  # rays are added in multiples of it
 RATE = 1.5  # the variance of n rays falls as n^−1.5
-TYPICAL, PRIOR = 0.09, 8  # variance of n rays · n^1.5, and how many points that is worth: a few may agree by luck
+TYPICAL, PRIOR = 0.09, 8  # variance of n rays · n^1.5, and how many points this prior is worth: a few may agree by luck
 
 
 def sampling_variance(one: Float64s, other: Float64s, rays: int) -> float:
@@ -17,7 +17,7 @@ def sampling_variance(one: Float64s, other: Float64s, rays: int) -> float:
 
 
 def rays_alone(tolerance: float) -> int:
-    """Rays by which a point errs by the `tolerance` without any other's."""
+    """Rays by which a point errs by the `tolerance` without help from other points'."""
     enough = float(TYPICAL / tolerance**2) ** (1 / RATE)
     return int(BATCH * max(round(enough / BATCH), 1))
 

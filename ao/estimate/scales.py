@@ -3,8 +3,8 @@
 Points are joined into cells of four, cells into larger ones, and values averaged over each. Every level is denoised
 by its own one-rings (`shrinkage`); from the coarsest down, what a level says is then shrunk towards what the level
 above predicts for it, by weights from the residuals around each point (James–Stein): where w bends within a cell, the
-residuals exceed the noise and the finer level stays; where it does not, the coarser one is taken, whose noise is less.
-Like shrinkage of wavelets with local variances (Mıhçak, Kozintsev, Ramchandran & Moulin 1999).
+residuals exceed the noise and the finer level stays; where it does not, the coarser level is taken, which has less
+noise. Like shrinkage of wavelets with local variances (Mıhçak, Kozintsev, Ramchandran & Moulin 1999).
 """
 
 from collections.abc import Callable, Iterator
@@ -32,10 +32,10 @@ from .upsampling import upsample
 _LEVELS = 3  # above the points
 _FEWEST = 1024  # points of a level that is worth one above it
 _REACH = 4  # cells over which squared residuals are averaged
-_AMOUNTS = 2.0, 1.2, 0.8, 0.5, 0.25, 0.0  # times the expected noise may be in residuals
+_AMOUNTS = 2.0, 1.2, 0.8, 0.5, 0.25, 0.0  # times the expected noise: what may be in residuals
 _JUMP = 3.0  # times the noise may be in the mean squared residual of a point and its neighbours
 _OUTLIER = 16.0  # times the noise may be in a squared residual; what is beyond, shrinking makes an error
-_AVERAGED = 0.8  # of the squared errors of cells, is left of them in planes fitted to several
+_AVERAGED = 0.8  # of the squared errors of cells: what is left in planes fitted to several cells
 _CANCELLED = 0.1  # length of a mean normal below which it says nothing
 _BLOCK, _MOST = 1 << 11, 16  # points, and blocks at once
 Risk = Callable[[Float64s], float]  # measures the mean square error of w at the checked points, by rays of its own
@@ -51,8 +51,8 @@ class _Level(NamedTuple):
     cells: Cells
 
     def means(self, gathered: Float32s, weight: Float32s, slope: float, offset: float) -> Float32s:
-        """Rows (c, COLUMNS) from rows (k, COLUMNS) of the points below; variances, from `slope` times theirs and
-        `offset`, are those of the means. Args: weight: (k,), of the points below."""
+        """Rows (c, COLUMNS) from rows (k, COLUMNS) of the points below; variances of the means, from `slope` times
+        the points' variances and `offset`. Args: weight: (k,), of the points below."""
         out = np.empty((len(self.points), COLUMNS), np.float32)
         self.neighbours.for_blocks(bind(_average, self.cells, weight, gathered, slope, offset, out))
         return out
@@ -133,7 +133,7 @@ class _Detail(NamedTuple):
         return self._replace(jump=jump)
 
     def at(self, point_rows: Int64s) -> Self:
-        """At some of the points."""
+        """The detail at some of the points."""
         kept = {name: getattr(self, name)[point_rows] for name in ("w", "error", "predicted", "cell", "jump")}
         return self._replace(**kept)
 
@@ -209,7 +209,7 @@ def _shrink(detail, amounts, out, start, stop):
 
 
 def _pyramid(neighbours: Neighbours, points: Points) -> list[_Level]:
-    """Cells of the points, cells of these, …; joined once for the same points."""
+    """Cells of the points, cells of cells, …; joined once for the same points."""
     if neighbours not in _pyramids:
         _pyramids[neighbours] = list(_cells_of_cells(neighbours, points))
     return _pyramids[neighbours]

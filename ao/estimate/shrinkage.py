@@ -30,7 +30,7 @@ from .calibration import shrunk_to_mean, variance_line
 from .one_ring import Neighbours
 
 _REACH = 4  # edges over which squared residuals are averaged
-_FIT_REACH = 4  # and what corrections are fitted to; three for the spread between batches and what is closed around
+_FIT_REACH = 4  # and over which corrections are fitted; three for the spread between batches and what is closed around
 _OUTLIER = 9.0  # a residual of more than three σ is the point's own
 _RIDGE, _RIDGE_POINTS = 3e-3, 10.0
 _SUMMED = 1 << 14  # points whose moments are summed by themselves: sums do not depend on the number of threads
@@ -44,9 +44,9 @@ Named = TypeVar("Named")
 class _Shape(NamedTuple):
     """What denoising takes from where k points lie, float32 (k,)."""
 
-    self_weight: Float32s  # of a point's own value in its mean with its neighbours
-    leverage: Float32s  # of its own value in the mean of its own and its neighbours' predictions
-    rise: Float32s  # mean sine by which the neighbours stand above the tangent plane, less theirs; NaN without any
+    self_weight: Float32s  # of the point's value in its mean with its neighbours
+    leverage: Float32s  # of the point's value in the mean of its prediction and its neighbours' predictions
+    rise: Float32s  # mean sine by which neighbours stand above the tangent plane, less theirs; NaN without neighbours
 
 
 _shapes: WeakKeyDictionary[Neighbours, _Shape] = WeakKeyDictionary()
@@ -56,14 +56,14 @@ class _Fields(NamedTuple):
     """What denoising reckons at k points, float32 (k,), but (k, 3) for `unlike`."""
 
     w: Float32s  # estimates
-    variance: Float32s  # of them
-    spread: Float32s  # between the batches of the points around each
-    unlike: Float32s  # from its neighbours: in what is around these, in its leaning and in its rise
+    variance: Float32s  # of w
+    spread: Float32s  # between the batches of the points around
+    unlike: Float32s  # differences from the neighbours: of the surroundings, of leaning and of rise
     prediction: Float32s  # of w by the neighbours, NaN without any
     residual: Float32s  # of w from its prediction, 0 without any
-    excess: Float32s  # its square less the variance
+    excess: Float32s  # the residual's square less the variance
     weight: Float32s  # of residuals in fits
-    part: Float32s  # that each estimate has in its own prediction
+    part: Float32s  # of each estimate in its own prediction
 
 
 def denoise(neighbours: Neighbours, points: Points, gathered: Float32s, level: float) -> tuple[Float64s, Float64s]:
@@ -117,7 +117,7 @@ def _empty(kind: Callable[..., Named], count: int) -> Named:
 
 
 def shape_of(neighbours: Neighbours, points: Points) -> _Shape:
-    """Where points lie among their neighbours, measured once for the same ones."""
+    """Where points lie among their neighbours, measured once for the same neighbours."""
     if neighbours not in _shapes:
         ring, shape = neighbours.ring, _empty(_Shape, len(points))
         neighbours.for_blocks(bind(_measure, ring, points.origins, points.normals, shape))
@@ -180,7 +180,7 @@ def _begin(gathered, normals, at, around, start, stop):
 
 @kernel
 def _compare(shape, around, mean, at, start, stop):
-    """Compare points with the means of their neighbours' `w` and `rise`; those alone are their own surroundings."""
+    """Compare points with the means of their neighbours' `w` and `rise`; a point alone is its own surroundings."""
     shape = unrefcounted_view(shape)
     around = unrefcounted_view(around)
     mean = unrefcounted_view(mean)
@@ -197,8 +197,7 @@ def _compare(shape, around, mean, at, start, stop):
 
 @kernel
 def _compare_wide(shape, near, wide, at, start, stop):
-    """Compare the mean of the neighbours with that of their neighbours, `wide`, from which the point's own w is taken
-    out."""
+    """Compare the neighbours' mean with their neighbours' mean, `wide`, less the point's own part in it."""
     shape = unrefcounted_view(shape)
     near = unrefcounted_view(near)
     wide = unrefcounted_view(wide)
@@ -232,7 +231,7 @@ def _compare_leaning(leaning, mean, at, start, stop):
 
 def _ridge_regression(at: _Fields, threads: int) -> tuple[Float64s, Float64s]:
     """Coefficients (3,) of what is `unlike` in residuals, near 0 where few points or like columns leave them open; root
-    mean squares (3,) of its columns."""
+    mean squares (3,) of the columns of `unlike`."""
     count = max(len(at.w), 1)
     parts = np.zeros((-(-count // _SUMMED), 3, 4))
     run_blocks(len(at.w), _SUMMED, bind(_sum_moments, at, parts), threads)
@@ -278,7 +277,7 @@ def _normal_equations(coefficients, size, at, out, start, stop):
 
 @kernel
 def _local_fits(shape, moments, at, start, stop):
-    """Correct predictions by fits around each point, shrunk to 0 as if a typical surrounding had that for a result."""
+    """Correct predictions by fits around each point, shrunk to 0 as if typical surroundings came to 0."""
     at = unrefcounted_view(at)
     for i in range(start, stop):
         m = moments[i]

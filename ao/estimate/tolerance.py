@@ -30,7 +30,7 @@ from .scales import denoise_over_scales
 
 _AIM = 0.92  # times the goal is aimed at: a few rays more, later, are worth little
 _FARTHEST = 20.0  # times that the squared error may have to fall for the rays to be foreseen; else some come before
-_NEAR, _UNEVEN = 2.0, 2.5  # the same at jumps of w, where its mean square is so many times its squared mean
+_NEAR, _UNEVEN = 2.0, 2.5  # the same at jumps of w, where squared errors' mean square is so many times their mean²
 _ROUNDS = 8  # of adding rays, at most
 _WORST = 8.0  # times the tolerance that a point may be expected to err
 _BLOCK = 1 << 12  # points
@@ -63,8 +63,8 @@ class Estimate(NamedTuple):
 
     values: Float64s  # (k, 4), w and the mean of μ·direction (x, y, z)
     variance: Float64s  # (k,), mean square error of w expected
-    samples: int  # rays of a point, the most that one has
-    spared: int = 0  # rays fewer than that at the other points
+    samples: int  # rays of the point that has most
+    spared: int = 0  # rays that the other points have fewer than it, in all
     calibration: Calibration | None = None  # of the variances, at some of the points
 
     @property
@@ -90,7 +90,7 @@ def estimate_to(
         traced = _Traced(tracer, points)
         more = np.full(len(points), min(first_rays(tolerance, len(points)), max_samples))
         for turn in range(_ROUNDS):
-            rounds = list[_Round]()  # lets go of the last ones
+            rounds = list[_Round]()  # lets go of the last round's arrays
             tracer.stage = f"rays, round {turn + 1}"
             traced.add(more, derive(key, 16 + turn))
             rounds = [_Round.of(traced, neighbours, probes, column) for column in range(tracer.columns)]
@@ -184,7 +184,7 @@ class _Round(NamedTuple):
         return float(np.mean(self.error))
 
     def errs_by_more(self, limit: float, neighbours: Neighbours) -> Bools:
-        """The points (k,) expected to err by more; where w differs from the neighbours' by more, their own rays say."""
+        """The points (k,) expected to err by more; where w differs by more from the neighbours', by their own rays."""
         unlike = (self.w - neighbours.means(self.w.astype(np.float32), 0.0)) ** 2
         variance = distribute_variance(self.gathered[:, BATCH_VARIANCE].astype(np.float64), self.level)
         return np.asarray((self.error > limit**2) | (np.minimum(variance, unlike) > limit**2))

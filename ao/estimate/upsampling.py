@@ -70,14 +70,14 @@ class _Nodes(NamedTuple):
 
 
 class _Samples(NamedTuple):
-    """What sixteen points look at: their own cells, then neighbours of these, those that are missing with weight 0."""
+    """What sixteen points look at: their own cells, then neighbours of the cells; missing ones have weight 0."""
 
     cells: Int32s  # (_MOST, WIDE)
-    placed: Float32s  # (4 _MOST, WIDE), for each their positions relative to the points, and weights
+    placed: Float32s  # (4 _MOST, WIDE), for each cell its position relative to the points, and its weight
 
 
 def extrapolate(points: Points, cells: Cells, graph: Neighbours, values: Float64s) -> Float64s:
-    """Values (k, c) at all `points` from those at the centres (b, c): past the outermost ones.
+    """Values (k, c) at all `points` from `values` (b, c) at the centres, also past the outermost centres.
 
     Planes are extrapolated one edge at most: farther on, noise would grow. Args: values: the last column is a variance.
     """
@@ -172,8 +172,8 @@ def _find_samples(p, normal, nodes, own_cell, samples):
 
 @inline
 def _weigh_plane_fit(n, spread, alike, placed, count):
-    """Turn positions and weights by normals into weights of samples in the value at 0 of the plane fitted to them over
-    coordinates u, v across n; the first one's weight."""
+    """Turn positions and weights by normals into weights of samples in the value at 0 of the plane fitted to samples
+    over coordinates u, v across n; returns the first sample's weight."""
     t, b = tangents(n)
     size = ONE / sqrt(spread)
     s0 = ZERO * spread

@@ -40,7 +40,7 @@ class Rays(NamedTuple):
     """b blocks of sixteen rays of a point, in groups of sixteen blocks.
 
     Attributes:
-        directions: float32 (3·b, 16), all x, then all y, then all z. reciprocals: 1/ these.
+        directions: float32 (3·b, 16), all x, then all y, then all z. reciprocals: 1 / directions.
         cones: float32 (5·g, 16), the axes of the cones around blocks, and the cosines and sines of their half angles.
         active: int64 (16·g,), bits of the rays of each block that have met nothing that ends them.
         groups: int64 (g,), bits of the blocks of each group that have such rays.
@@ -125,7 +125,7 @@ def init_rays(rays, directions, cones, chosen, samples, frame, t_max):
 
 @inline
 def blocks_within(rays, g, axis, cosine, sine):
-    """The blocks of a group, as bits, that have active rays and may have some within a cone."""
+    """The blocks of a group, as bits, that have active rays and may have rays within a cone."""
     groups = len(rays.groups)
     if cosine == FULL_SPHERE:
         return rays.groups[g]
@@ -158,7 +158,7 @@ def list_within(rays, axis, cosine, gap, max_count, out, first_entry):
 
 @inline
 def list_active(rays, start, stop, out):
-    """List the active of the rays from `start` to `stop` in `out`; returns how many they are."""
+    """List the active rays from `start` to `stop` in `out`; returns their number."""
     count = 0
     for ray in range(start, stop):
         if is_active(rays, ray):

@@ -46,8 +46,8 @@ class TraversalState(NamedTuple):
     """Scratch arrays of one traversal at a time.
 
     Attributes:
-        entries: int64 (e, 4), the stack: nodes, their levels, and the part of `listed` that are their rays.
-        bounds: float32 (e, 5), of the same nodes.
+        entries: int64 (e, 4), the stack: nodes, their levels, and which part of `listed` are their rays.
+        bounds: float32 (e, 5), of the entries' nodes: see `_AXIS`.
         listed: int64, numbers of rays.
         child_rays: int64 (16, _LISTED), the rays that pass through each child of a node. child_counts: int64 (16,).
         children: float32 (5, 16), `bounds` of a node's children. planes: float32 (PLANES, 16), of a leaf's triangles.
@@ -130,7 +130,7 @@ def traverse(tree, state, rays, origin, normal, lowest_sine, closest, t_max):
 
 @inline
 def _push(state, opened, waiting, child, level, first_listed, listed):
-    """Put `opened` children, bits, on the stack, the nearest on top; how many nodes wait now.
+    """Put `opened` children, bits, on the stack, the nearest on top; returns how many nodes wait now.
 
     Args: child: the first child. first: where the rays of the children begin in `TraversalState.listed` if `listed`.
     """
@@ -163,7 +163,7 @@ def _push(state, opened, waiting, child, level, first_listed, listed):
 
 @inline
 def _open_children(boxes, node, state, origin, normal, lowest_sine, t_max):
-    """Write the bounds of a node's children in aligned boxes; bits of those within t_max above the lowest ray."""
+    """Write bounds of a node's children in aligned boxes; bits of the children within t_max above the lowest ray."""
     d, half, gap = _relative(boxes, None, node, origin)
     axis, cosine, _, distance, radius = cone_around(d, dot(half, half))
     upright = abs(normal[0]), abs(normal[1]), abs(normal[2])
@@ -187,7 +187,7 @@ def _relative(boxes, axes, node, origin):
 
 @inline
 def _reciprocals(rays, ray, axes, node, used):
-    """1/ the components of a ray along the axes of a node's boxes, sixteen times where these are aligned."""
+    """1 / the components of a ray along the axes of a node's boxes, in sixteen lanes."""
     k = ray // WIDE
     lane = ray % WIDE
     blocks = len(rays.t_hit)

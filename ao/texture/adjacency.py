@@ -38,7 +38,7 @@ def texel_neighbours(surface: UVSurface, texels: Texels, most: float, threads: i
 
 
 def _charts(surface: UVSurface) -> Int64s:
-    """The chart (m,) of each face: those that hang together on the page."""
+    """The number (m,) of each face's chart: the faces that hang together on the page."""
     corners = corner_places(surface.layout.uv, surface.face_points)
     return connected_components(corners, int(corners.max()) + 1)[corners[:, 0]]
 
@@ -93,7 +93,7 @@ def _find_beside(texels, page, surface, beside, starts, start, stop):
 
 @kernel
 def _list(starts, beside, across, there, indices, start, stop):
-    """Write the neighbours of each texel: those `beside` it, then there[across[i] : across[i + 1]]."""
+    """Write the neighbours of each texel: the texels `beside` it, then there[across[i] : across[i + 1]]."""
     for i in range(start, stop):
         entry = starts[i]
         for k in range(4):

@@ -30,7 +30,9 @@ class Page(NamedTuple):
     """Faces on a page."""
 
     layout: UVLayout
-    crowding: Float64s  # (t,), how many texels of an even layout show as much of the surface as one of each triangle
+    crowding: (
+        Float64s  # (t,), how many texels of an even layout show as much of the surface as a texel of each triangle
+    )
     band_rows: int  # rows of the page in each band
     starts: Int64s  # (b + 1,), of each band in `listed`
     listed: Int64s  # triangles, ascending, of band after band
@@ -52,11 +54,11 @@ class Page(NamedTuple):
         return cls(layout, crowding, band_rows, starts, listed)
 
     def cover(self, overlap: Overlap, threads: int) -> Coverage:
-        """The texels that faces cover; where these overlap, samples lie on all of them ("mean"), or on the first."""
+        """The texels that faces cover; where faces overlap, samples lie on all ("mean") or on the first of them."""
         return self._cover(None, np.uint32(0), overlap == "mean", threads)
 
     def cover_again(self, texels: Int64s, key: np.uint32, overlap: Overlap, threads: int) -> Coverage:
-        """`cover` of some `texels`, ascending, with samples elsewhere in them, by chance. Args: key: of that."""
+        """`cover` of some `texels`, ascending, with samples at random places in them. Args: key: of the places."""
         return self._cover(texels, key, overlap == "mean", threads)
 
     def _cover(self, texels: Int64s | None, key: np.uint32, layered: bool, threads: int) -> Coverage:
@@ -82,7 +84,7 @@ class _Band(NamedTuple):
 
     page: Page
     texels: Int64s  # (n,), ascending
-    triangles: Int64s  # that may reach into them
+    triangles: Int64s  # that may reach into the texels
     places: Places  # for each texel, or for all
     layered: bool  # whether all faces share a texel
 
@@ -110,7 +112,7 @@ class _Band(NamedTuple):
         )
 
     def _sample(self, partial: Int64s, how: Int64s, reaching: Int32s) -> tuple[Int64s, SurfacePoints]:
-        """How many samples each of the texels in rows `partial` (h,) has, and these."""
+        """How many samples each of the texels in rows `partial` (h,) has, and the samples."""
         layout = self.page.layout
         counts = np.zeros(len(partial), np.int64)
         samples = [SurfacePoints(np.zeros(0, np.int32), np.zeros((0, 3), np.float32))]
@@ -129,7 +131,7 @@ class _Band(NamedTuple):
         return counts, SurfacePoints(*map(np.concatenate, zip(*samples, strict=True)))
 
     def _lists(self, texels: Int64s, reaching: Int32s) -> Lists:
-        """The triangles that reach into `texels`, ascending, so many into each."""
+        """The triangles that reach into `texels`, ascending. Args: reaching: how many reach into each texel."""
         starts = np.concatenate([[0], np.cumsum(reaching, dtype=np.int64)])
         lists = Lists(starts, np.zeros(len(texels), np.int64), np.empty(starts[-1], np.int32))
         layout = self.page.layout

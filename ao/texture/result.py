@@ -43,9 +43,9 @@ class TextureFacts:
     mirrored: int  # faces that are turned over
     flat: int  # faces that have no area on the page
     outside: int  # faces that reach out of the unit square
-    seam_edges: int  # that lie at two places of the page
-    seam_jump: float  # largest difference of w between both sides of these, as bilinear lookups see it
-    seam_jump_before: float  # before they were closed
+    seam_edges: int  # edges that lie at two places of the page
+    seam_jump: float  # largest difference of w between both sides of seams, as bilinear lookups see it
+    seam_jump_before: float  # before seams were closed
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ class BakedTexture(Columns):
 
 
 class Pages(NamedTuple):
-    """`BakedTexture.w`, `error`, `bent_normals` and `covered`; the largest jumps at seams, as they are and before."""
+    """`BakedTexture.w`, `error`, `bent_normals` and `covered`; the largest jump at seams, and before closing."""
 
     w: Float32s
     error: Float32s

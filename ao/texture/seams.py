@@ -58,7 +58,7 @@ class Seams:
     def find(cls, uv: Float64s, points: Int64s, size: tuple[int, int], wraps: bool) -> Seams:
         """The seams of faces of `uv` (m, 3, 2), in texels, which share edges where they share welded `points` (m, 3).
 
-        So hard edges, on which w has two values, are none.
+        So hard edges, on which w has two values, are no seams.
         """
         face, corner = np.divmod(shared_edges(points, int(points.max()) + 1), 3)
         turned = points[face, (corner + 1) % 3] > points[face, (corner + 2) % 3]

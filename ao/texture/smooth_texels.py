@@ -20,16 +20,16 @@ from .covered_texels import Coverage, locate
 from .raster import EDGE, SLOTS
 
 _AROUND = 7.0  # times the way from a cell's centre to its points, in which nothing may rise
-_SLOPE = 2.0  # by more than so many times what normals may differ by, of its distance
-_OWN, _LEVEL = 0.25, 1e-3  # of that way: how far the cell reaches, and what is flat but for rounding
+_SLOPE = 2.0  # times what normals may differ by: what rises by more of its distance, rises
+_OWN, _LEVEL = 0.25, 1e-3  # of the way in `_AROUND`: how far the cell reaches, and what is flat but for rounding
 _ROWS = 8  # of the page, a multiple of blocks' sizes
 
 
 def smooth_cells(
     coverage: Coverage, smooth: SmoothSurface, tree: BVH16, most: float, largest: int, threads: int
 ) -> tuple[Bools, Int64s]:
-    """Whether the point at the centre can stand for all of a texel, (k,), and the row (k,) of the texel that can stand
-    for it: of the block it is in, or itself.
+    """Whether the point at the centre can stand for all of a texel, (k,), and the row (k,) of the texel that
+    stands for it: the centre of its block, or itself.
 
     The surface is smooth there, normals differ by less than `most`, and nothing rises from it nearby. Args: largest:
         side of the largest blocks, a power of two, 1 for none.

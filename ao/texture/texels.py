@@ -23,7 +23,7 @@ from .covered_texels import Coverage
 from .smooth_texels import smooth_cells
 from .uv_surface import UVSurface
 
-_RAYS, _NOISE = 256, 0.004  # so many rays a texel, and about how much they err by
+_RAYS, _NOISE = 256, 0.004  # rays of a texel, and about how much they err by
 _LARGEST = 4  # side of the largest blocks of texels that one stands for
 _BENT = 0.2  # by how much normals may differ within a texel: one sample and several then differ by a third of the noise
 
@@ -123,7 +123,7 @@ class TexelSampler:
         return smooth_cells(coverage, self.surface.smooth, receivers.tree, most_bent, largest, self.prepared.threads)
 
     def _place(self, coverage: Coverage, order: Int64s, alone: Bools) -> tuple[SurfaceSamples, int]:
-        """Samples of texels in an `order`, `alone` those of one; how many the cage misses."""
+        """Samples of texels in an `order`, one of texels that are `alone`; how many samples the cage misses."""
         receivers, threads = self.prepared.receivers, self.prepared.threads
         on_faces = coverage.samples(order, alone, threads)
         smooth, missed = self.surface.smooth, np.zeros(0, np.int64)

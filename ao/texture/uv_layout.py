@@ -27,8 +27,8 @@ class UVLayout:
     corners: Float64s  # (t, 3, 2), of triangles that reach into the page
     face: Int64s  # (t,), the row of each in `uv`
     mirrored: int  # how many faces are turned over
-    flat: int  # have no area
-    outside: int  # reach out of the unit square
+    flat: int  # how many faces have no area
+    outside: int  # how many faces reach out of the unit square
 
     @classmethod
     def of(cls, uv: Float64s, size: tuple[int, int], wraps: bool, source: object) -> Self:
@@ -71,7 +71,7 @@ def on_page(uv: Float64s) -> Bools:
 
 
 def tile_ranges(uv: Float64s) -> tuple[Int64s, Int64s]:
-    """The first tile (m, 2) that each face of `uv` (m, 3, 2) reaches into, and that after the last one."""
+    """The first tile (m, 2) that each face of `uv` (m, 3, 2) reaches into, and the tile after the last."""
     low = uv.min(axis=1)
     high = uv.max(axis=1)
     over = np.minimum(_TINY, _SHARE * (high - low))
@@ -88,7 +88,7 @@ def doubled_areas(uv: Float64s) -> Float64s:
 
 
 def have_area(uv: Float64s) -> Bools:
-    """The faces (m,) of `uv` (m, 3, 2) that have an area there; none that are NaN."""
+    """The faces (m,) of `uv` (m, 3, 2) that have an area; faces that are NaN have none."""
     extent = np.ptp(uv, axis=1).max(axis=1)
     large: Bools = np.abs(doubled_areas(uv)) > _FLAT * extent**2
     return large
@@ -111,7 +111,7 @@ def page_size(size: Any) -> tuple[int, int]:
 
 
 def corner_uv(uv: Any, mesh: Mesh) -> Float64s:
-    """Texture coordinates (m, 3, 2) of the corners of all faces, given as such or of vertices (n, 2); NaN of none.
+    """Texture coordinates (m, 3, 2) of faces, NaN of faces without, from `uv` like them or by vertex (n, 2).
 
     Raises: MeshError: another shape, or coordinates that are not finite or lie very far out.
     """

@@ -1,6 +1,6 @@
 """Oriented bounding boxes, where slivers or pages lie so close that most of their aligned boxes overlap.
 
-Their axes are the principal ones of the corners inside (Gottschalk, Lin & Manocha 1996, OBBTree). They decide what is
+Their axes are the principal axes of the corners inside (Gottschalk, Lin & Manocha 1996, OBBTree). They decide what is
 tested, and never what is hit.
 """
 
@@ -17,10 +17,10 @@ from ..system.threads import run_blocks, thread_count
 from ..types import Float32s, Int64s
 
 _OVERLAPPING = 8.0  # boxes of leaves around the middle of a triangle, from which on others are tried
-_GAIN = 2.0  # how many times as few these must be
+_GAIN = 2.0  # how many times fewer oriented boxes must be around it
 _TRIANGLES = 32  # that are compared with all leaves
 _LEAVES = 1 << 9  # of a block
-_GROWN = 2.0**-20  # of half sides, for their rounding and that of what is compared with them
+_GROWN = 2.0**-20  # of half sides, for their rounding and the rounding of what is compared with them
 
 
 def orient(triangles: Float32s, boxes: Float32s, starts: Int64s) -> tuple[Float32s, Int64s, Float32s | None]:
@@ -95,7 +95,7 @@ def _covariances(triangles, span, first_child, out):
 
 @kernel
 def _enclose(triangles, span, axes, boxes, start, stop):
-    """Write boxes (nodes, 6, 16) along `axes` (nodes, 9, 16), each around `span` leaves, from a first to a last one."""
+    """Write boxes (nodes, 6, 16) along `axes` (nodes, 9, 16), of children, each around `span` leaves."""
     for k in range(start, stop):
         node = k // WIDE
         lane = k % WIDE
