@@ -1,4 +1,4 @@
-"""All functions are annotated but kernels and what writes LLVM's code; pyproject.toml excuses no module without such."""
+"""All functions are annotated but kernels and what writes LLVM code; pyproject.toml excuses no module without such."""
 
 import ast
 import tomllib
