@@ -230,19 +230,19 @@ def _compare_leaning(leaning, mean, at, start, stop):
 
 
 def _ridge_regression(at: _Fields, threads: int) -> tuple[Float64s, Float64s]:
-    """Coefficients (3,) of what is `unlike` in residuals, near 0 where few points or like columns leave them open; root
-    mean squares (3,) of the columns of `unlike`."""
+    """Coefficients (3,) of the columns of `unlike` by which these fit the residuals best, near 0 where few points or
+    like columns leave them open; and root mean squares (3,) of the columns."""
     count = max(len(at.w), 1)
     parts = np.zeros((-(-count // _SUMMED), 3, 4))
     run_blocks(len(at.w), _SUMMED, bind(_sum_moments, at, parts), threads)
     moments = parts.sum(axis=0)
-    matrix, right = moments[:, :3], moments[:, 3]
+    matrix, right = moments[:, :3], moments[:, 3]  # normal equations, to be solved in columns of size 1
     size = np.sqrt(np.diag(matrix))
     used = size > 0
     size = np.where(used, size, 1.0)
-    inside = matrix / np.outer(size, size) + (_RIDGE + _RIDGE_POINTS / count) * np.eye(len(size))
+    scaled = matrix / np.outer(size, size) + (_RIDGE + _RIDGE_POINTS / count) * np.eye(len(size))
     mean = np.sqrt(np.diag(matrix) / count)
-    return np.where(used, np.linalg.solve(inside, right / size) / size, 0.0), np.where(mean > 0, mean, 1.0)
+    return np.where(used, np.linalg.solve(scaled, right / size) / size, 0.0), np.where(mean > 0, mean, 1.0)
 
 
 @kernel
