@@ -200,12 +200,12 @@ class PointValues(NamedTuple):
     @classmethod
     def of(cls, columns: Sequence[tuple[Estimate, int]], rays: int, displaced: Float64s | float = 0.0) -> PointValues:
         """Of estimates by each falloff, and how many points were not traced. Args: displaced: errors besides, (k,)."""
-        w = [np.clip(estimate.rows[:, 0], 0.0, 1.0) for estimate, _ in columns]
+        w = [np.clip(estimate.values[:, 0], 0.0, 1.0) for estimate, _ in columns]
         error = [np.sqrt(estimate.variance + np.square(displaced)) for estimate, _ in columns]
         others = tuple(np.stack(columns_of[1:], axis=-1) for columns_of in (w, error)) if len(columns) > 1 else ()
         estimate, hidden = columns[0]
         rest = estimate.samples, rays, estimate.skipped(hidden), estimate.calibration, others
-        return cls(w[0], error[0], estimate.rows[:, 1:], *rest)
+        return cls(w[0], error[0], estimate.values[:, 1:], *rest)
 
 
 class BakedElements(NamedTuple):

@@ -76,7 +76,7 @@ def render_on(
     """
     # The scene as workers get it, and the picture that their tiles go into.
     workers = thread_count(threads)
-    start = time.perf_counter()
+    began = time.perf_counter()
     picture = prepare_picture(scene, camera, settings, layers)
     built = time.perf_counter()
     picture.light_vertices(workers)
@@ -85,14 +85,14 @@ def render_on(
     def render_tiles(tiles: Tiles) -> None:
         done = 0
         again = tiles.around is not None
-        for first, last, (pixels, edges, counts) in session.rows(tiles, picture, workers):
-            numbers = tiles.numbers[first:last]
+        for start, stop, (pixels, edges, counts) in session.rows(tiles, picture, workers):
+            numbers = tiles.numbers[start:stop]
             reopened = retired_pixels(film.edges[numbers]) & ~retired_pixels(edges) if again else None
             paste(film, numbers, pixels, reopened)
             if tiles.adaptive:
                 film.edges[numbers] = edges
             picture.counts += counts.sum(axis=0)
-            done += last - first
+            done += stop - start
             if progress and not again:
                 progress(done, picture.tiles)
 
@@ -103,4 +103,4 @@ def render_on(
         if len(numbers):
             around = film.edges[picture.beside(numbers)]
             render_tiles(Tiles(numbers, TILE * samples, channels, True, around))
-    return picture.frame(film, {"build": built - start, "render": time.perf_counter() - built})
+    return picture.frame(film, {"build": built - began, "render": time.perf_counter() - built})

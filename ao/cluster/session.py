@@ -73,7 +73,7 @@ class Dispatch:
     def begin(self, work: RowTask, spans: Sequence[Span]) -> None:
         """Hand out the rows `spans` of `work` from now on, and none of the last work."""
         self.spans = deque(spans)
-        self.left = sum(last - first for first, last in spans)
+        self.left = sum(stop - start for start, stop in spans)
         self._rays = max(work.rays, 1e-9)
         self._most_rows = max(_MOST_BYTES // sum(table.nbytes for table in work[:1].tables()), 1)
 
@@ -82,14 +82,14 @@ class Dispatch:
         wanted = self.pace.first_rays
         speed = self.speed.get(worker)
         if speed:
-            waiting = self._rays * sum(last - first for first, last in self.spans)
+            waiting = self._rays * sum(stop - start for start, stop in self.spans)
             seconds = waiting / sum(self.speed.values()) / _ENDGAME
             wanted = speed * min(max(seconds, self.pace.least_seconds), self.pace.block_seconds)
-        first, last = self.spans.popleft()
-        end = min(first + min(max(int(wanted / self._rays), 1), self._most_rows), last)
-        if end < last:
-            self.spans.appendleft((end, last))
-        return first, end
+        start, stop = self.spans.popleft()
+        end = min(start + min(max(int(wanted / self._rays), 1), self._most_rows), stop)
+        if end < stop:
+            self.spans.appendleft((end, stop))
+        return start, end
 
     def came_back(self, worker: str, finished: int, seconds: float) -> None:
         """Take note of a traced block."""
@@ -160,13 +160,13 @@ class ClusterSession:
         self, work: RowTask, scene: Any, spans: Sequence[Span], tables: Outputs, threads: int, finished: Finished
     ) -> None:
         """As `ao.execute.work.fill_spans`, by workers unless that is little. Errors as `trace`."""
-        if sum(last - first for first, last in spans) * work.rays < self._pace.few_rays:
+        if sum(stop - start for start, stop in spans) * work.rays < self._pace.few_rays:
             fill_spans(work, scene, spans, tables, threads, finished)
             return
-        for first, last, made in self.trace(work, scene, spans):
+        for start, stop, made in self.trace(work, scene, spans):
             for table, values in zip(tables, made, strict=True):
-                table[first:last] = values
-            finished(first, last)
+                table[start:stop] = values
+            finished(start, stop)
 
     def rows(self, work: RowTask, scene: Any, threads: int) -> Iterator[Found]:
         """All rows of `work` in blocks, by workers or, if they are few, by so many threads here. Errors as `trace`."""
@@ -176,7 +176,7 @@ class ClusterSession:
             yield 0, len(work), fill(work, scene, threads)
 
     def trace(self, work: RowTask, scene: Any, spans: Sequence[Span]) -> Iterator[Found]:
-        """The rows `spans` of `work` in a scene, in blocks as they come: first row, last row, tables.
+        """The rows `spans` of `work` in a scene, in blocks as they come: start, stop, tables.
 
         Raises:
             OutputError: the scene's file cannot be written.
@@ -269,9 +269,9 @@ class ClusterSession:
         busy = Counter(worker for worker, _ in self._calls.values())
         for worker in (worker for worker, reason in self._workers.items() if not reason):
             while busy[worker] < IN_FLIGHT and self.dispatch.spans:
-                first, last = self.dispatch.take(worker)
-                block = bit_environment(), self._file, self._cluster.threads, work[first:last]
-                self._calls[self._cluster.call(worker, trace_block, *block)] = worker, (first, last)
+                start, stop = self.dispatch.take(worker)
+                block = bit_environment(), self._file, self._cluster.threads, work[start:stop]
+                self._calls[self._cluster.call(worker, trace_block, *block)] = worker, (start, stop)
                 busy[worker] += 1
 
     def _answer(self, work: RowTask, worker: str, span: Span, call: Future[Any]) -> Outputs | None:
@@ -279,13 +279,13 @@ class ClusterSession:
 
         Raises: InputError: every worker would say so. ClusterError: the block has failed on several.
         """
-        nobody, (first, last) = f"{self._address}: no worker can be used: {worker}", span
+        nobody, (start, stop) = f"{self._address}: no worker can be used: {worker}", span
         error: InputError | ClusterError
         try:
             kind, *contents = call.result()
             if isinstance(kind, float):
-                tables = unpack(work[first:last], contents)
-                self.dispatch.came_back(worker, last - first, kind)
+                tables = unpack(work[start:stop], contents)
+                self.dispatch.came_back(worker, stop - start, kind)
                 return tables
             if kind == "failed":
                 error = ClusterError(f"{nobody}: {contents[0]}")

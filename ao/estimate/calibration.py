@@ -8,7 +8,7 @@ from raytrace.types import Float64s, Int64s
 
 from ..rays.directions import BATCHES
 
-_TYPICAL = 0.2  # of their mean in each expected squared error
+_TYPICAL = 0.2  # part of their mean in each expected squared error
 _USUAL, _DOUBT = 1.0, 0.3  # factor by which expected squared errors are off, and its standard deviation
 
 
@@ -27,7 +27,7 @@ class Calibration(NamedTuple):
 
     estimated: Float64s  # their level is set by the measured ones
     measured: Float64s  # unbiased, so that some are negative
-    weight: Float64s  # how many points each stands for
+    weight: Float64s  # how many points of the mesh each stands for
 
     def whole(self) -> CalibrationGroup:
         return self._group(slice(None))
@@ -36,23 +36,23 @@ class Calibration(NamedTuple):
         """The points in `count` groups of one size by their estimated error, the least first; none for few points."""
         if len(self.estimated) < 8 * count:
             return []
-        rows = np.array_split(np.argsort(self.estimated, kind="stable"), count)
-        return [self._group(group) for group in rows]
+        groups = np.array_split(np.argsort(self.estimated, kind="stable"), count)
+        return [self._group(group) for group in groups]
 
-    def _group(self, rows: Int64s | slice) -> CalibrationGroup:
-        measured = self.measured[rows]
-        weight = self.weight[rows] / max(float(np.sum(self.weight[rows])), 1e-300)
+    def _group(self, members: Int64s | slice) -> CalibrationGroup:
+        measured = self.measured[members]
+        weight = self.weight[members] / max(float(np.sum(self.weight[members])), 1e-300)
         mean = float(weight @ measured)
         doubt = float(np.sqrt(weight**2 @ measured**2))
-        squares = float(weight @ self.estimated[rows]), mean, mean - doubt, mean + doubt
+        squares = float(weight @ self.estimated[members]), mean, mean - doubt, mean + doubt
         return CalibrationGroup(len(measured), *(float(np.sqrt(max(square, 0.0))) for square in squares))
 
 
 def calibration_factor(expected: Float64s, squared: Float64s, everywhere: Float64s) -> float:
     """The factor by which `expected` squared errors (j,) are off in the mean, from unbiased measures `squared` (j,).
 
-    A measure that scatters much is mistrusted: the mean of it and what is usual, weighted by their variances. So is one
-    where few points have most of the error `everywhere`, expected of all (k,), for it may have missed these.
+    A measure that scatters much is mistrusted: the mean of it and what is usual, weighted by their variances. So is a
+    measure where few points have most of the error `everywhere`, expected of all (k,): it may have missed them.
     """
     mean = float(np.mean(expected)) if len(expected) else 0.0
     if mean <= 0 or len(squared) <= 1:

@@ -20,24 +20,24 @@ def nearest_baked(neighbours: Neighbours, baked: Bools) -> Int64s:
     """The nearest of the `baked` points (k,) to each point, by number of edges; −1 where no path leads to one."""
     nearest = np.where(baked, np.arange(len(baked)), -1)
     queue = np.empty(len(baked), np.int64)
-    first = np.flatnonzero(baked)
-    queue[: len(first)] = first
-    _flood(neighbours.starts, neighbours.indices, nearest, queue, len(first))
+    baked_points = np.flatnonzero(baked)
+    queue[: len(baked_points)] = baked_points
+    _flood(neighbours.starts, neighbours.indices, nearest, queue, len(baked_points))
     return nearest
 
 
 @kernel
-def _flood(starts, indices, nearest, queue, last):
-    first = 0
-    while first < last:
-        i = queue[first]
-        first += 1
+def _flood(starts, indices, nearest, queue, tail):
+    head = 0
+    while head < tail:
+        i = queue[head]
+        head += 1
         for k in range(starts[i], starts[i + 1]):
             j = indices[k]
             if j >= 0 and nearest[j] < 0:
                 nearest[j] = nearest[i]
-                queue[last] = j
-                last += 1
+                queue[tail] = j
+                tail += 1
 
 
 class Cells(NamedTuple):
@@ -60,16 +60,16 @@ class Cells(NamedTuple):
 
     @classmethod
     def about_four(cls, neighbours: Neighbours) -> Self:
-        """Cells of about four points: every fourth one and those a few edges away; of one where none is so near."""
-        rows = np.arange(len(neighbours.starts) - 1, dtype=np.int32)
-        nearest = np.where(rows % _CELL == 0, rows, np.int32(-1))
+        """Cells of about four points: every fourth and the points a few edges away; of one where none is so near."""
+        points = np.arange(len(neighbours.starts) - 1, dtype=np.int32)
+        nearest = np.where(points % _CELL == 0, points, np.int32(-1))
         for _ in range(_STEPS):
             before = nearest.copy()
-            neighbours.each(bind(_step, *neighbours.ring, before, nearest))
-        return cls.of(np.where(nearest < 0, rows, nearest))
+            neighbours.for_blocks(bind(_step, *neighbours.ring, before, nearest))
+        return cls.of(np.where(nearest < 0, points, nearest))
 
     def joined(self, neighbours: Neighbours, normals: Float32s) -> Neighbours:
-        """The graph of the cells, neighbours where points of theirs are. Args: normals: float32 (c, 3)."""
+        """The graph of the cells, neighbours where points of two cells are. Args: normals: float32 (c, 3)."""
         if len(self.centres) == len(self.cell):
             return neighbours
         links = neighbours.starts, neighbours.indices, self
@@ -85,9 +85,9 @@ class Cells(NamedTuple):
 
 
 @kernel
-def _step(starts, indices, weights, before, nearest, first, last):
-    """Give points without a centre that of the most similar neighbour that had one `before`, the first of these."""
-    for i in range(first, last):
+def _step(starts, indices, weights, before, nearest, start, stop):
+    """Give points without a centre the centre that their most similar neighbour had `before`, the least of several."""
+    for i in range(start, stop):
         most = np.float32(-1.0)
         for k in range(starts[i], starts[i + 1]):
             centre = before[indices[k]]
@@ -98,10 +98,10 @@ def _step(starts, indices, weights, before, nearest, first, last):
 
 
 @kernel
-def _list_links(starts, indices, cells, listed, ends, first, last):
-    """List the cell beyond each link out of a cell from listed[c] on, or count these links: listed[c + 1]."""
+def _list_links(starts, indices, cells, listed, ends, start, stop):
+    """List the cell beyond each link out of a cell from listed[c] on, or count the links: listed[c + 1]."""
     cells = unrefcounted_view(cells)
-    for c in range(first, last):
+    for c in range(start, stop):
         count = 0
         for member in range(cells.starts[c], cells.starts[c + 1]):
             i = cells.members[member]

@@ -32,19 +32,20 @@ _CALIBRATION_SHARE = 32
 _CALIBRATION_LEAST = 128
 _CORNER_SHARE = 8  # of a point's rays, for each of some 18 corner samples, whose mean errs as much as a point's w
 _CORNER_SHARE_DENOISED = 3  # where the points are denoised
-NeighboursOf = Callable[[Int64s], Neighbours]  # from rows (k,), ascending, in that order among each other
+NeighboursOf = Callable[[Int64s], Neighbours]  # neighbours among the points of rows (k,), ascending
 
 
 def traced_twice(
     tracer: Tracer, points: Points, samples: int, key: np.uint32, later: int = 0
 ) -> Callable[[Neighbours | None], Estimate]:
-    """Trace `points`, some of them twice to calibrate the error; what makes estimates, denoised if given neighbours.
+    """Trace `points`, some twice to calibrate the error; returns a function that makes estimates of what was traced,
+    denoised if it is given neighbours.
 
     Args: later: rays that are to follow.
     """
     calibration = _calibration_subset(len(points))
     tracer.expected = tracer.rays + samples * (len(points) + len(calibration)) + later
-    rows = tracer.gather(points, samples, key)
+    gathered = tracer.gather(points, samples, key)
     twice = points[calibration]
     other_key = hash32_array([key ^ np.uint32(0xA5A5A5A5)])[0]
     here = tracer.gather(twice, samples, other_key)
@@ -53,8 +54,8 @@ def traced_twice(
     weight = np.full(len(calibration), len(points) / max(len(calibration), 1))
 
     def estimated(neighbours: Neighbours | None) -> Estimate:
-        w = rows[:, W]
-        spread = rows[:, BATCH_VARIANCE]
+        w = gathered[:, W]
+        spread = gathered[:, BATCH_VARIANCE]
         level = sampling_variance(w[calibration], here[:, W], samples)
         within = max(sampling_variance(w[calibration], again, samples) - level, 0.0)  # what points stand for
         if len(points) and not spread.any() and (w == w[0]).all():  # of n rays that agree, the next may not (Laplace)
@@ -62,21 +63,21 @@ def traced_twice(
         variance = shrunk_to_mean(distribute_variance(spread, level)) + within
         before = (w[calibration] - again) ** 2
         checked = Calibration(variance[calibration], before / 2, weight)
-        raw = Estimate(rows[:, VALUES], variance, samples, calibration=checked)
+        raw = Estimate(gathered[:, VALUES], variance, samples, calibration=checked)
         if neighbours is None:
             return raw
 
         def risk(w: Float64s) -> float:
             return float(np.mean((w - again) ** 2))
 
-        denoised, error = denoise_over_scales(neighbours, points, rows.astype(np.float32), level, calibration, risk)
+        denoised, error = denoise_over_scales(neighbours, points, gathered.astype(np.float32), level, calibration, risk)
         after = (denoised[calibration] - again) ** 2
         if float(np.sum(after - before)) >= 0:
             return raw
         error += within
         error *= calibration_factor(error[calibration], after - before / 2, error)
         checked = Calibration(error[calibration], after - before / 2, weight)
-        return Estimate(np.column_stack([denoised, rows[:, BENT:]]), error, samples, calibration=checked)
+        return Estimate(np.column_stack([denoised, gathered[:, BENT:]]), error, samples, calibration=checked)
 
     return estimated
 
@@ -93,41 +94,41 @@ def _calibration_subset(count: int) -> Int64s:
 
 
 def edges_of(points: Points, of_vertex: Int64s, faces: Int64s, tracer: Tracer) -> NeighboursOf:
-    """Neighbours along the edges of `faces` (m, 3); kept where several falloffs need them.
+    """Neighbours along the edges of `faces` (m, 3), kept where several falloffs need the same.
 
     Args: of_vertex: (n,), the row in `points` of each vertex, −1 for none.
     """
     kept = dict[bytes, Neighbours]()
 
-    def among(rows: Int64s) -> Neighbours:
+    def among(point_rows: Int64s) -> Neighbours:
         if not tracer.mu.columns:
-            return made(rows)
-        digest = hashlib.blake2b(rows.data).digest()
-        return kept.get(digest) or kept.setdefault(digest, made(rows))
+            return made(point_rows)
+        digest = hashlib.blake2b(point_rows.data).digest()
+        return kept.get(digest) or kept.setdefault(digest, made(point_rows))
 
-    def made(rows: Int64s) -> Neighbours:
-        place = np.full(len(points) + 1, -1, np.int32)  # the last for vertices without a point
-        place[rows] = np.arange(len(rows), dtype=np.int32)
+    def made(point_rows: Int64s) -> Neighbours:
+        row_of_point = np.full(len(points) + 1, -1, np.int32)  # the last for vertices without a point
+        row_of_point[point_rows] = np.arange(len(point_rows), dtype=np.int32)
         corners = np.empty(faces.shape, np.int32)
-        run_blocks(len(faces), _BLOCK, bind(_look_up, place[of_vertex], faces, corners), tracer.threads)
-        return Neighbours.of(corners, points.normals[rows], tracer.threads)
+        run_blocks(len(faces), _BLOCK, bind(_look_up, row_of_point[of_vertex], faces, corners), tracer.threads)
+        return Neighbours.of(corners, points.normals[point_rows], tracer.threads)
 
     return among
 
 
 @kernel
-def _look_up(place, faces, corners, first, last):
-    for f in range(first, last):
+def _look_up(row_of_vertex, faces, corners, start, stop):
+    for f in range(start, stop):
         for k in range(3):
-            corners[f, k] = place[faces[f, k]]
+            corners[f, k] = row_of_vertex[faces[f, k]]
 
 
 def estimate(
     tracer: Tracer, points: Points, corners: CornerSamples, neighbours_of: NeighboursOf, options: Options
 ) -> Estimate:
-    """Estimates at all `points` (k,), with a number of rays each that is given or meets the tolerance."""
-    rows = np.delete(np.arange(len(points)), corners.rows)
-    ordinary, folded = points[rows] if len(corners) else points, corners.points
+    """Estimates at all `points` (k,), with the number of rays each that `options` give, or that meets the tolerance."""
+    ordinary_rows = np.delete(np.arange(len(points)), corners.point_rows)
+    ordinary, folded = points[ordinary_rows] if len(corners) else points, corners.points
     most, tolerance, key = options.rays, options.tolerance, seed_key(options.seed)
     at_corners = None
     if tolerance is None or not len(points):
@@ -137,31 +138,31 @@ def estimate(
         estimated_corners = traced_twice(tracer, folded, samples, key) if len(corners) else None
         tracer.checkpoint.all_traced()
         tracer.scene.embree.cache_clear()  # type: ignore[attr-defined]  # who needs it afterwards builds it anew
-        found = estimated(neighbours_of(rows) if options.denoise else None)
+        baked = estimated(neighbours_of(ordinary_rows) if options.denoise else None)
         at_corners = estimated_corners(None) if estimated_corners else None
-    elif len(rows):
-        found = estimate_to(tracer, ordinary, neighbours_of(rows), tolerance, most, key)
+    elif len(ordinary_rows):
+        baked = estimate_to(tracer, ordinary, neighbours_of(ordinary_rows), tolerance, most, key)
         if len(corners):
-            at_corners = traced_twice(tracer, folded, rays_per_corner_sample(found.mean_samples, True), key)(None)
+            at_corners = traced_twice(tracer, folded, rays_per_corner_sample(baked.mean_samples, True), key)(None)
     else:  # rays can be planned by corner samples alone, of which the mean of some 18 is asked for
         alone = Neighbours.of(np.zeros((0, 3), np.int64), folded.normals, tracer.threads)
         at_corners = estimate_to(tracer, folded, alone, min(2 * tolerance, 1.0), most, key)
-        found = Estimate(np.zeros((0, 4)), np.zeros(0), at_corners.samples)
+        baked = Estimate(np.zeros((0, 4)), np.zeros(0), at_corners.samples)
     if at_corners is None:
-        return found
+        return baked
     values = np.empty((len(points), 4))
     variance = np.empty(len(points))
-    values[rows], variance[rows] = found.rows, found.variance
-    values[corners.rows, :1] = corners.mean(at_corners.rows[:, :1])
-    values[corners.rows, 1:] = corners.mean_direction(at_corners.rows[:, 1:])
-    variance[corners.rows] = corners.variance(at_corners.variance)
-    return found._replace(rows=values, variance=variance)
+    values[ordinary_rows], variance[ordinary_rows] = baked.values, baked.variance
+    values[corners.point_rows, :1] = corners.mean(at_corners.values[:, :1])
+    values[corners.point_rows, 1:] = corners.mean_direction(at_corners.values[:, 1:])
+    variance[corners.point_rows] = corners.variance(at_corners.variance)
+    return baked._replace(values=values, variance=variance)
 
 
 def estimate_outside(
     tracer: Tracer, points: Points, corners: CornerSamples, neighbours_of: NeighboursOf, inside: Bools, options: Options
 ) -> tuple[Estimate, int]:
-    """`estimate` where points `inside` (k,) are filled from the nearest points outside; how many were not traced.
+    """`estimate` where points `inside` (k,) are filled from the nearest points outside; and how many were not traced.
 
     Points from which no path of edges leads out are traced.
     """
@@ -175,16 +176,16 @@ def estimate_outside(
     traced = points[kept]
     graph = cells.joined(neighbours, traced.normals)
     subset = corners.only(kept)
-    values = estimate(tracer, traced, subset, lambda rows: neighbours_of(kept[rows]), options)
-    known = np.column_stack([values.rows, values.variance])
+    baked = estimate(tracer, traced, subset, lambda point_rows: neighbours_of(kept[point_rows]), options)
+    known = np.column_stack([baked.values, baked.variance])
     if options.tolerance is not None:  # an error at the edge of the hidden points stands for many
         edge = np.zeros(len(kept), np.bool_)
         edge[np.diff(cells.starts) > 1] = True
         edge[graph.indices[np.repeat(edge, np.diff(graph.starts))]] = True
-        edge[subset.rows] = False
+        edge[subset.point_rows] = False
         key = derive(seed_key(options.seed), 6)
-        enough = max(2 * values.mean_samples, rays_alone(options.tolerance))
+        enough = max(2 * baked.mean_samples, rays_alone(options.tolerance))
         again = traced_twice(tracer, traced[edge], min(enough, options.rays), key)(None)
-        known[edge] = np.column_stack([again.rows, again.variance])
-    rows = extrapolate(points, cells, graph, known)
-    return values._replace(rows=rows[:, :4], variance=rows[:, 4]), len(points) - len(kept)
+        known[edge] = np.column_stack([again.values, again.variance])
+    extended = extrapolate(points, cells, graph, known)
+    return baked._replace(values=extended[:, :4], variance=extended[:, 4]), len(points) - len(kept)

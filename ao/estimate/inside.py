@@ -43,34 +43,34 @@ def inside_solids(
     """
     count, faces, opacity = len(points), receivers.faces, receivers.opacity
     inside = np.zeros(count, np.bool_)
-    rows = np.arange(count)
-    own = np.full(count, -1)
+    candidates = np.arange(count)
+    own_part = np.full(count, -1)
     if interior == "ignore" or not count:
         return inside
     if interior == "auto":
         part, closed = _closed_parts(placement.vertices, receivers)
         if not closed.any():
             return inside
-        own = part[vertex()]
-        rows = _inside_boxes(points.origins, own, placement.vertices, part, closed, threads)
+        own_part = part[vertex()]
+        candidates = _inside_boxes(points.origins, own_part, placement.vertices, part, closed, threads)
         hiding = np.where(closed[part], part, -1)[faces[:, 0]]
     else:
         hiding = np.zeros(len(faces), np.int64)
         if opacity:
             hiding[opacity.of >= 0] = -1
-    if not len(rows):
+    if not len(candidates):
         return inside
     scene = receivers.embree()
-    found = np.empty(len(rows), np.bool_)
+    hidden = np.empty(len(candidates), np.bool_)
     table = DirectionTable.make(RAYS, count if total_points is None else total_points, _KEY)
 
-    def work(first: int, last: int) -> None:
-        some = rows[first:last]
-        solids = hiding, own[some], placement.diagonal
-        _find_hidden(RayPacket.of(scene), points[some].arrays, table, solids, found[first:last])
+    def work(start: int, stop: int) -> None:
+        some = candidates[start:stop]
+        solids = hiding, own_part[some], placement.diagonal
+        _find_hidden(RayPacket.of(scene), points[some].arrays, table, solids, hidden[start:stop])
 
-    run_blocks(len(rows), _BLOCK, work, threads, most=_MOST)
-    inside[rows] = found
+    run_blocks(len(candidates), _BLOCK, work, threads, most=_MOST)
+    inside[candidates] = hidden
     return inside
 
 
@@ -95,8 +95,8 @@ def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Boo
 def _find_hidden(packet, points, table, solids, hidden):
     """Whether over half of each point's rays end on the back of a face, bool (k,); no more are traced than decide.
 
-    Args: solids: the part (m,) that each face bounds, −1 for none; the part (k,) of each point, which does not hide it;
-        the rays' length.
+    Args: solids: the part (m,) that each face bounds, −1 for none; the part (k,) of each point, whose faces do not
+        hide it; the rays' length.
     """
     packet = unrefcounted_view(packet)
     points = unrefcounted_view(points)
@@ -112,10 +112,10 @@ def _find_hidden(packet, points, table, solids, hidden):
         t, b = turned_frame(n, turn)
         start_from(rays, points.origins[i])
         count = np.int64(0)
-        for first in range(0, samples, LANES):
-            if 2 * count > samples or 2 * (count + samples - first) <= samples:
+        for first_ray in range(0, samples, LANES):
+            if 2 * count > samples or 2 * (count + samples - first_ray) <= samples:
                 break
-            aim(rays, directions[chosen], first, t, b, n, reach)
+            aim(rays, directions[chosen], first_ray, t, b, n, reach)
             intersect8(packet.scene, rays, packet.valid)
             for lane in range(LANES):
                 if ids[GEOM_ID, lane] == INVALID:
@@ -140,8 +140,8 @@ def _solids(vertices: Float32s, faces: Int64s) -> tuple[Int64s, Bools]:
 
 
 def holes(mesh: Mesh) -> list[str]:
-    """What it means, in words, if there are edges at which more faces run one way than the other; vertices at the same
-    place are one."""
+    """What open edges of a `mesh` mean, in words: edges at which more faces run one way than the other. Vertices at the
+    same place are one."""
     corners = coincident(Placement.of(mesh).vertices, mesh.faces)[mesh.faces]
     a = corners.ravel()
     b = corners[:, [1, 2, 0]].ravel()
@@ -152,9 +152,9 @@ def holes(mesh: Mesh) -> list[str]:
 
 
 def _inside_boxes(
-    points: Float32s, own: Int64s, vertices: Float32s, part: Int64s, closed: Bools, threads: int
+    points: Float32s, own_part: Int64s, vertices: Float32s, part: Int64s, closed: Bools, threads: int
 ) -> Int64s:
-    """Rows, ascending, of the `points` (k, 3) within the bounding box of a closed part that is not their `own` (k,).
+    """Rows, ascending, of `points` (k, 3) within the bounding box of a closed part other than their `own_part` (k,).
 
     Args: points: along a curve, for speed. vertices: (n, 3). part, closed: of `_solids`.
     """
@@ -162,10 +162,10 @@ def _inside_boxes(
     high = np.full((len(closed), 3), -np.inf, np.float32)
     _bound(vertices, part, low, high)
     numbers = np.flatnonzero(closed)
-    found = np.zeros(len(points), np.bool_)
-    work = bind(_mark_within, points, own, (numbers, low[numbers], high[numbers]), found)
+    within = np.zeros(len(points), np.bool_)
+    work = bind(_mark_within, points, own_part, (numbers, low[numbers], high[numbers]), within)
     run_blocks(len(points), _NEAR, work, threads, most=_MOST)
-    return np.flatnonzero(found)
+    return np.flatnonzero(within)
 
 
 @kernel
@@ -178,13 +178,13 @@ def _bound(vertices, part, low, high):
 
 
 @kernel
-def _mark_within(points, own, parts, found, first, last):
-    """Set `found` of points in a box of `parts`, by numbers, low and high corners, other than their `own`."""
+def _mark_within(points, own_part, parts, within, start, stop):
+    """Set `within` of points in a box of `parts`, by numbers, low and high corners, other than their `own_part`."""
     numbers, low, high = parts
     near = np.empty(len(numbers), np.int64)
     around = np.empty((2, 3), np.float32)
-    for begin in range(first, last, _NEAR):
-        end, count = min(begin + _NEAR, last), 0
+    for begin in range(start, stop, _NEAR):
+        end, count = min(begin + _NEAR, stop), 0
         around[0], around[1] = np.inf, -np.inf
         for i in range(begin, end):
             for axis in range(3):
@@ -196,8 +196,8 @@ def _mark_within(points, own, parts, found, first, last):
                 count += 1
         for i in range(begin, end):
             for k in near[:count]:
-                if numbers[k] != own[i] and _meet(points[i], points[i], low[k], high[k]):
-                    found[i] = True
+                if numbers[k] != own_part[i] and _meet(points[i], points[i], low[k], high[k]):
+                    within[i] = True
                     break
 
 

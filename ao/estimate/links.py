@@ -21,9 +21,9 @@ def linked(here: AnyInts, there: AnyInts, normals: Float32s, threads: int) -> Ne
     return partial(_among, graph, normals, threads)
 
 
-def _among(graph: csr_array, normals: Float32s, threads: int, rows: Int64s) -> Neighbours:
-    """The neighbours among some points, `rows` (k,)."""
-    part = graph[rows][:, rows] if len(rows) < len(normals) else graph
+def _among(graph: csr_array, normals: Float32s, threads: int, point_rows: Int64s) -> Neighbours:
+    """The neighbours among the points of `point_rows` (k,)."""
+    part = graph[point_rows][:, point_rows] if len(point_rows) < len(normals) else graph
     starts = part.indptr.astype(np.int64)
     indices = part.indices.astype(np.int32)
-    return Neighbours.weighted(starts, indices, np.ones(len(indices), np.float32), normals[rows], threads)
+    return Neighbours.weighted(starts, indices, np.ones(len(indices), np.float32), normals[point_rows], threads)

@@ -17,7 +17,7 @@ _NOTHING = np.float32(1e-6)  # of weight
 _CREASE = 16  # power of n·n' by which a neighbour counts less
 _BLOCK, _MOST = 1 << 11, 16  # points, and blocks at once
 _FEW = 32  # ends of edges at a point that are looked through
-_PART = 1 << 11  # points for each thread: to wake one for fewer takes longer than they do
+_PART = 1 << 11  # points for each thread: to wake a thread for fewer takes longer than their work
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class Neighbours:
 
     starts: Int64s
     indices: Int32s
-    weights: Float32s  # 1 for a neighbour of the same normal, half of it along an edge with one face
+    weights: Float32s  # 1 for a neighbour of the same normal, half along an edge with one face
     threads: int
 
     @classmethod
@@ -49,29 +49,29 @@ class Neighbours:
         weights = np.empty(len(ends), np.float32)
         starts = np.zeros(len(listed), np.int64)
         rings = cls(starts, ends, weights, threads)
-        rings.each(bind(_merge_edges, listed, ends, weights, starts))
+        rings.for_blocks(bind(_merge_edges, listed, ends, weights, starts))
         np.cumsum(starts, out=starts)
         indices = np.empty(starts[-1], np.int32)
         merged = np.empty(starts[-1], np.float32)
-        rings.each(bind(_pack, listed, ends, weights, starts, indices, merged))
+        rings.for_blocks(bind(_pack, listed, ends, weights, starts, indices, merged))
         return cls(starts, indices, merged, threads)
 
     @classmethod
     def weighted(cls, starts: Int64s, indices: Int32s, weights: Float32s, normals: Float32s, threads: int) -> Self:
         """One-rings whose `weights` are lowered where the points' `normals`, float32 (k, 3), disagree."""
         rings = cls(starts, indices, weights, threads)
-        rings.each(bind(_weigh_by_normals, starts, indices, normals, weights))
+        rings.for_blocks(bind(_weigh_by_normals, starts, indices, normals, weights))
         return rings
 
-    def each(self, *works: Block) -> None:
-        """Call each of `works` with a first and a last point for blocks of points, on threads."""
+    def for_blocks(self, *works: Block) -> None:
+        """Call all `works` with the start and the stop of blocks of points, on threads."""
         count = len(self.starts) - 1
 
-        def work(first: int, last: int) -> None:
-            for each in works:
-                each(first, last)
+        def run(start: int, stop: int) -> None:
+            for work in works:
+                work(start, stop)
 
-        run_blocks(count, _BLOCK, work, min(self.threads, count // _PART or 1), most=_MOST)
+        run_blocks(count, _BLOCK, run, min(self.threads, count // _PART or 1), most=_MOST)
 
     @property
     def ring(self) -> tuple[Int64s, Int32s, Float32s]:
@@ -95,31 +95,31 @@ class Neighbours:
     def means(
         self,
         values: Float32s,
-        own: float | Float32s,
+        self_weight: float | Float32s,
         out: Float32s | None = None,
         then: Callable[[Float32s], Block] | None = None,
     ) -> Float32s:
         """Weighted means over the neighbours, NaN without any, in one pass over the points.
 
-        Args: values: (k,), or (k, 16) as `aligned` makes it. own: the weight of a point's own, or sixteen. out: what
-            the means are written to. then: makes of the means what is called after them on blocks, whose means are
-            there.
+        Args: values: (k,), or (k, 16) as `aligned` makes it. self_weight: of a point's own value, or sixteen weights.
+            out: what the means are written to. then: makes of the means what is called on blocks once their means are
+            written.
         """
         out = aligned(values.shape, np.float32, zeroed=False) if out is None else out
         weight = aligned((WIDE,), np.float32)
-        weight[:] = own
+        weight[:] = self_weight
         kernel = _mean if values.ndim == 1 else _mean_lanes
-        self.each(bind(kernel, *self.ring, values, weight, out), *([then(out)] if then else []))
+        self.for_blocks(bind(kernel, *self.ring, values, weight, out), *([then(out)] if then else []))
         return out
 
 
 @kernel
-def _list_ends(faces, places, ends, first, last):
-    """Write ends of edges at each point from its place on, unless they are only counted, and move that past them."""
+def _list_ends(faces, places, ends, start, stop):
+    """Write the ends of edges at point i from places[i] on, or count them, without `ends`; move places[i] past them."""
     for f in range(len(faces)):
         for k in range(3):
             i = faces[f, k]
-            if first <= i < last:
+            if start <= i < stop:
                 if ends is not None:
                     for step in range(2):
                         j = faces[f, (k + 1 + step) % 3]
@@ -128,14 +128,14 @@ def _list_ends(faces, places, ends, first, last):
 
 
 @kernel
-def _merge_edges(listed, ends, weights, counts, first, last):
+def _merge_edges(listed, ends, weights, counts, start, stop):
     """List every neighbour once, weighted by half the number of faces at the edge to it; their number: counts[i + 1].
-    Those that are there are looked through; those of points with very many are found by a hash table."""
+    A neighbour is sought among the neighbours listed before it, at points with very many by a hash table."""
     most = 0
-    for i in range(first, last):
+    for i in range(start, stop):
         most = max(most, listed[i + 1] - listed[i])
     slots = np.empty(4 * most + 4, np.int64)
-    for i in range(first, last):
+    for i in range(start, stop):
         begin = listed[i]
         end = listed[i]
         size = 0
@@ -145,15 +145,15 @@ def _merge_edges(listed, ends, weights, counts, first, last):
                 size *= 2
             slots[:size] = -1
         for k in range(begin, listed[i + 1]):
-            j, place, at = ends[k], 0, begin
+            j, slot, at = ends[k], 0, begin
             if j < 0:
                 continue
             if size > 0:
-                place = (j * 0x9E3779B1 >> 8) & (size - 1)
-                while slots[place] >= 0 and ends[slots[place]] != j:
-                    place = (place + 1) & (size - 1)
-                at = end if slots[place] < 0 else slots[place]
-                slots[place] = at
+                slot = (j * 0x9E3779B1 >> 8) & (size - 1)
+                while slots[slot] >= 0 and ends[slots[slot]] != j:
+                    slot = (slot + 1) & (size - 1)
+                at = end if slots[slot] < 0 else slots[slot]
+                slots[slot] = at
             else:
                 while at < end and ends[at] != j:
                     at += 1
@@ -165,16 +165,16 @@ def _merge_edges(listed, ends, weights, counts, first, last):
 
 
 @kernel
-def _pack(listed, ends, weights, starts, indices, merged, first, last):
-    for i in range(first, last):
+def _pack(listed, ends, weights, starts, indices, merged, start, stop):
+    for i in range(start, stop):
         for k in range(starts[i + 1] - starts[i]):
             indices[starts[i] + k] = ends[listed[i] + k]
             merged[starts[i] + k] = weights[listed[i] + k]
 
 
 @kernel
-def _weigh_by_normals(starts, indices, normals, weights, first, last):
-    for i in range(first, last):
+def _weigh_by_normals(starts, indices, normals, weights, start, stop):
+    for i in range(start, stop):
         for k in range(starts[i], starts[i + 1]):
             cosine = np.float32(0.0)
             for axis in range(3):
@@ -183,10 +183,10 @@ def _weigh_by_normals(starts, indices, normals, weights, first, last):
 
 
 @kernel
-def _mean(starts, indices, weights, values, own, out, first, last):
-    """Ring means, the point's own value weighted by `own`, of differences: equal values stay equal to the bit."""
-    for i in range(first, last):
-        weight, difference, centre = own[0], np.float32(0.0), values[i]
+def _mean(starts, indices, weights, values, self_weight, out, start, stop):
+    """Ring means, the point's value weighted by `self_weight`, of differences: equal values stay equal to the bit."""
+    for i in range(start, stop):
+        weight, difference, centre = self_weight[0], np.float32(0.0), values[i]
         for k in range(np.uint64(starts[i]), np.uint64(starts[i + 1])):  # unsigned: nothing is counted from the end
             weight += weights[k]
             difference += weights[k] * (values[np.uint32(indices[k])] - centre)
@@ -194,10 +194,10 @@ def _mean(starts, indices, weights, values, own, out, first, last):
 
 
 @kernel
-def _mean_lanes(starts, indices, weights, values, own, out, first, last):
+def _mean_lanes(starts, indices, weights, values, self_weight, out, start, stop):
     """`_mean` of rows of sixteen."""
-    for i in range(first, last):
-        weight = load_row(own, 0)
+    for i in range(start, stop):
+        weight = load_row(self_weight, 0)
         centre = load_row(values, i)
         difference = centre - centre
         for k in range(np.uint64(starts[i]), np.uint64(starts[i + 1])):

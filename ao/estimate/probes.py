@@ -15,15 +15,15 @@ from .calibration import Calibration, calibration_factor
 from .sampling_error import BATCH, RATE, derive, rays_alone, sampling_variance, stratified_rows
 
 _PROBED, _FEWEST, _MOST = 16, 96, 1024  # one point in how many is probed, at least and at most
-_LARGEST, _MORE = 0.05, 0.25  # part of the points that have the largest errors expected, and of as many probes more
-_EXPECTED = 16  # probes that errors expected of these are worth
-_SAMPLED = 1 << 14  # points by which these are told from others
+_LARGEST, _MORE = 0.05, 0.25  # part of the points that count as largest errors; probes among them, to the other probes
+_EXPECTED = 16  # probes that the expected largest errors are worth
+_SAMPLED = 1 << 14  # points by which the largest errors are told from others
 _SCATTER = 5.0  # variance of a squared error that two estimates with as large an error measure, relative to its square
 _PRIOR = 64  # probes that what is expected of their noise is worth
 
 
 class Probes:
-    """Points at which the error is measured: `rows` (j,), each by two independent estimates for every falloff."""
+    """Points at which the error is measured: `point_rows` (j,), each by two independent estimates for every falloff."""
 
     def __init__(self, tracer: Tracer, points: Points, tolerance: float, max_samples: int, key: np.uint32) -> None:
         self._tracer = tracer
@@ -31,17 +31,17 @@ class Probes:
         self._key = key
         # More rays would not make up for fewer probes: both err by as much.
         self._samples = min(rays_alone(tolerance), max(max_samples, BATCH))
-        self.rows = stratified_rows(len(points), int(np.clip(len(points) // _PROBED, _FEWEST, _MOST)))
-        self._spread = len(self.rows)  # so many are over all points; others follow
+        self.point_rows = stratified_rows(len(points), int(np.clip(len(points) // _PROBED, _FEWEST, _MOST)))
+        self._spread = len(self.point_rows)  # so many are over all points; others follow
         self._among_largest = np.zeros(len(points), np.bool_)
         self._weights = np.full(self._spread, 1 / max(self._spread, 1))
-        traced = self._trace(self.rows)
-        self._here = [(first[0], second[0]) for first, second in traced]
-        self._elsewhere = [(first[1], second[1]) for first, second in traced]
+        traced = self._trace(self.point_rows)
+        self._here = [(one[0], other[0]) for one, other in traced]
+        self._elsewhere = [(one[1], other[1]) for one, other in traced]
 
-    def _trace(self, rows: Int64s) -> list[tuple[tuple[Float64s, Float64s], tuple[Float64s, Float64s]]]:
-        """For each falloff two independent estimates at points, and elsewhere in what these stand for."""
-        probed = self._points[rows]
+    def _trace(self, point_rows: Int64s) -> list[tuple[tuple[Float64s, Float64s], tuple[Float64s, Float64s]]]:
+        """For each falloff two independent estimates at points, and elsewhere in what the points stand for."""
+        probed = self._points[point_rows]
 
         def traced(salt: int) -> tuple[Float64s, Float64s]:
             here = self._tracer.gather(probed, self._samples, derive(self._key, salt))
@@ -52,30 +52,30 @@ class Probes:
 
     def add_where_error_is_largest(self, error: Float64s) -> None:
         """Once, probe points of the largest squared errors (k,) expected, too."""
-        if len(self.rows) > self._spread:
+        if len(self.point_rows) > self._spread:
             return
         step = max(len(error) // _SAMPLED, 1)
         largest = error > np.quantile(error[::step], 1 - _LARGEST)
         unprobed = largest.copy()
-        unprobed[self.rows] = False
+        unprobed[self.point_rows] = False
         candidates = np.flatnonzero(unprobed)
         if not len(candidates):
             return
         added = candidates[stratified_rows(len(candidates), round(_MORE * self._spread))]
-        for column, (first, second) in enumerate(self._trace(added)):
+        for column, (one, other) in enumerate(self._trace(added)):
             before = self._elsewhere[column]
-            self._elsewhere[column] = np.append(before[0], first[1]), np.append(before[1], second[1])
+            self._elsewhere[column] = np.append(before[0], one[1]), np.append(before[1], other[1])
         self._among_largest = largest
-        self.rows = np.append(self.rows, added)
-        is_largest = largest[self.rows]
+        self.point_rows = np.append(self.point_rows, added)
+        is_largest = largest[self.point_rows]
         share = float(np.mean(largest))
         count = int(np.count_nonzero(is_largest))
-        self._weights = np.where(is_largest, share / count, (1 - share) / max(len(self.rows) - count, 1))
+        self._weights = np.where(is_largest, share / count, (1 - share) / max(len(self.point_rows) - count, 1))
 
     @property
     def doubt(self) -> float:
-        """Standard error of the mean square error that is measured, relative to it."""
-        return float(np.sqrt(_SCATTER / len(self.rows)))
+        """Standard error of the measured mean square error, relative to that."""
+        return float(np.sqrt(_SCATTER / len(self.point_rows)))
 
     def mean_squared(self, w: Float64s, column: int) -> float:
         """The mean squared error over all points, measured at the probes, of which `w` (j,) is given."""
@@ -83,28 +83,30 @@ class Probes:
 
     def _squared(self, w: Float64s, column: int) -> Float64s:
         """Unbiased squared errors (j,) of `w` (j,) at the probes, as the estimates are independent."""
-        first, second = self._elsewhere[column]
-        return (w - first) * (w - second)
+        one, other = self._elsewhere[column]
+        return (w - one) * (w - other)
 
     def calibrate(self, error: Float64s, w: Float64s, column: int) -> Calibration:
         """Scale the squared errors (k,) expected of `w` (k,) to what is measured, the largest by themselves."""
-        measured = self._squared(w[self.rows], column)
+        measured = self._squared(w[self.point_rows], column)
         largest = self._among_largest
-        probed = largest[self.rows]
+        probed = largest[self.point_rows]
         if probed.any():
-            expected = float(np.mean(error[self.rows[probed]]))
-            found = (float(np.sum(measured[probed])) + _EXPECTED * expected) / (np.count_nonzero(probed) + _EXPECTED)
-            error[largest] *= max(found / max(expected, 1e-300), 1 / 3)
+            expected = float(np.mean(error[self.point_rows[probed]]))
+            largest_mean = (float(np.sum(measured[probed])) + _EXPECTED * expected) / (
+                np.count_nonzero(probed) + _EXPECTED
+            )
+            error[largest] *= max(largest_mean / max(expected, 1e-300), 1 / 3)
         others = ~largest
-        error[others] *= calibration_factor(error[self.rows[~probed]], measured[~probed], error[others])
-        return Calibration(error[self.rows], measured, len(error) * self._weights)
+        error[others] *= calibration_factor(error[self.point_rows[~probed]], measured[~probed], error[others])
+        return Calibration(error[self.point_rows], measured, len(error) * self._weights)
 
     def level(self, raw: Float32s, worth: Float64s, column: int) -> float:
         """Mean square error of values `raw` (k,) by rays alone, which are `worth` (k,): as measured, and, where there
         are few probes, as the noise of the probes' own rays lets expect."""
-        first, second = self._here[column]
-        own = sampling_variance(first, second, self._samples)
-        expected = own * float(self._samples**RATE * np.mean(1 / worth))
-        here = raw[self.rows[: self._spread]]
-        measured = max(float(np.sum((here - first) * (here - second))), 0.0)
+        one, other = self._here[column]
+        probe_noise = sampling_variance(one, other, self._samples)
+        expected = probe_noise * float(self._samples**RATE * np.mean(1 / worth))
+        here = raw[self.point_rows[: self._spread]]
+        measured = max(float(np.sum((here - one) * (here - other))), 0.0)
         return (measured + _PRIOR * expected) / (len(here) + _PRIOR)

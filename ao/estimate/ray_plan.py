@@ -10,12 +10,12 @@ from .one_ring import Neighbours
 from .sampling_error import BATCH, RATE
 
 _FIRST, _FEWEST = 0.048, 8  # rays at first, times the tolerance, and at least: with fewer, single jumps stay unseen
-_FEW_POINTS, _PLENTY = 1 << 15, 0.64  # all points have so many rays together at first, but a point so many / tolerance
+_FEW_POINTS, _PLENTY = 1 << 15, 0.64  # rays of few points together at first, but of each at most so many / tolerance
 _SHARED = 0.2  # variance of a neighbours' mean, relative to one neighbour's
 _UNEXPLAINED = 0.06  # part of the squared distance from a neighbours' mean that typical predictions leave
 _GAINED = 0.7  # of what shrinking all alike would gain: roughness is not the same everywhere
 _FALL = 1.08  # the mean square error of denoised values falls as n^−1.08 with n rays a point, or faster
-_WORK = 0.6  # the time that n rays of a point take grows as n^.6, for they share their walk
+_WORK = 0.6  # the time that n rays of a point take grows as n^.6, for the rays share their walk
 _STEPS = np.array([0, 1, *(k << power for power in range(16) for k in (2, 3))])  # batches that a round may add
 _SAMPLED = 1 << 14  # points by which rays are planned
 _LEAST = 1e-12  # of squared errors that rays are planned for
@@ -23,7 +23,7 @@ _BLOCK = 1 << 12  # points
 
 
 def first_rays(tolerance: float, count: int) -> int:
-    """Rays at first: few, more where there are few points, of which some have to tell how many more are needed."""
+    """Rays of a point at first: more where there are few points, which have to tell how many rays are needed."""
     few = min(_FEW_POINTS / count, _PLENTY / tolerance)
     return BATCH * max(round(max(_FIRST / tolerance, _FEWEST, few) / BATCH), 1)
 
@@ -48,9 +48,9 @@ def fall_of(neighbours: Neighbours, raw: Float32s, level: float, error: float, g
 def rays_to_add(error: Float64s, worth: Float64s, most: int, goal: float, fall: float, threads: int) -> Int64s:
     """Rays (k,) to add for squared errors (k,) of mean `goal`, by the least work.
 
-    With n' rays in the place of n, e (n / n')^f is expected of an error e, for work n'^g. Their sum is least where
-    n'^(f + g) is proportional to e n^f; the factor is bisected. Args: worth: n^RATE (k,), of one lattice. most: n' at
-    most. fall: f.
+    With n' rays in the place of n, e (n / n')^f is expected of an error e, for work n'^g. The sum of work is least
+    where n'^(f + g) is proportional to e n^f; the factor is bisected. Args: worth: n^RATE (k,), of one lattice. most:
+    n' at most. fall: f.
     """
     step = max(len(worth) // _SAMPLED, 1)
     some = np.maximum(error[::step], _LEAST)
@@ -70,9 +70,9 @@ def rays_to_add(error: Float64s, worth: Float64s, most: int, goal: float, fall: 
 
 
 @kernel
-def _plan(error, worth, powers, limits, step, first, last):
+def _plan(error, worth, powers, limits, step, start, stop):
     """The `step` of `_STEPS` by which what each point's rays are worth comes nearest to what is wanted."""
     fall, rate, factor = powers
-    for i in range(first, last):
+    for i in range(start, stop):
         wanted = factor * (max(error[i], _LEAST) * worth[i] ** fall) ** rate - worth[i]
         step[i] = np.searchsorted(limits, wanted)

@@ -5,19 +5,19 @@ import numpy as np
 from raytrace.sampling.sequences import hash32_array
 from raytrace.types import Float64s, Int64s
 
-BATCH = 4  # rays are added in multiples of these
+BATCH = 4  # rays are added in multiples of it
 RATE = 1.5  # the variance of n rays falls as n^−1.5
-TYPICAL, PRIOR = 0.09, 8  # variance of n rays · n^1.5, and how many points that is worth: a few may agree by luck
+TYPICAL, PRIOR = 0.09, 8  # variance of n rays · n^1.5, and how many points this prior is worth: a few may agree by luck
 
 
-def sampling_variance(first: Float64s, second: Float64s, rays: int) -> float:
+def sampling_variance(one: Float64s, other: Float64s, rays: int) -> float:
     """Mean square error of either of two independent estimates (k,) with `rays` rays a point."""
-    halves = float(np.sum((first - second) ** 2)) / 2
-    return float((halves + PRIOR * TYPICAL * rays**-RATE) / (len(first) + PRIOR))
+    halves = float(np.sum((one - other) ** 2)) / 2
+    return float((halves + PRIOR * TYPICAL * rays**-RATE) / (len(one) + PRIOR))
 
 
 def rays_alone(tolerance: float) -> int:
-    """Rays by which a point errs by the `tolerance` without any other's."""
+    """Rays by which a point errs by the `tolerance` without help from other points'."""
     enough = float(TYPICAL / tolerance**2) ** (1 / RATE)
     return int(BATCH * max(round(enough / BATCH), 1))
 

@@ -3,8 +3,8 @@
 Points are joined into cells of four, cells into larger ones, and values averaged over each. Every level is denoised
 by its own one-rings (`shrinkage`); from the coarsest down, what a level says is then shrunk towards what the level
 above predicts for it, by weights from the residuals around each point (James–Stein): where w bends within a cell, the
-residuals exceed the noise and the finer level stays; where it does not, the coarser one is taken, whose noise is less.
-Like shrinkage of wavelets with local variances (Mıhçak, Kozintsev, Ramchandran & Moulin 1999).
+residuals exceed the noise and the finer level stays; where it does not, the coarser level is taken, which has less
+noise. Like shrinkage of wavelets with local variances (Mıhçak, Kozintsev, Ramchandran & Moulin 1999).
 """
 
 from collections.abc import Callable, Iterator
@@ -32,10 +32,10 @@ from .upsampling import upsample
 _LEVELS = 3  # above the points
 _FEWEST = 1024  # points of a level that is worth one above it
 _REACH = 4  # cells over which squared residuals are averaged
-_AMOUNTS = 2.0, 1.2, 0.8, 0.5, 0.25, 0.0  # times the expected noise may be in residuals
+_AMOUNTS = 2.0, 1.2, 0.8, 0.5, 0.25, 0.0  # times the expected noise: what may be in residuals
 _JUMP = 3.0  # times the noise may be in the mean squared residual of a point and its neighbours
 _OUTLIER = 16.0  # times the noise may be in a squared residual; what is beyond, shrinking makes an error
-_AVERAGED = 0.8  # of the squared errors of cells, is left of them in planes fitted to several
+_AVERAGED = 0.8  # of the squared errors of cells: what is left in planes fitted to several cells
 _CANCELLED = 0.1  # length of a mean normal below which it says nothing
 _BLOCK, _MOST = 1 << 11, 16  # points, and blocks at once
 Risk = Callable[[Float64s], float]  # measures the mean square error of w at the checked points, by rays of its own
@@ -50,11 +50,11 @@ class _Level(NamedTuple):
     weight: Float32s  # (c,), points of the mesh in each
     cells: Cells
 
-    def means(self, rows: Float32s, weight: Float32s, slope: float, offset: float) -> Float32s:
-        """Rows (c, COLUMNS) from rows (k, COLUMNS) of the points below; variances, from `slope` times theirs and
-        `offset`, are those of the means. Args: weight: (k,), of the points below."""
+    def means(self, gathered: Float32s, weight: Float32s, slope: float, offset: float) -> Float32s:
+        """Rows (c, COLUMNS) from rows (k, COLUMNS) of the points below; variances of the means, from `slope` times
+        the points' variances and `offset`. Args: weight: (k,), of the points below."""
         out = np.empty((len(self.points), COLUMNS), np.float32)
-        self.neighbours.each(bind(_average, self.cells, weight, rows, slope, offset, out))
+        self.neighbours.for_blocks(bind(_average, self.cells, weight, gathered, slope, offset, out))
         return out
 
 
@@ -62,26 +62,26 @@ _pyramids: WeakKeyDictionary[Neighbours, list[_Level]] = WeakKeyDictionary()
 
 
 def denoise_over_scales(
-    neighbours: Neighbours, points: Points, rows: Float32s, level: float, checked: Int64s, risk: Risk
+    neighbours: Neighbours, points: Points, gathered: Float32s, level: float, checked: Int64s, risk: Risk
 ) -> Said:
     """w (k,) denoised over all scales, and the mean square error expected of each, (k,).
 
-    Args: level: mean square error of w in `rows` (k, COLUMNS). checked, risk: choose how much noise there is in
+    Args: level: mean square error of w in `gathered` (k, COLUMNS). checked, risk: choose how much noise there is in
         residuals, of cells by what they predict for points, then of points.
     """
-    finest = denoise(neighbours, points, rows, level)
+    finest = denoise(neighbours, points, gathered, level)
     levels = _pyramid(neighbours, points) if level > 0 else []
     if not levels:
         return finest
     said = []
     weight = np.ones(len(points), np.float32)
-    line = variance_line(_mean_variance(rows), level)
-    for each in levels:
-        rows = each.means(rows, weight, *line)
-        said.append(denoise(each.neighbours, each.points, rows, _mean_variance(rows)))
-        weight = each.weight
+    line = variance_line(_mean_variance(gathered), level)
+    for coarser in levels:
+        gathered = coarser.means(gathered, weight, *line)
+        said.append(denoise(coarser.neighbours, coarser.points, gathered, _mean_variance(gathered)))
+        weight = coarser.weight
         line = 1.0, 0.0
-    del rows
+    del gathered
     # Cells by all amounts at once, of which the points choose one.
     amounts = np.array(_AMOUNTS if len(levels) > 1 else _AMOUNTS[:1])
     values: AnyFloats = np.repeat(np.column_stack(said.pop()), len(amounts), axis=1)
@@ -101,8 +101,8 @@ def denoise_over_scales(
     return w, shrunk_to_mean(error)
 
 
-def _mean_variance(rows: Float32s) -> float:
-    return float(np.mean(rows[:, BATCH_VARIANCE], dtype=np.float64))
+def _mean_variance(gathered: Float32s) -> float:
+    return float(np.mean(gathered[:, BATCH_VARIANCE], dtype=np.float64))
 
 
 class _Detail(NamedTuple):
@@ -121,20 +121,20 @@ class _Detail(NamedTuple):
         cell = coarse.cells.cell
         predicted = upsample(points, cell, coarse.neighbours, coarse.points, above)
         around = aligned((len(coarse.points), WIDE), np.float32)
-        coarse.neighbours.each(bind(_compare, coarse.cells, *said, predicted, around))
+        coarse.neighbours.for_blocks(bind(_compare, coarse.cells, *said, predicted, around))
         return cls(*said, predicted, cell, coarse.neighbours.smooth(around, _REACH), np.zeros(len(points), np.float32))
 
     def with_jumps(self, neighbours: Neighbours) -> Self:
         """Where a point and its neighbours together are far beyond their noise, no wider surroundings count."""
         squared = np.empty(len(self.w), np.float32)
-        neighbours.each(bind(_square, self.w, self.predicted, squared))
+        neighbours.for_blocks(bind(_square, self.w, self.predicted, squared))
         noise = bind(_beyond_noise, self.cell, self.around)
         jump = neighbours.means(squared, 1.0, then=lambda nearby: partial(noise, nearby))
         return self._replace(jump=jump)
 
-    def at(self, rows: Int64s) -> Self:
-        """At some of the points."""
-        kept = {name: getattr(self, name)[rows] for name in ("w", "error", "predicted", "cell", "jump")}
+    def at(self, point_rows: Int64s) -> Self:
+        """The detail at some of the points."""
+        kept = {name: getattr(self, name)[point_rows] for name in ("w", "error", "predicted", "cell", "jump")}
         return self._replace(**kept)
 
     def shrunk(self, amounts: Float64s, threads: int) -> Float32s:
@@ -145,11 +145,11 @@ class _Detail(NamedTuple):
 
 
 @kernel
-def _average(cells, weight, rows, slope, offset, out, first, last):
+def _average(cells, weight, gathered, slope, offset, out, start, stop):
     """Fill in `_Level.means`."""
     cells = unrefcounted_view(cells)
-    rows = unrefcounted_view(rows)
-    for c in range(first, last):
+    gathered = unrefcounted_view(gathered)
+    for c in range(start, stop):
         total = 0.0
         out[c] = 0.0
         for k in range(cells.starts[c], cells.starts[c + 1]):
@@ -158,19 +158,19 @@ def _average(cells, weight, rows, slope, offset, out, first, last):
             total += share
             for column in range(COLUMNS):
                 if column == BATCH_VARIANCE:
-                    out[c, column] += share * share * (slope * rows[i, column] + offset)
+                    out[c, column] += share * share * (slope * gathered[i, column] + offset)
                 else:
-                    out[c, column] += share * rows[i, column]
+                    out[c, column] += share * gathered[i, column]
         for column in range(COLUMNS):
             out[c, column] /= total * total if column == BATCH_VARIANCE else total
 
 
 @kernel
-def _compare(cells, w, error, predicted, around, first, last):
+def _compare(cells, w, error, predicted, around, start, stop):
     """Fill in the first columns of `around` with means over each cell."""
     cells = unrefcounted_view(cells)
     predicted = unrefcounted_view(predicted)
-    for c in range(first, last):
+    for c in range(start, stop):
         size = np.float32(cells.starts[c + 1] - cells.starts[c])
         for k in range(cells.starts[c], cells.starts[c + 1]):
             i = cells.members[k]
@@ -180,22 +180,22 @@ def _compare(cells, w, error, predicted, around, first, last):
 
 
 @kernel
-def _square(w, predicted, squared, first, last):
-    for i in range(first, last):
+def _square(w, predicted, squared, start, stop):
+    for i in range(start, stop):
         squared[i] = (w[i] - predicted[i, 0]) ** 2
 
 
 @kernel
-def _beyond_noise(cell, around, nearby, first, last):
-    for i in range(first, last):
+def _beyond_noise(cell, around, nearby, start, stop):
+    for i in range(start, stop):
         nearby[i] -= _JUMP * around[cell[i], 0]
 
 
 @kernel
-def _shrink(detail, amounts, out, first, last):
+def _shrink(detail, amounts, out, start, stop):
     """Fill in `_Detail.shrunk`; one prediction serves all amounts."""
     detail = unrefcounted_view(detail)
-    for i in range(first, last):
+    for i in range(start, stop):
         noise = np.float64(detail.around[detail.cell[i], 0])
         for a in range(len(amounts)):
             squared = max(detail.around[detail.cell[i], 1 + a], detail.jump[i], 1e-12)
@@ -209,7 +209,7 @@ def _shrink(detail, amounts, out, first, last):
 
 
 def _pyramid(neighbours: Neighbours, points: Points) -> list[_Level]:
-    """Cells of the points, cells of these, …; joined once for the same points."""
+    """Cells of the points, cells of cells, …; joined once for the same points."""
     if neighbours not in _pyramids:
         _pyramids[neighbours] = list(_cells_of_cells(neighbours, points))
     return _pyramids[neighbours]
@@ -231,12 +231,12 @@ def _cells_of_cells(graph: Neighbours, points: Points) -> Iterator[_Level]:
 
 
 @kernel
-def _centre(cells, weight, points, coarse, heavy, first, last):
+def _centre(cells, weight, points, coarse, heavy, start, stop):
     """Fill in the centroids, mean normals and weights of cells; a normal that means nothing stays the centre's."""
     cells = unrefcounted_view(cells)
     points = unrefcounted_view(points)
     coarse = unrefcounted_view(coarse)
-    for c in range(first, last):
+    for c in range(start, stop):
         total = 0.0
         origin = (0.0, 0.0, 0.0)
         normal = (0.0, 0.0, 0.0)

@@ -30,7 +30,7 @@ from .calibration import shrunk_to_mean, variance_line
 from .one_ring import Neighbours
 
 _REACH = 4  # edges over which squared residuals are averaged
-_FIT_REACH = 4  # and what corrections are fitted to; three for the spread between batches and what is closed around
+_FIT_REACH = 4  # and over which corrections are fitted; three for the spread between batches and what is closed around
 _OUTLIER = 9.0  # a residual of more than three σ is the point's own
 _RIDGE, _RIDGE_POINTS = 3e-3, 10.0
 _SUMMED = 1 << 14  # points whose moments are summed by themselves: sums do not depend on the number of threads
@@ -44,9 +44,9 @@ Named = TypeVar("Named")
 class _Shape(NamedTuple):
     """What denoising takes from where k points lie, float32 (k,)."""
 
-    self_weight: Float32s  # of a point's own value in its mean with its neighbours
-    leverage: Float32s  # of its own value in the mean of its own and its neighbours' predictions
-    rise: Float32s  # mean sine by which the neighbours stand above the tangent plane, less theirs; NaN without any
+    self_weight: Float32s  # of the point's value in its mean with its neighbours
+    leverage: Float32s  # of the point's value in the mean of its prediction and its neighbours' predictions
+    rise: Float32s  # mean sine by which neighbours stand above the tangent plane, less theirs; NaN without neighbours
 
 
 _shapes: WeakKeyDictionary[Neighbours, _Shape] = WeakKeyDictionary()
@@ -56,39 +56,40 @@ class _Fields(NamedTuple):
     """What denoising reckons at k points, float32 (k,), but (k, 3) for `unlike`."""
 
     w: Float32s  # estimates
-    variance: Float32s  # of them
-    spread: Float32s  # between the batches of the points around each
-    unlike: Float32s  # from its neighbours: in what is around these, in its leaning and in its rise
+    variance: Float32s  # of w
+    spread: Float32s  # between the batches of the points around
+    unlike: Float32s  # differences from the neighbours: of the surroundings, of leaning and of rise
     prediction: Float32s  # of w by the neighbours, NaN without any
     residual: Float32s  # of w from its prediction, 0 without any
-    excess: Float32s  # its square less the variance
+    excess: Float32s  # the residual's square less the variance
     weight: Float32s  # of residuals in fits
-    part: Float32s  # that each estimate has in its own prediction
+    part: Float32s  # of each estimate in its own prediction
 
 
-def denoise(neighbours: Neighbours, points: Points, rows: Float32s, level: float) -> tuple[Float64s, Float64s]:
+def denoise(neighbours: Neighbours, points: Points, gathered: Float32s, level: float) -> tuple[Float64s, Float64s]:
     """w (k,) shrunk towards its predictions, and the mean square error expected of each, (k,).
 
-    Where all rays around a point agree, nothing is shrunk. Args: level: mean square error of w in `rows` (k, COLUMNS).
+    Where all rays around a point agree, nothing is shrunk. Args: gathered: (k, COLUMNS), of `Tracer.gather`. level:
+        mean square error of w in it.
     """
     at = _empty(_Fields, len(points))
     around = aligned((len(points), WIDE), np.float32)
     spare = aligned((len(points), WIDE), np.float32)
-    _compare_with_neighbours(neighbours, points, rows, level, at, around, spare)
+    _compare_with_neighbours(neighbours, points, gathered, level, at, around, spare)
     coefficients, size = _ridge_regression(at, neighbours.threads)
-    neighbours.each(bind(_normal_equations, coefficients, size, at, around))
+    neighbours.for_blocks(bind(_normal_equations, coefficients, size, at, around))
     shape = shape_of(neighbours, points)
     neighbours.smooth(around, _FIT_REACH, spare, lambda moments: bind(_local_fits, shape, moments, at))
     del around, spare
     w, error = np.empty((2, len(points)))
-    neighbours.smooth(at.excess, _REACH, then=lambda beyond: bind(_shrink, rows, beyond, at, w, error))
+    neighbours.smooth(at.excess, _REACH, then=lambda beyond: bind(_shrink, gathered, beyond, at, w, error))
     return w, shrunk_to_mean(error)
 
 
 def _compare_with_neighbours(
     neighbours: Neighbours,
     points: Points,
-    rows: Float32s,
+    gathered: Float32s,
     level: float,
     at: _Fields,
     around: Float32s,
@@ -99,7 +100,7 @@ def _compare_with_neighbours(
     Args: around, spare: (k, WIDE), overwritten: columns of means over ever wider surroundings.
     """
     means, normals, shape = neighbours.means, points.normals, shape_of(neighbours, points)
-    neighbours.each(bind(_begin, rows, normals, at, around))
+    neighbours.for_blocks(bind(_begin, gathered, normals, at, around))
     near = means(around, _OTHERS, spare, lambda mean: bind(_compare, shape, around, mean, at))
     wide = means(near, 1.0, around, lambda wide: bind(_compare_wide, shape, near, wide, at))
     wider = means(wide, 1.0, near)
@@ -116,23 +117,23 @@ def _empty(kind: Callable[..., Named], count: int) -> Named:
 
 
 def shape_of(neighbours: Neighbours, points: Points) -> _Shape:
-    """Where points lie among their neighbours, measured once for the same ones."""
+    """Where points lie among their neighbours, measured once for the same neighbours."""
     if neighbours not in _shapes:
         ring, shape = neighbours.ring, _empty(_Shape, len(points))
-        neighbours.each(bind(_measure, ring, points.origins, points.normals, shape))
+        neighbours.for_blocks(bind(_measure, ring, points.origins, points.normals, shape))
         rise = neighbours.means(shape.rise, 0.0, then=lambda mean: bind(_compare_shapes, ring, shape, mean))
         _shapes[neighbours] = shape._replace(rise=rise)
     return _shapes[neighbours]
 
 
 @kernel
-def _measure(ring, origins, normals, shape, first, last):
+def _measure(ring, origins, normals, shape, start, stop):
     """Fill in `self_weight`, and `rise` of points alone, where a neighbour below counts as 0."""
     starts, indices, weights = unrefcounted_view(ring)
     origins = unrefcounted_view(origins)
     normals = unrefcounted_view(normals)
     shape = unrefcounted_view(shape)
-    for i in range(first, last):
+    for i in range(start, stop):
         whole, rise = 1.0, 0.0
         for k in range(starts[i], starts[i + 1]):
             height = squared = 0.0
@@ -148,11 +149,11 @@ def _measure(ring, origins, normals, shape, first, last):
 
 
 @kernel
-def _compare_shapes(ring, shape, mean, first, last):
+def _compare_shapes(ring, shape, mean, start, stop):
     """Fill in `leverage`, and turn the neighbours' mean `rise` into what the point's own has beyond it."""
     starts, indices, weights = unrefcounted_view(ring)
     shape = unrefcounted_view(shape)
-    for i in range(first, last):
+    for i in range(start, stop):
         leverage = 0.0
         for k in range(starts[i], starts[i + 1]):
             whole = 1.0 / shape.self_weight[indices[k]] - 1.0
@@ -163,59 +164,58 @@ def _compare_shapes(ring, shape, mean, first, last):
 
 
 @kernel
-def _begin(rows, normals, at, around, first, last):
+def _begin(gathered, normals, at, around, start, stop):
     """Fill in `w`, and what surroundings are means of."""
-    rows = unrefcounted_view(rows)
+    gathered = unrefcounted_view(gathered)
     normals = unrefcounted_view(normals)
     at = unrefcounted_view(at)
     around = unrefcounted_view(around)
-    for i in range(first, last):
-        at.w[i] = rows[i, W]
-        around[i, _MEAN] = rows[i, W]
-        around[i, _SPREAD] = rows[i, BATCH_VARIANCE]
+    for i in range(start, stop):
+        at.w[i] = gathered[i, W]
+        around[i, _MEAN] = gathered[i, W]
+        around[i, _SPREAD] = gathered[i, BATCH_VARIANCE]
         for axis in range(3):
-            around[i, _CLOSED + axis] = 2.0 / 3.0 * normals[i, axis] - rows[i, BENT + axis]
+            around[i, _CLOSED + axis] = 2.0 / 3.0 * normals[i, axis] - gathered[i, BENT + axis]
 
 
 @kernel
-def _compare(shape, own, mean, at, first, last):
-    """Compare points with the means of their neighbours' `w` and `rise`; those alone are their own surroundings."""
+def _compare(shape, around, mean, at, start, stop):
+    """Compare points with the means of their neighbours' `w` and `rise`; a point alone is its own surroundings."""
     shape = unrefcounted_view(shape)
-    own = unrefcounted_view(own)
+    around = unrefcounted_view(around)
     mean = unrefcounted_view(mean)
     at = unrefcounted_view(at)
-    for i in range(first, last):
+    for i in range(start, stop):
         alone = np.isnan(mean[i, _MEAN])
         at.prediction[i] = mean[i, _MEAN]
         if alone:
-            store_row(mean, i, load_row(own, i))
+            store_row(mean, i, load_row(around, i))
         at.residual[i] = at.w[i] - mean[i, _MEAN]
         at.unlike[i, 2] = 0.0 if alone else shape.rise[i]
         mean[i, _SQUARED] = at.residual[i] ** 2
 
 
 @kernel
-def _compare_wide(shape, near, wide, at, first, last):
-    """Compare the mean of the neighbours with that of their neighbours, `wide`, from which the point's own w is taken
-    out."""
+def _compare_wide(shape, near, wide, at, start, stop):
+    """Compare the neighbours' mean with their neighbours' mean, `wide`, less the point's own part in it."""
     shape = unrefcounted_view(shape)
     near = unrefcounted_view(near)
     wide = unrefcounted_view(wide)
     at = unrefcounted_view(at)
-    for i in range(first, last):
+    for i in range(start, stop):
         leverage = shape.leverage[i]
         beside = (wide[i, _MEAN] - leverage * at.w[i]) / (1.0 - leverage) - near[i, _MEAN]
         at.unlike[i, 0] = 0.0 if np.isnan(at.prediction[i]) else beside
 
 
 @kernel
-def _lean(wider, widest, line, normals, at, leaning, first, last):
+def _lean(wider, widest, line, normals, at, leaning, start, stop):
     """Fill in how far normals lean to what is closed around, `variance`, `spread` and `weight`."""
     slope, at_zero = line
     wider = unrefcounted_view(wider)
     widest = unrefcounted_view(widest)
     at = unrefcounted_view(at)
-    for i in range(first, last):
+    for i in range(start, stop):
         leaning[i] = dot(load(widest, i), load(normals, i))
         at.spread[i] = wider[i, _SPREAD]
         at.variance[i] = slope * wider[i, _SPREAD] + at_zero
@@ -224,32 +224,32 @@ def _lean(wider, widest, line, normals, at, leaning, first, last):
 
 
 @kernel
-def _compare_leaning(leaning, mean, at, first, last):
-    for i in range(first, last):
+def _compare_leaning(leaning, mean, at, start, stop):
+    for i in range(start, stop):
         at.unlike[i, 1] = 0.0 if np.isnan(at.prediction[i]) else leaning[i] - mean[i]
 
 
 def _ridge_regression(at: _Fields, threads: int) -> tuple[Float64s, Float64s]:
-    """Coefficients (3,) of what is `unlike` in residuals, near 0 where few points or like columns leave them open; root
-    mean squares (3,) of its columns."""
+    """Coefficients (3,) of the columns of `unlike` by which these fit the residuals best, near 0 where few points or
+    like columns leave them open; and root mean squares (3,) of the columns."""
     count = max(len(at.w), 1)
     parts = np.zeros((-(-count // _SUMMED), 3, 4))
     run_blocks(len(at.w), _SUMMED, bind(_sum_moments, at, parts), threads)
     moments = parts.sum(axis=0)
-    matrix, right = moments[:, :3], moments[:, 3]
+    matrix, right = moments[:, :3], moments[:, 3]  # normal equations, to be solved in columns of size 1
     size = np.sqrt(np.diag(matrix))
     used = size > 0
     size = np.where(used, size, 1.0)
-    inside = matrix / np.outer(size, size) + (_RIDGE + _RIDGE_POINTS / count) * np.eye(len(size))
+    scaled = matrix / np.outer(size, size) + (_RIDGE + _RIDGE_POINTS / count) * np.eye(len(size))
     mean = np.sqrt(np.diag(matrix) / count)
-    return np.where(used, np.linalg.solve(inside, right / size) / size, 0.0), np.where(mean > 0, mean, 1.0)
+    return np.where(used, np.linalg.solve(scaled, right / size) / size, 0.0), np.where(mean > 0, mean, 1.0)
 
 
 @kernel
-def _sum_moments(at, parts, first, last):
+def _sum_moments(at, parts, start, stop):
     at = unrefcounted_view(at)
-    moments = parts[first // _SUMMED]
-    for k in range(first, last):
+    moments = parts[start // _SUMMED]
+    for k in range(start, stop):
         for i in range(3):
             weighted = at.unlike[k, i] * at.weight[k]
             for j in range(3):
@@ -258,10 +258,10 @@ def _sum_moments(at, parts, first, last):
 
 
 @kernel
-def _normal_equations(coefficients, size, at, out, first, last):
+def _normal_equations(coefficients, size, at, out, start, stop):
     """The moments of least squares around a point, of what the `coefficients` leave, in columns scaled by `size`."""
     at = unrefcounted_view(at)
-    for i in range(first, last):
+    for i in range(start, stop):
         u, c = load(at.unlike, i), coefficients
         everywhere = u[0] * c[0] + u[2] * c[2] + u[1] * c[1]
         target = at.residual[i] - everywhere
@@ -276,10 +276,10 @@ def _normal_equations(coefficients, size, at, out, first, last):
 
 
 @kernel
-def _local_fits(shape, moments, at, first, last):
-    """Correct predictions by fits around each point, shrunk to 0 as if a typical surrounding had that for a result."""
+def _local_fits(shape, moments, at, start, stop):
+    """Correct predictions by fits around each point, shrunk to 0 as if typical surroundings came to 0."""
     at = unrefcounted_view(at)
-    for i in range(first, last):
+    for i in range(start, stop):
         m = moments[i]
         x = (1.0 + m[0], m[1], m[2])
         y = (m[1], 1.0 + m[3], m[4])
@@ -289,21 +289,23 @@ def _local_fits(shape, moments, at, first, last):
         determinant = dot(x, yz)
         solved = add(add(scale(row[0], yz), scale(row[1], zx)), scale(row[2], xy))
         at.prediction[i] += dot(solved, (m[6], m[7], m[8])) / determinant
-        own = shape.self_weight[i]  # of four rounds of `smooth` about own (1 + own) / 2, for valences from 1 to 8
-        at.part[i] = min(dot(solved, row) / determinant * at.weight[i] * (own * (1.0 + own) / 2.0), 0.5)
+        self_weight = shape.self_weight[
+            i
+        ]  # of four rounds of `smooth` about own (1 + own) / 2, for valences from 1 to 8
+        at.part[i] = min(dot(solved, row) / determinant * at.weight[i] * (self_weight * (1.0 + self_weight) / 2.0), 0.5)
         at.residual[i] = 0.0 if np.isnan(at.prediction[i]) else at.w[i] - at.prediction[i]
         at.excess[i] = at.residual[i] ** 2 - at.variance[i]
 
 
 @kernel
-def _shrink(rows, beyond, at, w, errors, first, last):
+def _shrink(gathered, beyond, at, w, errors, start, stop):
     """Write w, shrunk, and the mean square errors expected."""
     at = unrefcounted_view(at)
-    for i in range(first, last):
+    for i in range(start, stop):
         variance = np.float64(at.variance[i])
         residual = np.float64(at.residual[i])
         error = max(max(beyond[i], residual * residual - _OUTLIER * variance), 0.01 * variance)
         usable = not np.isnan(at.prediction[i]) and variance > 0.0 and at.spread[i] > 0.0
         share = variance / (variance + error) if usable else 0.0
-        w[i] = rows[i, W] - share * residual
+        w[i] = gathered[i, W] - share * residual
         errors[i] = variance * (1.0 - share * (1.0 - 2.0 * at.part[i]))

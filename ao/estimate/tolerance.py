@@ -30,7 +30,7 @@ from .scales import denoise_over_scales
 
 _AIM = 0.92  # times the goal is aimed at: a few rays more, later, are worth little
 _FARTHEST = 20.0  # times that the squared error may have to fall for the rays to be foreseen; else some come before
-_NEAR, _UNEVEN = 2.0, 2.5  # the same at jumps of w, where its mean square is so many times its squared mean
+_NEAR, _UNEVEN = 2.0, 2.5  # the same at jumps of w, where squared errors' mean square is so many times their mean²
 _ROUNDS = 8  # of adding rays, at most
 _WORST = 8.0  # times the tolerance that a point may be expected to err
 _SHARERS = 4  # points that share a lattice at first, so that denoising averages what is even
@@ -42,36 +42,36 @@ class ToleranceWarning(UserWarning):
 
 
 def shortfalls(
-    options: Options, rmse: float, samples: int, each: str, solid: Mesh, vertices: Float32s
+    options: Options, rmse: float, samples: int, kind: str, solid: Mesh, vertices: Float32s
 ) -> tuple[str, ...]:
-    """How a bake with `samples` rays at `each` point falls short of what was asked for, in words, a tolerance in a
-    warning, too; closed parts of the `solid` that look inwards; and what rays in one with holes mean for its thickness.
+    """How a bake with `samples` rays a point falls short of what was asked for, in words, of a tolerance in a warning,
+    too; closed parts of the `solid` that look inwards; and what rays in a `solid` with holes mean for its thickness.
 
-    Args: vertices: of the solid and what else occludes, in render space.
+    Args: kind: of the points, in a word. vertices: of the solid and what else occludes, in render space.
     """
-    found = []
+    texts = []
     if options.tolerance is not None and rmse > options.tolerance:
-        reason = f": {samples:,} rays a {each} were allowed" if samples >= options.rays else ""
-        found = [f"tolerance {options.tolerance:g} is not met, the estimated RMSE is {rmse:.3g}{reason}"]
-        warnings.warn(found[0], ToleranceWarning, stacklevel=4)  # whoever called the face, which a decorator wraps
+        reason = f": {samples:,} rays a {kind} were allowed" if samples >= options.rays else ""
+        texts = [f"tolerance {options.tolerance:g} is not met, the estimated RMSE is {rmse:.3g}{reason}"]
+        warnings.warn(texts[0], ToleranceWarning, stacklevel=4)  # whoever called the face, which a decorator wraps
     if options.thickness:
-        return (*found, *holes(solid))
-    return (*found, *inward_warnings(solid, vertices[: len(solid.vertices)]))
+        return (*texts, *holes(solid))
+    return (*texts, *inward_warnings(solid, vertices[: len(solid.vertices)]))
 
 
 class Estimate(NamedTuple):
     """Values of points, and their errors."""
 
-    rows: Float64s  # (k, 4), w and the mean of μ·direction (x, y, z)
+    values: Float64s  # (k, 4), w and the mean of μ·direction (x, y, z)
     variance: Float64s  # (k,), mean square error of w expected
-    samples: int  # rays of a point, the most that one has
-    spared: int = 0  # rays fewer than that at the other points
+    samples: int  # rays of the point that has most
+    spared: int = 0  # rays that the other points have fewer than it, in all
     calibration: Calibration | None = None  # of the variances, at some of the points
 
     @property
     def mean_samples(self) -> int:
         """Rays of a point in the mean."""
-        return self.samples - self.spared // max(len(self.rows), 1)
+        return self.samples - self.spared // max(len(self.values), 1)
 
     def skipped(self, hidden: int) -> dict[str, int]:
         """Rays not traced, by reason. Args: hidden: number of points inside solids."""
@@ -91,38 +91,40 @@ def estimate_to(
         traced = _Traced(tracer, points)
         more = np.full(len(points), min(first_rays(tolerance, len(points)), max_samples))
         for turn in range(_ROUNDS):
-            found = list[_Round]()  # lets go of the last ones
+            rounds = list[_Round]()  # lets go of the last round's arrays
             tracer.stage = f"rays, round {turn + 1}"
             traced.add(more, derive(key, 16 + turn))
-            found = [_Round.of(traced, neighbours, probes, column) for column in range(tracer.columns)]
-            if max(each.mean for each in found) <= goal:  # points expected to be far off get rays of their own
-                worst = [each.errs_by_more(_WORST * tolerance, neighbours) for each in found]
+            rounds = [_Round.of(traced, neighbours, probes, column) for column in range(tracer.columns)]
+            if max(round_.mean for round_ in rounds) <= goal:  # points expected to be far off get rays of their own
+                worst = [round_.errs_by_more(_WORST * tolerance, neighbours) for round_ in rounds]
                 enough = np.clip(rays_alone(tolerance), traced.rays, max_samples)
                 more = np.where(np.any(worst, axis=0), enough - traced.rays, 0)
                 traced.add(more, derive(key, 16 + _ROUNDS + turn))
-                found = [each.by_own_rays(np.flatnonzero(more), traced, probes) for each in found]
-            if max(each.mean for each in found) <= goal or (traced.rays >= max_samples).all():
+                rounds = [round_.by_own_rays(np.flatnonzero(more), traced, probes) for round_ in rounds]
+            if max(round_.mean for round_ in rounds) <= goal or (traced.rays >= max_samples).all():
                 break
-            more = _more_rays(found, traced, neighbours, goal, max_samples)
+            more = _more_rays(rounds, traced, neighbours, goal, max_samples)
         most = int(traced.rays.max())
         spared = most * len(points) - int(traced.rays.sum())
         tracer.planned = [
-            Estimate(np.column_stack([each.w, each.rows[:, BENT:]]), each.error, most, spared, each.calibration)
-            for each in found
+            Estimate(
+                np.column_stack([round_.w, round_.gathered[:, BENT:]]), round_.error, most, spared, round_.calibration
+            )
+            for round_ in rounds
         ]
     planned: list[Estimate] = tracer.planned
     return planned[tracer.column]
 
 
 class _Traced:
-    """Rays traced at k points: how many each has, what they are worth, and the rows that they give by each falloff."""
+    """Rays traced at k points: how many each has, what they are worth, and what is gathered by each falloff."""
 
     def __init__(self, tracer: Tracer, points: Points) -> None:
         self._tracer = tracer
         self.points = points
         self.rays = np.zeros(len(points), np.int64)
         self.worth = np.zeros(len(points))
-        self.rows = [np.zeros((len(points), COLUMNS), np.float32) for _ in range(tracer.columns)]
+        self.gathered = [np.zeros((len(points), COLUMNS), np.float32) for _ in range(tracer.columns)]
 
     def add(self, more: Int64s, key: np.uint32) -> None:
         """Trace `more` rays (k,) at the points."""
@@ -137,47 +139,47 @@ class _Traced:
             def added() -> Float64s:
                 return tracer.gather(subset, count, key, leap)  # noqa: B023
 
-            for rows, new in zip(self.rows, tracer.each_column(added), strict=True):
-                combine = bind(_combine, which, self.worth, float(count) ** RATE, new, rows)
+            for gathered, new in zip(self.gathered, tracer.each_column(added), strict=True):
+                combine = bind(_combine, which, self.worth, float(count) ** RATE, new, gathered)
                 run_blocks(len(which), _BLOCK, combine, tracer.threads)
             self.rays[which] += count
             self.worth[which] += float(count) ** RATE
 
 
 @kernel
-def _combine(which, worth, more, new, rows, first, last):
-    """Add new rows, worth `more`, to some rows, in proportion to what both are worth."""
-    for k in range(first, last):
+def _combine(which, worth, more, new, gathered, start, stop):
+    """Average what is `gathered` with `new` values, worth `more`, in proportion to what both are worth."""
+    for k in range(start, stop):
         i = which[k]
         kept = worth[i] / (worth[i] + more)
         for column in range(COLUMNS):
             if column == BATCH_VARIANCE:
-                rows[i, column] = kept**2 * rows[i, column] + (1.0 - kept) ** 2 * new[k, column]
+                gathered[i, column] = kept**2 * gathered[i, column] + (1.0 - kept) ** 2 * new[k, column]
             else:
-                rows[i, column] = new[k, column] + kept * (rows[i, column] - new[k, column])
+                gathered[i, column] = new[k, column] + kept * (gathered[i, column] - new[k, column])
 
 
 class _Round(NamedTuple):
     """The estimate by the rays of one falloff so far, its errors scaled to what the probes measure."""
 
     column: int  # which falloff
-    rows: Float32s  # (k, COLUMNS), of the rays alone
-    level: float  # mean square error of w in these
+    gathered: Float32s  # (k, COLUMNS), by the rays alone
+    level: float  # mean square error of w in it
     w: Float64s  # (k,), denoised
     error: Float64s  # (k,), squared, expected
     calibration: Calibration
 
     @classmethod
     def of(cls, traced: _Traced, neighbours: Neighbours, probes: Probes, column: int) -> Self:
-        rows = traced.rows[column]
-        level = probes.level(rows[:, W], traced.worth, column)
+        gathered = traced.gathered[column]
+        level = probes.level(gathered[:, W], traced.worth, column)
 
         def risk(w: Float64s) -> float:
             return probes.mean_squared(w, column)
 
-        w, error = denoise_over_scales(neighbours, traced.points, rows, level, probes.rows, risk)
+        w, error = denoise_over_scales(neighbours, traced.points, gathered, level, probes.point_rows, risk)
         probes.add_where_error_is_largest(error)
-        return cls(column, rows, level, w, error, probes.calibrate(error, w, column))
+        return cls(column, gathered, level, w, error, probes.calibrate(error, w, column))
 
     @property
     def mean(self) -> float:
@@ -185,30 +187,30 @@ class _Round(NamedTuple):
         return float(np.mean(self.error))
 
     def errs_by_more(self, limit: float, neighbours: Neighbours) -> Bools:
-        """The points (k,) expected to err by more; where w differs from the neighbours' by more, their own rays say."""
+        """The points (k,) expected to err by more; where w differs by more from the neighbours', by their own rays."""
         unlike = (self.w - neighbours.means(self.w.astype(np.float32), 0.0)) ** 2
-        variance = distribute_variance(self.rows[:, BATCH_VARIANCE].astype(np.float64), self.level)
+        variance = distribute_variance(self.gathered[:, BATCH_VARIANCE].astype(np.float64), self.level)
         return np.asarray((self.error > limit**2) | (np.minimum(variance, unlike) > limit**2))
 
     def by_own_rays(self, again: Int64s, traced: _Traced, probes: Probes) -> Self:
         """The same with the points `again` (j,), traced since, as their own rays say, without denoising."""
         if not len(again):
             return self
-        self.w[again] = self.rows[again, W]
+        self.w[again] = self.gathered[again, W]
         self.error[again] = TYPICAL / traced.worth[again]
         return self._replace(calibration=probes.calibrate(self.error, self.w, self.column))
 
 
-def _more_rays(found: list[_Round], traced: _Traced, neighbours: Neighbours, goal: float, max_samples: int) -> Int64s:
+def _more_rays(rounds: list[_Round], traced: _Traced, neighbours: Neighbours, goal: float, max_samples: int) -> Int64s:
     """Rays (k,) to add so that the mean square error of the falloff that errs most becomes the `goal`, or nearer."""
-    most = max(found, key=lambda each: each.mean)
+    most = max(rounds, key=lambda round_: round_.mean)
     error = most.error
-    for each in found:
-        if each is not most:
-            error = np.maximum(error, each.error * (most.mean / max(each.mean, 1e-30)))
+    for round_ in rounds:
+        if round_ is not most:
+            error = np.maximum(error, round_.error * (most.mean / max(round_.mean, 1e-30)))
     beyond = most.mean / goal
     farthest = _FARTHEST if mean_square(error) < _UNEVEN * np.mean(error) ** 2 else _NEAR
     aim = goal * (_AIM if beyond < farthest else beyond ** (2 / 3))
-    fall = fall_of(neighbours, np.ascontiguousarray(most.rows[:, W]), most.level, most.mean, aim)
+    fall = fall_of(neighbours, np.ascontiguousarray(most.gathered[:, W]), most.level, most.mean, aim)
     more = rays_to_add(error, traced.worth, max_samples, aim, fall, neighbours.threads)
     return np.minimum(more, max_samples - traced.rays)

@@ -50,10 +50,10 @@ def upsample(
     links = graph.starts.astype(np.int32), graph.indices
     nodes = _Nodes(origins, normals, *links, np.ascontiguousarray(values, np.float32))
 
-    def work(first: int, last: int) -> None:
+    def work(start: int, stop: int) -> None:
         scratch = _Samples(aligned((_MOST, WIDE), np.int32), aligned((4 * _MOST, WIDE), np.float32))
-        rows = points[first:last].arrays, cell[first:last]
-        _upsample(*rows, nodes, values.shape[1] - variances, scratch, out[first:last])
+        part = points[start:stop].arrays, cell[start:stop]
+        _upsample(*part, nodes, values.shape[1] - variances, scratch, out[start:stop])
 
     run_blocks(len(points), _BLOCK, work, graph.threads, most=_SHARE)
     return out
@@ -70,14 +70,14 @@ class _Nodes(NamedTuple):
 
 
 class _Samples(NamedTuple):
-    """What sixteen points look at: their own cells, then neighbours of these, those that are missing with weight 0."""
+    """What sixteen points look at: their own cells, then neighbours of the cells; missing ones have weight 0."""
 
     cells: Int32s  # (_MOST, WIDE)
-    placed: Float32s  # (4 _MOST, WIDE), for each their positions relative to the points, and weights
+    placed: Float32s  # (4 _MOST, WIDE), for each cell its position relative to the points, and its weight
 
 
 def extrapolate(points: Points, cells: Cells, graph: Neighbours, values: Float64s) -> Float64s:
-    """Values (k, c) at all `points` from those at the centres (b, c): past the outermost ones.
+    """Values (k, c) at all `points` from `values` (b, c) at the centres, also past the outermost centres.
 
     Planes are extrapolated one edge at most: farther on, noise would grow. Args: values: the last column is a variance.
     """
@@ -85,22 +85,22 @@ def extrapolate(points: Points, cells: Cells, graph: Neighbours, values: Float64
     positions = centres.origins.astype(np.float64)
     valence = np.diff(graph.starts)
     wanted = np.delete(np.arange(len(points)), cells.centres)
-    own = cells.cell[wanted]
+    own_cell = cells.cell[wanted]
     needed = np.zeros(len(centres), np.bool_)
-    needed[own] = True
+    needed[own_cell] = True
     here = np.repeat(np.flatnonzero(needed), valence[needed])
     ends = graph.indices[np.repeat(needed, valence)]
     lengths = np.linalg.norm(positions[ends] - positions[here], axis=1)
     edge = np.bincount(here, lengths, len(centres)) / np.maximum(valence, 1)
     moved = points[wanted]
-    away = moved.origins - positions[own]
+    away = moved.origins - positions[own_cell]
     distance = np.maximum(np.linalg.norm(away, axis=1), 1e-30)
-    away *= np.minimum(1.0, edge[own] / distance)[:, None]
-    moved = replace(moved, origins=(positions[own] + away).astype(np.float32))
-    rows = np.empty((len(points), values.shape[1]))
-    rows[cells.centres] = values
-    rows[wanted] = upsample(moved, own, graph, centres, values, variances=1)
-    return rows
+    away *= np.minimum(1.0, edge[own_cell] / distance)[:, None]
+    moved = replace(moved, origins=(positions[own_cell] + away).astype(np.float32))
+    out = np.empty((len(points), values.shape[1]))
+    out[cells.centres] = values
+    out[wanted] = upsample(moved, own_cell, graph, centres, values, variances=1)
+    return out
 
 
 @kernel
@@ -113,13 +113,15 @@ def _upsample(points, cell, nodes, plain, samples, out):
     out = unrefcounted_view(out)
     columns = nodes.values.shape[1]
     for begin in range(0, len(cell), WIDE):
-        rows = min(lane_numbers() + begin, len(cell) - 1)
-        normal = _triples(points.normals, rows)
-        count, spread, alike = _find_samples(_triples(points.origins, rows), normal, nodes, gather(cell, rows), samples)
+        point_rows = min(lane_numbers() + begin, len(cell) - 1)
+        normal = _triples(points.normals, point_rows)
+        count, spread, alike = _find_samples(
+            _triples(points.origins, point_rows), normal, nodes, gather(cell, point_rows), samples
+        )
         own_weight = _weigh_plane_fit(normal, spread, alike, samples.placed, count)
-        own = columns * load_row(samples.cells, 0)
+        own_values = columns * load_row(samples.cells, 0)
         for column in range(columns):
-            centre = gather(nodes.values, own + column)
+            centre = gather(nodes.values, own_values + column)
             total = centre if column < plain else own_weight * own_weight * centre
             for k in range(1, count):
                 value = gather(nodes.values, columns * load_row(samples.cells, k) + column)
@@ -130,16 +132,16 @@ def _upsample(points, cell, nodes, plain, samples, out):
 
 
 @inline
-def _triples(array, rows):
-    return gather(array, 3 * rows), gather(array, 3 * rows + 1), gather(array, 3 * rows + 2)
+def _triples(array, point_rows):
+    return gather(array, 3 * point_rows), gather(array, 3 * point_rows + 1), gather(array, 3 * point_rows + 2)
 
 
 @inline
-def _find_samples(p, normal, nodes, own, samples):
-    """Set `samples`, weighted by normals, around points `p` of the cells `own`; the most that a point has, the mean of
-    their squared distances and the sum of their weights."""
-    first = gather(nodes.starts, own)
-    neighbours = gather(nodes.starts, own + 1) - first
+def _find_samples(p, normal, nodes, own_cell, samples):
+    """Set `samples`, weighted by normals, around points `p` of the cells `own_cell`; returns the most samples of one,
+    the mean of the samples' squared distances and the sum of their weights."""
+    first_link = gather(nodes.starts, own_cell)
+    neighbours = gather(nodes.starts, own_cell + 1) - first_link
     most = 1
     for lane in range(WIDE):
         most = max(most, 1 + int(pick(neighbours, lane)))
@@ -148,7 +150,11 @@ def _find_samples(p, normal, nodes, own, samples):
     spread = total = count
     for k in range(most):
         is_there = neighbours >= k
-        cells = own if k == 0 else select(is_there, gather(nodes.indices, select(is_there, first + (k - 1), 0)), own)
+        cells = (
+            own_cell
+            if k == 0
+            else select(is_there, gather(nodes.indices, select(is_there, first_link + (k - 1), 0)), own_cell)
+        )
         away = subtract(gather3(nodes.origins, cells), p)
         alike = max(dot(normal, gather3(nodes.normals, cells)), np.float32(1e-3))
         alike *= alike
@@ -166,8 +172,8 @@ def _find_samples(p, normal, nodes, own, samples):
 
 @inline
 def _weigh_plane_fit(n, spread, alike, placed, count):
-    """Turn positions and weights by normals into weights of samples in the value at 0 of the plane fitted to them over
-    coordinates u, v across n; the first one's weight."""
+    """Turn positions and weights by normals into weights of samples in the value at 0 of the plane fitted to samples
+    over coordinates u, v across n; returns the first sample's weight."""
     t, b = tangents(n)
     size = ONE / sqrt(spread)
     s0 = ZERO * spread
@@ -193,10 +199,10 @@ def _weigh_plane_fit(n, spread, alike, placed, count):
     of_u = suv * sv - su * svv
     of_v = su * suv - suu * sv
     size = ONE / (s0 * of_value + su * of_u + sv * of_v)
-    own = ONE + ZERO * spread
+    own_weight = ONE + ZERO * spread
     for k in range(1, count):
         fitted = of_value + of_u * load_row(placed, 4 * k) + of_v * load_row(placed, 4 * k + 1)
         w = load_row(placed, 4 * k + 3) * fitted * size
         store_row(placed, 4 * k + 3, w)
-        own = own - w
-    return own
+        own_weight = own_weight - w
+    return own_weight

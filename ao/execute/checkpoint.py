@@ -204,21 +204,21 @@ def identity(placement: Placement, receivers: Receivers, settings: tuple[object,
 
 
 def restore(block: Block, content: bytes, work: KeptRowTask, tables: Outputs, restored: Bools) -> None:
-    """Copy recorded rows into `tables` and mark them in `restored` (k,), if they can be rows of these."""
-    _, first, last = block
-    row_count = last - first
-    if not 0 <= first < last <= len(restored) or len(content) != sum(table[:1].nbytes for table in tables) * row_count:
+    """Copy recorded rows into `tables` and mark them in `restored` (k,), if `work` could make such rows."""
+    _, start, stop = block
+    row_count = stop - start
+    if not 0 <= start < stop <= len(restored) or len(content) != sum(table[:1].nbytes for table in tables) * row_count:
         return
     begin = 0
     stored = []
     for table in tables:
-        size = table[first:last].size
+        size = table[start:stop].size
         stored.append(np.frombuffer(content, table.dtype, size, begin).reshape(row_count, *table.shape[1:]))
         begin += stored[-1].nbytes
     if work.could_make(tuple(stored)):
         for table, values in zip(tables, stored, strict=True):
-            table[first:last] = values
-        restored[first:last] = True
+            table[start:stop] = values
+        restored[start:stop] = True
 
 
 def _refused(path: Path, reason: OSError) -> OutputError:

@@ -67,13 +67,13 @@ class Journal:
         # Records, each where the last whole one ends.
         self._end = self._file.tell() if self.identity else 0
         while self.identity and len(start := self._file.read(_RECORD.size)) == _RECORD.size:
-            call, first, last, size, check = _RECORD.unpack(start)
+            call, first_row, stop_row, size, check = _RECORD.unpack(start)
             if not 0 < size <= os.fstat(self._file.fileno()).st_size:
                 break
             content = self._file.read(size)
             if len(content) < size or zlib.crc32(content, zlib.crc32(start[: _FIELDS.size])) != check:
                 break
-            self.blocks[call, first, last] = self._end + _RECORD.size, size
+            self.blocks[call, first_row, stop_row] = self._end + _RECORD.size, size
             self._end = self._file.tell()
 
     def start(self) -> None:

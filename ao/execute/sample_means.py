@@ -93,12 +93,12 @@ def _pick(groups, samples, starts, chance, source, numbers, start, stop):
 
 
 @kernel
-def _average(values, samples, rows, out):
-    """Write means of so many consecutive `values` (k, COLUMNS) each to some `rows` of `out`."""
-    for i in range(len(rows)):
+def _average(values, samples, point_rows, out):
+    """Write means of every `samples` consecutive `values` (k, COLUMNS) to the rows `point_rows` of `out`."""
+    for i in range(len(point_rows)):
         for column in range(COLUMNS):
             total = 0.0
             for k in range(samples):
                 total += values[samples * i + k, column]
-            out[rows[i], column] = total / samples
-        out[rows[i], BATCH_VARIANCE] *= samples**-1.5  # as if of all rays at once: they share a leaped lattice
+            out[point_rows[i], column] = total / samples
+        out[point_rows[i], BATCH_VARIANCE] *= samples**-1.5  # as if of all rays at once: they share a leaped lattice

@@ -30,11 +30,11 @@ class RowTask(Protocol):
 
     @property
     def rays(self) -> float:
-        """Of a row, about."""
+        """Rays of a row, about."""
 
     @property
     def block_rays(self) -> int:
-        """Of the rows that a thread makes at once, at least."""
+        """Rays of the rows that a thread makes at once, at least."""
 
     def __len__(self) -> int: ...
 
@@ -45,7 +45,7 @@ class RowTask(Protocol):
         """Arrays for all rows, to be written."""
 
     def writer(self, scene: Any, tables: Outputs) -> Callable[[int, int], None]:
-        """A function that writes the rows from a first one to a last one, to be called from any thread."""
+        """A function that writes the rows from a start to a stop, to be called from any thread."""
 
 
 def fill(work: RowTask, scene: Any, threads: int) -> Outputs:
@@ -58,14 +58,14 @@ def fill(work: RowTask, scene: Any, threads: int) -> Outputs:
 def fill_spans(
     work: RowTask, scene: Any, spans: Sequence[Span], tables: Outputs, threads: int, finished: Finished
 ) -> None:
-    """Make the rows of `spans` on threads. Args: finished: called on this one, with a first and a last row."""
+    """Make the rows of `spans` on threads. Args: finished: called on this thread, with a start and a stop."""
     write = work.writer(scene, tables)
-    row_count = sum(last - first for first, last in spans)
+    row_count = sum(stop - start for start, stop in spans)
     threads = granted(threads)
     block = max(int(work.block_rays / max(work.rays, 1e-9)), 1)
     size = max(min(block, row_count // (_EACH * threads)), -(-block // 4))
     most = int(_MOST_RAYS / (size * max(work.rays, 1)))
-    blocks = [(first + a, first + b) for first, last in spans for a, b in shares(last - first, size, threads, most)]
+    blocks = [(start + a, start + b) for start, stop in spans for a, b in shares(stop - start, size, threads, most)]
     made: deque[Span] = deque()
 
     def make(number: int, _: int) -> None:

@@ -119,9 +119,9 @@ class Moments:
         return len(self.points)
 
     def __getitem__(self, rows: slice) -> Moments:
-        first, last, _ = rows.indices(len(self))
+        start, stop, _ = rows.indices(len(self))
         shift, ends, starts, weights = self.samples
-        samples = Samples(shift, ends[first : last + 1], starts[first : last + 1], weights[rows])
+        samples = Samples(shift, ends[start : stop + 1], starts[start : stop + 1], weights[rows])
         return replace(
             self, faces=tuple(column[rows] for column in self.faces), samples=samples, points=self.points[rows]
         )

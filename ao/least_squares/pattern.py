@@ -65,7 +65,7 @@ def shared_edges(face_points: AnyInts, count: int) -> Int64s:
 
 
 def find_hinges(face_points: Int32s, normals: Float64s, agreement: float, count: int) -> Int32s:
-    """The smooth ones of `shared_edges`. Args: normals: (m, 3), unit; agreement: their cosine at a hard edge, less."""
+    """The `shared_edges` that are not hard. Args: normals: (m, 3), unit. agreement: least cosine at an edge."""
     hinges = shared_edges(face_points, count).astype(np.int32)
     cosines: Float64s = np.sum(normals[hinges[:, 0] // 3] * normals[hinges[:, 1] // 3], axis=1)
     return hinges[cosines >= agreement]

@@ -54,7 +54,7 @@ def sample_fine_mesh(prepared: Prepared, coarse: Mesh, inputs: Inputs) -> tuple[
     def estimated() -> tuple[Estimate, int]:
         estimate, untraced = estimate_outside(tracer, samples.points, CornerSamples.none(), edges, filled, options)
         sample_of = row_of[:-1]
-        return estimate._replace(rows=estimate.rows[sample_of], variance=estimate.variance[sample_of]), untraced
+        return estimate._replace(values=estimate.values[sample_of], variance=estimate.variance[sample_of]), untraced
 
     # Values in the order of the vertices.
     values = PointValues.of(tracer.each_column(estimated), tracer.rays)

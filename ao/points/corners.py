@@ -31,12 +31,12 @@ class CornerSamples:
     """Corner samples of folded vertices; such a vertex's w is their mean.
 
     Attributes:
-        rows: int64 (j,), ascending: the vertices' points.
-        starts: int64 (j + 1,): the samples of point rows[i] are starts[i] to starts[i + 1] of k.
+        point_rows: int64 (j,), ascending: the vertices' points.
+        starts: int64 (j + 1,): the samples of point point_rows[i] are starts[i] to starts[i + 1] of k.
         points: the k samples, near the vertices, in their faces. weights: float64 (k,), of sum 1 for each of the rows.
     """
 
-    rows: Int64s
+    point_rows: Int64s
     starts: Int64s
     points: Points
     weights: Float64s
@@ -48,12 +48,12 @@ class CornerSamples:
                    np.zeros(0))  # fmt: skip
 
     def __len__(self) -> int:
-        return len(self.rows)
+        return len(self.point_rows)
 
     def only(self, kept: Int64s) -> CornerSamples:
         """The samples of the rows `kept`, ascending, which become rows 0, 1, …"""
-        new_rows = np.searchsorted(kept, self.rows)
-        known = np.append(kept, -1)[new_rows] == self.rows
+        new_rows = np.searchsorted(kept, self.point_rows)
+        known = np.append(kept, -1)[new_rows] == self.point_rows
         if not known.any():
             return CornerSamples.none()
         counts = np.diff(self.starts)

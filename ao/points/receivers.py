@@ -127,8 +127,8 @@ def offset_points(
     if given is not None:
         axes = normalize(given)
         welded = weld_points(vertices, faces, weighting, axes, SAME)
-        folded = np.zeros(len(welded.first), np.bool_)
-        welded = welded._replace(axes=axes[welded.first])
+        folded = np.zeros(len(welded.first_vertex), np.bool_)
+        welded = welded._replace(axes=axes[welded.first_vertex])
     else:
         welded = weld_points(vertices, faces, weighting)
         folded = (welded.clearance <= 0) | nonzero(welded.axes != welded.normals)

@@ -45,7 +45,7 @@ class SurfaceSamples:
         receivers: Receivers,
         threads: int,
     ) -> SurfaceSamples:
-        """Samples at points on the faces of `receivers`, those of `surface`."""
+        """Samples at points on the faces of `receivers`, which are the faces of `surface`."""
         count = len(on_faces.face)
         origins = np.empty((count, 3), np.float32)
         axes = np.empty((count, 3), np.float32)
@@ -54,8 +54,8 @@ class SurfaceSamples:
         face_points = np.repeat(np.arange(len(faces.faces))[:, None], 3, axis=1)  # each face is by itself
         magnitude = faces.magnitudes(face_points, len(faces.faces))
 
-        def place(first: int, last: int) -> None:
-            part = slice(first, last)
+        def place_some(start: int, stop: int) -> None:
+            part = slice(start, stop)
             under = on_faces.face[part].astype(np.int64)
             weights = on_faces.barycentric[part]
             positions, normals, axes[part] = surface.points_at(under, weights, threads)
@@ -66,9 +66,9 @@ class SurfaceSamples:
             geometric_normals[part] = with_alpha(normals, receivers.opacity, under, weights)
 
         if len(faces.faces) <= _FEW:
-            run_blocks(count, max(_PLACED, len(faces.faces)), place, threads)
+            run_blocks(count, max(_PLACED, len(faces.faces)), place_some, threads)
         else:  # one block after another, whose stages all threads share
-            run_blocks(count, _MOST_PLACED, place, 1)
+            run_blocks(count, _MOST_PLACED, place_some, 1)
         points = Points(origins, axes, np.arange(count, dtype=np.uint32))
         return cls(on_faces.starts, on_faces.face, points, geometric_normals, all_count)
 

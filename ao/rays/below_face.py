@@ -1,8 +1,8 @@
-"""Rays that start below the face that they leave, where the hemisphere is that of an interpolated normal.
+"""Rays that start below the face that they leave, where the hemisphere is about an interpolated normal.
 
 They end on that face at once and say nothing of the surroundings: estimates are made of the other rays alone, as by
 the surface method (`ao.least_squares.face_moments`). So convex surfaces are open, however coarse. Where the face has an
-alpha, that is the part of them that ends there; what passes counts as other rays do.
+alpha, that part of them ends there; the rest counts as other rays do.
 """
 
 import numpy as np
@@ -22,7 +22,7 @@ def leave_out_below(points, geometric_normals, table, out):
     """Correct estimates for rays below the face.
 
     Args:
-        points: PointArrays. table: DirectionTable by which they were gathered.
+        points: PointArrays. table: DirectionTable by which `out` was gathered.
         geometric_normals: float32 (n, 4), unit normals of the faces, on the side of the hemispheres, and alpha there.
         out: float64 (n, COLUMNS), of `Tracer.gather`, changed in place.
     """
@@ -36,7 +36,7 @@ def leave_out_below(points, geometric_normals, table, out):
         geometric_normal = geometric_normals[i]
         if n[0] == geometric_normal[0] and n[1] == geometric_normal[1] and n[2] == geometric_normal[2]:
             continue
-        # The face's side in the frame of the directions, and how many of these lie below it.
+        # The face's normal in the frame of the directions, and how many directions lie below the face.
         chosen, turn = choose(points.numbers[i], table)
         t, b = turned_frame(n, turn)
         x = dot(t, geometric_normal)

@@ -17,7 +17,7 @@ from raytrace.types import Float32s, Float64s, Int64s, UInt8s
 
 BATCHES = 6  # the lattice steps by 6 × golden ratio = .708 within a part, as irrational as one can wish
 _TABLE_POINTS = 1 << 18
-_SHARERS = 64  # points to a set at least; they turn it each its own way
+_SHARERS = 64  # points to a set at least; each turns it its own way
 _BLOCK, _MOST = 1 << 11, 4  # directions, and blocks at once
 _ROUNDED = 2.0**-20  # of the cosines and sines of cones
 
@@ -29,13 +29,13 @@ class DirectionTable(NamedTuple):
         directions: float32 (sets, 3, padded) about +z, ordered in blocks of sixteen that run close together; the last
             is repeated up to a multiple of sixteen.
         batches: uint8 (samples,), which of the `BATCHES` interleaved parts of the lattice a direction belongs to;
-            their spread carries the error estimate. batch_sizes: float64 (BATCHES,), how many belong to each.
+            the error is estimated from the spread between parts. batch_sizes: float64 (BATCHES,).
         mean: float64 (sets, 3), mean direction. lowest: float32 (sets,), the least z of a direction.
         cones: float32 (sets, 5, b), cones around the blocks, padded with NaN to a multiple of sixteen: unit axes, then
             cosines and sines of half angles.
         key: uint32 from which each point draws its set and its turn.
         leap: int64: so many points that follow one another share a lattice, each taking every leap-th of its points
-            (leaped lattice), so that their mean is as even as the whole lattice. step: of it.
+            (leaped lattice), so that their mean is as even as the whole lattice. step: the lattice's.
     """
 
     directions: Float32s
@@ -50,7 +50,7 @@ class DirectionTable(NamedTuple):
 
     @classmethod
     def make(cls, samples: int, points: int, key: np.uint32, leap: int = 1, cone: float = 1.0) -> DirectionTable:
-        """A table for gathering at `points` points: so many sets that making them costs little beside that.
+        """A table for gathering at `points` points: so many sets that making them costs little beside the gathering.
 
         Args: cone: sin² of the largest angle to +z.
         """
@@ -97,7 +97,7 @@ def _in_blocks(x: Float64s, y: Float64s) -> Int64s:
     columns = max(round(np.sqrt(blocks)), 1)
     order = np.argsort(x, kind="stable")
     ends = [*(round(k * (blocks / columns)) * WIDE for k in range(columns)), blocks * WIDE]
-    parts = (order[first:last] for first, last in pairwise(ends))
+    parts = (order[start:stop] for start, stop in pairwise(ends))
     return np.concatenate([part[np.argsort(y[part], kind="stable")] for part in parts])
 
 

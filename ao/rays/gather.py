@@ -51,24 +51,24 @@ def gather_hemispheres(packet, points, table, falloff, t_max, out):
         n = points.normals[i]
         local = table.directions[chosen]
         t, b = turned_frame(n, turn)
-        # A packet of rays at a time: what of each is lost goes into the point's sums.
+        # A packet of rays at a time: each ray's 1 − μ goes into the point's sums.
         sums[:] = 0.0
         valid[:] = -1
         start_from(rays, origins[i])
-        for first in range(0, samples, LANES):
-            lanes = min(LANES, samples - first)
+        for first_ray in range(0, samples, LANES):
+            lanes = min(LANES, samples - first_ray)
             valid[lanes:] = 0
-            aim(rays, local, first, t, b, n, t_max)
+            aim(rays, local, first_ray, t, b, n, t_max)
             trace(packet, fading, falloff, t_max, alpha_rows)
             for lane in range(lanes):
                 if _lost_by_lane(rays, lane, fading, falloff, falloff.columns, alpha_rows, occlusion):
-                    _add(occlusion, table.batches[first + lane], local, first + lane, sums)
+                    _add(occlusion, table.batches[first_ray + lane], local, first_ray + lane, sums)
         _write(out[i], sums, table, chosen, (t, b, n))
 
 
 @inline
 def _lost_by_lane(rays, lane, fading, falloff, columns, alpha_rows, occlusion):
-    """Write 1 − μ of a ray of a packet by each falloff; whether that is anything."""
+    """Write 1 − μ of a ray of a packet by each falloff; returns whether any is above 0."""
     if columns is None:
         occlusion[0] = 1.0 - mu_of(rays, lane, fading, falloff, alpha_rows)
         return occlusion[0] != 0.0
@@ -102,7 +102,7 @@ def gather_streams(tree, rays, state, points, table, falloff, t_max, out):
         init_rays(rays, table.directions, table.cones, chosen, samples, (t, b, normal), t_max)
         clear(state.layers)
         traverse(tree, state, rays, load(points.origins, i), normal, table.lowest[chosen], fading, t_max)
-        # What is lost of those that met something.
+        # The 1 − μ of the rays that met something.
         sums[:] = 0.0
         for k in range(len(rays.t_hit)):
             sent = (1 << min(samples - WIDE * k, WIDE)) - 1

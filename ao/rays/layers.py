@@ -1,9 +1,9 @@
 """Places that let a part of a ray through: the layers of each ray of a point, nearest first.
 
 A share α of a ray ends where it meets alpha α. Its hits are found in no order; 1 − μ is Σ αᵢ Π (1 − αⱼ) (1 − μ(dᵢ))
-over them, with j before i. Of a ray that meets more layers than there is room for, the farthest are made one
+over the hits, with j before i. Of a ray that meets more layers than there is room for, the farthest are made one
 (multi-layer alpha blending: Salvi & Vaidyanathan 2014). With the binary falloff, for which neither order nor distance
-matter, one is enough.
+matter, one layer is enough.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class AlphaHits(NamedTuple):
 
     Attributes:
         opacity: of the tree's faces. counts: int64 (r,), layers of each ray.
-        distances, alphas: float32 (r, l + 1), of the layers, with a place to sort in.
+        distances, alphas: float32 (r, l + 1), of the layers, with one more to sort in.
     """
 
     opacity: PackedOpacity
@@ -58,19 +58,19 @@ def leaf_of(layers, tree, node, origin):
     """A leaf of a `BVH16` seen from a point, as `alpha_test` takes it; None where all is opaque."""
     if layers is None:
         return None
-    return layers, tree.rows[node], tree.triangles[node], origin
+    return layers, tree.leaf_faces[node], tree.triangles[node], origin
 
 
 @inline
 def has_alpha(leaf, slot):
-    """Whether the triangle at a place of a leaf is not opaque everywhere and from both sides."""
+    """Whether the triangle in a slot of a leaf is not opaque everywhere and from both sides."""
     layers, faces, _, _ = leaf
     return layers.opacity.of[faces[slot]] >= 0 or layers.opacity.one_sided != 0
 
 
 @inline
 def alpha_test(leaf, rays, block, lane, slot, distance, closest, t_max):
-    """Let a ray, lane of a block, meet the triangle at a place of a leaf: end it there, or note a layer."""
+    """Let a ray, lane of a block, meet the triangle in a slot of a leaf: end the ray there, or note a layer."""
     layers, faces, triangles, origin = leaf
     if closest and distance >= rays.t_hit[block, lane]:
         return

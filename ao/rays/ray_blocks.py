@@ -40,7 +40,7 @@ class Rays(NamedTuple):
     """b blocks of sixteen rays of a point, in groups of sixteen blocks.
 
     Attributes:
-        directions: float32 (3·b, 16), all x, then all y, then all z. reciprocals: 1/ these.
+        directions: float32 (3·b, 16), all x, then all y, then all z. reciprocals: 1 / directions.
         cones: float32 (5·g, 16), the axes of the cones around blocks, and the cosines and sines of their half angles.
         active: int64 (16·g,), bits of the rays of each block that have met nothing that ends them.
         groups: int64 (g,), bits of the blocks of each group that have such rays.
@@ -87,18 +87,18 @@ def cone_around(centre, squared_radius):
 
 
 @inline
-def along(rows, k, count, v):
+def along(vectors, k, count, v):
     """The dot products of a triple with the sixteen vectors in rows k, count + k and 2·count + k."""
-    xy = multiply_add(load_row(rows, count + k), v[1], load_row(rows, 2 * count + k) * v[2])
-    return multiply_add(load_row(rows, k), v[0], xy)
+    xy = multiply_add(load_row(vectors, count + k), v[1], load_row(vectors, 2 * count + k) * v[2])
+    return multiply_add(load_row(vectors, k), v[0], xy)
 
 
 @inline
-def _turn(rows, first, k, count, frame, out):
-    """Write sixteen vectors, from row `first` on, turned from a frame's coordinates into those of space."""
-    x = load_row(rows, first + k)
-    y = load_row(rows, first + count + k)
-    z = load_row(rows, first + 2 * count + k)
+def _turn(vectors, first_row, k, count, frame, out):
+    """Write sixteen vectors, from row `first_row` on, turned from a frame's coordinates into those of space."""
+    x = load_row(vectors, first_row + k)
+    y = load_row(vectors, first_row + count + k)
+    z = load_row(vectors, first_row + 2 * count + k)
     for axis in range(3):
         store_row(out, axis * count + k, x * frame[0][axis] + y * frame[1][axis] + z * frame[2][axis])
 
@@ -125,7 +125,7 @@ def init_rays(rays, directions, cones, chosen, samples, frame, t_max):
 
 @inline
 def blocks_within(rays, g, axis, cosine, sine):
-    """The blocks of a group, as bits, that have active rays and may have some within a cone."""
+    """The blocks of a group, as bits, that have active rays and may have rays within a cone."""
     groups = len(rays.groups)
     if cosine == FULL_SPHERE:
         return rays.groups[g]
@@ -134,8 +134,8 @@ def blocks_within(rays, g, axis, cosine, sine):
 
 
 @inline
-def list_within(rays, axis, cosine, gap, max_count, out, first):
-    """List from out[first] on the active rays within a cone that matter at distance `gap`; −1 for over `max_count`."""
+def list_within(rays, axis, cosine, gap, max_count, out, first_entry):
+    """List, from out[first_entry], active rays within a cone that matter at distance `gap`; −1 for over `max_count`."""
     count, sine = 0, np.float32(np.sqrt(max(ONE - cosine * cosine, ZERO))) + SLACK
     for g in range(len(rays.groups)):
         inside = blocks_within(rays, g, axis, cosine, sine)
@@ -150,7 +150,7 @@ def list_within(rays, axis, cosine, gap, max_count, out, first):
             while within != 0:
                 if count == max_count:
                     return -1
-                out[first + count] = WIDE * k + lowest_bit(within)
+                out[first_entry + count] = WIDE * k + lowest_bit(within)
                 within &= within - 1
                 count += 1
     return count
@@ -158,7 +158,7 @@ def list_within(rays, axis, cosine, gap, max_count, out, first):
 
 @inline
 def list_active(rays, start, stop, out):
-    """List the active of the rays from `start` to `stop` in `out`; returns how many they are."""
+    """List the active rays from `start` to `stop` in `out`; returns their number."""
     count = 0
     for ray in range(start, stop):
         if is_active(rays, ray):

@@ -1,7 +1,7 @@
 """Packets of eight rays that leave one point, and go on behind places that let a part of them through.
 
 A ray is traced again from behind each hit until nothing of it is left. Embree may find the triangle of the last hit
-again, by a rounding farther: it counts once. So do triangles in one place.
+again, by a rounding farther: it counts once. So do triangles at the same distance.
 """
 
 from __future__ import annotations
@@ -53,12 +53,12 @@ def start_from(rays, origin):
 
 
 @inline
-def aim(rays, local, first, t, b, n, t_max):
+def aim(rays, local, first_ray, t, b, n, t_max):
     """Turn eight of the directions `local` about +z, (3, samples), into the frame t, b, n; rays of length `t_max`."""
     for lane in range(LANES):
-        x = local[0, first + lane]
-        y = local[1, first + lane]
-        z = local[2, first + lane]
+        x = local[0, first_ray + lane]
+        y = local[1, first_ray + lane]
+        z = local[2, first_ray + lane]
         rays[packets.DIR_X, lane] = x * t[0] + y * b[0] + z * n[0]
         rays[packets.DIR_Y, lane] = x * t[1] + y * b[1] + z * n[1]
         rays[packets.DIR_Z, lane] = x * t[2] + y * b[2] + z * n[2]
@@ -150,7 +150,7 @@ def _trace_through(packet, falloff, t_max, alpha_rows):
 
 @inline
 def _meet(opacity, falloff, rays, lane, alpha_rows):
-    """Leave at a hit the part of a ray that ends there."""
+    """Let a part of a ray end at its hit, by the alpha there."""
     face = np.int64(rays.view(np.uint32)[packets.PRIM_ID, lane])
     if face == alpha_rows[_LAST, lane] or (opacity.one_sided != 0 and _is_back(rays, lane)):
         return

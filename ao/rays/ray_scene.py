@@ -21,8 +21,8 @@ class RayScene:
     """Faces in render space. Pickled, they go to other processes, which build their own hierarchies.
 
     Attributes:
-        vertices: float32 (n, 3). faces: int64 (m, 3), none degenerate. tree: over these.
-        embree: these in Embree, built when it is first called, which must not be on two threads at once.
+        vertices: float32 (n, 3). faces: int64 (m, 3), none degenerate. tree: over the faces.
+        embree: the faces in Embree, built when it is first called, which must not be on two threads at once.
         opacity: of the faces, or None. cone: of directions, `DirectionTable.make`.
     """
 

@@ -46,8 +46,8 @@ class TraversalState(NamedTuple):
     """Scratch arrays of one traversal at a time.
 
     Attributes:
-        entries: int64 (e, 4), the stack: nodes, their levels, and the part of `listed` that are their rays.
-        bounds: float32 (e, 5), of the same nodes.
+        entries: int64 (e, 4), the stack: nodes, their levels, and which part of `listed` are their rays.
+        bounds: float32 (e, 5), of the entries' nodes: see `_AXIS`.
         listed: int64, numbers of rays.
         child_rays: int64 (16, _LISTED), the rays that pass through each child of a node. child_counts: int64 (16,).
         children: float32 (5, 16), `bounds` of a node's children. planes: float32 (PLANES, 16), of a leaf's triangles.
@@ -96,13 +96,13 @@ def traverse(tree, state, rays, origin, normal, lowest_sine, closest, t_max):
             waiting -= 1
             node = entries[waiting, _NODE]
             level = entries[waiting, _LEVEL]
-            first = entries[waiting, _FIRST]
+            first_listed = entries[waiting, _FIRST]
             count = entries[waiting, _COUNT]
             # Which rays of the node are still to be traced: unlisted ones are within its cone.
             if count < 0:
                 bound = bounds[waiting]
                 axis = bound[_AXIS], bound[_AXIS + 1], bound[_AXIS + 2]
-                count = list_within(rays, axis, bound[_COSINE], bound[_GAP], _LISTED, state.listed, first)
+                count = list_within(rays, axis, bound[_COSINE], bound[_GAP], _LISTED, state.listed, first_listed)
             if count == 0:
                 continue
             # A leaf: many rays against each triangle, or each of few against all.
@@ -113,20 +113,24 @@ def traverse(tree, state, rays, origin, normal, lowest_sine, closest, t_max):
                     facing = find_cones(a, b, c, normal, lowest_sine, state.planes)
                     intersect_by_triangles(rays, facing, state.planes, closest, t_max, leaf)
                 else:
-                    intersect_by_rays(rays, state.listed, first, first + count, state.planes, closest, t_max, leaf)
+                    intersect_by_rays(
+                        rays, state.listed, first_listed, first_listed + count, state.planes, closest, t_max, leaf
+                    )
                 continue
             # A node: children that some rays reach, the nearest to be visited next.
             child = (node - starts[level - 1]) * WIDE + (starts[level - 2] if level > 1 else 0)
             if count < 0:
                 opened = _open_children(boxes, node, state, origin, normal, lowest_sine, t_max)
             else:
-                opened = _intersect_children(tree, node, state, rays, (first, first + count), origin, t_max)
-            waiting = _push(state, opened, waiting, child, level - 1, first, count >= 0)
+                opened = _intersect_children(
+                    tree, node, state, rays, (first_listed, first_listed + count), origin, t_max
+                )
+            waiting = _push(state, opened, waiting, child, level - 1, first_listed, count >= 0)
 
 
 @inline
-def _push(state, opened, waiting, child, level, first, listed):
-    """Put `opened` children, bits, on the stack, the nearest on top; how many nodes wait now.
+def _push(state, opened, waiting, child, level, first_listed, listed):
+    """Put `opened` children, bits, on the stack, the nearest on top; returns how many nodes wait now.
 
     Args: child: the first child. first: where the rays of the children begin in `TraversalState.listed` if `listed`.
     """
@@ -144,7 +148,7 @@ def _push(state, opened, waiting, child, level, first, listed):
         waiting += 1
     for slot in range(bottom, waiting):
         k = entries[slot, _NODE]
-        entries[slot, _NODE], entries[slot, _LEVEL], entries[slot, _FIRST] = child + k, level, first
+        entries[slot, _NODE], entries[slot, _LEVEL], entries[slot, _FIRST] = child + k, level, first_listed
         if not listed:
             entries[slot, _COUNT] = -1
             for column in range(_GAP):
@@ -152,14 +156,14 @@ def _push(state, opened, waiting, child, level, first, listed):
         else:
             entries[slot, _COUNT] = state.child_counts[k]
             for q in range(state.child_counts[k]):
-                state.listed[first + q] = state.child_rays[k, q]
-            first += state.child_counts[k]
+                state.listed[first_listed + q] = state.child_rays[k, q]
+            first_listed += state.child_counts[k]
     return waiting
 
 
 @inline
 def _open_children(boxes, node, state, origin, normal, lowest_sine, t_max):
-    """Write the bounds of a node's children in aligned boxes; bits of those within t_max above the lowest ray."""
+    """Write bounds of a node's children in aligned boxes; bits of the children within t_max above the lowest ray."""
     d, half, gap = _relative(boxes, None, node, origin)
     axis, cosine, _, distance, radius = cone_around(d, dot(half, half))
     upright = abs(normal[0]), abs(normal[1]), abs(normal[2])
@@ -183,7 +187,7 @@ def _relative(boxes, axes, node, origin):
 
 @inline
 def _reciprocals(rays, ray, axes, node, used):
-    """1/ the components of a ray along the axes of a node's boxes, sixteen times where these are aligned."""
+    """1 / the components of a ray along the axes of a node's boxes, in sixteen lanes."""
     k = ray // WIDE
     lane = ray % WIDE
     blocks = len(rays.t_hit)
@@ -197,9 +201,9 @@ def _reciprocals(rays, ray, axes, node, used):
 
 
 @inline
-def _repeated(rows, k, lane, count, mask):
+def _repeated(vectors, k, lane, count, mask):
     """A vector in rows k, count + k and 2·count + k as a triple of lanes."""
-    x, y, z = column(rows, k, count, lane)
+    x, y, z = column(vectors, k, count, lane)
     return select(mask, x, x), select(mask, y, y), select(mask, z, z)
 
 

@@ -24,7 +24,7 @@ _THIRD = np.float32(1.0 / 3.0)
 
 @inline
 def find_planes(triangles, origin, planes):
-    """Write the planes (PLANES, 16) of triangles of a `BVH16`, (9, 16), seen from a point; gives relative corners."""
+    """Write the planes (PLANES, 16) of triangles of a `BVH16`, (9, 16), seen from a point; returns relative corners."""
     a = subtract((load_row(triangles, 0), load_row(triangles, 1), load_row(triangles, 2)), origin)
     b = subtract((load_row(triangles, 3), load_row(triangles, 4), load_row(triangles, 5)), origin)
     c = subtract((load_row(triangles, 6), load_row(triangles, 7), load_row(triangles, 8)), origin)
@@ -45,8 +45,8 @@ def find_planes(triangles, origin, planes):
 
 @inline
 def find_cones(a, b, c, normal, lowest_sine, planes):
-    """Write the cones around triangles whose planes are found; bits of those with an area that reach above the lowest
-    ray, of whose elevation over the plane of `normal` the sine is given."""
+    """Write the cones around triangles after `find_planes`; bits of the triangles with an area that reach above the
+    lowest ray, whose elevation over the plane of `normal` has the sine `lowest_sine`."""
     centre = scale(_THIRD, add(add(a, b), c))
     to_a = subtract(a, centre)
     to_b = subtract(b, centre)
@@ -69,9 +69,9 @@ def _edge_plane(a, b, ab):
     squared_b = dot(b, b)
     near_a = _FOUR * squared_a < squared_b
     near_b = _FOUR * squared_b < squared_a
-    first = choose(near_a, a, choose(near_b, b, ab))
-    second = choose(near_a, b, choose(near_b, scale(-ONE, a), both))
-    return _cross(first, second)
+    one = choose(near_a, a, choose(near_b, b, ab))
+    other = choose(near_a, b, choose(near_b, scale(-ONE, a), both))
+    return _cross(one, other)
 
 
 @inline
@@ -87,20 +87,20 @@ def _cross(a, b):
 @inline
 def _normal(ab, bc, ca):
     """The normal of triangles with these edges: each coordinate from the edges whose products are smaller."""
-    first = _cross(ab, bc)
-    second = _cross(bc, ca)
+    one = _cross(ab, bc)
+    other = _cross(bc, ca)
     return (
-        select(abs(ab[2] * bc[1]) < abs(bc[2] * ca[1]), first[0], second[0]),
-        select(abs(ab[0] * bc[2]) < abs(bc[0] * ca[2]), first[1], second[1]),
-        select(abs(ab[1] * bc[0]) < abs(bc[1] * ca[0]), first[2], second[2]),
+        select(abs(ab[2] * bc[1]) < abs(bc[2] * ca[1]), one[0], other[0]),
+        select(abs(ab[0] * bc[2]) < abs(bc[0] * ca[2]), one[1], other[1]),
+        select(abs(ab[1] * bc[0]) < abs(bc[1] * ca[0]), one[2], other[2]),
     )
 
 
 @inline
-def store_triple(rows, first, v):
-    store_row(rows, first, v[0])
-    store_row(rows, first + 1, v[1])
-    store_row(rows, first + 2, v[2])
+def store_triple(array, row, v):
+    store_row(array, row, v[0])
+    store_row(array, row + 1, v[1])
+    store_row(array, row + 2, v[2])
 
 
 @inline
@@ -155,7 +155,7 @@ def intersect_by_triangles(rays, triangles, planes, closest, t_max, leaf):
         n = column(planes, _NORMAL, 1, j)
         axis = column(planes, _AXIS, 1, j)
         volume = planes[_VOLUME, j]
-        # Only blocks whose cone meets that about the triangle.
+        # Only blocks whose cone meets the cone about the triangle.
         for g in range(len(rays.groups)):
             inside = blocks_within(rays, g, axis, planes[_COSINE, j], planes[_SINE, j])
             while inside != 0:
@@ -168,7 +168,7 @@ def intersect_by_triangles(rays, triangles, planes, closest, t_max, leaf):
                 met = _meets(sides, ahead, volume, t_max)
                 if not some(met):
                     continue
-                # What they meet: of a face with alpha one by one, else nearer ones than before, or any.
+                # What the rays meet: a face with alpha one by one, else nearer hits than before, or any.
                 if leaf is not None and has_alpha(leaf, j):
                     distances = volume / ahead
                     hit_lanes = bits(met) & rays.active[k]

@@ -38,7 +38,7 @@ def texel_neighbours(surface: UVSurface, texels: Texels, most: float, threads: i
 
 
 def _charts(surface: UVSurface) -> Int64s:
-    """The chart (m,) of each face: those that hang together on the page."""
+    """The number (m,) of each face's chart: the faces that hang together on the page."""
     corners = corner_places(surface.layout.uv, surface.face_points)
     return connected_components(corners, int(corners.max()) + 1)[corners[:, 0]]
 
@@ -65,11 +65,11 @@ def _texel_sizes(uv: Float64s, vertices: Float64s, faces: Int64s, most: float) -
 
 
 @kernel
-def _find_beside(texels, page, surface, beside, starts, first, last):
+def _find_beside(texels, page, surface, beside, starts, start, stop):
     """Write the four neighbours of each texel, −1 for none, and how many there are into starts[i + 1]."""
     (row_of, width, wraps), (chart, size, origins) = page, surface
     height = len(row_of) // width
-    for i in range(first, last):
+    for i in range(start, stop):
         row, column = divmod(texels[i], width)
         for k in range(4):
             y = row + (k == 0) - (k == 1)
@@ -92,14 +92,14 @@ def _find_beside(texels, page, surface, beside, starts, first, last):
 
 
 @kernel
-def _list(starts, beside, across, there, indices, first, last):
-    """Write the neighbours of each texel: those `beside` it, then there[across[i] : across[i + 1]]."""
-    for i in range(first, last):
-        place = starts[i]
+def _list(starts, beside, across, there, indices, start, stop):
+    """Write the neighbours of each texel: the texels `beside` it, then there[across[i] : across[i + 1]]."""
+    for i in range(start, stop):
+        entry = starts[i]
         for k in range(4):
             if beside[i, k] >= 0:
-                indices[place] = beside[i, k]
-                place += 1
+                indices[entry] = beside[i, k]
+                entry += 1
         for k in range(across[i], across[i + 1]):
-            indices[place] = there[k]
-            place += 1
+            indices[entry] = there[k]
+            entry += 1

@@ -58,8 +58,8 @@ class TextureArguments(TextureOptions, _Layout):
 def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     """Obscurance w, as `ao.bake` has it, of every texel that shows a part of `mesh`: the mean over that part.
 
-    The hemisphere at a point of a face is that of the normal interpolated between the vertices, less what lies below
-    the face. Points of a texel that are inside solids are left out of it.
+    The hemisphere at a point of a face is about the normal interpolated between the vertices, less what lies below the
+    face. Points of a texel that are inside solids are left out of the mean.
 
     Raises:
         OptionError: an argument is out of range.
@@ -127,7 +127,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
         mu=prepared.mu,
         mesh=scene.mesh,
         calibration=estimates[0].calibration,
-        **of_columns(prepared, [np.stack(each, axis=-1) for each in zip(*others, strict=True)]),
+        **of_columns(prepared, [np.stack(column_pages, axis=-1) for column_pages in zip(*others, strict=True)]),
         shortfalls=shortfalls(
             options, max(rmses), estimates[0].samples, "texel", scene.solid, prepared.placement.vertices
         ),
@@ -135,7 +135,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
 
 
 def _unwatched(done: int, total: int, stage: str) -> None:
-    """In place of a progress that nobody asked for."""
+    """The progress of a bake that was given no callback."""
 
 
 class _Scene(NamedTuple):
@@ -143,8 +143,8 @@ class _Scene(NamedTuple):
 
     mesh: Mesh  # on the page
     uv: Float64s  # (m, 3, 2), of its faces
-    solid: Mesh  # that is baked: the mesh itself, or a fine one; reversed for thickness
-    cage: Cage | None  # about the mesh, if there is a fine one
+    solid: Mesh  # what is baked: the mesh itself, or a fine mesh; reversed for thickness
+    cage: Cage | None  # about the mesh, if there is a fine mesh
     occluders: list[Mesh]
 
 
@@ -170,7 +170,7 @@ def _check_memory(scene: _Scene, size: tuple[int, int], options: TextureArgument
 
 
 def _surface(scene: _Scene, prepared: Prepared, size: tuple[int, int], wrap: bool) -> UVSurface:
-    """The mesh on the page, with faces that only occlude behind it, which are not on the page."""
+    """The mesh on the page; behind its faces are listed faces that only occlude, which are not on the page."""
     if scene.cage:
         return UVSurface.of(scene.mesh, scene.uv, prepared, size, wrap)
     uv = scene.uv if scene.solid is scene.mesh else scene.uv[:, ::-1]  # reversed
@@ -197,21 +197,21 @@ def _estimates(tracer: Tracer, surface: UVSurface, texels: Texels, prepared: Pre
     points = texels.samples.first_points
 
     def by_falloff() -> Estimate:
-        found = estimate(tracer, points, CornerSamples.none(), lambda _: cells(), prepared.options)
-        return _predicted(found, texels, cells) if len(texels) > len(points) else found
+        baked = estimate(tracer, points, CornerSamples.none(), lambda _: cells(), prepared.options)
+        return _predicted(baked, texels, cells) if len(texels) > len(points) else baked
 
     return tracer.each_column(by_falloff)
 
 
 def _predicted(baked: Estimate, texels: Texels, cells: Callable[[], Neighbours]) -> Estimate:
     """Estimates at all texels (k,) from those at the texels that were baked."""
-    count = len(baked.rows)
+    count = len(baked.values)
     cell = texels.cell[count:].astype(np.int32)
-    more = upsample(texels.points[count:], cell, cells(), texels.points[:count], baked.rows)
-    rows = np.concatenate([baked.rows, more])
+    more = upsample(texels.points[count:], cell, cells(), texels.points[:count], baked.values)
+    values = np.concatenate([baked.values, more])
     spared = baked.spared + baked.samples * (len(texels) - count)
     variance = baked.variance[texels.cell]  # measured anywhere in what a texel stands for
-    return baked._replace(rows=rows, variance=variance, spared=spared)
+    return baked._replace(values=values, variance=variance, spared=spared)
 
 
 def _frames(space: BentSpace, surface: UVSurface, texels: Texels) -> Float64s | None:

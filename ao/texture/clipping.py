@@ -28,7 +28,7 @@ def point_in_fan(polygon, corner, axis, outwards, sideways):
 def clip_to_texel(triangle, texel, clipped):
     """Area of what a triangle and a texel have in common (Sutherland & Hodgman 1974), and how many corners it has.
 
-    Args: clipped: (2, CORNERS, 2), whose first polygon receives these, from the texel's corner on.
+    Args: clipped: (2, CORNERS, 2), whose first polygon receives the corners, relative to the texel's.
     """
     count = 3
     for k in range(3):

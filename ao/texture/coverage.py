@@ -30,8 +30,10 @@ class Page(NamedTuple):
     """Faces on a page."""
 
     layout: UVLayout
-    crowding: Float64s  # (t,), how many texels of an even layout show as much of the surface as one of each triangle
-    rows: int  # of a band
+    crowding: (
+        Float64s  # (t,), how many texels of an even layout show as much of the surface as a texel of each triangle
+    )
+    band_rows: int  # rows of the page in each band
     starts: Int64s  # (b + 1,), of each band in `listed`
     listed: Int64s  # triangles, ascending, of band after band
 
@@ -43,35 +45,35 @@ class Page(NamedTuple):
             even = areas[np.unique(layout.face)].sum() / (layout.width * layout.height)
             evenly = even * np.abs(doubled_areas(layout.corners)) / 2
             np.divide(areas[layout.face], evenly, out=crowding, where=evenly > 0)
-        rows = max(min(_BAND // layout.width, layout.height // _BANDS), 1)
-        counts = np.zeros(-(-layout.height // rows), np.int64)
-        count_bands(layout.corners, layout.height, rows, counts)
+        band_rows = max(min(_BAND // layout.width, layout.height // _BANDS), 1)
+        counts = np.zeros(-(-layout.height // band_rows), np.int64)
+        count_bands(layout.corners, layout.height, band_rows, counts)
         starts = np.concatenate([[0], np.cumsum(counts)])
         listed = np.empty(starts[-1], np.int64)
-        list_bands(layout.corners, layout.height, rows, starts[:-1].copy(), listed)
-        return cls(layout, crowding, rows, starts, listed)
+        list_bands(layout.corners, layout.height, band_rows, starts[:-1].copy(), listed)
+        return cls(layout, crowding, band_rows, starts, listed)
 
     def cover(self, overlap: Overlap, threads: int) -> Coverage:
-        """The texels that faces cover; where these overlap, samples lie on all of them ("mean"), or on the first."""
+        """The texels that faces cover; where faces overlap, samples lie on all ("mean") or on the first of them."""
         return self._cover(None, np.uint32(0), overlap == "mean", threads)
 
     def cover_again(self, texels: Int64s, key: np.uint32, overlap: Overlap, threads: int) -> Coverage:
-        """`cover` of some `texels`, ascending, with samples elsewhere in them, by chance. Args: key: of that."""
+        """`cover` of some `texels`, ascending, with samples at random places in them. Args: key: of the places."""
         return self._cover(texels, key, overlap == "mean", threads)
 
     def _cover(self, texels: Int64s | None, key: np.uint32, layered: bool, threads: int) -> Coverage:
-        size = self.rows * self.layout.width
+        size = self.band_rows * self.layout.width
         bands: dict[int, Coverage] = {}
 
-        def work(first: int, last: int) -> None:
-            triangles = self.listed[self.starts[first // size] : self.starts[first // size + 1]]
+        def work(start: int, stop: int) -> None:
+            triangles = self.listed[self.starts[start // size] : self.starts[start // size + 1]]
             if texels is None:
-                asked, places = np.arange(first, last), REGULAR
+                asked, places = np.arange(start, stop), REGULAR
             else:
-                asked = texels[np.searchsorted(texels, first) : np.searchsorted(texels, last)]
+                asked = texels[np.searchsorted(texels, start) : np.searchsorted(texels, stop)]
                 places = Places.by_chance(asked, key)
-            if len(asked) or first == 0:
-                bands[first] = _Band(self, asked, triangles, places, layered).cover()
+            if len(asked) or start == 0:
+                bands[start] = _Band(self, asked, triangles, places, layered).cover()
 
         run_blocks(self.layout.height * self.layout.width, size, work, threads)
         return Coverage.joined([band for _, band in sorted(bands.items())])
@@ -82,7 +84,7 @@ class _Band(NamedTuple):
 
     page: Page
     texels: Int64s  # (n,), ascending
-    triangles: Int64s  # that may reach into them
+    triangles: Int64s  # that may reach into the texels
     places: Places  # for each texel, or for all
     layered: bool  # whether all faces share a texel
 
@@ -110,26 +112,26 @@ class _Band(NamedTuple):
         )
 
     def _sample(self, partial: Int64s, how: Int64s, reaching: Int32s) -> tuple[Int64s, SurfacePoints]:
-        """How many samples each of the texels in rows `partial` (h,) has, and these."""
+        """How many samples each of the texels in rows `partial` (h,) has, and the samples."""
         layout = self.page.layout
         counts = np.zeros(len(partial), np.int64)
-        found = [SurfacePoints(np.zeros(0, np.int32), np.zeros((0, 3), np.float32))]
-        for first, last in _portions(reaching[partial]):
-            rows = partial[first:last]
-            texels = self.texels[rows]
-            lists = self._lists(texels, reaching[rows])
-            sought = PartialTexels(texels, how[first:last], *self.places.of(rows))
+        samples = [SurfacePoints(np.zeros(0, np.int32), np.zeros((0, 3), np.float32))]
+        for start, stop in _portions(reaching[partial]):
+            texel_rows = partial[start:stop]
+            texels = self.texels[texel_rows]
+            lists = self._lists(texels, reaching[texel_rows])
+            sought = PartialTexels(texels, how[start:stop], *self.places.of(texel_rows))
             triangle = np.empty((len(texels), MOST), np.int32)
             barycentric = np.empty((len(texels), MOST, 3), np.float32)
             triangles = layout.corners, self.page.crowding
-            out = counts[first:last], triangle, barycentric
+            out = counts[start:stop], triangle, barycentric
             sample_partial(triangles, layout.width, self.layered, sought, lists, out)
-            there = np.arange(MOST) < counts[first:last, None]
-            found.append(SurfacePoints(layout.face[triangle[there]].astype(np.int32), barycentric[there]))
-        return counts, SurfacePoints(*map(np.concatenate, zip(*found, strict=True)))
+            there = np.arange(MOST) < counts[start:stop, None]
+            samples.append(SurfacePoints(layout.face[triangle[there]].astype(np.int32), barycentric[there]))
+        return counts, SurfacePoints(*map(np.concatenate, zip(*samples, strict=True)))
 
     def _lists(self, texels: Int64s, reaching: Int32s) -> Lists:
-        """The triangles that reach into `texels`, ascending, so many into each."""
+        """The triangles that reach into `texels`, ascending. Args: reaching: how many reach into each texel."""
         starts = np.concatenate([[0], np.cumsum(reaching, dtype=np.int64)])
         lists = Lists(starts, np.zeros(len(texels), np.int64), np.empty(starts[-1], np.int32))
         layout = self.page.layout
@@ -140,13 +142,13 @@ class _Band(NamedTuple):
 def _portions(reaching: Int32s) -> Iterator[tuple[int, int]]:
     """Parts [first, last) of texels whose lists of triangles, `reaching` (h,) long, are made at once."""
     total = np.cumsum(reaching, dtype=np.int64)
-    first = 0
-    while first < len(total):
-        listed = total[first - 1] if first else 0
-        last = int(np.searchsorted(total, listed + _LISTED, "right"))
-        last = min(max(last, first + 1), first + _SAMPLED)
-        yield first, last
-        first = last
+    start = 0
+    while start < len(total):
+        listed = total[start - 1] if start else 0
+        stop = int(np.searchsorted(total, listed + _LISTED, "right"))
+        stop = min(max(stop, start + 1), start + _SAMPLED)
+        yield start, stop
+        start = stop
 
 
 def reaches_into_page(uv: Float64s, source: object) -> bool:
@@ -170,6 +172,6 @@ def shared_texels(
     overlap = texel[overlapping]
     alike = group[overlapping].tolist()
     shared = Counter[tuple[int, int]]()
-    for first, last in pairwise([*np.flatnonzero(np.diff(overlap, prepend=-1)).tolist(), len(overlap)]):
-        shared.update(combinations(alike[first:last], 2))
+    for start, stop in pairwise([*np.flatnonzero(np.diff(overlap, prepend=-1)).tolist(), len(overlap)]):
+        shared.update(combinations(alike[start:stop], 2))
     return dict(shared), np.bincount(group, minlength=count)

@@ -25,12 +25,12 @@ _BLOCK, _SHARE = 1 << 12, 16  # texels, and blocks at once
 class Places(NamedTuple):
     """Where points of texels lie, for each (k, …) or for all (1, …)."""
 
-    points: Float64s  # (…, POINTS, 2); the first two have the centre for a mean, as the next; it is the last
+    points: Float64s  # (…, POINTS, 2); two and two have the centre for their mean; the last is the centre
     offsets: Float64s  # (…, 2), see `PartialTexels`
 
     @classmethod
     def by_chance(cls, texels: Int64s, key: np.uint32) -> Self:
-        """Of each of the texels its own, from their numbers and a key."""
+        """Random places, of each texel its own, by the texel's number and a key."""
         numbers = hash32_array(hash32_array(texels) ^ key)[:, None] + np.arange(6, dtype=np.uint32)
         random: Float64s = hash32_array(numbers).astype(np.float64) * 2.0**-32
         points = np.full((len(texels), POINTS, 2), 0.5)
@@ -39,7 +39,7 @@ class Places(NamedTuple):
         return cls(points, random[:, 4:])
 
     def of(self, texels: Int64s) -> Self:
-        """Those of some `texels`, rows."""
+        """The places of some `texels`, rows."""
         return self if self is REGULAR else type(self)(self.points[texels], self.offsets[texels])
 
 
@@ -64,9 +64,9 @@ class Coverage:
     layout: UVLayout
     texels: Int64s  # (k,), row · width + column
     places: Places  # of the points
-    triangle: Int32s  # (k, POINTS), row of `UVLayout.corners`; −1 where not all have one, and at overlaps' centres
+    triangle: Int32s  # (k, POINTS), row of `UVLayout.corners`; −1 where a point has none, and at overlaps' centres
     overlapping: Bools  # (k,), whether several faces lie over one another
-    listed: PointGroups  # samples of texels that need others than the points, none of others, on faces of `UVLayout.uv`
+    listed: PointGroups  # samples of texels whose points will not do, on faces of `UVLayout.uv`
     all_count: Bools  # (k,), whether all listed samples are needed, however few the rays
 
     @classmethod
@@ -97,16 +97,16 @@ class Coverage:
         return PagePoints(self.texels, self.triangle, self.places.points, layout.corners, layout.face, layout.width)
 
     def samples(self, order: Int64s, alone: Bools, threads: int, most: int = MOST) -> PointGroups:
-        """Samples of the texels in an `order` (j,), `most` at most of each: its centre where it is `alone` (k,), those
-        that are listed, or its points."""
+        """Samples of the texels in an `order` (j,), `most` at most of each: the centre of a texel that is `alone`
+        (k,), else the samples that are listed for it, else its points."""
         counts = np.diff(self.listed.starts)
         counts[counts == 0] = SLOTS
         counts[alone] = 1
         starts = np.concatenate([[0], np.cumsum(np.minimum(counts[order], most))])
-        found = PointGroups(starts, np.empty(starts[-1], np.int32), np.empty((starts[-1], 3), np.float32))
-        work = bind(_write_samples, order, alone, self.points, self.listed, found)
+        samples = PointGroups(starts, np.empty(starts[-1], np.int32), np.empty((starts[-1], 3), np.float32))
+        work = bind(_write_samples, order, alone, self.points, self.listed, samples)
         run_blocks(len(order), _BLOCK, work, threads, most=_SHARE)
-        return found
+        return samples
 
     def every_sample(self, threads: int) -> PointGroups:
         """`samples` of all texels, ascending, none of them by their centre."""
@@ -116,7 +116,7 @@ class Coverage:
 
 @inline
 def locate(points, row, k, known, edges, out):
-    """Write barycentric coordinates of point k of a texel, a row of `PagePoints`, in its triangle, which is returned.
+    """Write barycentric coordinates of point k of a texel, row of `PagePoints`, in its triangle; returns the triangle.
 
     Args: known: the triangle of which `edges` are set up already, −1 for none.
     """
@@ -131,22 +131,22 @@ def locate(points, row, k, known, edges, out):
 
 
 @kernel
-def _write_samples(order, alone, points, listed, found, first, last):
+def _write_samples(order, alone, points, listed, samples, start, stop):
     """Write samples of texels in order, as `Coverage.samples` has them."""
     points = unrefcounted_view(points)
     listed = unrefcounted_view(listed)
-    found = unrefcounted_view(found)
+    samples = unrefcounted_view(samples)
     edges = np.empty((3, EDGE))
-    for i in range(first, last):
+    for i in range(start, stop):
         row = order[i]
         known = -1
-        for k in range(found.starts[i + 1] - found.starts[i]):
-            to = found.starts[i] + k
+        for k in range(samples.starts[i + 1] - samples.starts[i]):
+            to = samples.starts[i] + k
             source = listed.starts[row] + k
             if alone[row] or source >= listed.starts[row + 1]:
-                known = locate(points, row, SLOTS if alone[row] else k, known, edges, found.barycentric[to])
-                found.face[to] = points.face[known]
+                known = locate(points, row, SLOTS if alone[row] else k, known, edges, samples.barycentric[to])
+                samples.face[to] = points.face[known]
                 continue
-            found.face[to] = listed.face[source]
+            samples.face[to] = listed.face[source]
             for corner in range(3):
-                found.barycentric[to, corner] = listed.barycentric[source, corner]
+                samples.barycentric[to, corner] = listed.barycentric[source, corner]

@@ -18,7 +18,10 @@ from .raster import EDGE, INSIDE, POINTS, SLOTS, least_edge, set_up_edges, store
 MOST = 64  # samples of a texel; of more triangles over one another, as many have one, evenly spaced
 NOT_SOUGHT, AREA, LAYERS = -1, 0, 1  # samples are spread over area, or over all triangles at points
 _MORE = 16  # samples of a texel with several triangles, or with much surface
-_CROWDED, _FULL = 8.0, 32.0  # texels of an even layout that would show as much, from which it has more, and most
+_CROWDED, _FULL = (
+    8.0,
+    32.0,
+)  # texels of an even layout that would show as much; from so many on it has more samples, the most
 _LEAST, _OF_TRIANGLE = 1e-9, 1e-6  # area, in texels, or part of the triangle's, that is any at all
 _FEW = 4  # layers that have a sample at each point; more have one each
 
@@ -34,8 +37,9 @@ class PartialTexels(NamedTuple):
 
 @kernel
 def find_partial(marks, crowding, layered, how):
-    """Write how samples of each texel are sought, int64 (n,), NOT_SOUGHT where its points will do or nothing is; and
-    take the triangles from `Marks` of texels that have not one at every point, and from the centre of overlaps.
+    """Write how samples of each texel are sought, int64 (n,), NOT_SOUGHT where its points will do or no triangle is.
+
+    Texels with a point in no triangle lose their triangles in `Marks`, and overlaps the triangle at their centre.
 
     Args: crowding: (t,). layered: whether all triangles share a texel.
     """
@@ -58,11 +62,11 @@ def find_partial(marks, crowding, layered, how):
 
 @kernel
 def sample_partial(triangles, width, layered, partial, lists, out):
-    """Find samples of `PartialTexels`, 0 of those that no triangle has an area in.
+    """Find samples of `PartialTexels`, none of a texel in which no triangle has an area.
 
     Args:
-        triangles: their corners (t, 3, 2) and crowding (t,). lists: `Lists` of those that reach into the texels.
-        layered: whether all triangles share a texel, or hide those that are listed after them.
+        triangles: their corners (t, 3, 2) and crowding (t,). lists: `Lists` of triangles that reach into the texels.
+        layered: whether all triangles share a texel, or hide the triangles that are listed after them.
         out: how many samples (h,), their triangles (h, MOST) and barycentrics (h, MOST, 3), to be written.
     """
     corners, crowding = unrefcounted_view(triangles)
@@ -75,14 +79,14 @@ def sample_partial(triangles, width, layered, partial, lists, out):
         listed = lists.triangle[lists.starts[i] : lists.starts[i + 1]]
         texel = np.float64(partial.texels[i] % width), np.float64(partial.texels[i] // width)
         points = partial.points[i if len(partial.points) > 1 else 0]
-        found = triangle[i], barycentric[i]
+        texel_samples = triangle[i], barycentric[i]
         if partial.how[i] == LAYERS:
-            counts[i] = _sample_layers(corners, listed, texel, partial.texels[i], points, edges, found)
+            counts[i] = _sample_layers(corners, listed, texel, partial.texels[i], points, edges, texel_samples)
         else:
             offset = partial.offsets[i if len(partial.offsets) > 1 else 0]
-            counts[i] = _sample_area(corners, crowding, listed, texel, offset, (clipped, edges), found)
+            counts[i] = _sample_area(corners, crowding, listed, texel, offset, (clipped, edges), texel_samples)
             if not layered:
-                _bring_to_top(corners, listed, counts[i], edges, found)
+                _bring_to_top(corners, listed, counts[i], edges, texel_samples)
 
 
 @inline
@@ -116,7 +120,7 @@ def _sample_area(corners, crowding, listed, texel, offset, scratch, out):
 
 @inline
 def _measure(corners, crowding, listed, texel, clipped):
-    """The area of all parts of triangles in a texel, and how many samples it should have: more of several parts, or
+    """The area of all parts of triangles in a texel, and how many samples it should have: more for several parts, or
     where many texels of an even layout would show as much of the surface."""
     total, weighted, parts = 0.0, 0.0, 0
     for t in listed:
@@ -178,7 +182,7 @@ def _has_sample(layer, k, texel, deepest):
 
 @inline
 def _bring_to_top(corners, listed, count, edges, out):
-    """Move samples to the first of the triangles that lie over one another there."""
+    """Move each sample to the first of the triangles that lie over one another at its place."""
     for k in range(count):
         triangle = corners[out[0][k]]
         x = y = 0.0

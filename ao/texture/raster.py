@@ -29,7 +29,7 @@ class Marks(NamedTuple):
 
     triangle: Int32s  # (n, POINTS), the first one at each point, −1 for none
     inside: UInt8s  # (n,), a bit for each of the SLOTS points that is inside of a triangle
-    overlapping: Bools  # (n,), whether two triangles have one of these inside
+    overlapping: Bools  # (n,), whether two triangles have one of these points inside
     reaching: Int32s  # (n,), how many reach into the texel
 
     @classmethod
@@ -40,7 +40,7 @@ class Marks(NamedTuple):
 
 
 class Lists(NamedTuple):
-    """The triangles that reach into each of some texels, ascending: those of list i are from starts[i] on."""
+    """The triangles that reach into each of some texels, ascending, for texel i from starts[i] on."""
 
     starts: Int64s  # (h + 1,)
     filled: Int64s  # (h,), how many are listed
@@ -48,22 +48,22 @@ class Lists(NamedTuple):
 
 
 @kernel
-def count_bands(corners, height, rows, counts):
-    """Add to `counts` how many triangles reach into each band of so many `rows` of a page."""
+def count_bands(corners, height, band_rows, counts):
+    """Add to `counts` how many triangles reach into each band of `band_rows` rows of a page."""
     for t in range(len(corners)):
-        first, last = _rows(corners[t], 0, height)
-        if first < last:
-            for band in range(first // rows, (last - 1) // rows + 1):
+        start, stop = _rows(corners[t], 0, height)
+        if start < stop:
+            for band in range(start // band_rows, (stop - 1) // band_rows + 1):
                 counts[band] += 1
 
 
 @kernel
-def list_bands(corners, height, rows, places, listed):
-    """List the triangles of each band, ascending, from its place on, which is moved past them."""
+def list_bands(corners, height, band_rows, places, listed):
+    """List the triangles of each band, ascending, from places[band] on, which is moved past them."""
     for t in range(len(corners)):
-        first, last = _rows(corners[t], 0, height)
-        if first < last:
-            for band in range(first // rows, (last - 1) // rows + 1):
+        start, stop = _rows(corners[t], 0, height)
+        if start < stop:
+            for band in range(start // band_rows, (stop - 1) // band_rows + 1):
                 listed[places[band]] = t
                 places[band] += 1
 
@@ -113,7 +113,7 @@ def _place_of(texels, texel):
 
 @inline
 def _mark(marks, i, t, edges, texel, points, area, whole):
-    """Let triangle `t` have the points of texel `i` that lie in it and are not another's. Args: whole: if all do."""
+    """Give triangle `t` the points of texel `i` in it that no earlier one has. Args: whole: whether all are in it."""
     triangle, inside = marks.triangle, marks.inside
     marks.reaching[i] += 1
     for k in range(POINTS):
@@ -189,16 +189,16 @@ def _reach(edges, x, y):
 
 
 @inline
-def _rows(triangle, first, last):
-    """The rows from `first` to `last` that a triangle reaches into: the first, and that after the last."""
+def _rows(triangle, start, stop):
+    """The rows from `start` to `stop` that a triangle reaches into: the first row, and the row after the last."""
     low = min(triangle[0, 1], triangle[1, 1], triangle[2, 1])
     high = max(triangle[0, 1], triangle[1, 1], triangle[2, 1])
-    return max(np.int64(np.floor(low)), first), min(np.int64(np.ceil(high)), last)
+    return max(np.int64(np.floor(low)), start), min(np.int64(np.ceil(high)), stop)
 
 
 @inline
 def _columns(triangle, row, width):
-    """The columns that a triangle may reach into in a row: the first, and that after the last."""
+    """The columns that a triangle may reach into in a row: the first column, and the column after the last."""
     low, high = np.inf, -np.inf
     for k in range(3):
         ax = triangle[k, 0]

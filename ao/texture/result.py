@@ -43,9 +43,9 @@ class TextureFacts:
     mirrored: int  # faces that are turned over
     flat: int  # faces that have no area on the page
     outside: int  # faces that reach out of the unit square
-    seam_edges: int  # that lie at two places of the page
-    seam_jump: float  # largest difference of w between both sides of these, as bilinear lookups see it
-    seam_jump_before: float  # before they were closed
+    seam_edges: int  # edges that lie at two places of the page
+    seam_jump: float  # largest difference of w between both sides of seams, as bilinear lookups see it
+    seam_jump_before: float  # before seams were closed
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ class BakedTexture(Columns):
 
 
 class Pages(NamedTuple):
-    """`BakedTexture.w`, `error`, `bent_normals` and `covered`; the largest jumps at seams, as they are and before."""
+    """`BakedTexture.w`, `error`, `bent_normals` and `covered`; the largest jump at seams, and before closing."""
 
     w: Float32s
     error: Float32s
@@ -119,7 +119,7 @@ class PageAssembly:
         error = np.zeros(shape, np.float32)
         bent = np.zeros((*shape, 3), np.float32)
         covered = np.zeros(shape, np.bool_)
-        values = estimate.rows, estimate.variance, self.texels.points.normals
+        values = estimate.values, estimate.variance, self.texels.points.normals
         flat = w.ravel(), error.ravel(), bent.reshape(-1, 3), covered.ravel()
         spread = bind(_spread, self.texels.texels, values, frames, flat)
         run_blocks(len(self.texels), _BLOCK, spread, self.threads, most=_SHARE)
@@ -143,17 +143,17 @@ class PageAssembly:
 
 
 @kernel
-def _spread(texels, values, frames, pages, first, last):
+def _spread(texels, estimated, frames, pages, start, stop):
     """Write w, its error and bent normals of texels to flat `pages`. Args: values: rows, variance and axes."""
-    rows, variance, axes = unrefcounted_view(values)
+    values, variance, axes = unrefcounted_view(estimated)
     w, error, bent, covered = unrefcounted_view(pages)
     turned = unrefcounted_view(frames)
-    for i in range(first, last):
+    for i in range(start, stop):
         to = texels[i]
         covered[to] = True
-        w[to] = min(max(rows[i, 0], 0.0), 1.0)
+        w[to] = min(max(values[i, 0], 0.0), 1.0)
         error[to] = np.sqrt(variance[i])
-        direction = (rows[i, 1], rows[i, 2], rows[i, 3])
+        direction = (values[i, 1], values[i, 2], values[i, 3])
         direction = normalized(direction) if dot(direction, direction) > _CLEAR else load(axes, i)
         if frames is not None:
             frame = turned[i]
@@ -164,17 +164,17 @@ def _spread(texels, values, frames, pages, first, last):
 
 
 @kernel
-def _normalize(vectors, first, last):
+def _normalize(vectors, start, stop):
     """Make vectors unit ones in place."""
-    for i in range(first, last):
+    for i in range(start, stop):
         store(vectors, i, normalized(load(vectors, i)))
 
 
 @kernel
-def _extend(page, covered, wraps, beside, first, last):
+def _extend(page, covered, wraps, beside, start, stop):
     """Give texels of some rows next to covered ones the covered neighbours' mean, in place, and mark them `beside`."""
     height, width = page.shape
-    for row in range(first, last):
+    for row in range(start, stop):
         for column in range(width):
             if covered[row, column]:
                 continue

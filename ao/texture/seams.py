@@ -58,12 +58,12 @@ class Seams:
     def find(cls, uv: Float64s, points: Int64s, size: tuple[int, int], wraps: bool) -> Seams:
         """The seams of faces of `uv` (m, 3, 2), in texels, which share edges where they share welded `points` (m, 3).
 
-        So hard edges, on which w has two values, are none.
+        So hard edges, on which w has two values, are no seams.
         """
         face, corner = np.divmod(shared_edges(points, int(points.max()) + 1), 3)
         turned = points[face, (corner + 1) % 3] > points[face, (corner + 2) % 3]
-        each = (corner[..., None] + np.where(turned[..., None], [2, 1], [1, 2])) % 3  # the lower point's first
-        ends = uv[face[..., None], each]  # (e, sides, ends, 2)
+        end_corners = (corner[..., None] + np.where(turned[..., None], [2, 1], [1, 2])) % 3  # the lower point's first
+        ends = uv[face[..., None], end_corners]  # (e, sides, ends, 2)
         apart = ends[:, 0] - ends[:, 1]
         if wraps:
             apart -= np.round(apart / size) * size
@@ -72,9 +72,9 @@ class Seams:
         count = 1 + np.ceil(_DENSITY * lengths).clip(1, _MOST).astype(np.int64)
         edge = np.repeat(np.arange(len(count)), count)
         along = (np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)) / (count[edge] - 1)
-        first = ends[edge, :, 0]
-        last = ends[edge, :, 1]
-        return cls(Lookups.at(first + along[:, None, None] * (last - first), size, wraps), len(ends))
+        low_end = ends[edge, :, 0]
+        high_end = ends[edge, :, 1]
+        return cls(Lookups.at(low_end + along[:, None, None] * (high_end - low_end), size, wraps), len(ends))
 
     def within(self, known: Bools) -> Seams:
         """The samples of which both lookups are among the `known` texels of the page, bool (h · w,)."""
@@ -88,13 +88,13 @@ class Seams:
 
     def close(self, page: Float64s, covered: Bools, threads: int) -> Float64s:
         """The flat `page`, in [0, 1], changed at charts' borders so that both sides agree, most where not `covered`."""
-        each = self.sides.texels.reshape(-1, 8)
+        sample_texels = self.sides.texels.reshape(-1, 8)
         looked_up = np.zeros(len(page), np.bool_)
-        if not len(each):
+        if not len(sample_texels):
             return page
-        looked_up[each] = True
+        looked_up[sample_texels] = True
         texels = np.flatnonzero(looked_up)
-        columns = (np.cumsum(looked_up, dtype=np.int32) - 1)[each]
+        columns = (np.cumsum(looked_up, dtype=np.int32) - 1)[sample_texels]
         weights = self.sides.weights * [[1], [-1]]
         starts = np.arange(0, columns.size + 1, 8, dtype=np.int32)
         differences = csr_array((weights.ravel(), columns.ravel(), starts), shape=(len(columns), len(texels)))

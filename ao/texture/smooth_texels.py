@@ -20,16 +20,16 @@ from .covered_texels import Coverage, locate
 from .raster import EDGE, SLOTS
 
 _AROUND = 7.0  # times the way from a cell's centre to its points, in which nothing may rise
-_SLOPE = 2.0  # by more than so many times what normals may differ by, of its distance
-_OWN, _LEVEL = 0.25, 1e-3  # of that way: how far the cell reaches, and what is flat but for rounding
+_SLOPE = 2.0  # times what normals may differ by: what rises by more of its distance, rises
+_OWN, _LEVEL = 0.25, 1e-3  # of the way in `_AROUND`: how far the cell reaches, and what is flat but for rounding
 _ROWS = 8  # of the page, a multiple of blocks' sizes
 
 
 def smooth_cells(
     coverage: Coverage, smooth: SmoothSurface, tree: BVH16, most: float, largest: int, threads: int
 ) -> tuple[Bools, Int64s]:
-    """Whether the point at the centre can stand for all of a texel, (k,), and the row (k,) of the texel that can stand
-    for it: of the block it is in, or itself.
+    """Whether the point at the centre can stand for all of a texel, (k,), and the row (k,) of the texel that
+    stands for it: the centre of its block, or itself.
 
     The surface is smooth there, normals differ by less than `most`, and nothing rises from it nearby. Args: largest:
         side of the largest blocks, a power of two, 1 for none.
@@ -40,10 +40,10 @@ def smooth_cells(
     alone = np.zeros(count, np.bool_)
     cell = np.arange(count)
 
-    def work(first: int, last: int) -> None:
+    def work(start: int, stop: int) -> None:
         faces = (smooth.surface, smooth.axes)
         out = (alone, cell)
-        page = row_of[: last * layout.width], first, largest
+        page = row_of[: stop * layout.width], start, largest
         _find_smooth(tree, new_stack(), faces, coverage.points, most, page, out)
 
     run_blocks(layout.height, _ROWS, work, threads)
@@ -59,14 +59,14 @@ def _find_smooth(tree, stack, faces, points, most, page, out):
     tree = unrefcounted_view(tree)
     faces = unrefcounted_view(faces)
     points = unrefcounted_view(points)
-    row_of, first, size = page
+    row_of, first_row, size = page
     alone, cell = unrefcounted_view(out)
     width = points.width
-    last = len(row_of) // width
+    stop_row = len(row_of) // width
     edges = np.empty((3, EDGE))
     weights = np.empty(3)
     while size > 0:
-        for top in range(first, last - size + 1, size):
+        for top in range(first_row, stop_row - size + 1, size):
             for left in range(0, width - size + 1, size):
                 middle = np.int64(row_of[(top + size // 2) * width + left + size // 2])
                 if middle < 0 or alone[middle]:
@@ -130,7 +130,7 @@ def _rises(tree, stack, surface, p, side, reach, slope):
     leaf, near = next_leaf(tree, stack, around)
     while near != 0:
         while near != 0:
-            f = tree.rows[leaf, lowest_bit(near)]
+            f = tree.leaf_faces[leaf, lowest_bit(near)]
             near &= near - 1
             a, b, c = load_triangle(surface.vertices, surface.faces, f)
             to_a = subtract(a, p)

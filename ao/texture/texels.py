@@ -23,7 +23,7 @@ from .covered_texels import Coverage
 from .smooth_texels import smooth_cells
 from .uv_surface import UVSurface
 
-_RAYS, _NOISE = 256, 0.004  # so many rays a texel, and about how much they err by
+_RAYS, _NOISE = 256, 0.004  # rays of a texel, and about how much they err by
 _LARGEST = 4  # side of the largest blocks of texels that one stands for
 _BENT = 0.2  # by how much normals may differ within a texel: one sample and several then differ by a third of the noise
 
@@ -79,23 +79,25 @@ class TexelSampler:
         baked[order] = np.arange(len(order))
         baked_cell = baked[cell]
         predicted = np.flatnonzero((baked_cell >= 0) & (baked < 0))
-        rows = np.append(order, predicted)
-        one = coverage.samples(rows, alone, threads, most=1)
+        coverage_rows = np.append(order, predicted)
+        one = coverage.samples(coverage_rows, alone, threads, most=1)
         between = slice(len(order), None)
         positions, _, axes = smooth.points_at(one.face[between], one.barycentric[between], threads)
         points = samples.first_points.followed_by(positions, axes)
-        texels = Texels(coverage.texels[rows], samples, baked_cell[rows], points, one.face, one.barycentric)
+        texels = Texels(
+            coverage.texels[coverage_rows], samples, baked_cell[coverage_rows], points, one.face, one.barycentric
+        )
         return texels, len(alone) - len(texels), missed
 
-    def elsewhere(self, texels: Texels, rows: Int64s, key: np.uint32) -> SurfaceSamples:
-        """Samples elsewhere in what the texels `rows` (j,) stand for, by chance, but where these are in solids; none of
-        others."""
+    def elsewhere(self, texels: Texels, texel_rows: Int64s, key: np.uint32) -> SurfaceSamples:
+        """Samples, by chance, elsewhere in the blocks that the texels `texel_rows` (j,) stand for; where all of these
+        are in solids, the texel's own. Other texels have none."""
         threads, width = self.prepared.threads, self.page.layout.width
-        side = np.sqrt(np.bincount(texels.cell)[rows]).astype(np.int64)
-        chance = hash32_array(texels.texels[rows].astype(np.uint32) ^ ~key) % side**2
-        chosen = texels.texels[rows] + (chance // side - side // 2) * width + chance % side - side // 2
+        side = np.sqrt(np.bincount(texels.cell)[texel_rows]).astype(np.int64)
+        chance = hash32_array(texels.texels[texel_rows].astype(np.uint32) ^ ~key) % side**2
+        chosen = texels.texels[texel_rows] + (chance // side - side // 2) * width + chance % side - side // 2
         order = np.argsort(chosen)
-        ascending = rows[order]
+        ascending = texel_rows[order]
         coverage = self.page.cover_again(chosen[order], key, self.options.overlap, threads)
         row_of = ascending[np.searchsorted(chosen[order], coverage.texels)]
         order = np.argsort(row_of)
@@ -105,10 +107,10 @@ class TexelSampler:
         if inside.any() and not inside.all():
             moved = moved[samples.groups_outside(inside)]
             samples = samples.without(inside, threads)
-        kept = np.setdiff1d(rows, moved)
-        rows = np.append(moved, kept)
-        both = samples.followed_by(texels.samples.only(kept)).only(np.argsort(rows))
-        return both.spread(np.sort(rows), len(texels.samples))
+        kept = np.setdiff1d(texel_rows, moved)
+        sampled = np.append(moved, kept)
+        both = samples.followed_by(texels.samples.only(kept)).only(np.argsort(sampled))
+        return both.spread(np.sort(sampled), len(texels.samples))
 
     def _cells(self, coverage: Coverage) -> tuple[Bools, Int64s]:
         """The texels (k,) with one sample, at their centre, and the row (k,) of the texel that stands for each."""
@@ -121,7 +123,7 @@ class TexelSampler:
         return smooth_cells(coverage, self.surface.smooth, receivers.tree, most_bent, largest, self.prepared.threads)
 
     def _place(self, coverage: Coverage, order: Int64s, alone: Bools) -> tuple[SurfaceSamples, int]:
-        """Samples of texels in an `order`, `alone` those of one; how many the cage misses."""
+        """Samples of texels in an `order`, one of texels that are `alone`; how many samples the cage misses."""
         receivers, threads = self.prepared.receivers, self.prepared.threads
         on_faces = coverage.samples(order, alone, threads)
         smooth, missed = self.surface.smooth, np.zeros(0, np.int64)

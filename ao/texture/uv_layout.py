@@ -27,8 +27,8 @@ class UVLayout:
     corners: Float64s  # (t, 3, 2), of triangles that reach into the page
     face: Int64s  # (t,), the row of each in `uv`
     mirrored: int  # how many faces are turned over
-    flat: int  # have no area
-    outside: int  # reach out of the unit square
+    flat: int  # how many faces have no area
+    outside: int  # how many faces reach out of the unit square
 
     @classmethod
     def of(cls, uv: Float64s, size: tuple[int, int], wraps: bool, source: object) -> Self:
@@ -43,25 +43,25 @@ class UVLayout:
         uv = np.where(shown[:, None, None], uv, 0.0)
         low = uv.min(axis=1)
         high = uv.max(axis=1)
-        first, last = tile_ranges(uv)
+        first_tiles, end_tiles = tile_ranges(uv)
         area = doubled_areas(uv)
         usable = have_area(uv)
-        spans = last - first
-        outside = usable & ((first != 0).any(axis=1) | (spans > 1).any(axis=1))
+        spans = end_tiles - first_tiles
+        outside = usable & ((first_tiles != 0).any(axis=1) | (spans > 1).any(axis=1))
         if wraps:
-            rows, tiles = _tiles(usable, first, spans, source)
+            faces, tiles = _tiles(usable, first_tiles, spans, source)
         else:
-            rows = np.flatnonzero(usable & (low < 1).all(axis=1) & (high > 0).all(axis=1))
-            tiles = np.zeros((len(rows), 2), np.int64)
-        if not len(rows):
+            faces = np.flatnonzero(usable & (low < 1).all(axis=1) & (high > 0).all(axis=1))
+            tiles = np.zeros((len(faces), 2), np.int64)
+        if not len(faces):
             got = "none" if not usable.any() else "none in the unit square"
             raise MeshError(source, "texture coordinates", "faces with an area on the page", got)
         width, height = size
-        placed = uv[rows] - tiles[:, None]
+        placed = uv[faces] - tiles[:, None]
         scale = np.array([width, -height], np.float64)
         origin = np.array([0.0, height])
         counts = (int(np.count_nonzero(which)) for which in (usable & (area < 0), shown & ~usable, outside))
-        return cls(width, height, wraps, uv * scale + origin, placed * scale + origin, rows, *counts)
+        return cls(width, height, wraps, uv * scale + origin, placed * scale + origin, faces, *counts)
 
 
 def on_page(uv: Float64s) -> Bools:
@@ -71,13 +71,13 @@ def on_page(uv: Float64s) -> Bools:
 
 
 def tile_ranges(uv: Float64s) -> tuple[Int64s, Int64s]:
-    """The first tile (m, 2) that each face of `uv` (m, 3, 2) reaches into, and that after the last one."""
+    """The first tile (m, 2) that each face of `uv` (m, 3, 2) reaches into, and the tile after the last."""
     low = uv.min(axis=1)
     high = uv.max(axis=1)
     over = np.minimum(_TINY, _SHARE * (high - low))
-    first: Int64s = np.floor(low + over).astype(np.int64)
-    last: Int64s = np.ceil(high - over).astype(np.int64)
-    return first, np.maximum(last, first + 1)
+    first_tiles: Int64s = np.floor(low + over).astype(np.int64)
+    end_tiles: Int64s = np.ceil(high - over).astype(np.int64)
+    return first_tiles, np.maximum(end_tiles, first_tiles + 1)
 
 
 def doubled_areas(uv: Float64s) -> Float64s:
@@ -88,7 +88,7 @@ def doubled_areas(uv: Float64s) -> Float64s:
 
 
 def have_area(uv: Float64s) -> Bools:
-    """The faces (m,) of `uv` (m, 3, 2) that have an area there; none that are NaN."""
+    """The faces (m,) of `uv` (m, 3, 2) that have an area; faces that are NaN have none."""
     extent = np.ptp(uv, axis=1).max(axis=1)
     large: Bools = np.abs(doubled_areas(uv)) > _FLAT * extent**2
     return large
@@ -111,7 +111,7 @@ def page_size(size: Any) -> tuple[int, int]:
 
 
 def corner_uv(uv: Any, mesh: Mesh) -> Float64s:
-    """Texture coordinates (m, 3, 2) of the corners of all faces, given as such or of vertices (n, 2); NaN of none.
+    """Texture coordinates (m, 3, 2) of faces, NaN of faces without, from `uv` like them or by vertex (n, 2).
 
     Raises: MeshError: another shape, or coordinates that are not finite or lie very far out.
     """
@@ -127,9 +127,9 @@ def corner_uv(uv: Any, mesh: Mesh) -> Float64s:
     usable = (np.abs(corners) <= _FARTHEST) | np.isnan(corners).all(axis=(1, 2), keepdims=True)
     bad: Bools = np.any(~usable, axis=(1, 2))
     if bad.any():
-        first = int(np.argmax(bad))
-        got = f"{corners[first].tolist()} ({bad.sum()} such)"
-        field = f"texture coordinates of face {first}"
+        first_bad = int(np.argmax(bad))
+        got = f"{corners[first_bad].tolist()} ({bad.sum()} such)"
+        field = f"texture coordinates of face {first_bad}"
         raise MeshError(mesh.source, field, f"finite numbers up to {_FARTHEST:g}", got)
     return corners
 
@@ -150,16 +150,16 @@ def texels_across(uv: Float64s, areas: Float64s, texel_size: float) -> int:
     return 1 << power
 
 
-def _tiles(usable: Bools, first: Int64s, spans: Int64s, source: object) -> tuple[Int64s, Int64s]:
+def _tiles(usable: Bools, first_tiles: Int64s, spans: Int64s, source: object) -> tuple[Int64s, Int64s]:
     """Every usable face once for each tile that it reaches into: rows (t,), and the tile (t, 2)."""
     widths = np.where(usable, spans.max(axis=1), 0)
     if widths.max(initial=0) > _TILES:
         widest = int(np.argmax(widths))
         expected = f"faces that reach over at most {_TILES} tiles"
         raise MeshError(source, f"texture coordinates of face {widest}", expected, int(spans[widest].max()))
-    rows = np.flatnonzero(usable)
-    counts = spans[rows].prod(axis=1)
-    copies = np.repeat(rows, counts)
+    faces = np.flatnonzero(usable)
+    counts = spans[faces].prod(axis=1)
+    copies = np.repeat(faces, counts)
     number = np.arange(len(copies)) - np.repeat(np.cumsum(counts) - counts, counts)
     across = spans[copies, 0]
-    return copies, first[copies] + np.stack([number % across, number // across], axis=1)
+    return copies, first_tiles[copies] + np.stack([number % across, number // across], axis=1)

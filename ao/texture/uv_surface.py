@@ -29,11 +29,13 @@ class UVSurface:
     vertices: Float64s  # (n, 3)
     receivers: Receivers
     layout: UVLayout  # of the faces that are not degenerate
-    face_points: Int64s  # (m', 3), the receivers at the corners of these, −1 for faces that are not on the page
+    face_points: (
+        Int64s  # (m', 3), the receivers at the corners of the layout's faces, −1 for faces that are not on the page
+    )
 
     @classmethod
     def of(cls, mesh: Mesh, uv: Float64s, prepared: Prepared, size: tuple[int, int], wrap: bool) -> Self:
-        """`mesh` with texture coordinates `uv` (m, 3, 2) on a page of `size`; `prepared`: of it or of a finer mesh.
+        """`mesh` with texture coordinates `uv` (m, 3, 2) on a page of `size`; `prepared`: of `mesh` or of a finer mesh.
 
         Raises: MeshError: see `UVLayout.of` and `find_receivers`.
         """
@@ -53,7 +55,7 @@ class UVSurface:
 
     @property
     def areas(self) -> Float64s:
-        """Of the faces (m',)."""
+        """The areas of the faces (m',)."""
         return face_normals(self.vertices, self.receivers.faces)[1]
 
     @cached_property

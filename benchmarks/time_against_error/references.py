@@ -62,7 +62,7 @@ def well_posed(
     helper = np.where(np.abs(points.normals[:, :1]) < 0.5, [[1.0, 0, 0]], [[0, 1.0, 0]])
     along = np.cross(points.normals, helper)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
-    steady = ~np.isin(receivers.of_vertex[vertices], receivers.corners.rows)
+    steady = ~np.isin(receivers.of_vertex[vertices], receivers.corners.point_rows)
     for side in (along, -along, np.cross(points.normals, along), -np.cross(points.normals, along)):
         moved = replace(points, origins=(points.origins + distance * side).astype(np.float32))
         steady &= (np.abs(trace(receivers.embree(), placement, moved, mus, JUMP_RAYS) - before) < JUMP).all(axis=0)

@@ -24,14 +24,14 @@ class BVH16(NamedTuple):
     Unused places hold NaN, which compares as false.
 
     Attributes:
-        triangles: float32 (leaves, 9, 16), the corners' coordinates. rows: int32 (leaves, 16), which faces they are.
+        triangles: float32 (leaves, 9, 16), the corners' coordinates. leaf_faces: int32 (leaves, 16), their faces.
         boxes: float32 (nodes, 6, 16), centres and half sides of a node's children; levels follow each other upwards.
         starts: int64 (levels + 1,), the first node of each level, the lowest one's children being leaves.
         axes: float32 (nodes, 9, 16), three unit vectors, along which the boxes' sides are; None if all are aligned.
     """
 
     triangles: Float32s
-    rows: Int32s
+    leaf_faces: Int32s
     boxes: Float32s
     starts: Int64s
     axes: Float32s | None

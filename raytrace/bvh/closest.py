@@ -4,7 +4,7 @@ around = begin(tree, stack, point, radius)
 leaf, near = next_leaf(tree, stack, around)
 while near != 0:
     while near != 0:
-        face = tree.rows[leaf, lowest_bit(near)]
+        face = tree.leaf_faces[leaf, lowest_bit(near)]
         near &= near - 1
         ...
     leaf, near = next_leaf(tree, stack, around)
@@ -39,10 +39,10 @@ def closest_points(
     match: tuple[Int64s, Int64s],
     threads: int,
 ) -> tuple[Int64s, Float32s]:
-    """The face (k,) nearest to each of `points` (k, 3) among those of its group, and where on it, barycentric (k, 3).
+    """The face (k,) of its group that is nearest to each of `points` (k, 3), and where on it, barycentric (k, 3).
 
     Args: tree: over `surface`: vertices (n, 3) and faces (m, 3). radius: how far to look at first, above 0.
-        match: groups, of the places (k,) and of the faces (m,), with a face for each that occurs.
+        match: the groups of the points (k,) and of the faces (m,); each point's group has a face.
     """
     face = np.full(len(points), -1)
     weights = np.zeros((len(points), 3), np.float32)
@@ -113,7 +113,7 @@ def _search(tree, stack, surface, points, radius, match, face, weights):
             leaf, near = next_leaf(tree, stack, around)
             while near != 0:
                 while near != 0:
-                    f = tree.rows[leaf, lowest_bit(near)]
+                    f = tree.leaf_faces[leaf, lowest_bit(near)]
                     near &= near - 1
                     if of_face[f] != group[i]:
                         continue
@@ -147,7 +147,7 @@ def begin(tree, stack, point, radius):
 @inline
 def next_leaf(tree, stack, around):
     """The next leaf of the walk and, as bits, triangles whose boxes may be as near as wanted along every axis; no bits
-    if there are none any more. Args: around: what `begin` has found."""
+    if there are none any more. Args: around: of `begin`."""
     starts, (point, radius) = tree.starts, around
     while stack[_ENTRIES, 0] > 0:
         waiting = stack[_ENTRIES, 0] - 1

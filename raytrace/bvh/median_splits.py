@@ -23,7 +23,7 @@ _ROW = WIDE // 4  # triangles whose records are a row of lanes
 
 def median_order(vertices: Float32s, faces: Int64s) -> Int32s:
     """The order (m,) of `faces` (m, 3) of `vertices` (n, 3)."""
-    # Centroids, and whose they are, moved together, in whole rows of lanes; what is left of the last compares as false.
+    # A record is a centroid and the number of its face, moved together; unused ones of the last row compare as false.
     records = aligned((-(-len(faces) // _ROW) * _ROW, 4), np.float32)
     records[len(faces) :] = np.nan
     numbers = records.view(np.int32)
@@ -74,7 +74,7 @@ def _find_centroids(vertices, faces, records, numbers, start, stop):
 
 @kernel
 def _halve(records, numbers, start, stop):
-    """Reorder records[first:last] so that all before the place that is returned lie below all after it."""
+    """Reorder records[start:stop] so that all before the index that is returned lie below all after it."""
     middle = _middle_of(start, stop)
     _partition(records, numbers, start, stop, middle, _longest_axis(records, start, stop))
     return middle
@@ -82,7 +82,7 @@ def _halve(records, numbers, start, stop):
 
 @kernel
 def _split(records, numbers, start, stop):
-    """Reorder records[first:last] by halves of halves until parts have at most sixteen triangles."""
+    """Reorder records[start:stop] by halves of halves until parts have at most sixteen triangles."""
     firsts = np.empty(_STACK, np.int64)
     lasts = np.empty(_STACK, np.int64)
     firsts[0], lasts[0] = start, stop

@@ -1,6 +1,6 @@
 """Oriented bounding boxes, where slivers or pages lie so close that most of their aligned boxes overlap.
 
-Their axes are the principal ones of the corners inside (Gottschalk, Lin & Manocha 1996, OBBTree). They decide what is
+Their axes are the principal axes of the corners inside (Gottschalk, Lin & Manocha 1996, OBBTree). They decide what is
 tested, and never what is hit.
 """
 
@@ -17,10 +17,10 @@ from ..system.threads import run_blocks, thread_count
 from ..types import Float32s, Int64s
 
 _OVERLAPPING = 8.0  # boxes of leaves around the middle of a triangle, from which on others are tried
-_GAIN = 2.0  # how many times as few these must be
+_GAIN = 2.0  # how many times fewer oriented boxes must be around it
 _TRIANGLES = 32  # that are compared with all leaves
 _LEAVES = 1 << 9  # of a block
-_GROWN = 2.0**-20  # of half sides, for their rounding and that of what is compared with them
+_GROWN = 2.0**-20  # of half sides, for their rounding and the rounding of what is compared with them
 
 
 def orient(triangles: Float32s, boxes: Float32s, starts: Int64s) -> tuple[Float32s, Int64s, Float32s | None]:
@@ -32,9 +32,9 @@ def orient(triangles: Float32s, boxes: Float32s, starts: Int64s) -> tuple[Float3
     axes = aligned((len(boxes), 9, WIDE), np.float32)
     span = 1
     oriented[:], threads = boxes, thread_count(None)
-    for first, last in pairwise(starts):
+    for start, stop in pairwise(starts):
         children = -(-len(triangles) // span)
-        level = (axes[first:last], oriented[first:last])
+        level = (axes[start:stop], oriented[start:stop])
         span = span * WIDE
         run_blocks(children, max(_LEAVES * WIDE // span, 1), partial(_turn, triangles, span // WIDE, *level), threads)
     fewer = _overlap(triangles, oriented[: starts[1]], axes[: starts[1]]) * _GAIN < overlap
@@ -68,10 +68,10 @@ def _count_around(points, boxes, axes):
 
 
 @kernel
-def _covariances(triangles, span, first, out):
-    """Write those of the corners in every `span` leaves, up to their number, from the `first` ones on."""
+def _covariances(triangles, span, first_child, out):
+    """Write the covariances, up to a factor, of the corners in `span` leaves of each child, from `first_child` on."""
     for row in range(len(out)):
-        k = first + row
+        k = first_child + row
         corners = 0
         total = np.zeros(3)
         offset = np.zeros(3)
@@ -95,7 +95,7 @@ def _covariances(triangles, span, first, out):
 
 @kernel
 def _enclose(triangles, span, axes, boxes, start, stop):
-    """Write boxes (nodes, 6, 16) along `axes` (nodes, 9, 16), each around `span` leaves, from a first to a last one."""
+    """Write boxes (nodes, 6, 16) along `axes` (nodes, 9, 16), of children, each around `span` leaves."""
     for k in range(start, stop):
         node = k // WIDE
         lane = k % WIDE

@@ -5,6 +5,8 @@ hit, and a row that is Embree's arguments of a query. Rows are named below; iden
 uint32.
 """
 
+from typing import Any
+
 import numpy as np
 
 from ..kernel.arrays import aligned
@@ -24,7 +26,7 @@ CONTEXT, ROOM, END = 22, 23, 42  # rows of packets with a filter: Embree's conte
 FILTER_PATH = 2, 1  # from what Embree gives a filter to the words of its `Kernel.callback`
 
 
-def _queries(lanes):
+def _queries(lanes: int) -> tuple[Any, Any]:
     """The queries of packets of so many lanes; of int32 lanes `valid`, aligned, −1 are traced and 0 not."""
     closest_hits = external(f"rtcIntersect{lanes}")
     any_hits = external(f"rtcOccluded{lanes}")

@@ -72,7 +72,7 @@ class PackedTextures(NamedTuple):
 
     texels: Float32s  # (n, 3), linear RGB; levels one after the other, rows from the top
     levels: Int64s  # (m, 3): first texel, width, height of each level; finest first
-    first: Int64s  # (t,): each texture's finest level
+    first_level: Int64s  # (t,): each texture's finest level
     depth: Int64s  # (t,): each texture's number of levels, 0 before it is read
     wrap: Int64s  # (t, 2): its modes along u and v, places in `WRAPS`
 
@@ -91,11 +91,11 @@ class LazyTextures:
         levels = np.array([size for sizes in self._sizes.values() for size in sizes], np.int64).reshape(-1, 2)
         end = np.cumsum(levels.prod(axis=1))
         counts = np.cumsum([0] + [len(sizes) for sizes in self._sizes.values()])
-        first_level = dict(zip(self._sizes, counts.tolist(), strict=False))
+        image_level = dict(zip(self._sizes, counts.tolist(), strict=False))
         self.packed = PackedTextures(
             texels=np.empty((int(end[-1]) if len(end) else 0, 3), np.float32),
             levels=np.column_stack([end - levels.prod(axis=1), levels]),
-            first=np.array([first_level[image] for image in self._images], np.int64),
+            first_level=np.array([image_level[image] for image in self._images], np.int64),
             depth=np.zeros(len(textures), np.int64),
             wrap=np.array([[WRAPS.index(mode) for mode in t.wrap] for t in textures], np.int64).reshape(-1, 2),
         )
@@ -118,7 +118,7 @@ class LazyTextures:
         with _opened(image) as file:
             if not sizes or sizes[0] != (file.spec().width, file.spec().height):
                 raise InputError(str(image.path), "file", "one that stays as it is while it is used", "another")
-            levels = self.packed.levels[self.packed.first[numbers[0]] :][: len(sizes)]
+            levels = self.packed.levels[self.packed.first_level[numbers[0]] :][: len(sizes)]
             _build_pyramid([texels[at : at + w * h].reshape(h, w, 3) for at, w, h in levels], file, image)
         self.packed.depth[numbers] = len(sizes)  # last: from now on kernels look it up
 

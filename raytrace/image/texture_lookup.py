@@ -19,7 +19,7 @@ def sample_texture(textures, number, u, v, footprint):
     Args: textures: `PackedTextures`. footprint: width in uv of what a pixel sees; 0 looks at the finest level alone.
     """
     texels, levels = textures.texels, textures.levels
-    first_texel = textures.first[number]
+    first_texel = textures.first_level[number]
     depth = textures.depth[number]
     wrap = textures.wrap[number]
     if depth == 0:

@@ -27,7 +27,7 @@ def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike, zeroed: bool = True) -
     return raw[start : start + size].view(dtype).reshape(shape)
 
 
-def _uncounted(context, builder, kind, value):
+def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     """The same value, whose arrays own nothing."""
     if isinstance(kind, types.BaseTuple):
         members = [builder.extract_value(value, position) for position in range(len(kind.types))]

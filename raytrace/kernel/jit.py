@@ -14,7 +14,7 @@ from functools import cached_property
 from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,7 +25,6 @@ from .identity import Called
 from .library import POINTER
 from .signature import LAYOUT, SIGNED, Signature
 
-F = TypeVar("F", bound=Callable[..., Any])
 ndarray = np.ndarray
 _BRACKETS = str.maketrans("", "", "()")
 _ENTRY = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_char_p, ctypes.c_void_p)
@@ -141,9 +140,9 @@ def _code(signature: Signature, function: Callable[..., Any], arguments: tuple[A
     return formats_and_address
 
 
-def kernel(function: F) -> F:
+def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Make a hot loop machine code: no Python objects, no GIL."""
-    return Kernel(function)  # type: ignore[return-value]
+    return Kernel(function)
 
 
 def bind(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
@@ -153,9 +152,9 @@ def bind(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
     return lambda *others: kernel._run((*arguments, *others), *_flatten(others, kinds.copy(), words.copy()))
 
 
-def inline(function: F) -> F:
+def inline(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a helper that kernels call; it is compiled into each of them."""
-    return Kernel(function, inlined=True)  # type: ignore[return-value]
+    return Kernel(function, inlined=True)
 
 
 class Late(Called):

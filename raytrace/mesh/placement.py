@@ -58,9 +58,9 @@ class RenderSpace:
         """Vertices (k, 3) in render space."""
         placed = np.empty(vertices.shape, np.float32)
 
-        def place_some(first: int, last: int) -> None:
+        def place_some(start: int, stop: int) -> None:
             with np.errstate(over="ignore"):
-                placed[first:last] = to_single((vertices[first:last] - self.centre) * self.scale)
+                placed[start:stop] = to_single((vertices[start:stop] - self.centre) * self.scale)
 
         run_blocks(len(vertices), _BLOCK, place_some, thread_count(None))
         return placed

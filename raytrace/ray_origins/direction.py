@@ -61,28 +61,28 @@ def resolve_contacts(
 
 
 @kernel
-def _turn(surface, points, results, point_rows, own_faces, touched_faces, first, last):
-    """`resolve_contacts` of the points `point_rows[first:last]`, from the faces that they are a corner of, or touch."""
+def _turn(surface, points, results, point_rows, own_faces, touched_faces, start, stop):
+    """`resolve_contacts` of the points `point_rows[start:stop]`, from the faces that they are a corner of, or touch."""
     surface = unrefcounted_view(surface)
     directions, clearance, ambiguous = unrefcounted_view(results)
     point_rows = unrefcounted_view(point_rows)
     own_faces = unrefcounted_view(own_faces)
     touched_faces = unrefcounted_view(touched_faces)
     largest = 0
-    for k in range(first, last):
+    for k in range(start, stop):
         own_count = own_faces.ends[k] - own_faces.starts[k]
         largest = max(largest, own_count + touched_faces.ends[k] - touched_faces.starts[k])
     listed = np.empty((largest, 3)), np.empty(largest), np.empty(largest, np.bool_)  # see `_list_faces`
     front = np.empty((largest, 3))  # normals of the faces that a point is in front of
-    for k in range(first, last):
+    for k in range(start, stop):
         row = point_rows[k]
         direction = load(directions, row)
         own_here = own_faces.faces[own_faces.starts[k] : own_faces.ends[k]]
         touched_here = touched_faces.faces[touched_faces.starts[k] : touched_faces.ends[k]]
         count, decides = _list_faces(load(points, row), direction, surface, own_here, touched_here, listed)
         ambiguous[row] |= decides
-        start, fronts = _mean_in_front(count, listed, direction, front)
-        turned, least = outermost_normal(start, front[:fronts])
+        mean, fronts = _mean_in_front(count, listed, direction, front)
+        turned, least = outermost_normal(mean, front[:fronts])
         if least > 0.0:
             store(directions, row, turned)
             clearance[row] = least

@@ -135,7 +135,7 @@ class WeldedPoints(NamedTuple):
     """Points of a mesh of n vertices and m faces that are not degenerate.
 
     Attributes:
-        group: int64 (n,), the point of each vertex. first: int64 (k,), the first vertex of each point.
+        group: int64 (n,), the point of each vertex. first_vertex: int64 (k,), of each point.
         faces: int64 (m, 3), face_normals: float64 (m, 3), unit, face_points: int64 (m, 3), the point at each corner.
         normals: float64 (k, 3), mean of the faces' normals, unit or zero.
         axes: float64 (k, 3), these, moved in front of all the point's faces where there is a way.
@@ -144,7 +144,7 @@ class WeldedPoints(NamedTuple):
     """
 
     group: Int64s
-    first: Int64s
+    first_vertex: Int64s
     faces: Int64s
     face_normals: Float64s
     face_points: Int64s
@@ -163,18 +163,18 @@ class WeldedPoints(NamedTuple):
 
     def ray_origins(self, tree: BVH16, surface: Surface) -> tuple[Float64s, Bools]:
         """`raytrace.ray_origins.origins.ray_origins`. Args: tree: over the faces of `surface`, `self.surface`."""
-        points, corners, numbers = surface.vertices, self.face_points, np.arange(len(self.first))
+        points, corners, numbers = surface.vertices, self.face_points, np.arange(len(self.first_vertex))
         if len(numbers) < len(points):
-            points = points.take(self.first, axis=0)
+            points = points.take(self.first_vertex, axis=0)
         magnitude = surface.magnitudes(corners, len(numbers))
         return ray_origins(tree, surface, points, self.directions, self.clearance, corners, numbers, magnitude)
 
     def displacement(self, surface: Surface, origins: Float64s) -> Float64s:
         """Distances (k,) of origins (k, 3) from points in folds as sharp as `SHARP`, in shortest edges; elsewhere 0."""
-        displaced = np.zeros(len(self.first))
+        displaced = np.zeros(len(self.first_vertex))
         sharp = np.flatnonzero(nonzero(self.directions) & (self.clearance < SHARP))
         if len(sharp):
-            away = np.linalg.norm(origins[sharp] - surface.vertices[self.first[sharp]], axis=1)
+            away = np.linalg.norm(origins[sharp] - surface.vertices[self.first_vertex[sharp]], axis=1)
             displaced[sharp] = away / surface.shortest_edges(self.face_points, sharp)
         return displaced
 

@@ -173,7 +173,9 @@ def find_contacts(
         uncertain = np.flatnonzero((surface.rounding > least) & (surface.rounding <= limit))
         if len(uncertain):
             some = BVH16.of(surface.vertices.astype(np.float32), surface.faces[uncertain])
-            some = some._replace(rows=np.where(some.rows < 0, -1, uncertain[some.rows]).astype(np.int32))
+            some = some._replace(
+                leaf_faces=np.where(some.leaf_faces < 0, -1, uncertain[some.leaf_faces]).astype(np.int32)
+            )
             contacts.append(_find(some, surface, around, limit))
         least = limit
     joined = Contacts.joined(contacts)
@@ -232,7 +234,7 @@ def _search(tree, stack, surface, around, most, start, stop, contacts):
         leaf, near = next_leaf(tree, stack, waiting)
         while near != 0 and seen < _SEEN:
             while near != 0:
-                f = tree.rows[leaf, lowest_bit(near)]
+                f = tree.leaf_faces[leaf, lowest_bit(near)]
                 near &= near - 1
                 seen += filled == _MOST_CONTACTS
                 if corners[f, 0] != number and corners[f, 1] != number and corners[f, 2] != number:

@@ -93,7 +93,7 @@ def _twice_area(vertices, faces, f):
 
 @inline
 def _folded(vertices, faces, triangles, newell):
-    """Whether a polygon has no area, or triangles that are turned over."""
+    """Whether a polygon has no area, or triangles turned over. Args: newell: its normal, as long as its area twice."""
     limit = _TURNED * dot(newell, newell)
     for f in triangles:
         if dot(_twice_area(vertices, faces, f), newell) < -limit:

@@ -11,6 +11,8 @@ Not scipy.stats.qmc: it has no such lattice, which errs by .0168 instead of Sobo
 its generator would make bits depend on the order of work (evidence/experiments.md).
 """
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -23,7 +25,7 @@ LEAPED = 0.36038
 to 1,024. The golden ratio's are .38, .22 and .11, so that every fourth point of its lattice lies on few spokes."""
 
 
-def _lowbias32(x):
+def _lowbias32(x: Any) -> Any:
     """The hash of one value or an array; results are cast back, as whole numbers are 64 bits wide in kernels."""
     x = np.uint32(x)
     x = np.uint32(x ^ (x >> np.uint32(16)))

@@ -52,21 +52,21 @@ def light_vertices(scene, view, style, scratch, origins, groups):
 
 
 @inline
-def write_vertices(packet, scene, origins, item, mask, rows, view, side):
-    """Write a packet of vertices, `rows` of `scene.w`, seen from where their normals point, or if `side` is −1.0 from
-    behind. Args: origins: of `BuiltGeometry.vertex_origins`, or none where no shadow is looked for."""
+def write_vertices(packet, scene, origins, item, mask, w_rows, view, side):
+    """Write a packet of vertices, in `w_rows` of `scene.w`, seen from where their normals point, or if `side` is −1.0
+    from behind. Args: origins: of `BuiltGeometry.vertex_origins`, or none where no shadow is looked for."""
     geometry = scene.geometry
     w = scene.w
     bent = scene.bent
-    vertices = rows + (geometry.first_vertex[item] - geometry.first_w[item])
+    vertices = w_rows + (geometry.first_vertex[item] - geometry.first_w[item])
     point = corner(geometry, item, vertices)
     store3(packet, layout.POINT, mask, point)
     ahead = point
     behind = point
     if len(origins) > 0:  # those of vertices seen from behind come last
         last = len(origins) - len(w)
-        ahead = gather3(origins, rows + (0 if side > 0.0 else last))
-        behind = gather3(origins, rows + (last if side > 0.0 else 0))
+        ahead = gather3(origins, w_rows + (0 if side > 0.0 else last))
+        behind = gather3(origins, w_rows + (last if side > 0.0 else 0))
     store3(packet, layout.ORIGIN, mask, ahead)
     store3(packet, layout.BACK, mask, behind)
     store3(packet, layout.NORMAL, mask, scale(side, vertex_normal(geometry, item, vertices)))
@@ -74,10 +74,10 @@ def write_vertices(packet, scene, origins, item, mask, rows, view, side):
     store3(packet, layout.ALBEDO_MAP, mask, (1.0, 1.0, 1.0))
     store3(packet, layout.BENT, mask, (0.0, 0.0, 0.0))
     if len(bent) > 0:
-        store3(packet, layout.BENT, mask, gather3(bent, rows))
+        store3(packet, layout.BENT, mask, gather3(bent, w_rows))
     store3(packet, layout.TANGENT, mask, (0.0, 0.0, 0.0))
     store1(packet, layout.FRONT, mask, lights_seen(geometry, item, side))
-    store1(packet, layout.W, mask, single(gather(w, rows)))
+    store1(packet, layout.W, mask, single(gather(w, w_rows)))
 
 
 @inline

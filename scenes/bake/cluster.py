@@ -98,8 +98,8 @@ class WholeBakes:
     def writer(self, scene: SharedPlans, tables: Outputs) -> Callable[[int, int], None]:
         (outcomes,) = tables
 
-        def write(first: int, last: int) -> None:
-            for row in range(first, last):
+        def write(start: int, stop: int) -> None:
+            for row in range(start, stop):
                 with unprinted_warnings(), silence_tolerance_warnings():
                     outcomes[row] = asdict(run_in_batch(scene.plans[self.numbers[row]], 1))
 
@@ -114,8 +114,8 @@ def run_remotely(session: ClusterSession, plans: Sequence[Plan], threads: int) -
     rays = max(sizes.mean() / _BYTES, 1) * (plans[0].options.samples or 256)
     work = WholeBakes(np.argsort(-sizes, kind="stable"), float(rays))  # the largest come before, to end together
     scene = SharedPlans(tuple(plan.absolute() for plan in plans))
-    for first, last, (outcomes,) in session.rows(work, scene, threads):
-        for row, outcome in zip(work.numbers[first:last].tolist(), outcomes, strict=True):
+    for start, stop, (outcomes,) in session.rows(work, scene, threads):
+        for row, outcome in zip(work.numbers[start:stop].tolist(), outcomes, strict=True):
             yield row, _named_as(plans[row], _outcome(outcome))
 
 

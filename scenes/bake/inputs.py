@@ -53,7 +53,7 @@ class BakeInputs(NamedTuple):
 
     @property
     def meshes(self) -> list[Mesh]:
-        """All that occlude, that whose w is baked last."""
+        """Occluders, the mesh of the input and the fine mesh, if there is one; the last is baked."""
         return [*self.occluders, self.chosen.mesh, *([self.fine] if self.fine else [])]
 
     @property

@@ -72,6 +72,7 @@ def _rows(works: Sequence[WorkSize], plan: Plan, held: int) -> list[tuple[str, s
 
 
 def _time(rays: int, unit: str, plan: Plan) -> str:
+    """How long the bake of so many rays may take, in words. Args: unit: of the points, as "texels"."""
     if not rays:
         return "none: there is nothing to bake"
     if plan.arguments.tolerance is not None:

@@ -105,13 +105,14 @@ def triangulate(
             clipped[int(polygons[row])], fits = _clip(offsets, seen.normals[row], float(seen.areas[row]))
             crossing += not fits
     counts[list(clipped)] = [len(local) for local in clipped.values()]
-    return Triangulation(counts, crossing, _places(starts, counts, clipped, other_diagonal))
+    return Triangulation(counts, crossing, _triangles(starts, counts, clipped, other_diagonal))
 
 
-def _places(starts: Int64s, counts: Int64s, clipped: dict[int, Int64s], other_diagonal: list[Int64s]) -> Int64s:
-    """Triangles (m, 3) in the list of corners: fans about the first corners but for some polygons.
+def _triangles(starts: Int64s, counts: Int64s, clipped: dict[int, Int64s], other_diagonal: list[Int64s]) -> Int64s:
+    """Triangles (m, 3) of places in the list of corners: of most polygons a fan about its first corner.
 
-    Args: clipped: triangles of polygons by their numbers. other_diagonal: numbers of quadrilaterals.
+    Args: starts: (p,), of polygons in the list. counts: (p,), of their triangles. clipped: triangles of the corners of
+        polygons whose ears were clipped. other_diagonal: numbers of quadrilaterals that are cut from corner 1 to 3.
     """
     begins = np.cumsum(counts) - counts
     step = np.arange(counts.sum()) - np.repeat(begins, counts)

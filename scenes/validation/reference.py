@@ -66,7 +66,7 @@ def reference(
     corners = receivers.corners.only(chosen)
     if len(corners):
         at_corners = trace(scene, placement, corners.points, mus, rays, threads)
-        w[:, corners.rows] = corners.mean(at_corners.T).T
+        w[:, corners.point_rows] = corners.mean(at_corners.T).T
     return Reference(receivers.first_vertex[chosen], w)
 
 

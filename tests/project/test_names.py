@@ -1,8 +1,10 @@
-"""Names in docstrings and pages are names of the program; functions take eight parameters at most."""
+"""Names in docstrings and pages are names of the program; functions take eight parameters at most and are annotated."""
 
 import ast
 import re
+import tomllib
 from collections import defaultdict
+from fnmatch import fnmatch
 from functools import cache
 
 from project import ROOT
@@ -20,7 +22,8 @@ QUOTED = re.compile(r"(?<!`)`([^`]+)`(?!`)")
 NAME = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*")
 FILE = re.compile(rf"(?:(?:{'|'.join(PACKAGES)}|tests|benchmarks|docs)/[\w./]*|\w+\.pyi?)")
 MOST_PARAMETERS = 8
-"""The Python faces of commands."""
+KERNELS = {"kernel", "inline", "intrinsic"}
+WRITES_LLVM = "raytrace.kernel.simd"
 
 
 @cache
@@ -148,3 +151,38 @@ def test_functions_take_eight_parameters_at_most():
                 given = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
                 names = [argument.arg for argument in given if argument.arg not in ("self", "cls")]
                 assert len(names) <= MOST_PARAMETERS, f"{module}.{node.name}({', '.join(names)})"
+
+
+def without_annotations(module):
+    """The functions of a module that have a parameter or a result without annotation."""
+    for node in nodes(FILES[module]):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            arguments = node.args.posonlyargs + node.args.args + node.args.kwonlyargs
+            arguments += [argument for argument in (node.args.vararg, node.args.kwarg) if argument]
+            untyped = [argument.arg for argument in arguments if not argument.annotation]
+            if not set(untyped) <= {"self", "cls"} or not node.returns:
+                yield node
+
+
+def is_kernel(function):
+    names = (node.func if isinstance(node, ast.Call) else node for node in function.decorator_list)
+    return any(isinstance(name, ast.Name) and name.id in KERNELS for name in names)
+
+
+def test_functions_without_annotations_are_kernels():
+    other = [
+        f"{module}.{function.name}"
+        for module in FILES
+        if module != WRITES_LLVM
+        for function in without_annotations(module)
+        if not is_kernel(function)
+    ]
+    assert not other
+
+
+def test_only_modules_with_kernels_are_excused():
+    tables = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["mypy"]["overrides"]
+    (patterns,) = (table["module"] for table in tables if table.get("disallow_untyped_defs") is False)
+    excused = {pattern: [module for module in FILES if fnmatch(module, pattern)] for pattern in patterns}
+    idle = [pattern for pattern, modules in excused.items() if not any(map(list, map(without_annotations, modules)))]
+    assert not idle

@@ -64,7 +64,7 @@ class PlyHeader(NamedTuple):
 
     @property
     def up(self) -> str | None:
-        """The axis that is up, of files of ours."""
+        """The axis that is up, which files written by this program name; None in others."""
         ups = [line.removeprefix(UP_COMMENT).rstrip() for line in self.comments if line.startswith(UP_COMMENT)]
         return ups[0] if ups and ups[0] in UP else None
 

@@ -146,7 +146,7 @@ def _bake_columns(bake: Values, number: int, columns: dict[str, npt.NDArray[Any]
 
 
 def _profile_columns(profile: Profile, number: int, columns: dict[str, npt.NDArray[Any]]) -> dict[str, Any]:
-    """Put a profile into the columns: what a page's script must know of it."""
+    """Add a profile's codes to `columns`, as differences; returns what else a page's script must know of it."""
     codes = np.rint(255 * profile.values.T).astype(np.uint8)
     columns[f"profile{number}"] = np.diff(codes, axis=0, prepend=np.uint8(0))
     lengths = profile.half_distances

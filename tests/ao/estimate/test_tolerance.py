@@ -86,7 +86,7 @@ def test_the_first_rays_of_neighbours_are_even_together() -> None:
     truth = tracer.gather(points, 256, np.uint32(9))[:, 0]
     traced = _Traced(tracer, points)
     traced.add(np.full(len(points), 8), np.uint32(1))
-    error = (traced.rows[0][:, 0] - truth)[: len(truth) // 4 * 4].reshape(-1, 4)
+    error = (traced.gathered[0][:, 0] - truth)[: len(truth) // 4 * 4].reshape(-1, 4)
     assert rms(error.mean(axis=1)) < 0.42 * rms(error)
 
 

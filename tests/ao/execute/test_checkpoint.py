@@ -18,6 +18,7 @@ import ao.least_squares.patch
 import ao.methods.surface_method
 from ao.execute.checkpoint import Checkpoint
 from ao.execute.journal import Journal
+from ao.execute.work import fill_spans
 from ao.least_squares.conjugate_gradients import solve_within
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="POSIX locks, limits and signals")
@@ -33,59 +34,55 @@ def whole_surface():
     return bits(bake_surface(MESH, **OPTIONS))
 
 
-@pytest.fixture
-def traced(monkeypatch):
-    """The number of rows or faces that were traced rather than copied."""
-    count = [0]
-    for module, name in (
-        (ao.execute.tracer, "gather_hemispheres"),
-        (ao.execute.tracer, "gather_streams"),
-        (ao.least_squares.patch, "gather_faces"),
-    ):
+class Tracing:
+    """`fill_spans`, and how many rows or faces it has traced: those that are copied from the journal it never sees."""
 
-        def counted(*arguments, gather=getattr(module, name)):
-            count[0] += len(arguments[-1])
-            gather(*arguments)
+    rows = 0
 
-        monkeypatch.setattr(module, name, counted)
-    return count
+    def fill_spans(self, *arguments):
+        *given, finished = arguments
+
+        def count(start, stop):
+            self.rows += stop - start
+            finished(start, stop)
+
+        fill_spans(*given, count)
 
 
-def test_a_continued_bake_copies_what_was_traced(path, whole, traced):
-    interrupted(path)
-    first, traced[0] = traced[0], 0
-    messages = []
-    assert bits(bake(path, messages, resume=True)) == whole
-    assert first > 0.5 * len(MESH.vertices)
-    assert traced[0] < 0.6 * len(MESH.vertices)
+def test_a_continued_bake_copies_what_was_traced(path, whole):
+    messages, before, after = [], Tracing(), Tracing()
+    interrupted(path, fill_spans=before.fill_spans)
+    assert bits(bake(path, messages, resume=True, fill_spans=after.fill_spans)) == whole
+    assert before.rows > 0.5 * len(MESH.vertices)
+    assert after.rows < 0.6 * len(MESH.vertices)
     assert messages == []
     assert not path.exists()
 
 
-def test_a_continued_bake_of_the_surface_copies_what_was_traced(path, whole_surface, traced):
-    interrupted(path, make=bake_surface)
-    first, traced[0] = traced[0], 0
-    messages = []
-    assert bits(bake(path, messages, make=bake_surface, resume=True)) == whole_surface
-    assert first > 0.5 * len(MESH.faces)
-    assert traced[0] < 0.6 * len(MESH.faces)
+def test_a_continued_bake_of_the_surface_copies_what_was_traced(path, whole_surface):
+    messages, before, after = [], Tracing(), Tracing()
+    interrupted(path, make=bake_surface, fill_spans=before.fill_spans)
+    baked = bake(path, messages, make=bake_surface, resume=True, fill_spans=after.fill_spans)
+    assert bits(baked) == whole_surface
+    assert before.rows > 0.5 * len(MESH.faces)
+    assert after.rows < 0.6 * len(MESH.faces)
     assert messages == []
     assert not path.exists()
 
 
-def test_a_bake_interrupted_after_its_last_ray_traces_nothing_again(path, whole_surface, traced, monkeypatch):
+def test_a_bake_interrupted_after_its_last_ray_traces_nothing_again(path, whole_surface, monkeypatch):
     def stop(*_):
         raise Stopped
 
     with monkeypatch.context() as patch:
         patch.setattr(ao.methods.surface_method, "fit_values", stop)
         interrupted(path, stop=None, make=bake_surface)
-    traced[0] = 0
-    assert bits(bake(path, make=bake_surface, resume=True)) == whole_surface
-    assert traced[0] == 0
+    traced = Tracing()
+    assert bits(bake(path, make=bake_surface, resume=True, fill_spans=traced.fill_spans)) == whole_surface
+    assert traced.rows == 0
 
 
-def test_a_fit_is_continued_where_it_was_interrupted(path, whole_surface, traced, monkeypatch):
+def test_a_fit_is_continued_where_it_was_interrupted(path, whole_surface, monkeypatch):
     def stop(*_, **__):
         raise Stopped
 
@@ -100,9 +97,9 @@ def test_a_fit_is_continued_where_it_was_interrupted(path, whole_surface, traced
     with monkeypatch.context() as patch:
         patch.setattr(ao.least_squares.fit, "cross_validated", stop)
         patch.setattr(ao.least_squares.fit, "solve_within", lambda *a, **k: solved.append(a) or solve_within(*a, **k))
-        traced[0] = 0
-        assert bits(bake(path, make=bake_surface, resume=True)) == whole_surface
-    assert traced[0] == 0
+        traced = Tracing()
+        assert bits(bake(path, make=bake_surface, resume=True, fill_spans=traced.fill_spans)) == whole_surface
+    assert traced.rows == 0
     assert len(solved) == 1  # the relaxed one
 
 
@@ -153,12 +150,11 @@ def test_a_short_bake_leaves_no_trace(path, whole):
     assert bits(bake(path, after=60)) == whole
 
 
-def test_starting_over_is_reported_and_tidies_up(path, whole, traced):
+def test_starting_over_is_reported_and_tidies_up(path, whole):
     interrupted(path)
-    traced[0] = 0
-    messages = []
-    assert bits(bake(path, messages, after=60)) == whole
-    assert traced[0] > len(MESH.vertices)
+    messages, traced = [], Tracing()
+    assert bits(bake(path, messages, after=60, fill_spans=traced.fill_spans)) == whole
+    assert traced.rows > len(MESH.vertices)
     assert len(messages) == 1
     assert "--resume would continue it" in messages[0]
     assert not path.exists()

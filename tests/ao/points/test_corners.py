@@ -222,7 +222,7 @@ def test_means_keep_equal_values_and_combine_variances():
     np.testing.assert_allclose(corners.mean(np.arange(5.0)[:, None])[:, 0], [1.3, 3.9])
     np.testing.assert_allclose(corners.variance(np.ones(5)), [0.38, 0.82])
     kept = corners.only(np.array([3, 7, 9]))
-    assert kept.rows.tolist() == [1]
+    assert kept.point_rows.tolist() == [1]
     assert kept.starts.tolist() == [0, 2]
     assert kept.points.numbers.tolist() == [3, 4]
     assert len(corners.only(np.array([3]))) == 0

@@ -109,7 +109,7 @@ def test_a_clamped_edge_takes_nothing_of_the_opposite_one(tmp_path):
     ends = np.array([0.0, 1e-9, 1 - 1e-9, 1.0])
     np.testing.assert_allclose(sample(packed, ends, 0.5)[:, 0], 0.5, atol=1e-6)
     np.testing.assert_allclose(sample(packed, ends, 0.5, texture=1)[:, 0], [1, 1, 0, 0], atol=1e-6)
-    assert packed.first[0] == packed.first[1]  # one image
+    assert packed.first_level[0] == packed.first_level[1]  # one image
     assert len(packed.texels) == 16 + 4 + 1
 
 
@@ -221,7 +221,7 @@ def test_bytes_are_like_the_file(tmp_path, name, kind):
     PIL.Image.fromarray(codes()).save(content, kind)
     (tmp_path / f"a.{kind}").write_bytes(content.getvalue())
     packed = pack_textures([Texture(Path(name), content.getvalue()), Texture(tmp_path / f"a.{kind}")])
-    np.testing.assert_array_equal(level(packed, 0), level(packed, packed.first[1]))
+    np.testing.assert_array_equal(level(packed, 0), level(packed, packed.first_level[1]))
 
 
 def test_only_the_seen_ones_are_read_and_equal_ones_once(tmp_path):
@@ -231,7 +231,7 @@ def test_only_the_seen_ones_are_read_and_equal_ones_once(tmp_path):
     lazy = LazyTextures([unseen, seen, other, Texture(tmp_path / "a.png", wrap="clamp_to_edge"), other])
     packed = lazy.packed
     assert packed.depth.tolist() == [0, 0, 0, 0, 0]
-    assert packed.first[1] == packed.first[3]
+    assert packed.first_level[1] == packed.first_level[3]
     assert len(packed.texels) == 64 + 16 + 4 + 1 + 16 + 4 + 1
     lazy.read([3])
     assert packed.depth.tolist() == [0, 4, 0, 4, 0]
@@ -252,8 +252,12 @@ def test_no_textures_are_arrays_that_a_kernel_takes():
     packed = pack_textures([])
     assert packed.texels.shape == (0, 3)
     assert packed.levels.shape == (0, 3)
-    assert packed.first.shape == packed.depth.shape == (0,)
-    assert [each.dtype for each in (packed.texels, packed.levels, packed.first)] == [np.float32, np.int64, np.int64]
+    assert packed.first_level.shape == packed.depth.shape == (0,)
+    assert [each.dtype for each in (packed.texels, packed.levels, packed.first_level)] == [
+        np.float32,
+        np.int64,
+        np.int64,
+    ]
 
 
 def broken(folder):
