@@ -80,6 +80,7 @@ class TableCommand(click.Command):
         super().__init__(**settings)
         self._rows = rows
         self._sections = {row.name: row.section for row in rows}
+        self._long = {row.short: row.flags[0] for row in rows}
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         self.params = self.params or [*map(parameter, self._rows)]  # of the command that is called
@@ -89,6 +90,8 @@ class TableCommand(click.Command):
         ctx.meta[_WHOLE] = args[-1:] == ["all"]
         bare = [word == "--colors" and not after.isalpha() for word, after in pairwise([*args, ""])]
         words = [f"{word}=rgb" if is_bare else word for word, is_bare in zip(args, bare, strict=True)]
+        # Click would search all long names for one like a short one.
+        words = [self._long.get(word, word) for word in words]
         for word in words:
             name = word.partition("=")[0]
             if name in _GONE:
