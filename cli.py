@@ -6,6 +6,8 @@ import sys
 
 from obscurance import interrupts
 
+if gc.isenabled():
+    gc.set_threshold(100_000)  # what is imported stays: to look for garbage in it takes 5 % of a short bake
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # or every package installed is searched for some
 
 from collections.abc import Callable
@@ -296,7 +298,6 @@ def main() -> None:
 
 
 def _run() -> int:
-    gc.set_threshold(100_000)  # what is imported stays: to look for garbage in it takes 5 % of a short bake
     reopen_streams()
     arguments = sys.argv[1:]
     with readable_output():

@@ -33,7 +33,7 @@ def check_memory(source: object, needed: int, work: str, instead: dict[str, int]
 
     Args: needed: bytes beyond the memory in use. instead: bytes that other ways to reach the same need, best first.
     """
-    free = available()
+    free = available() if needed > NEGLIGIBLE else None
     if free is None or needed <= free:
         return
     fitting = [f"{way} takes about {size_text(size)}" for way, size in (instead or {}).items() if size <= free]

@@ -82,7 +82,7 @@ class Property(NamedTuple):
         return self._replace(kind=kind, counted=counted)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Element:
     """So many rows of some properties of a PLY file."""
 
