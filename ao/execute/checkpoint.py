@@ -28,14 +28,14 @@ class Checkpoint:
     """Where the rows of one bake are kept, for `ao.bake` in a `with` block that also writes what was baked: a journal.
 
     Rows depend only on what their call is named by and on the header's hash, so copied ones are the bits that tracing
-    would give. The file appears after a minute of work, or when much waits to be written. It is deleted when the block
-    ends well, and kept when it does not.
+    would give. After a minute of work, what is in the file counts; before, it takes what would fill the memory. It is
+    deleted when the block ends well, and kept when it does not.
 
     Args:
         path: the journal, best beside the target; None keeps nothing. resume: continue what it holds.
-        notify: called with a line for the user. after, every: seconds until the first write and between writes.
+        notify: called with a line for the user. after, every: seconds until what is kept is safe, and from then on.
         fill_spans: makes the rows that are not kept. status: what to show beside the progress of that.
-        most_waiting: bytes that are written at once, due or not.
+        most_waiting: bytes that are kept in memory.
 
     Attributes: partial: whether it fills only some rows, so that later rays must not depend on what earlier ones found.
 
@@ -159,19 +159,24 @@ class Checkpoint:
     def put(self, block: Block, content: bytes) -> None:
         """Keep a block; written when it is time to, or much."""
         self._pending.append(record(block, content))
-        if time.monotonic() >= self._due or sum(map(len, self._pending)) >= self.most_waiting:
+        if time.monotonic() >= self._due:
             self._write()
             self._due = time.monotonic() + self.every
+        elif sum(map(len, self._pending)) >= self.most_waiting:
+            self._write(safe=False)
 
-    def _write(self) -> None:
-        if self._given_up or not self._pending:
+    def _write(self, safe: bool = True) -> None:
+        """Write what waits; if `safe`, it counts from now on, whatever happens."""
+        if self._given_up or not (self._pending or self._journal):
             return
         try:
             if self._journal is None:
                 self._journal = Journal(self.path, create=True)
-                self._journal.start(self._identity())
+                self._journal.start()
             self._journal.append(*self._pending)
             self._pending.clear()
+            if safe:
+                self._journal.sign(self._identity())
         except OSError as reason:
             self._give_up(_refused(self.path, reason))
 

@@ -20,6 +20,7 @@ if sys.platform != "win32":
 
 MAGIC = b"obscurance journal 1\n"
 IDENTITY = 32  # bytes
+_UNSIGNED = MAGIC + bytes(IDENTITY)
 _RECORD = struct.Struct("<16sqqqI")  # call, first row, last row, bytes of content, CRC-32 of these and of the content
 _FIELDS = struct.Struct("<16sqqq")
 _OPEN = os.O_RDWR | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)  # the last of named pipes, which hang
@@ -36,8 +37,8 @@ def record(block: Block, content: bytes) -> bytes:
 class Journal:
     """An open journal, locked against other processes until it is closed or the process ends, however it ends.
 
-    Attributes: identity: what it belongs to, 32 bytes, or None if it has no header yet. blocks: of each (call of 16
-        bytes, first row, last row), where its content begins in the file, and its bytes.
+    Attributes: identity: what it belongs to, 32 bytes, or None until it is signed. blocks: of each (call of 16 bytes,
+        first row, last row), where its content begins in the file, and its bytes.
 
     Raises: OutputError: another process holds it, or it is of something else. OSError: it cannot be opened or read.
     """
@@ -55,9 +56,10 @@ class Journal:
     def _read(self) -> None:
         """Learn what is in the file, up to the first incomplete record. Raises: OutputError: it is another file."""
         # The header; a crash may have left a part of it, or zeros in place of what was not yet on the disk.
-        head = self._file.read(len(MAGIC) + IDENTITY)
-        self.identity = head[len(MAGIC) :] if head.startswith(MAGIC) and len(head) == len(MAGIC) + IDENTITY else None
-        if self.identity is None:
+        head = self._file.read(len(_UNSIGNED))
+        is_whole = head.startswith(MAGIC) and len(head) == len(_UNSIGNED)
+        self.identity = head[len(MAGIC) :] if is_whole and head != _UNSIGNED else None
+        if not is_whole:
             is_cut = head.startswith(MAGIC) or MAGIC.startswith(head.rstrip(b"\0"))
             rest = iter(lambda: self._file.read(1 << 20), b"")
             if not is_cut or any(chunk.strip(b"\0") for chunk in rest):
@@ -74,11 +76,20 @@ class Journal:
             self.blocks[call, first, last] = self._end + _RECORD.size, size
             self._end = self._file.tell()
 
-    def start(self, identity: bytes) -> None:
-        """Empty the file and make it the journal of `identity`."""
+    def start(self) -> None:
+        """Empty the file; nothing in it counts until `sign` has said what it belongs to."""
         self.blocks.clear()
         self._end, self.identity = 0, None
-        self.append(MAGIC + identity)
+        self.append(_UNSIGNED)
+
+    def sign(self, identity: bytes) -> None:
+        """Make it the journal of `identity`; what was appended is on the disk when this returns."""
+        os.fsync(self._file.fileno())
+        if self.identity == identity:
+            return
+        self._file.seek(len(MAGIC))
+        self._file.write(identity)
+        os.fsync(self._file.fileno())
         self.identity = identity
         if sys.platform != "win32":
             folder = os.open(self.path.absolute().parent, os.O_RDONLY)
@@ -93,7 +104,7 @@ class Journal:
         return self._file.read(size)
 
     def append(self, *records: bytes) -> None:
-        """Write `records` behind the last whole one; they are on the disk when this returns.
+        """Write `records` behind the last whole one.
 
         Raises: OSError: there is no space, or the file or its folder has gone.
         """
@@ -103,7 +114,6 @@ class Journal:
             rest = memoryview(content)
             while rest:  # a nearly full disk takes a part and refuses the next
                 rest = rest[self._file.write(rest) :]
-        os.fsync(self._file.fileno())
         self.path.stat()  # what has no name any more is kept for nobody
         self._end += sum(map(len, records))
 

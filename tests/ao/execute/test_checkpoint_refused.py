@@ -58,7 +58,7 @@ def test_a_file_of_something_else_is_never_overwritten(path, resume, content):
 @pytest.mark.parametrize("resume", [False, True])
 def test_a_second_bake_to_the_same_target_is_refused(path, resume):
     holder = Journal(path, create=True)
-    holder.start(bytes(IDENTITY))
+    holder.start()
     with pytest.raises(OutputError, match="another bake to the same target is at work"):
         bake(path, resume=resume)
     holder.close()
