@@ -33,6 +33,7 @@ _FARTHEST = 20.0  # times that the squared error may have to fall for the rays t
 _NEAR, _UNEVEN = 2.0, 2.5  # the same at jumps of w, where its mean square is so many times its squared mean
 _ROUNDS = 8  # of adding rays, at most
 _WORST = 8.0  # times the tolerance that a point may be expected to err
+_SHARERS = 4  # points that share a lattice at first, so that denoising averages what is even
 _BLOCK = 1 << 12  # points
 
 
@@ -129,10 +130,12 @@ class _Traced:
         tracer.expected = tracer.rays + int(more.sum())
         for count in (np.flatnonzero(np.bincount(more)[1:]) + 1).tolist():
             which = np.flatnonzero(more == count)
-            subset = self.points[which] if len(which) < len(self.points) else self.points
+            is_all = len(which) == len(self.points)
+            subset = self.points if is_all else self.points[which]
+            leap = _SHARERS if is_all else 1  # where points between them are missing, theirs would not be even
 
             def added() -> Float64s:
-                return tracer.gather(subset, count, key)  # noqa: B023
+                return tracer.gather(subset, count, key, leap)  # noqa: B023
 
             for rows, new in zip(self.rows, tracer.each_column(added), strict=True):
                 combine = bind(_combine, which, self.worth, float(count) ** RATE, new, rows)

@@ -130,10 +130,13 @@ class Tracer:
     planned: list[Any] = field(default_factory=list)  # estimates to a tolerance, of each falloff
     _traced: dict[tuple[int, int], tuple[Int64s, Float64s]] = field(default_factory=dict)
 
-    def gather(self, points: Points, samples: int, key: np.uint32) -> Float64s:
-        """Rows (k, COLUMNS) of `gather_hemispheres`: of `points`, by `samples` rays each, directions drawn by `key`."""
+    def gather(self, points: Points, samples: int, key: np.uint32, leap: int = 1) -> Float64s:
+        """Rows (k, COLUMNS) of `gather_hemispheres`: of `points`, by `samples` rays each, directions drawn by `key`.
+
+        Args: leap: see `DirectionTable`; samples of texels have a lattice for each texel.
+        """
         if self.mu.columns is None:
-            return self._rows(points, samples, key)
+            return self._rows(points, samples, key, leap)
         nothing = np.zeros(0, np.int64), np.zeros((0, *self.mu.shape, COLUMNS))
         numbers, values = self._traced.get((samples, int(key)), nothing)  # by number, ascending
         if np.array_equal(numbers, points.numbers):
@@ -141,7 +144,7 @@ class Tracer:
         missing = np.append(numbers, -1)[np.searchsorted(numbers, points.numbers)] != points.numbers
         if missing.any():
             numbers = np.append(numbers, points.numbers[missing].astype(np.int64))
-            traced = self._rows(points[missing], samples, key)
+            traced = self._rows(points[missing], samples, key, leap)
             values = np.concatenate([values, traced]) if len(values) else traced
             if (np.diff(numbers) < 0).any():
                 order = np.argsort(numbers, kind="stable")
@@ -178,8 +181,8 @@ class Tracer:
         self.column = before
         return results
 
-    def _rows(self, points: Points, samples: int, key: np.uint32) -> Float64s:
-        return self.means.rows(self, points, samples, key) if self.means else self.trace(points, samples, key)
+    def _rows(self, points: Points, samples: int, key: np.uint32, leap: int) -> Float64s:
+        return self.means.rows(self, points, samples, key) if self.means else self.trace(points, samples, key, leap)
 
     def trace(self, points: Points, samples: int, key: np.uint32, leap: int = 1) -> Float64s:
         """Rows (k, COLUMNS), or with several falloffs (k, c, COLUMNS). Args: leap: see `DirectionTable`."""

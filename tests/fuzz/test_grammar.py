@@ -15,7 +15,7 @@ from scenes.description.read import read_scene
 from scenes.formats.obj.mtl import read_mtl
 
 FEW = settings(
-    max_examples=60,
+    max_examples=40,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],

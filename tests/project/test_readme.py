@@ -8,6 +8,9 @@ import numpy as np
 from command import obscurance
 from project import ROOT
 
+import ao
+import scenes
+
 README = (ROOT / "README.md").read_text()
 
 
@@ -31,7 +34,9 @@ def test_the_commands_run_one_after_the_other(tmp_path, monkeypatch, demonstrati
             words = recipe.split()
         assert words[0].removeprefix(".venv/bin/") == "obscurance"
         if words[1:] == ["demo", "--output", "demo"]:
-            shutil.copytree(demonstration, "demo")  # what this makes
+            shutil.copytree(demonstration, "demo")  # what this makes, but for a coarser mesh
+            mesh = scenes.Temple(fineness=0.6).geometry().mesh
+            scenes.write("demo/temple.ply", ao.bake(mesh, samples=16), scenes.MeshFile.of(mesh))
         else:
             small = ["--width", 192, "--height", 128] if words[1] == "render" else []
             done = obscurance(*words[1:], *small)

@@ -1,6 +1,7 @@
 """One cluster for all tests here: starting workers takes longer than what they do."""
 
 import gc
+import os
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,26 @@ def pytest_collection_modifyitems(items):
     ordered = sorted((items[place] for place in places), key=lambda item: item.path in here)
     for place, item in zip(places, ordered, strict=True):
         items[place] = item
+
+
+USED = ["ao.baking", "ao.cluster.worker", "ao.texture.bake_texture", "distributed.nanny", "raytrace.renderer.render"]
+
+
+@pytest.fixture(scope="package", autouse=True)
+def forked_workers():
+    """Workers are forks of one process that has imported what they use: that would take each of them a second."""
+    if os.name == "nt":
+        yield
+        return
+    from multiprocessing import forkserver
+
+    config = pytest.importorskip("dask", reason="pip install '.[cluster]'").config
+    utils = pytest.importorskip("distributed.utils")
+    with config.set({"distributed.worker.multiprocessing-method": "forkserver"}):
+        utils.get_mp_context()  # sets modules of its own
+        forkserver.set_forkserver_preload(USED)
+        yield
+    forkserver._forkserver._stop()  # and with it the processor time of what it has forked is known
 
 
 @pytest.fixture(scope="package")

@@ -27,7 +27,7 @@ def truth(mesh):
 
 @pytest.mark.parametrize("name", OPTIONS)
 def test_measured_errors_are_those_of_a_reference(mesh, truth, name):
-    bakes = [ao.bake(mesh, ao.Binary(), seed=seed, **OPTIONS[name]) for seed in range(4)]
+    bakes = [ao.bake(mesh, ao.Binary(), seed=seed, **OPTIONS[name]) for seed in range(16)]
     true = np.sqrt(np.mean([np.mean((bake.w - truth) ** 2) for bake in bakes]))
     found = [bake.calibration for bake in bakes]
     weight = np.concatenate([each.weight / each.weight.sum() for each in found]) / len(found)

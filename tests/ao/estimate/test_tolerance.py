@@ -11,8 +11,11 @@ from meshes import crumpled, hills
 import ao
 from ao.estimate.cells import Cells, nearest_baked
 from ao.estimate.one_ring import Neighbours
+from ao.estimate.tolerance import _Traced
 from ao.estimate.upsampling import upsample
+from ao.execute.tracer import Tracer
 from ao.points.receivers import find_receivers
+from ao.rays.ray_scene import RayScene
 from benchmarks.accuracy.dense_meshes import PAIRS
 from benchmarks.accuracy.density import Judgement, Truth
 from raytrace import Mesh, OptionError
@@ -69,6 +72,22 @@ def test_where_few_vertices_have_most_of_the_error_it_is_measured_too(seed: int)
     truth = Truth.of(dense)
     baked = Judgement.of(dense, truth, 0.01, 5)
     assert 1 / 1.3 < baked.reported / baked.rmse < 1.3
+
+
+def test_the_first_rays_of_neighbours_are_even_together() -> None:
+    """The mean of four that follow one another errs by less than four that know nothing of each other would."""
+    mesh = Mesh(*hills(130))
+    placement = Placement.of(mesh)
+    receivers = find_receivers(mesh, placement)
+    points = receivers.points
+    scene = RayScene(placement.vertices, receivers.faces, receivers.tree, receivers.embree)
+    mu = ao.Binary().resolve(mesh.radius).in_render_space(placement.scale)
+    tracer = Tracer(scene, 0, mu, placement.diagonal, 1, len(points))
+    truth = tracer.gather(points, 256, np.uint32(9))[:, 0]
+    traced = _Traced(tracer, points)
+    traced.add(np.full(len(points), 8), np.uint32(1))
+    error = (traced.rows[0][:, 0] - truth)[: len(truth) // 4 * 4].reshape(-1, 4)
+    assert rms(error.mean(axis=1)) < 0.42 * rms(error)
 
 
 def test_a_dense_mesh_costs_what_its_shape_does() -> None:

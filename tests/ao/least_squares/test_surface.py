@@ -220,7 +220,7 @@ def coarse_temple(falloff):
 @pytest.mark.parametrize("falloff", [ao.Binary(), ao.Exponential()], ids=["binary", "exponential"])
 def test_the_estimated_rmse_is_near_the_true_one(samples, falloff):
     mesh, reference = coarse_temple(falloff)
-    bakes = [bake_surface(mesh, falloff, samples=samples, seed=seed) for seed in range(3)]
+    bakes = [bake_surface(mesh, falloff, samples=samples, seed=seed) for seed in range(2)]
     true = np.sqrt(np.mean([(baked.w - reference) ** 2 for baked in bakes]))
     estimated = np.sqrt(np.mean([baked.rmse**2 for baked in bakes]))
     assert true / 1.4 < estimated < true * 1.6

@@ -93,7 +93,10 @@ def test_sigterm_to_a_bake_and_its_workers_is_one_line(tmp_path, mesh):
     program = """if __name__ == "__main__":
         import os, signal, sys
         from ao.cluster.dask_cluster import DaskCluster
+        import ao.cluster.session
+        from clusters import SMALL_BLOCKS
         from cli import main
+        ao.cluster.session.PACE = SMALL_BLOCKS
         call, number = DaskCluster._call, iter(range(1000))
         def strike(*arguments):
             waiting = call(*arguments)
@@ -103,8 +106,9 @@ def test_sigterm_to_a_bake_and_its_workers_is_one_line(tmp_path, mesh):
         DaskCluster._call = strike
         main()
     """
-    command = [sys.executable, "-c", program, "bake", mesh, "-o", tmp_path / "w.npz", "--samples", 500_000, "--quiet"]
-    with started([*command, "--cluster", "local:2"], stderr=subprocess.PIPE, text=True) as running:
+    command = [sys.executable, "-c", program, "bake", mesh, "-o", tmp_path / "w.npz", "--samples", 20_000, "--quiet"]
+    command += ["--cluster", "local:2"]
+    with started(command, env=environment(), stderr=subprocess.PIPE, text=True) as running:
         errors = running.communicate(timeout=60)[1]
     assert (running.returncode, errors) == (143, "interrupted; no file is half-written\n")
     assert [path.name for path in tmp_path.iterdir()] == ["hills.ply"]

@@ -18,7 +18,7 @@ pytestmark = LEFT_SOCKETS
 
 @pytest.fixture
 def folder(tmp_path):
-    (tmp_path / "hills.obj").write_bytes(obj(*hills(80)))
+    (tmp_path / "hills.obj").write_bytes(obj(*hills(40)))
     for name in MODULES:
         (tmp_path / f"{name}.py").write_text(f"open('run-{name}', 'w').close()\nraise SystemExit('{name}')\n")
     return tmp_path
@@ -34,7 +34,7 @@ def run(command, folder, *arguments):
 @pytest.mark.parametrize("command", [COMMAND, AS_MODULE])
 def test_workers_import_nothing_from_it(folder, command):
     pytest.importorskip("distributed", reason="pip install '.[cluster]'")
-    said = run(command, folder, "bake", "hills.obj", "-o", "w.npz", "--samples", "512", "--cluster", "local")
+    said = run(command, folder, "bake", "hills.obj", "-o", "w.npz", "--samples", "1024", "--cluster", "local")
     assert said.endswith(" blocks traced by 1 worker\n")
 
 

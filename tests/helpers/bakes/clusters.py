@@ -106,8 +106,9 @@ SMALL_BLOCKS = Pace(few_rays=0, first_rays=1 << 12, block_seconds=0.1, least_sec
 
 @pytest.fixture
 def small_blocks(monkeypatch):
-    """Of the sessions of commands; others have a `pace`."""
+    """Of the sessions of commands, which do not say how far they are, however slow; others have a `pace`."""
     monkeypatch.setattr("ao.cluster.session.PACE", SMALL_BLOCKS)
+    monkeypatch.setattr("scenes.show.progress._EVERY_LINE", float("inf"))
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import ao
 from ao.execute.checkpoint import Checkpoint
 from raytrace.mesh.mesh import Mesh
 
-MESH = Mesh(*hills(70))
+MESH = Mesh(*hills(50))
 OPTIONS = {"samples": 128, "threads": 2}
 bake_surface = partial(ao.bake, method="surface")
 METHODS = {"vertex": ao.bake, "surface": bake_surface}

@@ -26,7 +26,7 @@ HEADER = 100  # bytes of a journal without rows, at most
 def bake_to(target, make, options, **settings):
     """What `obscurance bake` does, with a file that holds every bit of the result."""
     with Checkpoint(f"{target}.partial", notify=lambda _: None, **settings) as checkpoint:
-        baked = make(Mesh(*hills(60)), threads=2, checkpoint=checkpoint, **options)
+        baked = make(Mesh(*hills(45)), threads=2, checkpoint=checkpoint, **options)
         last = baked.covered if isinstance(baked, ao.BakedTexture) else baked.flags
         with atomic_write(target) as file:
             for rows in (baked.w, baked.error, baked.bent_normals, last, np.array([baked.rays, baked.rmse])):

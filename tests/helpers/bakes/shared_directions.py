@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache
 
 import pytest
 
+import ao
 from ao.rays.directions import DirectionTable
 from ao.result import NOWHERE
+from raytrace import Mesh
+from scenes.validation.configurations import Configuration
 
 
 @contextmanager
@@ -19,3 +23,13 @@ def only_w() -> Iterator[None]:
         patch.setattr(DirectionTable, "make", cache(DirectionTable.make))
         patch.setattr("ao.baking.measure_interpolation", lambda *_: NOWHERE)
         yield
+
+
+@cache
+def prepared_mesh(mesh: Mesh, normals: ao.options.Normals) -> ao.PreparedMesh:
+    return ao.prepare(mesh, normals)
+
+
+def prepared(lines: Sequence[Configuration]) -> list[Configuration]:
+    """The lines, of which all that a bake does before its first ray is done once."""
+    return [replace(line, mesh=prepared_mesh(line.mesh, line.options["normals"])) for line in lines]

@@ -81,7 +81,7 @@ def run(*parts):
     text = (ROOT / "CONTRIBUTING.md").read_text().partition("## A reflection model")[2]
     example = re.findall(r"```python\n(.*?)```", text, re.DOTALL)[0]
     script = [sys.executable, "-c", "".join((example, *parts))]
-    done = subprocess.run(script, env=environment(), capture_output=True, text=True)
+    done = subprocess.run(script, env=environment(NUMBA_OPT="1"), capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 
 

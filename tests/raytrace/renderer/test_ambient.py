@@ -26,11 +26,11 @@ def test_ambient_light_is_the_brute_force_occlusion_image():
     whole = scene.flattened()
     scene = scene.with_obscurance(ao.bake(whole, ao.Binary(max_distance=REACH), samples=1024).w)
     camera = Camera((1.5, -4, 2), (0, 0, -0.5))
-    layers = render(scene, camera, Settings(width=48, height=32, samples=1)).layers
+    layers = render(scene, camera, Settings(width=24, height=16, samples=1)).layers
 
     hit = layers["object_id"][..., 0] > 0
     rows, columns = np.nonzero(hit)
-    directions = camera.directions((2 * columns + 1 - 48) / 32, 1 - (2 * rows + 1) / 32)
+    directions = camera.directions((2 * columns + 1 - 24) / 16, 1 - (2 * rows + 1) / 16)
     normals = layers["normal"][hit].astype(float)
     points = camera.position + layers["depth"][..., 0][hit].astype(float)[:, None] * directions + 1e-4 * normals
     embree = TriangleScene(np.float32(whole.vertices), whole.faces)
@@ -43,6 +43,6 @@ def test_ambient_light_is_the_brute_force_occlusion_image():
         hits = intersect(embree, np.tile(points, (AT_ONCE, 1)), directions, REACH / np.linalg.norm(directions, axis=1))
         blocked += (hits.face >= 0).reshape(AT_ONCE, -1).sum(axis=0)
     error = layers["beauty"][..., 0][hit] - (1 - blocked / RAYS)
-    assert hit.sum() > 500
+    assert hit.sum() > 200
     assert np.sqrt(np.mean(error**2)) < 0.01
     assert abs(error.mean()) < 0.002

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from math import isinf, log, nan, pi
@@ -10,7 +10,7 @@ from math import isinf, log, nan, pi
 import numpy as np
 import pytest
 from ray_starts import change_origins, scaled_offsets
-from shared_directions import only_w
+from shared_directions import only_w, prepared
 
 import ao
 from ao.falloff import Binary, Exponential, Linear, Smooth
@@ -47,7 +47,7 @@ def test_a_bake_to_a_tolerance_matches_the_closed_form(line: Configuration) -> N
 @pytest.mark.parametrize("samples", [1, 3, 100])
 def test_what_is_allowed_goes_by_the_number_of_rays(samples: int) -> None:
     with only_w():
-        found = validation.run_validation(samples=samples)
+        found = validation.run_validation(samples=samples, lines=prepared(LINES))
     assert [result for result in found if not result.ok] == []
     tight = [abs(result.error) / result.allowed for result in found if result.line.target > 1e-6]
     assert max(tight) > 0.25
@@ -65,7 +65,7 @@ def test_more_rays_are_allowed_less() -> None:
 def test_a_wrong_estimator_fails_with_few_rays_too(monkeypatch: pytest.MonkeyPatch) -> None:
     other_directions(monkeypatch, lambda u: u)
     with only_w():
-        assert sum(not result.ok for result in validation.run_validation(samples=64, lines=CHEAP)) >= 6
+        assert sum(not result.ok for result in validation.run_validation(samples=64, lines=prepared(CHEAP))) >= 6
 
 
 def test_targets_are_not_watered_down() -> None:
@@ -106,7 +106,8 @@ def test_every_closed_form_has_a_line() -> None:
 def polygon_errors(samples: int, seed: int) -> np.ndarray:
     raw = partial(ao.bake, denoise=False)
     with only_w():
-        return np.concatenate([validation.measure(line, raw, samples, seed) - line.exact for line in POLYGONS])
+        lines = prepared(POLYGONS)
+        return np.concatenate([validation.measure(line, raw, samples, seed) - line.exact for line in lines])
 
 
 @pytest.mark.parametrize("samples", [4096, 100, 13])
@@ -169,9 +170,10 @@ CHEAP = [
 ] + POLYGONS[:2]
 
 
-def failures(bake: validation.Baker) -> list[validation.Result]:
+def failures(bake: validation.Baker, lines: Sequence[Configuration] | None = None) -> list[validation.Result]:
+    """The cheap lines that fail, or those of `lines`."""
     with only_w():
-        return [result for result in validation.run_validation(bake, lines=CHEAP) if not result.ok]
+        return [each for each in validation.run_validation(bake, lines=lines or prepared(CHEAP)) if not each.ok]
 
 
 def altered(change: Callable[[np.ndarray], np.ndarray]) -> validation.Baker:
@@ -231,7 +233,7 @@ def test_the_complement_of_mu_fails() -> None:
 @pytest.mark.parametrize("lift", [-1.0, 0.0], ids=["below the surface", "on the surface"])
 def test_own_triangle_hits_fail(lift: float, monkeypatch: pytest.MonkeyPatch) -> None:
     change_origins(monkeypatch, **scaled_offsets(lift))
-    failed = failures(ao.bake)
+    failed = failures(ao.bake, CHEAP)  # ray origins are what is prepared
     assert any(result.line.name.startswith("nothing above") for result in failed)
 
 
