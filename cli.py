@@ -6,6 +6,9 @@ import sys
 
 from obscurance import interrupts
 
+if gc.isenabled():
+    gc.set_threshold(100_000)  # what is imported stays: to look for garbage in it takes 5 % of a short bake
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # or NumPy starts threads that no command uses, and they spin
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # or every package installed is searched for some
 
 from collections.abc import Callable
@@ -19,7 +22,6 @@ from raytrace.errors import InputError, ObscuranceError, OptionError, OutputErro
 from scenes.bake.console import columns, note, output_failed, readable_output, reopen_streams
 from scenes.bake.options import BAKE, MERGE, RENDER, BakeOptions, Metric, RenderOptions, Up, named, of_bake, plain
 from scenes.commands.parameters import TableCommand
-from scenes.commands.usage import fault_in_words
 
 interrupts.all_imported()
 
@@ -297,7 +299,6 @@ def main() -> None:
 
 
 def _run() -> int:
-    gc.set_threshold(20_000)  # what is imported stays: to look for garbage in it takes 5 % of a short bake
     reopen_streams()
     arguments = sys.argv[1:]
     with readable_output():
@@ -305,6 +306,8 @@ def _run() -> int:
             status = _called(arguments)
             sys.stdout.flush()
         except (click.UsageError, ObscuranceError) as fault:
+            from scenes.commands.usage import fault_in_words
+
             note(fault_in_words(fault, commands, arguments))
             status = 2 if isinstance(fault, click.UsageError | InputError | OutputError) else 1
         except MemoryError:

@@ -10,7 +10,7 @@ import numpy as np
 from raytrace.errors import ConflictError
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import opacity_bytes
-from raytrace.system.checks import NEGLIGIBLE, check_memory
+from raytrace.system.checks import check_memory
 
 from .declared import call_checked, with_option_parameters
 from .estimate.estimate import edges_of, estimate_outside
@@ -116,8 +116,7 @@ def _sample_vertices(prepared: Prepared) -> PointValues:
     options, receivers = prepared.options, prepared.requested_receivers
     points, point, total = receivers.points, receivers.of_vertex, len(prepared.receivers.points)
     needed = TRACED * len(points) + column_bytes(len(points), options.columns)
-    if needed > NEGLIGIBLE:
-        check_memory(prepared.mesh.source, needed, f"to trace rays at {len(points):,} points")
+    check_memory(prepared.mesh.source, needed, f"to trace rays at {len(points):,} points")
     tracer = prepared.tracer(total)
     if options.tolerance is None and options.rays >= tracer.embree_below:
         tracer.embree_below = 0  # Embree's hierarchy is not worth building for corner samples alone

@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from functools import cache, partial
-from typing import Annotated, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Self
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from raytrace.types import Bools, Int64s
 
 from .declared import Option
 from .execute.checkpoint import NOTHING_KEPT, Checkpoint
-from .execute.sample_means import SampleMeans
 from .execute.tracer import Progress, Tracer
 from .memory import vertex_bytes
 from .mu import Mu, in_render_space
@@ -29,6 +28,9 @@ from .points.occluders import joined
 from .points.receivers import Receivers, find_receivers
 from .rays.ray_scene import RayScene
 from .rays.traverse import embree_below, sample_rows
+
+if TYPE_CHECKING:
+    from .execute.sample_means import SampleMeans
 
 
 # fmt: off
@@ -178,7 +180,7 @@ class Prepared(NamedTuple):
             below = 0  # to build Embree's hierarchy takes as long as it saves
         return Tracer(self.scene, below, mu, t_max, self.threads, total_points, self.progress, self.checkpoint)
 
-    def sample_tracer(self, means: SampleMeans, kind: str, checkpoint: Checkpoint | None) -> Tracer:
+    def sample_tracer(self, means: "SampleMeans", kind: str, checkpoint: Checkpoint | None) -> Tracer:
         """A tracer of groups of samples on the mesh, and the checkpoint begun. Args: kind: of bake."""
         points = means.samples.points
         tracer = self.tracer(len(points))

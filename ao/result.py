@@ -16,7 +16,6 @@ from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.vector import dot, load, store
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import normalized
-from raytrace.system.entry_points import offered
 from raytrace.system.threads import run_blocks
 from raytrace.types import AnyFloats, Float32s, Float64s, Int64s, UInt8s
 
@@ -26,7 +25,9 @@ from .mu import Mu
 from .options import OCTAVES
 from .points.receivers import Flag
 from .prepared import Prepared
-from .profile import Profile
+
+if TYPE_CHECKING:
+    from .profile import Profile
 
 _BLOCK = 1 << 12  # vertices
 _VISIBLE = 0.1  # 5 of 100 in the lightness of greys, twice what is noticed beside the right value
@@ -98,6 +99,8 @@ class Columns:
 
         Raises: OptionError: no package that writes files is installed. Others as `scenes.write`.
         """
+        from raytrace.system.entry_points import offered
+
         write = offered("obscurance.save")
         if write is None:
             raise OptionError("save", "the package obscurance, installed", "its folders alone: use scenes.write")
@@ -159,6 +162,8 @@ class Bake(Columns):
 
     def _repr_html_(self) -> str | None:
         """HTML for notebooks, by a package with an entry point of the group `obscurance.html`."""
+        from raytrace.system.entry_points import offered
+
         to_html = offered("obscurance.html")
         return to_html(self) if to_html and self.at == "vertices" else None
 
@@ -284,6 +289,8 @@ def of_columns(prepared: Prepared, columns: Sequence[AnyFloats]) -> dict[str, An
     if prepared.options.profile:
         lengths = np.array([math.log(2) / (mu.tau or math.inf) for mu in prepared.mus[1 + listed :]])
         values, errors = columns
+        from .profile import Profile
+
         further["profile"] = Profile(lengths, values[..., listed:].astype(np.float32), lengths[0] / OCTAVES[0])
         further["profile_errors"] = errors[..., listed:].astype(np.float32)
     return further

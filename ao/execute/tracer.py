@@ -26,7 +26,7 @@ T = TypeVar("T")
 _ONE = 1 + 1e-6  # by rounding
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Hemispheres:
     """Hemispheres to be gathered at points; see `Tracer`."""
 

@@ -26,7 +26,7 @@ _OFFSETS = 32.0  # ray offsets that a sample is away from the vertex if that is 
 _CANCELLED = 0.2  # length of a mean direction, relative to the mean length, that means nothing
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class CornerSamples:
     """Corner samples of folded vertices; such a vertex's w is their mean.
 

@@ -19,7 +19,7 @@ class PointArrays(NamedTuple):
     numbers: UInt32s
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Points:
     """Points at which hemispheres are gathered.
 

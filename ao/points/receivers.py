@@ -23,7 +23,7 @@ from raytrace.mesh.placement import Placement
 from raytrace.mesh.up import UP, up_axis
 from raytrace.ray_origins.origins import WeldedPoints, weld_points
 from raytrace.ray_origins.surface import Surface
-from raytrace.system.checks import NEGLIGIBLE, check_memory
+from raytrace.system.checks import check_memory
 from raytrace.system.threads import run_blocks, thread_count
 from raytrace.types import Bools, Float32s, Float64s, Int64s, UInt8s
 
@@ -49,7 +49,7 @@ class Flag(IntFlag):
     CONTACT = 64  #: w depends on rounding, or on a choice of side, beside a face of which it is no corner
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Receivers:
     """The points to bake, and the vertices they belong to.
 
@@ -185,8 +185,7 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     if offset.split.any():
         split = np.flatnonzero(offset.split[welded.face_points])
         needed = corner_bytes(len(split))
-        if needed > NEGLIGIBLE:
-            check_memory(mesh.source, needed, f"for the {len(split):,} corners of folded vertices")
+        check_memory(mesh.source, needed, f"for the {len(split):,} corners of folded vertices")
         numbered = index[welded.face_points.ravel()[split]]
         corners = find_corner_samples(offset.tree, offset.surface, split, numbered, len(usable))
     # What rays meet.

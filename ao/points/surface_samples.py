@@ -26,7 +26,7 @@ _FEW = 1 << 16  # faces, of which every thread may make tables
 _BLOCK, _SHARE = 1 << 11, 16  # groups, and blocks at once
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class SurfaceSamples:
     """Groups of samples on faces, with ray origins from which no ray meets the face under the sample."""
 

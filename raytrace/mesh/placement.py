@@ -32,7 +32,7 @@ def contact_radius(points: Float64s) -> Float64s:
     return TOUCHING * ULP * np.maximum(product(np.abs(points), np.ones(3)), LEAST)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class RenderSpace:
     """The placement of a mesh of known bounds."""
 
@@ -88,7 +88,7 @@ def near_box(low: Float64s, high: Float64s, subset: Float64s) -> tuple[Float64s,
     return near.min(axis=0), near.max(axis=0)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Placement(RenderSpace):
     """A mesh in render space: recentred in float64, scaled by a power of two to about unit size, then rounded once."""
 

@@ -33,7 +33,7 @@ def check_memory(source: object, needed: int, work: str, instead: dict[str, int]
 
     Args: needed: bytes beyond the memory in use. instead: bytes that other ways to reach the same need, best first.
     """
-    free = available()
+    free = available() if needed > NEGLIGIBLE else None
     if free is None or needed <= free:
         return
     fitting = [f"{way} takes about {size_text(size)}" for way, size in (instead or {}).items() if size <= free]
@@ -121,7 +121,8 @@ def check_regular(path: Path, kind: str, fault: type[InputError] = InputError, s
         raise fault(name, "file", kind, what)
 
 
-_SCENE = re.compile(rb"^[ \t]*(\[\[[ \t]*objects[ \t]*\]\]|objects[ \t]*=)", re.MULTILINE)
+def _is_scene(content: bytes) -> object:
+    return re.search(rb"^[ \t]*(\[\[[ \t]*objects[ \t]*\]\]|objects[ \t]*=)", content, re.MULTILINE)
 
 
 def _is_page(content: bytes) -> bool:
@@ -143,7 +144,7 @@ _KINDS: dict[tuple[str, ...], tuple[str, tuple[bytes, ...] | Callable[[bytes], o
     (".jpg", ".jpeg"): ("a JPEG picture", (b"\xff\xd8\xff",)),
     (".json",): ("a report of obscurance", _is_report),
     (".html",): ("a page of obscurance", _is_page),
-    (".toml",): ("a scene", _SCENE.search),
+    (".toml",): ("a scene", _is_scene),
 }
 """Files that may be replaced, by their endings: a name, and their first bytes or a test of all of them."""
 

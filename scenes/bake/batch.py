@@ -146,7 +146,7 @@ class Batch:
 
 def _note(entry: Entry, outcome: Outcome) -> None:
     """Take over what became of an input."""
-    vars(entry).update(vars(outcome))
+    vars(entry).update(outcome._asdict())
     if outcome.status == "failed":
         note(outcome.message)
     else:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -101,7 +101,7 @@ class WholeBakes:
         def write(start: int, stop: int) -> None:
             for row in range(start, stop):
                 with unprinted_warnings(), silence_tolerance_warnings():
-                    outcomes[row] = asdict(run_in_batch(scene.plans[self.numbers[row]], 1))
+                    outcomes[row] = run_in_batch(scene.plans[self.numbers[row]], 1)._asdict()
 
         return write
 
@@ -126,7 +126,7 @@ def _outcome(fields: Any) -> Outcome:
     try:
         return TypeAdapter(Outcome).validate_python(fields)
     except ValueError:
-        return Outcome("failed", 0.0, "a worker's answer is no outcome of a bake")
+        return Outcome("failed", 0.0, "a worker's answer is no outcome of a bake", [])
 
 
 def _named_as(plan: Plan, outcome: Outcome) -> Outcome:
@@ -137,4 +137,4 @@ def _named_as(plan: Plan, outcome: Outcome) -> Outcome:
             text = text.replace(str(path.absolute()), str(path))
         return text
 
-    return replace(outcome, message=given(outcome.message), warnings=[given(line) for line in outcome.warnings])
+    return outcome._replace(message=given(outcome.message), warnings=[given(line) for line in outcome.warnings])

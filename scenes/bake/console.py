@@ -7,7 +7,6 @@ import io
 import os
 import sys
 import threading
-import unicodedata
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -35,6 +34,8 @@ def _in_plain_letters(fault: UnicodeError) -> tuple[str, int]:
     """Similar letters for characters that an output cannot encode, else escapes."""
     if not isinstance(fault, UnicodeEncodeError):
         raise fault
+    import unicodedata
+
     characters = fault.object[fault.start : fault.end].translate(_PLAIN)
     letters = unicodedata.normalize("NFKD", characters).translate(_PLAIN)
     return "".join(c if c.isascii() else "" if unicodedata.combining(c) else ascii(c)[1:-1] for c in letters), fault.end

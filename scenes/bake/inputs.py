@@ -17,7 +17,6 @@ from raytrace.system.checks import make_folder
 from ..formats.load import MeshFile, load
 from ..formats.objects import ObjectSelection, match, select_objects
 from ..formats.table import endings
-from ..geometry.standing import lying_notes
 
 if TYPE_CHECKING:
     from raytrace.mesh.mesh import Mesh
@@ -100,6 +99,8 @@ def read_inputs(plan: Plan, content: bytes | None = None) -> BakeInputs:
             notes.append(f"{wall.mesh.source}: its radius is {size:.2g} of the mesh's: is its unit another?")
     shown = any(path.suffix.lower() in (".html", ".glb") for path in (plan.output, options.report) if path)
     if options.ground or options.debug_image or shown:
+        from ..geometry.standing import lying_notes
+
         notes += lying_notes(source.mesh)
     paths = [path for file in files for path in file.files]
     return BakeInputs(source, chosen, fine, occluders, arguments, paths, content, notes, started)

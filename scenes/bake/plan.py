@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import ao
 from ao.falloff import resolve_length
@@ -45,8 +44,7 @@ _CHEAP_PROFILE = {
 """Options with which a profile takes the rays of the bake alone, and has w as baked between its columns."""
 
 
-@dataclass(frozen=True)
-class Plan:
+class Plan(NamedTuple):
     """One bake: of which files, into which, and how.
 
     Attributes:
@@ -136,7 +134,7 @@ class Plan:
 
     def with_options(self, **changes: Any) -> Plan:
         """The plan of other files, or run otherwise. Args: changes: of options that decide nothing."""
-        return replace(self, options=self.options.replaced(**changes))
+        return self._replace(options=self.options.replaced(**changes))
 
     def absolute(self) -> Plan:
         """The plan with names of files that hold in any folder."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -56,6 +55,8 @@ def write_bake_report(plan: Plan, report: Mapping[str, Any], inputs: list[dict[s
 
 def command_line(command: str, table: Iterable[Option], options: Mapping[str, Any]) -> str:
     """The line for a shell that runs a command of `obscurance` with options by their names in its report."""
+    import shlex
+
     words = ["obscurance", command]
     for row in table:
         value = options.get(row.name)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 from warnings import catch_warnings, simplefilter
 
 import ao
@@ -73,14 +72,13 @@ def open_journal(resume: bool, output: Path) -> Checkpoint:
     return Checkpoint(None if is_standard_output(output) else journal_of(output), resume, note)
 
 
-@dataclass(frozen=True)
-class Outcome:
+class Outcome(NamedTuple):
     """Attributes: as of `scenes.bake.manifest.Entry`."""
 
     status: Literal["done", "failed"]
     seconds: float
     message: str
-    warnings: list[str] = field(default_factory=list)
+    warnings: list[str]
 
 
 def run_in_batch(plan: Plan, threads: int, open_checkpoint: OpenCheckpoint | None = None) -> Outcome:
@@ -96,7 +94,7 @@ def run_in_batch(plan: Plan, threads: int, open_checkpoint: OpenCheckpoint | Non
         expected = isinstance(fault, ObscuranceError | OSError | MemoryError)
         message = str(fault) if expected and str(fault) else f"{type(fault).__name__}: {fault}"
         message = printable(message if str(plan.mesh) in message else f"{plan.mesh}: {message}")
-        return Outcome("failed", round(time.perf_counter() - start, 3), message)
+        return Outcome("failed", round(time.perf_counter() - start, 3), message, [])
     message = "\n".join(summary.text for summary in summaries)
     warnings = [line for summary in summaries for line in summary.warnings]
     return Outcome("done", round(time.perf_counter() - start, 3), message, warnings)

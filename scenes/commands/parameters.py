@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any, get_args
 
 import click
-from click.shell_completion import CompletionItem
 
 from ao.declared import Option
 from raytrace.errors import OptionError
@@ -32,7 +31,9 @@ class Value(click.ParamType[Any, Any]):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         return self.row.parsed(value)
 
-    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[Any]:
+        from click.shell_completion import CompletionItem
+
         if self.row.element is Path:
             return [CompletionItem(incomplete, type="file")]
         words = self.row.words() if callable(self.row.words) else self.row.words or get_args(self.row.element)
@@ -80,6 +81,7 @@ class TableCommand(click.Command):
         super().__init__(**settings)
         self._rows = rows
         self._sections = {row.name: row.section for row in rows}
+        self._long = {row.short: row.flags[0] for row in rows}
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         self.params = self.params or [*map(parameter, self._rows)]  # of the command that is called
@@ -89,6 +91,8 @@ class TableCommand(click.Command):
         ctx.meta[_WHOLE] = args[-1:] == ["all"]
         bare = [word == "--colors" and not after.isalpha() for word, after in pairwise([*args, ""])]
         words = [f"{word}=rgb" if is_bare else word for word, is_bare in zip(args, bare, strict=True)]
+        if "--" not in words:  # after which a word is a file's name
+            words = [self._long.get(word, word) for word in words]  # or Click looks for long names like a short one
         for word in words:
             name = word.partition("=")[0]
             if name in _GONE:

@@ -1,21 +1,25 @@
 """μ by the names that commands and scenes have for it, and tables of μ: CSV, text and `.npy` files of two columns."""
 
+from __future__ import annotations
+
 import math
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-import ao
-from ao.falloff import FALLOFFS, Length
+from ao.falloff import FALLOFFS, Exponential, Falloff, Length, Tabulated
 from ao.mu import MAX_KNOTS
 from raytrace.errors import ConflictError, InputError, OptionError, nearest_name
 from raytrace.system.checks import check_regular
 from raytrace.types import Float64s
 
 from .load import parser_errors
+
+if TYPE_CHECKING:
+    from ao.profile import Profile
 
 _TABLE = "table:"
 _ENDINGS = ".csv", ".txt", ".npy"
@@ -33,11 +37,11 @@ def make_falloff(
     half_distance: Length | None = None,
     max_distance: Length | None = None,
     locate: Callable[[str], Path] = Path,
-) -> ao.Falloff:
+) -> Falloff:
     """The falloff of these options; `locate` finds the file of "table:FILE". Raises: InputError."""
     limit = math.inf if max_distance is None else max_distance
     if form == "exponential":
-        return ao.Exponential(tau, half_distance, limit)
+        return Exponential(tau, half_distance, limit)
     table = table_of(form, locate)
     if form not in FALLOFFS and not table:
         expected = f"one of {', '.join(FALLOFFS)}, {_TABLE}FILE"
@@ -48,7 +52,7 @@ def make_falloff(
     if not table:
         if str(limit) == "inf" and not hasattr(FALLOFFS[form], "max_distance"):  # which has no default
             raise ConflictError(("falloff", form), "needs", "max_distance")
-        named: ao.Falloff = FALLOFFS[form](max_distance=limit)
+        named: Falloff = FALLOFFS[form](max_distance=limit)
         return named
     if str(limit) != "inf":
         raise ConflictError("max_distance", "does not go with", "a table, which ends where μ is 1")
@@ -61,7 +65,7 @@ class Scales(NamedTuple):
     half_distances: tuple[Length, ...]
     powers: tuple[float, ...]
 
-    def of(self, profile: ao.Profile) -> Float64s:
+    def of(self, profile: Profile) -> Float64s:
         """w (…,), in [0, 1]. Raises: OptionError: a half-distance is outside the profile."""
         pairs = zip(self.half_distances, self.powers, strict=True)
         return np.asarray(np.multiply.reduce([profile.at(length) ** power for length, power in pairs]))
@@ -71,7 +75,7 @@ def make_scales(half_distance: Length, power: float | str | None = None) -> Scal
     """The scales of these options: one length and power, or several in a text with commas. Raises: OptionError."""
     lengths = str(half_distance).split(",")
     for length in lengths:
-        ao.Exponential(half_distance=length)
+        Exponential(half_distance=length)
     try:
         powers = [1.0] * len(lengths) if power is None else [float(text) for text in str(power).split(",")]
     except ValueError:
@@ -82,7 +86,7 @@ def make_scales(half_distance: Length, power: float | str | None = None) -> Scal
     return Scales(tuple(lengths), tuple(powers))
 
 
-def read_table(path: Path) -> ao.Tabulated:
+def read_table(path: Path) -> Tabulated:
     """The two columns of a CSV, text or `.npy` file: distances in mesh units or, as "25%", of the radius; and μ.
 
     Columns of text are separated by commas, semicolons or blanks; a line of names may stand above, "#" begins remarks.
@@ -95,7 +99,7 @@ def read_table(path: Path) -> ao.Tabulated:
             raise InputError(path, "content", f"at most {MAX_KNOTS:,} rows", f"{path.stat().st_size:,} bytes")
         knots = _array(path) if path.suffix.lower() == ".npy" else _text(path)
     try:
-        return ao.Tabulated([distance for distance, _ in knots], [value for _, value in knots])
+        return Tabulated([distance for distance, _ in knots], [value for _, value in knots])
     except OptionError as fault:
         raise InputError(path, fault.field, fault.expected, fault.got) from None
 

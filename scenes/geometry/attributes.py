@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from raytrace import InputError, MemoryLimitError
-from raytrace.text.safe_paths import resolve_inside
+from raytrace.errors import InputError, MemoryLimitError
 from raytrace.types import Float64s, Int64s
 
 from .corners import PerCorner
@@ -41,6 +40,8 @@ def is_picture(path: Path) -> bool:
 
 def find_picture(name: str, folder: Path) -> Path | None:
     """As `resolve_inside`, of pictures."""
+    from raytrace.text.safe_paths import resolve_inside
+
     path = resolve_inside(name, folder)
     return path if path and is_picture(path) else None
 
@@ -81,7 +82,7 @@ class Property(NamedTuple):
         return self._replace(kind=kind, counted=counted)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Element:
     """So many rows of some properties of a PLY file."""
 

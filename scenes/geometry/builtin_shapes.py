@@ -13,7 +13,7 @@ from pydantic import Field
 
 from raytrace.errors import OptionError
 from raytrace.mesh.mesh import Mesh
-from raytrace.system.checks import NEGLIGIBLE, check_memory
+from raytrace.system.checks import check_memory
 from raytrace.system.parameters import Length, Lengths, Parameters, Whole
 from raytrace.types import Bools, Int64s
 
@@ -117,8 +117,7 @@ class Solid(Parameters):
         if not count <= MAX_TRIANGLES:
             expected = f"a length that makes at most {MAX_TRIANGLES:,} triangles"
             raise OptionError("fineness", expected, f"{self._length():g}", name)
-        if _TRIANGLE * count > NEGLIGIBLE:
-            check_memory(name, int(_TRIANGLE * count), f"to make about {count:,.0f} triangles")
+        check_memory(name, int(_TRIANGLE * count), f"to make about {count:,.0f} triangles")
         return self._make(self._length())
 
     def triangles(self) -> float:

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from raytrace import InputError, Mesh, MeshError, Opacity
+from raytrace.errors import InputError, MeshError
+from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.opacity import Opacity
 from raytrace.system.checks import check_memory
 from raytrace.types import Float64s, Int64s
 

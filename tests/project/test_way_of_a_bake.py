@@ -6,10 +6,15 @@ import subprocess
 import sys
 
 import numpy as np
-from mesh_files import ply
+from mesh_files import obj, ply
 from project import ROOT, environment
 
 FILES, MOVES = 24, 144  # of the command and of `scenes`, where a bake is decided, read and written
+MODULES = 137  # of the packages
+NEEDLESS = {
+    *("difflib", "shlex", "unicodedata", "click.shell_completion", "ao.profile", "ao.execute.sample_means"),
+    *("raytrace.system.entry_points", "raytrace.text.safe_paths", "scenes.commands.usage", "scenes.geometry.standing"),
+}
 WALK = """
 import json, sys
 import cli
@@ -84,6 +89,13 @@ def test_a_bake_of_a_cube_runs_through_few_files(tmp_path):
     moves = [caller for caller, _ in way["moves"] if of_scenes(caller)]
     assert 10 < len(files) <= FILES, files
     assert 50 < len(moves) <= MOVES
+
+
+def test_a_bake_of_a_cube_imports_nothing_that_it_does_not_use(tmp_path):
+    (tmp_path / "cube.obj").write_bytes(obj(CORNERS, [(*side[:3],) for side in SIDES]))
+    modules = run(tmp_path, IMPORTED, "bake", "cube.obj", "-o", "w.ply", "-q")
+    assert 100 < len([name for name in modules if name.startswith(("ao.", "raytrace.", "scenes."))]) <= MODULES
+    assert NEEDLESS.isdisjoint(modules)
 
 
 def test_an_image_needs_nothing_of_gltf(tmp_path):

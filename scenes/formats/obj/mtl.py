@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from raytrace.errors import printable
-from raytrace.text.safe_paths import resolve_inside
 
 from ...geometry.attributes import SourceMaterial, is_opacity_map, is_picture
 from .text import joined_lines
@@ -88,6 +87,8 @@ def _libraries(lines: Iterable[str], find: Callable[[str], Path | None]) -> Iter
 
 def _resolve_inside(folder: Path, name: str) -> Path | None:
     """A file in a folder or below it, or None."""
+    from raytrace.text.safe_paths import resolve_inside
+
     return resolve_inside(name.strip().strip('"'), folder)
 
 

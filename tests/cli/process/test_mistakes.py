@@ -61,7 +61,7 @@ COMMANDS = [
     ("bake a.ply --output-dir out --report r.json", "bake: --report and --output-dir exclude each other"),
     ("bake a.ply --output-dir out --format stl", "bake --format: expected one of npy, npz, ply, glb", "got stl"),
     ("bake a.ply --output-dir out --samples 0", "bake --samples"),
-    ("bake a.ply -o", "bake -o: expected a value, got nothing"),
+    ("bake a.ply -o", "bake --output: expected a value, got nothing"),
     (
         "bake a.ply -o w",
         "bake --output: expected a name ending in .glb,",

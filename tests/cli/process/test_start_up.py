@@ -69,6 +69,15 @@ def test_a_run_compiles_nothing_and_imports_neither_the_compiler_nor_what_it_doe
     assert loaded
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="/proc")
+def test_a_command_starts_no_threads_of_a_linear_algebra_library():
+    code = "import os, cli, numpy; print(len(os.listdir('/proc/self/task')))"
+    environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    command = [sys.executable, "-c", code]
+    shown = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60, env=environment)
+    assert shown.stdout == "1\n"
+
+
 def test_help_imports_no_format():
     code = "import atexit, sys, cli; atexit.register(lambda: print('scenes.formats' in sys.modules)); cli.main()"
     command = [sys.executable, "-c", code, "--help"]

@@ -128,7 +128,7 @@ def test_everything_big_asks_first(name, available_memory):
 
 
 @pytest.mark.parametrize("ending", ["ply", "off", "3mf", "glb", "toml"])
-def test_files_are_not_read_if_they_would_not_fit(ending, tmp_path, available_memory):
+def test_files_are_not_read_if_they_would_not_fit(ending, tmp_path, available_memory, monkeypatch):
     import trimesh
 
     from scenes.description.read import read_scene
@@ -144,6 +144,7 @@ def test_files_are_not_read_if_they_would_not_fit(ending, tmp_path, available_me
     else:
         trimesh.creation.icosphere(1).export(path)
     available_memory(100)
+    monkeypatch.setattr("raytrace.system.checks.NEGLIGIBLE", 0)
     with pytest.raises(InputError, match="memory: expected at most 0 MiB"):
         read_scene(path) if ending == "toml" else load(path)
 
