@@ -55,7 +55,7 @@ class Probes:
         if len(self.point_rows) > self._spread:
             return
         step = max(len(error) // _SAMPLED, 1)
-        largest = error > np.quantile(error[::step], 1 - _LARGEST)
+        largest = error > np.quantile(error[::step], 1 - _LARGEST, method="lower")
         unprobed = largest.copy()
         unprobed[self.point_rows] = False
         candidates = np.flatnonzero(unprobed)

@@ -10,7 +10,7 @@ from .one_ring import Neighbours
 from .sampling_error import BATCH, RATE
 
 _FIRST, _FEWEST = 0.048, 8  # rays at first, times the tolerance, and at least: with fewer, single jumps stay unseen
-_FEW_POINTS, _PLENTY = 1 << 15, 0.64  # rays of few points together at first, but of each at most so many / tolerance
+FEW_POINTS, _PLENTY = 1 << 15, 0.64  # rays of few points together at first, but of each at most so many / tolerance
 _SHARED = 0.2  # variance of a neighbours' mean, relative to one neighbour's
 _UNEXPLAINED = 0.06  # part of the squared distance from a neighbours' mean that typical predictions leave
 _GAINED = 0.7  # of what shrinking all alike would gain: roughness is not the same everywhere
@@ -24,7 +24,7 @@ _BLOCK = 1 << 12  # points
 
 def first_rays(tolerance: float, count: int) -> int:
     """Rays of a point at first: more where there are few points, which have to tell how many rays are needed."""
-    few = min(_FEW_POINTS / count, _PLENTY / tolerance)
+    few = min(FEW_POINTS / count, _PLENTY / tolerance)
     return BATCH * max(round(max(_FIRST / tolerance, _FEWEST, few) / BATCH), 1)
 
 

@@ -24,7 +24,7 @@ from .calibration import Calibration, distribute_variance, mean_square
 from .inside import holes
 from .one_ring import Neighbours
 from .probes import Probes
-from .ray_plan import fall_of, first_rays, rays_to_add
+from .ray_plan import FEW_POINTS, fall_of, first_rays, rays_to_add
 from .sampling_error import RATE, TYPICAL, derive, rays_alone
 from .scales import denoise_over_scales
 
@@ -33,7 +33,7 @@ _FARTHEST = 20.0  # times that the squared error may have to fall for the rays t
 _NEAR, _UNEVEN = 2.0, 2.5  # the same at jumps of w, where squared errors' mean square is so many times their mean²
 _ROUNDS = 8  # of adding rays, at most
 _WORST = 8.0  # times the tolerance that a point may be expected to err
-_SHARERS = 4  # points that share a lattice at first, so that denoising averages what is even
+_SHARERS = 4  # of many points, so many share a lattice at first, so that denoising averages what is even
 _BLOCK = 1 << 12  # points
 
 
@@ -134,7 +134,7 @@ class _Traced:
             which = np.flatnonzero(more == count)
             is_all = len(which) == len(self.points)
             subset = self.points if is_all else self.points[which]
-            leap = _SHARERS if is_all else 1  # where points between them are missing, theirs would not be even
+            leap = _SHARERS if is_all and len(which) >= FEW_POINTS else 1  # without gaps between them
 
             def added() -> Float64s:
                 return tracer.gather(subset, count, key, leap)  # noqa: B023

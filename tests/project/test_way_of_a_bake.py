@@ -12,7 +12,7 @@ from project import ROOT, environment
 FILES, MOVES = 24, 144  # of the command and of `scenes`, where a bake is decided, read and written
 MODULES = 137  # of the packages
 NEEDLESS = {
-    *("difflib", "shlex", "unicodedata", "click.shell_completion", "ao.profile", "ao.execute.sample_means"),
+    *("numpy.ma", "difflib", "shlex", "unicodedata", "click.shell_completion", "ao.profile", "ao.execute.sample_means"),
     *("raytrace.system.entry_points", "raytrace.text.safe_paths", "scenes.commands.usage", "scenes.geometry.standing"),
 }
 WALK = """

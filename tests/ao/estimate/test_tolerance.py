@@ -76,7 +76,7 @@ def test_where_few_vertices_have_most_of_the_error_it_is_measured_too(seed: int)
 
 def test_the_first_rays_of_neighbours_are_even_together() -> None:
     """The mean of four that follow one another errs by less than four that know nothing of each other would."""
-    mesh = Mesh(*hills(130))
+    mesh = Mesh(*hills(190))
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement)
     points = receivers.points
