@@ -28,9 +28,9 @@ from .ray_plan import FEW_POINTS, fall_of, first_rays, rays_to_add
 from .sampling_error import RATE, TYPICAL, derive, rays_alone
 from .scales import denoise_over_scales
 
-_AIM = 0.92  # times the goal is aimed at: a few rays more, later, are worth little
+_AIM = 0.88  # times the goal is aimed at: another round for few rays takes as long as many rays now
 _FARTHEST = 20.0  # times that the squared error may have to fall for the rays to be foreseen; else some come before
-_NEAR, _UNEVEN = 2.0, 2.5  # the same at jumps of w, where squared errors' mean square is so many times their mean²
+_NEAR, _UNEVEN = 2.0, 8.0  # the same at jumps of w, where squared errors' mean square is so many times their mean²
 _ROUNDS = 8  # of adding rays, at most
 _WORST = 8.0  # times the tolerance that a point may be expected to err
 _SHARERS = 4  # of many points, so many share a lattice at first, so that denoising averages what is even

@@ -16,7 +16,7 @@ from ao.estimate.upsampling import upsample
 from ao.execute.tracer import Tracer
 from ao.points.receivers import find_receivers
 from ao.rays.ray_scene import RayScene
-from benchmarks.accuracy.dense_meshes import PAIRS
+from benchmarks.accuracy.dense_meshes import JUMPS, PAIRS
 from benchmarks.accuracy.density import Judgement, Truth
 from raytrace import Mesh, OptionError
 from raytrace.mesh.placement import Placement
@@ -88,6 +88,13 @@ def test_the_first_rays_of_neighbours_are_even_together() -> None:
     traced.add(np.full(len(points), 8), np.uint32(1))
     error = (traced.gathered[0][:, 0] - truth)[: len(truth) // 4 * 4].reshape(-1, 4)
     assert rms(error.mean(axis=1)) < 0.42 * rms(error)
+
+
+def test_two_rounds_of_rays_are_mostly_enough() -> None:
+    """Each denoises the whole mesh, and its rays are less even together with others."""
+    stages = set[str]()
+    ao.bake(JUMPS["sharp creases"](3), ao.Binary(), tolerance=0.01, progress=lambda *now: stages.add(now[2]))
+    assert sum(stage.startswith("rays, round") for stage in stages) <= 3
 
 
 def test_a_dense_mesh_costs_what_its_shape_does() -> None:
