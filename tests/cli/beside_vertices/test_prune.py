@@ -7,12 +7,6 @@ from command import obscurance, refused
 from gltf_files import Builder, check_glb, values
 
 
-@pytest.fixture(autouse=True)
-def few_rays(monkeypatch):
-    """Enough for what is closed or in plain sight; `unseen_faces` has tests of its own."""
-    monkeypatch.setattr("ao.unseen._ROUNDS", (16, 128))
-
-
 @pytest.fixture
 def engine(tmp_path, monkeypatch):
     """A closed body with an engine that nobody sees, and two wheels of one mesh, one of them inside."""
