@@ -55,7 +55,7 @@ class Probes:
         if len(self.point_rows) > self._spread:
             return
         step = max(len(error) // _SAMPLED, 1)
-        largest = error > np.quantile(error[::step], 1 - _LARGEST, method="lower")
+        largest = error > np.quantile(error[::step], 1 - _LARGEST, method="lower")  # the others import numpy.ma
         unprobed = largest.copy()
         unprobed[self.point_rows] = False
         candidates = np.flatnonzero(unprobed)
@@ -93,10 +93,9 @@ class Probes:
         probed = largest[self.point_rows]
         if probed.any():
             expected = float(np.mean(error[self.point_rows[probed]]))
-            largest_mean = (float(np.sum(measured[probed])) + _EXPECTED * expected) / (
-                np.count_nonzero(probed) + _EXPECTED
-            )
-            error[largest] *= max(largest_mean / max(expected, 1e-300), 1 / 3)
+            total = float(np.sum(measured[probed])) + _EXPECTED * expected
+            mean = total / (np.count_nonzero(probed) + _EXPECTED)
+            error[largest] *= max(mean / max(expected, 1e-300), 1 / 3)
         others = ~largest
         error[others] *= calibration_factor(error[self.point_rows[~probed]], measured[~probed], error[others])
         return Calibration(error[self.point_rows], measured, len(error) * self._weights)

@@ -289,10 +289,9 @@ def _local_fits(shape, moments, at, start, stop):
         determinant = dot(x, yz)
         solved = add(add(scale(row[0], yz), scale(row[1], zx)), scale(row[2], xy))
         at.prediction[i] += dot(solved, (m[6], m[7], m[8])) / determinant
-        self_weight = shape.self_weight[
-            i
-        ]  # of four rounds of `smooth` about own (1 + own) / 2, for valences from 1 to 8
-        at.part[i] = min(dot(solved, row) / determinant * at.weight[i] * (self_weight * (1.0 + self_weight) / 2.0), 0.5)
+        share = shape.self_weight[i]
+        share *= (1.0 + share) / 2.0  # about, of four rounds of `smooth`, for valences from 1 to 8
+        at.part[i] = min(dot(solved, row) / determinant * at.weight[i] * share, 0.5)
         at.residual[i] = 0.0 if np.isnan(at.prediction[i]) else at.w[i] - at.prediction[i]
         at.excess[i] = at.residual[i] ** 2 - at.variance[i]
 

@@ -150,11 +150,10 @@ def _find_samples(p, normal, nodes, own_cell, samples):
     spread = total = count
     for k in range(most):
         is_there = neighbours >= k
-        cells = (
-            own_cell
-            if k == 0
-            else select(is_there, gather(nodes.indices, select(is_there, first_link + (k - 1), 0)), own_cell)
-        )
+        cells = own_cell
+        if k > 0:
+            linked = gather(nodes.indices, select(is_there, first_link + (k - 1), 0))
+            cells = select(is_there, linked, own_cell)
         away = subtract(gather3(nodes.origins, cells), p)
         alike = max(dot(normal, gather3(nodes.normals, cells)), np.float32(1e-3))
         alike *= alike

@@ -98,7 +98,8 @@ class Checkpoint:
             if isinstance(reason, OutputError) or self.resume:
                 raise _refused(self.path, reason) from None
             return
-        if journal and self.resume and journal.identity == self._identity():
+        is_ours = bool(journal and journal.identity and journal.identity == self._identity())
+        if is_ours and self.resume:
             self._journal, self._due = journal, time.monotonic() + self.every
             return
         if journal:
@@ -108,7 +109,7 @@ class Checkpoint:
                 raise InputError(self.path, "header", self._expected, "that of another or of a change")
             self.notify(f"{self.path}: nothing to resume; starting from the beginning")
         self._left_over = journal is not None
-        if journal and journal.identity == self._identity():
+        if is_ours:
             self.notify(f"{self.path}: left by an interrupted run; --resume would continue it; starting over")
 
     def fill(self, work: KeptRowTask, scene: RayScene, threads: int, advance: Advance) -> Outputs:

@@ -90,7 +90,7 @@ def test_the_first_rays_of_neighbours_are_even_together() -> None:
     assert rms(error.mean(axis=1)) < 0.42 * rms(error)
 
 
-def test_two_rounds_of_rays_are_mostly_enough() -> None:
+def test_few_rounds_of_rays_are_enough() -> None:
     """Each denoises the whole mesh, and its rays are less even together with others."""
     stages = set[str]()
     ao.bake(JUMPS["sharp creases"](3), ao.Binary(), tolerance=0.01, progress=lambda *now: stages.add(now[2]))
