@@ -167,6 +167,17 @@ def test_keys_work_from_the_start_and_after_every_control(tab, pages):
     assert tab.run("document.getElementById('vertex').value").startswith("1")
 
 
+def test_the_panel_shows_the_last_of_two_changes_within_one_picture(tab, pages):
+    opened(tab, pages.two + HOME.replace("clay", "w"))
+    tab.run(
+        "document.querySelector('#modes input[value=error]').click();"
+        "document.body.dispatchEvent(new KeyboardEvent('keydown', { key: '2', bubbles: true }))"
+    )
+    address(tab, "mode=w")
+    drawn(tab)
+    assert tab.run(CHECKED % "#modes input[value=w]")
+
+
 def test_the_line_between_two_bakes_is_dragged_anywhere_along_it(tab, pages):
     opened(tab, pages.two + HOME)
     split = 0.5

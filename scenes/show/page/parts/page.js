@@ -106,6 +106,7 @@ class Page {
 
   set(change) {
     Object.assign(this.state, change);
+    this.said = undefined; // a control may show what is no longer so before anything is drawn
     this.changed();
   }
 
