@@ -128,12 +128,14 @@ def _checked(name: str, kind: Any, bounds: tuple[float, float] | None, value: An
 
 
 def _one_of(names: tuple[str, ...], option: str, value: object) -> object:
+    """The value, if it is one of `names`. Raises: OptionError."""
     if value in names:
         return value
     raise OptionError(option, "one of " + ", ".join(names), value, nearest=nearest_name(value, names))
 
 
 def _without_none(kind: Any) -> Any:
+    """The type without `None`: T of `T | None`."""
     return get_args(kind)[0] if NoneType in get_args(kind) else kind
 
 
@@ -142,8 +144,11 @@ def with_option_parameters(record: Callable[P, T]) -> Callable[[Callable[[Any, T
     declared: list[Field[Any]] = sorted(fields(record), key=lambda field: bool(field.kw_only))  # type: ignore[arg-type]
 
     def with_fields(function: Callable[[Any, T], R]) -> Callable[P, R]:
+        """The function with the record's fields as keyword parameters, in its signature and in its docstring."""
+
         @wraps(function)
         def called(*unnamed: P.args, **named: P.kwargs) -> R:
+            """Make the record of the arguments and call the function. Raises: TypeError in the function's name."""
             try:
                 signature.bind(*unnamed, **named)
             except TypeError as fault:
@@ -175,6 +180,7 @@ def call_checked(function: Callable[..., R], options: object, mesh: object, **in
 
 
 def _parameter(field: Field[Any]) -> Parameter:
+    """A field as a parameter of a signature; its annotation is the type that the source has."""
     kind = _declaration(field)[0]
     default = Parameter.empty if field.default is MISSING else field.default
     kind_of_parameter = Parameter.KEYWORD_ONLY if field.kw_only else Parameter.POSITIONAL_OR_KEYWORD

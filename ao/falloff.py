@@ -275,6 +275,7 @@ class Tabulated(Falloff):
 
 
 def _knots(distances: Float64s, values: Float64s) -> tuple[tuple[float, float], ...]:
+    """Distances and values as pairs of Python floats."""
     return tuple(zip(distances.tolist(), values.tolist(), strict=True))
 
 
@@ -310,6 +311,7 @@ def falloffs_of(given: Falloffs) -> Falloff | tuple[Falloff, ...]:
 
 
 def _falloff(given: Any) -> Falloff:
+    """One falloff, also by its name or function. Raises: OptionError."""
     if isinstance(given, Falloff):
         return given
     without_arguments: dict[Any, Callable[[], Falloff]] = {

@@ -32,10 +32,12 @@ def column_bytes(points: int, columns: int) -> int:
 
 
 def corner_bytes(corners: int) -> int:
+    """Bytes that corner samples of so many face corners take."""
     return _CORNER * corners
 
 
 def surface_bytes(vertices: int, faces: int) -> int:
+    """Bytes that the surface method takes at its peak."""
     return _BASE + _SURFACE + _SURFACE_VERTEX * vertices + _SURFACE_FACE * faces
 
 

@@ -33,6 +33,7 @@ class KernelColumns(NamedTuple):
     values: Float64s
 
     def each(self) -> list[KernelMu]:
+        """The falloffs one by one."""
         columns = zip(
             self.taus.tolist(), self.limits.tolist(), self.scales.tolist(), pairwise(self.starts), strict=True
         )
@@ -180,6 +181,7 @@ def function_knots(function: Function, limit: float | None) -> tuple[Float64s, F
 
 
 def _sampled(function: Function, distances: Float64s) -> Float64s:
+    """A function's values at distances. Raises: OptionError: they are no numbers."""
     values = [function(distance) for distance in distances.tolist()]
     return numbers(values, "options", "function", "a number at every distance")
 

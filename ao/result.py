@@ -273,6 +273,7 @@ def assemble(prepared: Prepared, mesh: Mesh, elements: BakedElements, values: Po
 
 @kernel
 def _bent_normals(point, bent, normals, out, start, stop):
+    """Write the unit bent normals of elements, their points' normal where the mean open direction cancels."""
     for i in range(start, stop):
         if point[i] >= 0:
             direction = load(bent, point[i])

@@ -159,6 +159,7 @@ class ConflictError(OptionError):
 
 
 def _in_python(term: Term) -> str:
+    """An option, or a pair of an option and its value, as an argument in Python: `name=value`."""
     return term if isinstance(term, str) else f"{term[0]}={term[1]!r}"
 
 

@@ -217,6 +217,7 @@ class Scene:
         return self._with_shapes(lambda shape: replace(shape, mesh=replace(shape.mesh, opacity=None)))
 
     def _with_shapes(self, change: Callable[[Shape], Shape]) -> Scene:
+        """The scene with every shape changed; objects that shared a shape share the changed one."""
         changed = {id(item.shape): change(item.shape) for item in self.objects}
         return replace(self, objects=tuple(replace(item, shape=changed[id(item.shape)]) for item in self.objects))
 

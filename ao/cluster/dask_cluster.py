@@ -75,6 +75,7 @@ class DaskCluster:
             raise
 
     def _open(self) -> None:
+        """Connect to the scheduler, or start one and its workers on this machine. Raises: OptionError."""
         os.environ["PYTHONSAFEPATH"] = "1"  # or what is started, by `python -c`, imports from the current folder first
         if hasattr(signal, "pthread_sigmask"):  # workers that Dask's thread starts leave Ctrl-C to who started them
             resource_tracker.ensure_running()  # or it unblocks what is blocked here
@@ -123,6 +124,7 @@ class DaskCluster:
         loop = self._client.loop.asyncio_loop
 
         def begin() -> Future[Any]:
+            """Send the call, on the thread of Dask's event loop."""
             return asyncio.run_coroutine_threadsafe(self._call(worker, function, *arguments), loop)
 
         return self._aside.submit(begin).result()

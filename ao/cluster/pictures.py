@@ -83,6 +83,8 @@ def render_on(
     film, samples, channels = picture.film(), picture.style.samples, picture.channels
 
     def render_tiles(tiles: Tiles) -> None:
+        """Render tiles by workers and paste them on the film as they come, of tiles done again the reopened pixels
+        alone."""
         done = 0
         again = tiles.around is not None
         for start, stop, (pixels, edges, counts) in session.rows(tiles, picture, workers):

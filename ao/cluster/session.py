@@ -159,7 +159,10 @@ class ClusterSession:
     def fill_spans(
         self, work: RowTask, scene: Any, spans: Sequence[Span], tables: Outputs, threads: int, finished: Finished
     ) -> None:
-        """As `ao.execute.work.fill_spans`, by workers unless that is little. Errors as `trace`."""
+        """Make the rows `spans` of `work`, as `ao.execute.work.fill_spans` does, by workers unless it has few rays.
+
+        Raises: as `trace`.
+        """
         if sum(stop - start for start, stop in spans) * work.rays < self._pace.few_rays:
             fill_spans(work, scene, spans, tables, threads, finished)
             return
@@ -169,7 +172,11 @@ class ClusterSession:
             finished(start, stop)
 
     def rows(self, work: RowTask, scene: Any, threads: int) -> Iterator[Found]:
-        """All rows of `work` in blocks, by workers or, if they are few, by so many threads here. Errors as `trace`."""
+        """All rows of `work` in blocks: start, stop, tables. By workers, or if it has few rays by `threads` of this
+        process.
+
+        Raises: as `trace`.
+        """
         if len(work) * work.rays >= self._pace.few_rays:
             yield from self.trace(work, scene, [(0, len(work))])
         else:
@@ -319,6 +326,7 @@ class ClusterSession:
         return [self._calls.pop(call)[1] for call in calls]
 
     def _remove(self) -> None:
+        """Delete the file of the scene that workers read."""
         if self._file:
             with suppress(OSError):  # the shared folder has gone
                 Path(self._file.path).unlink()
@@ -326,4 +334,5 @@ class ClusterSession:
 
 
 def _plural(count: int, noun: str) -> str:
+    """A count and its noun, "1 block" or "2 blocks"."""
     return f"{count:,} {noun}{'' if count == 1 else 's'}"

@@ -118,6 +118,7 @@ class Checkpoint:
         wanted = self.choose(work, ~self.restored(work, tables))
 
         def finished(start: int, stop: int) -> None:
+            """Record the rows of a block that was traced."""
             if not self._given_up:
                 self.put((name, start, stop), b"".join(table[start:stop].tobytes() for table in tables))
             advance(stop - start)
@@ -223,4 +224,5 @@ def restore(block: Block, content: bytes, work: KeptRowTask, tables: Outputs, re
 
 
 def _refused(path: Path, reason: OSError) -> OutputError:
+    """An error of the system as one of the journal's file."""
     return reason if isinstance(reason, OutputError) else OutputError(f"{path}: {reason.strerror or reason}")

@@ -99,6 +99,7 @@ class Journal:
                 os.close(folder)
 
     def content(self, block: Block) -> bytes:
+        """The stored bytes of a block."""
         begin, size = self.blocks[block]
         self._file.seek(begin)
         return self._file.read(size)
@@ -118,15 +119,19 @@ class Journal:
         self._end += sum(map(len, records))
 
     def close(self) -> None:
+        """Close the file, which releases its lock."""
         self._file.close()
 
     def remove(self) -> None:
+        """Delete the journal, and close it."""
         with suppress(OSError):
             self.path.unlink()
         self.close()
 
 
 def _hold(path: Path, create: bool) -> FileIO:
+    """Open the file and lock it; again if it was deleted meanwhile. Raises: OutputError: no journal, or locked by
+    another."""
     while True:
         handle = os.open(path, _OPEN | (os.O_CREAT if create else 0), 0o666)
         file = FileIO(handle, "r+")
@@ -151,4 +156,5 @@ def _hold(path: Path, create: bool) -> FileIO:
 
 
 def _another(path: Path, got: str) -> OutputError:
+    """The error for a file that is not the journal it should be. Args: got: what it is."""
     return OutputError(f"{path}: content: expected the journal of a bake or no such file, got {got}")

@@ -69,12 +69,14 @@ class ShardCheckpoint(Checkpoint):
         self._description = {**description, "part": number, "of": of}
 
     def begin(self, placement: Placement, receivers: Receivers, *settings: object) -> None:
+        """As `Checkpoint.begin`; the part's description is recorded first."""
         self._description |= {"mesh digest": digest_of(placement, receivers), "machine": bit_environment()}
         super().begin(placement, receivers, *settings)
         if not self._journal or DESCRIPTION not in self._journal.blocks:
             self._pending.append(record(DESCRIPTION, json.dumps(self._description).encode()))
 
     def choose(self, work: RowTask, missing: Bools) -> Bools:
+        """The missing rows of this part alone; their rays are counted."""
         is_own = assign_shards(len(work), self.of) == self.number
         self.rays += int(np.count_nonzero(is_own) * work.rays)
         return np.asarray(missing & is_own)
@@ -94,6 +96,7 @@ class ShardCheckpoint(Checkpoint):
             bake()
 
     def _give_up(self, reason: OutputError) -> None:
+        """Raises: OutputError: without its journal a part is of no use."""
         raise OutputError(f"{reason}; the same command continues from what is there")
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
@@ -156,6 +159,7 @@ def missing_of(of: int, numbers: Collection[int]) -> str:
 
 
 def _read(path: Path) -> PartFile:
+    """A part's file, checked to be finished. Raises: InputError."""
     try:
         journal = Journal(path, create=False)
     except OutputError as reason:
@@ -173,6 +177,7 @@ def _read(path: Path) -> PartFile:
 
 
 def _parse_description(path: Path, content: bytes) -> dict[str, Any]:
+    """The description that a part's journal holds. Raises: InputError: it is malformed."""
     try:
         description: dict[str, Any] = parse_json(content)
         number = description["part"]
@@ -197,6 +202,8 @@ class Merge(Checkpoint):
         self.parts = parts
 
     def begin(self, placement: Placement, receivers: Receivers, *settings: object) -> None:
+        """Check that the parts are of this very bake, on a machine like this. Raises: InputError: the first
+        difference."""
         if identity(placement, receivers, settings) == self.parts[0].identity:
             return
         here: Mapping[str, str] = bit_environment() | {"mesh": digest_of(placement, receivers)}
@@ -206,6 +213,7 @@ class Merge(Checkpoint):
         raise InputError(self.parts[0].path.parent, name, f"{expected}, as in the parts", f"{got} here")
 
     def restored(self, work: KeptRowTask, tables: Outputs) -> Bools:
+        """Copy the rows of all parts into `tables`. Raises: InputError: some are missing."""
         taken, name = np.zeros(len(work), np.bool_), work.name
         for part in self.parts:
             with part.path.open("rb") as file:

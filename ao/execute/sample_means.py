@@ -69,6 +69,7 @@ class SampleMeans(NamedTuple):
         out = to[0].reshape(len(to[0]), -1, COLUMNS)
 
         def average(start: int, stop: int) -> None:
+            """Write the means of the groups from `start` to `stop`, by every falloff."""
             block = slice(samples * start, samples * stop)
             arrays = points[block].arrays
             normals = self.samples.geometric_normals.take(source[block], axis=0)

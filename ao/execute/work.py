@@ -69,6 +69,7 @@ def fill_spans(
     made: deque[Span] = deque()
 
     def make(number: int, _: int) -> None:
+        """Make a block of rows, and note that it is done."""
         write(*blocks[number])
         made.append(blocks[number])
 

@@ -82,7 +82,10 @@ def least_change(differences: csr_array, values: Float64s, stay: Float64s, pull:
 
 
 def _meet_along_lines(differences: csr_array) -> bool:
-    """Whether rows of D share columns only with rows near them, in the order of Cuthill & McKee (1969)."""
+    """Whether rows of D share columns with few other rows, all near them in the order of Cuthill & McKee (1969).
+
+    The factors of D Dᵀ are then sparse, as for seams, whose samples lie along lines.
+    """
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
     if np.sum(np.bincount(differences.indices) ** 2) > _MEETING * differences.nnz:

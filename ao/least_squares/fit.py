@@ -91,6 +91,7 @@ def fit_values(problem: Problem, trial: Problem, cached: Cached) -> Fit:
     """Fit 1 − w, so that where nothing is closed w is exactly 1; `cached` is called with what is long to compute."""
 
     def fit_halves() -> Float64s:
+        """The regularisation α, then the fits (n,) to both halves of the samples."""
         alpha, fits = cross_validated(trial, _constant_fit(trial))
         if trial is not problem:
             fits = [problem.fit(half, alpha, _constant_fit(problem)) for half in problem.halves]
@@ -123,6 +124,8 @@ def fit_values(problem: Problem, trial: Problem, cached: Cached) -> Fit:
 
 
 def _build_problem(patch: Patch, moments: Float64s, laplacian: Float64s, threads: int) -> Problem:
+    """The least squares problem of a patch, from the moments of its faces. Args: laplacian: (m,), weights of
+    smoothing."""
     # Unknowns are numbered by the first corner that has each.
     corners = patch.face_points.ravel()
     first_corner = np.full(patch.unknowns, len(corners))
@@ -168,6 +171,7 @@ def cross_validated(problem: Problem, start: Float64s) -> tuple[float, list[Floa
     """
 
     def trace(values: Float64s) -> float:
+        """The trace of a matrix with these values."""
         return float(problem.stencil.matrix(values).diagonal().sum())
 
     even, odd = problem.halves
@@ -176,6 +180,7 @@ def cross_validated(problem: Problem, start: Float64s) -> tuple[float, list[Floa
     unit = data / rough if rough > 0 else 0.0
 
     def attempt(power: int, starts: list[Float64s]) -> tuple[float, int, list[Float64s]]:
+        """How badly fits with α = unit · 4^power predict the other half, the power, and the fits, begun at `starts`."""
         of_even = problem.fit(even, unit * _STEP**power, starts[0])
         of_odd = problem.fit(odd, unit * _STEP**power, starts[1])
         return problem.residual(odd, of_even) + problem.residual(even, of_odd), power, [of_even, of_odd]

@@ -128,12 +128,14 @@ class Moments:
 
     @property
     def name(self) -> bytes:
+        """As `KeptRowTask.name`: of the samples' count, key and places."""
         digest = hashlib.blake2b(repr((self.count, int(self.key))).encode(), digest_size=16)
         digest.update(np.ascontiguousarray(self.points).data)
         return digest.digest()
 
     @property
     def rays(self) -> float:
+        """Rays of a face on average, as `RowTask.rays`."""
         count = int(self.samples.starts[-1] - self.samples.starts[0])
         return self.rays_of_sample * count / max(len(self), 1)
 
@@ -141,6 +143,7 @@ class Moments:
         return np.zeros((len(self), MOMENTS)), np.zeros((len(self), 3), np.int64)
 
     def could_make(self, rows: Outputs) -> bool:
+        """Whether moments and counts are in the ranges of this many samples."""
         moments, counts = rows  # weights of all samples of a face sum up to less than 4
         most = self.rays_of_sample * self.count
         return bool((np.abs(moments) <= 4).all() and ((counts >= 0) & (counts <= most)).all())
@@ -151,6 +154,7 @@ class Moments:
         moments, counts = tables
 
         def write(start: int, stop: int) -> None:
+            """Trace the samples of some faces and write their moments and counts."""
             faces = self[start:stop]
             packet = RayPacket.of(embree, scene.opacity)
             outputs = moments[start:stop], counts[start:stop]
@@ -180,6 +184,7 @@ def gather_moments(prepared: Prepared, patch: Patch, total: int) -> tuple[Float6
     done = 0
 
     def advance(finished: int) -> None:
+        """Tell the caller's progress in rays, faces having about equally many."""
         nonlocal done
         done += finished
         if progress:

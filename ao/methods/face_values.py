@@ -49,11 +49,13 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Checkpoint | None) 
     flat = SmoothSurface(np.zeros_like(vertices), SmoothSurface.of(vertices, receivers).surface)
 
     def samples_of(numbers: Int64s, key: np.uint32) -> SurfaceSamples:
+        """Jittered samples on the faces `numbers`, more on larger ones."""
         on_faces = _spread(faces[numbers], areas[numbers] / areas.sum(), key)
         all_count = np.zeros(len(numbers), np.bool_)
         return SurfaceSamples.place(on_faces, all_count, flat, receivers, threads)
 
     def outside(samples: SurfaceSamples) -> tuple[SurfaceSamples, Bools]:
+        """The samples outside of solids, and which faces (k,) have none: all of their samples are inside."""
         inside = inside_solids(
             samples.points,
             lambda: receivers.faces[samples.face, 0],
@@ -68,6 +70,7 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Checkpoint | None) 
         return samples.without(inside, threads) if inside.any() else samples, hidden
 
     def elsewhere(numbers: Int64s, key: np.uint32) -> SurfaceSamples:
+        """Other samples on the faces `numbers`, for a second estimate."""
         ascending = np.sort(numbers)
         return outside(samples_of(ascending, key))[0].spread(ascending, len(faces))
 

@@ -97,6 +97,7 @@ def bake_points(
 
 
 def _rows(name: str, given: npt.ArrayLike) -> Float64s:
+    """Points or vectors as float64 (k, 3). Raises: OptionError: another shape."""
     array: Float64s = np.asarray(given, np.float64)
     if array.ndim != 2 or array.shape[1] != 3:
         raise OptionError(name, "shape (…, 3)", array.shape)
@@ -124,6 +125,7 @@ def discs(points: Float64s, axes: Float64s, source: str = "points") -> tuple[Mes
 
 
 def _placed(prepared: Prepared, points: Float64s) -> Float64s:
+    """Points (k, 3) in render space."""
     placed: Float64s = (points - prepared.placement.centre) * prepared.placement.scale
     return placed
 

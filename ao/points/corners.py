@@ -43,6 +43,7 @@ class CornerSamples:
 
     @classmethod
     def none(cls) -> CornerSamples:
+        """No samples, of a mesh without folded vertices."""
         nothing = np.zeros((0, 3), np.float32)
         return cls(np.zeros(0, np.int64), np.zeros(1, np.int64), Points(nothing, nothing, np.zeros(0, np.uint32)),
                    np.zeros(0))  # fmt: skip

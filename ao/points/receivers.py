@@ -200,6 +200,7 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
 
 @kernel
 def _take(usable, origins, axes, own_origins, own_axes, index, start, stop):
+    """Write the origins and axes of usable points one after another, and where each point's are into `index`."""
     for k in range(start, stop):
         index[usable[k]] = k
         for axis in range(3):

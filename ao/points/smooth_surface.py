@@ -73,6 +73,7 @@ class SmoothSurface(NamedTuple):
 
 @kernel
 def _interpolate(face, barycentric, vertices, faces, positions, start, stop):
+    """Write the positions of points on faces, by their barycentric coordinates."""
     for i in range(start, stop):
         a, b, c = load_triangle(vertices, faces, face[i])
         u, v, w = load(barycentric, i)
@@ -107,6 +108,7 @@ def point_on(surface, axes, f, barycentric):
 
 @kernel
 def _locate(face, barycentric, surface, axes, out, start, stop):
+    """Write `point_on` for points: positions, normals and axes of hemispheres."""
     surface = unrefcounted_view(surface)
     positions, normals, hemispheres = unrefcounted_view(out)
     for i in range(start, stop):

@@ -55,6 +55,7 @@ class SurfaceSamples:
         magnitude = faces.magnitudes(face_points, len(faces.faces))
 
         def place_some(start: int, stop: int) -> None:
+            """Place the samples from `start` to `stop`."""
             part = slice(start, stop)
             under = on_faces.face[part].astype(np.int64)
             weights = on_faces.barycentric[part]
@@ -77,6 +78,7 @@ class SurfaceSamples:
 
     @property
     def counts(self) -> Int64s:
+        """Number of samples (k,) of each group."""
         return np.diff(self.starts)
 
     @cached_property

@@ -149,6 +149,7 @@ class _Scene(NamedTuple):
 
 
 def _scene(mesh: Mesh, options: TextureArguments) -> _Scene:
+    """The meshes of a bake, checked. Raises: MeshError, OptionError, ConflictError."""
     occluders = occluding(options.occluders, options.high)
     uv = corner_uv(options.uv, mesh)
     solid = mesh if options.high is None else mesh_of(options.high, "high")
@@ -190,6 +191,7 @@ def _estimates(tracer: Tracer, surface: UVSurface, texels: Texels, prepared: Pre
 
     @cache
     def cells() -> Neighbours:
+        """Neighbours of the texels that were baked, one of each block."""
         neighbours = texel_neighbours(surface, texels, prepared.placement.diagonal, prepared.threads)
         grouped = Cells.of(texels.cell)
         return grouped.joined(neighbours, texels.points.normals[grouped.centres])
@@ -197,6 +199,7 @@ def _estimates(tracer: Tracer, surface: UVSurface, texels: Texels, prepared: Pre
     points = texels.samples.first_points
 
     def by_falloff() -> Estimate:
+        """Estimates at all texels, by one falloff."""
         baked = estimate(tracer, points, CornerSamples.none(), lambda _: cells(), prepared.options)
         return _predicted(baked, texels, cells) if len(texels) > len(points) else baked
 

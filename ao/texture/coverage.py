@@ -62,6 +62,12 @@ class Page(NamedTuple):
         return self._cover(texels, key, overlap == "mean", threads)
 
     def _cover(self, texels: Int64s | None, key: np.uint32, layered: bool, threads: int) -> Coverage:
+        """The coverage of some texels, or of all for None, band by band.
+
+        Args:
+            key: of random places of the points in texels; all texels have them at regular places.
+            layered: whether all triangles over one another share a texel, as with overlap "mean".
+        """
         size = self.band_rows * self.layout.width
         bands: dict[int, Coverage] = {}
 
@@ -89,6 +95,8 @@ class _Band(NamedTuple):
     layered: bool  # whether all faces share a texel
 
     def cover(self) -> Coverage:
+        """The coverage of the band: texels that have a triangle at one of their points or samples in parts of
+        triangles."""
         layout, count = self.page.layout, len(self.texels)
         marks = Marks.of(count)
         how = np.empty(count, np.int64)

@@ -93,6 +93,7 @@ class Coverage:
 
     @property
     def points(self) -> PagePoints:
+        """The texels' points as kernels take them."""
         layout = self.layout
         return PagePoints(self.texels, self.triangle, self.places.points, layout.corners, layout.face, layout.width)
 

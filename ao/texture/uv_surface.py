@@ -51,6 +51,7 @@ class UVSurface:
 
     @cached_property
     def smooth(self) -> SmoothSurface:
+        """The faces with interpolated normals."""
         return SmoothSurface.of(self.vertices, self.receivers)
 
     @property
@@ -60,6 +61,7 @@ class UVSurface:
 
     @cached_property
     def seams(self) -> Seams:
+        """The seams of the layout."""
         from .seams import Seams  # whose sparse matrices load for a fifth of a second
 
         size = self.layout.width, self.layout.height

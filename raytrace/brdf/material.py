@@ -118,6 +118,7 @@ class TwoTerm(Material):
 
     @model_validator(mode="after")
     def _absorbs(self) -> TwoTerm:
+        """Check that k_d + k_s ≤ 1 in every channel. Raises: OptionError."""
         for channel, (diffuse, specular) in enumerate(zip(self.k_d, self.k_s, strict=True)):
             if diffuse + specular > 1 + 1e-9:
                 got = f"{diffuse} + {specular} = {diffuse + specular:g}"

@@ -31,6 +31,7 @@ _TRANSPARENT = 1e-6  # the extinction up to which a medium is taken for a dielec
 
 @inline
 def fifth(x):
+    """x⁵, as of Schlick's Fresnel term."""
     square = x * x
     return square * square * x
 
@@ -145,6 +146,7 @@ class Microfacet(Diffuse):
 
     @model_validator(mode="after")
     def _transmits(self) -> Microfacet:
+        """Check that η ≥ 1 wherever the material is a dielectric. Raises: OptionError."""
         for channel, (index, extinction) in enumerate(zip(self.eta, self.k, strict=True)):
             if index < 1 and extinction <= _TRANSPARENT:
                 raise OptionError(f"eta[{channel}]", "a number in [1, 1e6] where k is 0", index, type(self).__name__)

@@ -48,6 +48,7 @@ def closest_points(
     weights = np.zeros((len(points), 3), np.float32)
 
     def search(start: int, stop: int) -> None:
+        """Search for the points from `start` to `stop`, by a stack of its own."""
         out = face[start:stop], weights[start:stop]
         _search(tree, new_stack(), surface, points[start:stop], radius, (match[0][start:stop], match[1]), *out)
 
@@ -134,7 +135,7 @@ def new_stack() -> Int64s:
 
 @inline
 def begin(tree, stack, point, radius):
-    """The point, and a radius to search with for all that is within `radius` of it in spite of single precision."""
+    """Begin a walk: the point, and a radius that finds all within `radius` of it in spite of single precision."""
     stack[0, _NODE] = tree.starts[-1] - 1
     stack[0, _LEVEL] = len(tree.starts) - 1
     stack[_ENTRIES, 0] = 1
@@ -226,4 +227,5 @@ def _beyond(edge, n, end, radius, vague):
 
 @inline
 def _sum(v):
+    """The sum of the absolute coordinates, |x| + |y| + |z|."""
     return abs(v[0]) + abs(v[1]) + abs(v[2])

@@ -39,6 +39,7 @@ def median_order(vertices: Float32s, faces: Int64s) -> Int32s:
     ordered = [Event() for _ in parts]
 
     def divide(number: int, _: int) -> None:
+        """Sort part `number` about its middle, as soon as the block that it lies in is sorted."""
         begin, end, whole = parts[number]
         try:
             if whole >= 0:  # a block that has begun before this one

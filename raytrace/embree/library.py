@@ -48,6 +48,7 @@ _QUERIES = ("rtcIntersect8", "rtcOccluded8", "rtcIntersect16", "rtcOccluded16", 
 
 
 def _open_library() -> ctypes.CDLL:
+    """Load embreex's Embree with the types of its C functions, and hand queries to kernels. Raises: EmbreeError."""
     if sys.platform == "win32":
         import_module("embreex.rtcore_scene")  # which loads it
         library = ctypes.CDLL("embree4.dll")
@@ -90,10 +91,12 @@ def version() -> str:
 
 
 def _last_message(device: int | None) -> str:
+    """Embree's message about the last error of a device; of None, about the creation of a device."""
     text = library.rtcGetDeviceLastErrorMessage(device)
     return text.decode(errors="replace") if text else "unknown error"
 
 
 def check(device: int) -> None:
+    """Raises: EmbreeError: a call to Embree on this device has failed."""
     if library.rtcGetDeviceError(device):
         raise EmbreeError(f"Embree: {_last_message(device)}")

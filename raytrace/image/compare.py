@@ -86,6 +86,7 @@ def compare(
 
 
 def _size(path: str | os.PathLike[str]) -> tuple[int, int]:
+    """Width and height of an image file, by its header."""
     spec = open_image(path).spec()
     return spec.width, spec.height
 
@@ -104,6 +105,7 @@ def _colour(path: str | os.PathLike[str]) -> Float32s:
 
 
 def _buffer(pixels: Float32s) -> Any:
+    """Linear RGB (h, w, 3) as OpenImageIO takes it."""
     import OpenImageIO as oiio
 
     buffer = oiio.ImageBuf(pixels)

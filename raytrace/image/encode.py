@@ -67,6 +67,7 @@ def write_layers(
     spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
 
     def rows(begin: int, end: int) -> Float32s:
+        """Rows of all layers side by side, clipped to what their channels hold."""
         largest = {name: _LARGEST_HALF if half and name not in _ALWAYS_FLOAT else np.inf for name in layers}
         return np.concatenate([layers[name][begin:end].clip(-most, most) for name, most in largest.items()], axis=2)
 
@@ -102,6 +103,7 @@ def write_picture(
         spec.attribute("jpeg:subsampling", "4:4:4")
 
     def rows(begin: int, end: int) -> npt.NDArray[Any]:
+        """Rows of the picture as codes or encoded floats, alpha straight where the format has it so."""
         block = pixels[begin:end]
         alpha = block[..., 3:]
         colour = block
@@ -148,7 +150,7 @@ def write_data(
 
 
 def written(name: str, write: Callable[..., None], *given: Any) -> bytes:
-    """The file of this name that `write` makes of what is `given`."""
+    """The bytes of the image file that `write(path, *arguments)` writes. Args: name: whose ending says the format."""
     from tempfile import TemporaryDirectory
 
     with TemporaryDirectory() as folder:
@@ -168,6 +170,13 @@ def _write(
     metadata: Mapping[str, str],
     pixel_rows: Callable[[int, int], npt.NDArray[Any]],
 ) -> None:
+    """Write an image file, whole or not at all, a few rows at a time.
+
+    Args:
+        spec: OpenImageIO's, of the file.
+        metadata: as far as the format holds it.
+        pixel_rows: makes the rows from a first one to the one after the last.
+    """
     import OpenImageIO as oiio
 
     # The metadata, as each format can hold them.

@@ -26,6 +26,7 @@ def fill_holes(pixels: Float32s, known: Bools, threads: int | None = None) -> Fl
     levels = [(pixels.copy(), known.copy())]
 
     def each_row(work: Callable[..., None], *arrays: Any) -> None:
+        """Run a kernel over rows of the level that was made last, on threads."""
         height, columns, channels = levels[-1][0].shape
         block = max(_BLOCK // (columns * channels), 1)
         run_blocks(height, block, bind(work, *arrays), thread_count(threads))

@@ -190,6 +190,7 @@ def _layers(names: list[str]) -> dict[str, list[int]]:
 
 
 def _metadata(spec: Any) -> dict[str, str]:
+    """What `Frame.save` stored: attributes of our name space, or JSON in the image's description."""
     by_name = {attribute.name: attribute.value for attribute in spec.extra_attribs}
     metadata = {name.removeprefix(NAMESPACE): str(text) for name, text in by_name.items() if name.startswith(NAMESPACE)}
     if metadata:

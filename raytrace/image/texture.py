@@ -111,6 +111,7 @@ class LazyTextures:
                     self._locks[image].release()
 
     def _read(self, image: Texture) -> None:
+        """Read an image into every place that it has in `packed`. Raises: InputError: it has changed since."""
         numbers = [number for number, read in enumerate(self._images) if read == image]
         texels, sizes = self.packed.texels, self._sizes[image]
         if self.packed.depth[numbers[0]]:

@@ -34,7 +34,8 @@ class Entry(NamedTuple):
 
     @classmethod
     def of(cls, line: str) -> "Entry":
-        """Raises: LookupError, AttributeError, ImportError, TypeError, ValueError: it stands for nothing."""
+        """What a line of the list stands for. Raises: LookupError, AttributeError, ImportError, TypeError,
+        ValueError: nothing."""
         kernel, path, arguments = example(line)
         if not isinstance(kernel, Kernel):
             raise TypeError(f"{line}: expected a kernel")
@@ -69,7 +70,8 @@ def _entry(line: str) -> Entry | None:
 
 
 class Objects(NamedTuple):
-    """What libraries are linked of."""
+    """The object files that libraries are linked of, the names of C functions that they want, and how many were
+    stale."""
 
     files: dict[str, list[Path]]
     """The object files of each level."""
@@ -101,6 +103,7 @@ def objects(folder: Path, levels: Sequence[str], progress: Progress) -> Objects:
 
 
 def _is_built(entry: Entry, folder: Path, levels: Sequence[str]) -> bool:
+    """Whether a kernel has its object file for every level."""
     return all(entry.file(folder, level).exists() for level in levels)
 
 

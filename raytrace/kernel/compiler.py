@@ -49,6 +49,7 @@ class _Dispatcher(CPUDispatcher):
         self._compiler._customize_flags = _lowered_only
 
     def add_overload(self, compiled: Any) -> None:
+        """Take a compiled signature, so that callers find it; Numba would make machine code of it here."""
         key = object()
         _context.insert_user_function(key, compiled.fndesc, [compiled.library])
         self.overloads[tuple(compiled.signature.args)] = compiled._replace(entry_point=key)
@@ -58,10 +59,12 @@ class _Library(JITCodeLibrary):
     """The code of one function: those that it calls are linked to a whole kernel and optimised there, once."""
 
     def add_linking_library(self, library: Any) -> None:
+        """Note a library that this one calls; Numba would link a copy of it here."""
         self._linking_libraries.append(library)
 
 
 def _lowered_only(flags: Any) -> Any:
+    """Numba's flags for code that is lowered to LLVM's, and not compiled."""
     flags.no_compile = True
     return flags
 
@@ -180,6 +183,7 @@ def shared_object_file(names: Iterable[str], level: str) -> bytes:
 
 
 def _text(module: ir.Module, name: str, text: str) -> None:
+    """Add a global constant to an LLVM module: a text that ends with a zero byte."""
     content = bytearray(text.encode() + b"\0")
     constant = ir.GlobalVariable(module, ir.ArrayType(_BYTE, len(content)), name)
     constant.initializer = ir.Constant(constant.value_type, content)
@@ -187,7 +191,7 @@ def _text(module: ir.Module, name: str, text: str) -> None:
 
 
 def _emitted(library: Any, module: Any, symbol: str, levels: Iterable[str]) -> list[bytes]:
-    """The entry and the text of `symbol` in `module`, with all that they call in `library`, for each level."""
+    """The bitcode of `symbol` in `module`, with all that it calls in `library`, as an object file for each level."""
     library.add_ir_module(module)
     library.add_ir_module(_memory())
     whole, libraries = library._final_module, [library]
@@ -204,6 +208,7 @@ def _emitted(library: Any, module: Any, symbol: str, levels: Iterable[str]) -> l
 
 
 def _optimized(library: Any, bitcode: bytes, symbol: str, level: str) -> bytes:
+    """The object file of a kernel for a level. Raises: TypeError: it calls functions of Numba's runtime."""
     machine = _context.codegen()._tm = machine_of(level)
     library._final_module = llvm.parse_bitcode(bitcode)
     library._optimize_final_module()

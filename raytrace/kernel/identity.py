@@ -59,6 +59,7 @@ def kernel_identity(function: Any) -> str:
 
 
 def _digest(texts: Iterable[str]) -> str:
+    """Hash of texts in order: 16 hex digits."""
     digest = hashlib.sha256()
     for text in texts:
         digest.update(text.encode() + b"\0")
@@ -117,6 +118,7 @@ def _referred(function: FunctionType) -> Iterator[Any]:
 
 
 def _nested(code: CodeType) -> Iterator[CodeType]:
+    """A code object and those of functions defined in it, at any depth."""
     yield code
     for constant in code.co_consts:
         if isinstance(constant, CodeType):

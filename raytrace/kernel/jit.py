@@ -86,6 +86,8 @@ class Kernel(Called):
         return self._run(arguments, *_flatten(arguments, [], []))
 
     def _run(self, arguments: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> Any:
+        """Call the machine code for these types. Args: kinds: the types, of `_flatten`. words: the values, a word
+        each."""
         key = tuple(kinds)
         code = self._for_types.get(key) or self._load(key, arguments)
         results = ctypes.create_string_buffer(code.results.size) if code.results.size else None
@@ -108,6 +110,8 @@ class Kernel(Called):
         return Signature.of(self._name, tuple(_flatten(arguments, [], [])[0]), path)
 
     def _load(self, key: tuple[Any, ...], arguments: tuple[Any, ...], path: tuple[int, ...] = ()) -> _Loaded:
+        """The machine code for the types `key`, from the library or compiled; `path` as of `callback`. Raises:
+        KernelError."""
         signature = Signature.of(self._name, key, path)
         with _lock:
             if signature.symbol not in self._by_symbol:
@@ -165,6 +169,7 @@ class Late(Called):
 
     @cached_property
     def make_type(self) -> Any:
+        """Numba's type of the helper."""
         return self.build().make_type
 
 
@@ -179,6 +184,7 @@ def external(name: str) -> Any:
 
     @intrinsic(lambda *_: types.void(*(types.uintp,) * 4))
     def call(context, builder, signature, first, second, third, fourth):
+        """LLVM's code of a call of the function that a global pointer of that name points to."""
         kind = ir.FunctionType(ir.VoidType(), (ir.IntType(64),) * 4)
         module = builder.module
         pointer = module.globals.get(POINTER + name) or ir.GlobalVariable(module, kind.as_pointer(), POINTER + name)

@@ -60,6 +60,7 @@ def file_of(level: str) -> Path:
 
 @cache
 def _library() -> ctypes.CDLL | None:
+    """The library for this processor, None if it has not been built."""
     file = file_of(level())
     return ctypes.CDLL(str(file)) if file.is_file() else None
 
@@ -85,7 +86,7 @@ def compare_sources() -> None:
 
 
 def about(address: int) -> tuple[str, str]:
-    """The formats of a kernel's results, and its identity, of its text."""
+    """The formats of a kernel's results, and its identity: the text that stands at an address in the library."""
     formats, _, identity = ctypes.string_at(address).decode().partition("\n")
     return formats, identity
 
@@ -97,6 +98,7 @@ def identity_of(function: object) -> str:
 
 @cache
 def _compiler_identity() -> str:
+    """Hash of the sources of ours that decide what code is made of a kernel: 16 hex digits."""
     sources = b"".join(Path(__file__).with_name(name).read_bytes() for name in _COMPILER)
     return hashlib.sha256(sources).hexdigest()[:16]
 

@@ -77,6 +77,7 @@ def _describe(kind: Any, kinds: Iterator[Any], texts: list[str], members: list[s
 
 
 def _name(kind: np.dtype[Any]) -> str:
+    """The text of a dtype in a signature."""
     return kind.str if kind.names is None else repr(kind).replace(" ", "")
 
 
@@ -91,6 +92,7 @@ def example(line: str) -> tuple[Any, tuple[int, ...], tuple[Any, ...]]:
 
 
 def _named(name: str) -> Any:
+    """The object with a dotted name, its module imported."""
     module, _, member = name.rpartition(".")
     return getattr(import_module(module), member)
 
@@ -115,6 +117,8 @@ def _values(texts: Iterator[str]) -> list[Any]:
 
 
 def _array(kind: str, layout: str) -> Any:
+    """An example array of a dtype. Args: layout: number of axes and order, "2C" for instance; "A" is neither C nor
+    F."""
     axes = int(layout[:-1])
     array = np.zeros((_ENTRIES,) * axes, kind, order="F" if layout[-1] == "F" else "C")
     return array[(slice(None, None, 2),) * axes] if layout[-1] == "A" else array

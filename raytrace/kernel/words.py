@@ -49,6 +49,7 @@ def _array(builder: Any, word: Any, kind: Any) -> Any:
     """The array whose Python object is at an address; it is kept by who calls."""
 
     def words(address: Any, places: Iterable[int]) -> list[Any]:
+        """Words of the Python object at these places."""
         pointer = builder.inttoptr(address, _WORD.as_pointer())
         return [builder.load(cgutils.gep_inbounds(builder, pointer, element)) for element in places]
 

@@ -60,6 +60,7 @@ class LightSource(BaseLight):
         return self.kind, row
 
     def _write(self, row: Float64s) -> None:
+        """Fill in the columns of `row`, zeros (WIDTH,), that the light has."""
         row[layout.INTENSITY : layout.INTENSITY + 3] = self.intensity
         row[layout.DIFFUSE :] = 1.0
 
@@ -76,6 +77,7 @@ class _Directed(LightSource):
     specular: Radiance | None = None
 
     def _write(self, row: Float64s) -> None:
+        """Intensity is the brightest of both terms' colours, and DIFFUSE their ratios to it."""
         colours = [self.intensity if colour is None else colour for colour in (self.diffuse, self.specular)]
         brightest = np.max(colours, axis=0)
         row[layout.INTENSITY : layout.INTENSITY + 3] = brightest
@@ -103,6 +105,7 @@ class _Local(_Directed):
 
     @model_validator(mode="after")
     def _attenuates(self) -> _Local:
+        """Check that some coefficient of the attenuation is above 0. Raises: OptionError."""
         if not any(self.attenuation):
             raise OptionError("attenuation", "a0, a1, a2 not all zero", list(self.attenuation), type(self).__name__)
         return self
@@ -157,6 +160,7 @@ class AmbientLight(LightSource):
 
 
 def _path(value: Any) -> Any:
+    """Check that a value can be the path of an image."""
     if not isinstance(value, str | Path) or not str(value):
         raise ValueError("the path of an image")
     return Path(value)

@@ -52,7 +52,10 @@ def filter_hits(call, opacity, first_face, materials):
 
 @inline
 def is_new(packet, lane, distance):
-    """Whether no layer is noted within STEP; then this one is, in place of the oldest where there is no room."""
+    """Note a layer of a ray by its distance, in place of the oldest if all places are taken.
+
+    Returns whether it is new: no layer is noted within STEP of it.
+    """
     count = packet.view(np.int32)[COUNT, lane]
     for row in range(LAYERS, min(LAYERS + count, END)):
         if abs(packet[row, lane] - distance) < STEP:

@@ -22,6 +22,7 @@ def eta_from_reflectance(reflectance: float) -> float:
 
 
 def _metal(f0: tuple[float, float, float], **slopes: Any) -> dict[str, Any]:
+    """Values of a metal of this reflectance at normal incidence; `slopes`: parameters of its facets."""
     eta = [eta_from_reflectance(min(channel, 0.999)) for channel in f0]
     return {"albedo": 0.0, "k_s": 1.0, "eta": eta, "k_a": list(f0), **slopes}
 

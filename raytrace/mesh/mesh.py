@@ -94,6 +94,7 @@ class Mesh:
         return f"<Mesh {self.source!r}: {len(self.vertices):,} vertices, {len(self.faces):,} faces>"
 
     def _check_range(self, name: str, least: float, most: float, expected: str) -> None:
+        """Check that all of an array's values are in [least, most]. Raises: MeshError naming the first bad row."""
         values = getattr(self, name)
         if not (values.min() >= least and values.max() <= most):
             bad = ~((values >= least) & (values <= most)).all(axis=1)
@@ -101,6 +102,7 @@ class Mesh:
             raise MeshError(self.source, f"{name}[{row}]", expected, f"{values[row]} ({bad.sum()} such)")
 
     def _array(self, name: str, values: Any, dtype: type[np.generic]) -> npt.NDArray[Any]:
+        """A read-only copy (…, 3) of an attribute's values. Raises: MeshError: another shape or type, or no rows."""
         try:
             array = np.array(values, order="C")  # kernels are compiled for each layout
             if dtype is np.int64 and array.size and not np.issubdtype(array.dtype, np.integer):
@@ -157,6 +159,7 @@ def corner_mask(faces: Int64s, count: int) -> Bools:
 
 @kernel
 def _mark_corners(faces, mask, start, stop):
+    """Set `mask` (n,) at the corners of the faces from `start` to `stop`."""
     for f in range(start, stop):
         for k in range(3):
             mask[faces[f, k]] = True

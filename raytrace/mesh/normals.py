@@ -78,6 +78,7 @@ def vertex_normals(vertices: Float64s, faces: AnyInts, weighting: Weighting = "a
 
 @kernel
 def _normalize(vectors, out, start, stop):
+    """Write `normalized` rows of `vectors` (n, 3) to `out`."""
     for i in range(start, stop):
         store(out, i, normalized(load(vectors, i)))
 
@@ -114,6 +115,7 @@ def _face_normals(vertices, faces, normals, areas, start, stop):
 
 @kernel
 def _vertex_sums(vertices, faces, normals, areas, weighting, sums, start, stop):
+    """Write `vertex_sums` of the vertices from `start` to `stop`; rounding is judged by the sum of the weights."""
     magnitude = np.zeros(stop - start)
     for f in range(len(faces)):
         for corner in range(3):
@@ -192,4 +194,5 @@ def _join_smooth(corner_points, normals, edges, starts, fan):
 
 @inline
 def _after(edge):
+    """The edge after this one around its face; edges are numbered 3 f + k."""
     return edge - edge % 3 + (edge + 1) % 3

@@ -59,6 +59,7 @@ class RenderSpace:
         placed = np.empty(vertices.shape, np.float32)
 
         def place_some(start: int, stop: int) -> None:
+            """Write the rows from `start` to `stop`."""
             with np.errstate(over="ignore"):
                 placed[start:stop] = to_single((vertices[start:stop] - self.centre) * self.scale)
 
@@ -96,5 +97,6 @@ class Placement(RenderSpace):
 
     @classmethod
     def of(cls, mesh: Mesh) -> Placement:
+        """The placement of a mesh."""
         space = RenderSpace.around(*mesh.bounds, mesh.used[sample(len(mesh.used))])
         return cls(**vars(space), vertices=space.place(mesh.vertices))

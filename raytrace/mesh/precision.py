@@ -86,6 +86,7 @@ def _may_tilt(mesh: Mesh) -> bool:
 
 @kernel
 def _find_tilted(vertices, faces, spacing, is_tilted, start, stop):
+    """Set is_tilted[0] if a face may be tilted by more than `TILT`, its corners being off by half of `spacing`."""
     for f in range(start, stop):
         a, b, c = load_triangle(vertices, faces, f)
         double, longest = _measured(a, b, c)

@@ -112,6 +112,7 @@ def _volumes(vertices: Float32s, faces: Int64s, part: Int64s) -> Float64s:
 
 @kernel
 def _add_volumes(vertices, faces, volume, start, stop):
+    """Write six times the signed volume of the tetrahedron that each face spans with the origin."""
     for f in range(start, stop):
         a, b, c = load_triangle(vertices, faces, f)
         volume[f] = dot(a, cross(b, c))
@@ -119,9 +120,13 @@ def _add_volumes(vertices, faces, volume, start, stop):
 
 @kernel
 def _strike_open(corners, edges, starts, part, closed):
-    """Unset `closed` of parts that have an edge along which more faces run one way than the other.
+    """Unset `closed` of the parts (p,) that have an edge along which more faces run one way than the other.
 
-    Of the `edges`, 3 f + k begins at corners[f, k]; edges[starts[i] : starts[i + 1]] have the lower end i.
+    Args:
+        corners: (m, 3), of faces.
+        edges: numbers 3 f + k, of the edges that begin at corners[f, k], in order of their lower end.
+        starts: edges[starts[i] : starts[i + 1]] have the lower end i.
+        part: (n,), of each vertex.
     """
     balance = np.zeros(len(part), np.int64)
     for i in range(len(part)):

@@ -39,6 +39,7 @@ def connected_components(links: AnyInts, count: int) -> Int64s:
 
 @inline
 def _root(parent, i):
+    """The root of a member in the forest `parent`, whose paths are halved on the way (union–find)."""
     while parent[i] != i:
         parent[i] = parent[parent[i]]
         i = parent[i]
@@ -157,7 +158,7 @@ def _find_first(words, key, table, representative, start, stop):
 
 @inline
 def cosine(normals, a, b):
-    """Of the angle between two of the unit `normals` (n, 3)."""
+    """The cosine of the angle between rows `a` and `b` of the unit `normals` (n, 3)."""
     return normals[a, 0] * normals[b, 0] + normals[a, 2] * normals[b, 2] + normals[a, 1] * normals[b, 1]
 
 

@@ -43,6 +43,7 @@ def outermost_normals(
 
 @kernel
 def _least_cosines(normals, face_points, face_normals, clearance, start, stop):
+    """Lower `clearance` to the least cosine between a point's normal and those of its faces."""
     for f in range(len(face_points)):
         for corner in range(face_points.shape[1]):
             row = face_points[f, corner]
@@ -52,6 +53,8 @@ def _least_cosines(normals, face_points, face_normals, clearance, start, stop):
 
 @kernel
 def _outermost(normals, directions, clearance, sharp, starts, faces):
+    """Move the normals and directions of `sharp` points, and write their clearance. Args: starts, faces: their
+    normals."""
     for k in range(len(sharp)):
         row = sharp[k]
         around = faces[starts[k] : starts[k + 1]]

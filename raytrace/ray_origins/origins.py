@@ -93,6 +93,7 @@ def offsets_and_reaches(
 
 @kernel
 def _offsets_and_reaches(points, directions, magnitude, clearance, lengths, start, stop):
+    """Write `offsets_and_reaches`. Args: lengths: the three arrays (k,) that it returns."""
     offset, touching, reach = lengths
     for i in range(start, stop):
         direction = load(directions, i)
@@ -106,6 +107,7 @@ def _offsets_and_reaches(points, directions, magnitude, clearance, lengths, star
 
 @inline
 def _span(v):
+    """The sum of the absolute coordinates, |x| + |y| + |z|."""
     return abs(v[0]) + abs(v[2]) + abs(v[1])
 
 

@@ -105,6 +105,7 @@ def _measure(surface, start, stop):
 
 @inline
 def _largest(p):
+    """The largest absolute coordinate."""
     return max(abs(p[0]), abs(p[1]), abs(p[2]))
 
 
@@ -190,6 +191,8 @@ def _find(tree: BVH16, surface: Surface, around: _Points, most: float) -> Contac
     parts: list[Contacts] = [_empty(0)] * -(-count // _SEARCHED)
 
     def search(start: int, stop: int) -> None:
+        """Find the contacts of the points from `start` to `stop`, again with enough room if they were more than
+        usual."""
         contacts = _empty(_USUAL * _SEARCHED)
         fill = bind(_search, tree, new_stack(), surface, around, most)
         size = fill(start, stop, contacts)
@@ -203,6 +206,7 @@ def _find(tree: BVH16, surface: Surface, around: _Points, most: float) -> Contac
 
 
 def _empty(count: int) -> Contacts:
+    """Room for so many contacts."""
     return Contacts(np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count))
 
 

@@ -96,6 +96,7 @@ class _PlacedShape(NamedTuple):
 
 
 def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
+    """The geometry of objects with such vertex normals. Raises: as `build_geometry`."""
     space, reach = _render_space(objects)
     placed_shapes, rank = _place_shapes(objects, space, weighting)
     shapes = [placed.shape for placed in placed_shapes]
@@ -207,6 +208,7 @@ def _polygons(shapes: list[_PlacedShape]) -> Polygons:
 
 
 def shape_textures(shapes: Iterable[Shape]) -> tuple[Texture, ...]:
+    """The textures that shapes are drawn with: colours, occlusion and grain, each once."""
     kinds = ((shape.texture, shape.occlusion and shape.occlusion.texture, shape.grain) for shape in shapes)
     return tuple(dict.fromkeys(texture for textures in kinds for texture in textures if texture))
 
@@ -247,6 +249,7 @@ def _render_space(objects: tuple[Object, ...]) -> tuple[RenderSpace, float]:
     """For the bounding boxes of all objects and a sample of their vertices; and the longest way from its centre."""
 
     def place(item: Object, points: Float64s) -> Float64s:
+        """Points of an object in world space."""
         return points @ item.transform[:3, :3].T + item.transform[:3, 3]
 
     shapes = {id(item.shape): item.shape for item in objects}
@@ -262,6 +265,7 @@ def _render_space(objects: tuple[Object, ...]) -> tuple[RenderSpace, float]:
 
 
 def _corners(points: AnyFloats) -> Float64s:
+    """The eight corners (8, 3) of the bounding box of points."""
     ends = zip(points.min(axis=0), points.max(axis=0), strict=True)
     return np.array(np.meshgrid(*ends), np.float64).reshape(3, -1).T
 

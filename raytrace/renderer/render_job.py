@@ -171,6 +171,7 @@ class RenderJob:
         groups = np.concatenate([front + side * vertices for side in range(sides)])
 
         def work(start: int, stop: int) -> None:
+            """Light the groups of vertices from `start` to `stop`."""
             scratch = self.scratch()
             light_vertices(self.scene, self.view, self.style, scratch, origins, groups[start:stop])
             finished.append(scratch.counts)
@@ -179,6 +180,7 @@ class RenderJob:
         self.counts += np.sum(finished, axis=0)
 
     def frame(self, film: Film, seconds: dict[str, float]) -> Frame:
+        """The finished picture: the crop of a film with its layers apart, and the rays that it took."""
         x, y, width, height = self._crop
         crop = film.pixels[y - self._top : y - self._top + height, x - self._left : x - self._left + width]
         parts = np.split(crop, np.cumsum([*LAYERS.values()])[:-1], axis=2)

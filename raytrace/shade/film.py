@@ -37,6 +37,7 @@ AGREE = 2.5 / 256.0  # of the square root of a linear value, about two steps of 
 
 @inline
 def clear(sums, cells):
+    """Begin a tile: ranges of `cells` that hold nothing, `sums` of 0, depth infinite."""
     cells[:, :HIGH] = np.inf
     cells[:, HIGH:] = -np.inf
     sums[:] = 0.0
@@ -168,6 +169,7 @@ def store_edges(edges, cells, retired):
 
 @inline
 def store_retired(edges, retired):
+    """Store which pixels of a tile are retired, a row in the bits of a number each."""
     for y in range(TILE):
         bits = np.int64(0)
         for x in range(TILE):

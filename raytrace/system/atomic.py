@@ -91,6 +91,7 @@ def is_standard_output(path: str | os.PathLike[str]) -> bool:
 
 
 def _to_standard_output(content: bytes | memoryview) -> None:
+    """Write bytes to standard output, behind what was printed before."""
     sys.stdout.flush()
     sys.stdout.buffer.write(content)
     sys.stdout.flush()

@@ -52,10 +52,12 @@ def in_use(proc: Path = Path("/proc"), column: int = _RESIDENT) -> int | None:
 
 
 def size_text(size: int) -> str:
+    """A number of bytes in MiB or GiB."""
     return f"{size / 2**30:.1f} GiB" if size >= 1 << 30 else f"{size / 2**20:.0f} MiB"
 
 
 def _system(proc: Path) -> Iterator[int]:
+    """Bytes that the system has to spare, or else all of its memory; nothing where neither can be read."""
     try:
         fields = dict(line.split(":") for line in (proc / "meminfo").read_text().splitlines())
         yield int(fields["MemAvailable"].split()[0]) << 10
@@ -122,14 +124,17 @@ def check_regular(path: Path, kind: str, fault: type[InputError] = InputError, s
 
 
 def _is_scene(content: bytes) -> object:
+    """Whether a file's first bytes hold the objects of a TOML scene."""
     return re.search(rb"^[ \t]*(\[\[[ \t]*objects[ \t]*\]\]|objects[ \t]*=)", content, re.MULTILINE)
 
 
 def _is_page(content: bytes) -> bool:
+    """Whether a file begins as a page or report that this program wrote."""
     return b'<meta name="generator" content="obscurance' in content[:4096]
 
 
 def _is_report(content: bytes) -> bool:
+    """Whether a file begins as a report in JSON that this program wrote."""
     return content.lstrip()[:1] == b"{" and b'"versions"' in content and b'"obscurance"' in content
 
 
@@ -190,6 +195,7 @@ def check_ending(option: str, path: Name, *endings: str) -> None:
 
 
 def _identity(path: Name) -> object:
+    """Equal for names of one file: device and inode, or the whole path where there is no file."""
     try:
         status = os.stat(path)
         if status.st_ino:
@@ -200,6 +206,7 @@ def _identity(path: Name) -> object:
 
 
 def _check_kind(option: str, path: Name) -> None:
+    """Refuse to replace a file that is not of the kind of its ending. Raises: OptionError."""
     for endings, (name, is_one) in _KINDS.items():
         if Path(path).suffix.lower() not in endings or not os.path.exists(path):
             continue

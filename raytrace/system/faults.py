@@ -76,6 +76,7 @@ def path_of(location: Iterable[str | int]) -> str:
 
 
 def fields_of(kind: Any) -> dict[str, FieldInfo]:
+    """The fields of a pydantic class by name; none of any other type."""
     return getattr(kind, "__pydantic_fields__", {})
 
 

@@ -32,24 +32,28 @@ def triple(value: Any) -> Any:
 
 
 def _direction(value: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Check that a vector is not zero."""
     if value == (0.0, 0.0, 0.0):
         raise ValueError("a vector other than zero")
     return value
 
 
 def _side(value: Any) -> Any:
+    """Check a value of `two_sided`."""
     if not isinstance(value, bool) and value != "viewer":
         raise ValueError('true, false or "viewer"')
     return value
 
 
 def _number(value: Any) -> Any:
+    """Check that a value is a real number, before pydantic makes one of a text."""
     if not isinstance(value, Real):
         raise ValueError("a number")
     return value
 
 
 def _whole(value: Any) -> Any:
+    """A whole number of any type, such as NumPy's, as an int; other values as they are."""
     return int(value) if isinstance(value, Integral) and not isinstance(value, bool) else value
 
 
@@ -95,14 +99,14 @@ P = TypeVar("P", bound="Parameters")
 
 
 class _Written(str):
-    """An annotation as the source has it, without quotes."""
+    """An annotation that `help` shows as the source has it, without quotes."""
 
     def __repr__(self) -> str:
         return str(self)
 
 
 class _Refusing(ABCMeta):
-    """Of classes whose constructors raise `OptionError`, and whose signatures can be read."""
+    """Metaclass of classes whose constructors raise `OptionError`, and whose signatures can be read."""
 
     source_name: str
 

@@ -165,11 +165,13 @@ class _Team:
             self._asked = deque(other for other in self._asked if other is not call)
 
     def _wake(self) -> None:
+        """Wake idle threads for the calls that wait for help, a few at a time; these wake more."""
         with self._lock:
             for _ in range(min(_WAKES, len(self._asked), len(self._idle))):
                 self._idle.pop().release()
 
     def _serve(self) -> None:
+        """What each thread of the team does: help with the next call, or wait for one."""
         waiting = threading.Lock()
         waiting.acquire()
         while True:

@@ -54,4 +54,5 @@ def located(source: object, path: str) -> Iterator[None]:
 
 
 def _one_line(value: object) -> str:
+    """The text of a value, shortened, with its line breaks escaped."""
     return shortened(value, _LONGEST).replace("\n", "\\n").replace("\r", "\\r")

@@ -35,11 +35,13 @@ def _byte(text, i):
 
 @inline
 def _is_blank(c):
+    """Whether a byte is a blank, a tab or an end of line."""
     return c == 32 or 9 <= c <= 13
 
 
 @inline
 def _is_digit(c):
+    """Whether a byte is a digit from 0 to 9."""
     return 48 <= c <= 57
 
 
@@ -108,6 +110,7 @@ def _multiply(a, b):
 
 @inline
 def _is_end(c):
+    """Whether a byte ends a line."""
     return c == 10 or c == 13
 
 
@@ -136,6 +139,7 @@ def _next_word(text, i):
 
 @inline
 def _skip_word(text, i):
+    """Where the word at text[i] ends: at a blank, or at the # of a comment."""
     while _byte(text, i) != 35 and not _is_blank(_byte(text, i)):
         i += 1
     return i
@@ -143,6 +147,7 @@ def _skip_word(text, i):
 
 @inline
 def _skip_line(text, i):
+    """Where the line after that of text[i] begins."""
     while not _is_end(_byte(text, i)):
         i += 1
     return i + 1

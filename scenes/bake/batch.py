@@ -74,9 +74,11 @@ class Batch:
 
     @property
     def manifest(self) -> Path:
+        """The file of the batch's manifest, or that of its part."""
         return self.folder / (part_manifest(*self.part) if self.part else MANIFEST)
 
     def _summary(self, manifest: Manifest) -> str:
+        """The line after a batch: how many meshes are done, and have failed."""
         failed = manifest.count("failed")
         text = f"{manifest.count('done'):,} of {len(manifest.entries):,} meshes baked to {printable(str(self.folder))}"
         return text + (f", {failed:,} failed" if failed else "")
@@ -100,6 +102,8 @@ class Batch:
         return plans, manifest
 
     def _bake_all(self, plans: list[Plan], manifest: Manifest, session: ClusterSession | None) -> None:
+        """Bake what the manifest has waiting: by workers, or small meshes on a thread each and large ones on all
+        threads."""
         options = self.plans[0].options
         waiting = [number for number, entry in enumerate(manifest.entries) if entry.status == "waiting"]
         threads = thread_count(options.threads)
@@ -110,6 +114,7 @@ class Batch:
         with progress(options.quiet, "meshes", form=options.progress, status=status) as (advance,):
 
             def add(more: int) -> None:
+                """Count finished meshes, show the progress and save the manifest."""
                 nonlocal done
                 done += more
                 if advance:
@@ -117,6 +122,7 @@ class Batch:
                 manifest.save()
 
             def bake_here(number: int, threads: int) -> None:
+                """Bake one input, and note its outcome; Ctrl-C leaves a whole output noted as done."""
                 entry = manifest.entries[number]
                 plan = plans[number]
                 before = _identity(plan.output)
@@ -129,6 +135,7 @@ class Batch:
                     raise
 
             def bake_small(start: int, stop: int) -> None:
+                """Bake the small meshes from `start` to `stop`, each on one thread."""
                 for number in small[start:stop]:
                     bake_here(number, 1)
 

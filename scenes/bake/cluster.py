@@ -45,6 +45,7 @@ class Workers:
             raise OptionError("shared", "a folder", self._shared)
 
     def session(self, output: Path) -> ClusterSession:
+        """A session of the workers, for a bake into `output`."""
         from ao.cluster.session import ClusterSession
 
         shared = output.parent if self._shared is None else self._shared
@@ -72,6 +73,7 @@ class SharedPlans:
 
 
 def _seen(files: set[Path], plans: tuple[Plan, ...]) -> SharedPlans:
+    """Unpickle `SharedPlans`. Raises: FileNotFoundError: a file is not seen from here."""
     for path in sorted(files):
         if not path.exists():
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
@@ -99,6 +101,7 @@ class WholeBakes:
         (outcomes,) = tables
 
         def write(start: int, stop: int) -> None:
+            """Do the bakes from `start` to `stop`, each on one thread."""
             for row in range(start, stop):
                 with unprinted_warnings(), silence_tolerance_warnings():
                     outcomes[row] = run_in_batch(scene.plans[self.numbers[row]], 1)._asdict()
@@ -133,6 +136,7 @@ def _named_as(plan: Plan, outcome: Outcome) -> Outcome:
     """The outcome with the names of files as they were given."""
 
     def given(text: str) -> str:
+        """A text with the names of files as they were given, in place of absolute ones."""
         for path in (*plan.inputs, plan.output):
             text = text.replace(str(path.absolute()), str(path))
         return text

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 
 def note(message: str) -> None:
+    """Print a note on standard error, in one line."""
     print("obscurance: " + printable(" ".join(message.split()), LINE), file=sys.stderr)
 
 
@@ -136,6 +137,7 @@ def bake_summary(baked: ao.Bake, target: Path) -> str:
 
 
 def _took(baked: ao.Bake | ao.BakedTexture) -> str:
+    """How long a bake took, in words."""
     return f"in {baked.seconds['bake']:.2f} s"
 
 
@@ -151,5 +153,6 @@ def texture_summary(baked: ao.BakedTexture, target: str) -> str:
 
 
 def columns(named_values: Sequence[tuple[str, str]]) -> str:
+    """Lines of names and values, the values below one another."""
     width = max(len(name) for name, _ in named_values)
     return "\n".join(f"{name:<{width}}  {value}" for name, value in named_values)

@@ -65,6 +65,7 @@ class Manifest:
         self._due = time.monotonic() + EVERY
 
     def count(self, status: Status) -> int:
+        """How many inputs have this status."""
         return sum(entry.status == status for entry in self.entries)
 
     def save(self) -> None:
@@ -114,6 +115,7 @@ class Manifest:
 
 
 def part_manifest(number: int, of: int) -> str:
+    """The name of the manifest of part `number`, from 1, of so many."""
     return f"manifest-{number:0{len(str(of))}}-of-{of}.json"
 
 
@@ -128,6 +130,7 @@ def assign_shards(sizes: Sequence[int], of: int) -> list[int]:
 
 
 def is_batch_of_parts(folder: Path) -> bool:
+    """Whether a folder holds the manifest of a part of a batch."""
     return folder.is_dir() and any(_NAME.fullmatch(path.name) for path in folder.iterdir())
 
 
@@ -187,6 +190,7 @@ class _Stored:
 
 
 def _read(path: Path) -> _Stored:
+    """The manifest of a part. Raises: InputError: it cannot be read, or is of another version."""
     try:
         check_regular(path, "the manifest of a part")
         return TypeAdapter(_Stored).validate_python(parse_json(path.read_bytes()))

@@ -249,6 +249,7 @@ class RenderOptions(OptionValues):
 
 
 def _given(row: Option, options: OptionValues) -> bool:
+    """Whether an option has another value than its default."""
     return row.default is not ... and getattr(options, row.name) != row.default
 
 

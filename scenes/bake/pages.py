@@ -46,6 +46,7 @@ class Page:
     shown: Float64s | None = None  # `uv` also of instances that show what is baked for the first one; None: `uv`
 
     def path(self, template: Path) -> Path:
+        """The name of this page's image: a template with the placeholders replaced."""
         name = template.name
         for placeholder, word in self.words.items():
             name = name.replace(placeholder, word)
@@ -184,10 +185,12 @@ def _groups(all_groups: Sequence[PrimitiveGroup], output: Path, count: int) -> l
 
 
 def _only(uv: Float64s, mask: Bools) -> Float64s:
+    """Texture coordinates (m, 3, 2), NaN of faces that are not in the mask (m,)."""
     return np.where(mask[:, None, None], uv, np.nan)
 
 
 def _refusal(source: MeshFile, layouts: Layouts, clashes: dict[tuple[int, int], int], output: Path) -> OptionError:
+    """The error for layouts that overlap, which names the pair with the most texels in common."""
     pair = max(clashes, key=lambda clash: clashes[clash])
     one = layouts.pieces[pair[0]]
     other = layouts.pieces[pair[1]]
@@ -241,6 +244,7 @@ def lacking(source: MeshFile, uv: Float64s, wanted: Bools, keeps_uv: bool) -> li
 
 
 def _has_tiles(uv: Float64s) -> bool:
+    """Whether coordinates have UDIM tiles, all of which have a number."""
     try:
         return bool(udim_tiles(uv[on_page(uv)], ""))
     except OptionError:

@@ -64,6 +64,7 @@ class Plan(NamedTuple):
 
     @property
     def falloff(self) -> ao.Falloff:
+        """The falloff of w; further ones are of other columns."""
         return self.arguments.falloffs[0]
 
     @property
@@ -80,6 +81,7 @@ class Plan(NamedTuple):
 
     @property
     def is_part(self) -> bool:
+        """Whether the plan traces rays alone, which another run merges."""
         return self.options.output is None
 
     @property
@@ -250,6 +252,7 @@ def cage_of(given: str | Path | None) -> str | Path | None:
 
 
 def _ground_height(ground: str | None) -> float | None:
+    """The height of `--ground`, None for "auto" or none. Raises: OptionError."""
     if ground in (None, "auto"):
         return None
     try:

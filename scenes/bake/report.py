@@ -87,6 +87,7 @@ def command_again(plan: Plan, source: MeshFile) -> str:
 
 
 def _is_given(plan: Plan, name: str) -> bool:
+    """Whether an option of the plan has another value than its default."""
     return plain(getattr(plan.options, name)) != plain(ROWS[name].default)
 
 

@@ -150,6 +150,7 @@ def _outputs(plan: Plan, pages: Sequence[Page]) -> dict[str, Path]:
 
 
 def _write_images(plan: Plan, baked: ao.BakedTexture, page: Page) -> None:
+    """Write a page's images: w, bent normals and errors, as far as the plan asks for them."""
     options = plan.options
     bits = int(options.bits or 16)
     images = {name: page.path(path) for name, path in plan.images.items()}
@@ -184,6 +185,7 @@ def _write_glb(path: Path, plan: Plan, inputs: BakeInputs, layout: Layout, bakes
 
 
 def _write_report(plan: Plan, bakes: Sequence[BakedPage], inputs: list[dict[str, Any]], mesh: Mesh) -> None:
+    """Write the report of all pages, if the plan asks for one."""
     options = plan.described()
     reports = [report(page.baked, options, page.seconds, page.warnings) for page in bakes]
     whole = reports[0]
@@ -191,6 +193,7 @@ def _write_report(plan: Plan, bakes: Sequence[BakedPage], inputs: list[dict[str,
         whole = {"pages": {page.title: facts for page, facts in zip(bakes, reports, strict=True)}}
 
     def pictures() -> list[list[Picture]]:
+        """Pictures of each page; with one page, of the mesh too."""
         from ..show.report.pictures import pictures_of_page
 
         shown = mesh if len(bakes) == 1 else None

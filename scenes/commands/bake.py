@@ -97,6 +97,7 @@ def _run(plan: Plan, content: bytes | None = None, open_checkpoint: OpenCheckpoi
 
 
 def _trace_part(options: BakeOptions) -> int:
+    """Trace a part of a bake, `--part`, and print a line. Returns: the exit status."""
     from ..bake.parts import part_numbers, trace_part
 
     number, of = part_numbers(options.part)
@@ -163,6 +164,7 @@ def _batch(options: BakeOptions) -> Batch:
 
 
 def _workers(options: BakeOptions) -> Workers | None:
+    """The workers of `--cluster`, None without it."""
     if not options.cluster:
         return None
     from ..bake.cluster import Workers

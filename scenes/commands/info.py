@@ -121,6 +121,7 @@ def _finite(value: float) -> float | None:
 
 
 def _stored_in_words(stored: dict[str, Any] | None) -> str:
+    """What `_stored` has found, in a line."""
     if stored is None:
         return "none in the file"
     if stored["least"] is None:

@@ -54,6 +54,7 @@ def run_render(given: RenderOptions) -> None:
 
 
 def _render(given: RenderOptions, output: Path, workers: Workers | None) -> None:
+    """Check the options, read the scene, bake and render it, write what is asked for, and print a line."""
     # Everything that can be wrong without the scene.
     if given.show and not sys.stdout.isatty():
         raise OptionError("show", "a terminal as standard output", "a file or a pipe")
@@ -141,6 +142,7 @@ def _adjusted(description: SceneDescription, given: RenderOptions, scales: Scale
 
 
 def _quarter(settings: Settings) -> Settings:
+    """Settings of a preview: size and crop divided by `_PREVIEW`, at most four samples."""
     width = max(settings.width // _PREVIEW, 1)
     height = max(settings.height // _PREVIEW, 1)
     crop = settings.crop
@@ -208,9 +210,11 @@ def _write_report(
     given: RenderOptions, settings: Settings, picture: RenderedPicture, threads: int, inputs: Sequence[dict[str, Any]],
     warnings: Sequence[str],
 ) -> None:  # fmt: skip
+    """Write the report of a rendering, as JSON or as a page with its pictures."""
     from ..show.report.verdict import write_report
 
     def pictures() -> list[list[Picture]]:
+        """The picture and its layers."""
         from ..show.report.pictures import pictures_of_frame
 
         return [pictures_of_frame(picture.frame)]

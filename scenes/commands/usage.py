@@ -57,6 +57,7 @@ def _option_in_words(mistake: InputError, command: Any) -> str:
     if isinstance(mistake, ConflictError):
 
         def in_command(term: Any) -> str:
+            """A term of the mistake, an option or a pair of an option and its value, as it is typed in the command."""
             name, *value = (term,) if isinstance(term, str) else term
             item = parameters.get(name)
             if item is None:
@@ -72,6 +73,7 @@ def _option_in_words(mistake: InputError, command: Any) -> str:
 
 
 def _line(subject: str, expected: str, got: object, near: str | None, command: Any) -> str:
+    """The line that reports a mistake. Args: near: a name that was probably meant. command: Click's."""
     name = f" {command.name}" if command else ""
     given = shortened(got) or '""'
     hint = f"did you mean {near}? See" if near else "see"

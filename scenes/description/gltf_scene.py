@@ -103,6 +103,8 @@ class Materials:
         return self._made[number]
 
     def _material(self, stored: records.GltfMaterial) -> Material:
+        """The reflection model that is nearest to a glTF material; textures other than the colour's become their
+        means."""
         self.left_out |= {name for name in stored.extensions if name not in _READ}
         self.left_out |= {"normalTexture"} & vars(stored).keys()
         emitted = np.multiply(stored.emissiveFactor, stored.emissiveStrength)
@@ -122,6 +124,7 @@ class Materials:
         return material_from_dict(common | {"model": "cook_torrance"})
 
     def _metallic(self, stored: records.GltfMaterial) -> Surface:
+        """Base colour, roughness, metalness and reflectance F₀ of metallic-roughness parameters."""
         given = stored.pbrMetallicRoughness
         is_metal = given.metallicFactor if "pbrMetallicRoughness" in vars(stored) else 0.0
         base = np.clip(given.baseColorFactor[:3], 0.0, 1.0).tolist()
@@ -132,6 +135,7 @@ class Materials:
         return base, roughness, metallic, f0
 
     def _specular(self, given: records.SpecularGlossiness) -> Surface:
+        """The same of specular-glossiness parameters (KHR_materials_pbrSpecularGlossiness)."""
         diffuse = np.clip(given.diffuseFactor[:3], 0.0, 1.0)
         factors = np.clip([*given.specularFactor, given.glossinessFactor], 0.0, 1.0)
         *f0, glossiness = (factors * self._mean(given, "specularGlossinessTexture", srgb=True)).tolist()
@@ -202,6 +206,7 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...]]
 
 
 def _shape(drawn: DrawnPrimitive, placed: Instance, materials: Materials, textures: Textures) -> Shape:
+    """The shape of a drawn primitive, `placed` in the world. Raises: SceneError."""
     asset = textures.asset
     path = textures.asset.path
     primitive = drawn.primitive
@@ -228,6 +233,7 @@ def _placed(
 
 
 def _camera(stored: records.GltfCamera, matrix: Float64s) -> Camera:
+    """A glTF camera at the node with this map to the world (4, 4)."""
     target = matrix[:3, 3] - normalize(matrix[:3, 2])
     view: dict[str, Any] = {"position": matrix[:3, 3].tolist(), "target": target.tolist(), "up": matrix[:3, 1].tolist()}
     if stored.type == "orthographic":
@@ -236,6 +242,7 @@ def _camera(stored: records.GltfCamera, matrix: Float64s) -> Camera:
 
 
 def _light(stored: records.GltfLight, matrix: Float64s) -> BaseLight:
+    """A light of KHR_lights_punctual at the node with this map to the world (4, 4)."""
     intensity = [stored.intensity * channel for channel in stored.color]
     values: dict[str, Any] = {"light": stored.type, "intensity": intensity}
     if stored.type != "directional":

@@ -139,6 +139,7 @@ class ObjectReader:
     def _gltf_pieces(
         self, mesh: Path, table: ObjectTable, path: str, material: Material | None, texture: Texture | None
     ) -> list[Object]:
+        """The objects of a glTF file, with the entry's material or texture in place of the file's."""
         if mesh not in self._gltf:
             from .gltf_scene import gltf_objects
 
@@ -157,6 +158,7 @@ class ObjectReader:
         return pieces
 
     def _once(self, key: Any, make: Any) -> TexturedMesh:
+        """What `make` returns, made once for each key."""
         if key not in self._geometry:
             self._geometry[key] = make()
         return self._geometry[key]
@@ -164,6 +166,7 @@ class ObjectReader:
     def _shape(
         self, table: ObjectTable, path: str, given: TexturedMesh, material: Material | None, texture: Texture | None
     ) -> Shape:
+        """The shape of a mesh with the entry's material, textures and alpha. Raises: SceneError."""
         # Images and alpha of the entry.
         grain = self._texture(table, path, "grain")
         image = self._texture(table, path, "opacity_texture")
@@ -194,6 +197,7 @@ class ObjectReader:
         return self._shapes[key]
 
     def _texture(self, table: ObjectTable, path: str, field: str) -> Texture | None:
+        """The image that a field of the entry names, None if it names none. Raises: SceneError."""
         name = getattr(table, field)
         if name is None:
             return None
@@ -203,6 +207,6 @@ class ObjectReader:
 
 
 def _keys(kind: str) -> list[str]:
-    """The keys of an entry that has the key `kind`, "mesh" or "builtin"."""
+    """The keys that an entry may have: all, but of "mesh" and "builtin" only `kind`."""
     keys = [*(key for key in ObjectTable.model_fields if key not in Transform.model_fields), *Transform.model_fields]
     return [key for key in keys if key == kind or key not in ("mesh", "builtin")]

@@ -59,6 +59,7 @@ class NumberRows(NamedTuple):
         counts = [np.zeros(1, np.int64)] * (1 + len(blocks))
 
         def work(block: int) -> None:
+            """Read the numbers of a block of lines."""
             begin, end = blocks[block]
             most = (end - begin) // 2 + 1
             words = np.empty(most)

@@ -94,6 +94,7 @@ def checked_profile(path: Path, profile: Profile | None) -> Profile:
 
 
 def _of_mesh(path: Path, counts: tuple[int, ...], scales: Scales | None) -> Float64s:
+    """w (n,) that a bake has left in a mesh file. Args: counts: what n may be. scales: half-distances to take it by."""
     instances, asset = read_objects(path)
     if scales:
         instances = [instance._replace(w=scales.of(checked_profile(path, instance.profile))) for instance in instances]
@@ -176,6 +177,7 @@ def _of_array(path: Path, counts: tuple[int, ...], name: str = "w", columns: tup
 
 @contextmanager
 def _array_errors(path: Path) -> Iterator[None]:
+    """Errors in reading a file of arrays, as `SceneError`."""
     check_regular(path, "a file of w", SceneError)
     with parser_errors(path, SceneError, "w as obscurance bake writes it"):
         yield

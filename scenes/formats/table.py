@@ -21,6 +21,7 @@ class MeshInput(NamedTuple):
 
     @property
     def source(self) -> str:
+        """The file's name for messages."""
         return str(self.path)
 
 

@@ -118,6 +118,7 @@ def write_vertices(path: str | os.PathLike[str], bake: Bake, mesh_file: MeshFile
 
 
 def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file: MeshFile, replace: bool) -> None:
+    """Write baked textures, with w of vertices where there is some too. Raises: as `write`."""
     from ao.texture.result import BakedTexture
 
     from .gltf.textured import textured_glb
@@ -170,6 +171,7 @@ ENDINGS = tuple(ending for ending in endings("write") if ending not in endings("
 
 
 def _writer(path: str | os.PathLike[str]) -> Callable[..., bytes | memoryview]:
+    """The function that writes files with this ending. Raises: OptionError: none does."""
     target = format_of(os.fspath(path)).write
     if not target:
         raise OptionError("output", "a name ending in " + ", ".join(ENDINGS), os.fspath(path))
@@ -178,6 +180,7 @@ def _writer(path: str | os.PathLike[str]) -> Callable[..., bytes | memoryview]:
 
 
 def npy(bake: Bake, *_: object) -> memoryview:
+    """A `.npy` file of w, of both sides where the bake has both."""
     content = io.BytesIO()
     w = np.stack([bake.w, bake.below.w], axis=-1) if bake.below else bake.w
     np.save(content, w.astype("<f4"), allow_pickle=False)

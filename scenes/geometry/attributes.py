@@ -162,9 +162,10 @@ def _reversed_element(element: Element, sizes: Int64s, order: Int64s) -> Element
 
 
 def join_attributes(several: Sequence[SourceAttributes], vertices: Sequence[int]) -> SourceAttributes:
-    """Those of several objects, one after the other: polygons, materials, texture coordinates and colours.
+    """The attributes of several objects one after another: polygons, materials, texture coordinates and colours.
 
-    Args: vertices: how many each object has.
+    Args:
+        vertices: how many each object has.
     """
     first_vertex = np.cumsum([0, *vertices[:-1]])
     first_corner = np.cumsum([0, *(len(item.corners) for item in several[:-1])])

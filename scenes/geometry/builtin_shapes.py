@@ -127,6 +127,7 @@ class Solid(Parameters):
         return max(_SIDES * longest / length, 2 * area / length / length)
 
     def _length(self) -> float:
+        """The longest edge of the mesh."""
         return self._extent()[0] / _CELLS if self.fineness is None else self.fineness
 
     @abstractmethod

@@ -51,6 +51,7 @@ def _stages(unit: str, show: Show, status: Callable[[], str]) -> Advance:
     began: dict[str, tuple[float, int]] = {}
 
     def advance(done: int, total: int, stage: str = "") -> None:
+        """Show a stage with its rate since it began, once some of it is done."""
         label = stage or unit
         start, before = began.setdefault(label, (time.perf_counter(), done))
         rate = (done - before) / max(time.perf_counter() - start, 1e-6)
@@ -66,6 +67,7 @@ def _lines(last: float) -> Show:
     """Lines on standard error, 10 s apart, the first so long after `last`."""
 
     def show(label: str, done: int, total: int, text: str) -> None:
+        """Print a line, unless the last one is recent."""
         nonlocal last
         now = time.perf_counter()
         if now - last >= _EVERY_LINE:
@@ -89,6 +91,7 @@ def _bars() -> Iterator[Show]:
     tasks: dict[str, TaskID] = {}
 
     def show(label: str, done: int, total: int, text: str) -> None:
+        """Draw the bar of a stage, a new one after filling those before."""
         if label not in tasks:
             fill()
             tasks[label] = bars.add_task(label, text="")
@@ -96,6 +99,7 @@ def _bars() -> Iterator[Show]:
         bars.update(tasks[label], completed=done, total=total, text=text)
 
     def fill() -> None:
+        """Fill all bars and take them off the screen."""
         for task in tasks.values():
             bars.update(task, completed=bars.tasks[task].total)
             bars.refresh()
@@ -115,6 +119,7 @@ def _json_lines(unit: str, start: float) -> Advance:
     last = 0.0
 
     def advance(done: int, total: int, stage: str = "") -> None:
+        """Print an event, unless the last one is recent."""
         nonlocal last
         now = time.perf_counter()
         if done < total and now - last < _EVERY:

@@ -61,9 +61,11 @@ class ValidationCase:
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def configurations(self) -> list[Configuration]:
+        """A configuration for each of the falloffs."""
         return list(map(self._with, self.falloffs))
 
     def _with(self, falloff: Falloff) -> Configuration:
+        """The configuration with one falloff: exact values, and the error allowed by how w converges there."""
         mu = falloff.resolve(self.mesh.radius)
         rate: Rate = mu.form if mu.form in POLYNOMIALS else mu.tau
         exact = np.broadcast_to(np.asarray(self.exact(rate, mu.max_distance), np.float64), self.points.shape)
@@ -113,6 +115,7 @@ def closed_form(form: Callable[..., float], *arguments: tuple[Any, ...]) -> Clos
     """w of some points by a function of `ao.analytic.closed_forms`, of each one's `arguments`, τ and, if finite, D."""
 
     def exact(tau: Rate, limit: float) -> list[float]:
+        """The closed form at each point, of the falloff's rate and, if finite, its limit."""
         mu = (tau,) if limit == inf else (tau, limit)
         return [form(*row, *mu) for row in arguments]
 

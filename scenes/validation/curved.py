@@ -71,6 +71,7 @@ def _above_plane(
 
 
 def _dome(sphere: RawMesh) -> ValidationCase:
+    """A point at the centre of a hemisphere's floor."""
     radius = 1.5
     vertices, faces = sphere
     cap = faces[vertices[faces][:, :, 2].max(axis=1) > -0.1]
@@ -82,6 +83,7 @@ def _dome(sphere: RawMesh) -> ValidationCase:
 
 
 def _disk(radius: float, height: float, seed: int, name: str = "coaxial disk", **options: Any) -> ValidationCase:
+    """A point under a disk that is perpendicular to its normal."""
     angle = 2 * pi * np.arange(SIDES) / SIDES
     rim = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(SIDES, height)], axis=-1)
     reach = 0.5 * (height + hypot(radius, height))
@@ -96,6 +98,7 @@ def _disk(radius: float, height: float, seed: int, name: str = "coaxial disk", *
 
 
 def _sphere_above(sphere: RawMesh) -> ValidationCase:
+    """Points of a plane under a sphere."""
     radius, height, offsets = 0.8, 1.0, (0.0, 0.6, 1.5)
     inner = radius * inscribed_radius(sphere)
     points = [(x * cos(k), x * sin(k), 0.0) for k, x in enumerate(offsets)]
@@ -114,10 +117,12 @@ def _seen_from_within(weight: Callable[[float, float], float], radius: float, in
     """
 
     def w(tau: Rate, limit: float) -> float:
+        """The least w for this falloff."""
         if tau is None:
             return 0.0
 
         def reached(angle: float) -> float:
+            """The share that hits at `angle` to the normal take away, 0 where the hull is beyond the circle."""
             within = inner**2 - (radius * sin(angle)) ** 2
             return weight(angle, float(tau) * (radius * cos(angle) + sqrt(within) if within > 0 else 0.0))
 
@@ -130,6 +135,7 @@ def _seen_from_within(weight: Callable[[float, float], float], radius: float, in
 
 
 def _inside_sphere(sphere: RawMesh, thickness: bool = False) -> ValidationCase:
+    """Vertices of a sphere that looks inwards; or outwards, seen by rays into the solid, for `thickness`."""
     radius = 0.5
     outwards = 1 if thickness else -1
     inner = radius * inscribed_radius(sphere)
@@ -151,6 +157,7 @@ def _missing(reach: float) -> float:
 
 
 def _inside_cylinder() -> ValidationCase:
+    """Vertices halfway along a long tube that looks inwards."""
     radius = 0.5
     inner = radius * cos(pi / SIDES)
     points = SIDES + np.arange(0, SIDES, SIDES // 16)
@@ -163,6 +170,7 @@ def _inside_cylinder() -> ValidationCase:
 
 
 def _cylinder() -> ValidationCase:
+    """Points of a plane under a long horizontal cylinder."""
     radius, height, offsets = 0.4, 0.6, (0.0, 0.5, -1.5)
     inner = radius * cos(pi / SIDES)
     vertices, faces = prism(SIDES, LENGTH / radius)

@@ -68,6 +68,7 @@ def _rectangle(corner: _Point, u: _Point, v: _Point) -> Float64s:
 
 
 def _open() -> list[ValidationCase]:
+    """Convex shapes, above whose vertices there is nothing: w = 1."""
     directions = np.random.default_rng(1).normal(size=(40, 3))
     shapes = {
         "plane": patches(np.random.default_rng(0).normal(size=(8, 3)) * [1.0, 1.0, 0.0], 0.5),
@@ -85,6 +86,7 @@ def _open() -> list[ValidationCase]:
 
 
 def _ceiling() -> ValidationCase:
+    """Points of a plane under a parallel one."""
     size, height = 100.0, 0.7
     slab = _rectangle((-size, -size, height), (2 * size, 0, 0), (0, 2 * size, 0))
     limits = (Binary(2 * height), Exponential(tau=1.0, max_distance=2 * height), Binary(0.9 * height))
@@ -95,6 +97,8 @@ def _ceiling() -> ValidationCase:
 
 
 def _walls(extent: float, falloffs: tuple[Falloff, ...]) -> list[ValidationCase]:
+    """Points before a wall, in a corner of two walls and in V-grooves. Args: extent: of the walls, in place of
+    infinity."""
     points = [(0.5, 0.5, 0.0), (1.0, 0.4, 0.0)]
     tall = _rectangle((0, -extent, 0), (0, 2 * extent, 0), (0, 0, extent))
     quarter = [_rectangle((0, 0, 0), along, (0, 0, extent)) for along in ((extent, 0, 0), (0, extent, 0))]
@@ -114,6 +118,7 @@ def _walls(extent: float, falloffs: tuple[Falloff, ...]) -> list[ValidationCase]
 
 
 def _trenches() -> list[ValidationCase]:
+    """Points on the floor of a trench, and beside one of its walls."""
     length, depth, width = 20.0, 0.8, 1.0
     left = _rectangle((0, -length, 0), (0, 2 * length, 0), (0, 0, depth))
     right = _rectangle((width, -length, 0), (0, 2 * length, 0), (0, 0, depth))
@@ -128,6 +133,7 @@ def _trenches() -> list[ValidationCase]:
 
 
 def _boxes() -> list[ValidationCase]:
+    """Points on the floors of closed boxes."""
     cube = ((0.5, 0.5, 0.5, 0.5), 1.0)
     limited = (Binary(0.7), Exponential(tau=1.0, max_distance=0.8), Exponential(tau=1.0, max_distance=1.2), Linear(1.2))
     falloffs = (*BOTH, Exponential(tau=5.0), *limited)
@@ -152,6 +158,7 @@ def _box(
 
 
 def _tilted() -> ValidationCase:
+    """Vertices of a plane with normals that are tilted."""
     tilts = np.radians([15.0, 45.0, 80.0])
     angles = 2 * pi * np.arange(6) / 6
     points = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]])
@@ -166,6 +173,7 @@ def _tilted() -> ValidationCase:
 
 
 def _inverted_pyramid(sides: int) -> ValidationCase:
+    """The point of a pyramid that stands on it, seen from within."""
     slope = 0.7
     angles = 2 * pi * np.arange(sides) / sides
     rim = np.stack([np.cos(angles), np.sin(angles), np.full(sides, slope * cos(pi / sides))], axis=-1)
@@ -190,6 +198,7 @@ def _triangles(seed: int) -> ValidationCase:
 
 
 def _pentagon() -> ValidationCase:
+    """Points of a plane under a pentagon in a general position."""
     angles = 2 * pi * np.arange(5) / 5
     corners = np.stack([np.cos(angles), 1.3 * np.sin(angles), np.zeros(5)], axis=-1)
     pentagon = generic_rotation(3).apply(corners) + np.array([0.2, 0.1, 0.6])

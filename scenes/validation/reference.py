@@ -46,6 +46,7 @@ class Errors:
 
     @classmethod
     def of(cls, w: Float64s, truth: Float64s) -> Errors:
+        """The errors of w against the truth, both (k,)."""
         off = w - truth
         size = np.abs(w - truth)
         return cls(*map(float, (np.sqrt(np.mean(off**2)), np.quantile(size, 0.99), size.max(), off.mean())))
@@ -81,6 +82,7 @@ def trace(
     w = np.empty((len(mus), len(points)))
 
     def work(start: int, stop: int) -> None:
+        """Trace the rays of the points from `start` to `stop`, and average over them."""
         directions = np.matmul(frames[start:stop], sets[drawn[start:stop]]).transpose(0, 2, 1).reshape(-1, 3)
         origins = np.repeat(points.origins[start:stop], rays, axis=0)
         hits = intersect(scene, origins, directions, placement.diagonal, threads=1)

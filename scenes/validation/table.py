@@ -49,11 +49,13 @@ class Result:
 
     @property
     def ok(self) -> bool:
+        """Whether the error is one that is allowed."""
         return abs(self.error) <= self.allowed
 
 
 @lru_cache(maxsize=1)
 def configurations() -> tuple[Configuration, ...]:
+    """All configurations of the table."""
     return tuple(line for case in (*flat_cases(), *curved_cases()) for line in case.configurations())
 
 

@@ -61,6 +61,7 @@ class Gltf:
 
     @cached_property
     def geometry(self) -> GltfGeometry:
+        """Meshes, nodes and accessors of the header. Raises: MeshError."""
         made = parse(GltfGeometry, self.header, self.path)
         if not made.version.startswith("2."):
             raise MeshError(self.path, "asset.version", "glTF 2.0", made.version)
@@ -68,6 +69,7 @@ class Gltf:
 
     @cached_property
     def materials(self) -> GltfMaterials:
+        """Materials, textures and samplers of the header. Raises: MeshError."""
         return parse(GltfMaterials, self.header, self.path)
 
     @property
@@ -81,6 +83,7 @@ class Gltf:
 
     @cached_property
     def _read(self) -> Callable[[Path], bytes]:
+        """Reads a file's bytes, once."""
         return cache(Path.read_bytes)
 
     def referenced(self, uri: str) -> bytes | None:
@@ -110,6 +113,7 @@ class Gltf:
 
     @cached_property
     def _tops(self) -> list[int]:
+        """The nodes that are no child of another."""
         children = {child for node in self.geometry.nodes for child in node.children}
         return [number for number in range(len(self.geometry.nodes)) if number not in children]
 
@@ -136,6 +140,7 @@ class Gltf:
         return self._placed(self.hidden) | self.world
 
     def _placed(self, roots: list[int]) -> dict[int, Float64s]:
+        """The (4, 4) map to the world of `roots` and all nodes below. Raises: ValueError: they are no trees."""
         made: dict[int, Float64s] = {}
         stack = [(number, np.eye(4)) for number in reversed(roots)]
         while stack:
@@ -178,6 +183,7 @@ class Gltf:
 
 
 def _local(node: Node) -> Float64s:
+    """The (4, 4) map from a node to its parent."""
     if node.matrix is not None:
         return np.array(node.matrix).reshape(4, 4).T
     made = np.eye(4)

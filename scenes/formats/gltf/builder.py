@@ -93,6 +93,7 @@ class GlbBuilder:
         self.header["accessors"][attributes[f"{PROFILE}0"]]["extras"] = known
 
     def _colors(self, w: Float64s, channels: str, stored: npt.NDArray[Any] | None) -> int:
+        """Index of an accessor of `COLOR_0` with w in some channels, the rest as `stored` or at its most."""
         kind = np.dtype(np.uint8) if stored is None else stored.dtype
         largest = 1 if kind.kind == "f" else np.iinfo(kind).max
         colors = np.full((len(w), 4), largest, kind)

@@ -86,9 +86,11 @@ class OcclusionTextures:
             self._put(made, texture, coordinates)
 
     def _put(self, material: dict[str, Any], texture: int, coordinates: int) -> None:
+        """Let a material look up this texture by the TEXCOORD set `coordinates`."""
         material["occlusionTexture"] = texture_reference(texture, coordinates)
 
     def _open(self, material: int | None) -> bool:
+        """Whether a material may get an occlusion texture: it has none, or one that may be replaced."""
         header = self.builder.header
         if material is not None and material >= len(header.get("materials", [])):
             return False
@@ -171,6 +173,7 @@ def _slots(primitive: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _materials(primitive: dict[str, Any]) -> list[int | None]:
+    """The materials of a primitive and of its variants, None for the default one."""
     return [slot.get("material") for slot in _slots(primitive)]
 
 

@@ -46,6 +46,7 @@ class OrmTextures(OcclusionTextures):
         return len(self._pages) - 1
 
     def _put(self, material: dict[str, Any], page: int, coordinates: int) -> None:
+        """Put w into R of the material's metallic-roughness image, or beside it where that cannot be."""
         surface = material.setdefault(_SURFACE, {})
         reference: dict[str, Any] = surface.get(_REFERENCE, {})
         number: int | None = reference.get("index")

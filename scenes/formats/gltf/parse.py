@@ -42,6 +42,7 @@ def parse(kind: type[T], value: Any, source: object) -> T:
 
 
 def _read(kind: Any, value: Any, path: _Path) -> Any:
+    """A value as a type says, with all below it. Args: path: for messages. Raises: _Fault."""
     form, inner = _form(kind)
     if form is JsonObject:
         return None if value is None and len(inner) > 1 else _record(inner[0], value, path)
@@ -75,6 +76,7 @@ def _read(kind: Any, value: Any, path: _Path) -> Any:
 
 
 def _record(kind: Any, value: Any, path: _Path) -> JsonObject:
+    """An object as a `JsonObject` of this kind. Raises: _Fault."""
     made: JsonObject = kind()
     whole = _table(value, path)
     for name, inner, (*steps, key), is_required in _fields(kind):
@@ -91,6 +93,7 @@ def _record(kind: Any, value: Any, path: _Path) -> JsonObject:
 
 
 def _table(value: Any, path: _Path) -> dict[str, Any]:
+    """The value, if it is a JSON object. Raises: _Fault."""
     return value if isinstance(value, dict) else _refuse(path, "an object", value)
 
 
@@ -117,10 +120,12 @@ def _fields(kind: Any) -> list[tuple[str, Any, list[str], bool]]:
 
 
 def _refuse(path: _Path, expected: str, got: object) -> NoReturn:
+    """Raises: _Fault: a value of another type than `expected`."""
     raise _Fault(path, expected, shown(got))
 
 
 def _text(path: _Path) -> str:
+    """The path as text, such as `nodes[2].mesh`."""
     if not path:
         return ""
     return joined(_text(path[0]), f"[{path[1]}]" if isinstance(path[1], int) else path[1])

@@ -77,11 +77,13 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
 
 
 def _add_positions(builder: GlbBuilder, vertices: Float64s, origin: Float64s | None) -> int:
+    """Index of an accessor of positions relative to `origin`, float32, with the bounds that glTF asks for."""
     positions = (vertices - (0 if origin is None else origin)).astype("<f4")
     return builder.accessor(positions, min=positions.min(axis=0).tolist(), max=positions.max(axis=0).tolist())
 
 
 def _empty_document() -> GlbBuilder:
+    """A document with an empty scene and a white material."""
     white = {"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 1}}
     asset = {"version": "2.0", "generator": "obscurance"}
     scenes: list[dict[str, Any]] = [{"nodes": []}]

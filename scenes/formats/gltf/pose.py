@@ -51,6 +51,7 @@ class Poses:
         return made if drawn.skin is None else self._skinned(drawn.skin, drawn, made, f"{at}.attributes")
 
     def _morphed(self, drawn: DrawnPrimitive, name: str, values: npt.NDArray[Any], at: str) -> npt.NDArray[Any]:
+        """An attribute's values moved by its morph targets. Args: at: the primitive's path, for messages."""
         weight_of: dict[int, float] = {}  # by accessor
         for weight, target in zip(drawn.weights, drawn.primitive.targets, strict=False):
             if weight and name in target:
@@ -64,6 +65,7 @@ class Poses:
         return values
 
     def _skinned(self, skin: int, drawn: DrawnPrimitive, stored: Instance, at: str) -> Instance:
+        """A primitive in the world, as the joints of a skin move it. Args: at: its path, for messages."""
         matrices = self._joints(skin)
         joints, weights = self._influences(drawn, len(stored.vertices), f"{at}.")
         if joints.max() >= len(matrices):

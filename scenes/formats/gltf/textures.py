@@ -58,6 +58,8 @@ class Textures:
     def _used(
         self, primitive: Primitive, reference: TextureReference | None, srgb: bool
     ) -> tuple[Float64s, Texture] | None:
+        """Coordinates (n, 2), v upwards, and the texture of a reference; None if the primitive or the file lacks
+        either."""
         if reference is None:
             return None
         moved = reference.transform

@@ -134,6 +134,7 @@ def _keep_plain_data(header: dict[str, Any]) -> None:
 
 
 def _remove(entry: dict[str, Any], *names: str) -> None:
+    """Drop extensions of an entry, and its table of extensions if none is left."""
     extensions = entry.get("extensions", {})
     for name in names:
         extensions.pop(name, None)

@@ -65,6 +65,7 @@ def read_libraries(names: str, folder: Path) -> Libraries:
 
 
 def _first_names(names: list[str]) -> str:
+    """The first names of a list in words, and how many more there are."""
     return ", ".join(names[:_NAMES]) + (f" and {len(names) - _NAMES:,} more" if len(names) > _NAMES else "")
 
 
@@ -155,7 +156,10 @@ def _numbers(text: str, count: int, largest: float) -> tuple[float, ...]:
 
 
 def _material(name: str, given: dict[str, Any]) -> SourceMaterial:
+    """A material of the statements `given`, by keyword. The roughness is that of the exponent `Ns`."""
+
     def number(key: str, otherwise: float = 0.0) -> float:
+        """The number behind a keyword, `otherwise` if there is none."""
         return given[key][0] if given.get(key) else otherwise
 
     black = 0.0, 0.0, 0.0

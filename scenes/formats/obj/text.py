@@ -90,6 +90,7 @@ class ObjText:
         rest = [np.empty((0, 3), np.int64)] * len(tallies)
 
         def work(block: int) -> None:
+            """Count the lines of a block, and find its runs."""
             begin, end = self._blocks[block]
             runs_found = np.empty(((end - begin) // 4 + 2, 3), np.int64)
             rest[block] = runs_found[: lines.survey(self._text, begin, end, tallies[block], runs_found)].copy()
@@ -113,6 +114,7 @@ class ObjText:
         values = np.empty((ends[-1], least if alike else needed))
 
         def work(block: int) -> None:
+            """Read the numbers of a block's lines."""
             if self._tallies[block, kind, COUNT]:
                 row = values[ends[block] : ends[block + 1]]
                 lines.read_numbers(self._text, *self._blocks[block], kind, row)
@@ -128,6 +130,7 @@ class ObjText:
         valid = [True] * len(self._blocks)
 
         def work(block: int) -> None:
+            """Read the faces of a block."""
             if self._tallies[block, F, COUNT]:
                 faces = self._before[block], sizes, indices
                 valid[block] = lines.read_faces(self._text, *self._blocks[block], *faces)
@@ -154,6 +157,7 @@ class ObjText:
         return np.asarray(self.indices[keyword] != NONE)
 
     def _per_corner(self, keyword: str) -> PerCorner:
+        """`vt` or `vn` by corner, NaN where a corner has none."""
         values = np.ascontiguousarray(self._numbers(keyword)[:, : NEEDED[NUMBERED.index(keyword)]])
         some = self.some(keyword)
         of = np.full(len(some), len(values))

@@ -95,6 +95,7 @@ def read_header(data: bytes) -> PlyHeader:
 
 
 def _elements(lines: list[list[str]]) -> list[Element]:
+    """The elements that the lines of a header declare, without values. Raises: ValueError, KeyError."""
     made: dict[str, tuple[int, dict[str, Property]]] = {}
     columns: dict[str, Property] = {}
     for words in lines:
@@ -227,8 +228,10 @@ def _coordinates(
 
 
 def _finite(column: Property) -> bool:
+    """Whether a property has finite values alone."""
     return bool(np.isfinite(column.values).all())
 
 
 def _largest(kind: str) -> float:
+    """What 1 is stored as in a colour of this type."""
     return 1.0 if kind in "fd" else float(np.iinfo(kind).max)

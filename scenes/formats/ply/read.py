@@ -93,11 +93,12 @@ def _read_text(data: bytes, header: PlyHeader, source: str) -> list[Element]:
 
 
 def _ends_early(source: str, element: Element) -> MeshError:
+    """The error for a file that ends within an element."""
     return MeshError(source, f"element {element.name}", f"{element.count} rows", "an end before that")
 
 
 def _declared(element: Element) -> Element:
-    """An element of a text file, its floats rounded; they are double where they would overflow, or move vertices."""
+    """An element of a text file with its floats as float32, or as double where they overflow or vertices would move."""
     single = columns_of([element], element.name)
     doubles = set()
     if element.count and {*"xyz"} <= set(single):

@@ -71,6 +71,12 @@ def _of_polygons(bake: Bake, mesh_file: MeshFile) -> Bake:
 
 
 def _annotate(element: Element, bake: Bake, shown: str, further: str | None) -> Element:
+    """The vertices' element with w, and what else a bake has, in place of an earlier bake's.
+
+    Args:
+        shown: channels of colours that hold w, "" for none.
+        further: the name of a second property of w.
+    """
     replaced = ("obscurance", further, *(RGB if shown else ()), *(("alpha",) if len(shown) == 1 else ()))
     kept = [column for column in element.properties if column.name not in replaced and not is_profile(column.name)]
     made = [Property(name, "f", bake.w.astype("<f4")) for name in filter(None, ("obscurance", further))]
@@ -88,6 +94,7 @@ def _annotate(element: Element, bake: Bake, shown: str, further: str | None) -> 
 
 
 def _elements(mesh: Mesh, attributes: SourceAttributes) -> tuple[Element, ...]:
+    """Elements of a mesh that was no PLY: vertices, and faces with what another format's attributes hold."""
     # Coordinates and normals.
     columns = [Property(axis, "f", mesh.vertices[:, number]).fitting() for number, axis in enumerate("xyz")]
     if any(column.kind == "d" for column in columns):

@@ -67,6 +67,7 @@ class _Reader:
     has_unread: bool = False
 
     def start(self, tag: str, attributes: Mapping[str, str]) -> None:
+        """Take the start of an XML element, as the parser calls it."""
         match tag.rpartition("}")[2]:
             case "object":
                 number = attributes["id"]
@@ -106,6 +107,7 @@ class _Reader:
         self.colours[self.group, str(number)] = SourceMaterial(name or code, (red, green, blue))
 
     def _placed(self, attributes: Mapping[str, str]) -> tuple[Key, Float64s]:
+        """The object that an item or component refers to, and its matrix (4, 4)."""
         path = next((value for name, value in attributes.items() if name.rpartition("}")[2] == "path"), "")
         matrix = np.eye(4)
         if "transform" in attributes:
@@ -196,6 +198,7 @@ def check_archive(file: BinaryIO, source: str) -> int:
 
 
 def _member(path: str) -> str:
+    """The name of an archive's member, in lower case and without the first slash."""
     return path.strip("/").lower()
 
 

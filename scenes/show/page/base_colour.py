@@ -100,6 +100,7 @@ class _Collected:
 
 
 def _read(file: MeshFile) -> BaseColour | None:
+    """The base colours of a file, None if all is white and opaque."""
     collected = _Collected(len(file.mesh.faces))
     if file.gltf:
         with parser_errors(file.path):
@@ -125,6 +126,7 @@ def _read(file: MeshFile) -> BaseColour | None:
 
 
 def _collect_of_gltf(file: MeshFile, asset: Gltf, collected: _Collected) -> None:
+    """Base colour factors, colours of vertices and textures of the primitives of a glTF."""
     from ...formats.gltf.textures import Textures, vertex_colours
 
     textures = Textures(asset)

@@ -89,8 +89,10 @@ def policy(style: str, script: str = "") -> str:
 
 
 def _hashed(text: str) -> str:
+    """The hash of an inline style or script as a policy has it."""
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
 def _part(name: str) -> str:
+    """The text of a file in `parts/`."""
     return files(__package__).joinpath("parts", name).read_text("utf-8")

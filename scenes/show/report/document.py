@@ -67,6 +67,7 @@ def _shares(parts: Mapping[str, float], label: str, unit: str) -> str:
 
 
 def _svg(content: str, label: str, height: float) -> str:
+    """An SVG drawing of the charts' width. Args: label: what it shows, for readers that see none."""
     return f'<svg viewBox="0 -2 {_WIDTH} {height + 2}" role="img" aria-label="{html.escape(label)}">{content}</svg>'
 
 
@@ -92,6 +93,7 @@ def html_report(report: Report, pictures: Sequence[Sequence[Picture]]) -> bytes:
 
 
 def _verdict(report: Report) -> str:
+    """The findings as a list, under one word for all."""
     facts = report["verdict"]
     lines = "".join(
         f'<li class="{finding["level"]}">{_text(finding["what"])}'
@@ -110,6 +112,7 @@ def _verdict(report: Report) -> str:
 
 
 def _pictures(pictures: Sequence[Picture]) -> str:
+    """The pictures with their titles, and scales of colours."""
     figures = "".join(
         f'<figure><img alt="{_text(picture.title)}"'
         f' src="data:image/png;base64,{base64.b64encode(picture.png).decode()}">'
@@ -120,6 +123,7 @@ def _pictures(pictures: Sequence[Picture]) -> str:
 
 
 def _legend(top: float) -> str:
+    """A scale of the colours of an error, from 0 to `top`."""
     colours = np.rint(255 * heat(np.linspace(0, 1, _STEPS)).astype(np.float64)).astype(np.uint8)
     fills = [f"#{colour.tobytes().hex()}" for colour in colours]
     bar = "".join(f'<rect x="{x}" width="1.1" height="1" fill="{fill}"/>' for x, fill in enumerate(fills))
@@ -129,6 +133,7 @@ def _legend(top: float) -> str:
 
 
 def _values(report: Report) -> str:
+    """Histograms of w and its error."""
     if "w" not in report:
         return ""
     figures = "".join(f"<figure>{_histogram(report[name], name)}</figure>" for name in ("w", "error"))
@@ -168,6 +173,7 @@ def _calibration(report: Report) -> str:
 
 
 def _costs(report: Report) -> str:
+    """Charts of the seconds and the rays of a command."""
     rays = dict(report["rays"]) if isinstance(report["rays"], Mapping) else {"traced": report["rays"]}
     skipped = {f"not traced: {name}": count for name, count in report["rays_skipped"].items() if count}
     whole = _shares(rays | skipped, "Rays", "")
@@ -175,6 +181,7 @@ def _costs(report: Report) -> str:
 
 
 def _flags(report: Report) -> str:
+    """A table of the first vertices that carry each flag."""
     listed = report.get("flagged_vertices")
     if not listed:
         return ""
@@ -188,13 +195,16 @@ def _flags(report: Report) -> str:
 
 
 def _table(facts: Mapping[str, Any]) -> str:
+    """An HTML table of names and values."""
     cells = "".join(f"<tr><th>{_text(name)}</th><td>{_text(value)}</td></tr>" for name, value in facts.items())
     return f"<table>{cells}</table>"
 
 
 def _section(title: str, content: str) -> str:
+    """A section of the page under a heading."""
     return f"<section><h2>{_text(title)}</h2>{content}</section>"
 
 
 def _text(value: object) -> str:
+    """A value as HTML text, escaped."""
     return html.escape(printable(str(value)))

@@ -77,6 +77,7 @@ _WHITE = Lambert(albedo=(1, 1, 1), two_sided="viewer")
 
 
 def _camera(mesh: Mesh) -> Camera:
+    """A camera that frames the mesh as pages do."""
     return Camera.framing(mesh, aspect=_WIDTH / _HEIGHT, field_of_view=FIELD_OF_VIEW)
 
 
@@ -118,6 +119,7 @@ def _shrunk(layer: Float32s) -> Float32s:
 
 
 def _png(linear: AnyFloats) -> bytes:
+    """A PNG file of linear values."""
     return written("picture.png", write_image, linear)
 
 
@@ -145,6 +147,7 @@ def write_marked(target: Path, mesh: Mesh, baked: ao.Bake) -> None:
 
 
 def _dot(picture: Float32s, camera: Camera, points: Float64s, colour: tuple[float, float, float]) -> None:
+    """Draw dots of 5 × 5 pixels at points (k, 3) into a picture that `camera` sees."""
     height, width = picture.shape[:2]
     right, above, forward = camera.axes()
     offset = points - camera.position
