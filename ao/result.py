@@ -204,12 +204,17 @@ class PointValues(NamedTuple):
 
     @classmethod
     def of(cls, columns: Sequence[tuple[Estimate, int]], rays: int, displaced: Float64s | float = 0.0) -> PointValues:
-        """Of estimates by each falloff, and how many points were not traced. Args: displaced: errors besides, (k,)."""
+        """Values at points from the estimates by each falloff, the first being that of w.
+
+        Args:
+            rays: that were traced.
+            displaced: (k,), errors besides, of ray origins in folds.
+        """
         w = [np.clip(estimate.values[:, 0], 0.0, 1.0) for estimate, _ in columns]
         error = [np.sqrt(estimate.variance + np.square(displaced)) for estimate, _ in columns]
-        others = tuple(np.stack(columns_of[1:], axis=-1) for columns_of in (w, error)) if len(columns) > 1 else ()
+        further = tuple(np.stack(columns_of[1:], axis=-1) for columns_of in (w, error)) if len(columns) > 1 else ()
         estimate, hidden = columns[0]
-        rest = estimate.samples, rays, estimate.skipped(hidden), estimate.calibration, others
+        rest = estimate.samples, rays, estimate.skipped(hidden), estimate.calibration, further
         return cls(w[0], error[0], estimate.values[:, 1:], *rest)
 
 
@@ -225,8 +230,8 @@ class BakedElements(NamedTuple):
 def baked_vertices(prepared: Prepared, count: int) -> BakedElements:
     """The first `count` vertices of the mesh of `prepared`."""
     only, receivers = prepared.options.only, prepared.requested_receivers
-    wanted = count if only is None else int(np.count_nonzero(only))
-    return BakedElements(receivers.of_vertex[:count], receivers.flags[:count], receivers.points.normals, wanted)
+    requested = count if only is None else int(np.count_nonzero(only))
+    return BakedElements(receivers.of_vertex[:count], receivers.flags[:count], receivers.points.normals, requested)
 
 
 def assemble(prepared: Prepared, mesh: Mesh, elements: BakedElements, values: PointValues) -> Bake:
@@ -282,7 +287,8 @@ def _bent_normals(point, bent, normals, out, start, stop):
 
 
 def of_columns(prepared: Prepared, columns: Sequence[AnyFloats]) -> dict[str, Any]:
-    """`Bake.others`, `profile` and `profile_errors` from w and errors (…, j) by all falloffs but the first, if any."""
+    """`Bake.others`, `profile` and `profile_errors` from w and errors (…, j) of the falloffs after the first, if
+    any."""
     if not len(columns):
         return {}
     listed = len(prepared.options.falloffs) - 1

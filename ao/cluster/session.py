@@ -92,7 +92,7 @@ class Dispatch:
         return start, end
 
     def came_back(self, worker: str, finished: int, seconds: float) -> None:
-        """Take note of a traced block."""
+        """Record a traced block of a worker, and the speed that this shows."""
         self.blocks[worker] += 1
         self.rows_traced += finished
         self.left -= finished
@@ -100,7 +100,7 @@ class Dispatch:
         self.speed[worker] = _KEPT * self.speed.get(worker, speed) + (1 - _KEPT) * speed
 
     def lost(self, span: Span) -> None:
-        """Hand out a block once more."""
+        """Put a block back, to be handed out once more."""
         self.again += 1
         self.spans.appendleft(span)
 
@@ -166,8 +166,8 @@ class ClusterSession:
         if sum(stop - start for start, stop in spans) * work.rays < self._pace.few_rays:
             fill_spans(work, scene, spans, tables, threads, finished)
             return
-        for start, stop, made in self.trace(work, scene, spans):
-            for table, values in zip(tables, made, strict=True):
+        for start, stop, block_tables in self.trace(work, scene, spans):
+            for table, values in zip(tables, block_tables, strict=True):
                 table[start:stop] = values
             finished(start, stop)
 
@@ -225,7 +225,7 @@ class ClusterSession:
         return f"{self._address}: {blocks} traced by {workers}{again}"
 
     def _look(self) -> None:
-        """Take on workers that have come, and let go of those that have gone or stand still."""
+        """Update the workers: take on new ones, and drop those that have gone or stand still."""
         now = time.monotonic()
         if now < self._looked + _LOOK:
             return
@@ -261,7 +261,10 @@ class ClusterSession:
             self._alone(now - self._alone_since)
 
     def _alone(self, seconds: float) -> None:
-        """Say, once, that no worker can be used for so long. Raises: InputError, ClusterError: waiting is of no use."""
+        """Warn, once, that there has been no usable worker for so long.
+
+        Raises: InputError, ClusterError: waiting is of no use.
+        """
         for reason in filter(None, self._workers.values()):
             raise reason
         local = self._cluster.count
@@ -282,7 +285,7 @@ class ClusterSession:
                 busy[worker] += 1
 
     def _answer(self, work: RowTask, worker: str, span: Span, call: Future[Any]) -> Outputs | None:
-        """The rows of a block; None if there are none, and the worker gets no more.
+        """The rows of a block, from its finished call; None if there are none, and the worker gets no more.
 
         Raises: InputError: every worker would say so. ClusterError: the block has failed on several.
         """
@@ -311,14 +314,14 @@ class ClusterSession:
         return None
 
     def _lost(self, span: Span, most: int, text: str) -> None:
-        """Hand out a block once more. Raises: ClusterError: for the time `most`, unless that is 0."""
+        """Hand out a block once more. Raises: ClusterError: it has been lost `most` times already, unless that is 0."""
         self.dispatch.lost(span)
         self._lost_before[span[0], most] += 1
         if self._lost_before[span[0], most] == most:
             raise ClusterError(f"{self._address}: {text}")
 
     def _drop(self, worker: str | None = None) -> list[Span]:
-        """The blocks that a worker has, or that all have; what it makes of them is of no interest any more."""
+        """Forget the blocks that a worker has, or that all have; their results are ignored."""
         calls = [call for call, (of, _) in self._calls.items() if worker in (of, None)]
         self.dispatch.speed.pop(worker or "", None)
         for call in calls:

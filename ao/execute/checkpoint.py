@@ -85,7 +85,10 @@ class Checkpoint:
             self._journal.close()
 
     def begin(self, placement: Placement, receivers: Receivers, *settings: object) -> None:
-        """Open what there is to continue. Args: everything that decides rows; `settings` by their repr."""
+        """Open the journal and continue from it, if there is one of this bake.
+
+        Args: everything that decides rows; `settings` by their repr.
+        """
         if self._given_up:
             return
         self._identity = cache(lambda: identity(placement, receivers, settings))
@@ -115,7 +118,7 @@ class Checkpoint:
     def fill(self, work: KeptRowTask, scene: RayScene, threads: int, advance: Advance) -> Outputs:
         """All rows of `work`: those that are kept, and the others made. Args: advance: called with numbers of rows."""
         name, tables = work.name, work.tables()
-        wanted = self.choose(work, ~self.restored(work, tables))
+        to_make = self.choose(work, ~self.restored(work, tables))
 
         def finished(start: int, stop: int) -> None:
             """Record the rows of a block that was traced."""
@@ -123,20 +126,20 @@ class Checkpoint:
                 self.put((name, start, stop), b"".join(table[start:stop].tobytes() for table in tables))
             advance(stop - start)
 
-        if done := len(work) - int(np.count_nonzero(wanted)):
+        if done := len(work) - int(np.count_nonzero(to_make)):
             advance(done)
-        if wanted.any():
-            edges = np.flatnonzero(np.diff(wanted, prepend=False, append=False)).tolist()
+        if to_make.any():
+            edges = np.flatnonzero(np.diff(to_make, prepend=False, append=False)).tolist()
             spans = list(zip(edges[::2], edges[1::2], strict=True))
             self.fill_spans(work, scene, spans, tables, threads, finished)
         return tables
 
     def choose(self, work: RowTask, missing: Bools) -> Bools:
-        """Which of the `missing` rows, bool (k,), are to be made here: all."""
+        """The rows of `missing`, bool (k,), that this process is to make: here all, in a part its share."""
         return missing
 
     def restored(self, work: KeptRowTask, tables: Outputs) -> Bools:
-        """Which rows of the work are kept, bool (k,); they are copied into `tables`."""
+        """Copy recorded rows of the work into `tables`; returns which rows (k,) these are."""
         is_kept = np.zeros(len(work), np.bool_)
         if self._journal:
             name = work.name
@@ -146,10 +149,10 @@ class Checkpoint:
         return is_kept
 
     def all_traced(self) -> None:
-        """No more rows will be asked for."""
+        """Called when no more rows will be asked for."""
 
     def cached(self, name: str, compute: Callable[[], Float64s]) -> Float64s:
-        """What `compute` returns, (k,), unless it is kept."""
+        """The result (k,) of `compute`, recorded under a name, so that a continued run does not compute it again."""
         block = hashlib.blake2b(name.encode(), digest_size=16).digest(), 0, 0
         if self._journal and block in self._journal.blocks:
             return np.frombuffer(self._journal.content(block))
@@ -159,7 +162,7 @@ class Checkpoint:
         return values
 
     def put(self, block: Block, content: bytes) -> None:
-        """Keep a block; written when it is time to, or much."""
+        """Record a block; it is written after some time, or with many others."""
         self._pending.append(record(block, content))
         if time.monotonic() >= self._due:
             self._write()
@@ -168,7 +171,7 @@ class Checkpoint:
             self._write(safe=False)
 
     def _write(self, safe: bool = True) -> None:
-        """Write what waits; if `safe`, it counts from now on, whatever happens."""
+        """Write the pending records; if `safe`, sign the journal, so that they count whatever happens."""
         if self._given_up or not (self._pending or self._journal):
             return
         try:

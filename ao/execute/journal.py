@@ -61,8 +61,8 @@ class Journal:
         self.identity = head[len(MAGIC) :] if is_whole and head != _UNSIGNED else None
         if not is_whole:
             is_cut = head.startswith(MAGIC) or MAGIC.startswith(head.rstrip(b"\0"))
-            rest = iter(lambda: self._file.read(1 << 20), b"")
-            if not is_cut or any(chunk.strip(b"\0") for chunk in rest):
+            chunks = iter(lambda: self._file.read(1 << 20), b"")
+            if not is_cut or any(chunk.strip(b"\0") for chunk in chunks):
                 raise _another(self.path, "another file")
         # Records, each where the last whole one ends.
         self._end = self._file.tell() if self.identity else 0
@@ -112,9 +112,9 @@ class Journal:
         self._file.seek(self._end)
         self._file.truncate()
         for content in records:
-            rest = memoryview(content)
-            while rest:  # a nearly full disk takes a part and refuses the next
-                rest = rest[self._file.write(rest) :]
+            unwritten = memoryview(content)
+            while unwritten:  # a nearly full disk takes a part and refuses the next
+                unwritten = unwritten[self._file.write(unwritten) :]
         self.path.stat()  # what has no name any more is kept for nobody
         self._end += sum(map(len, records))
 

@@ -33,7 +33,8 @@ class _AllTraced(Exception):
 
 
 def assign_shards(count: int, of: int) -> Int64s:
-    """Which of the parts 1 to `of` makes each of `count` rows, (count,): short runs in turn, which take alike."""
+    """The part, from 1 to `of`, that makes each of `count` rows, (count,): short runs in turn, so that parts take
+    alike."""
     run = max(-(-count // (of * _RUNS)), _LEAST)
     return np.arange(count) // run % of + 1
 
@@ -82,7 +83,7 @@ class ShardCheckpoint(Checkpoint):
         return np.asarray(missing & is_own)
 
     def all_traced(self) -> None:
-        """End the bake within `trace`."""
+        """Raises: _AllTraced, which ends the bake within `trace`."""
         self._pending.append(record(WHOLE, b"whole"))
         self._write()
         raise _AllTraced
@@ -153,7 +154,7 @@ def read_parts(folder: Path) -> list[PartFile]:
 
 
 def missing_of(of: int, numbers: Collection[int]) -> str:
-    """The first twenty of 1 to `of` that are none of `numbers`, in words; nothing if all are."""
+    """The first twenty of the parts 1 to `of` that are not among `numbers`, in words; "" if none is missing."""
     missing = list(islice((number for number in range(1, of + 1) if number not in numbers), 21))
     return ", ".join(map(str, missing[:20])) + (", …" if len(missing) > 20 else "")
 
@@ -184,12 +185,12 @@ def _parse_description(path: Path, content: bytes) -> dict[str, Any]:
         of = description["of"]
         options = description["options"]
         facts = description["machine"]
-        whole = type(number) is type(of) is int and 1 <= number <= of
-        whole = whole and isinstance(options, dict) and isinstance(facts, dict) and "mesh digest" in description
-        whole = whole and isinstance(description["mesh"], str)
+        is_valid = type(number) is type(of) is int and 1 <= number <= of
+        is_valid = is_valid and isinstance(options, dict) and isinstance(facts, dict) and "mesh digest" in description
+        is_valid = is_valid and isinstance(description["mesh"], str)
     except (ValueError, KeyError, TypeError, RecursionError):
-        whole = False
-    if not whole:
+        is_valid = False
+    if not is_valid:
         raise InputError(path, "description", "that of a part, with its number, options and machine", "something else")
     return description
 
@@ -206,23 +207,23 @@ class Merge(Checkpoint):
         difference."""
         if identity(placement, receivers, settings) == self.parts[0].identity:
             return
-        here: Mapping[str, str] = bit_environment() | {"mesh": digest_of(placement, receivers)}
+        own_facts: Mapping[str, str] = bit_environment() | {"mesh": digest_of(placement, receivers)}
         facts = self.parts[0].facts
-        difference = first_difference({name: facts.get(name, "nothing") for name in here}, here)
+        difference = first_difference({name: facts.get(name, "nothing") for name in own_facts}, own_facts)
         name, expected, got = difference or ("header", "that of this very bake", "that of another")
         raise InputError(self.parts[0].path.parent, name, f"{expected}, as in the parts", f"{got} here")
 
     def restored(self, work: KeptRowTask, tables: Outputs) -> Bools:
         """Copy the rows of all parts into `tables`. Raises: InputError: some are missing."""
-        taken, name = np.zeros(len(work), np.bool_), work.name
+        is_restored, name = np.zeros(len(work), np.bool_), work.name
         for part in self.parts:
             with part.path.open("rb") as file:
                 for block, (begin, size) in part.blocks.items():
                     if block[0] == name:
                         file.seek(begin)
-                        restore(block, file.read(size), work, tables, taken)
-        if not taken.all():
-            part = self.parts[int(assign_shards(len(taken), len(self.parts))[np.argmin(taken)]) - 1]
-            lacking = f"{np.count_nonzero(~taken):,} missing or impossible"
-            raise InputError(part.path, "rows", f"all of its share of {len(taken):,}", lacking)
-        return taken
+                        restore(block, file.read(size), work, tables, is_restored)
+        if not is_restored.all():
+            part = self.parts[int(assign_shards(len(is_restored), len(self.parts))[np.argmin(is_restored)]) - 1]
+            lacking = f"{np.count_nonzero(~is_restored):,} missing or impossible"
+            raise InputError(part.path, "rows", f"all of its share of {len(is_restored):,}", lacking)
+        return is_restored

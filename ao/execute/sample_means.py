@@ -30,7 +30,8 @@ class SampleMeans(NamedTuple):
     enough: int = 8  # rays of a sample, so that more samples are worth their time; less where w varies among them
 
     def moved(self, points: Points, key: np.uint32) -> SampleMeans | None:
-        """The same with samples elsewhere in the groups of some `points`, if there are any."""
+        """The same groups with other samples, for a second estimate at some `points`; themselves if there are no
+        others."""
         if self.elsewhere is None:
             return None
         return self._replace(samples=self.elsewhere(points.numbers.astype(np.int64), key))

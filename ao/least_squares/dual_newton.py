@@ -26,7 +26,7 @@ _SYMMETRIC = {"diag_pivot_thresh": 0.0, "panel_size": 1, "relax": 1, "options": 
 
 
 class _Dual(NamedTuple):
-    """The problem: D (m, n), v and s (n,), p."""
+    """The problem in the symbols of the module: differences D (m, n), values v (n,), stay s (n,), pull p."""
 
     differences: csr_array
     values: Float64s
@@ -34,7 +34,7 @@ class _Dual(NamedTuple):
     pull: float
 
     def at(self, multipliers: Float64s, wanted: Float64s) -> tuple[float, Float64s, Float64s]:
-        """The dual function, its gradient, and x, which is `wanted` clamped."""
+        """The dual function at `multipliers`, its gradient, and x: `wanted` clamped to [0, 1]."""
         x = wanted.clip(0.0, 1.0)
         image = self.differences @ x
         moved = x - self.values

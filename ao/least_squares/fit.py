@@ -75,16 +75,17 @@ class Fit(NamedTuple):
 
 
 def build_problems(patch: Patch, moments: Float64s, threads: int) -> tuple[Problem, Problem]:
-    """The problem, and one like it, or itself, that is small enough to be solved many times."""
+    """The least squares problem of a patch, and one small enough to be solved many times, for choosing α: a part of
+    it, or the same."""
     diagonal = MATRIX + np.array([0, 3, 5])
     trace = sum(float(moments[:, column].sum()) for column in (*diagonal, *(HALF + diagonal)))
     laplacian = _LAPLACIAN_WEIGHT * trace / max(float(patch.areas.sum()), 1e-300) * patch.areas
-    whole = _build_problem(patch, moments, laplacian, threads)
+    problem = _build_problem(patch, moments, laplacian, threads)
     if len(moments) <= 2 * _RUNS * _RUN:
-        return whole, whole
+        return problem, problem
     starts = np.arange(_RUNS) * (len(moments) - _RUN) // (_RUNS - 1)
     trial_faces = (starts[:, None] + np.arange(_RUN)).ravel()
-    return whole, _build_problem(patch.part(trial_faces), moments[trial_faces], laplacian[trial_faces], threads)
+    return problem, _build_problem(patch.part(trial_faces), moments[trial_faces], laplacian[trial_faces], threads)
 
 
 def fit_values(problem: Problem, trial: Problem, cached: Cached) -> Fit:
@@ -149,7 +150,7 @@ def _normal_equations(stencil: Stencil, moments: Float64s) -> NormalEquations:
 
 
 def _constant_fit(problem: Problem) -> Float64s:
-    """The best fit of one value to all vertices, to start from."""
+    """One value for all vertices, the best, to start iterations from."""
     right = sum(half.right.sum() for half in problem.halves)
     return np.full(problem.bent.shape[1], right / max(sum(half.values.sum() for half in problem.halves), 1e-300))
 
@@ -186,12 +187,12 @@ def cross_validated(problem: Problem, start: Float64s) -> tuple[float, list[Floa
         return problem.residual(odd, of_even) + problem.residual(even, of_odd), power, [of_even, of_odd]
 
     best = attempt(0, [start, start])
-    for way, last in ((-1, _ROUGHEST), (1, _SMOOTHEST)):
-        while best[1] != last:
-            other = attempt(best[1] + way, best[2])
-            if other[0] >= best[0]:
+    for direction, limit in ((-1, _ROUGHEST), (1, _SMOOTHEST)):
+        while best[1] != limit:
+            next_try = attempt(best[1] + direction, best[2])
+            if next_try[0] >= best[0]:
                 break
-            best = other
+            best = next_try
         if best[1]:
             break
     return unit * _STEP ** best[1], best[2]

@@ -48,10 +48,10 @@ class Patch:
     cover: Float64s  # (m,), the share of each face's area that it stands for: half in rectangles
 
     @classmethod
-    def of(cls, placement: Placement, receivers: Receivers, wanted: Bools) -> Patch:
-        """The patch of all faces that have a corner among the `wanted` vertices, bool (n,)."""
+    def of(cls, placement: Placement, receivers: Receivers, requested: Bools) -> Patch:
+        """The patch of all faces with a corner among the `requested` vertices, bool (n,)."""
         vertices = placement.vertices.astype(np.float64)
-        faces = receivers.faces[wanted[receivers.faces].any(axis=1)]
+        faces = receivers.faces[requested[receivers.faces].any(axis=1)]
         faces = faces[fine_morton_order(vertices[faces].mean(axis=1))]
         unknown = receivers.of_vertex.copy()
         normals = receivers.points.normals
@@ -64,7 +64,7 @@ class Patch:
         return patch if len(faces) > _COARSE else patch._with_rectangles()
 
     def _with_rectangles(self) -> Patch:
-        """With both cuts of every rectangle that two faces form; each cut has half the samples."""
+        """The patch with the other cut of every rectangle that two faces form; each cut has half the samples."""
         # Pairs of faces at a smooth edge, their diagonal: the corners opposite to it, and its ends.
         hinges = find_hinges(self.face_points, self.normals, CREASE, self.unknowns).astype(np.int64)
         opposite, across = hinges.T
@@ -103,7 +103,7 @@ class Patch:
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Moments and counts of faces, as work that any process can do; see `gather_faces`."""
+    """The moments and ray counts of faces as a `KeptRowTask`, which any process can do; see `gather_faces`."""
 
     faces: Outputs  # corners, normals and axes of m faces, as `Patch` has them
     samples: Samples

@@ -134,7 +134,11 @@ def _uniform(numbers: Int64s, key: np.uint32) -> Float32s:
 
 
 def _neighbours(corners: Int64s, normals: Float32s, threads: int) -> NeighboursOf:
-    """The faces across the edges of each. Args: corners: (k, 3), the points of each face."""
+    """The faces across the edges of each face, as estimates take neighbours.
+
+    Args:
+        corners: (k, 3), the points of each face.
+    """
     edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
     order = np.lexsort(edges.T)
     is_same = (edges[order[1:]] == edges[order[:-1]]).all(axis=1)

@@ -74,7 +74,8 @@ def _project(prepared: Prepared, coarse: Mesh, vertices: Receivers, inputs: Inpu
 
 
 def _place(prepared: Prepared, projected: SurfacePoints) -> tuple[SurfaceSamples, Int64s]:
-    """Groups of one sample each along a curve that keeps neighbours together, and which point each of them is."""
+    """Sample groups of one projected point each along a curve that keeps neighbours together, and the point (k,) of
+    each group."""
     receivers, threads = prepared.receivers, prepared.threads
     surface = SmoothSurface.of(prepared.placement.vertices.astype(np.float64), receivers)
     order = morton_order(surface.positions_at(*projected, threads))

@@ -96,9 +96,9 @@ def bake_points(
     return replace(result, at="points", seconds=seconds, shortfalls=lines)
 
 
-def _rows(name: str, given: npt.ArrayLike) -> Float64s:
+def _rows(name: str, values: npt.ArrayLike) -> Float64s:
     """Points or vectors as float64 (k, 3). Raises: OptionError: another shape."""
-    array: Float64s = np.asarray(given, np.float64)
+    array: Float64s = np.asarray(values, np.float64)
     if array.ndim != 2 or array.shape[1] != 3:
         raise OptionError(name, "shape (…, 3)", array.shape)
     return array

@@ -51,16 +51,16 @@ class CornerSamples:
     def __len__(self) -> int:
         return len(self.point_rows)
 
-    def only(self, kept: Int64s) -> CornerSamples:
-        """The samples of the rows `kept`, ascending, which become rows 0, 1, …"""
-        new_rows = np.searchsorted(kept, self.point_rows)
-        known = np.append(kept, -1)[new_rows] == self.point_rows
-        if not known.any():
+    def only(self, rows: Int64s) -> CornerSamples:
+        """The samples of some rows, ascending, which become rows 0, 1, …"""
+        new_rows = np.searchsorted(rows, self.point_rows)
+        is_kept = np.append(rows, -1)[new_rows] == self.point_rows
+        if not is_kept.any():
             return CornerSamples.none()
         counts = np.diff(self.starts)
-        which = np.repeat(known, counts)
-        starts = np.concatenate([[0], np.cumsum(counts[known])])
-        return CornerSamples(new_rows[known], starts, self.points[which], self.weights[which])
+        sample_mask = np.repeat(is_kept, counts)
+        starts = np.concatenate([[0], np.cumsum(counts[is_kept])])
+        return CornerSamples(new_rows[is_kept], starts, self.points[sample_mask], self.weights[sample_mask])
 
     def mean(self, values: Float64s) -> Float64s:
         """Means (j, c) of `values` (k, c); equal values keep every bit."""

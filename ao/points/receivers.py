@@ -84,15 +84,15 @@ class Receivers:
         first_vertex[self.of_vertex[vertices]] = vertices
         return first_vertex
 
-    def only(self, wanted: Bools) -> Receivers:
-        """The points of the `wanted` vertices, bool (n,)."""
-        of_vertex = np.where(wanted, self.of_vertex, -1)
+    def only(self, requested: Bools) -> Receivers:
+        """The receivers of the `requested` vertices, bool (n,), alone."""
+        of_vertex = np.where(requested, self.of_vertex, -1)
         needed = np.zeros(len(self.points) + 1, np.bool_)
         needed[of_vertex] = True
         needed[-1] = False  # what −1 has set
-        kept = np.flatnonzero(needed)
+        rows = np.flatnonzero(needed)
         new_rows = np.where(needed, np.cumsum(needed) - 1, -1)
-        subset = self.points[kept], self.corners.only(kept), self.displaced[kept]
+        subset = self.points[rows], self.corners.only(rows), self.displaced[rows]
         return replace(self, points=subset[0], corners=subset[1], displaced=subset[2], of_vertex=new_rows[of_vertex])
 
 
@@ -117,15 +117,15 @@ class OffsetPoints(NamedTuple):
 
 
 def offset_points(
-    placed: Float32s, faces: Int64s, weighting: Weighting = "angle", given: Float64s | None = None
+    placed: Float32s, faces: Int64s, weighting: Weighting = "angle", own_axes: Float64s | None = None
 ) -> OffsetPoints:
     """Weld vertices `placed` (n, 3) in render space; the points' axes, and origins offset from the surface.
 
-    Args: weighting: of the faces' normals. given: (n, 3), axes of any length in the place of these.
+    Args: weighting: of the faces' normals. own_axes: (n, 3), axes of any length in the place of these.
     """
     vertices = placed.astype(np.float64)
-    if given is not None:
-        axes = normalize(given)
+    if own_axes is not None:
+        axes = normalize(own_axes)
         welded = weld_points(vertices, faces, weighting, axes, SAME)
         folded = np.zeros(len(welded.first_vertex), np.bool_)
         welded = welded._replace(axes=axes[welded.first_vertex])
@@ -156,17 +156,17 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
         MeshError: `normals` is "file" for a mesh that has none.
         MemoryLimitError: the corners of folded vertices would not fit into memory.
     """
-    given = None
+    own_axes = None
     weighting: Weighting = "angle"
     if normals == "file":
-        given = mesh.normals
-        if given is None:
+        own_axes = mesh.normals
+        if own_axes is None:
             raise MeshError(mesh.source, "normals", "vertex normals in the mesh", "none")
     elif normals == "up":
-        given = np.tile(np.asarray(UP[up_axis(mesh)], np.float64), (len(mesh.vertices), 1))
+        own_axes = np.tile(np.asarray(UP[up_axis(mesh)], np.float64), (len(mesh.vertices), 1))
     else:
         weighting = normals
-    offset = offset_points(placement.vertices, mesh.faces, weighting, given)
+    offset = offset_points(placement.vertices, mesh.faces, weighting, own_axes)
     # Points that have a hemisphere, in Morton order.
     welded, usable = offset.welded, np.flatnonzero(offset.usable)
     few = len(usable) < len(offset.usable)

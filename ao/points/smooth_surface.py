@@ -35,7 +35,7 @@ class PointGroups(NamedTuple):
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
-        """The groups of several, one after another."""
+        """The groups of several parts, one after the other."""
         counts = np.concatenate([np.diff(part.starts) for part in parts])
         face = np.concatenate([part.face for part in parts])
         barycentric = np.concatenate([part.barycentric for part in parts])

@@ -91,7 +91,8 @@ class SurfaceSamples:
         return np.flatnonzero(np.add.reduceat(~hidden, self.starts[:-1], dtype=np.int64))
 
     def without(self, hidden: Bools, threads: int) -> SurfaceSamples:
-        """`groups_outside` alone, their `hidden` samples replaced by others of the group, numbered anew."""
+        """The groups that have a sample which is not `hidden` (p,); their hidden samples are replaced by others of
+        the group."""
         groups = self.groups_outside(hidden)
         starts = np.concatenate([[0], np.cumsum(self.counts[groups])])
         source = np.empty(starts[-1], np.int64)
@@ -123,7 +124,7 @@ class SurfaceSamples:
         )
 
     def spread(self, groups: Int64s, count: int) -> SurfaceSamples:
-        """These as the `groups` (k,), ascending, of so many; the others have no samples."""
+        """The same samples as groups `groups` (k,), ascending, of `count` groups; the others have none."""
         counts = np.zeros(count, np.int64)
         counts[groups] = self.counts
         all_count = np.zeros(count, np.bool_)

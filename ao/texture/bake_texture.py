@@ -98,7 +98,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     watch(0, 1, "seams")
     assembly = PageAssembly(surface.layout, texels, surface.seams, options.close_seams, prepared.threads)
     pages = assembly.assemble(estimates[0], _frames(options.bent_space, surface, texels))
-    others = [assembly.assemble(estimate)[:2] for estimate in estimates[1:]]
+    further_pages = [assembly.assemble(estimate)[:2] for estimate in estimates[1:]]
     watch(1, 1, "seams")
     rmses = tuple(float(np.sqrt(np.mean(estimate.variance))) for estimate in estimates)
     return BakedTexture(
@@ -127,7 +127,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
         mu=prepared.mu,
         mesh=scene.mesh,
         calibration=estimates[0].calibration,
-        **of_columns(prepared, [np.stack(column_pages, axis=-1) for column_pages in zip(*others, strict=True)]),
+        **of_columns(prepared, [np.stack(column_pages, axis=-1) for column_pages in zip(*further_pages, strict=True)]),
         shortfalls=shortfalls(
             options, max(rmses), estimates[0].samples, "texel", scene.solid, prepared.placement.vertices
         ),
@@ -135,7 +135,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
 
 
 def _unwatched(done: int, total: int, stage: str) -> None:
-    """The progress of a bake that was given no callback."""
+    """A progress callback that does nothing."""
 
 
 class _Scene(NamedTuple):
@@ -180,7 +180,7 @@ def _surface(scene: _Scene, prepared: Prepared, size: tuple[int, int], wrap: boo
 
 
 def _mirrored(scene: _Scene, layout: UVLayout) -> int:
-    """How many faces are turned over on the page, as the mesh has them."""
+    """How many faces of the mesh are turned over on the page."""
     if scene.cage or scene.solid is scene.mesh:
         return layout.mirrored
     return int(np.count_nonzero(on_page(scene.uv))) - layout.flat - layout.mirrored
@@ -210,8 +210,8 @@ def _predicted(baked: Estimate, texels: Texels, cells: Callable[[], Neighbours])
     """Estimates at all texels (k,) from those at the texels that were baked."""
     count = len(baked.values)
     cell = texels.cell[count:].astype(np.int32)
-    more = upsample(texels.points[count:], cell, cells(), texels.points[:count], baked.values)
-    values = np.concatenate([baked.values, more])
+    predicted = upsample(texels.points[count:], cell, cells(), texels.points[:count], baked.values)
+    values = np.concatenate([baked.values, predicted])
     spared = baked.spared + baked.samples * (len(texels) - count)
     variance = baked.variance[texels.cell]  # measured anywhere in what a texel stands for
     return baked._replace(values=values, variance=variance, spared=spared)
@@ -228,6 +228,6 @@ def _frames(space: BentSpace, surface: UVSurface, texels: Texels) -> Float64s | 
 
 
 def _seconds(start: float, prepared: Prepared) -> dict[str, float]:
-    """How long a bake took that began at `start`, by stages."""
+    """Seconds of each stage of a bake that began at `start`."""
     build = prepared.receivers.tree_seconds
     return {"build": build, "bake": time.perf_counter() - start - build}

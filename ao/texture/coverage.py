@@ -27,7 +27,7 @@ _LISTED, _SAMPLED = 1 << 20, 1 << 12  # triangles in lists, and texels, at once
 
 
 class Page(NamedTuple):
-    """Faces on a page."""
+    """Faces on a page, and the triangles listed for each band of its rows."""
 
     layout: UVLayout
     crowding: (
@@ -74,19 +74,20 @@ class Page(NamedTuple):
         def work(start: int, stop: int) -> None:
             triangles = self.listed[self.starts[start // size] : self.starts[start // size + 1]]
             if texels is None:
-                asked, places = np.arange(start, stop), REGULAR
+                band_texels, places = np.arange(start, stop), REGULAR
             else:
-                asked = texels[np.searchsorted(texels, start) : np.searchsorted(texels, stop)]
-                places = Places.by_chance(asked, key)
-            if len(asked) or start == 0:
-                bands[start] = _Band(self, asked, triangles, places, layered).cover()
+                band_texels = texels[np.searchsorted(texels, start) : np.searchsorted(texels, stop)]
+                places = Places.by_chance(band_texels, key)
+            if len(band_texels) or start == 0:
+                bands[start] = _Band(self, band_texels, triangles, places, layered).cover()
 
         run_blocks(self.layout.height * self.layout.width, size, work, threads)
         return Coverage.joined([band for _, band in sorted(bands.items())])
 
 
 class _Band(NamedTuple):
-    """Texels that are covered at once."""
+    """A band of a page's texels, covered on one thread: its texels, the triangles that reach into it, where points
+    lie in texels."""
 
     page: Page
     texels: Int64s  # (n,), ascending

@@ -34,7 +34,7 @@ _CLEAR = 1e-18  # least square of a mean direction that is one
 
 @dataclass(frozen=True, eq=False)
 class TextureFacts:
-    """Facts about a layout of texture coordinates."""
+    """Facts about a layout of texture coordinates: counts of texels and faces, and jumps of w at seams."""
 
     covered: int  # texels that faces reach into
     overlapping: int  # texels in which faces lie over one another
@@ -131,7 +131,8 @@ class PageAssembly:
         return Pages(page, error, bent, covered, jump, before)
 
     def _closed(self, w: Float64s, covered: Bools) -> tuple[Float64s, Bools, float]:
-        """The page with closed seams, if they are to be; which of its texels are known; the largest jump before."""
+        """The page of w with closed seams, if seams are to be closed; which texels are known; the largest jump
+        before."""
         beside = np.zeros(w.shape, np.bool_)
         extend = bind(_extend, w, covered, self.layout.wraps, beside)
         run_blocks(self.layout.height, _ROWS, extend, self.threads)
@@ -144,7 +145,12 @@ class PageAssembly:
 
 @kernel
 def _spread(texels, estimated, frames, pages, start, stop):
-    """Write w, its error and bent normals of texels to flat `pages`. Args: values: rows, variance and axes."""
+    """Write w, its error and bent normals of texels to flat `pages`.
+
+    Args:
+        estimated: rows of estimates, variances, and axes of the hemispheres.
+        frames: as of `assemble`.
+    """
     values, variance, axes = unrefcounted_view(estimated)
     w, error, bent, covered = unrefcounted_view(pages)
     turned = unrefcounted_view(frames)

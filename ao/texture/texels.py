@@ -66,11 +66,11 @@ class TexelSampler:
         """The texels of the page; how many are left out, whose samples are all inside of solids; how many samples the
         cage misses."""
         threads, smooth = self.prepared.threads, self.surface.smooth
-        alone, cell = self._cells(coverage)
+        by_centre, cell = self._cells(coverage)
         order = np.flatnonzero(cell == np.arange(len(cell)))
-        one = coverage.samples(order, alone, threads, most=1)
-        order = order[morton_order(smooth.positions_at(one.face, one.barycentric, threads))]
-        samples, missed = self._place(coverage, order, alone)
+        single = coverage.samples(order, by_centre, threads, most=1)
+        order = order[morton_order(smooth.positions_at(single.face, single.barycentric, threads))]
+        samples, missed = self._place(coverage, order, by_centre)
         inside = self._inside(samples)
         if inside.any() and not inside.all():  # all: a room whose walls face outwards, for instance
             order = order[samples.groups_outside(inside)]
@@ -80,14 +80,14 @@ class TexelSampler:
         baked_cell = baked[cell]
         predicted = np.flatnonzero((baked_cell >= 0) & (baked < 0))
         coverage_rows = np.append(order, predicted)
-        one = coverage.samples(coverage_rows, alone, threads, most=1)
+        single = coverage.samples(coverage_rows, by_centre, threads, most=1)
         between = slice(len(order), None)
-        positions, _, axes = smooth.points_at(one.face[between], one.barycentric[between], threads)
+        positions, _, axes = smooth.points_at(single.face[between], single.barycentric[between], threads)
         points = samples.first_points.followed_by(positions, axes)
         texels = Texels(
-            coverage.texels[coverage_rows], samples, baked_cell[coverage_rows], points, one.face, one.barycentric
+            coverage.texels[coverage_rows], samples, baked_cell[coverage_rows], points, single.face, single.barycentric
         )
-        return texels, len(alone) - len(texels), missed
+        return texels, len(by_centre) - len(texels), missed
 
     def elsewhere(self, texels: Texels, texel_rows: Int64s, key: np.uint32) -> SurfaceSamples:
         """Samples, by chance, elsewhere in the blocks that the texels `texel_rows` (j,) stand for; where all of these
@@ -107,10 +107,10 @@ class TexelSampler:
         if inside.any() and not inside.all():
             moved = moved[samples.groups_outside(inside)]
             samples = samples.without(inside, threads)
-        kept = np.setdiff1d(texel_rows, moved)
-        sampled = np.append(moved, kept)
-        both = samples.followed_by(texels.samples.only(kept)).only(np.argsort(sampled))
-        return both.spread(np.sort(sampled), len(texels.samples))
+        unmoved = np.setdiff1d(texel_rows, moved)
+        sampled = np.append(moved, unmoved)
+        all_samples = samples.followed_by(texels.samples.only(unmoved)).only(np.argsort(sampled))
+        return all_samples.spread(np.sort(sampled), len(texels.samples))
 
     def _cells(self, coverage: Coverage) -> tuple[Bools, Int64s]:
         """The texels (k,) with one sample, at their centre, and the row (k,) of the texel that stands for each."""
@@ -122,10 +122,13 @@ class TexelSampler:
         largest = _LARGEST if options.tolerance and not receivers.opacity else 1
         return smooth_cells(coverage, self.surface.smooth, receivers.tree, most_bent, largest, self.prepared.threads)
 
-    def _place(self, coverage: Coverage, order: Int64s, alone: Bools) -> tuple[SurfaceSamples, int]:
-        """Samples of texels in an `order`, one of texels that are `alone`; how many samples the cage misses."""
+    def _place(self, coverage: Coverage, order: Int64s, by_centre: Bools) -> tuple[SurfaceSamples, int]:
+        """Samples of texels in an `order`, and how many samples the cage misses.
+
+        Args: by_centre: texels with one sample.
+        """
         receivers, threads = self.prepared.receivers, self.prepared.threads
-        on_faces = coverage.samples(order, alone, threads)
+        on_faces = coverage.samples(order, by_centre, threads)
         smooth, missed = self.surface.smooth, np.zeros(0, np.int64)
         if self.cage:
             projected, missed = self._project(on_faces, self.cage)

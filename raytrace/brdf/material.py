@@ -74,7 +74,7 @@ class Material(Parameters):
 
     @abstractmethod
     def ambient(self) -> RGB:
-        """k_a unless it is given."""
+        """The default of `k_a`, the ambient reflectance."""
 
     def lobe_slope(self) -> float | None:
         """The larger RMS slope of facets that make a highlight about the halfway vector; None for other models."""
@@ -130,7 +130,7 @@ class TwoTerm(Material):
 
 
 class Glossy(TwoTerm):
-    """Of a highlight of an `exponent` > 0."""
+    """A material whose highlight has an `exponent` > 0."""
 
     exponent: Exponent = 20.0
 

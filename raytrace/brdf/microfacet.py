@@ -68,7 +68,7 @@ def conductor_fresnel(eta, k, cosine):
 
 @inline
 def reflectance(row, channel, cosine):
-    """F of a channel of a row of `Microfacet`, at c = v·h ≥ 0."""
+    """Fresnel reflectance F of one channel at c = v·h ≥ 0. Args: row: of a `Microfacet`."""
     eta = row[ETA + channel]
     k = row[K + channel]
     return conductor_fresnel(eta, k, cosine) if k > _TRANSPARENT else fresnel(eta, cosine)
@@ -153,7 +153,7 @@ class Microfacet(Diffuse):
         return self
 
     def mirrored(self, slope: float) -> Gloss:
-        """The gloss of facets of this RMS slope."""
+        """What facets of this RMS slope mirror."""
         colour = self.colour or (1.0, 1.0, 1.0)
         k2 = np.square(self.k)
         normal = (np.square(np.array(self.eta) - 1) + k2) / (np.square(np.array(self.eta) + 1) + k2)
@@ -161,7 +161,7 @@ class Microfacet(Diffuse):
         return Gloss(tuple(mirrored), (self.k_s,) * 3, slope)
 
     def interface(self) -> list[float]:
-        """The columns up to `FACETS`."""
+        """The columns of k_d, k_s, η, k and colour, up to `FACETS`."""
         colour = self.colour or (0.0, 0.0, 0.0)
         normalisation = 1 / (4 * pi) if self.form == "conserving" else 1 / pi
         return [*self.albedo, self.k_s, *self.eta, float(self.colour is not None), *colour, normalisation, *self.k]

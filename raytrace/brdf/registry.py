@@ -57,7 +57,7 @@ def in_lanes(terms: Any) -> Any:
 
 @cache
 def reflection_models() -> tuple[type[Material], ...]:
-    """All models by their names: the files of `raytrace/brdf/models/`, and what was registered before."""
+    """All models by their names: those of `raytrace/brdf/models/`, and those that a program has registered."""
     package = import_module(f"{__package__}.models")
     for file in iter_modules(package.__path__):
         import_module(f"{package.__name__}.{file.name}")

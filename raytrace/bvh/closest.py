@@ -129,7 +129,7 @@ def _search(tree, stack, surface, points, radius, match, face, weights):
 
 
 def new_stack() -> Int64s:
-    """The nodes that are to be opened: int64 (_ENTRIES + 1, 2), for one walk at a time."""
+    """A stack for one walk at a time: nodes to be opened, int64 (_ENTRIES + 1, 2)."""
     return np.zeros((_ENTRIES + 1, 2), np.int64)
 
 
@@ -191,7 +191,7 @@ def _triangles_within(triangles, point, radius):
 
 @inline
 def _along_axis(triangles, axis, x, radius):
-    """The triangles of which some part is within `radius` of a point's coordinate `x`."""
+    """The triangles (9, 16) that reach within `radius` of the coordinate `x` along an axis."""
     a = load_row(triangles, axis)
     b = load_row(triangles, 3 + axis)
     c = load_row(triangles, 6 + axis)
@@ -220,7 +220,13 @@ def _faces_within(triangles, point, radius):
 
 @inline
 def _beyond(edge, n, end, radius, vague):
-    """Lanes where a point is beyond an edge by more than `radius`. Args: n: normals; end: edge ends, from the point."""
+    """Lanes where a point is beyond an edge of a triangle by more than `radius`, surely.
+
+    Args:
+        n: normals of the triangles.
+        end: where the edge ends, relative to the point.
+        vague: rounding of coordinates.
+    """
     outwards = cross(edge, n)
     return dot(outwards, end) < -(radius * _sum(outwards) + vague * _sum(edge))
 

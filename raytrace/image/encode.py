@@ -160,7 +160,7 @@ def written(name: str, write: Callable[..., None], *given: Any) -> bytes:
 
 
 def linear_png(values: npt.NDArray[np.uint8 | np.uint16]) -> bytes:
-    """A PNG file of codes as they are, (height, width, channels), that says nothing of a colour space."""
+    """A PNG file of codes (height, width, channels) as they are, which says nothing of a colour space."""
     return written("data.png", write_data, values, {}, False, (), 8 * values.itemsize)
 
 

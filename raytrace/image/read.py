@@ -78,16 +78,16 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
         raise InputError(name, "file", "a readable file", reason.strerror or reason) from None
     if not is_utf8(str(file)):
         raise InputError(name, "file", "a path in UTF-8", "other bytes")
-    wanted = oiio.ImageSpec()
-    wanted.attribute("oiio:UnassociatedAlpha", 1)
+    config = oiio.ImageSpec()
+    config.attribute("oiio:UnassociatedAlpha", 1)
     stored = file.stat().st_size
     with _silenced(), _limited(oiio, file, stored):
-        image = oiio.ImageInput.open(str(file), wanted)
+        image = oiio.ImageInput.open(str(file), config)
     if image is None:
-        said = _reason(oiio, file)
-        if _TOO_LARGE in said:
-            raise InputError(name, "size", f"pixels that {stored:,} bytes can hold", said.partition(_TOO_LARGE)[0])
-        raise InputError(name, "content", "an image", said)
+        message = _reason(oiio, file)
+        if _TOO_LARGE in message:
+            raise InputError(name, "size", f"pixels that {stored:,} bytes can hold", message.partition(_TOO_LARGE)[0])
+        raise InputError(name, "content", "an image", message)
     # Pixels that its bytes can hold, few enough, and flat.
     spec = image.spec()
     size = f"{spec.width}×{spec.height}"
@@ -111,7 +111,10 @@ def check_pixels(image: Any, path: str | os.PathLike[str], pixel_bytes: int) -> 
 
 
 def row_blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice, npt.NDArray[Any]]]:
-    """The opened image from the top: which rows, and their uint8 or uint16 codes, or float32. Raises: InputError."""
+    """Read an opened image from the top: pairs of a slice of rows and their uint8 or uint16 codes, or float32.
+
+    Raises: InputError.
+    """
     spec = image.spec()
     kind = stored_type(spec).replace("float32", "float")  # as OpenImageIO calls it
     step = spec.tile_height or _ROWS
@@ -131,7 +134,10 @@ def row_blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice
 
 
 def decoding_table(spec: Any, srgb: bool | None = None) -> Float32s | None:
-    """Linear values of a file's 8- or 16-bit codes, None for floats. Args: srgb: how they are encoded; None asks it."""
+    """Linear values of the 8- or 16-bit codes of a file, None for floats.
+
+    Args: srgb: how codes are encoded; None: as the file says.
+    """
     codes = stored_type(spec)
     if codes == "float32":
         return None
@@ -146,7 +152,7 @@ def _silenced() -> Iterator[None]:
     """Hold back what libpng prints on the standard error by itself; OpenImageIO's message says the same."""
     with _printing, open(os.devnull, "wb") as nowhere:
         try:
-            kept = os.dup(2)
+            saved_stderr = os.dup(2)
         except OSError:  # there is none
             yield
             return
@@ -154,8 +160,8 @@ def _silenced() -> Iterator[None]:
             os.dup2(nowhere.fileno(), 2)
             yield
         finally:
-            os.dup2(kept, 2)
-            os.close(kept)
+            os.dup2(saved_stderr, 2)
+            os.close(saved_stderr)
 
 
 @contextmanager

@@ -51,5 +51,5 @@ def write_image(path: str | os.PathLike[str], pixels: npt.ArrayLike) -> None:
     Args: pixels: (h, w) or (h, w, 1) grey, (h, w, 3) RGB, (h, w, 4) premultiplied RGBA.
     """
     check_image_target(path, layers=("beauty",))
-    whole = np.asarray(pixels, np.float32)
-    write_picture(path, whole.reshape(*whole.shape[:2], -1), {})
+    values = np.asarray(pixels, np.float32)
+    write_picture(path, values.reshape(*values.shape[:2], -1), {})

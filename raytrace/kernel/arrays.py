@@ -49,7 +49,7 @@ def unrefcounted_view(context, builder, signature, value):
     outlive it, so it takes views of them once, at its beginning, and every later count is left out. Of a named tuple
     it gets the address: only `value.name` is left of it, and functions that it is passed to are small to compile.
     """
-    (kind,), one = signature.args, _uncounted(context, builder, signature.args[0], value)
+    (kind,), view = signature.args, _uncounted(context, builder, signature.args[0], value)
     if signature.return_type == kind:
-        return one
-    return builder.bitcast(cgutils.alloca_once_value(builder, one), cgutils.voidptr_t)
+        return view
+    return builder.bitcast(cgutils.alloca_once_value(builder, view), cgutils.voidptr_t)

@@ -43,14 +43,14 @@ class Entry(NamedTuple):
         return cls(kernel.signature(arguments, path), identity_of(function), function, arguments)
 
     def file(self, folder: Path, level: str) -> Path:
-        """Where its object file for a level is."""
+        """The path of its object file for a level."""
         import numba
 
         return folder / f"{self.signature.symbol}.{self.identity}.{numba.__version__}.{level}.o"
 
 
 def entries() -> list[Entry]:
-    """What the list has of the sources as they are."""
+    """The entries of the list `kernels.txt`, without kernels that the sources no longer have."""
     return [entry for line in LIST.read_text().splitlines() if (entry := _entry(line))]
 
 
@@ -139,7 +139,7 @@ def _compile_module(lines: list[str], folder: Path, levels: Sequence[str]) -> in
 
 
 def _record(loaded: Path) -> None:
-    """Make the list of the kernels that were loaded, but for those that are no part of the package."""
+    """Write the list `kernels.txt` anew, of the kernels that were loaded, without those outside of the package."""
     lines = sorted(set(loaded.read_text().splitlines()))
     LIST.write_text("".join(f"{line}\n" for line in lines if line.startswith(_OURS) and _entry(line)))
 

@@ -80,8 +80,11 @@ def intrinsic(signature: Callable[..., Any], emit: Callable[..., Any]) -> Any:
 
     def define(_typing: Any, *kinds: Any) -> Any:
         """What Numba asks for: the signature for arguments of these types, None for wrong ones, and the code."""
-        made = signature(*kinds)
-        return made and (made, lambda context, builder, kinds, values: emit(context, builder, kinds, *values))
+        call_signature = signature(*kinds)
+        return call_signature and (
+            call_signature,
+            lambda context, builder, kinds, values: emit(context, builder, kinds, *values),
+        )
 
     define.__signature__ = inspect.Signature([*inspect.signature(emit).parameters.values()][2:])  # type: ignore[attr-defined]
     compiled = numba.extending.intrinsic(define)
@@ -103,14 +106,14 @@ def _compiling() -> Iterator[None]:
     with global_compiler_lock:
         rtsys.initialize(_context)
         codegen = _context.codegen()
-        kept = codegen._engine, codegen._library_class, codegen._tm
+        previous = codegen._engine, codegen._library_class, codegen._tm
         codegen._engine, codegen._library_class, codegen._tm = Idle(), _Library, machine_of(levels()[0])
         collecting = gc.isenabled()
         gc.disable()
         try:
             yield
         finally:
-            codegen._engine, codegen._library_class, codegen._tm = kept
+            codegen._engine, codegen._library_class, codegen._tm = previous
             if collecting:
                 gc.enable()
 
@@ -145,10 +148,10 @@ def object_files(
     """
     symbol, path = signature.symbol, signature.path
     with _compiling():
-        given = tuple(map(type_of_value, arguments))
+        argument_types = tuple(map(type_of_value, arguments))
         dispatcher = _Dispatcher(function, False)
-        dispatcher.compile(given)
-        compiled = dispatcher.overloads[given]
+        dispatcher.compile(argument_types)
+        compiled = dispatcher.overloads[argument_types]
         module = _context.create_module(symbol)
         entry = ir.Function(module, ir.FunctionType(ir.IntType(32), [_POINTER, _POINTER]), symbol)
         builder = ir.IRBuilder(entry.append_basic_block())
@@ -158,7 +161,7 @@ def object_files(
             pointer = builder.load(cgutils.gep_inbounds(builder, words, element))
             words = builder.inttoptr(pointer, _WORD.as_pointer())
         word_numbers = count()
-        values = [load_argument(builder, words, word_numbers, kind) for kind in given]
+        values = [load_argument(builder, words, word_numbers, kind) for kind in argument_types]
         if path:
             values[0] = builder.ptrtoint(entry.args[0], _WORD)
         status, value = _context.call_internal_no_propagate(builder, compiled.fndesc, compiled.signature, values)
@@ -212,13 +215,15 @@ def _optimized(library: Any, bitcode: bytes, symbol: str, level: str) -> bytes:
     machine = _context.codegen()._tm = machine_of(level)
     library._final_module = llvm.parse_bitcode(bitcode)
     library._optimize_final_module()
-    whole = library._final_module
+    linked = library._final_module
     missing = [
-        function.name for function in whole.functions if function.is_declaration and function.name.startswith(_OF_NUMBA)
+        function.name
+        for function in linked.functions
+        if function.is_declaration and function.name.startswith(_OF_NUMBA)
     ]
     if missing:
         raise TypeError(f"{symbol}: expected no lists, texts or NumPy's sort, which need Numba's {missing}")
-    code: bytes = machine.emit_object(whole)
+    code: bytes = machine.emit_object(linked)
     return code
 
 

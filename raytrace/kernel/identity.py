@@ -107,7 +107,8 @@ def _parts(function: FunctionType) -> tuple[str, tuple[FunctionType, ...]]:
 
 
 def _referred(function: FunctionType) -> Iterator[Any]:
-    """Global values by the names that a function's code has, and those of the functions that it stands in."""
+    """Values that a function refers to: globals by the names in its code, and variables of the functions that
+    enclose it."""
     names = {name: None for code in _nested(function.__code__) for name in code.co_names}
     for name in names:
         value = function.__globals__.get(name)

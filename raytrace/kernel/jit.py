@@ -106,7 +106,7 @@ class Kernel(Called):
         return ctypes.cast(code.call, ctypes.c_void_p).value or 0, packed
 
     def signature(self, arguments: tuple[Any, ...], path: tuple[int, ...]) -> Signature:
-        """Of a call with these arguments, or of a `callback` by this path."""
+        """The signature of a call with these arguments, or of a `callback` with this path."""
         return Signature.of(self._name, tuple(_flatten(arguments, [], [])[0]), path)
 
     def _load(self, key: tuple[Any, ...], arguments: tuple[Any, ...], path: tuple[int, ...] = ()) -> _Loaded:
@@ -145,7 +145,7 @@ def _code(signature: Signature, function: Callable[..., Any], arguments: tuple[A
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Make a hot loop machine code: no Python objects, no GIL."""
+    """Decorator: compile a hot loop to machine code without Python objects and without the GIL."""
     return Kernel(function)
 
 
@@ -157,7 +157,7 @@ def bind(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
 
 
 def inline(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a helper that kernels call; it is compiled into each of them."""
+    """Decorator: a helper that kernels call, compiled into each of them."""
     return Kernel(function, inlined=True)
 
 
@@ -196,7 +196,7 @@ def external(name: str) -> Any:
 
 
 def _flatten(values: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> tuple[list[Any], list[Any]]:
-    """Append what Numba's types of the values depend on, and what `object_files` makes the values of."""
+    """Append to `kinds` what the types of the values depend on, and to `words` what kernels get of the values."""
     for value in values:
         kind = type(value)
         if isinstance(value, ndarray):
@@ -214,7 +214,7 @@ def _flatten(values: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> tup
 
 
 def _nested(nesting: str, values: tuple[Any, ...]) -> Any:
-    """The values as formats say that stand in brackets where tuples are."""
+    """The values in tuples as the brackets of formats say."""
     left = iter(values)
     levels: list[list[Any]] = [[]]
     for letter in nesting:

@@ -87,8 +87,8 @@ def example(line: str) -> tuple[Any, tuple[int, ...], tuple[Any, ...]]:
     Raises: LookupError, AttributeError, ImportError, TypeError, ValueError: there is none any more.
     """
     name, *texts = line.split()
-    whole, *path = name.split("@")
-    return _named(whole), tuple(map(int, path)), tuple(_values(iter(texts)))
+    dotted_name, *path = name.split("@")
+    return _named(dotted_name), tuple(map(int, path)), tuple(_values(iter(texts)))
 
 
 def _named(name: str) -> Any:

@@ -39,8 +39,8 @@ def double(context, builder, signature, a):
 def multiply_add(context, builder, signature, a, b, c):
     """a b + c of lanes of float32, scalars repeated; rounded once where the processor can (FMA)."""
     pairs = zip((a, b, c), signature.args, strict=True)
-    given = [lanes.widened(context, builder, value, kind, lanes.SINGLE) for value, kind in pairs]
-    return lanes.in_each_lane(builder, "llvm.fmuladd", given)
+    operands = [lanes.widened(context, builder, value, kind, lanes.SINGLE) for value, kind in pairs]
+    return lanes.in_each_lane(builder, "llvm.fmuladd", operands)
 
 
 @intrinsic(lambda a: lanes.SINGLE(a))
@@ -120,7 +120,7 @@ def _pointer(context, builder, kind, array, element, to):
 
 
 def _row(context, builder, kind, array, row):
-    """Address of a row of lanes."""
+    """Address of a row of lanes of a C-contiguous array."""
     start = builder.mul(row, ir.IntType(64)(WIDE))
     return _pointer(context, builder, kind, array, start, lanes.llvm_type(kind))
 

@@ -182,7 +182,7 @@ class SkyLight(BaseLight):
     up: Direction = (0.0, 0.0, 1.0)
 
     def row(self) -> Float64s:
-        """The row that `raytrace.lights.environment` reads."""
+        """The packed sky that `raytrace.lights.environment` reads."""
         colours = [np.multiply(self.intensity, colour) for colour in (self.zenith, self.horizon, self.ground)]
         return np.concatenate([*colours, normalize(np.array(self.up))])
 
@@ -246,8 +246,8 @@ def irradiance(
     Raises: OptionError: n or l is not of finite numbers (…, 3).
     """
     units = []
-    for name, given in (("n", n), ("l", l)):
-        values = numbers(given, "irradiance", name, "an array of numbers (…, 3)")
+    for name, vector in (("n", n), ("l", l)):
+        values = numbers(vector, "irradiance", name, "an array of numbers (…, 3)")
         if values.shape[-1:] != (3,) or not np.isfinite(values).all():
             raise OptionError(name, "finite numbers (…, 3)", f"{values.tolist()}"[:60], "irradiance")
         units.append(normalize(values))

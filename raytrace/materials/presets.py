@@ -83,7 +83,7 @@ def material_from_dict(data: dict[str, Any]) -> Material:
 
 
 def _preset(name: str) -> dict[str, Any]:
-    """The values of a named material. Raises: OptionError listing the names."""
+    """The plain values of a preset. Raises: OptionError listing the names."""
     if not isinstance(name, str) or name not in PRESETS:
         names = sorted(PRESETS)
         raise OptionError("preset", "one of " + ", ".join(names), name, "material", nearest_name(name, names))

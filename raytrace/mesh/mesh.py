@@ -207,16 +207,16 @@ def mesh_of(given: Mesh | Any, source: str) -> Mesh:
     raise MeshError(source, "mesh", expected, " ".join(repr(given).split()), nearest=nearest)
 
 
-def _triangles(given: Any, source: str) -> Int64s:
+def _triangles(meshio_mesh: Any, source: str) -> Int64s:
     """The triangles of meshio's cells, quads cut along the diagonal that lies inside of them."""
-    parts = [block for block in given.cells if block.type not in ("vertex", "line")]
-    other = next((block.type for block in parts if block.type not in ("triangle", "quad")), None)
-    if other or not parts:
-        raise MeshError(source, "cells", "triangle or quad", other or "none of them")
+    parts = [block for block in meshio_mesh.cells if block.type not in ("vertex", "line")]
+    unsupported = next((block.type for block in parts if block.type not in ("triangle", "quad")), None)
+    if unsupported or not parts:
+        raise MeshError(source, "cells", "triangle or quad", unsupported or "none of them")
     triangles = [block.data for block in parts]
     for row, block in enumerate(parts):
         if block.type == "quad":
-            a, b, c, d = np.asarray(given.points, np.float64)[block.data.T]
+            a, b, c, d = np.asarray(meshio_mesh.points, np.float64)[block.data.T]
             folds = (np.cross(b - a, c - a) * np.cross(c - a, d - a)).sum(axis=1) < 0
             turned = np.where(folds[:, None], np.roll(block.data, -1, axis=1), block.data)
             triangles[row] = turned[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)

@@ -63,8 +63,8 @@ def vertex_sums(
     sums = np.zeros((len(vertices), 3))
     vertices = np.ascontiguousarray(vertices, np.float64)
     faces = np.ascontiguousarray(faces, np.int64)
-    given = vertices, faces, normals, areas, ("angle", "area", "equal").index(weighting)
-    run_ranges(len(sums), _VERTICES, bind(_vertex_sums, *given, sums), thread_count(None))
+    arguments = vertices, faces, normals, areas, ("angle", "area", "equal").index(weighting)
+    run_ranges(len(sums), _VERTICES, bind(_vertex_sums, *arguments, sums), thread_count(None))
     return sums
 
 
@@ -144,9 +144,9 @@ def creased_normals(mesh: Mesh) -> tuple[Float64s, Int64s]:
     vertices, faces = Placement.of(mesh).vertices, mesh.faces
     across, areas = face_normals(vertices.astype(np.float64), faces)
     if mesh.normals is not None:
-        known = normalize(mesh.normals)
-        missing = len(known) + np.arange(len(faces))[:, None]
-        return np.concatenate([known, across]), np.where(nonzero(known)[faces], faces, missing)
+        own_normals = normalize(mesh.normals)
+        missing = len(own_normals) + np.arange(len(faces))[:, None]
+        return np.concatenate([own_normals, across]), np.where(nonzero(own_normals)[faces], faces, missing)
     corner_points = weld(vertices, faces, np.ones((len(vertices), 3)), CREASE)[faces]
     fan = np.arange(faces.size)
     edges = counting_sort(np.minimum(corner_points, corner_points[:, [1, 2, 0]]), int(corner_points.max()) + 1)

@@ -21,8 +21,6 @@ def closed_parts(vertices: Float32s, faces: Int64s, alone: bool = True) -> tuple
 
     Vertices at the same place are one. At every edge of a closed part as many faces run one way as the other. The
     volume is negative where faces look inwards.
-
-    Args: alone: whether a part that is the only one matters; if not, it counts as open.
     """
     representative = coincident(vertices, faces)
     corners = representative[faces]
@@ -61,9 +59,9 @@ def inward_warnings(mesh: Mesh, vertices: Float32s | None = None) -> list[str]:
     inward, closed, share = inward_looking(Placement.of(mesh).vertices if vertices is None else vertices, mesh.faces)
     if not share:
         return []
-    which = "its faces look" if closed == 1 else f"{inward:,} of {closed:,} closed parts look"
+    subject = "its faces look" if closed == 1 else f"{inward:,} of {closed:,} closed parts look"
     remedy = "--flip turns all faces over" if share > 0.5 else "turn only these over, where the mesh was made"
-    return [f"{mesh.source}: {which} inwards, so the inside is baked: {remedy}"]
+    return [f"{mesh.source}: {subject} inwards, so the inside is baked: {remedy}"]
 
 
 def _is_enclosed(number: int, vertices: Float32s, faces: Int64s, part: Int64s, volume: Float64s) -> bool:

@@ -30,7 +30,8 @@ _FINE = 16.0  # contact radii; vertices all whose edges are shorter are welded o
 
 
 def connected_components(links: AnyInts, count: int) -> Int64s:
-    """The component (count,), from 0 in the order of first members, of `count` that the rows of `links` connect."""
+    """The component (count,) of each of `count` members, which the rows of `links` connect; numbered in order of
+    first members."""
     parent = np.arange(count)
     run_blocks(len(links), _BLOCK, bind(join, links, parent), thread_count(None), most=_MOST)
     renumber_components(parent)
@@ -104,8 +105,8 @@ def coincident(positions: Float32s, faces: Int64s) -> Int64s:
     beside = np.zeros(len(distinct), np.bool_)
     for subset, keys in grids(positions[distinct]):
         alike = first_alike(keys[:, None])
-        again = alike != np.arange(len(alike))
-        beside[subset[again]] = beside[subset[alike[again]]] = True
+        is_repeated = alike != np.arange(len(alike))
+        beside[subset[is_repeated]] = beside[subset[alike[is_repeated]]] = True
     distinct = distinct[beside]
     if len(distinct):
         distinct = distinct[np.lexsort(positions[distinct].T[::-1])]
@@ -131,13 +132,13 @@ def _find_first(words, key, table, representative, start, stop):
 
     Args: table: of zeros, a power of two and more than n; filled with rows, from 1 on, by hash.
     """
-    last = len(table) - 1
+    slot_mask = len(table) - 1
     for i in range(len(words)):
         hashed = key
         for k in range(words.shape[1]):
             hashed = (hashed ^ np.uint64(words[i, k])) * np.uint64(0x9E3779B97F4A7C15)
             hashed ^= hashed >> np.uint64(32)
-        at = np.int64(hashed) & last
+        at = np.int64(hashed) & slot_mask
         if not start <= at < stop:
             continue
         row = np.int64(0)
@@ -191,7 +192,7 @@ def grids(positions: Float32s) -> Iterator[tuple[Int64s, Int64s]]:
 
 @kernel
 def _locate(positions, shift, keys, beside, start, stop):
-    """The key (n,) of each position's cell, and whether it is near a border of that."""
+    """Write the key (n,) of each position's cell, and into `beside` whether it is near a border of that."""
     for i in range(start, stop):
         key, near = 0, False
         for axis in range(3):

@@ -26,7 +26,7 @@ _BLOCK, _MOST = 1 << 7, 16  # points, and blocks at once
 
 
 class PointFaces(NamedTuple):
-    """Faces at each of k points."""
+    """Faces at each of k points: faces[starts[i] : ends[i]] of point i."""
 
     faces: AnyInts  # of all points one after another, ascending at each
     starts: Int64s  # (k,), where those of a point begin, and where they end
@@ -51,12 +51,12 @@ def resolve_contacts(
     point_rows = touched.point[first_contact]
     needed = np.zeros(max(int(face_points.max()), int(numbers.max())) + 1, np.bool_)
     needed[numbers[point_rows]] = True
-    kept = np.where(needed, np.cumsum(needed) - 1, -1)
-    corners, starts = counting_sort(kept[face_points], int(np.count_nonzero(needed)))
-    at = kept[numbers[point_rows]]
+    packed_rows = np.where(needed, np.cumsum(needed) - 1, -1)
+    corners, starts = counting_sort(packed_rows[face_points], int(np.count_nonzero(needed)))
+    at = packed_rows[numbers[point_rows]]
     own_faces = PointFaces(corners // 3, starts[at], starts[at + 1])
-    others = PointFaces(touched.face, first_contact, np.append(first_contact, len(touched.point))[1:])
-    work = bind(_turn, surface, points, results, point_rows, own_faces, others)
+    touched_faces = PointFaces(touched.face, first_contact, np.append(first_contact, len(touched.point))[1:])
+    work = bind(_turn, surface, points, results, point_rows, own_faces, touched_faces)
     run_blocks(len(point_rows), _BLOCK, work, thread_count(None), most=_MOST)
 
 

@@ -60,9 +60,9 @@ def ray_origins(
         np.maximum.at(magnitude, touched.point, np.maximum(surface.extent, surface.flat)[touched.face])
         offset = ray_offset(directions, magnitude, clearance)
         farther = np.where((reach >= 0.0) & (2.0 * offset > reach), 2.0 * offset, -1.0)
-        more = find_contacts(tree, surface, points, farther, face_points, numbers)
-        if len(more.point):
-            near = Contacts.joined([near, more])
+        far_contacts = find_contacts(tree, surface, points, farther, face_points, numbers)
+        if len(far_contacts.point):
+            near = Contacts.joined([near, far_contacts])
     ambiguous[blurred] = True
     sharp = np.flatnonzero((reach >= 0.0) & (clearance < SHARP))
     if len(sharp):
@@ -211,12 +211,12 @@ def weld_points(
         mean = normalize(sum_groups(group, sums))
     axes, directions, clearance = outermost_normals(mean, face_points, face_normal)
     if normals is not None:
-        given = normals[first_vertices]
-        behind = np.einsum("ij,ij->i", directions, given)[:, None] < 0
+        own_normals = normals[first_vertices]
+        behind = np.einsum("ij,ij->i", directions, own_normals)[:, None] < 0
         directions = np.where(behind, -directions, directions)
         # A given normal in front of all faces, or behind all of them, is the direction itself.
-        _, _, clear = outermost_normals(np.where(behind, -given, given), face_points, face_normal)
-        is_in_front = (clear > SHARP) & nonzero(given)
-        directions[is_in_front] = given[is_in_front]
+        _, _, clear = outermost_normals(np.where(behind, -own_normals, own_normals), face_points, face_normal)
+        is_in_front = (clear > SHARP) & nonzero(own_normals)
+        directions[is_in_front] = own_normals[is_in_front]
         clearance[is_in_front] = clear[is_in_front]
     return WeldedPoints(group, first_vertices, faces, face_normal, face_points, mean, axes, directions, clearance)

@@ -142,12 +142,12 @@ class Contacts(NamedTuple):
 
     @classmethod
     def joined(cls, parts: Sequence[Contacts]) -> Contacts:
-        """Those of several, one after another."""
+        """The contacts of several parts, one after another."""
         return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
-    def only(self, which: Bools | Int64s) -> Contacts:
-        """Some of the pairs, copied; `which` is bool (j,) or their rows."""
-        return Contacts(self.point[which], self.face[which], self.distance[which])
+    def only(self, selection: Bools | Int64s) -> Contacts:
+        """Some of the pairs, copied; `selection` is bool (j,) or their rows."""
+        return Contacts(self.point[selection], self.face[selection], self.distance[selection])
 
 
 _Points = tuple[Float64s, Float64s, Int64s, Int64s]  # points, reach, face_points, numbers
@@ -173,11 +173,13 @@ def find_contacts(
         limit = max(_CLASS * least, _USUAL_ROUNDING)
         uncertain = np.flatnonzero((surface.rounding > least) & (surface.rounding <= limit))
         if len(uncertain):
-            some = BVH16.of(surface.vertices.astype(np.float32), surface.faces[uncertain])
-            some = some._replace(
-                leaf_faces=np.where(some.leaf_faces < 0, -1, uncertain[some.leaf_faces]).astype(np.int32)
+            uncertain_tree = BVH16.of(surface.vertices.astype(np.float32), surface.faces[uncertain])
+            uncertain_tree = uncertain_tree._replace(
+                leaf_faces=np.where(uncertain_tree.leaf_faces < 0, -1, uncertain[uncertain_tree.leaf_faces]).astype(
+                    np.int32
+                )
             )
-            contacts.append(_find(some, surface, around, limit))
+            contacts.append(_find(uncertain_tree, surface, around, limit))
         least = limit
     joined = Contacts.joined(contacts)
     joined = joined.only(np.lexsort((joined.face, joined.point)))
@@ -212,7 +214,7 @@ def _empty(count: int) -> Contacts:
 
 @inline
 def _beside(p, reach, a, b, c):
-    """Whether the interval from the least to the largest of a, b and c is farther from `p` than `reach`."""
+    """Whether p is farther than `reach` from the interval that a, b and c span."""
     return min(a, b, c) - reach > p or max(a, b, c) + reach < p
 
 

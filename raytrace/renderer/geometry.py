@@ -226,17 +226,23 @@ def _texture_rows(objects: tuple[Object, ...], textures: tuple[Texture, ...]) ->
 
 
 def joined(
-    meshes: Iterable[Mesh], given: list[Float64s | None], columns: int, fill: float = 0.0, needed: bool = False
+    meshes: Iterable[Mesh], values_of: list[Float64s | None], columns: int, fill: float = 0.0, needed: bool = False
 ) -> Float32s:
-    """What is `given` of all meshes' vertices, `fill` where it is None; no rows if all are None, unless `needed`."""
-    if not needed and all(values is None for values in given):
+    """Values of the vertices of all meshes one after another, `fill` where a mesh has None.
+
+    Without `needed` there are no rows if no mesh has values.
+    """
+    if not needed and all(values is None for values in values_of):
         return aligned((0, columns), np.float32)
-    parts = [np.full((len(m.vertices), columns), fill) if g is None else g for m, g in zip(meshes, given, strict=True)]
+    parts = [
+        np.full((len(mesh.vertices), columns), fill) if g is None else g
+        for mesh, g in zip(meshes, values_of, strict=True)
+    ]
     return _joined(parts, np.float32)
 
 
 def _opacity(shapes: list[Shape]) -> PackedOpacity | None:
-    """Of all shapes' faces; None if all are opaque and so are their materials."""
+    """The opacity of the faces of all shapes; None if these, and their materials, are opaque."""
     counts = [len(shape.mesh.faces) for shape in shapes]
     joined = Opacity.joined([shape.mesh.opacity for shape in shapes], counts)
     packed = joined.packed() if joined else None
@@ -246,7 +252,7 @@ def _opacity(shapes: list[Shape]) -> PackedOpacity | None:
 
 
 def _render_space(objects: tuple[Object, ...]) -> tuple[RenderSpace, float]:
-    """For the bounding boxes of all objects and a sample of their vertices; and the longest way from its centre."""
+    """Render space for the bounding boxes of all objects, and the largest distance from its centre."""
 
     def place(item: Object, points: Float64s) -> Float64s:
         """Points of an object in world space."""
@@ -271,7 +277,7 @@ def _corners(points: AnyFloats) -> Float64s:
 
 
 def _joined(parts: list[npt.NDArray[Any]], dtype: type[np.generic]) -> npt.NDArray[Any]:
-    """The rows of all `parts`, as `raytrace.kernel.simd.gather3` wants them."""
+    """The rows of all `parts` in one array, padded as `raytrace.kernel.simd.gather3` wants it."""
     whole = aligned((sum(map(len, parts)), parts[0].shape[1]), dtype)
     np.concatenate(parts, out=whole, casting="same_kind")
     return whole

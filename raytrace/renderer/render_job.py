@@ -84,7 +84,7 @@ class RenderJob:
         return Film(pixels, self._left, self._top + first_row * TILE, edges, self.geometry.scale)
 
     def scratch(self) -> Scratch:
-        """Room for what a thread writes while it renders a tile."""
+        """Arrays that a thread writes while it renders a tile."""
         lights, hit_filter = max(len(self.scene.lights.kinds), 1), self.geometry.hit_filter
         pixels = np.arange(TILE * TILE, dtype=np.int32)  # blocks of 4×4 make a packet
         return Scratch(
@@ -104,15 +104,16 @@ class RenderJob:
             counts=np.zeros(layout.COUNTERS, np.int64),
         )
 
-    def render(self, film: Film, scratch: Scratch, tiles: tuple[int, int], again: bool = False) -> Int64s:
+    def render(self, film: Film, scratch: Scratch, tiles: tuple[int, int], reopened_only: bool = False) -> Int64s:
         """Render the tiles [first, end) of a film; returns counts of rays, int64 (COUNTERS,).
 
-        Args: again: only the pixels that their neighbours in other tiles reopen, by the film's `edges`.
+        Args:
+            reopened_only: render only the pixels that their neighbours in other tiles reopen, by the film's `edges`.
         """
         edges = film.edges[slice(*tiles)].copy()
         while True:
             scratch.counts[:] = scratch.missing[:] = 0
-            render_tiles(self.scene, self.view, self.style, film, scratch, tiles, again)
+            render_tiles(self.scene, self.view, self.style, film, scratch, tiles, reopened_only)
             if not scratch.missing.any():
                 return scratch.counts.copy()
             film.edges[slice(*tiles)] = edges
@@ -127,15 +128,15 @@ class RenderJob:
                 retired early; counts (k, COUNTERS) of rays.
         """
         pixels, edges, counts = out
-        again = around is not None
-        first_row = max(int(numbers.min()) // self.columns - again, 0)
-        film = self.film(first_row, min(int(numbers.max()) // self.columns + 1 + again, self.rows))
+        reopened_only = around is not None
+        first_row = max(int(numbers.min()) // self.columns - reopened_only, 0)
+        film = self.film(first_row, min(int(numbers.max()) // self.columns + 1 + reopened_only, self.rows))
         scratch = self.scratch()
         for row, number in enumerate(numbers):
             tile = int(number) - first_row * self.columns
             if around is not None:
                 film.edges[self.beside(numbers[row : row + 1])[0] - first_row * self.columns] = around[row]
-            counts[row] = self.render(film, scratch, (tile, tile + 1), again)
+            counts[row] = self.render(film, scratch, (tile, tile + 1), reopened_only)
             part = _part(film, tile)
             pixels[row, : len(part), : part.shape[1]] = part
             if edges.size:

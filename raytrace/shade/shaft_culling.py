@@ -115,11 +115,11 @@ def obstructed(boxes, farthest, start, shift, kind, row):
 
 
 @inline
-def narrowed(begin, end, room, pace):
+def narrowed(begin, end, limit, slope):
     """The part [begin, end] of the way in which also t · pace ≤ room."""
-    pace = np.float32(pace)
-    if pace > 0.0:
-        return begin, min(room * (np.float32(1.0) / pace), end)
-    if pace < 0.0:
-        return max(room * (np.float32(1.0) / pace), begin), end
-    return begin, select(room < 0.0, -1.0, end)
+    slope = np.float32(slope)
+    if slope > 0.0:
+        return begin, min(limit * (np.float32(1.0) / slope), end)
+    if slope < 0.0:
+        return max(limit * (np.float32(1.0) / slope), begin), end
+    return begin, select(limit < 0.0, -1.0, end)

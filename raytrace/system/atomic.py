@@ -43,9 +43,9 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         from tempfile import TemporaryDirectory
 
         with TemporaryDirectory() as folder:
-            made = Path(folder) / f"output{Path(path).suffix}"
-            yield made
-            _to_standard_output(made.read_bytes())
+            scratch = Path(folder) / f"output{Path(path).suffix}"
+            yield scratch
+            _to_standard_output(scratch.read_bytes())
         return
     with _beside(path) as (temporary, handle):
         os.close(handle)

@@ -23,7 +23,7 @@ _MOST = 1 << 28  # bytes of a report or scene; anything larger is none
 
 
 def available(root: Path = Path("/")) -> int | None:
-    """Bytes that the system, control groups and its own limits leave this process; None if nothing can be read."""
+    """Bytes of memory that the system, control groups and limits leave to this process; None if nothing can be read."""
     limits = [*_system(root / "proc"), *_control_groups(root), *_own_limits(root / "proc")]
     return max(min(limits), 0) if limits else None
 
@@ -36,7 +36,7 @@ def check_memory(source: object, needed: int, work: str, instead: dict[str, int]
     free = available() if needed > NEGLIGIBLE else None
     if free is None or needed <= free:
         return
-    fitting = [f"{way} takes about {size_text(size)}" for way, size in (instead or {}).items() if size <= free]
+    fitting = [f"{method} takes about {size_text(size)}" for method, size in (instead or {}).items() if size <= free]
     advice = fitting[0] if fitting else f"{free / needed:.0%} of that work would fit"
     raise MemoryLimitError(
         source, "memory", f"at most {size_text(free)}, what is available", f"about {size_text(needed)} {work}; {advice}"
@@ -44,7 +44,8 @@ def check_memory(source: object, needed: int, work: str, instead: dict[str, int]
 
 
 def in_use(proc: Path = Path("/proc"), column: int = _RESIDENT) -> int | None:
-    """Bytes that this process holds now, or what another column of `statm` says; None where the system does not."""
+    """Bytes of memory that this process holds, or what another `column` of Linux' `statm` says; None on other
+    systems."""
     try:
         return int((proc / "self" / "statm").read_text().split()[column]) * os.sysconf("SC_PAGE_SIZE")
     except OSError:
@@ -213,8 +214,8 @@ def _check_kind(option: str, path: Name) -> None:
         try:
             with open(path, "rb") as file:
                 content = file.read(_MOST if callable(is_one) else 16)
-            known = is_one(content) if callable(is_one) else content.startswith(is_one)
-            fault = None if known or not content else f"{os.fspath(path)}, another kind of file"
+            is_of_kind = is_one(content) if callable(is_one) else content.startswith(is_one)
+            fault = None if is_of_kind or not content else f"{os.fspath(path)}, another kind of file"
         except OSError as reason:
             fault = f"{path}: {reason.strerror}"
         if fault:

@@ -21,7 +21,7 @@ from .faults import declared, fields_of, first_fault, most_telling
 
 
 def _listed(value: Any) -> Any:
-    """An array or one of its numbers as plain lists or a plain number."""
+    """An array as plain lists, one of NumPy's numbers as a plain one."""
     return value.tolist() if hasattr(value, "tolist") else value
 
 
@@ -171,10 +171,14 @@ class Parameters(metaclass=_Refusing):
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, strings and lists, ready for a TOML scene: the tag, and what differs from the defaults."""
-        given = {field.name: (getattr(self, field.name), field.default) for field in fields(self)}  # type: ignore[arg-type]
-        kept = {name: given[name][0] for name in _TAGS if name in given}
-        kept |= {name: value for name, (value, default) in given.items() if value is not None and value != default}
-        return {name: list(value) if isinstance(value, tuple) else value for name, value in kept.items()}
+        values_and_defaults = {field.name: (getattr(self, field.name), field.default) for field in fields(self)}  # type: ignore[arg-type]
+        changed = {name: values_and_defaults[name][0] for name in _TAGS if name in values_and_defaults}
+        changed |= {
+            name: value
+            for name, (value, default) in values_and_defaults.items()
+            if value is not None and value != default
+        }
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in changed.items()}
 
 
 def made_of(data: Any, kinds: Iterable[type[P]], tag: str, source: str) -> P:

@@ -196,7 +196,8 @@ if hasattr(os, "register_at_fork"):
 
 
 def _taken(finished: SimpleQueue[int | BaseException], wait: bool) -> Iterator[int | BaseException]:
-    """All that is queued; if nothing is, and `wait`, what comes within a tenth of a second, for Ctrl-C to get in."""
+    """Items of a queue: all that are there, or if none are, and `wait`, those of the next tenth of a second, after
+    which Ctrl-C gets in."""
     try:
         yield finished.get(wait, 0.1)
         while True:

@@ -85,14 +85,14 @@ def _round(mantissa, exponent):
     q = _POWERS[power, 1]
     if mantissa <= _EXACT and power <= _EXACT_POWER:
         return a / p if exponent < 0 else a * p, True
-    rest = np.float64(np.int64(mantissa - np.uint64(a)))
+    remainder = np.float64(np.int64(mantissa - np.uint64(a)))
     if exponent < 0:
         high = a / p
         product, error = _multiply(high, p)
-        low = (a - product - error + rest - high * q) / p
+        low = (a - product - error + remainder - high * q) / p
     else:
         high, error = _multiply(a, p)
-        low = error + (rest * p + a * q)
+        low = error + (remainder * p + a * q)
     slack = abs(low) * 2.0**-48 + high * 2.0**-100
     return high + low, high + (low - slack) == high + (low + slack)
 
@@ -116,7 +116,7 @@ def _is_end(c):
 
 @inline
 def _keyword(text, i):
-    """The kind of the line that begins at i, and where its words begin."""
+    """The kind of the line that begins at i, by its keyword, and where the words after that begin."""
     while _byte(text, i) == 32 or _byte(text, i) == 9:
         i += 1
     letter = _byte(text, i)
@@ -167,11 +167,11 @@ def read_rows(text, begin, end, numbers, counts):
     number, line, i = 0, 0, begin
     while i < end:
         before = number
-        i, some = _next_word(text, i)
-        while some:
+        i, has_word = _next_word(text, i)
+        while has_word:
             numbers[number], i = _parse_word(text, i)
             number += 1
-            i, some = _next_word(text, i)
+            i, has_word = _next_word(text, i)
         if number > before:
             counts[line] = number - before
             line += 1
@@ -180,12 +180,14 @@ def read_rows(text, begin, end, numbers, counts):
 
 
 @kernel
-def survey(text, begin, end, tally, rest):
-    """Count the lines, and find runs of other statements than `NUMBERED` and faces; returns how many runs there are.
+def survey(text, begin, end, tally, other_runs):
+    """Count the lines of each kind, and find runs of other statements; returns how many runs there are.
 
-    Args: tally: zeros (4, 6), of each kind up to F: lines, those that have the words they need, the fewest and the most
-            words of a line, words, slashes in the words of faces.
-        rest: (any, 3), is filled with runs: where each begins and ends, and faces before it.
+    Args:
+        tally: zeros (4, 6), by kind up to F: number of lines, lines with enough words, fewest and most words of a line,
+            all words, slashes in the words of faces.
+        other_runs: (any, 3), filled with runs of lines that are neither `NUMBERED` nor faces: where each begins and
+            ends, and how many faces are before it.
     """
     tally[:, LEAST] = NONE
     runs, running, i = 0, False, begin
@@ -195,13 +197,13 @@ def survey(text, begin, end, tally, rest):
         words = 0
         # A vertex, one of its vt and vn, or a face: its words are counted.
         if kind < REST:
-            i, some = _next_word(text, i)
-            while some:
+            i, has_word = _next_word(text, i)
+            while has_word:
                 words += 1
                 word, i = i, _skip_word(text, i)
                 for k in range(word, i if kind == F else word):
                     tally[F, SLASHES] += _byte(text, k) == 47
-                i, some = _next_word(text, i)
+                i, has_word = _next_word(text, i)
             tally[kind, COUNT] += 1
             tally[kind, USABLE] += words >= NEEDED[kind]
             tally[kind, LEAST] = min(tally[kind, LEAST], words)
@@ -212,29 +214,30 @@ def survey(text, begin, end, tally, rest):
         # Another statement begins a run, or is part of one.
         if kind == REST:
             if not running:
-                rest[runs, 0], rest[runs, 2] = line, tally[F, COUNT]
+                other_runs[runs, 0], other_runs[runs, 2] = line, tally[F, COUNT]
                 runs += 1
-            rest[runs - 1, 1] = i
+            other_runs[runs - 1, 1] = i
             running = True
     return runs
 
 
 @kernel
-def read_numbers(text, begin, end, wanted, values):
-    """The first numbers, `values` (lines, numbers), of lines of the kind `wanted` that have the words that it needs."""
+def read_numbers(text, begin, end, wanted_kind, values):
+    """Read the first numbers of lines of one kind into `values` (lines, numbers). Lines that lack words are left
+    out."""
     row, i = 0, begin
     while i < end:
         kind, i = _keyword(text, i)
-        if kind == wanted:
+        if kind == wanted_kind:
             words = 0
-            i, some = _next_word(text, i)
-            while some and words < values.shape[1]:
+            i, has_word = _next_word(text, i)
+            while has_word and words < values.shape[1]:
                 value, i = _parse_word(text, i)
                 if row < len(values):
                     values[row, words] = value
                 words += 1
-                i, some = _next_word(text, i)
-            row += words >= NEEDED[wanted]
+                i, has_word = _next_word(text, i)
+            row += words >= NEEDED[wanted_kind]
         i = _skip_line(text, i)
 
 
@@ -257,9 +260,9 @@ def read_faces(text, begin, end, before, sizes, indices):
         vn = vn + (kind == VN)
         if kind == F:
             first_corner = corner
-            i, some = _next_word(text, i)
+            i, has_word = _next_word(text, i)
             # Each corner: up to three indices with slashes between them.
-            while some:
+            while has_word:
                 for part in range(len(indices)):
                     indices[part, corner] = NONE
                 part = -1
@@ -275,7 +278,7 @@ def read_faces(text, begin, end, before, sizes, indices):
                 corner += 1
                 stop = _skip_word(text, i)
                 valid &= stop == i
-                i, some = _next_word(text, stop)
+                i, has_word = _next_word(text, stop)
             sizes[face] = corner - first_corner
             face += 1
         i = _skip_line(text, i)

@@ -65,7 +65,7 @@ class Batch:
         return 1 if manifest.count("failed") else 0
 
     def check_files(self, keep: bool = True) -> None:
-        """`Plan.check_files` of all, in folders that are made, and stay if `keep`."""
+        """`Plan.check_files` of all plans. Folders of outputs are made for that, and stay if `keep`."""
         with created_folders((self.folder, *(plan.output.parent for plan in self.plans)), keep):
             self.plans[0].check_files()
             inputs = [path for plan in self.plans for path in plan.inputs]
@@ -113,10 +113,10 @@ class Batch:
         status = session.status if session else str
         with progress(options.quiet, "meshes", form=options.progress, status=status) as (advance,):
 
-            def add(more: int) -> None:
+            def add(finished: int) -> None:
                 """Count finished meshes, show the progress and save the manifest."""
                 nonlocal done
-                done += more
+                done += finished
                 if advance:
                     advance(done, len(plans))
                 manifest.save()
@@ -152,7 +152,7 @@ class Batch:
 
 
 def _note(entry: Entry, outcome: Outcome) -> None:
-    """Take over what became of an input."""
+    """Record the outcome of an input in its entry."""
     vars(entry).update(outcome._asdict())
     if outcome.status == "failed":
         note(outcome.message)
@@ -161,7 +161,7 @@ def _note(entry: Entry, outcome: Outcome) -> None:
 
 
 def _files_of(plan: Plan) -> list[Path]:
-    """The files that a bake reads: in its options, and files that a .gltf or .obj names."""
+    """All files that a bake reads: named in its options, or by a .gltf or .obj."""
     from ..formats.gltf.asset import Gltf  # slow imports
     from ..formats.obj.mtl import named_files
 
@@ -177,7 +177,7 @@ def _files_of(plan: Plan) -> list[Path]:
 
 
 def _identity(path: Path) -> tuple[int, ...]:
-    """A file's bytes, and what changes if it is replaced."""
+    """A file's size in bytes, and facts that change if it is replaced."""
     try:
         status = path.stat()
         return status.st_size, status.st_ino, status.st_mtime_ns

@@ -82,7 +82,7 @@ def _seen(files: set[Path], plans: tuple[Plan, ...]) -> SharedPlans:
 
 @dataclass(frozen=True, eq=False)
 class WholeBakes:
-    """Bakes to be done, the rows of which are their outcomes."""
+    """Whole bakes as a `RowTask`: each row is the outcome of one."""
 
     numbers: Int64s  # (k,), places in `SharedPlans.plans`
     rays: float  # of one, about
@@ -123,7 +123,7 @@ def run_remotely(session: ClusterSession, plans: Sequence[Plan], threads: int) -
 
 
 def _outcome(fields: Any) -> Outcome:
-    """The outcome as a worker says it, each field of its type."""
+    """The `Outcome` of the fields that a worker sends, each checked for its type."""
     from pydantic import TypeAdapter
 
     try:
@@ -133,7 +133,7 @@ def _outcome(fields: Any) -> Outcome:
 
 
 def _named_as(plan: Plan, outcome: Outcome) -> Outcome:
-    """The outcome with the names of files as they were given."""
+    """The outcome, with files named in its message and warnings as the plan has them."""
 
     def given(text: str) -> str:
         """A text with the names of files as they were given, in place of absolute ones."""

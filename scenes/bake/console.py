@@ -70,7 +70,7 @@ def readable_output() -> Iterator[None]:
 
 
 def output_failed(failure: OSError) -> int:
-    """Exit status after an error of the system's, which is reported in one line unless a pipe is closed."""
+    """Report an error of the system in one line, unless a pipe was closed; returns the exit status."""
     with suppress(OSError, ValueError):  # what is still buffered has nowhere to go
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if not isinstance(failure, BrokenPipeError):

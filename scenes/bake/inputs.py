@@ -46,7 +46,7 @@ class BakeInputs(NamedTuple):
 
     @property
     def counts(self) -> tuple[int, int]:
-        """Vertices and faces that occlude."""
+        """Numbers of vertices and faces that occlude."""
         meshes = [*self.occluders, self.fine or self.chosen.mesh]
         return sum(len(mesh.vertices) for mesh in meshes), sum(len(mesh.faces) for mesh in meshes)
 
@@ -107,7 +107,10 @@ def read_inputs(plan: Plan, content: bytes | None = None) -> BakeInputs:
 
 
 def expand(given: Iterable[Path]) -> list[Path]:
-    """Files by names and patterns, each once. Raises: OptionError: a folder, or a pattern that matches nothing."""
+    """The files that names and patterns of `glob` stand for, each once.
+
+    Raises: OptionError: a folder, or a pattern that matches nothing.
+    """
     paths: dict[str, Path] = {}
     for path in given:
         if os.path.isdir(path):

@@ -181,7 +181,7 @@ MERGE = (
 
 
 def of_bake(name: str, **changes: Any) -> Option:
-    """An option of a bake as another command has it, which lists it without a section."""
+    """The row of an option of `bake`, for the table of another command, whose help has no sections."""
     return ROWS[name]._replace(section="", **changes)
 
 
@@ -255,15 +255,15 @@ def _given(row: Option, options: OptionValues) -> bool:
 
 def check_together(options: OptionValues, table: Iterable[Option]) -> None:
     """Raises: ConflictError: an option is given that needs or excludes another."""
-    known = {row.name: row for row in table}
-    for row in known.values():
+    rows = {row.name: row for row in table}
+    for row in rows.values():
         if not _given(row, options):
             continue
         for name in row.excludes:
-            if name in known and _given(known[name], options):
+            if name in rows and _given(rows[name], options):
                 raise ConflictError(row.name, "excludes", name)
         for name, value in row.needs.items():
-            if not _given(known[name], options) if value is ... else getattr(options, name) != value:
+            if not _given(rows[name], options) if value is ... else getattr(options, name) != value:
                 raise ConflictError(row.name, "needs", name if value is ... else (name, value))
 
 

@@ -109,18 +109,18 @@ class Layouts:
 
     def by_instance(self, pages: Sequence[Page]) -> list[Page]:
         """The pages, where several instances of a mesh are on one of them a page for each, named by its object."""
-        made: list[Page] = []
+        split_pages: list[Page] = []
         for page in pages:
             numbers = np.where(on_page(page.uv), self.instance, -1)
             every = np.unique(numbers[numbers >= 0])
             for number in every:
                 names = [piece.object.name for piece in self.all if (numbers[piece.faces] == number).any()]
                 name = f"{page.name} {names[0]}".strip() if len(every) > 1 else page.name
-                made.append(replace(page, uv=_only(page.uv, numbers == number), name=name))
-        if len(made) == len(pages):
-            return made
-        words = file_words(page.name for page in made)
-        return [replace(page, name=word, words={MATERIAL: word}) for page, word in zip(made, words, strict=True)]
+                split_pages.append(replace(page, uv=_only(page.uv, numbers == number), name=name))
+        if len(split_pages) == len(pages):
+            return split_pages
+        words = file_words(page.name for page in split_pages)
+        return [replace(page, name=word, words={MATERIAL: word}) for page, word in zip(split_pages, words, strict=True)]
 
 
 def pages_of(plan: Plan, source: MeshFile, coordinates: Coordinates) -> list[Page]:
@@ -142,7 +142,7 @@ def pages_of(plan: Plan, source: MeshFile, coordinates: Coordinates) -> list[Pag
 
 
 def _pages(plan: Plan, source: MeshFile, layouts: Layouts, coordinates: Coordinates) -> list[Page]:
-    """`pages_of` by material, object and tile alone."""
+    """The pages by material, object and tile, before several instances of a mesh are parted."""
     mixed = plan.options.overlap is not None or coordinates.number is None  # new layouts do not overlap
     threads = plan.options.threads
     if plan.ending == ".glb":
@@ -169,14 +169,15 @@ def _pages(plan: Plan, source: MeshFile, layouts: Layouts, coordinates: Coordina
 
 
 def _groups(all_groups: Sequence[PrimitiveGroup], output: Path, count: int) -> list[tuple[dict[str, str], Bools]]:
-    """The words for <MATERIAL> and <OBJECT>, as far as they are in a name, and the faces (m,) that each stand for."""
+    """Groups of faces by the placeholders <MATERIAL> and <OBJECT> that a name has: the words for these, and faces
+    (m,)."""
     columns = {MATERIAL: [piece.material for piece in all_groups], OBJECT: [piece.object for piece in all_groups]}
     words = []
     for placeholder, column in columns.items():
         if placeholder in output.name:
             different = dict.fromkeys(column)
-            known = dict(zip(different, file_words(item.name for item in different), strict=True))
-            words.append([(placeholder, known[item]) for item in column])
+            words_of = dict(zip(different, file_words(item.name for item in different), strict=True))
+            words.append([(placeholder, words_of[item]) for item in column])
     groups: dict[tuple[tuple[str, str], ...], Bools] = {}
     for number, piece in enumerate(all_groups):
         key = tuple(column[number] for column in words)
@@ -230,9 +231,9 @@ def check_area(source: MeshFile, page: Page) -> None:
         raise MeshError(source.path, f"texture coordinates{of_page}", "faces with an area on the page", "none")
 
 
-def lacking(source: MeshFile, uv: Float64s, wanted: Bools, keeps_uv: bool) -> list[str]:
-    """The parts of a file without texture coordinates, in a line. Args: wanted: (m,), the faces that matter."""
-    without = ~on_page(uv) & wanted
+def lacking(source: MeshFile, uv: Float64s, needed: Bools, keeps_uv: bool) -> list[str]:
+    """The parts of a file without texture coordinates, in a line. Args: needed: (m,), the faces that matter."""
+    without = ~on_page(uv) & needed
     if not without.any():
         return []
     without_uv = [piece for piece in primitive_groups(source) if without[piece.faces].any()]

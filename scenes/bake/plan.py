@@ -135,7 +135,7 @@ class Plan(NamedTuple):
         return values | {"mesh": str(self.mesh), "threads": thread_count(self.options.threads)}
 
     def with_options(self, **changes: Any) -> Plan:
-        """The plan of other files, or run otherwise. Args: changes: of options that decide nothing."""
+        """The plan with other files, or run in another way. Args: changes: options that do not decide what is baked."""
         return self._replace(options=self.options.replaced(**changes))
 
     def absolute(self) -> Plan:
@@ -210,7 +210,7 @@ def preset_format(options: BakeOptions) -> str:
 
 
 def _with_preset(options: BakeOptions, ending: str) -> BakeOptions:
-    """The options, and what their preset sets of those that are not given, where it applies."""
+    """The options with those of their preset, where it applies and they are not given."""
     preset = options.preset
     if preset is None:
         return options

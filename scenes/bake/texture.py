@@ -103,13 +103,13 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
             baked = trace_page(plan, inputs, layout, page, journals.enter_context(open_checkpoint(journal)))
             title = f"{target}{f', {page.name}' if page.name else ''}"
             remarks = layout_remarks(baked, page.wraps, plan.ending != ".glb")
-            said = {line for earlier in bakes for line in earlier.warnings}
+            known_warnings = {line for earlier in bakes for line in earlier.warnings}
             lines = [*baked.shortfalls, *(f"{title}: {line}" for line in remarks)]
-            more = warn([], [line for line in lines if line not in said])
+            new_warnings = warn([], [line for line in lines if line not in known_warnings])
             begun = time.perf_counter()
             _write_images(plan, baked, page)
             seconds = {"load": loaded, "write": time.perf_counter() - begun}
-            bakes.append(BakedPage(title, baked, seconds, [*warnings, *more]))
+            bakes.append(BakedPage(title, baked, seconds, [*warnings, *new_warnings]))
             if not plan.glb:
                 journals.close()  # of a .glb they stay until it is written
                 yield OutputSummary(texture_summary(baked, title) + inputs.alpha, bakes[-1].warnings)
@@ -125,7 +125,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
 
 
 def trace_page(plan: Plan, inputs: BakeInputs, layout: Layout, page: Page, checkpoint: Checkpoint) -> ao.BakedTexture:
-    """What `ao.bake_texture` makes of a page."""
+    """Bake one page."""
     options = plan.options
     with progress(options.quiet, "rays", form=options.progress, status=checkpoint.status) as (advance,):
         baked = call_checked(

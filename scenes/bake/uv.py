@@ -85,7 +85,7 @@ def coordinates(plan: Plan, source: MeshFile, chosen: ObjectSelection) -> Coordi
 
 
 def _some(mesh: Mesh, faces: Bools) -> Mesh:
-    """The mesh with some of its faces alone."""
+    """The mesh with some of its faces, bool (m,), alone."""
     return Mesh(mesh.vertices, mesh.faces[faces], source=mesh.source)
 
 
@@ -112,7 +112,7 @@ def _cramped(mesh: Mesh, uv: Float64s, areas: Float64s, size: tuple[int, int]) -
 
 
 def _page(mesh: Mesh, uv: Float64s, size: tuple[int, int] | str) -> tuple[int, int]:
-    """Texels across and down."""
+    """Width and height of the page, in texels. Args: size: as given, or by texel size."""
     if isinstance(size, tuple):
         return size
     length = resolve_length("texel_size", size, mesh.radius)

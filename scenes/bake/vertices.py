@@ -68,10 +68,10 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
             lines.append(f"{plan.output}: {missed:,} of {len(baked.w):,} vertices lie {outside}")
         warnings += warn([], lines)
         traced = time.perf_counter()
-        shown = plan.channels
+        channels = plan.channels
         if plan.ending == ".html":
-            shown = shown._replace(again=command_again(plan, inputs.source))
-        write_vertices(plan.output, baked, inputs.source, shown)
+            channels = channels._replace(again=command_again(plan, inputs.source))
+        write_vertices(plan.output, baked, inputs.source, channels)
         if baked.coarse and baked.interpolation is not None:
             text = f"{COARSE} {baked.interpolation.rmse:.2f}, as the faces are too large for it"
             warnings += warn([], [f"{plan.output}: {text}: {_remedy(plan, inputs.source)}"])
@@ -110,7 +110,7 @@ def _remedy(plan: Plan, source: MeshFile) -> str:
 
 
 def trace(plan: Plan, inputs: BakeInputs, checkpoint: Checkpoint) -> ao.Bake:
-    """What `ao.bake` makes of the plan, of all objects at once or one group of them after the other."""
+    """Bake: all objects at once, or one group of them after the other."""
     options = plan.options
     only = inputs.chosen.only
     with progress(options.quiet, "rays", form=options.progress, status=checkpoint.status) as (advance,):
@@ -129,13 +129,13 @@ def _bake_cloud(plan: Plan, inputs: BakeInputs, cloud: tuple[Float64s, Float64s]
     places, normals = cloud
     from ao.methods.point_values import TAKEN
 
-    given = {name: getattr(plan.arguments, name) for name in TAKEN if name != "threads"}
+    arguments = {name: getattr(plan.arguments, name) for name in TAKEN if name != "threads"}
     walls = inputs.occluders
     alone = plan.options.occluder is None
     mesh = None if alone else walls[0]
     others = walls if alone else walls[1:]
     threads = plan.options.threads
-    return ao.bake_points(mesh, places, normals, occluders=others, progress=advance, threads=threads, **given)
+    return ao.bake_points(mesh, places, normals, occluders=others, progress=advance, threads=threads, **arguments)
 
 
 def _bake_groups(plan: Plan, inputs: BakeInputs) -> ao.Bake:

@@ -89,7 +89,7 @@ def _run_one(options: BakeOptions) -> int:
 
 
 def _run(plan: Plan, content: bytes | None = None, open_checkpoint: OpenCheckpoint | None = None) -> None:
-    """Run a plan and print its summaries."""
+    """Run a plan and print its summary and its remarks."""
     with silence_tolerance_warnings():
         for summary in run(plan, content, open_checkpoint):
             if not plan.options.quiet:
@@ -173,7 +173,7 @@ def _workers(options: BakeOptions) -> Workers | None:
 
 
 def _check_folder(option: str, folder: Path, nearest: str | None = None) -> None:
-    """Raises: OptionError: there is none, and its name is that of an output."""
+    """Raises: OptionError: the folder of an option is missing, and its name is like that of an output file."""
     if folder.suffix.lower().removeprefix(".") in get_args(Format) and not os.path.exists(folder):
         raise OptionError(option, "a folder", f"{folder}, the name of a file", nearest=nearest)
 

@@ -44,7 +44,8 @@ def make_demo(folder: Path, quiet: bool = False) -> None:
 
 
 def _half(temple: rt.Object) -> Float64s:
-    """The temple on a wide ground, before a backdrop that begins in the ground's colour: linear RGB (h, w, 3)."""
+    """Half of the picture, linear RGB (h, w, 3): the temple on a wide ground before a backdrop that begins in the
+    ground's colour."""
     far = 500.0
     corners = np.array([(x, y, -0.1) for x, y in ((-far, -far), (far, -far), (far, far), (-far, far))])
     ground = rt.Object(rt.Shape(rt.Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), _GROUND))

@@ -65,7 +65,7 @@ def _listed(_: click.Context, __: click.Parameter, values: Sequence[Any]) -> lis
 
 
 def _take_options(context: click.Context, _: click.Parameter, report: Path | None) -> None:
-    """Let options that are not given have the values that they had in an earlier bake."""
+    """Click's callback of `--options`: an earlier bake's options become the defaults of the others."""
     if report is not None:
         from ..bake.report import saved_options
 
@@ -124,7 +124,7 @@ class TableCommand(click.Command):
         for title in shown:
             with formatter.section(title):
                 formatter.write_dl(sections[title])
-        rest = sum(len(records) for title, records in sections.items() if title not in shown)
-        if rest:
+        hidden_count = sum(len(records) for title, records in sections.items() if title not in shown)
+        if hidden_count:
             formatter.write_paragraph()
-            formatter.write_text(f"{rest} more options: {ctx.command_path} -h all")
+            formatter.write_text(f"{hidden_count} more options: {ctx.command_path} -h all")

@@ -75,14 +75,14 @@ def _option_in_words(mistake: InputError, command: Any) -> str:
 def _line(subject: str, expected: str, got: object, near: str | None, command: Any) -> str:
     """The line that reports a mistake. Args: near: a name that was probably meant. command: Click's."""
     name = f" {command.name}" if command else ""
-    given = shortened(got) or '""'
+    got_text = shortened(got) or '""'
     hint = f"did you mean {near}? See" if near else "see"
-    text = f"expected {expected}, got {given}; {hint} obscurance{name} --help"
+    text = f"expected {expected}, got {got_text}; {hint} obscurance{name} --help"
     return printable(f"{subject}: {text}" if subject else text)
 
 
 def _file_meant(missing: Path) -> str:
-    """The name beside a missing file, or of a built-in scene, that is like its own but for the ending."""
+    """The existing file, or built-in scene, whose name differs from a missing file's by its ending."""
     from ..library.catalogue import BUILTIN
 
     if missing.name in BUILTIN:
@@ -97,12 +97,12 @@ def _file_meant(missing: Path) -> str:
 
 
 def _shown(parameter: Any) -> str:
-    """An option by its long name, an argument as help shows it."""
+    """A parameter in words: an option by its long name, an argument as the help shows it."""
     is_option = isinstance(parameter, click.Option)
     return str(parameter.opts[0] if is_option else parameter.human_readable_name.removesuffix("..."))
 
 
 def _given(parameter: Any) -> str:
-    """As `_shown`, but a switch that is on by default by the name that turns it off."""
+    """A parameter as it was typed: as `_shown`, but a switch that is on by default by the name that turns it off."""
     off = parameter.default is True and parameter.secondary_opts
     return str(parameter.secondary_opts[0]) if off else _shown(parameter)

@@ -88,7 +88,7 @@ class Materials:
         self.left_out: set[str] = set()
 
     def notes(self) -> tuple[str, ...]:
-        """What materials have that pictures do not show, in a line."""
+        """A line about what materials have that pictures do not show."""
         words = [f"of {', '.join(sorted(self.means))} the mean"] if self.means else []
         words += [f"left out {', '.join(sorted(self.left_out))}"] if self.left_out else []
         return (printable(f"{self._asset.path}: materials: {'; '.join(words)}"),) if words else ()
@@ -125,20 +125,20 @@ class Materials:
 
     def _metallic(self, stored: records.GltfMaterial) -> Surface:
         """Base colour, roughness, metalness and reflectance F₀ of metallic-roughness parameters."""
-        given = stored.pbrMetallicRoughness
-        is_metal = given.metallicFactor if "pbrMetallicRoughness" in vars(stored) else 0.0
-        base = np.clip(given.baseColorFactor[:3], 0.0, 1.0).tolist()
-        factors = np.clip([given.roughnessFactor, is_metal], 0.0, 1.0)
-        mean = self._mean(given, "metallicRoughnessTexture", srgb=False, unread=_NO_METAL)
+        parameters = stored.pbrMetallicRoughness
+        is_metal = parameters.metallicFactor if "pbrMetallicRoughness" in vars(stored) else 0.0
+        base = np.clip(parameters.baseColorFactor[:3], 0.0, 1.0).tolist()
+        factors = np.clip([parameters.roughnessFactor, is_metal], 0.0, 1.0)
+        mean = self._mean(parameters, "metallicRoughnessTexture", srgb=False, unread=_NO_METAL)
         roughness, metallic = (factors * mean[1:3]).tolist()
         f0 = (1 - metallic) * DIELECTRIC_F0 + metallic * np.array(base)
         return base, roughness, metallic, f0
 
-    def _specular(self, given: records.SpecularGlossiness) -> Surface:
+    def _specular(self, parameters: records.SpecularGlossiness) -> Surface:
         """The same of specular-glossiness parameters (KHR_materials_pbrSpecularGlossiness)."""
-        diffuse = np.clip(given.diffuseFactor[:3], 0.0, 1.0)
-        factors = np.clip([*given.specularFactor, given.glossinessFactor], 0.0, 1.0)
-        *f0, glossiness = (factors * self._mean(given, "specularGlossinessTexture", srgb=True)).tolist()
+        diffuse = np.clip(parameters.diffuseFactor[:3], 0.0, 1.0)
+        factors = np.clip([*parameters.specularFactor, parameters.glossinessFactor], 0.0, 1.0)
+        *f0, glossiness = (factors * self._mean(parameters, "specularGlossinessTexture", srgb=True)).tolist()
         metallic = max(0.0, (max(f0) - DIELECTRIC_F0) / (1 - DIELECTRIC_F0))
         base = ((1 - metallic) * diffuse + metallic * np.array(f0)).tolist()
         return base, 1 - glossiness, metallic, np.array(f0)

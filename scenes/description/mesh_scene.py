@@ -67,7 +67,10 @@ def _split(mesh: Mesh, several: list[PerCorner]) -> tuple[Mesh, Origin | None, I
 
 
 def _shapes(source: MeshFile) -> Iterator[tuple[Shape, Origin | None]]:
-    """A shape of the faces of each material; vertices are repeated at creases and where texture coordinates jump."""
+    """The shapes of a mesh file, one for the faces of each material, and their origins in the file.
+
+    Vertices are repeated at creases and where texture coordinates jump.
+    """
     mesh = source.mesh
     total = len(mesh.vertices)
     held = source.held

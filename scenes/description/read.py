@@ -37,8 +37,8 @@ def read_scene(
     ending = path.suffix.lower()
     settings = Settings(*size) if size else Settings()
     if ending == ".toml":
-        for name, given, key in (("--up", up, "up"), ("--view", view, "direction")):
-            if given is not None:
+        for name, value, key in (("--up", up, "up"), ("--view", view, "direction")):
+            if value is not None:
                 raise OptionError(name, f"a mesh file; a scene has camera.{key}", path)
         return read_toml(path, size)
     if "scene" in format_of(path).holds:

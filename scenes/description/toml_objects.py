@@ -151,10 +151,10 @@ class ObjectReader:
             shape = item.shape
             geometry = self._once(shape, lambda shape=shape: TexturedMesh(shape.mesh, shape.uv, None, shape.colours))
             # A material of the entry's own takes the place of the file's with its texture.
-            kept = texture or (shape.texture if material is None else None)
-            made = self._shape(table, path, geometry, material or shape.material, kept)
+            used_texture = texture or (shape.texture if material is None else None)
+            new_shape = self._shape(table, path, geometry, material or shape.material, used_texture)
             name = item.name if table.name is None else f"{table.name} {item.name}"
-            pieces.append(replace(item, shape=made, name=name))
+            pieces.append(replace(item, shape=new_shape, name=name))
         return pieces
 
     def _once(self, key: Any, make: Any) -> TexturedMesh:
@@ -164,7 +164,7 @@ class ObjectReader:
         return self._geometry[key]
 
     def _shape(
-        self, table: ObjectTable, path: str, given: TexturedMesh, material: Material | None, texture: Texture | None
+        self, table: ObjectTable, path: str, geometry: TexturedMesh, material: Material | None, texture: Texture | None
     ) -> Shape:
         """The shape of a mesh with the entry's material, textures and alpha. Raises: SceneError."""
         # Images and alpha of the entry.
@@ -175,25 +175,25 @@ class ObjectReader:
             opacity = 1.0 if table.opacity is None else table.opacity
             alpha = AlphaSurface(opacity, image, grey=True, cutoff=table.cutoff)
         for field, used in (("texture", texture), ("grain", grain), ("opacity_texture", image)):
-            if used is not None and given.uv is None:
+            if used is not None and geometry.uv is None:
                 raise SceneError(self._source, joined(path, field), "a mesh with texture coordinates", "one without")
         # A material of the entry's own takes the place of a mesh's colours, unless it says so.
         wants_colours = table.material is None if table.vertex_colors is None else table.vertex_colors
-        colours = given.colours if wants_colours else None
+        colours = geometry.colours if wants_colours else None
         if table.vertex_colors and colours is None:
             field = joined(path, "vertex_colors")
             raise SceneError(self._source, field, "a mesh with colours of vertices", "one without")
         material = material or (NEUTRAL if colours is None else WHITE)
         # A shape that the same entry has made before, or a new one.
-        key = (given, material, texture, grain, table.own_normals, colours is None, alpha, table.material is None)
+        key = (geometry, material, texture, grain, table.own_normals, colours is None, alpha, table.material is None)
         if key not in self._shapes:
-            mesh = given.mesh if table.own_normals else replace(given.mesh, normals=None)
+            mesh = geometry.mesh if table.own_normals else replace(geometry.mesh, normals=None)
             if alpha or (mesh.opacity and table.material):  # which take the place of the file's own alpha
-                mesh = replace(mesh, opacity=Opacity.uniform(alpha, mesh.faces, given.uv) if alpha else None)
+                mesh = replace(mesh, opacity=Opacity.uniform(alpha, mesh.faces, geometry.uv) if alpha else None)
             with located(self._source, path):
-                self._shapes[key] = Shape(mesh, material, given.uv, texture, grain=grain, colours=colours)
-            if given.origin:
-                self.origins[id(self._shapes[key])] = given.origin
+                self._shapes[key] = Shape(mesh, material, geometry.uv, texture, grain=grain, colours=colours)
+            if geometry.origin:
+                self.origins[id(self._shapes[key])] = geometry.origin
         return self._shapes[key]
 
     def _texture(self, table: ObjectTable, path: str, field: str) -> Texture | None:

@@ -107,11 +107,14 @@ def _settings(document: Document, path: Path, size: tuple[int, int] | None) -> S
 def _obscurance(
     table: ObscuranceTable, path: Path, settings: Settings
 ) -> tuple[Source, Options, Scales | None, list[Path]]:
-    """As `SceneDescription` has it: source, bake and scales; and the files of these."""
+    """The source of w, the options of its bake, scales, and the files of these, as `SceneDescription` has them."""
 
     def excluded(expected: str, *names: str) -> None:
-        """Raises: SceneError: one of the keys `names` is given, which do not go with others. Args: expected: what
-        does.
+        """Refuse the keys `names`, which do not go with other values.
+
+        Args: expected: what would.
+
+        Raises: SceneError.
         """
         for name in names:
             if name in table.model_fields_set:

@@ -27,7 +27,7 @@ _MOST = 1 << 24  # bytes of a table's file
 
 
 def table_of(form: str, locate: Callable[[str], Path] = Path) -> list[Path]:
-    """The file of "table:FILE", nothing of other forms."""
+    """The file of the form "table:FILE", as `locate` finds it; no file of other forms."""
     return [locate(form.removeprefix(_TABLE))] if form.startswith(_TABLE) else []
 
 

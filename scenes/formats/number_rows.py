@@ -31,17 +31,20 @@ def line_blocks(data: bytes, begin: int = 0) -> tuple[bytes, UInt8s, list[tuple[
 
 
 def for_blocks(count: int, work: Callable[[int], None]) -> None:
-    """Work on each of so many blocks, on all cores."""
+    """Call `work` with the number of each block, on all cores."""
     run_blocks(count, 1, lambda block, _: work(block), thread_count(None))
 
 
 def round_left(data: bytes, values: Float64s) -> None:
-    """Fill in the numbers (k,) that kernels have left as NaNs. Raises: ValueError: text that is not numbers."""
+    """Fill in the values (k,) that kernels have left as NaNs, of numbers that they cannot round.
+
+    Args: data: the text. Raises: ValueError: text that is not numbers.
+    """
     odd = np.flatnonzero(np.isnan(values))
     for start in range(0, len(odd), _ODD):
-        some = odd[start : start + _ODD]
-        offsets = (values.view(np.int64)[some] & _PLACE).tolist()
-        values[some] = np.fromstring(b" ".join(next(_WORD.finditer(data, at))[0] for at in offsets), sep=" ")
+        block = odd[start : start + _ODD]
+        offsets = (values.view(np.int64)[block] & _PLACE).tolist()
+        values[block] = np.fromstring(b" ".join(next(_WORD.finditer(data, at))[0] for at in offsets), sep=" ")
 
 
 class NumberRows(NamedTuple):

@@ -77,11 +77,11 @@ class ObjectSelection(NamedTuple):
                 normals = None if mesh.normals is None else mesh.normals[vertices]
                 triangles = corners.reshape(-1, 3)
                 opacity = mesh.opacity and mesh.opacity.only(face_rows)
-                made = Mesh(
+                part_mesh = Mesh(
                     mesh.vertices[vertices], triangles, normals, source=mesh.source, up=mesh.up, opacity=opacity
                 )
                 polygons = None if mesh.polygons is None else mesh.polygons[face_rows]
-                yield vertices, replace(made, polygons=polygons)
+                yield vertices, replace(part_mesh, polygons=polygons)
 
 
 def select_objects(
@@ -115,9 +115,9 @@ def select_objects(
     if excluded.any():
         mesh = _without(mesh, excluded)
     if cast:
-        known = mesh.opacity or Opacity(np.full(len(mesh.faces), -1), ())
-        of = np.where(_named(source, "cast", cast), known.of, len(known.surfaces))
-        mesh = replace(mesh, opacity=replace(known, of=of, surfaces=(*known.surfaces, AlphaSurface(0.0))))
+        opacity = mesh.opacity or Opacity(np.full(len(mesh.faces), -1), ())
+        of = np.where(_named(source, "cast", cast), opacity.of, len(opacity.surfaces))
+        mesh = replace(mesh, opacity=replace(opacity, of=of, surfaces=(*opacity.surfaces, AlphaSurface(0.0))))
     if by == "all":
         return ObjectSelection(mesh, received)
     group = np.zeros(len(mesh.faces), np.int64)

@@ -78,16 +78,16 @@ def find_profile(path: Path) -> Profile | None:
             if set(arrays) >= _ARRAYS:
                 return Profile.stored(arrays["half_distances"], arrays["profile"], arrays["radius"][()])
     elif path.suffix.lower() == ".exr":
-        layers, known = read_image(path)
+        layers, metadata = read_image(path)
         if PROFILE in layers:
-            return Profile.stored(known.get("half_distances", "").split(), layers[PROFILE], known.get("radius"))
+            return Profile.stored(metadata.get("half_distances", "").split(), layers[PROFILE], metadata.get("radius"))
     elif format_of(path).read:
         return joined_profile(read_objects(path)[0])
     return None
 
 
 def checked_profile(path: Path, profile: Profile | None) -> Profile:
-    """What was found in a file. Raises: SceneError: nothing."""
+    """The profile of a file. Raises: SceneError: it has none."""
     if profile is None:
         raise SceneError(path, "profile", "w at several half-distances, as obscurance bake --profile writes it", "none")
     return profile
@@ -113,7 +113,7 @@ def _of_mesh(path: Path, counts: tuple[int, ...], scales: Scales | None) -> Floa
 
 
 def _other_count(path: Path, name: str, counts: tuple[int, ...], got: str) -> SceneError:
-    """Args: counts: of the vertices of mesh files, and of the scene."""
+    """The error for an array of another length. Args: counts: of vertices, of mesh files and of the scene."""
     expected = f"{counts[0]:,} values, one a vertex of the scene" if counts else "an array (n,), one value a vertex"
     if len(set(counts)) > 1:
         expected += f"'s files, or {counts[1]:,}, one a vertex of the scene"

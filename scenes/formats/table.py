@@ -61,7 +61,7 @@ def register(*formats: FileFormat) -> None:
 
 @cache
 def _import_folders() -> None:
-    """Import what each format's `__init__.py` says of it, and no more."""
+    """Import the `__init__.py` of each format's folder, which registers it."""
     for module in iter_modules([os.path.dirname(__file__)]):
         if module.ispkg:
             import_module(f"{__package__}.{module.name}")
@@ -79,7 +79,7 @@ def format_of(path: str | os.PathLike[str]) -> FileFormat:
 
 
 def endings(what: str) -> tuple[str, ...]:
-    """The endings of formats that have something in this field, or hold what this word says."""
+    """The endings of formats that have the field `what` set, or that hold `what`."""
     return tuple(row.ending for row in formats().values() if what in row.holds or getattr(row, what, False))
 
 

@@ -108,12 +108,12 @@ def write(
     check_holds(path, values.at, values.below is not None)
     if len(bake.w) != count:
         raise OptionError("bake", f"w of the {count:,} {values.at} of {source.path}", f"{len(bake.w):,}")
-    shown = channels(path, colors, occlusion, replace_occlusion, up, ply_name)
-    write_vertices(path, values, source, shown)
+    where = channels(path, colors, occlusion, replace_occlusion, up, ply_name)
+    write_vertices(path, values, source, where)
 
 
 def write_vertices(path: str | os.PathLike[str], bake: Bake, mesh_file: MeshFile, shown: Channels) -> None:
-    """Write a bake per vertex. Raises: as `write`."""
+    """Write a bake per vertex. Args: shown: the channels that viewers look at. Raises: as `write`."""
     write_bytes(path, _writer(path)(bake, mesh_file, shown))
 
 
@@ -148,9 +148,9 @@ def channels(
 ) -> Channels:
     """The channels of w for viewers. Raises: OptionError: options that exclude each other, or the ending."""
     ending = Path(path).suffix.lower()
-    for name, given, kind in (("colors", colors, Colors), ("occlusion", occlusion, Occlusion)):
-        if given and given not in get_args(kind):
-            raise OptionError(name, "one of " + ", ".join(get_args(kind)), given)
+    for name, value, kind in (("colors", colors, Colors), ("occlusion", occlusion, Occlusion)):
+        if value and value not in get_args(kind):
+            raise OptionError(name, "one of " + ", ".join(get_args(kind)), value)
     if colors and "colors" not in format_of(path).holds:
         raise ConflictError("colors", "needs", "a .glb or .ply output")
     if occlusion == "ramp" and ending != ".glb":
@@ -194,7 +194,11 @@ def npz(bake: Bake, *_: object) -> memoryview:
     arrays = {name: getattr(bake, name).astype(kind) for name, kind in kinds.items() if getattr(bake, name) is not None}
     if bake.below:
         arrays |= {f"{name}_below": getattr(bake.below, name).astype(kind) for name, kind in kinds.items()}
-    if known := bake.profile:
-        arrays |= {"profile": known.values, "half_distances": known.half_distances, "radius": np.float64(known.radius)}
+    if profile := bake.profile:
+        arrays |= {
+            "profile": profile.values,
+            "half_distances": profile.half_distances,
+            "radius": np.float64(profile.radius),
+        }
     np.savez(content, **arrays)
     return content.getbuffer()

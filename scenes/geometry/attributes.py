@@ -113,7 +113,7 @@ class SourceAttributes(NamedTuple):
     files: tuple[Path, ...] = ()  # read beside the mesh file, or to be read when it is written
 
     def of_triangles(self, values: PerCorner) -> PerCorner:
-        """Values of the triangles' corners, from those of the polygons'."""
+        """Values of the corners of triangles, from those of the polygons."""
         return PerCorner(values.values, self.triangles.take(values.of).ravel())
 
     def of_faces(self, numbers: Int64s | None) -> Int64s:
@@ -148,7 +148,7 @@ def reversed_attributes(attributes: SourceAttributes) -> SourceAttributes:
 
 def _reversed_element(element: Element, sizes: Int64s, order: Int64s) -> Element:
     """An element of a PLY: lists of faces with a value or a pair for each corner in `order`, normals negated."""
-    made = []
+    columns = []
     for column in element.properties:
         values = column.values
         if element.name == "vertex" and column.name in ("nx", "ny", "nz"):
@@ -157,8 +157,8 @@ def _reversed_element(element: Element, sizes: Int64s, order: Int64s) -> Element
             wide = len(values) // max(len(order), 1)
             if np.array_equal(column.sizes, wide * sizes):
                 values = values.reshape(-1, wide)[order].ravel()
-        made.append(column._replace(values=values))
-    return replace(element, properties=tuple(made))
+        columns.append(column._replace(values=values))
+    return replace(element, properties=tuple(columns))
 
 
 def join_attributes(several: Sequence[SourceAttributes], vertices: Sequence[int]) -> SourceAttributes:

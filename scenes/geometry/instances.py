@@ -125,15 +125,15 @@ def _parts(instances: Sequence[Instance]) -> tuple[Submesh, ...]:
 
 def joined_attributes(instances: Sequence[Instance]) -> SourceAttributes | None:
     """What is kept beside the mesh that `flatten` makes; None where an object has nothing."""
-    kept = []
+    attributes = []
     for placed in instances:
-        attributes = placed.attributes
-        if attributes is None:
+        own_attributes = placed.attributes
+        if own_attributes is None:
             return None
-        kept.append(reversed_attributes(attributes) if placed.volume < 0 else attributes)
-    if len(kept) == 1:
-        return kept[0]
-    return join_attributes(kept, [len(placed.vertices) for placed in instances])
+        attributes.append(reversed_attributes(own_attributes) if placed.volume < 0 else own_attributes)
+    if len(attributes) == 1:
+        return attributes[0]
+    return join_attributes(attributes, [len(placed.vertices) for placed in instances])
 
 
 def _polygons(instances: Sequence[Instance], parts: Sequence[Submesh]) -> Int64s | None:

@@ -47,7 +47,7 @@ Show = Callable[[str, int, int, str], None]  # of a stage: its label, what is do
 
 
 def _stages(unit: str, show: Show, status: Callable[[], str]) -> Advance:
-    """Shows each stage of a work by its label and its rate since it began."""
+    """An `Advance` that shows each stage of a work by its label and its rate since it began."""
     began: dict[str, tuple[float, int]] = {}
 
     def advance(done: int, total: int, stage: str = "") -> None:
@@ -64,7 +64,7 @@ def _stages(unit: str, show: Show, status: Callable[[], str]) -> Advance:
 
 
 def _lines(last: float) -> Show:
-    """Lines on standard error, 10 s apart, the first so long after `last`."""
+    """Shows progress as lines on standard error, 10 s apart. Args: last: when one was printed, or the work began."""
 
     def show(label: str, done: int, total: int, text: str) -> None:
         """Print a line, unless the last one is recent."""

@@ -56,7 +56,7 @@ class OcclusionTextures:
         return list(filter(self._open, _materials(primitive)))
 
     def give(self, primitive: dict[str, Any], texture: int, coordinates: int) -> None:
-        """Note that a primitive of the document is to have this texture by its TEXCOORD set of this number."""
+        """Record that a primitive is to have this texture, by its TEXCOORD set `coordinates`."""
         self._given[id(primitive)] = texture, coordinates
 
     def apply(self) -> None:
@@ -76,14 +76,14 @@ class OcclusionTextures:
                     uses.setdefault((material, *given), []).append(slot)
         for (material, texture, coordinates), slots in uses.items():
             if material in others:
-                made = {} if material is None else copy.deepcopy(before[material])
-                number = self.builder.append("materials", made)
+                copied = {} if material is None else copy.deepcopy(before[material])
+                number = self.builder.append("materials", copied)
                 for slot in slots:
                     slot["material"] = number
             else:
-                made = header["materials"][material]
+                copied = header["materials"][material]
                 others.add(material)
-            self._put(made, texture, coordinates)
+            self._put(copied, texture, coordinates)
 
     def _put(self, material: dict[str, Any], texture: int, coordinates: int) -> None:
         """Let a material look up this texture by the TEXCOORD set `coordinates`."""

@@ -61,9 +61,9 @@ class OrmTextures(OcclusionTextures):
         occlusion, shared = self._packed[number, page]
         super()._put(material, occlusion, coordinates)
         extensions = {name: value for name, value in reference.get("extensions", {}).items() if name != TRANSFORM}
-        kept = {name: value for name, value in reference.items() if name not in ("index", "texCoord", "extensions")}
-        kept |= {"extensions": extensions} if extensions else {}
-        surface[_REFERENCE] = texture_reference(shared, coordinates) | kept
+        further = {name: value for name, value in reference.items() if name not in ("index", "texCoord", "extensions")}
+        further |= {"extensions": extensions} if extensions else {}
+        surface[_REFERENCE] = texture_reference(shared, coordinates) | further
 
     def _image(self, number: int) -> npt.NDArray[Any] | None:
         """The codes (h, w, 1 to 4) of a texture; None if it cannot be read, or has not 8 or 16 bits."""
@@ -83,18 +83,18 @@ class OrmTextures(OcclusionTextures):
         image = None if number is None else self._image(number)
         if image is None:
             image = np.full((*w.shape, 3), 255, np.uint8)
-        both = self.add(linear_png(with_occlusion(image, w)), _NAME, wrapS=WRAP, wrapT=WRAP)
+        combined = self.add(linear_png(with_occlusion(image, w)), _NAME, wrapS=WRAP, wrapT=WRAP)
         if number is not None and self.asset:
             added = self.builder.header["textures"]
             stored = self.asset.materials.textures[number]
             sampler = self.asset.sampler(stored)
             if not sampler.wrapS == sampler.wrapT == WRAP:  # what is baked is taken modulo 1
-                return both, self.builder.append("textures", added[both] | {"sampler": stored.sampler})
+                return combined, self.builder.append("textures", added[combined] | {"sampler": stored.sampler})
             if stored.sampler is None:
-                del added[both]["sampler"]
+                del added[combined]["sampler"]
             else:
-                added[both]["sampler"] = stored.sampler
-        return both, both
+                added[combined]["sampler"] = stored.sampler
+        return combined, combined
 
 
 def _goes_by(reference: dict[str, Any], coordinates: int) -> bool:
@@ -114,6 +114,6 @@ def with_occlusion(image: npt.NDArray[Any], w: Float32s) -> UInt8s | UInt16s:
         image = np.concatenate([np.repeat(image[:, :, :1], 3, axis=2), image[:, :, 1:]], axis=2)
     height = max(image.shape[0], w.shape[0])
     width = max(image.shape[1], w.shape[1])
-    made = np.ascontiguousarray(enlarged(image, height, width))
-    made[:, :, 0] = np.rint(np.clip(enlarged(w[:, :, None], height, width)[:, :, 0], 0, 1) * most)
-    return made
+    combined = np.ascontiguousarray(enlarged(image, height, width))
+    combined[:, :, 0] = np.rint(np.clip(enlarged(w[:, :, None], height, width)[:, :, 0], 0, 1) * most)
+    return combined

@@ -34,8 +34,8 @@ class _Fault(Exception):
 def parse(kind: type[T], value: Any, source: object) -> T:
     """`value` as `kind`. Raises: MeshError: the first value that is not of its type, by its path."""
     try:
-        made: T = _read(kind, value, ())
-        return made
+        record: T = _read(kind, value, ())
+        return record
     except _Fault as fault:
         path, expected, got = fault.args
         raise MeshError(source, _text(path) or "content", expected, got) from None
@@ -77,7 +77,7 @@ def _read(kind: Any, value: Any, path: _Path) -> Any:
 
 def _record(kind: Any, value: Any, path: _Path) -> JsonObject:
     """An object as a `JsonObject` of this kind. Raises: _Fault."""
-    made: JsonObject = kind()
+    record: JsonObject = kind()
     whole = _table(value, path)
     for name, inner, (*steps, key), is_required in _fields(kind):
         table = whole
@@ -86,10 +86,10 @@ def _record(kind: Any, value: Any, path: _Path) -> JsonObject:
             at = at, step
             table = _table(table.get(step, {}), at)
         if key in table:
-            setattr(made, name, _read(inner, table[key], (at, key)))
+            setattr(record, name, _read(inner, table[key], (at, key)))
         elif is_required:
             raise _Fault((at, key), "a value", "nothing")
-    return made
+    return record
 
 
 def _table(value: Any, path: _Path) -> dict[str, Any]:

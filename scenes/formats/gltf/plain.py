@@ -158,11 +158,11 @@ def _vertex_columns(source: SourceAttributes, colors: str) -> dict[str, npt.NDAr
 
 def kept_numbers(source: SourceAttributes) -> list[str]:
     """Names of the further numbers of vertices that a .glb has: float32 holds them, and capitals do not clash."""
-    kept = {"OBSCURANCE": ""}
+    name_of = {"OBSCURANCE": ""}
     for name, values in source.numbers.items():
         if fits_float(values):
-            kept.setdefault(name.upper(), name)
-    return [name for name in kept.values() if name]
+            name_of.setdefault(name.upper(), name)
+    return [name for name in name_of.values() if name]
 
 
 def fits_float(values: npt.NDArray[Any]) -> bool:

@@ -47,8 +47,8 @@ class Poses:
             raise MeshError(self.asset.path, whose, expected, len(weights))
         vertices = self._morphed(drawn, "POSITION", stored.vertices, at)
         normals = None if stored.normals is None else self._morphed(drawn, "NORMAL", stored.normals, at)
-        made = stored._replace(vertices=vertices, normals=normals)
-        return made if drawn.skin is None else self._skinned(drawn.skin, drawn, made, f"{at}.attributes")
+        posed = stored._replace(vertices=vertices, normals=normals)
+        return posed if drawn.skin is None else self._skinned(drawn.skin, drawn, posed, f"{at}.attributes")
 
     def _morphed(self, drawn: DrawnPrimitive, name: str, values: npt.NDArray[Any], at: str) -> npt.NDArray[Any]:
         """An attribute's values moved by its morph targets. Args: at: the primitive's path, for messages."""
@@ -136,7 +136,7 @@ class Poses:
         return np.hstack([joints for joints, _ in influences]), np.hstack([weights for _, weights in influences])
 
     def _count(self, moved: int, at: str) -> None:
-        """Refuse a small file that takes long because its values are used many times."""
+        """Add to the values that are posed. Raises: MeshError: a small file whose values are used very many times."""
         self._moved += moved
         limit = max(MAX_COPIED, sum(map(len, self.asset.buffers)))
         if self._moved > limit:
@@ -148,12 +148,12 @@ def _blended(matrices: Float64s, joints: npt.NDArray[Any], weights: Float64s) ->
     order = np.argsort(joints, axis=1, kind="stable")
     joints = np.take_along_axis(joints, order, axis=1)
     weights = np.take_along_axis(weights, order, axis=1)
-    made = np.zeros((len(joints), 3, 4))
+    blended = np.zeros((len(joints), 3, 4))
     total = np.zeros((len(joints), 1, 1))
     for joint, weight in zip(joints.T, weights.T[:, :, None, None], strict=True):
-        made += weight * matrices[joint]
+        blended += weight * matrices[joint]
         total += weight
-    return np.asarray(made / total)
+    return np.asarray(blended / total)
 
 
 def _times(matrices: Float64s, vectors: npt.NDArray[Any]) -> Float64s:

@@ -23,21 +23,21 @@ if TYPE_CHECKING:
 _COPIES = "EXT_mesh_gpu_instancing"
 
 
-def read_gltf(given: MeshInput) -> tuple[list[Instance], Gltf]:
+def read_gltf(mesh_input: MeshInput) -> tuple[list[Instance], Gltf]:
     """The triangle primitives that a file draws, in the order of `Gltf.drawn`, sharing arrays by shape, and its asset.
 
     Raises: ValueError: as `decode` and `Poses`, compressed values, very many copies, nodes that are no tree, no image
         with alpha.
     """
-    asset = decode(given.file.read(), given.path)
+    asset = decode(mesh_input.file.read(), mesh_input.path)
     textures = None
-    if given.alpha and _has_alpha(asset):
+    if mesh_input.alpha and _has_alpha(asset):
         from .textures import Textures, opacity_of
 
         textures = Textures(asset)
     poses = Poses(asset)
     shapes: dict[Any, Instance] = {}
-    made: list[Instance] = []
+    instances: list[Instance] = []
     copied = 0
     for drawn in asset.drawn:
         if drawn.shape not in shapes:
@@ -53,12 +53,12 @@ def read_gltf(given: MeshInput) -> tuple[list[Instance], Gltf]:
         name = node.name or mesh.name or f"node {drawn.node}"
         if len(mesh.primitives) > 1:
             name += f"[{drawn.primitive_number}]"
-        notes = () if made else in_words(asset)
+        notes = () if instances else in_words(asset)
         if _COPIES in node.extensions:
             notes += (f"{name} is drawn many times by {_COPIES}, which is not read: once here",)
         matrix = asset.world[drawn.node] if drawn.skin is None else shape.matrix
-        made.append(shape._replace(name=name, matrix=matrix, notes=notes))
-    return made, asset
+        instances.append(shape._replace(name=name, matrix=matrix, notes=notes))
+    return instances, asset
 
 
 def _has_alpha(asset: Gltf) -> bool:

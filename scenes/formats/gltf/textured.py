@@ -144,8 +144,8 @@ def _taken(builder: GlbBuilder, asset: Gltf, number: int, taken_rows: Int64s) ->
     padding = -data.shape[1] % 4
     strided = {"byteStride": data.shape[1] + padding} if padding else {}
     view = builder.bytes_view(np.pad(data, ((0, 0), (0, padding))).tobytes(), target=ARRAY_BUFFER, **strided)
-    made = {key: old[key] for key in ("componentType", "type", "normalized", "name", "extras") if key in old}
-    made |= {"bufferView": view, "count": len(taken_rows)}
+    entry = {key: old[key] for key in ("componentType", "type", "normalized", "name", "extras") if key in old}
+    entry |= {"bufferView": view, "count": len(taken_rows)}
     if "min" in old:
-        made |= {"min": taken.min(axis=0).tolist(), "max": taken.max(axis=0).tolist()}
-    return builder.append("accessors", made)
+        entry |= {"min": taken.min(axis=0).tolist(), "max": taken.max(axis=0).tolist()}
+    return builder.append("accessors", entry)

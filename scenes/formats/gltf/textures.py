@@ -50,7 +50,8 @@ class Textures:
         return self._used(primitive, self.asset.material(primitive).base[1], srgb=True)
 
     def of_occlusion(self, primitive: Primitive) -> tuple[Float64s, Texture, float] | None:
-        """The same of the occlusion texture, whose R channel is linear, with its strength in [0, 1]."""
+        """Coordinates, the occlusion texture, whose R channel is linear, and its strength in [0, 1]; None without
+        either."""
         reference = self.asset.material(primitive).occlusionTexture
         used = self._used(primitive, reference, srgb=False)
         return None if reference is None or used is None else (*used, float(np.clip(reference.strength, 0.0, 1.0)))
@@ -78,7 +79,7 @@ class Textures:
         return flipped(uv), self._made[key]
 
     def _wrap(self, texture: GltfTexture) -> tuple[Wrap, Wrap]:
-        """Raises: MeshError: modes of no name."""
+        """Wrap modes along u and v of a texture. Raises: MeshError: modes of no name."""
         sampler = self.asset.sampler(texture)
         for name in ("wrapS", "wrapT"):
             got = getattr(sampler, name)
@@ -149,9 +150,9 @@ def gltf_attributes(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tup
     if colors is not None:
         colors = np.concatenate([encode_srgb(colors[:, :3]).astype(np.float64), colors[:, 3:]], axis=1)
         colors = colors[:, :3] if (colors[:, 3] == 1).all() else colors
-    made = triangle_attributes(faces)
-    coordinates = None if uv is None else PerCorner(flipped(uv), made.corners)
-    return made._replace(uv=coordinates, colors=colors), tuple(unread)
+    attributes = triangle_attributes(faces)
+    coordinates = None if uv is None else PerCorner(flipped(uv), attributes.corners)
+    return attributes._replace(uv=coordinates, colors=colors), tuple(unread)
 
 
 def texture_coordinates(asset: Gltf, parts: Sequence[Submesh], faces: Int64s, number: int) -> Float64s | None:
@@ -180,11 +181,11 @@ def _column(
 
     Raises: as `column`.
     """
-    if not any(name in known for known in names):
+    if not any(name in names_of_part for names_of_part in names):
         return None
-    made = np.full((parts[-1].vertices.stop, int(kinds[-1][-1])), missing)
-    for drawn, part, known in zip(asset.drawn, parts, names, strict=True):
-        values = column(asset, drawn.primitive, name, *kinds) if name in known else None
+    column_values = np.full((parts[-1].vertices.stop, int(kinds[-1][-1])), missing)
+    for drawn, part, names_of_part in zip(asset.drawn, parts, names, strict=True):
+        values = column(asset, drawn.primitive, name, *kinds) if name in names_of_part else None
         if values is not None:
-            made[part.vertices, : values.shape[1]] = values
-    return made
+            column_values[part.vertices, : values.shape[1]] = values
+    return column_values

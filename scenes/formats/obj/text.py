@@ -87,19 +87,19 @@ class ObjText:
     def _survey(self) -> None:
         """`runs`; tallies (blocks, 4, 6) of `lines.survey`, and their sums before each block (blocks + 1, 4, 6)."""
         tallies = np.zeros((len(self._blocks), F + 1, SLASHES + 1), np.int64)
-        rest = [np.empty((0, 3), np.int64)] * len(tallies)
+        runs_of = [np.empty((0, 3), np.int64)] * len(tallies)
 
         def work(block: int) -> None:
             """Count the lines of a block, and find its runs."""
             begin, end = self._blocks[block]
             runs_found = np.empty(((end - begin) // 4 + 2, 3), np.int64)
-            rest[block] = runs_found[: lines.survey(self._text, begin, end, tallies[block], runs_found)].copy()
+            runs_of[block] = runs_found[: lines.survey(self._text, begin, end, tallies[block], runs_found)].copy()
 
         for_blocks(len(tallies), work)
         self._tallies = tallies
         self._before = np.cumsum(np.insert(tallies, 0, 0, axis=0), axis=0)
         self.runs: list[Run] = []
-        for faces, others in zip(self._before[:, F, COUNT].tolist(), rest, strict=False):
+        for faces, others in zip(self._before[:, F, COUNT].tolist(), runs_of, strict=False):
             for begin, end, more in others.tolist():
                 text = self._data[begin:end].decode("utf-8", "replace").replace("\r", "\n")
                 self.runs += [Run(run[1], run[0], faces + more) for run in _RUN.finditer(text)]
@@ -145,8 +145,8 @@ class ObjText:
 
     def normals(self) -> PerCorner | None:
         """`vn` of all corners; None if some corner has none. Raises: as the constructor."""
-        some = self.some("vn")
-        return self._per_corner("vn") if len(some) and some.all() else None
+        has_normal = self.some("vn")
+        return self._per_corner("vn") if len(has_normal) and has_normal.all() else None
 
     def uv(self) -> PerCorner | None:
         """`vt` of the corners, v upwards, NaN where a corner has none; None if none has. Raises: as the constructor."""
@@ -159,10 +159,10 @@ class ObjText:
     def _per_corner(self, keyword: str) -> PerCorner:
         """`vt` or `vn` by corner, NaN where a corner has none."""
         values = np.ascontiguousarray(self._numbers(keyword)[:, : NEEDED[NUMBERED.index(keyword)]])
-        some = self.some(keyword)
-        of = np.full(len(some), len(values))
-        of[some] = self._from_zero(self.indices[keyword][some], len(values), keyword)
-        return PerCorner(values if some.all() else np.pad(values, ((0, 1), (0, 0)), constant_values=np.nan), of)
+        has_index = self.some(keyword)
+        of = np.full(len(has_index), len(values))
+        of[has_index] = self._from_zero(self.indices[keyword][has_index], len(values), keyword)
+        return PerCorner(values if has_index.all() else np.pad(values, ((0, 1), (0, 0)), constant_values=np.nan), of)
 
     def named(self, keyword: str) -> FaceNames:
         """The faces by the statements before them, such as `usemtl`."""

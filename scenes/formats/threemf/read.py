@@ -118,19 +118,19 @@ class _Reader:
         """As the parser asks for."""
 
 
-def read_3mf(given: MeshInput) -> list[Instance]:
+def read_3mf(mesh_input: MeshInput) -> list[Instance]:
     """The meshes where the build items place them, sharing arrays by object.
 
     Of materials are read the colours of faces, at the first corner of each.
 
     Raises: MeshError: what unpacks to very much, or very many copies. Exception: of zipfile and lxml.
     """
-    unpacked = check_archive(given.file, given.source)
+    unpacked = check_archive(mesh_input.file, mesh_input.source)
     # The objects of all models of the archive, and what the root model builds of them.
     objects: dict[Key, _Object] = {}
-    readers = _read_models(given.file, objects)
+    readers = _read_models(mesh_input.file, objects)
     build = readers[next(name for name in readers if name.endswith(ROOT))].items
-    _check_build(build, objects, unpacked, given.source)
+    _check_build(build, objects, unpacked, mesh_input.source)
     # A shape of each object.
     colours = {name: reader.colours for name, reader in readers.items()}
     has_unread = any(reader.has_unread for reader in readers.values())
@@ -142,7 +142,7 @@ def read_3mf(given: MeshInput) -> list[Instance]:
     for key, item in objects.items():
         vertices = np.array(item.vertices).reshape(-1, 3)
         faces = np.array(item.faces).reshape(-1, 3)
-        attributes = _attributes(faces, item.paints, colours.get(key[0], {})) if given.keep else None
+        attributes = _attributes(faces, item.paints, colours.get(key[0], {})) if mesh_input.keep else None
         shapes[key] = Instance(item.name, vertices, faces, attributes=attributes, unread=unread, up="z")
     # Placed by the build items, with the components of each.
     placed = []

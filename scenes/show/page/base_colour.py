@@ -42,14 +42,17 @@ class BaseColour:
     alpha: UInt8s | None = None  # (m, 3), of each corner, a factor of the image's; None: all is opaque
 
     def several(self) -> list[PerCorner]:
-        """What vertices are repeated for: colours and places of their corners."""
+        """What vertices are repeated for, besides creases: colours and texture coordinates of their corners."""
         alpha = 0 if self.alpha is None else self.alpha.ravel().astype(np.int64) << 24
         colour = self.codes.reshape(-1, 3) @ np.array([1 << 16, 1 << 8, 1]) + alpha
         keys = [colour, uv_steps(self.uv.reshape(-1, 2))[0] @ [1 << 20, 1]] if self.images else [colour]
         return [PerCorner(np.empty((0, 0)), np.unique(key, return_inverse=True)[1]) for key in keys]
 
     def put(self, columns: dict[str, npt.NDArray[Any]], like: Int64s) -> dict[str, Any]:
-        """Put the colours into a page's columns: what its script must know of them. Args: like: corners (k,)."""
+        """Write the colours into a page's columns; returns what the page's script must know of them.
+
+        Args: like: (k,), a corner for each vertex of the page.
+        """
         columns["base"] = self.codes.reshape(-1, 3)[like]
         if self.alpha is not None:
             columns["alpha"] = self.alpha.ravel()[like]
@@ -92,7 +95,7 @@ class _Collected:
         self.pictures: list[Picture] = []
 
     def number(self, texture: Texture | None, surface: AlphaSurface | None = None) -> int:
-        """Of an image, a new one if it is not there."""
+        """The number of a picture, added if it is new. Args: texture: of colour. surface: of alpha."""
         picture = texture, surface
         if picture not in self.pictures:
             self.pictures.append(picture)
@@ -196,7 +199,7 @@ def block_means(image: AnyFloats, high: int, wide: int) -> AnyFloats:
 
 
 def _textures_of(picture: Picture) -> list[Texture]:
-    """Those of colour and of alpha, as far as there are."""
+    """The image of colour and that of alpha of a picture, as far as it has them."""
     texture, surface = picture
     return [used for used in (texture, surface and surface.texture) if used]
 

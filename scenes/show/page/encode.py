@@ -127,7 +127,7 @@ def encoded(mesh: Mesh, bakes: Sequence[Values], base: BaseColour | None = None)
 
 
 def _bake_columns(bake: Values, number: int, columns: dict[str, npt.NDArray[Any]]) -> dict[str, Any]:
-    """Put the values of a bake into the columns: what a page's script must know of them."""
+    """Write the values of a bake into the columns; returns what a page's script must know of them."""
     largest = 0.0 if bake.error is None else float(bake.error.max(initial=0.0))
     columns[f"w{number}"] = np.rint(bake.w * MOST).astype("<u2")
     if bake.error is not None:
@@ -156,7 +156,7 @@ def _profile_columns(profile: Profile, number: int, columns: dict[str, npt.NDArr
 
 
 def _texture_columns(textures: TexturedW, number: int, columns: dict[str, npt.NDArray[Any]]) -> dict[str, Any]:
-    """Put the textures of a bake into the columns: what a page's script must know of them."""
+    """Write the textures of a bake into the columns; returns what a page's script must know of them."""
     steps, scale = uv_steps(textures.uv)
     columns[f"uv{number}"] = steps.astype("<u4")
     images = [shrunk(image, _LARGEST) for image in textures.images]

@@ -123,5 +123,5 @@ def _check_same(mesh: Mesh, source: MeshFile) -> None:
 
 
 def _upright(mesh: Mesh, count: int) -> Float64s:
-    """The first vertices as a `.glb` has them, y up."""
+    """The first `count` vertices with y up, as a `.glb` has them."""
     return np.asarray(mesh.vertices[:count] @ np.transpose(TO_Y_UP[up_axis(mesh)]))

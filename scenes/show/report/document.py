@@ -79,14 +79,14 @@ def html_report(report: Report, pictures: Sequence[Sequence[Picture]]) -> bytes:
     title = f"{Path(report['inputs'][0]['path']).name}: {report['kind']}"
     pages = report.get("pages", {"": report})
     parts = [_verdict(report)]
-    for (name, page), shown in zip(pages.items(), pictures, strict=True):
-        parts += [f"<h2>{_text(name)}</h2>" if name else "", _pictures(shown), _values(page)]
+    for (name, page), page_pictures in zip(pages.items(), pictures, strict=True):
+        parts += [f"<h2>{_text(name)}</h2>" if name else "", _pictures(page_pictures), _values(page)]
         parts += [_calibration(page), _costs(page), _flags(page)]
     inputs = {file["path"]: f"{number(file['bytes'])} bytes, SHA-256 {file['sha256']}" for file in report["inputs"]}
     parts.append(_section("To repeat it", f"<pre>{_text(report['command'])}</pre>{_table(inputs)}"))
     for name in ("settings", "options", "versions"):
-        given = {key: value for key, value in report.get(name, {}).items() if value is not None}
-        cells = {key: value if isinstance(value, str) else json.dumps(value) for key, value in given.items()}
+        values = {key: value for key, value in report.get(name, {}).items() if value is not None}
+        cells = {key: value if isinstance(value, str) else json.dumps(value) for key, value in values.items()}
         parts.append(_section(name.capitalize(), _table(cells)) if name in report else "")
     holes = {"policy": policy(style), "title": _text(title), "style": style, "parts": "\n".join(filter(None, parts))}
     return re.sub("@@(.*?)@@", lambda hole: holes[hole[1]], template).encode()
@@ -186,9 +186,9 @@ def _flags(report: Report) -> str:
     if not listed:
         return ""
     counts = {
-        f"{name}: {number(report['flagged'][name])}": ", ".join(map(str, some[:_LISTED]))
+        f"{name}: {number(report['flagged'][name])}": ", ".join(map(str, vertices[:_LISTED]))
         + (", …" if report["flagged"][name] > _LISTED else "")
-        for name, some in listed.items()
+        for name, vertices in listed.items()
     }
     text = "The first of each, counted from 0 in the file's order; a report in JSON lists a hundred."
     return _section("Flagged vertices", f"<p>{text}</p>{_table(counts)}")

@@ -110,9 +110,9 @@ def flags_in_words(flagged: dict[str, int], vertices: int, rays_skipped: dict[st
     words = {}
     for name, count in flagged.items():
         what = _OF_FLAGS[name][0].format(hidden)
-        verb, _, rest = what.partition(" ")
+        verb, _, remainder = what.partition(" ")
         if count == 1:
-            words[name] = f"One vertex {_SINGULAR[verb]} {rest}"
+            words[name] = f"One vertex {_SINGULAR[verb]} {remainder}"
         elif count:
             words[name] = f"{count:,} of {vertices:,} vertices {what}"
     return words
