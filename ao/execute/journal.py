@@ -130,8 +130,10 @@ class Journal:
 
 
 def _hold(path: Path, create: bool) -> FileIO:
-    """Open the file and lock it; again if it was deleted meanwhile. Raises: OutputError: no journal, or locked by
-    another."""
+    """Open the file and lock it; again if it was deleted meanwhile.
+
+    Raises: OutputError: no journal, or locked by another.
+    """
     while True:
         handle = os.open(path, _OPEN | (os.O_CREAT if create else 0), 0o666)
         file = FileIO(handle, "r+")

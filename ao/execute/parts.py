@@ -203,8 +203,10 @@ class Merge(Checkpoint):
         self.parts = parts
 
     def begin(self, placement: Placement, receivers: Receivers, *settings: object) -> None:
-        """Check that the parts are of this very bake, on a machine like this. Raises: InputError: the first
-        difference."""
+        """Check that the parts are of this very bake, on a machine like this.
+
+        Raises: InputError: the first difference.
+        """
         if identity(placement, receivers, settings) == self.parts[0].identity:
             return
         own_facts: Mapping[str, str] = bit_environment() | {"mesh": digest_of(placement, receivers)}

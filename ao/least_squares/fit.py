@@ -125,8 +125,10 @@ def fit_values(problem: Problem, trial: Problem, cached: Cached) -> Fit:
 
 
 def _build_problem(patch: Patch, moments: Float64s, laplacian: Float64s, threads: int) -> Problem:
-    """The least squares problem of a patch, from the moments of its faces. Args: laplacian: (m,), weights of
-    smoothing."""
+    """The least squares problem of a patch, from the moments of its faces.
+
+    Args: laplacian: (m,), weights of smoothing.
+    """
     # Unknowns are numbered by the first corner that has each.
     corners = patch.face_points.ravel()
     first_corner = np.full(patch.unknowns, len(corners))

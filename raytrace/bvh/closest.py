@@ -147,8 +147,11 @@ def begin(tree, stack, point, radius):
 
 @inline
 def next_leaf(tree, stack, around):
-    """The next leaf of the walk and, as bits, triangles whose boxes may be as near as wanted along every axis; no bits
-    if there are none any more. Args: around: of `begin`."""
+    """The next leaf of the walk and, as bits, triangles whose boxes may be as near as wanted along every axis; no
+    bits if there are none any more.
+
+    Args: around: of `begin`.
+    """
     starts, (point, radius) = tree.starts, around
     while stack[_ENTRIES, 0] > 0:
         waiting = stack[_ENTRIES, 0] - 1

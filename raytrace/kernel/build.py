@@ -34,8 +34,10 @@ class Entry(NamedTuple):
 
     @classmethod
     def of(cls, line: str) -> "Entry":
-        """What a line of the list stands for. Raises: LookupError, AttributeError, ImportError, TypeError,
-        ValueError: nothing."""
+        """What a line of the list stands for.
+
+        Raises: LookupError, AttributeError, ImportError, TypeError, ValueError: nothing.
+        """
         kernel, path, arguments = example(line)
         if not isinstance(kernel, Kernel):
             raise TypeError(f"{line}: expected a kernel")

@@ -86,8 +86,10 @@ class Kernel(Called):
         return self._run(arguments, *_flatten(arguments, [], []))
 
     def _run(self, arguments: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> Any:
-        """Call the machine code for these types. Args: kinds: the types, of `_flatten`. words: the values, a word
-        each."""
+        """Call the machine code for these types.
+
+        Args: kinds: the types, of `_flatten`. words: the values, a word each.
+        """
         key = tuple(kinds)
         code = self._for_types.get(key) or self._load(key, arguments)
         results = ctypes.create_string_buffer(code.results.size) if code.results.size else None
@@ -110,8 +112,10 @@ class Kernel(Called):
         return Signature.of(self._name, tuple(_flatten(arguments, [], [])[0]), path)
 
     def _load(self, key: tuple[Any, ...], arguments: tuple[Any, ...], path: tuple[int, ...] = ()) -> _Loaded:
-        """The machine code for the types `key`, from the library or compiled; `path` as of `callback`. Raises:
-        KernelError."""
+        """The machine code for the types `key`, from the library or compiled; `path` as of `callback`.
+
+        Raises: KernelError.
+        """
         signature = Signature.of(self._name, key, path)
         with _lock:
             if signature.symbol not in self._by_symbol:

@@ -117,8 +117,10 @@ def _values(texts: Iterator[str]) -> list[Any]:
 
 
 def _array(kind: str, layout: str) -> Any:
-    """An example array of a dtype. Args: layout: number of axes and order, "2C" for instance; "A" is neither C nor
-    F."""
+    """An example array of a dtype.
+
+    Args: layout: number of axes and order, "2C" for instance; "A" is neither C nor F.
+    """
     axes = int(layout[:-1])
     array = np.zeros((_ENTRIES,) * axes, kind, order="F" if layout[-1] == "F" else "C")
     return array[(slice(None, None, 2),) * axes] if layout[-1] == "A" else array

@@ -37,8 +37,10 @@ def towards(kind, row, point):
 
 @inline
 def towards_disc(kind, row, towards_centre, x, y):
-    """(l, distance) to the place (x, y) on the unit disc of a light whose disc faces the point. Args: all but `kind`
-    and `row` may be lanes; towards_centre: of `towards`."""
+    """(l, distance) to the place (x, y) on the unit disc of a light whose disc faces the point.
+
+    Args: all but `kind` and `row` may be lanes; towards_centre: of `towards`.
+    """
     l, distance = towards_centre
     across, along = tangents(l)
     shift = scale(row[layout.RADIUS], add(scale(x, across), scale(y, along)))

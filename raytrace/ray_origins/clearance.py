@@ -53,8 +53,10 @@ def _least_cosines(normals, face_points, face_normals, clearance, start, stop):
 
 @kernel
 def _outermost(normals, directions, clearance, sharp, starts, faces):
-    """Move the normals and directions of `sharp` points, and write their clearance. Args: starts, faces: their
-    normals."""
+    """Move the normals and directions of `sharp` points, and write their clearance.
+
+    Args: starts, faces: their normals.
+    """
     for k in range(len(sharp)):
         row = sharp[k]
         around = faces[starts[k] : starts[k + 1]]

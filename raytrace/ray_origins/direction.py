@@ -120,8 +120,11 @@ def _list_faces(p, direction, surface, own_faces, touched_faces, listed):
 
 @inline
 def _mean_in_front(count, listed, direction, front):
-    """The mean normal, by angles, of the listed faces that a point is in front of, `direction` if they cancel; and how
-    many there are, whose normals fill `front`. Args: listed: by `_list_faces`, the first `count`."""
+    """The mean normal, by angles, of the listed faces that a point is in front of, `direction` if they cancel; and
+    how many there are, whose normals fill `front`.
+
+    Args: listed: by `_list_faces`, the first `count`.
+    """
     normals, angles, is_own = listed
     total = (0.0, 0.0, 0.0)
     fronts = 0

@@ -113,8 +113,11 @@ def _span(v):
 
 @kernel
 def stop_short(offset, points, directions, touching, near, surface):
-    """Cut each offset to half the way to the first face that twice of it would pass, those nearer than `touching` left
-    out. Args: near: Contacts."""
+    """Cut each offset to half the way to the first face that twice of it would pass, those nearer than `touching`
+    left out.
+
+    Args: near: Contacts.
+    """
     near = unrefcounted_view(near)
     surface = unrefcounted_view(surface)
     for i in range(len(near.point)):

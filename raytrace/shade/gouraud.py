@@ -53,8 +53,11 @@ def light_vertices(scene, view, style, scratch, origins, groups):
 
 @inline
 def write_vertices(packet, scene, origins, item, mask, w_rows, view, side):
-    """Write a packet of vertices, in `w_rows` of `scene.w`, seen from where their normals point, or if `side` is −1.0
-    from behind. Args: origins: of `BuiltGeometry.vertex_origins`, or none where no shadow is looked for."""
+    """Write a packet of vertices, in `w_rows` of `scene.w`, seen from where their normals point, or if `side` is
+    −1.0 from behind.
+
+    Args: origins: of `BuiltGeometry.vertex_origins`, or none where no shadow is looked for.
+    """
     geometry = scene.geometry
     w = scene.w
     bent = scene.bent

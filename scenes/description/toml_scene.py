@@ -89,8 +89,10 @@ def _load(path: Path) -> dict[str, Any]:
 
 
 def _settings(document: Document, path: Path, size: tuple[int, int] | None) -> Settings:
-    """The settings of `[render]`, with the form of `[obscurance]`. Args: size: width and height in place of the
-    file's."""
+    """The settings of `[render]`, with the form of `[obscurance]`.
+
+    Args: size: width and height in place of the file's.
+    """
     values = document.render if size is None else document.render | {"width": size[0], "height": size[1]}
     check_keys(path, "render", values, [name for name in fields_of(Settings) if name != "obscurance"])
     with located(path, "render"):

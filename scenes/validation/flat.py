@@ -97,8 +97,10 @@ def _ceiling() -> ValidationCase:
 
 
 def _walls(extent: float, falloffs: tuple[Falloff, ...]) -> list[ValidationCase]:
-    """Points before a wall, in a corner of two walls and in V-grooves. Args: extent: of the walls, in place of
-    infinity."""
+    """Points before a wall, in a corner of two walls and in V-grooves.
+
+    Args: extent: of the walls, in place of infinity.
+    """
     points = [(0.5, 0.5, 0.0), (1.0, 0.4, 0.0)]
     tall = _rectangle((0, -extent, 0), (0, 2 * extent, 0), (0, 0, extent))
     quarter = [_rectangle((0, 0, 0), along, (0, 0, extent)) for along in ((extent, 0, 0), (0, extent, 0))]

@@ -89,8 +89,11 @@ def textured_glb(
 def _by_page(
     builder: GlbBuilder, primitive: dict[str, Any], page_of: Int64s
 ) -> Iterator[tuple[int, Int64s, dict[str, Any]]]:
-    """The pages of a primitive's faces, the rows of the faces on each, and a primitive for them: itself, or a copy that
-    is added to its mesh. Args: page_of: (t,)."""
+    """The pages of a primitive's faces, the rows of the faces on each, and a primitive for them: itself, or a copy
+    that is added to its mesh.
+
+    Args: page_of: (t,).
+    """
     mesh = next(mesh for mesh in builder.header["meshes"] if any(other is primitive for other in mesh["primitives"]))
     used = np.unique(page_of).tolist()
     pieces = [primitive, *(copy.deepcopy(primitive) for _ in used[1:])]

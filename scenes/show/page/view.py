@@ -61,8 +61,10 @@ def view_results(
 
 
 def _values(path: Path, count: int, source: MeshFile | None) -> Values:
-    """What a page shows of the first `count` vertices of a file. Args: source: the mesh file, None of `.npy` and
-    `.npz`."""
+    """What a page shows of the first `count` vertices of a file.
+
+    Args: source: the mesh file, None of `.npy` and `.npz`.
+    """
     if source is None or source.w is None:
         w = read_w(path, count)
         textures = _textures(source)
