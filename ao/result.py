@@ -99,9 +99,9 @@ class Columns:
 
         Raises: OptionError: no package that writes files is installed. Others as `scenes.write`.
         """
-        from raytrace.system.entry_points import offered
+        from raytrace.system.entry_points import first_entry_point
 
-        write = offered("obscurance.save")
+        write = first_entry_point("obscurance.save")
         if write is None:
             raise OptionError("save", "the package obscurance, installed", "its folders alone: use scenes.write")
         write(path, self, mesh_file, **options)
@@ -162,9 +162,9 @@ class Bake(Columns):
 
     def _repr_html_(self) -> str | None:
         """HTML for notebooks, by a package with an entry point of the group `obscurance.html`."""
-        from raytrace.system.entry_points import offered
+        from raytrace.system.entry_points import first_entry_point
 
-        to_html = offered("obscurance.html")
+        to_html = first_entry_point("obscurance.html")
         return to_html(self) if to_html and self.at == "vertices" else None
 
     def _repr_png_(self) -> bytes | None:

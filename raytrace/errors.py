@@ -21,7 +21,7 @@ together.
 from __future__ import annotations
 
 import copyreg
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
@@ -93,6 +93,11 @@ def shortened(value: object, longest: int = 200) -> str:
 
 LINE = 1000
 """Characters of a message at most."""
+
+
+def first_names(names: Sequence[str], most: int) -> str:
+    """The first names of a list, `most` at most, and how many more there are, in words."""
+    return ", ".join(names[:most]) + (f" and {len(names) - most:,} more" if len(names) > most else "")
 
 
 def printable(text: str, longest: int | None = None) -> str:

@@ -91,7 +91,7 @@ class Dispatch:
             self.spans.appendleft((end, stop))
         return start, end
 
-    def came_back(self, worker: str, finished: int, seconds: float) -> None:
+    def record_block(self, worker: str, finished: int, seconds: float) -> None:
         """Record a traced block of a worker, and the speed that this shows."""
         self.blocks[worker] += 1
         self.rows_traced += finished
@@ -201,16 +201,16 @@ class ClusterSession:
         self._alone_since, self._told_alone = time.monotonic(), False
         try:
             while self.dispatch.left:
-                self._look()
+                self._update_workers()
                 self._hand_out(work)
                 if not self._calls:
                     time.sleep(_LOOK)
                 for call in wait(self._calls, _LOOK, FIRST_COMPLETED).done:
                     worker, span = self._calls.pop(call, ("", (0, 0)))
-                    if worker and (tables := self._answer(work, worker, span, call)):
+                    if worker and (tables := self._receive(work, worker, span, call)):
                         yield *span, tables
         finally:
-            self._drop()
+            self._forget_blocks()
 
     def status(self) -> str:
         """How many workers there are, in words."""
@@ -224,7 +224,7 @@ class ClusterSession:
         workers = _plural(len(done.blocks), "worker")
         return f"{self._address}: {blocks} traced by {workers}{again}"
 
-    def _look(self) -> None:
+    def _update_workers(self) -> None:
         """Update the workers: take on new ones, and drop those that have gone or stand still."""
         now = time.monotonic()
         if now < self._looked + _LOOK:
@@ -244,9 +244,9 @@ class ClusterSession:
                     f"worker {worker} has not been heard of for {self._pace.silence:.0f} s; others get its blocks"
                 )
             del self._workers[worker]
-            for span in self._drop(worker):
+            for span in self._forget_blocks(worker):
                 most = self._pace.losses
-                self._lost(span, most, f"{most} workers have ended with the same block: too little memory?")
+                self._requeue(span, most, f"{most} workers have ended with the same block: too little memory?")
         self._workers |= dict.fromkeys(present - self._workers.keys())
         # Workers of this machine that start late, and what to do without any.
         started, count = len(self._heard), self._cluster.count
@@ -258,9 +258,9 @@ class ClusterSession:
         if None in self._workers.values():
             self._alone_since, self._told_alone = now, False
         elif now > self._alone_since + self._pace.patience:
-            self._alone(now - self._alone_since)
+            self._warn_without_workers(now - self._alone_since)
 
-    def _alone(self, seconds: float) -> None:
+    def _warn_without_workers(self, seconds: float) -> None:
         """Warn, once, that there has been no usable worker for so long.
 
         Raises: InputError, ClusterError: waiting is of no use.
@@ -284,7 +284,7 @@ class ClusterSession:
                 self._calls[self._cluster.call(worker, trace_block, *block)] = worker, (start, stop)
                 busy[worker] += 1
 
-    def _answer(self, work: RowTask, worker: str, span: Span, call: Future[Any]) -> Outputs | None:
+    def _receive(self, work: RowTask, worker: str, span: Span, call: Future[Any]) -> Outputs | None:
         """The rows of a block, from its finished call; None if there are none, and the worker gets no more.
 
         Raises: InputError: every worker would say so. ClusterError: the block has failed on several.
@@ -295,7 +295,7 @@ class ClusterSession:
             kind, *contents = call.result()
             if isinstance(kind, float):
                 tables = unpack(work[start:stop], contents)
-                self.dispatch.came_back(worker, stop - start, kind)
+                self.dispatch.record_block(worker, stop - start, kind)
                 return tables
             if kind == "failed":
                 error = ClusterError(f"{nobody}: {contents[0]}")
@@ -308,19 +308,19 @@ class ClusterSession:
             raise error
         text, self._workers[worker] = str(error).removeprefix(nobody), error
         self._notify(f"worker {worker} gets no work{text}")
-        for lost in self._drop(worker):
+        for lost in self._forget_blocks(worker):
             self.dispatch.lost(lost)
-        self._lost(span, _FAILURES if kind == "failed" else 0, f"a block fails on every worker{text}")
+        self._requeue(span, _FAILURES if kind == "failed" else 0, f"a block fails on every worker{text}")
         return None
 
-    def _lost(self, span: Span, most: int, text: str) -> None:
+    def _requeue(self, span: Span, most: int, text: str) -> None:
         """Hand out a block once more. Raises: ClusterError: it has been lost `most` times already, unless that is 0."""
         self.dispatch.lost(span)
         self._lost_before[span[0], most] += 1
         if self._lost_before[span[0], most] == most:
             raise ClusterError(f"{self._address}: {text}")
 
-    def _drop(self, worker: str | None = None) -> list[Span]:
+    def _forget_blocks(self, worker: str | None = None) -> list[Span]:
         """Forget the blocks that a worker has, or that all have; their results are ignored."""
         calls = [call for call, (of, _) in self._calls.items() if worker in (of, None)]
         self.dispatch.speed.pop(worker or "", None)

@@ -99,7 +99,7 @@ class Checkpoint:
             journal = None
         except OSError as reason:
             if isinstance(reason, OutputError) or self.resume:
-                raise _refused(self.path, reason) from None
+                raise _output_error(self.path, reason) from None
             return
         is_ours = bool(journal and journal.identity and journal.identity == self._identity())
         if is_ours and self.resume:
@@ -183,7 +183,7 @@ class Checkpoint:
             if safe:
                 self._journal.sign(self._identity())
         except OSError as reason:
-            self._give_up(_refused(self.path, reason))
+            self._give_up(_output_error(self.path, reason))
 
     def _give_up(self, reason: OutputError) -> None:
         """Go on without a journal that cannot be written."""
@@ -226,6 +226,6 @@ def restore(block: Block, content: bytes, work: KeptRowTask, tables: Outputs, re
         restored[start:stop] = True
 
 
-def _refused(path: Path, reason: OSError) -> OutputError:
+def _output_error(path: Path, reason: OSError) -> OutputError:
     """An error of the system as one of the journal's file."""
     return reason if isinstance(reason, OutputError) else OutputError(f"{path}: {reason.strerror or reason}")

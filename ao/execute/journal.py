@@ -45,7 +45,7 @@ class Journal:
 
     def __init__(self, path: Path, create: bool) -> None:
         self.path = path
-        self._file = _hold(path, create)
+        self._file = _open_locked(path, create)
         self.blocks: dict[Block, tuple[int, int]] = {}
         try:
             self._read()
@@ -63,7 +63,7 @@ class Journal:
             is_cut = head.startswith(MAGIC) or MAGIC.startswith(head.rstrip(b"\0"))
             chunks = iter(lambda: self._file.read(1 << 20), b"")
             if not is_cut or any(chunk.strip(b"\0") for chunk in chunks):
-                raise _another(self.path, "another file")
+                raise _not_the_journal(self.path, "another file")
         # Records, each where the last whole one ends.
         self._end = self._file.tell() if self.identity else 0
         while self.identity and len(start := self._file.read(_RECORD.size)) == _RECORD.size:
@@ -129,7 +129,7 @@ class Journal:
         self.close()
 
 
-def _hold(path: Path, create: bool) -> FileIO:
+def _open_locked(path: Path, create: bool) -> FileIO:
     """Open the file and lock it; again if it was deleted meanwhile.
 
     Raises: OutputError: no journal, or locked by another.
@@ -139,7 +139,7 @@ def _hold(path: Path, create: bool) -> FileIO:
         file = FileIO(handle, "r+")
         try:
             if not stat.S_ISREG(os.fstat(handle).st_mode):
-                raise _another(path, "something that is not a regular file")
+                raise _not_the_journal(path, "something that is not a regular file")
             if sys.platform != "win32":
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if os.path.samestat(os.fstat(handle), path.stat()):
@@ -157,6 +157,6 @@ def _hold(path: Path, create: bool) -> FileIO:
             raise FileNotFoundError(path)
 
 
-def _another(path: Path, got: str) -> OutputError:
+def _not_the_journal(path: Path, got: str) -> OutputError:
     """The error for a file that is not the journal it should be. Args: got: what it is."""
     return OutputError(f"{path}: content: expected the journal of a bake or no such file, got {got}")

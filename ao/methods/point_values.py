@@ -76,7 +76,7 @@ def bake_points(
         mesh, lifts[usable] = discs(places[usable], axes[usable])
     solid = mesh_of(mesh, "bake_points")
     prepared = Prepared.of(solid, checked, progress, None, [mesh_of(occluder, "occluders") for occluder in occluders])
-    order = usable[morton_order(_placed(prepared, places[usable]).astype(np.float32))]
+    order = usable[morton_order(_in_render_space(prepared, places[usable]).astype(np.float32))]
     baked = _points_at(prepared, places[order], axes[order], lifts[order])
     tracer = prepared.tracer(len(order))
     near = cKDTree(places[order]).query(places[order], min(_NEIGHBOURS + 1, len(order)), workers=prepared.threads)[1]
@@ -124,7 +124,7 @@ def discs(points: Float64s, axes: Float64s, source: str = "points") -> tuple[Mes
     return Mesh(vertices.reshape(-1, 3), faces.reshape(-1, 3), source=source), _LIFT * radius
 
 
-def _placed(prepared: Prepared, points: Float64s) -> Float64s:
+def _in_render_space(prepared: Prepared, points: Float64s) -> Float64s:
     """Points (k, 3) in render space."""
     placed: Float64s = (points - prepared.placement.centre) * prepared.placement.scale
     return placed
@@ -132,7 +132,7 @@ def _placed(prepared: Prepared, points: Float64s) -> Float64s:
 
 def _points_at(prepared: Prepared, points: Float64s, axes: Float64s, lifts: Float64s) -> Points:
     """Origins of rays above the points, in render space."""
-    placed = _placed(prepared, points)
+    placed = _in_render_space(prepared, points)
     largest = np.maximum(np.abs(placed).max(axis=1), np.abs(prepared.placement.vertices).max())
     offset = np.maximum(ray_offset(axes, largest, np.ones(len(points))), lifts * prepared.placement.scale)
     origins = placed + offset[:, None] * axes

@@ -116,9 +116,7 @@ class OffsetPoints(NamedTuple):
     tree_seconds: float
 
 
-def offset_points(
-    placed: Float32s, faces: Int64s, weighting: Weighting = "angle", own_axes: Float64s | None = None
-) -> OffsetPoints:
+def offset_points(placed: Float32s, faces: Int64s, weighting: Weighting, own_axes: Float64s | None) -> OffsetPoints:
     """Weld vertices `placed` (n, 3) in render space; the points' axes, and origins offset from the surface.
 
     Args: weighting: of the faces' normals. own_axes: (n, 3), axes of any length in the place of these.
@@ -176,7 +174,7 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     origins = np.empty((len(usable), 3), np.float32)
     axes = np.empty((len(usable), 3), np.float32)
     points = Points(origins, axes, np.arange(len(usable), dtype=np.uint32))
-    take = bind(_take, usable, offset.origins, welded.axes, origins, axes, index)
+    take = bind(_compact, usable, offset.origins, welded.axes, origins, axes, index)
     run_blocks(len(usable), _BLOCK, take, thread_count(None))
     # How far rays start from the surface, and samples of corners where faces share no hemisphere.
     displaced = np.minimum(_DISPLACED * welded.displacement(offset.surface, offset.origins), 0.5)
@@ -199,7 +197,7 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
 
 
 @kernel
-def _take(usable, origins, axes, own_origins, own_axes, index, start, stop):
+def _compact(usable, origins, axes, own_origins, own_axes, index, start, stop):
     """Write the origins and axes of usable points one after another, and where each point's are into `index`."""
     for k in range(start, stop):
         index[usable[k]] = k

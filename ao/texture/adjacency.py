@@ -33,7 +33,9 @@ def texel_neighbours(surface: UVSurface, texels: Texels, most: float, threads: i
     np.cumsum(np.bincount(texels_at_seams, minlength=count), out=across[1:])
     starts = np.cumsum(starts) + across
     indices = np.empty(starts[-1], np.int32)
-    run_blocks(count, _BLOCK, bind(_list, starts, beside, across, seam_texels, indices), threads, most=_SHARE)
+    run_blocks(
+        count, _BLOCK, bind(_write_neighbours, starts, beside, across, seam_texels, indices), threads, most=_SHARE
+    )
     return Neighbours.weighted(starts, indices, np.ones(len(indices), np.float32), points.normals, threads)
 
 
@@ -92,7 +94,7 @@ def _find_beside(texels, page, surface, beside, starts, start, stop):
 
 
 @kernel
-def _list(starts, beside, seam_starts, seam_texels, indices, start, stop):
+def _write_neighbours(starts, beside, seam_starts, seam_texels, indices, start, stop):
     """Write the neighbours of each texel: the texels `beside` it, then there[across[i] : across[i + 1]]."""
     for i in range(start, stop):
         entry = starts[i]

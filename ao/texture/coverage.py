@@ -53,20 +53,15 @@ class Page(NamedTuple):
         list_bands(layout.corners, layout.height, band_rows, starts[:-1].copy(), listed)
         return cls(layout, crowding, band_rows, starts, listed)
 
-    def cover(self, overlap: Overlap, threads: int) -> Coverage:
-        """The texels that faces cover; where faces overlap, samples lie on all ("mean") or on the first of them."""
-        return self._cover(None, np.uint32(0), overlap == "mean", threads)
-
-    def cover_again(self, texels: Int64s, key: np.uint32, overlap: Overlap, threads: int) -> Coverage:
-        """`cover` of some `texels`, ascending, with samples at random places in them. Args: key: of the places."""
-        return self._cover(texels, key, overlap == "mean", threads)
-
-    def _cover(self, texels: Int64s | None, key: np.uint32, layered: bool, threads: int) -> Coverage:
-        """The coverage of some texels, or of all for None, band by band.
+    def cover(
+        self, overlap: Overlap, threads: int, texels: Int64s | None = None, key: np.uint32 = np.uint32(0)
+    ) -> Coverage:
+        """The texels that faces cover, found band by band.
 
         Args:
-            key: of random places of the points in texels; all texels have them at regular places.
-            layered: whether all triangles over one another share a texel, as with overlap "mean".
+            overlap: where faces overlap, samples lie on all ("mean") or on the first of them.
+            texels: (n,), ascending, only these, with points at random places in each. None: all, at regular places.
+            key: of the random places.
         """
         size = self.band_rows * self.layout.width
         bands: dict[int, Coverage] = {}
@@ -79,7 +74,7 @@ class Page(NamedTuple):
                 band_texels = texels[np.searchsorted(texels, start) : np.searchsorted(texels, stop)]
                 places = Places.by_chance(band_texels, key)
             if len(band_texels) or start == 0:
-                bands[start] = _Band(self, band_texels, triangles, places, layered).cover()
+                bands[start] = _Band(self, band_texels, triangles, places, overlap == "mean").cover()
 
         run_blocks(self.layout.height * self.layout.width, size, work, threads)
         return Coverage.joined([band for _, band in sorted(bands.items())])

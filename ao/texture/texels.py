@@ -98,7 +98,7 @@ class TexelSampler:
         chosen = texels.texels[texel_rows] + (chance // side - side // 2) * width + chance % side - side // 2
         order = np.argsort(chosen)
         ascending = texel_rows[order]
-        coverage = self.page.cover_again(chosen[order], key, self.options.overlap, threads)
+        coverage = self.page.cover(self.options.overlap, threads, chosen[order], key)
         row_of = ascending[np.searchsorted(chosen[order], coverage.texels)]
         order = np.argsort(row_of)
         samples, _ = self._place(coverage, order, np.zeros(len(order), np.bool_))

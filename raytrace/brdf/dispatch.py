@@ -21,12 +21,12 @@ from .registry import in_lanes, reflection_models
 
 
 @inline
-def _dark(kind, row, n, l, v, grain, wanted):
-    """Black, for kinds that no model has: the end of the chain that `_any_of` builds."""
+def _black(kind, row, n, l, v, grain, wanted):
+    """Black, for kinds that no model has: the end of the chain that `_dispatcher` builds."""
     return scale(0.0, n), scale(0.0, n)
 
 
-def _or(model_kind: int, terms: Any, otherwise: Any) -> Any:
+def _branch_on_kind(model_kind: int, terms: Any, otherwise: Any) -> Any:
     """A helper that calls `terms` for materials of the kind `model_kind`, and `otherwise` for all others."""
 
     @inline
@@ -38,11 +38,11 @@ def _or(model_kind: int, terms: Any, otherwise: Any) -> Any:
     return chosen
 
 
-def _any_of(terms_by_kind: Iterable[tuple[int, Any]]) -> Any:
+def _dispatcher(terms_by_kind: Iterable[tuple[int, Any]]) -> Any:
     """A helper that compares its first argument, a kind, with those of `terms_by_kind` and calls that model's terms."""
-    chosen = _dark
+    chosen = _black
     for kind, terms in terms_by_kind:
-        chosen = _or(kind, terms, chosen)
+        chosen = _branch_on_kind(kind, terms, chosen)
     return chosen
 
 
@@ -78,9 +78,11 @@ def _replaced(a, lane, b):
     return (replace(a[0], lane, b[0]), replace(a[1], lane, b[1]), replace(a[2], lane, b[2]))
 
 
-_terms_of: Any = Late(lambda: _any_of((model.kind, in_lanes(model.terms)) for model in reflection_models()))
+_terms_of: Any = Late(lambda: _dispatcher((model.kind, in_lanes(model.terms)) for model in reflection_models()))
 _terms_in_lanes_of: Any = Late(
-    lambda: _any_of((model.kind, model.terms_in_lanes or _lane_by_lane(model.terms)) for model in reflection_models())
+    lambda: _dispatcher(
+        (model.kind, model.terms_in_lanes or _lane_by_lane(model.terms)) for model in reflection_models()
+    )
 )
 
 

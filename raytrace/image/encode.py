@@ -149,7 +149,7 @@ def write_data(
     _write(path, spec, metadata, lambda begin, end: values[begin:end])
 
 
-def written(name: str, write: Callable[..., None], *given: Any) -> bytes:
+def image_bytes(name: str, write: Callable[..., None], *given: Any) -> bytes:
     """The bytes of the image file that `write(path, *arguments)` writes. Args: name: whose ending says the format."""
     from tempfile import TemporaryDirectory
 
@@ -161,7 +161,7 @@ def written(name: str, write: Callable[..., None], *given: Any) -> bytes:
 
 def linear_png(values: npt.NDArray[np.uint8 | np.uint16]) -> bytes:
     """A PNG file of codes (height, width, channels) as they are, which says nothing of a colour space."""
-    return written("data.png", write_data, values, {}, False, (), 8 * values.itemsize)
+    return image_bytes("data.png", write_data, values, {}, False, (), 8 * values.itemsize)
 
 
 def _write(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..errors import OptionError
 from ..types import Float32s
-from .encode import LAYERS, file_format, write_layers, write_picture, written
+from .encode import LAYERS, file_format, image_bytes, write_layers, write_picture
 from .write import check_image_target
 
 
@@ -37,7 +37,7 @@ class Frame:
 
     def _repr_png_(self) -> bytes:
         """The beauty as a PNG: what notebooks show."""
-        return written("frame.png", write_picture, self.layers["beauty"], {}, any(self.background), self.corner)
+        return image_bytes("frame.png", write_picture, self.layers["beauty"], {}, any(self.background), self.corner)
 
     def save(
         self,

@@ -166,7 +166,7 @@ def find_contacts(
     around = (points, reach, face_points, numbers)
     most = float(surface.rounding.max())
     if most <= _USUAL_ROUNDING:
-        return _find(tree, surface, around, most)
+        return _contacts_with_tree(tree, surface, around, most)
     contacts = []
     least = -1.0
     while least < most:
@@ -179,7 +179,7 @@ def find_contacts(
                     np.int32
                 )
             )
-            contacts.append(_find(uncertain_tree, surface, around, limit))
+            contacts.append(_contacts_with_tree(uncertain_tree, surface, around, limit))
         least = limit
     joined = Contacts.joined(contacts)
     joined = joined.only(np.lexsort((joined.face, joined.point)))
@@ -187,7 +187,7 @@ def find_contacts(
     return joined.only(rank < _MOST_CONTACTS)
 
 
-def _find(tree: BVH16, surface: Surface, around: _Points, most: float) -> Contacts:
+def _contacts_with_tree(tree: BVH16, surface: Surface, around: _Points, most: float) -> Contacts:
     """`find_contacts` of the faces of a tree, whose rounding is `most` at most."""
     count = len(around[0])
     parts: list[Contacts] = [_empty(0)] * -(-count // _SEARCHED)
@@ -213,7 +213,7 @@ def _empty(count: int) -> Contacts:
 
 
 @inline
-def _beside(p, reach, a, b, c):
+def _is_farther(p, reach, a, b, c):
     """Whether p is farther than `reach` from the interval that a, b and c span."""
     return min(a, b, c) - reach > p or max(a, b, c) + reach < p
 
@@ -244,7 +244,9 @@ def _search(tree, stack, surface, around, most, start, stop, contacts):
                 near &= near - 1
                 seen += filled == _MOST_CONTACTS
                 if corners[f, 0] != number and corners[f, 1] != number and corners[f, 2] != number:
-                    filled = _keep(surface, f, p, max(reach[i], surface.rounding[f]), (kept, distances), filled)
+                    filled = _insert_contact(
+                        surface, f, p, max(reach[i], surface.rounding[f]), (kept, distances), filled
+                    )
             leaf, near = next_leaf(tree, stack, waiting)
         # They are counted even where they do not fit.
         for k in range(filled):
@@ -257,15 +259,15 @@ def _search(tree, stack, surface, around, most, start, stop, contacts):
 
 
 @inline
-def _keep(surface, f, p, within, nearest, filled):
+def _insert_contact(surface, f, p, within, nearest, filled):
     """Add a face to those `filled`, sorted by number, and their distances if it is near enough; how many there are."""
     kept, distances = nearest
     if filled == _MOST_CONTACTS and f > kept[filled - 1]:
         return filled
     a, b, c = load_triangle(surface.vertices, surface.faces, f)
-    if _beside(p[0], within, a[0], b[0], c[0]) or _beside(p[1], within, a[1], b[1], c[1]):
+    if _is_farther(p[0], within, a[0], b[0], c[0]) or _is_farther(p[1], within, a[1], b[1], c[1]):
         return filled
-    if _beside(p[2], within, a[2], b[2], c[2]):
+    if _is_farther(p[2], within, a[2], b[2], c[2]):
         return filled
     away = closest_on_triangle(p, a, b, c)[0]
     if away > within:

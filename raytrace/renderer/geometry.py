@@ -61,7 +61,7 @@ class BuiltGeometry:
         sides = [points.ray_origins(tree, surface)[0][points.group]]
         if self.arrays.materials[:, TWO_SIDED].any():
             sides.append(points.reversed().ray_origins(tree, surface.reversed())[0][points.group])
-        return _joined([side - away for side in sides], np.float32)
+        return _padded_rows([side - away for side in sides], np.float32)
 
     @cached_property
     def hit_filter(self) -> tuple[int, Int64s] | None:
@@ -118,9 +118,9 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
     arrays = Geometry(
         handle=embree.handle,
         farthest=8.0 * max(1.0, space.scale * reach),
-        vertices=_joined([*(placed.vertices for placed in placed_shapes), polygons.centres], np.float32),
-        normals=_joined([*(placed.normals for placed in placed_shapes), polygons.normals], np.float32),
-        faces=_joined([mesh.faces + start for mesh, start in zip(meshes, vertex_starts, strict=False)], np.int32),
+        vertices=_padded_rows([*(placed.vertices for placed in placed_shapes), polygons.centres], np.float32),
+        normals=_padded_rows([*(placed.normals for placed in placed_shapes), polygons.normals], np.float32),
+        faces=_padded_rows([mesh.faces + start for mesh, start in zip(meshes, vertex_starts, strict=False)], np.int32),
         uv=joined(meshes, [shape.uv for shape in shapes], 2, needed=True),
         occlusion_uv=joined(meshes, [shape.occlusion.uv if shape.occlusion else None for shape in shapes], 2),
         colours=joined(meshes, [shape.colours for shape in shapes], 3, fill=1.0),
@@ -154,7 +154,7 @@ def _place_shapes(
         uses.setdefault(id(item.shape), []).append(item)
     to_render = _scaling(space.centre, space.scale)
     shapes = [
-        _placed(item.shape, None if others else to_render @ item.transform, weighting)
+        _place_shape(item.shape, None if others else to_render @ item.transform, weighting)
         for item, *others in uses.values()
     ]
     row_of = {key: row for row, key in enumerate(uses)}
@@ -238,7 +238,7 @@ def joined(
         np.full((len(mesh.vertices), columns), fill) if g is None else g
         for mesh, g in zip(meshes, values_of, strict=True)
     ]
-    return _joined(parts, np.float32)
+    return _padded_rows(parts, np.float32)
 
 
 def _opacity(shapes: list[Shape]) -> PackedOpacity | None:
@@ -276,14 +276,14 @@ def _corners(points: AnyFloats) -> Float64s:
     return np.array(np.meshgrid(*ends), np.float64).reshape(3, -1).T
 
 
-def _joined(parts: list[npt.NDArray[Any]], dtype: type[np.generic]) -> npt.NDArray[Any]:
+def _padded_rows(parts: list[npt.NDArray[Any]], dtype: type[np.generic]) -> npt.NDArray[Any]:
     """The rows of all `parts` in one array, padded as `raytrace.kernel.simd.gather3` wants it."""
     whole = aligned((sum(map(len, parts)), parts[0].shape[1]), dtype)
     np.concatenate(parts, out=whole, casting="same_kind")
     return whole
 
 
-def _placed(shape: Shape, matrix: Float64s | None, weighting: Normals) -> _PlacedShape:
+def _place_shape(shape: Shape, matrix: Float64s | None, weighting: Normals) -> _PlacedShape:
     """A shape in render space, where its `matrix` puts it; or if it has none, in a frame of its own for instances."""
     mesh, normals = shape.mesh, _smooth_normals(shape.mesh, weighting)
     if matrix is not None:

@@ -192,7 +192,7 @@ class RenderJob:
         return Frame(layers, rays, skipped, seconds, self.style.background, (x, y))
 
 
-def paste(film: Film, numbers: Int64s, pixels: Float32s, marks: Bools | None = None) -> None:
+def paste(film: Film, numbers: Int64s, pixels: Float32s, marks: Bools | None) -> None:
     """Put the pixels of tiles, (k, TILE, TILE, channels), on a film. Args: marks: bool (k, TILE, TILE), these alone."""
     for row, number in enumerate(numbers):
         part = _part(film, int(number))

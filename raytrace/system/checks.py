@@ -43,7 +43,7 @@ def check_memory(source: object, needed: int, work: str, instead: dict[str, int]
     )
 
 
-def in_use(proc: Path = Path("/proc"), column: int = _RESIDENT) -> int | None:
+def memory_in_use(proc: Path = Path("/proc"), column: int = _RESIDENT) -> int | None:
     """Bytes of memory that this process holds, or what another `column` of Linux' `statm` says; None on other
     systems."""
     try:
@@ -101,12 +101,12 @@ def _own_limits(proc: Path) -> Iterator[int]:
         return
     import resource
 
-    resident = in_use(proc) or 0
+    resident = memory_in_use(proc) or 0
     kinds = (resource.RLIMIT_AS, _ADDRESSES), (resource.RLIMIT_DATA, _DATA)
     for (kind, column), untouched in zip(kinds, _UNTOUCHED, strict=True):
         limit = resource.getrlimit(kind)[0]
         if limit != resource.RLIM_INFINITY:
-            yield limit - resident - max((in_use(proc, column) or 0) - resident, untouched)
+            yield limit - resident - max((memory_in_use(proc, column) or 0) - resident, untouched)
 
 
 def check_regular(path: Path, kind: str, fault: type[InputError] = InputError, source: str | None = None) -> None:

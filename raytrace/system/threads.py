@@ -76,7 +76,7 @@ def run_blocks(
         left, busy = count, True
         while left > 0:
             busy = busy and call.work_one()
-            for size in _taken(call.finished, wait=not busy):
+            for size in _queued(call.finished, wait=not busy):
                 if isinstance(size, BaseException):
                     raise size
                 left -= size
@@ -86,7 +86,7 @@ def run_blocks(
         _team.dismiss(call)
         call.over = True
         while call.helping and left > 0:  # if all is done, they only have to notice it
-            for _ in _taken(call.finished, wait=True):
+            for _ in _queued(call.finished, wait=True):
                 pass
 
 
@@ -195,7 +195,7 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_team.__init__)  # type: ignore[misc]
 
 
-def _taken(finished: SimpleQueue[int | BaseException], wait: bool) -> Iterator[int | BaseException]:
+def _queued(finished: SimpleQueue[int | BaseException], wait: bool) -> Iterator[int | BaseException]:
     """Items of a queue: all that are there, or if none are, and `wait`, those of the next tenth of a second, after
     which Ctrl-C gets in."""
     try:

@@ -159,7 +159,7 @@ def outputs_in(folder: Path, inputs: Sequence[Path], ending: str) -> list[Path]:
 
 
 @contextmanager
-def created_folders(folders: Iterable[Path], keep: bool = True) -> Iterator[None]:
+def created_folders(folders: Iterable[Path], keep: bool) -> Iterator[None]:
     """Make folders, unless they are there; they go if that or the block fails, or not `keep`. Raises: OutputError."""
     several = dict.fromkeys(folders)
     new = {path for folder in several for path in (folder, *folder.parents) if not os.path.exists(path)}

@@ -248,7 +248,7 @@ class RenderOptions(OptionValues):
     table = RENDER
 
 
-def _given(row: Option, options: OptionValues) -> bool:
+def _is_given(row: Option, options: OptionValues) -> bool:
     """Whether an option has another value than its default."""
     return row.default is not ... and getattr(options, row.name) != row.default
 
@@ -257,20 +257,20 @@ def check_together(options: OptionValues, table: Iterable[Option]) -> None:
     """Raises: ConflictError: an option is given that needs or excludes another."""
     rows = {row.name: row for row in table}
     for row in rows.values():
-        if not _given(row, options):
+        if not _is_given(row, options):
             continue
         for name in row.excludes:
-            if name in rows and _given(rows[name], options):
+            if name in rows and _is_given(rows[name], options):
                 raise ConflictError(row.name, "excludes", name)
         for name, value in row.needs.items():
-            if not _given(rows[name], options) if value is ... else getattr(options, name) != value:
+            if not _is_given(rows[name], options) if value is ... else getattr(options, name) != value:
                 raise ConflictError(row.name, "needs", name if value is ... else (name, value))
 
 
 def check_kind(options: OptionValues, kind: str) -> None:
     """Raises: ConflictError: an option is given that this kind of bake, in the words of `Option.bake_kinds`, lacks."""
     for row in BAKE:
-        if _given(row, options) and kind not in row.bake_kinds.split():
+        if _is_given(row, options) and kind not in row.bake_kinds.split():
             if kind == "vertices":
                 raise ConflictError(row.name, "needs", "an image as --output, or --occlusion texture")
             if kind == "texture":

@@ -18,7 +18,7 @@ import numpy as np
 import ao
 from ao.texture.coverage import reaches_into_page, shared_texels
 from ao.texture.uv_layout import have_area, on_page
-from raytrace.errors import MeshError, OptionError
+from raytrace.errors import MeshError, OptionError, first_names
 from raytrace.text.safe_paths import file_words
 from raytrace.types import Bools, Float64s
 
@@ -116,7 +116,7 @@ class Layouts:
             for number in every:
                 names = [piece.object.name for piece in self.all if (numbers[piece.faces] == number).any()]
                 name = f"{page.name} {names[0]}".strip() if len(every) > 1 else page.name
-                split_pages.append(replace(page, uv=_only(page.uv, numbers == number), name=name))
+                split_pages.append(replace(page, uv=_masked(page.uv, numbers == number), name=name))
         if len(split_pages) == len(pages):
             return split_pages
         words = file_words(page.name for page in split_pages)
@@ -136,7 +136,7 @@ def pages_of(plan: Plan, source: MeshFile, coordinates: Coordinates) -> list[Pag
             raise OptionError("output", f"{OBJECT} in its name, or a .glb: instances have a texture each", plan.output)
         pages = apart
     if plan.options.instances == "first":
-        of_first = [replace(page, uv=_only(page.uv, layouts.instance == 0), shown=page.uv) for page in pages]
+        of_first = [replace(page, uv=_masked(page.uv, layouts.instance == 0), shown=page.uv) for page in pages]
         pages = [page for page in of_first if on_page(page.uv).any()]
     return pages or [Page(coordinates.uv)]
 
@@ -149,12 +149,12 @@ def _pages(plan: Plan, source: MeshFile, layouts: Layouts, coordinates: Coordina
         whole = Page(coordinates.uv, words={MATERIAL: "all"})
         clashes = {} if mixed else layouts.clashes(whole, coordinates.size, threads)
         sets = layouts.sets(clashes) if clashes else []
-        pages = [Page(_only(coordinates.uv, mask), name=name, words={MATERIAL: name}) for name, mask in sets]
+        pages = [Page(_masked(coordinates.uv, mask), name=name, words={MATERIAL: name}) for name, mask in sets]
         return [page for page in pages if on_page(page.uv).any()] or [whole]
     output = plan.output
     pages = []
     for words, mask in _groups(layouts.all, output, len(source.mesh.faces)):
-        uv = _only(coordinates.uv, mask)
+        uv = _masked(coordinates.uv, mask)
         shown = uv[have_area(uv)]
         if UDIM in output.name and len(shown):
             tiles = [tile for tile in udim_tiles(shown, source.path) if reaches_into_page(shown - tile, source.path)]
@@ -185,7 +185,7 @@ def _groups(all_groups: Sequence[PrimitiveGroup], output: Path, count: int) -> l
     return [(dict(key), mask) for key, mask in groups.items()]
 
 
-def _only(uv: Float64s, mask: Bools) -> Float64s:
+def _masked(uv: Float64s, mask: Bools) -> Float64s:
     """Texture coordinates (m, 3, 2), NaN of faces that are not in the mask (m,)."""
     return np.where(mask[:, None, None], uv, np.nan)
 
@@ -238,9 +238,8 @@ def lacking(source: MeshFile, uv: Float64s, needed: Bools, keeps_uv: bool) -> li
         return []
     without_uv = [piece for piece in primitive_groups(source) if without[piece.faces].any()]
     names = list(dict.fromkeys(f"{piece.object.name} ({piece.material.name})" for piece in without_uv))
-    more = f" and {len(names) - _LISTED:,} more" if len(names) > _LISTED else ""
     instead = "show w, the openness, of their vertices" if keeps_uv else "get no texels"
-    what = f"{without.sum():,} faces, of {', '.join(names[:_LISTED])}{more}, have no texture coordinates and {instead}"
+    what = f"{without.sum():,} faces, of {first_names(names, _LISTED)}, have no texture coordinates and {instead}"
     return [f"{source.path}: {what}; --uv fill{'' if keeps_uv else ' with --mesh-output'} makes some for them"]
 
 

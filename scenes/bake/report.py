@@ -79,16 +79,13 @@ def command_again(plan: Plan, source: MeshFile) -> str:
     changed = {
         name: value
         for name, value in plan.described().items()
-        if ROWS[name].role != "output" and name not in _OF_FALLOFF and _is_given(plan, name)
+        if ROWS[name].role != "output"
+        and name not in _OF_FALLOFF
+        and plain(getattr(plan.options, name)) != plain(ROWS[name].default)
     }
     target = f"{plan.mesh.stem}-baked{'.glb' if is_painted else '.ply'}"
     line = command_line("bake", BAKE, changed | {"output": target, "half_distance": "{}"})
     return line.replace("'{}'", "{}")
-
-
-def _is_given(plan: Plan, name: str) -> bool:
-    """Whether an option of the plan has another value than its default."""
-    return plain(getattr(plan.options, name)) != plain(ROWS[name].default)
 
 
 def _streamed(name: str, option: str) -> list[str]:

@@ -58,16 +58,16 @@ def coordinates(plan: Plan, source: MeshFile, chosen: ObjectSelection) -> Coordi
     uv = None if wanted == "unwrap" else source.texture_coordinates(number)
     if uv is not None and wanted != "pack":
         uv = chosen.on_pages(uv)
-        texels = _page(mesh, uv, size)
+        texels = _resolved_size(mesh, uv, size)
         new = ~on_page(uv) & receive & (wanted == "fill")
         areas = face_normals(mesh.vertices, mesh.faces)[1] * receive
         cramped = _cramped(mesh, uv, areas, texels)
         lost = cramped | (on_page(uv) & ~have_area(uv) & (areas > 0))
         if new.any():
-            uv[new] = unwrap(_some(mesh, new), min(texels))
+            uv[new] = unwrap(_faces_only(mesh, new), min(texels))
         if sets and can_unwrap and min(texels) >= _LEAST and areas[lost].sum() > _WORTH * areas.sum():
             with suppress(MeshError):  # there is no room for them: they stay, and a line tells of them
-                uv[lost] = unwrap(_some(mesh, lost), min(texels))
+                uv[lost] = unwrap(_faces_only(mesh, lost), min(texels))
                 new |= lost
         return Coordinates(uv, new, number, texels, int(np.count_nonzero(cramped & ~new)))
     if uv is None and wanted not in ("unwrap", "fill") and not (wanted == "auto" and plan.keeps_uv and can_unwrap):
@@ -78,13 +78,13 @@ def coordinates(plan: Plan, source: MeshFile, chosen: ObjectSelection) -> Coordi
     share = np.sqrt(2 * _USED / np.count_nonzero(receive))  # of the page's side, of each face
     made = np.full((len(receive), 3, 2), np.nan)
     made[receive] = [[0.0, 0.0], [share, 0.0], [0.0, share]]
-    side = min(_page(mesh, made, size))
+    side = min(_resolved_size(mesh, made, size))
     old = None if uv is None else uv[receive]
-    made[receive] = unwrap(_some(mesh, receive), side, old)
+    made[receive] = unwrap(_faces_only(mesh, receive), side, old)
     return Coordinates(made, receive, None, (side, side))
 
 
-def _some(mesh: Mesh, faces: Bools) -> Mesh:
+def _faces_only(mesh: Mesh, faces: Bools) -> Mesh:
     """The mesh with some of its faces, bool (m,), alone."""
     return Mesh(mesh.vertices, mesh.faces[faces], source=mesh.source)
 
@@ -111,7 +111,7 @@ def _cramped(mesh: Mesh, uv: Float64s, areas: Float64s, size: tuple[int, int]) -
     return is_cramped
 
 
-def _page(mesh: Mesh, uv: Float64s, size: tuple[int, int] | str) -> tuple[int, int]:
+def _resolved_size(mesh: Mesh, uv: Float64s, size: tuple[int, int] | str) -> tuple[int, int]:
     """Width and height of the page, in texels. Args: size: as given, or by texel size."""
     if isinstance(size, tuple):
         return size

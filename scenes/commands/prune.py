@@ -47,16 +47,16 @@ def prune(source: Path, output: Path, seed: int, threads: int | None) -> str:
     if unseen.faces.all():
         raise OptionError("mesh", "faces that something outside sees", f"{source}, without any: is it a room?")
     if ending == ".glb":
-        content, face_count = _glb(mesh_file, ~unseen.faces)
+        content, face_count = _visible_glb(mesh_file, ~unseen.faces)
     else:
-        content = _plain(mesh_file.mesh, ~unseen.faces, ending)
+        content = _visible_mesh(mesh_file.mesh, ~unseen.faces, ending)
         face_count = int(np.count_nonzero(~unseen.faces))
     write_bytes(output, content)
     text = f"{output}: {face_count:,} faces; {len(unseen.faces) - face_count:,} that nothing outside sees are gone"
     return f"{text}. Of what one of these looks at less than {unseen.share:.2%} is open, with 95 % confidence"
 
 
-def _plain(mesh: Mesh, seen: Bools, ending: str) -> bytes:
+def _visible_mesh(mesh: Mesh, seen: Bools, ending: str) -> bytes:
     """The seen faces and their vertices alone."""
     import trimesh
 
@@ -66,7 +66,7 @@ def _plain(mesh: Mesh, seen: Bools, ending: str) -> bytes:
     return exported.encode() if isinstance(exported, str) else exported
 
 
-def _glb(mesh_file: MeshFile, seen: Bools) -> tuple[bytes, int]:
+def _visible_glb(mesh_file: MeshFile, seen: Bools) -> tuple[bytes, int]:
     """The document without instances of which nothing is seen and faces that no instance shows; and how many faces
     it draws."""
     from ..formats.gltf.accessors import triangles
@@ -77,8 +77,8 @@ def _glb(mesh_file: MeshFile, seen: Bools) -> tuple[bytes, int]:
     assert asset is not None
     builder = one_buffer(asset)
     meshes = builder.header["meshes"]
-    showing = _showing(asset, mesh_file.parts, seen)
-    kept_faces = _kept(asset, mesh_file.parts, seen)
+    showing = _visible_nodes(asset, mesh_file.parts, seen)
+    kept_faces = _visible_faces(asset, mesh_file.parts, seen)
     for number in {drawn.node for drawn in asset.drawn} - showing:
         for field in ("mesh", "skin", "weights"):
             builder.header["nodes"][number].pop(field, None)
@@ -102,7 +102,7 @@ def _glb(mesh_file: MeshFile, seen: Bools) -> tuple[bytes, int]:
     return builder.encode(), sum(int(np.count_nonzero(faces)) for faces in drawn_faces)
 
 
-def _showing(asset: Gltf, parts: Sequence[Submesh], seen: Bools) -> set[int]:
+def _visible_nodes(asset: Gltf, parts: Sequence[Submesh], seen: Bools) -> set[int]:
     """The nodes that show something: seen faces, lines or points."""
     numbers = Counter(mesh for mesh, _ in {(drawn.mesh, drawn.primitive_number) for drawn in asset.drawn})
     with_lines = {mesh for mesh, count in numbers.items() if count < len(asset.geometry.meshes[mesh].primitives)}
@@ -110,7 +110,7 @@ def _showing(asset: Gltf, parts: Sequence[Submesh], seen: Bools) -> set[int]:
     return {drawn.node for drawn, part in instances if drawn.mesh in with_lines or seen[part.faces].any()}
 
 
-def _kept(asset: Gltf, parts: Sequence[Submesh], seen: Bools) -> dict[tuple[int, int], Bools]:
+def _visible_faces(asset: Gltf, parts: Sequence[Submesh], seen: Bools) -> dict[tuple[int, int], Bools]:
     """The faces of each mesh and primitive that are seen in some instance; all of a mesh that another scene shows,
     too."""
     drawn_nodes = {drawn.node for drawn in asset.drawn}
@@ -146,7 +146,7 @@ def _drop_values(builder: GlbBuilder, unused: set[int]) -> None:
     header = builder.header
     for number in unused:
         header["accessors"][number] = dict(_ZERO)
-    used = set(_views(header))
+    used = set(_buffer_views(header))
     stored = bytes(builder.binary)
     builder.binary.clear()
     for number, view in enumerate(header["bufferViews"]):
@@ -157,7 +157,7 @@ def _drop_values(builder: GlbBuilder, unused: set[int]) -> None:
         view["byteOffset"] = builder.add(stored[start : start + view["byteLength"]])
 
 
-def _views(value: Any) -> Iterator[int]:
+def _buffer_views(value: Any) -> Iterator[int]:
     """Numbers of all buffer views that a document refers to."""
     if isinstance(value, dict):
         if isinstance(value.get("bufferView"), int):
@@ -166,4 +166,4 @@ def _views(value: Any) -> Iterator[int]:
     elif not isinstance(value, list):
         return
     for child in value:
-        yield from _views(child)
+        yield from _buffer_views(child)

@@ -159,7 +159,7 @@ class Materials:
         return unread if mean is None else mean
 
 
-def read_gltf(path: Path, settings: Settings, up: str | None = None, view: str | None = None) -> SceneDescription:
+def read_gltf(path: Path, settings: Settings, up: str | None, view: str | None) -> SceneDescription:
     """A whole glTF scene; y is up, as glTF has it, unless `up` says otherwise.
 
     Without a camera, or with a `view`, everything is framed; without lights there are three of our own.

@@ -134,7 +134,7 @@ class ObjectReader:
             if not self._built <= MAX_BUILT:
                 expected = f"at most {MAX_BUILT:,} triangles of built-in shapes with all copies"
                 raise SceneError(self._source, field, expected, f"about {self._built:,.0f}")
-            return self._once(solid, solid.geometry)
+            return self._cached(solid, solid.geometry)
 
     def _gltf_pieces(
         self, mesh: Path, table: ObjectTable, path: str, material: Material | None, texture: Texture | None
@@ -149,7 +149,7 @@ class ObjectReader:
         pieces = []
         for item in self._gltf[mesh]:
             shape = item.shape
-            geometry = self._once(shape, lambda shape=shape: TexturedMesh(shape.mesh, shape.uv, None, shape.colours))
+            geometry = self._cached(shape, lambda shape=shape: TexturedMesh(shape.mesh, shape.uv, None, shape.colours))
             # A material of the entry's own takes the place of the file's with its texture.
             used_texture = texture or (shape.texture if material is None else None)
             new_shape = self._shape(table, path, geometry, material or shape.material, used_texture)
@@ -157,7 +157,7 @@ class ObjectReader:
             pieces.append(replace(item, shape=new_shape, name=name))
         return pieces
 
-    def _once(self, key: Any, make: Any) -> TexturedMesh:
+    def _cached(self, key: Any, make: Any) -> TexturedMesh:
         """What `make` returns, made once for each key."""
         if key not in self._geometry:
             self._geometry[key] = make()

@@ -31,7 +31,7 @@ _LONG_KEY = re.compile(
 )
 
 
-def read_toml(path: Path, size: tuple[int, int] | None = None) -> SceneDescription:
+def read_toml(path: Path, size: tuple[int, int] | None) -> SceneDescription:
     """A TOML scene; files it names are looked for in its own folder and below. Raises: SceneError."""
     document = parse_document(_load(path), path)
     settings = _settings(document, path, size)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from raytrace.errors import ConflictError, OptionError, check_type, nearest_name
+from raytrace.errors import ConflictError, OptionError, check_type, first_names, nearest_name
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.opacity import AlphaSurface, Opacity
 from raytrace.types import Bools, Float64s, Int64s
@@ -162,8 +162,7 @@ def _named(source: MeshFile, option: str, patterns: Sequence[str], lenient: bool
         matches = {name for name, _ in objects if name == wanted or fnmatchcase(name, wanted)}
         if not matches and not lenient:
             names = list(dict.fromkeys(name for name, _ in objects))
-            more = f" and {len(names) - _LISTED:,} more" if len(names) > _LISTED else ""
-            expected = f"a name or pattern of its objects, {', '.join(names[:_LISTED])}{more}"
+            expected = f"a name or pattern of its objects, {first_names(names, _LISTED)}"
             raise OptionError(option, expected, repr(pattern), source.path, nearest_name(wanted, names))
         for name, faces in objects:
             if (name in matches) != (wanted != pattern):

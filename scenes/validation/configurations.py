@@ -62,9 +62,9 @@ class ValidationCase:
 
     def configurations(self) -> list[Configuration]:
         """A configuration for each of the falloffs."""
-        return list(map(self._with, self.falloffs))
+        return list(map(self._configuration, self.falloffs))
 
-    def _with(self, falloff: Falloff) -> Configuration:
+    def _configuration(self, falloff: Falloff) -> Configuration:
         """The configuration with one falloff: exact values, and the error allowed by how w converges there."""
         mu = falloff.resolve(self.mesh.radius)
         rate: Rate = mu.form if mu.form in POLYNOMIALS else mu.tau

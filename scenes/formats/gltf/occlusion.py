@@ -53,7 +53,7 @@ class OcclusionTextures:
 
     def materials(self, primitive: dict[str, Any]) -> list[int | None]:
         """The primitive's materials that have no occlusion texture that is to be kept; None for no material."""
-        return list(filter(self._open, _materials(primitive)))
+        return list(filter(self._is_replaceable, _materials(primitive)))
 
     def give(self, primitive: dict[str, Any], texture: int, coordinates: int) -> None:
         """Record that a primitive is to have this texture, by its TEXCOORD set `coordinates`."""
@@ -72,7 +72,7 @@ class OcclusionTextures:
                 material = slot.get("material")
                 if given is None:
                     others.add(material)
-                elif self._open(material):
+                elif self._is_replaceable(material):
                     uses.setdefault((material, *given), []).append(slot)
         for (material, texture, coordinates), slots in uses.items():
             if material in others:
@@ -83,13 +83,13 @@ class OcclusionTextures:
             else:
                 copied = header["materials"][material]
                 others.add(material)
-            self._put(copied, texture, coordinates)
+            self._assign(copied, texture, coordinates)
 
-    def _put(self, material: dict[str, Any], texture: int, coordinates: int) -> None:
+    def _assign(self, material: dict[str, Any], texture: int, coordinates: int) -> None:
         """Let a material look up this texture by the TEXCOORD set `coordinates`."""
         material["occlusionTexture"] = texture_reference(texture, coordinates)
 
-    def _open(self, material: int | None) -> bool:
+    def _is_replaceable(self, material: int | None) -> bool:
         """Whether a material may get an occlusion texture: it has none, or one that may be replaced."""
         header = self.builder.header
         if material is not None and material >= len(header.get("materials", [])):

@@ -38,28 +38,28 @@ class OrmTextures(OcclusionTextures):
     _pages: list[Float32s] = field(default_factory=list)
     _images: dict[int, npt.NDArray[Any] | None] = field(default_factory=dict)
     _packed: dict[tuple[int | None, int], tuple[int, int]] = field(default_factory=dict)
-    _alone: dict[int, int] = field(default_factory=dict)
+    _separate: dict[int, int] = field(default_factory=dict)
 
     def add_page(self, w: Float32s) -> int:
         """The number of w (h, w), for `give`."""
         self._pages.append(w)
         return len(self._pages) - 1
 
-    def _put(self, material: dict[str, Any], page: int, coordinates: int) -> None:
+    def _assign(self, material: dict[str, Any], page: int, coordinates: int) -> None:
         """Put w into R of the material's metallic-roughness image, or beside it where that cannot be."""
         surface = material.setdefault(_SURFACE, {})
         reference: dict[str, Any] = surface.get(_REFERENCE, {})
         number: int | None = reference.get("index")
         if number is not None and (not _goes_by(reference, coordinates) or self._image(number) is None):
             self.apart.add(number)
-            if page not in self._alone:
-                self._alone[page] = super().add_page(self._pages[page])
-            super()._put(material, self._alone[page], coordinates)
+            if page not in self._separate:
+                self._separate[page] = super().add_page(self._pages[page])
+            super()._assign(material, self._separate[page], coordinates)
             return
         if (number, page) not in self._packed:
             self._packed[number, page] = self._pack(number, self._pages[page])
         occlusion, shared = self._packed[number, page]
-        super()._put(material, occlusion, coordinates)
+        super()._assign(material, occlusion, coordinates)
         extensions = {name: value for name, value in reference.get("extensions", {}).items() if name != TRANSFORM}
         further = {name: value for name, value in reference.items() if name not in ("index", "texCoord", "extensions")}
         further |= {"extensions": extensions} if extensions else {}

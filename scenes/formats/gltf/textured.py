@@ -136,10 +136,10 @@ def take_vertices(builder: GlbBuilder, asset: Gltf, primitive: dict[str, Any], t
     """Give a primitive, and its morph targets, some rows of its own vertices."""
     for attributes in (primitive["attributes"], *primitive.get("targets", [])):
         for name, accessor in attributes.items():
-            attributes[name] = _taken(builder, asset, accessor, taken_rows)
+            attributes[name] = _taken_accessor(builder, asset, accessor, taken_rows)
 
 
-def _taken(builder: GlbBuilder, asset: Gltf, number: int, taken_rows: Int64s) -> int:
+def _taken_accessor(builder: GlbBuilder, asset: Gltf, number: int, taken_rows: Int64s) -> int:
     """Index of a new accessor of some rows of another."""
     old = asset.header["accessors"][number]
     taken = np.ascontiguousarray(values(asset, number, "SCALAR", "VEC2", "VEC3", "VEC4")[taken_rows])

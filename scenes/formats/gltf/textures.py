@@ -47,16 +47,16 @@ class Textures:
 
     def of_base(self, primitive: Primitive) -> tuple[Float64s, Texture] | None:
         """Coordinates uv (n, 2), v upwards, and the base colour texture of a primitive that has both, or None."""
-        return self._used(primitive, self.asset.material(primitive).base[1], srgb=True)
+        return self._lookup(primitive, self.asset.material(primitive).base[1], srgb=True)
 
     def of_occlusion(self, primitive: Primitive) -> tuple[Float64s, Texture, float] | None:
         """Coordinates, the occlusion texture, whose R channel is linear, and its strength in [0, 1]; None without
         either."""
         reference = self.asset.material(primitive).occlusionTexture
-        used = self._used(primitive, reference, srgb=False)
+        used = self._lookup(primitive, reference, srgb=False)
         return None if reference is None or used is None else (*used, float(np.clip(reference.strength, 0.0, 1.0)))
 
-    def _used(
+    def _lookup(
         self, primitive: Primitive, reference: TextureReference | None, srgb: bool
     ) -> tuple[Float64s, Texture] | None:
         """Coordinates (n, 2), v upwards, and the texture of a reference; None if the primitive or the file lacks

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from raytrace.errors import printable
+from raytrace.errors import first_names, printable
 
 from ...geometry.attributes import SourceMaterial, is_opacity_map, is_picture
 from .text import joined_lines
@@ -53,7 +53,7 @@ def read_libraries(names: str, folder: Path) -> Libraries:
     find = partial(_resolve_inside, folder)
     libraries = list(_libraries(names.split("\n"), find))
     if gone := dict.fromkeys(name for name, library in libraries if library is None):
-        left.append(f"{LIBRARY} {_first_names([printable(name, _NAME) for name in gone])}")
+        left.append(f"{LIBRARY} {first_names([printable(name, _NAME) for name in gone], _NAMES)}")
     for library in (library for _, library in libraries if library):
         materials, missing = read_mtl(library, find)
         known = materials | known  # the first of a name counts
@@ -62,11 +62,6 @@ def read_libraries(names: str, folder: Path) -> Libraries:
             files += filter(None, (material.texture, material.opacity_texture))
         left += missing
     return known, files, left
-
-
-def _first_names(names: list[str]) -> str:
-    """The first names of a list in words, and how many more there are."""
-    return ", ".join(names[:_NAMES]) + (f" and {len(names) - _NAMES:,} more" if len(names) > _NAMES else "")
 
 
 def named_files(path: Path) -> list[Path]:
@@ -119,7 +114,7 @@ def read_mtl(path: Path, find: Callable[[str], Path | None]) -> tuple[dict[str, 
         if "map_d" in values and not materials[name].opacity_texture:
             left.append(f"texture of map_d ({values['map_d'].name})")
     if opaque := [name for name, values in statements_of.items() if _is_opaque(values)]:
-        left.append(f"{OPAQUE} of {_first_names(opaque)}, taken for opaque")
+        left.append(f"{OPAQUE} of {first_names(opaque, _NAMES)}, taken for opaque")
     return materials, left
 
 

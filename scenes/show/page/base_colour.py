@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import InputError, printable
-from raytrace.image.encode import linear_png, write_picture, written
+from raytrace.image.encode import image_bytes, linear_png, write_picture
 from raytrace.image.srgb import decode_srgb, encode_srgb
 from raytrace.image.texture import Texture, Wrap, rgb_codes, texture_alpha, texture_codes
 from raytrace.mesh.opacity import AlphaSurface, Opacity
@@ -217,7 +217,7 @@ def _image(picture: Picture, most: int) -> bytes:
     if is_opaque and max(codes.shape[:2]) <= most and len(data) <= _SMALL and data.startswith(_SHOWN):
         return data
     small = shrunk(rgb_codes(codes), most)
-    return written("small.jpg", write_picture, decode_srgb(small / np.float32(255)).astype(np.float32), {})
+    return image_bytes("small.jpg", write_picture, decode_srgb(small / np.float32(255)).astype(np.float32), {})
 
 
 def _image_with_alpha(texture: Texture | None, surface: AlphaSurface, of_alpha: Texture, most: int) -> bytes:

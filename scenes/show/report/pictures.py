@@ -11,7 +11,7 @@ import ao
 from ao.texture.uv_layout import on_page
 from raytrace import AmbientLight, Camera, Frame, Lambert, Mesh, Object, Occlusion, Scene, Settings, Shape, Texture
 from raytrace import render as render_scene
-from raytrace.image.encode import write_data, written
+from raytrace.image.encode import image_bytes, write_data
 from raytrace.image.srgb import decode_srgb
 from raytrace.image.write import write_image
 from raytrace.types import AnyFloats, Float32s, Float64s
@@ -107,7 +107,7 @@ def _textured(mesh: Mesh, uv: Float64s, values: AnyFloats) -> Shape:
     normals = None if mesh.normals is None else mesh.normals[drawn].reshape(-1, 3)
     faces = np.arange(drawn.size).reshape(-1, 3)
     apart = Mesh(mesh.vertices[drawn].reshape(-1, 3), faces, normals, source=mesh.source)
-    content = written("values.png", write_data, values[..., None].astype(np.float32), {}, False, "Y")
+    content = image_bytes("values.png", write_data, values[..., None].astype(np.float32), {}, False, "Y")
     texture = Texture(Path("values.png"), content, srgb=False)
     return Shape(apart, _WHITE, occlusion=Occlusion(corners.reshape(-1, 2), texture))
 
@@ -120,7 +120,7 @@ def _shrunk(layer: Float32s) -> Float32s:
 
 def _png(linear: AnyFloats) -> bytes:
     """A PNG file of linear values."""
-    return written("picture.png", write_image, linear)
+    return image_bytes("picture.png", write_image, linear)
 
 
 _DOTS = {
