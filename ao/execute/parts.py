@@ -137,6 +137,7 @@ def read_parts(folder: Path) -> list[PartFile]:
     if not paths:
         raise InputError(folder, "parts", f"files that end in {ENDING}, which obscurance bake --part makes", "none")
     parts = [_read(path) for path in paths]
+    # Facts and identity must be what most parts have.
     usual = dict(Counter(tuple(part.facts.items()) for part in parts).most_common(1)[0][0])
     for part in parts:
         if difference := first_difference(usual, part.facts):
@@ -146,6 +147,7 @@ def read_parts(folder: Path) -> list[PartFile]:
     for part in parts:
         if part.identity != header:
             raise InputError(part.path, "header", "what the other parts have", "that of another bake")
+    # None may be missing.
     of = parts[0].description["of"]
     numbers = {part.description["part"] for part in parts}
     if lacking := missing_of(of, numbers):

@@ -59,11 +59,13 @@ class SampleMeans(NamedTuple):
         Args: rays: of a sample, and the key of their directions.
         """
         samples_each, key = rays
+        # The samples taken of each group, as points.
         source = np.empty(samples * len(groups), np.int64)
         numbers = np.empty(len(source), np.uint32)
         pick = bind(_pick, groups, samples, self.samples.starts, int(key), source, numbers)
         run_blocks(len(groups), _BLOCK, pick, tracer.threads, most=_SHARE)
         points = replace(self.samples.points[source], numbers=numbers)
+        # Their estimates, and means over each group.
         table = tracer.scene.table(samples_each, tracer.total_points, key, samples)
         values = tracer.trace(points, samples_each, key, samples)
         by_falloff = values.reshape(len(values), -1, COLUMNS)

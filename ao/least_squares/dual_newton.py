@@ -66,10 +66,12 @@ def least_change(differences: csr_array, values: Float64s, stay: Float64s, pull:
     for _ in range(_STEPS):
         if np.abs(gradient).max() < _NEAR:
             break
+        # Newton's step, with the unknowns that are within their bounds.
         weight = np.where((wanted > 0) & (wanted < 1), 1 / stay, 0.0)
         step = dual.factors(weight, "NATURAL").solve(gradient)
         rise = _RISE * dot(gradient, step)
         slide = across @ step / stay
+        # Halved until the dual function rises as much as its slope promises (Armijo).
         before, length = (height, multipliers, wanted), 1.0
         for _ in range(_HALVINGS):
             multipliers = before[1] + length * step

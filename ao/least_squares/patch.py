@@ -174,6 +174,7 @@ def gather_moments(prepared: Prepared, patch: Patch, total: int) -> tuple[Float6
     progress = prepared.progress
     if not len(patch.face_points):
         return np.zeros((0, MOMENTS)), np.zeros((0, 3), np.int64)
+    # Many samples of few rays each, spread evenly over the faces.
     rays = int(np.clip(prepared.options.rays // 2 // LANES * LANES, LANES, _MOST_RAYS))
     count = max(total // rays, 1)
     shift = float(np.ldexp(hash32_array([key])[0], -32))
@@ -191,6 +192,7 @@ def gather_moments(prepared: Prepared, patch: Patch, total: int) -> tuple[Float6
             progress(count * rays * done // len(work), count * rays, "rays")
 
     moments, counts = prepared.checkpoint.fill(work, prepared.scene, prepared.threads, advance)
+    # Faces of which no vertex is seen keep what hidden samples say.
     seen = np.zeros(patch.unknowns, np.bool_)
     seen[patch.face_points[counts[:, SEEN] > 0]] = True
     moments[~seen[patch.face_points].any(axis=1)] /= HIDDEN

@@ -37,6 +37,7 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Checkpoint | None) 
     """
     receivers, options, threads = prepared.receivers, prepared.options, prepared.threads
     vertices = prepared.placement.vertices.astype(np.float64)
+    # The faces that get w, along a curve; `receivers.faces` lacks those without area.
     with_area = np.flatnonzero(face_normals(vertices, prepared.mesh.faces)[1] > 0)
     is_wanted = with_area < count
     if prepared.requested is not None:
@@ -74,6 +75,7 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Checkpoint | None) 
         ascending = np.sort(numbers)
         return outside(samples_of(ascending, key))[0].spread(ascending, len(faces))
 
+    # Their estimates, by each falloff.
     samples, hidden = outside(samples_of(np.arange(len(faces)), derive(prepared.key, _PLACES)))
     points = samples.first_points
     tracer = prepared.sample_tracer(SampleMeans(samples, elsewhere, _RAYS), "faces", checkpoint)
@@ -83,6 +85,7 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Checkpoint | None) 
     def estimated() -> tuple[Estimate, int]:
         return estimate_outside(tracer, points, CornerSamples.none(), beside, filled, options)
 
+    # Rows of the estimates, and flags, of all faces of the mesh.
     row = np.full(count, -1)
     row[with_area[faces]] = np.arange(len(faces))
     flags = np.full(count, Flag.DEGENERATE, np.uint8)

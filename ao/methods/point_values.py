@@ -62,6 +62,7 @@ def bake_points(
     start = time.perf_counter()
     for name in options.keys() - {*TAKEN}:
         raise TypeError(f"bake_points() got an unexpected keyword argument {name!r}")
+    # The arguments.
     checked = Options(**options)
     places = _rows("points", points)
     axes = _rows("normals", normals)
@@ -71,21 +72,24 @@ def bake_points(
         raise MeshError("points", "points", "finite coordinates of at least one", "none, or others")
     axes = normalize(np.nan_to_num(axes))
     usable = np.flatnonzero(axes.any(axis=1))
+    # What occludes: the mesh, or discs in place of the points.
     lifts = np.zeros(len(places))
     if mesh is None:
         mesh, lifts[usable] = discs(places[usable], axes[usable])
     solid = mesh_of(mesh, "bake_points")
     prepared = Prepared.of(solid, checked, progress, None, [mesh_of(occluder, "occluders") for occluder in occluders])
+    # The points with an axis, along a curve that keeps neighbours together, and those near each.
     order = usable[morton_order(_in_render_space(prepared, places[usable]).astype(np.float32))]
     baked = _points_at(prepared, places[order], axes[order], lifts[order])
     tracer = prepared.tracer(len(order))
     near = cKDTree(places[order]).query(places[order], min(_NEIGHBOURS + 1, len(order)), workers=prepared.threads)[1]
-    here = np.repeat(np.arange(len(order)), near.size // max(len(order), 1))
-    beside = linked(here, near.ravel(), baked.normals, prepared.threads)
+    rows = np.repeat(np.arange(len(order)), near.size // max(len(order), 1))
+    beside = linked(rows, near.ravel(), baked.normals, prepared.threads)
 
     def estimated() -> tuple[Estimate, int]:
         return estimate(tracer, baked, CornerSamples.none(), beside, checked), 0
 
+    # Their estimates, in the order of the arguments.
     values = PointValues.of(tracer.each_column(estimated), tracer.rays)
     row = np.full(len(places), -1)
     row[order] = np.arange(len(order))

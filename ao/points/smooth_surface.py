@@ -95,6 +95,7 @@ def point_on(surface, axes, f, barycentric):
         nx = nx + weight * n[0]
         ny = ny + weight * n[1]
         nz = nz + weight * n[2]
+    # The face's normal on the axis' side; in place of the axis where that is none, or far from it.
     normal = load(surface.normals, f)
     axis = (nx, ny, nz)
     size = np.sqrt(dot(axis, axis))

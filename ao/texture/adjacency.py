@@ -23,14 +23,17 @@ def texel_neighbours(surface: UVSurface, texels: Texels, most: float, threads: i
     row_of[texels.texels] = np.arange(count)
     charts = _charts(surface)[texels.page_face].astype(np.int32)
     sizes = _texel_sizes(layout.uv, surface.vertices, surface.receivers.faces, most)[texels.page_face]
+    # Neighbours on the page, four at most, in the same chart and near on the surface.
     beside = np.empty((count, 4), np.int32)
     starts = np.zeros(count + 1, np.int64)
     page = row_of, layout.width, layout.wraps
     places = charts, sizes.astype(np.float32), points.origins
     run_blocks(count, _BLOCK, bind(_find_beside, texels.texels, page, places, beside, starts), threads, most=_SHARE)
+    # Neighbours across seams.
     texels_at_seams, seam_texels = _across_seams(surface, row_of, count)
     across = np.zeros(count + 1, np.int64)
     np.cumsum(np.bincount(texels_at_seams, minlength=count), out=across[1:])
+    # Both in one list.
     starts = np.cumsum(starts) + across
     indices = np.empty(starts[-1], np.int32)
     run_blocks(

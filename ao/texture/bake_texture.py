@@ -73,6 +73,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     scene = _scene(mesh_of(mesh, "bake_texture"), options)
     _check_memory(scene, size, options)
 
+    # The mesh on the page, and the texels that its faces cover.
     start = time.perf_counter()
     prepared = Prepared.of(scene.solid, options, options.progress, None, scene.occluders, scene.mesh.radius)
     watch = prepared.progress or _unwatched
@@ -85,6 +86,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     if options.overlap == "refuse" and overlapping:
         expected = "faces that do not overlap on the page"
         raise OptionError("overlap", expected, f"{overlapping:,} texels with several", scene.mesh.source)
+    # The samples of the texels, and rays from them.
     texels, filled, missed = sampler.find(coverage)
     del coverage
     needed = TRACED_TEXEL * len(texels.samples)
@@ -95,6 +97,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
         SampleMeans(texels.samples, partial(sampler.elsewhere, texels)), "texture", options.checkpoint
     )
     estimates = _estimates(tracer, surface, texels, prepared)
+    # The pages, seams closed and the rest filled.
     watch(0, 1, "seams")
     assembly = PageAssembly(surface.layout, texels, surface.seams, options.close_seams, prepared.threads)
     pages = assembly.assemble(estimates[0], _frames(options.bent_space, surface, texels))

@@ -105,6 +105,7 @@ def _sample_area(corners, crowding, candidates, texel, offset, scratch, out):
         polygon = clipped[0]
         for corner in range(1, count - 1):
             part = area_of_fan(polygon, corner)
+            # Samples whose step of area falls into this triangle of the fan.
             while placed < sample_count and (placed + offset[0]) * total < (before + part) * sample_count:
                 outwards = np.sqrt(((placed + offset[0]) * total / sample_count - before) / part)
                 sideways = (_radical_inverse(placed) + offset[1]) % 1.0
@@ -143,17 +144,19 @@ def _is_part(area, triangle):
 @inline
 def _sample_layers(corners, candidates, texel, number, points, edges, out):
     """Give all triangles over one another in a texel equally many samples, at its points; returns their number."""
+    # How many triangles lie over one another at each point.
     depth = np.zeros(SLOTS, np.int64)
     for t in candidates:
         area = set_up_edges(corners[t], edges)
         for k in range(SLOTS):
             depth[k] += least_edge(edges, texel[0] + points[k, 0], texel[1] + points[k, 1]) > INSIDE * area
     deepest = max(max(depth[0], depth[1]), max(depth[2], depth[3]))
-    wanted = 0
+    # Samples are those of `_has_sample`, thinned out evenly to MOST.
+    sample_count = 0
     for k in range(SLOTS):
         for layer in range(depth[k]):
-            wanted += _has_sample(layer, k, number, deepest)
-    placed = min(wanted, MOST)
+            sample_count += _has_sample(layer, k, number, deepest)
+    placed = min(sample_count, MOST)
     entry = 0
     depth[:] = 0
     for t in candidates:
@@ -163,8 +166,8 @@ def _sample_layers(corners, candidates, texel, number, points, edges, out):
             y = texel[1] + points[k, 1]
             if least_edge(edges, x, y) > INSIDE * area:
                 if _has_sample(depth[k], k, number, deepest):
-                    to = entry * placed // wanted
-                    if to < (entry + 1) * placed // wanted:
+                    to = entry * placed // sample_count
+                    if to < (entry + 1) * placed // sample_count:
                         out[0][to] = t
                         store_barycentric(edges, x, y, out[1][to])
                     entry += 1

@@ -123,12 +123,13 @@ class PageAssembly:
         flat = w.ravel(), error.ravel(), bent.reshape(-1, 3), covered.ravel()
         spread = bind(_spread, self.texels.texels, values, frames, flat)
         run_blocks(len(self.texels), _BLOCK, spread, self.threads, most=_SHARE)
-        w, known, before = self._closed(w, covered)
+        # Seams closed, and the rest of the page filled from what is covered.
+        w, known, jump_before = self._closed(w, covered)
         page = fill_holes(w.astype(np.float32)[:, :, None], known, self.threads)[:, :, 0].clip(0.0, 1.0)
         jump = self.seams.jump(page.ravel())
         bent = fill_holes(bent, covered, self.threads)
         run_blocks(w.size, _BLOCK, bind(_normalize, bent.reshape(-1, 3)), self.threads, most=_SHARE)
-        return Pages(page, error, bent, covered, jump, before)
+        return Pages(page, error, bent, covered, jump, jump_before)
 
     def _closed(self, w: Float64s, covered: Bools) -> tuple[Float64s, Bools, float]:
         """The page of w with closed seams, if seams are to be closed; which texels are known; the largest jump

@@ -66,6 +66,7 @@ def _find_smooth(tree, stack, faces, points, most, page, out):
     stop_row = len(row_of) // width
     edges = np.empty((3, EDGE))
     weights = np.empty(3)
+    # Blocks of this size, aligned, whose texels no larger block has taken.
     while size > 0:
         for top in range(first_row, stop_row - size + 1, size):
             for left in range(0, width - size + 1, size):
@@ -91,6 +92,7 @@ def _is_smooth(tree, stack, faces, points, most, block, scratch):
     if points.triangle[middle, SLOTS] < 0:
         return False
     triangle = locate(points, middle, SLOTS, -1, edges, weights)
+    # The centre, and then the other points: how far they are, and how much normals differ.
     p, side, axis = point_on(surface, axes, points.face[triangle], weights)
     reach, bent = 0.0, 0.0
     step = 1
@@ -105,9 +107,9 @@ def _is_smooth(tree, stack, faces, points, most, block, scratch):
         if row < 0 or points.triangle[row, point] < 0:
             return False
         triangle = locate(points, row, point, triangle, edges, weights)
-        q, other, up = point_on(surface, axes, points.face[triangle], weights)
+        q, other_side, other_axis = point_on(surface, axes, points.face[triangle], weights)
         reach = max(reach, length(subtract(q, p)))
-        bent = max(bent, length(subtract(other, side)), length(subtract(up, axis)))
+        bent = max(bent, length(subtract(other_side, side)), length(subtract(other_axis, axis)))
         if bent >= most:
             return False
     return not _rises(tree, stack, surface, p, side, _AROUND * reach, _SLOPE * most)

@@ -67,6 +67,7 @@ class TexelSampler:
         cage misses."""
         threads, smooth = self.prepared.threads, self.surface.smooth
         by_centre, cell = self._cells(coverage)
+        # The texels to bake, those that stand for themselves, along a curve on the surface.
         order = np.flatnonzero(cell == np.arange(len(cell)))
         single = coverage.samples(order, by_centre, threads, most=1)
         order = order[morton_order(smooth.positions_at(single.face, single.barycentric, threads))]
@@ -75,6 +76,7 @@ class TexelSampler:
         if inside.any() and not inside.all():  # all: a room whose walls face outwards, for instance
             order = order[samples.groups_outside(inside)]
             samples = samples.without(inside, threads)
+        # The others are predicted from these: their cells' rows, and one point of each.
         baked = np.full(len(cell), -1)
         baked[order] = np.arange(len(order))
         baked_cell = baked[cell]
@@ -93,6 +95,7 @@ class TexelSampler:
         """Samples, by chance, elsewhere in the blocks that the texels `texel_rows` (j,) stand for; where all of these
         are in solids, the texel's own. Other texels have none."""
         threads, width = self.prepared.threads, self.page.layout.width
+        # A texel by chance in each block, covered anew at random places.
         side = np.sqrt(np.bincount(texels.cell)[texel_rows]).astype(np.int64)
         chance = hash32_array(texels.texels[texel_rows].astype(np.uint32) ^ ~key) % side**2
         chosen = texels.texels[texel_rows] + (chance // side - side // 2) * width + chance % side - side // 2
@@ -103,6 +106,7 @@ class TexelSampler:
         order = np.argsort(row_of)
         samples, _ = self._place(coverage, order, np.zeros(len(order), np.bool_))
         moved = row_of[order]
+        # Where these are in solids the texel's own samples stay.
         inside = self._inside(samples)
         if inside.any() and not inside.all():
             moved = moved[samples.groups_outside(inside)]

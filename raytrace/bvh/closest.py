@@ -107,6 +107,7 @@ def _search(tree, stack, surface, points, radius, match, face, weights):
     group, of_face = match
     for i in range(len(points)):
         p, reach, best = load(points, i), radius, np.inf
+        # As long as something nearer may be outside of what has been searched.
         while best > reach:
             if best < np.inf:
                 reach = best

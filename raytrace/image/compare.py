@@ -65,19 +65,19 @@ def compare(
         check_image_target(difference, layers=("beauty",))
         check_outputs({"--difference": difference}, (a, b))
     width, height = _size(a)
-    other = _size(b)
-    if other != (width, height):
+    other_size = _size(b)
+    if other_size != (width, height):
         expected = f"{width}×{height} pixels as in {os.fspath(a)}"
-        raise InputError(os.fspath(b), "size", expected, "{}×{} pixels".format(*other))
+        raise InputError(os.fspath(b), "size", expected, "{}×{} pixels".format(*other_size))
     work = f"to compare {width:,}×{height:,} pixels"
     check_memory(os.fspath(a), _READ * width * height, work)
-    one = _buffer(_colour(a))
-    second = _buffer(_colour(b))
-    figures = oiio.ImageBufAlgo.compare(one, second, 0.0, 0.0)
+    reference = _buffer(_colour(a))
+    compared = _buffer(_colour(b))
+    figures = oiio.ImageBufAlgo.compare(reference, compared, 0.0, 0.0)
     seen = _buffer(np.zeros((height, width, 1), np.float32))
     if figures.maxerror:
         check_memory(os.fspath(a), _FLIP * width * height, work)
-        seen = oiio.ImageBufAlgo.FLIP_diff(one, second)
+        seen = oiio.ImageBufAlgo.FLIP_diff(reference, compared)
     if difference is not None:
         coloured: Any = oiio.ImageBufAlgo.color_map(seen, 0, "magma")
         write_image(difference, decode_srgb(coloured.get_pixels(oiio.FLOAT)))

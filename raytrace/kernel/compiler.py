@@ -152,6 +152,7 @@ def object_files(
         dispatcher = _Dispatcher(function, False)
         dispatcher.compile(argument_types)
         compiled = dispatcher.overloads[argument_types]
+        # The entry: the words of the arguments, found by `path` from the first address.
         module = _context.create_module(symbol)
         entry = ir.Function(module, ir.FunctionType(ir.IntType(32), [_POINTER, _POINTER]), symbol)
         builder = ir.IRBuilder(entry.append_basic_block())
@@ -161,6 +162,7 @@ def object_files(
             pointer = builder.load(cgutils.gep_inbounds(builder, words, element))
             words = builder.inttoptr(pointer, _WORD.as_pointer())
         word_numbers = count()
+        # The arguments made of their words, the call, and its results.
         values = [load_argument(builder, words, word_numbers, kind) for kind in argument_types]
         if path:
             values[0] = builder.ptrtoint(entry.args[0], _WORD)

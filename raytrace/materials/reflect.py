@@ -51,6 +51,7 @@ def reflect(
     except ValueError:
         got = ", ".join(f"{name} {a.shape}" for name, a in arrays.items())
         raise OptionError("n, l, v, grain", "shapes that broadcast", got, "reflect") from None
+    # Unit vectors as rows, and the packed material.
     flat = [np.ascontiguousarray(np.broadcast_to(normalize(a), shape)).reshape(-1, 3) for a in vectors]
     check_type(material, Material, "reflect", "material", "a material, such as raytrace.Lambert(albedo=0.5)")
     kind, row = material.pack()

@@ -147,16 +147,19 @@ def creased_normals(mesh: Mesh) -> tuple[Float64s, Int64s]:
         own_normals = normalize(mesh.normals)
         missing = len(own_normals) + np.arange(len(faces))[:, None]
         return np.concatenate([own_normals, across]), np.where(nonzero(own_normals)[faces], faces, missing)
+    # Fans: the corners at a point that smooth edges connect.
     corner_points = weld(vertices, faces, np.ones((len(vertices), 3)), CREASE)[faces]
     fan = np.arange(faces.size)
     edges = counting_sort(np.minimum(corner_points, corner_points[:, [1, 2, 0]]), int(corner_points.max()) + 1)
     _join_smooth(corner_points.ravel(), across, *edges, fan)
     renumber_components(fan)
+    # Fans whose mean normals agree share one.
     corners = vertices[faces.ravel()].astype(np.float64)
     sums = sum_groups(fan, vertex_sums(corners, np.arange(faces.size).reshape(-1, 3), across, areas))
     first_corner = np.flatnonzero(np.diff(np.maximum.accumulate(fan), prepend=-1))
     group = weld(vertices[faces.ravel()[first_corner]], fan.reshape(-1, 3), normalize(sums), CREASE)
     of = group[fan].reshape(-1, 3)
+    # Corners of faces without area take the normal of another face there.
     flat = areas == 0
     group_at = np.full(len(vertices), -1)
     group_at[faces[~flat]] = of[~flat]

@@ -216,9 +216,9 @@ def _near(positions: Float32s, faces: Int64s, vertices: Int64s) -> Int64s:
     """Pairs (j, 2) of `vertices` (k,), which are sorted by x, that share a place: indices into these."""
     subset = positions[vertices]
     links = [np.zeros((0, 2), np.int64)]
-    for which, keys in grids(subset):
+    for rows, keys in grids(subset):
         sort = np.argsort(keys, kind="stable")
-        order = which[sort]
+        order = rows[sort]
         at = subset[order].astype(np.float64)
         radius = contact_radius(at)
         for a, b in _pairs(keys[sort], at[:, 0]):
@@ -227,6 +227,7 @@ def _near(positions: Float32s, faces: Int64s, vertices: Int64s) -> Int64s:
     pairs = np.concatenate(links)
     if not len(pairs):
         return pairs
+    # Small triangles are not welded: each end needs an edge that is long beside the radius.
     longest = np.zeros(len(positions))
     for corner in range(3):
         edge = positions[faces[:, corner]] - positions[faces[:, corner - 1]]

@@ -48,10 +48,12 @@ def ray_origins(
     """
     offset, touching, reach = offsets_and_reaches(points, directions, magnitude, clearance)
     ambiguous = np.zeros(len(points), np.bool_)
+    # Faces near the points: those that touch a point, and those that rounding leaves in doubt.
     near = find_contacts(tree, surface, points, reach, face_points, numbers)
     touches = near.distance <= np.maximum(touching[near.point], surface.rounding[near.face])
     touched = near.only(touches)
     blurred = near.point[~touches & (near.distance <= (reach * clearance)[near.point])]
+    # Directions in front of what is touched, too, and offsets that clear it.
     if len(touched.point):
         directions = directions.copy()
         clearance = clearance.copy()
@@ -64,6 +66,7 @@ def ray_origins(
         if len(far_contacts.point):
             near = Contacts.joined([near, far_contacts])
     ambiguous[blurred] = True
+    # In sharp folds offsets stay small beside the shortest edge; nowhere do they reach the next face.
     sharp = np.flatnonzero((reach >= 0.0) & (clearance < SHARP))
     if len(sharp):
         near_edge = _NEAR * surface.shortest_edges(face_points, numbers[sharp])

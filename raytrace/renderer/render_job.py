@@ -167,6 +167,7 @@ class RenderJob:
         sides = 2 if surrounded or self.scene.geometry.materials[:, TWO_SIDED].any() else 1
         self.scene = self.scene._replace(lit_vertices=np.zeros((sides * vertices, LIGHTING)))
         finished: list[Int64s] = []
+        # Groups of vertices of one object and side, a share of work each.
         objects = itertools.pairwise(self.scene.geometry.first_w.tolist())
         front = np.concatenate([np.arange(*span, GROUP) for span in objects])
         groups = np.concatenate([front + side * vertices for side in range(sides)])

@@ -139,6 +139,7 @@ class Batch:
                 for number in small[start:stop]:
                     bake_here(number, 1)
 
+            # Small meshes side by side, then the others one by one, on all threads or by workers.
             if session:
                 for row, outcome in run_remotely(session, [plans[number] for number in small], threads):
                     warn([], outcome.warnings)

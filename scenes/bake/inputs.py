@@ -73,6 +73,7 @@ def read_inputs(plan: Plan, content: bytes | None = None) -> BakeInputs:
     by_name = options.receive or (), options.cast or (), options.exclude or ()
     names = any(by_name) or options.match_names or options.occluded_by != "all"
     target = "texture.glb" if plan.kind == "texture" else f"vertices{plan.ending}"  # what the input is read for
+    # The files.
     source = load(plan.mesh, target, content, alpha, options.up, names, options.flip, options.points)
     high = [load(path, alpha=alpha, names=options.match_names) for path in options.high or ()]
     walls = [load(path, alpha=alpha, names=options.match_names) for path in options.occluder or ()]
@@ -82,6 +83,7 @@ def read_inputs(plan: Plan, content: bytes | None = None) -> BakeInputs:
         from ao.points.occluders import joined
 
         fine = joined([file.mesh for file in high], all_normals=True)
+    # What is baked, and what occludes it besides.
     chosen = select_objects(source, *by_name, options.occluded_by, options.output_dir is not None)
     occluders = [file.mesh for file in walls]
     if options.ground:
@@ -91,6 +93,7 @@ def read_inputs(plan: Plan, content: bytes | None = None) -> BakeInputs:
         arguments["groups"] = match(source, high)
     if cage:
         arguments["cage"] = cage[0].mesh
+    # Notes on the files, and on meshes of very different sizes or that may lie on their side.
     files = [source, *walls, *high, *cage]
     notes = [note for file in files for note in file.notes]
     for wall in walls:

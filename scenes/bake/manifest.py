@@ -148,6 +148,7 @@ def merge_batch(folder: Path) -> Manifest:
     facts = [
         {**part.options, "versions": part.versions, "of": part.part.of, "inputs": part.part.inputs} for part in parts
     ]
+    # All parts are of one batch, none is missing, and all are finished.
     for path, part_facts in zip(paths, facts, strict=True):
         if difference := first_difference(facts[0], part_facts):
             name, expected, got = difference
@@ -163,6 +164,7 @@ def merge_batch(folder: Path) -> Manifest:
     for name in first_part.part.inputs:
         if name not in entries:  # the parts saw files of other sizes
             raise InputError(folder, "inputs", f"{name} in one of the parts", "none that has it")
+    # The manifest of the whole batch.
     about = {"options": first_part.options, "versions": first_part.versions}
     manifest = Manifest(folder / MANIFEST, [entries[name] for name in first_part.part.inputs], about)
     manifest.write()

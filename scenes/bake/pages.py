@@ -145,12 +145,14 @@ def _pages(plan: Plan, source: MeshFile, layouts: Layouts, coordinates: Coordina
     """The pages by material, object and tile, before several instances of a mesh are parted."""
     mixed = plan.options.overlap is not None or coordinates.number is None  # new layouts do not overlap
     threads = plan.options.threads
+    # A .glb has one page, or one for each set of layouts that do not overlap.
     if plan.ending == ".glb":
-        whole = Page(coordinates.uv, words={MATERIAL: "all"})
-        clashes = {} if mixed else layouts.clashes(whole, coordinates.size, threads)
+        one_page = Page(coordinates.uv, words={MATERIAL: "all"})
+        clashes = {} if mixed else layouts.clashes(one_page, coordinates.size, threads)
         sets = layouts.sets(clashes) if clashes else []
         pages = [Page(_masked(coordinates.uv, mask), name=name, words={MATERIAL: name}) for name, mask in sets]
-        return [page for page in pages if on_page(page.uv).any()] or [whole]
+        return [page for page in pages if on_page(page.uv).any()] or [one_page]
+    # Images: a page for each group and tile that the name tells apart.
     output = plan.output
     pages = []
     for words, mask in _groups(layouts.all, output, len(source.mesh.faces)):

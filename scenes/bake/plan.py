@@ -165,6 +165,7 @@ def plan_bake(options: BakeOptions) -> Plan:
 
     Raises: OptionError, ConflictError: of an option; InputError: of the table of a falloff.
     """
+    # The kind of the bake: by the output's ending, or of a part by its options.
     output: Path | None = options.output
     ending = "" if output is None else output.suffix.lower()
     if output is not None and ending not in (*ENDINGS, *IMAGES):
@@ -180,22 +181,25 @@ def plan_bake(options: BakeOptions) -> Plan:
         if options.size or options.texel_size:
             kind = "texture"
     check_kind(options, kind)
+    # The arguments of `ao.bake` or `ao.bake_texture`, checked by their record.
     falloff = make_falloff(options.falloff, options.tau, options.half_distance, options.max_distance)
     of_kind = {row.name: getattr(options, row.name) for row in BAKER.values() if kind in row.bake_kinds.split()}
-    given = {name: value for name, value in of_kind.items() if not isinstance(value, Path | None)}
-    arguments = _RECORDS[kind](falloff=falloff, **given)
+    values = {name: value for name, value in of_kind.items() if not isinstance(value, Path | None)}
+    arguments = _RECORDS[kind](falloff=falloff, **values)
     if isinstance(options.cage, str) and resolve_length("cage", options.cage, 1.0) == float("inf"):
         raise OptionError("cage", "a finite length", options.cage)
-    shown = Channels()
+    # Where the output holds w for viewers, and the size of the page.
+    for_viewers = Channels()
     if kind == "vertices" and output is not None:
         replaced = options.replace_occlusion
-        shown = channels(output, options.colors, options.occlusion, replaced, ply_name=options.ply_name)
+        for_viewers = channels(output, options.colors, options.occlusion, replaced, ply_name=options.ply_name)
     size = None if kind == "vertices" or options.texel_size else _texels(options.size or "1024")
-    plan = Plan(kind, options, arguments, shown, _ground_height(options.ground), size)
+    plan = Plan(kind, options, arguments, for_viewers, _ground_height(options.ground), size)
     if kind == "vertices":
         _check_vertices(plan)
     else:
         _check_texture(plan)
+    # An up axis is of use only to what stands on it.
     standing = {".html", ".ply", ".glb"}
     paths = (options.report, options.debug_image, output if kind == "vertices" else plan.glb)
     stands = options.ground or options.debug_image or any(path.suffix.lower() in standing for path in paths if path)

@@ -98,10 +98,12 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
     bakes: list[BakedPage] = []
     with ExitStack() as journals:
         for page in layout.pages:
+            # One page, by a journal of its own.
             target = page.path(plan.output)
             journal = Path(f"{plan.output}.{len(bakes) + 1}") if page.name and bakes else target
             baked = trace_page(plan, inputs, layout, page, journals.enter_context(open_checkpoint(journal)))
             title = f"{target}{f', {page.name}' if page.name else ''}"
+            # Warnings that no earlier page has given.
             remarks = layout_remarks(baked, page.wraps, plan.ending != ".glb")
             known_warnings = {line for earlier in bakes for line in earlier.warnings}
             lines = [*baked.shortfalls, *(f"{title}: {line}" for line in remarks)]
@@ -113,6 +115,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
             if not plan.glb:
                 journals.close()  # of a .glb they stay until it is written
                 yield OutputSummary(texture_summary(baked, title) + inputs.alpha, bakes[-1].warnings)
+        # A .glb is written once all of its pages are baked.
         if plan.glb:
             begun = time.perf_counter()
             bakes[-1].warnings.extend(_write_glb(plan.glb, plan, inputs, layout, bakes))

@@ -61,6 +61,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
     warnings = warn(inputs.meshes, [*inputs.notes, *losses], plan.falloff)
     with open_checkpoint(plan.output) as checkpoint:
         baked = trace(plan, inputs, checkpoint)
+        # Warnings about the result, before it is written.
         lines = list(baked.shortfalls)
         missed = baked.flagged["missed"]
         if missed:
@@ -150,9 +151,10 @@ def _bake_groups(plan: Plan, inputs: BakeInputs) -> ao.Bake:
     values: dict[str, Any] = {"w": np.ones(count), "error": np.zeros(count), "bent_normals": np.zeros((count, 3))}
     values["flags"] = np.full(count, ao.Flag.UNREFERENCED, np.uint8)
     values["flags"][chosen.mesh.faces] = 0
+    # Each group alone, among the occluders that all have.
     for vertices, mesh in chosen.parts():
-        among = None if only is None else only[vertices]
-        options = {"falloff": falloff, "only": among, "threads": plan.options.threads}
+        requested = None if only is None else only[vertices]
+        options = {"falloff": falloff, "only": requested, "threads": plan.options.threads}
         part = call_checked(ao.bake, plan.arguments, mesh, **options, **inputs.arguments)
         for name, column in values.items():
             column[vertices] = getattr(part, name)

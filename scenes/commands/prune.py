@@ -79,6 +79,7 @@ def _visible_glb(mesh_file: MeshFile, seen: Bools) -> tuple[bytes, int]:
     meshes = builder.header["meshes"]
     showing = _visible_nodes(asset, mesh_file.parts, seen)
     kept_faces = _visible_faces(asset, mesh_file.parts, seen)
+    # Nodes of which nothing is seen draw nothing any more.
     for number in {drawn.node for drawn in asset.drawn} - showing:
         for field in ("mesh", "skin", "weights"):
             builder.header["nodes"][number].pop(field, None)

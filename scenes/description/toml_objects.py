@@ -94,6 +94,7 @@ class ObjectReader:
             got = "neither" if table.mesh is None else "both"
             unknown = (nearest_name(key, ("mesh", "builtin")) for key in table.model_extra or {})
             raise SceneError(self._source, path, "either mesh or builtin", got, next(filter(None, unknown), None))
+        # The material: a named one, or one of the entry's own.
         material = table.material
         field = joined(path, "material")
         if isinstance(material, str):
@@ -110,6 +111,7 @@ class ObjectReader:
             geometry = self._built_in(table, path, repeated)
             return [Object(self._shape(table, path, geometry, material, texture), name=table.name or table.builtin)]
 
+        # A mesh file: a glTF brings its own materials, of others each is read once.
         check_keys(self._source, path, table.model_extra or {}, _keys("mesh"))
         field = joined(path, "mesh")
         mesh = confined(table.mesh or "", self._source.parent, self._source, field)

@@ -167,13 +167,14 @@ def join_attributes(several: Sequence[SourceAttributes], vertices: Sequence[int]
     Args:
         vertices: how many each object has.
     """
+    # Corners refer to vertices, and triangles to corners, of the objects before them too.
     first_vertex = np.cumsum([0, *vertices[:-1]])
     first_corner = np.cumsum([0, *(len(item.corners) for item in several[:-1])])
     corners = [item.corners + start for item, start in zip(several, first_vertex, strict=True)]
     triangles = [item.triangles for item in several]
     numbers = [np.arange(len(item.corners)) for item in several]
-    listed = zip(triangles, numbers, first_corner, strict=True)
-    corner_places = [cut.take(of_polygons) + start for cut, of_polygons, start in listed]
+    cuts = zip(triangles, numbers, first_corner, strict=True)
+    corner_places = [cut.take(of_polygons) + start for cut, of_polygons, start in cuts]
     # Each material once; -1, none, is the last of a list.
     materials = tuple(dict.fromkeys(material for item in several for material in item.materials))
     material_of = []

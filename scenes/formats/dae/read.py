@@ -54,6 +54,7 @@ def read_dae(mesh_input: MeshInput) -> list[Instance]:
             sizes = np.concatenate(counts).astype(np.int64)
             placed_elements += len(vertices) + len(corners)
             check_copies(placed_elements, file.seek(0, os.SEEK_END), mesh_input.path)
+            # The polygons' triangles, placed by the node.
             triangles = triangulate(vertices, corners, sizes, mesh_input.source)
             instance = Instance(
                 str(shape.name or shape.id),
@@ -63,6 +64,7 @@ def read_dae(mesh_input: MeshInput) -> list[Instance]:
                 notes=triangles.notes,
                 up=up,
             )
+            # What else the mesh has, for an output that can hold it.
             if mesh_input.keep:
                 materials, unread = _materials(placed, primitives, mesh_input.path.parent)
                 attributes = SourceAttributes(

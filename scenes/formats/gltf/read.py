@@ -40,6 +40,7 @@ def read_gltf(mesh_input: MeshInput) -> tuple[list[Instance], Gltf]:
     instances: list[Instance] = []
     copied = 0
     for drawn in asset.drawn:
+        # Each shape once, posed.
         if drawn.shape not in shapes:
             shape = poses.posed(drawn, _shape(asset, drawn.primitive))
             if textures:
@@ -48,6 +49,7 @@ def read_gltf(mesh_input: MeshInput) -> tuple[list[Instance], Gltf]:
         shape = shapes[drawn.shape]
         copied += len(shape.vertices) + len(shape.faces)
         check_copies(copied, sum(map(len, asset.buffers)), asset.path)
+        # Its instance: named by the node or the mesh, and placed by the node unless a skin has done so.
         node = asset.geometry.nodes[drawn.node]
         mesh = asset.geometry.meshes[drawn.mesh]
         name = node.name or mesh.name or f"node {drawn.node}"

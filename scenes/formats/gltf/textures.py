@@ -134,6 +134,7 @@ def gltf_attributes(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tup
     unread = [words for key, words in _WORDS.items() if asset.header.get(key)]
     if len(parts) > 1:
         unread.insert(0, "nodes")
+    # Attributes of the primitives, without the coordinates of a ramp of ours.
     names = [
         drawn.primitive.attributes.keys() - {f"TEXCOORD_{number}" for number in ramp_sets(asset.header, drawn.stored)}
         for drawn in asset.drawn
@@ -146,6 +147,7 @@ def gltf_attributes(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tup
         except (ValueError, KeyError, TypeError):
             unread.append(name)
     uv = columns.get("TEXCOORD_0")
+    # Colours sRGB-encoded, as in other formats, without an alpha of 1.
     colors = columns.get("COLOR_0")
     if colors is not None:
         colors = np.concatenate([encode_srgb(colors[:, :3]).astype(np.float64), colors[:, 3:]], axis=1)

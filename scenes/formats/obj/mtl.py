@@ -109,6 +109,7 @@ def read_mtl(path: Path, find: Callable[[str], Path | None]) -> tuple[dict[str, 
                 del statements[key]
         elif key.startswith(_UNREAD):
             left.append(f"texture of {key} ({rest or 'no name'})")
+    # The materials, and what could not be taken over.
     materials = {name: _material(name, values) for name, values in statements_of.items()}
     for name, values in statements_of.items():
         if "map_d" in values and not materials[name].opacity_texture:

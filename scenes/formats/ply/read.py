@@ -24,7 +24,7 @@ _NORMAL = ("nx", "ny", "nz")
 
 
 def read_ply(mesh_input: MeshInput) -> list[Instance]:
-    """The vertices and triangles, with normals if there are `nx ny nz`; with `given.keep` all elements.
+    """The vertices and triangles, with normals if there are `nx ny nz`; with `keep` all elements.
 
     Raises: MeshError: the file ends early, or has no vertices. ValueError, KeyError: anything else that is not PLY.
     """
@@ -37,6 +37,7 @@ def read_ply(mesh_input: MeshInput) -> list[Instance]:
     vertex = {name: column.values for name, column in columns_of(elements, "vertex").items()}
     vertices = np.stack([vertex[axis] for axis in "xyz"], axis=1)
     normals = np.stack([vertex[axis] for axis in _NORMAL], axis=1) if set(_NORMAL) <= set(vertex) else None
+    # Faces: of both usual names of their list of vertices, the first that the file has.
     corners = np.empty(0, np.int64)
     sizes = np.empty(0, np.int64)
     for column in filter(None, map(columns_of(elements, "face", lists=True).get, INDICES[::-1])):
@@ -46,6 +47,7 @@ def read_ply(mesh_input: MeshInput) -> list[Instance]:
     instance = Instance(
         mesh_input.name, vertices, triangles.take(corners), normals, notes=triangles.notes, up=header.up
     )
+    # All elements, for an output that can hold them.
     if mesh_input.keep:
         stored = list(map(_declared, elements)) if header.text else elements
         folder = mesh_input.path.parent

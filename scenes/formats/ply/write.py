@@ -36,6 +36,7 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     profile = bake.profile
     elements = attributes.elements or _elements(mesh_file.mesh, attributes)
     colour_channels = channels.colors or ("" if has_own_colors(attributes) else "rgb")
+    # Comments: the axis that is up, what the grey is, and the profile's distances.
     axis = up_axis(mesh_file.mesh, channels.up)
     comments = [line for line in attributes.comments if not line.startswith(UP_COMMENT) or line == UP_COMMENT + axis]
     if axis != "y" and UP_COMMENT + axis not in comments:
@@ -44,6 +45,7 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     if profile:
         numbers = [profile.radius, *profile.half_distances.tolist()]
         comments.insert(1, layout.PROFILE_COMMENT + " ".join(map(repr, numbers)))
+    # The elements, with w in that of vertices or of faces.
     further = channels.ply_name
     named = "face" if bake.at == "faces" else "vertex"
     values = _of_polygons(bake, mesh_file) if bake.at == "faces" else bake
@@ -138,13 +140,14 @@ def _rows(element: Element) -> memoryview:
             if column.counted:
                 table[COUNT + column.name] = lengths[column.name]
         return table.view(np.uint8).data
-    one = np.ones(element.count, np.int64)
+    # Lists of different lengths: the values of each column are scattered to where their rows begin.
+    one_each = np.ones(element.count, np.int64)
     columns = []
     for column in element.properties:
         if column.counted:
-            columns.append((column.sizes.astype("<" + column.counted), one))
-        columns.append((column.values.astype("<" + column.kind), column.sizes if column.counted else one))
-    widths = sum((values.itemsize * sizes for values, sizes in columns), start=0 * one)
+            columns.append((column.sizes.astype("<" + column.counted), one_each))
+        columns.append((column.values.astype("<" + column.kind), column.sizes if column.counted else one_each))
+    widths = sum((values.itemsize * sizes for values, sizes in columns), start=0 * one_each)
     data = np.empty(int(widths.sum()), np.uint8)
     starts = np.cumsum(widths) - widths
     for values, sizes in columns:

@@ -45,6 +45,7 @@ def _solids(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
     damaged = MeshError(source, "content", "complete ASCII or binary STL", "neither: damaged or cut off")
     if len(solid) != len(end):
         raise damaged
+    # Vertices must lie between a `solid` and its `endsolid`, each with three numbers.
     marks = np.stack([solid, end], axis=1).ravel()
     splits = np.searchsorted(vertex, marks)
     outside = np.diff(splits, prepend=0, append=len(vertex))[::2]

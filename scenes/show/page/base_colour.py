@@ -112,6 +112,7 @@ def _read(file: MeshFile) -> BaseColour | None:
         _collect_of_attributes(file.mesh.faces, file.held, collected)
     if file.mesh.opacity:
         _collect_alpha(file.mesh.opacity, collected)
+    # Pictures that some face uses, numbered anew.
     used = np.unique(collected.image_of[collected.image_of >= 0])
     collected.image_of = np.where(collected.image_of < 0, -1, np.searchsorted(used, collected.image_of))
     collected.pictures = [collected.pictures[number] for number in used]
