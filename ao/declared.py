@@ -85,7 +85,7 @@ class Option(NamedTuple):
 
 
 def options_of(record: Any) -> dict[str, Option]:
-    """The options that a record declares."""
+    """The fields of a record as options, in their order."""
     options = {}
     for field in fields(record):
         kind, option = _declaration(field)
@@ -169,10 +169,11 @@ def with_option_parameters(record: Callable[P, T]) -> Callable[[Callable[[Any, T
 
 
 def call_checked(function: Callable[..., R], options: object, mesh: object, **inputs: Any) -> R:
-    """Call a function `with_option_parameters` with options that have been checked, and are not checked again.
+    """Call a function that has `with_option_parameters`, with options that are checked already.
 
-    Args: options: of a record that the function's has as a base, or shares one with. inputs: what depends on files, in
-        place of what the options have.
+    Args:
+        options: of a record that is a base of the function's, or has one in common with it.
+        inputs: what depends on files, in place of what the options have.
     """
     attributes = vars(function)
     arguments = object.__new__(attributes["record"])

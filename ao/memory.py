@@ -32,7 +32,6 @@ def column_bytes(points: int, columns: int) -> int:
 
 
 def corner_bytes(corners: int) -> int:
-    """Bytes that corner samples of so many face corners take."""
     return _CORNER * corners
 
 

@@ -56,7 +56,6 @@ def shell(tau: float, near: float, far: float, power: int = 0) -> float:
 
 
 def _require(condition: bool, message: str) -> None:
-    """Raises: ValueError: the condition does not hold."""
     if not condition:
         raise ValueError(message)
 

@@ -337,5 +337,4 @@ class ClusterSession:
 
 
 def _plural(count: int, noun: str) -> str:
-    """A count and its noun, "1 block" or "2 blocks"."""
     return f"{count:,} {noun}{'' if count == 1 else 's'}"

@@ -1,7 +1,6 @@
 """Checkpoints of long bakes: traced rows go to a journal, from which a later run takes them."""
 
 import hashlib
-import os
 import time
 import warnings
 from collections.abc import Callable
@@ -16,6 +15,7 @@ import numpy.typing as npt
 
 from raytrace.errors import InputError, OutputError
 from raytrace.mesh.placement import Placement
+from raytrace.system.paths import PathName
 from raytrace.types import Bools, Float64s
 
 from ..points.receivers import Receivers
@@ -49,7 +49,7 @@ class Checkpoint:
 
     def __init__(
         self,
-        path: str | os.PathLike[str] | None,
+        path: PathName | None,
         resume: bool = False,
         notify: Callable[[str], object] = warnings.warn,
         after: float = 60.0,
@@ -121,7 +121,6 @@ class Checkpoint:
         to_make = self.choose(work, ~self.restored(work, tables))
 
         def finished(start: int, stop: int) -> None:
-            """Record the rows of a block that was traced."""
             if not self._given_up:
                 self.put((name, start, stop), b"".join(table[start:stop].tobytes() for table in tables))
             advance(stop - start)

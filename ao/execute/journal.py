@@ -119,7 +119,6 @@ class Journal:
         self._end += sum(map(len, records))
 
     def close(self) -> None:
-        """Close the file, which releases its lock."""
         self._file.close()
 
     def remove(self) -> None:

@@ -30,8 +30,7 @@ class SampleMeans(NamedTuple):
     enough: int = 8  # rays of a sample, so that more samples are worth their time; less where w varies among them
 
     def moved(self, points: Points, key: np.uint32) -> SampleMeans | None:
-        """The same groups with other samples, for a second estimate at some `points`; themselves if there are no
-        others."""
+        """The same groups with other samples, for a second estimate at some `points`; None if groups have no others."""
         if self.elsewhere is None:
             return None
         return self._replace(samples=self.elsewhere(points.numbers.astype(np.int64), key))
@@ -72,7 +71,6 @@ class SampleMeans(NamedTuple):
         out = to[0].reshape(len(to[0]), -1, COLUMNS)
 
         def average(start: int, stop: int) -> None:
-            """Write the means of the groups from `start` to `stop`, by every falloff."""
             block = slice(samples * start, samples * stop)
             arrays = points[block].arrays
             normals = self.samples.geometric_normals.take(source[block], axis=0)

@@ -69,7 +69,6 @@ def fill_spans(
     finished_spans: deque[Span] = deque()
 
     def make(number: int, _: int) -> None:
-        """Make a block of rows, and note that it is done."""
         write(*blocks[number])
         finished_spans.append(blocks[number])
 

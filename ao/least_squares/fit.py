@@ -174,7 +174,6 @@ def cross_validated(problem: Problem, start: Float64s) -> tuple[float, list[Floa
     """
 
     def trace(values: Float64s) -> float:
-        """The trace of a matrix with these values."""
         return float(problem.stencil.matrix(values).diagonal().sum())
 
     even, odd = problem.halves

@@ -154,7 +154,6 @@ class Moments:
         moments, counts = tables
 
         def write(start: int, stop: int) -> None:
-            """Trace the samples of some faces and write their moments and counts."""
             faces = self[start:stop]
             packet = RayPacket.of(embree, scene.opacity)
             outputs = moments[start:stop], counts[start:stop]
@@ -185,7 +184,6 @@ def gather_moments(prepared: Prepared, patch: Patch, total: int) -> tuple[Float6
     done = 0
 
     def advance(finished: int) -> None:
-        """Tell the caller's progress in rays, faces having about equally many."""
         nonlocal done
         done += finished
         if progress:

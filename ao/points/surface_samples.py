@@ -55,7 +55,6 @@ class SurfaceSamples:
         magnitude = faces.magnitudes(face_points, len(faces.faces))
 
         def place_some(start: int, stop: int) -> None:
-            """Place the samples from `start` to `stop`."""
             part = slice(start, stop)
             under = on_faces.face[part].astype(np.int64)
             weights = on_faces.barycentric[part]
@@ -78,7 +77,6 @@ class SurfaceSamples:
 
     @property
     def counts(self) -> Int64s:
-        """Number of samples (k,) of each group."""
         return np.diff(self.starts)
 
     @cached_property
@@ -87,7 +85,7 @@ class SurfaceSamples:
         return replace(self.points[self.starts[:-1]], numbers=np.arange(len(self), dtype=np.uint32))
 
     def groups_outside(self, hidden: Bools) -> Int64s:
-        """The groups with a sample that is not `hidden` (p,)."""
+        """Which groups have a sample that is not `hidden` (p,), ascending."""
         return np.flatnonzero(np.add.reduceat(~hidden, self.starts[:-1], dtype=np.int64))
 
     def without(self, hidden: Bools, threads: int) -> SurfaceSamples:
@@ -101,7 +99,7 @@ class SurfaceSamples:
         return self.rearranged(starts, source, self.all_count[groups])
 
     def rearranged(self, starts: Int64s, source: Int64s, all_count: Bools) -> SurfaceSamples:
-        """Groups from `starts`, of the samples `source` (q,), numbered anew."""
+        """Groups made of the samples `source` (q,), group i of those from starts[i] on, numbered anew."""
         points = replace(self.points[source], numbers=np.arange(len(source), dtype=np.uint32))
         return SurfaceSamples(starts, self.face[source], points, self.geometric_normals[source], all_count)
 

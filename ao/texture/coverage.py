@@ -39,7 +39,11 @@ class Page(NamedTuple):
 
     @classmethod
     def of(cls, layout: UVLayout, areas: Float64s | None = None) -> Self:
-        """Args: areas: (m,), of the faces' surface, so that texels which show much of it have more samples."""
+        """List the triangles of a layout by the bands of rows that they reach into.
+
+        Args:
+            areas: (m,), of the faces' surface, so that texels which show much of it have more samples.
+        """
         crowding = np.zeros(len(layout.face))
         if areas is not None:
             even = areas[np.unique(layout.face)].sum() / (layout.width * layout.height)

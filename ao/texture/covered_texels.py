@@ -87,11 +87,6 @@ class Coverage:
         )
 
     @property
-    def has_centre(self) -> Bools:
-        """Whether one face, or faces side by side, cover a texel as a whole, (k,)."""
-        return self.triangle[:, SLOTS] >= 0
-
-    @property
     def points(self) -> PagePoints:
         """The texels' points as kernels take them."""
         layout = self.layout

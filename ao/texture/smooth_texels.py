@@ -41,7 +41,6 @@ def smooth_cells(
     cell = np.arange(count)
 
     def work(start: int, stop: int) -> None:
-        """Look at the blocks of texels in the rows of the page from `start` to `stop`."""
         faces = (smooth.surface, smooth.axes)
         out = (by_centre, cell)
         page = row_of[: stop * layout.width], start, largest

@@ -51,7 +51,6 @@ class UVSurface:
 
     @cached_property
     def smooth(self) -> SmoothSurface:
-        """The faces with interpolated normals."""
         return SmoothSurface.of(self.vertices, self.receivers)
 
     @property
@@ -61,7 +60,6 @@ class UVSurface:
 
     @cached_property
     def seams(self) -> Seams:
-        """The seams of the layout."""
         from .seams import Seams  # whose sparse matrices load for a fifth of a second
 
         size = self.layout.width, self.layout.height
@@ -69,7 +67,11 @@ class UVSurface:
 
 
 def corner_places(uv: Float64s, points: Int64s) -> Int64s:
-    """A number (m, 3) for each corner, the same where they share a welded point of `points` and its place in texels."""
+    """A number (m, 3) for each corner, equal where corners share both a welded point and a place in texels.
+
+    Args:
+        points: (m, 3), the welded points.
+    """
     rounded = np.round(uv.reshape(-1, 2) * 4096).astype(np.int64)
     order = np.lexsort((rounded[:, 1], rounded[:, 0], points.ravel()))
     keys = np.column_stack([points.ravel(), rounded])[order]

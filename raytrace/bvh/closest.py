@@ -48,7 +48,6 @@ def closest_points(
     weights = np.zeros((len(points), 3), np.float32)
 
     def search(start: int, stop: int) -> None:
-        """Search for the points from `start` to `stop`, by a stack of its own."""
         out = face[start:stop], weights[start:stop]
         _search(tree, new_stack(), surface, points[start:stop], radius, (match[0][start:stop], match[1]), *out)
 
@@ -101,7 +100,7 @@ def closest_on_triangle(p, a, b, c):
 
 @kernel
 def _search(tree, stack, surface, points, radius, match, face, weights):
-    """Write the closest points of `points`, on faces of their groups; `radius`: how far to look at first."""
+    """Write the closest point to each of `points` on a face of its group. Args: radius: how far to look at first."""
     tree = unrefcounted_view(tree)
     vertices, faces = surface
     group, of_face = match
@@ -148,10 +147,13 @@ def begin(tree, stack, point, radius):
 
 @inline
 def next_leaf(tree, stack, around):
-    """The next leaf of the walk and, as bits, triangles whose boxes may be as near as wanted along every axis; no
-    bits if there are none any more.
+    """Go on to the next leaf of the walk that may hold something near.
 
-    Args: around: of `begin`.
+    Returns the leaf and, as bits, its triangles whose boxes may be within the radius along every axis; no bits at the
+    end of the walk.
+
+    Args:
+        around: the point and the radius, of `begin`.
     """
     starts, (point, radius) = tree.starts, around
     while stack[_ENTRIES, 0] > 0:
@@ -179,7 +181,7 @@ def next_leaf(tree, stack, around):
 
 @inline
 def _boxes_within(boxes, axes, node, point, radius):
-    """The boxes of a node that may have something within `radius` of a point along every axis, as bits."""
+    """The sixteen boxes of a node that may hold something within `radius` of a point along every axis, as bits."""
     d, half = box_offsets(boxes, axes, node, point)
     reach = radius if axes is None else _DIAGONAL * radius
     return bits((abs(d[0]) - half[0] <= reach) & (abs(d[1]) - half[1] <= reach) & (abs(d[2]) - half[2] <= reach))

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import InputError, OptionError
 from ..system.checks import check_memory, check_outputs
+from ..system.paths import PathName
 from ..types import Float32s
 from .read import open_image, read_image
 from .srgb import decode_srgb
@@ -47,9 +48,7 @@ class Comparison:
         return figures[metric] <= threshold
 
 
-def compare(
-    a: str | os.PathLike[str], b: str | os.PathLike[str], difference: str | os.PathLike[str] | None = None
-) -> Comparison:
+def compare(a: PathName, b: PathName, difference: PathName | None = None) -> Comparison:
     """Compare two image files: their colours over black, linear, whatever their formats. `a` is the reference.
 
     Alpha and layers other than the beauty are not compared.
@@ -85,13 +84,12 @@ def compare(
     return Comparison(*map(float, (figures.meanerror, figures.rms_error, figures.maxerror, figures.PSNR, flip)))
 
 
-def _size(path: str | os.PathLike[str]) -> tuple[int, int]:
-    """Width and height of an image file, by its header."""
+def _size(path: PathName) -> tuple[int, int]:
     spec = open_image(path).spec()
     return spec.width, spec.height
 
 
-def _colour(path: str | os.PathLike[str]) -> Float32s:
+def _colour(path: PathName) -> Float32s:
     """Linear RGB over black, (h, w, 3)."""
     layers, _ = read_image(path)
     if "beauty" not in layers:
@@ -105,7 +103,6 @@ def _colour(path: str | os.PathLike[str]) -> Float32s:
 
 
 def _buffer(pixels: Float32s) -> Any:
-    """Linear RGB (h, w, 3) as OpenImageIO takes it."""
     import OpenImageIO as oiio
 
     buffer = oiio.ImageBuf(pixels)

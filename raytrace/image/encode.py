@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from ..errors import OptionError, OutputError, printable
 from ..system.atomic import atomic_path
+from ..system.paths import PathName
 from ..types import Float32s
 from .dither import dithered
 from .srgb import encode_srgb
@@ -39,7 +40,7 @@ _ROWS = 64
 _SPARE = 1 << 20
 
 
-def file_format(path: str | os.PathLike[str]) -> str:
+def file_format(path: PathName) -> str:
     """OpenImageIO's name of the format of `path`. Raises: OptionError: an ending that is not in `FORMATS`."""
     try:
         return FORMATS[Path(path).suffix.lower()]
@@ -47,9 +48,7 @@ def file_format(path: str | os.PathLike[str]) -> str:
         raise OptionError("output", "a name ending in " + " ".join(FORMATS), os.fspath(path)) from None
 
 
-def write_layers(
-    path: str | os.PathLike[str], layers: Mapping[str, Float32s], metadata: Mapping[str, str], half: bool
-) -> None:
+def write_layers(path: PathName, layers: Mapping[str, Float32s], metadata: Mapping[str, str], half: bool) -> None:
     """Write an EXR file of `layers`, each (height, width, channels); colours and normals as 16-bit floats if `half`."""
     import OpenImageIO as oiio
 
@@ -75,7 +74,7 @@ def write_layers(
 
 
 def write_picture(
-    path: str | os.PathLike[str],
+    path: PathName,
     pixels: Float32s,
     metadata: Mapping[str, str],
     opaque: bool = False,
@@ -119,7 +118,7 @@ def write_picture(
 
 
 def write_data(
-    path: str | os.PathLike[str],
+    path: PathName,
     values: Float32s | npt.NDArray[np.uint8 | np.uint16],
     metadata: Mapping[str, str],
     half: bool,
@@ -165,7 +164,7 @@ def linear_png(values: npt.NDArray[np.uint8 | np.uint16]) -> bytes:
 
 
 def _write(
-    path: str | os.PathLike[str],
+    path: PathName,
     spec: Any,
     metadata: Mapping[str, str],
     pixel_rows: Callable[[int, int], npt.NDArray[Any]],

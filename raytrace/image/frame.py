@@ -1,10 +1,10 @@
 """A rendered picture: its layers, counts of rays and seconds, and how it is saved."""
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ..errors import OptionError
+from ..system.paths import PathName
 from ..types import Float32s
 from .encode import LAYERS, file_format, image_bytes, write_layers, write_picture
 from .write import check_image_target
@@ -41,7 +41,7 @@ class Frame:
 
     def save(
         self,
-        path: str | os.PathLike[str],
+        path: PathName,
         metadata: Mapping[str, str] | None = None,
         half: bool = False,
         layers: Sequence[str] | None = None,

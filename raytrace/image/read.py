@@ -14,6 +14,7 @@ import numpy.typing as npt
 from ..errors import InputError, is_utf8
 from ..settings import MAX_SIZE
 from ..system.checks import check_memory, check_regular
+from ..system.paths import PathName
 from ..types import Float32s
 from .encode import NAMESPACE
 from .srgb import decode_srgb
@@ -27,7 +28,7 @@ _printing = threading.Lock()
 _ORDER = {name: position for position, name in enumerate("RGBXYZA")}
 
 
-def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Float32s], dict[str, str]]:
+def read_image(path: PathName) -> tuple[dict[str, Float32s], dict[str, str]]:
     """Read a picture: its layers, and the metadata that `Frame.save` stored.
 
     Values of 8- and 16-bit files are taken as sRGB unless the file says that they are linear; straight alpha becomes
@@ -58,7 +59,7 @@ def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Float32s], dict[
     return layers, _metadata(spec)
 
 
-def open_image(path: str | os.PathLike[str], content: Path | None = None, max_side: int = MAX_SIZE) -> Any:
+def open_image(path: PathName, content: Path | None = None, max_side: int = MAX_SIZE) -> Any:
     """An `OpenImageIO.ImageInput`, alpha left as it is in the file.
 
     Args: path: the file, and its name in messages. content: the file to open in its place. max_side: most pixels.
@@ -102,7 +103,7 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
     return image
 
 
-def check_pixels(image: Any, path: str | os.PathLike[str], pixel_bytes: int) -> None:
+def check_pixels(image: Any, path: PathName, pixel_bytes: int) -> None:
     """Refuse to decode an opened image whose pixels of `pixel_bytes` bytes do not fit. Raises: MemoryLimitError."""
     spec = image.spec()
     needed = pixel_bytes * spec.width * spec.height
@@ -110,7 +111,7 @@ def check_pixels(image: Any, path: str | os.PathLike[str], pixel_bytes: int) -> 
         check_memory(os.fspath(path), needed, f"to read {spec.width:,}×{spec.height:,} pixels")
 
 
-def row_blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice, npt.NDArray[Any]]]:
+def row_blocks(image: Any, path: PathName) -> Iterator[tuple[slice, npt.NDArray[Any]]]:
     """Read an opened image from the top: pairs of a slice of rows and their uint8 or uint16 codes, or float32.
 
     Raises: InputError.

@@ -105,7 +105,6 @@ def objects(folder: Path, levels: Sequence[str], progress: Progress) -> Objects:
 
 
 def _is_built(entry: Entry, folder: Path, levels: Sequence[str]) -> bool:
-    """Whether a kernel has its object file for every level."""
     return all(entry.file(folder, level).exists() for level in levels)
 
 

@@ -173,7 +173,6 @@ class Late(Called):
 
     @cached_property
     def make_type(self) -> Any:
-        """Numba's type of the helper."""
         return self.build().make_type
 
 

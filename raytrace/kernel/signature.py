@@ -52,7 +52,7 @@ class Signature(NamedTuple):
 
 
 def _describe(kind: Any, kinds: Iterator[Any], texts: list[str], members: list[str]) -> str:
-    """Append the text of the next type, and the names of a tuple's members; returns the format of its words."""
+    """Append the text of the next of `kinds`, and the names of a tuple's `members`; returns the format of its words."""
     if isinstance(kind, np.dtype):
         axes = next(kinds)
         flags = next(kinds)
@@ -82,9 +82,9 @@ def _name(kind: np.dtype[Any]) -> str:
 
 
 def example(line: str) -> tuple[Any, tuple[int, ...], tuple[Any, ...]]:
-    """The kernel of a line of the list, its path, and arguments of its types.
+    """What a line of the list stands for: the kernel, its path, and example arguments of its types.
 
-    Raises: LookupError, AttributeError, ImportError, TypeError, ValueError: there is none any more.
+    Raises: LookupError, AttributeError, ImportError, TypeError, ValueError: the sources have it no longer.
     """
     name, *texts = line.split()
     dotted_name, *path = name.split("@")

@@ -199,7 +199,6 @@ def gather3(context, builder, signature, array, row_numbers):
         quads.append(builder.load(_pointer(context, builder, kind, array, start, four), align=4))
 
     def join(a, b):
-        """Two vectors as one of twice the length."""
         return _shuffle(builder, a, b, list(range(2 * a.type.count)))
 
     corners = [quads[k::_FOUR] for k in range(_FOUR)]  # lane k of every block of four

@@ -50,7 +50,6 @@ def cross(a, b):
 
 @inline
 def scale(s, a):
-    """The vector `a` times the scalar `s`."""
     return (s * a[0], s * a[1], s * a[2])
 
 

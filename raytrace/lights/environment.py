@@ -92,9 +92,10 @@ def _latitudes() -> tuple[Float64s, Float64s]:
 
 
 def _blurred(image: Float64s, slope: float) -> Float64s:
-    """Means over what Beckmann facets of RMS `slope` mirror at normal incidence, at the same angle everywhere.
+    """An environment blurred as a rough mirror shows it: means over what Beckmann facets of RMS `slope` mirror.
 
-    The kernel depends on two latitudes and a difference of longitudes, along which it is a product of spectra.
+    It is blurred as at normal incidence, by the same angle everywhere. The kernel depends on two latitudes and a
+    difference of longitudes, along which it is a product of spectra.
     """
     theta, bands = _latitudes()
     turn = np.arange(MAP_WIDTH) * 2 * np.pi / MAP_WIDTH

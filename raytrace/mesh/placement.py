@@ -59,7 +59,6 @@ class RenderSpace:
         placed = np.empty(vertices.shape, np.float32)
 
         def place_some(start: int, stop: int) -> None:
-            """Write the rows from `start` to `stop`."""
             with np.errstate(over="ignore"):
                 placed[start:stop] = to_single((vertices[start:stop] - self.centre) * self.scale)
 

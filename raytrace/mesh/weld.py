@@ -165,7 +165,10 @@ def cosine(normals, a, b):
 
 @kernel
 def _join_agreeing(order, starts, normals, agreement, group):
-    """Connect vertices order[starts[k] : starts[k + 1]], at one place, up to 64 apart, if their normals agree."""
+    """Connect vertices at one place whose normals agree: order[starts[k] : starts[k + 1]] are at place k.
+
+    Only vertices up to 64 apart in that order are compared.
+    """
     for k in range(len(starts) - 1):
         for i in range(starts[k], starts[k + 1]):
             for j in range(i + 1, min(i + 1 + _NEIGHBOURS, starts[k + 1])):
@@ -238,7 +241,8 @@ def _near(positions: Float32s, faces: Int64s, vertices: Int64s) -> Int64s:
 
 
 def _pairs(keys: AnyInts, along: Float64s) -> Iterator[tuple[Int64s, Int64s]]:
-    """Pairs a < b of equal `keys` (k,), ascending, up to 64 apart; not of what is apart in `along`, ascending too."""
+    """Pairs a < b of rows with equal `keys` (k,), ascending, up to 64 apart; but not of rows far apart in `along`,
+    ascending too."""
     for step in range(1, min(_NEIGHBOURS, len(keys) - 1) + 1):
         near = along[step:] - along[:-step] <= _EDGE / _CELLS * np.maximum(1.0, np.abs(along[step:]))
         earlier = np.flatnonzero((keys[step:] == keys[:-step]) & near)

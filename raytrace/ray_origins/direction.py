@@ -152,7 +152,10 @@ def _rises(p, direction, surface, f):
 
 @inline
 def _is_in_front(i, normals, angles, is_own):
-    """Whether a point is taken to be in front of its i-th face; see the module on faces that look opposite ways."""
+    """Whether a point is taken to be in front of the i-th of its faces.
+
+    Faces that look the same way are weighed by their angles against faces that look the opposite way, see the module.
+    """
     balance = 0.0
     opposed = False
     n = load(normals, i)

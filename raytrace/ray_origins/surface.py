@@ -85,7 +85,7 @@ class Surface(NamedTuple):
 
 @kernel
 def _measure(surface, start, stop):
-    """Fill in `extent`, `flat` and `rounding` of some faces."""
+    """Fill in the attributes `extent`, `flat` and `rounding` of some faces, see `Surface`."""
     surface = unrefcounted_view(surface)
     for f in range(start, stop):
         a, b, c = load_triangle(surface.vertices, surface.faces, f)

@@ -148,7 +148,10 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
 def _place_shapes(
     objects: tuple[Object, ...], space: RenderSpace, weighting: Normals
 ) -> tuple[list[_PlacedShape], Int64s]:
-    """The shapes of objects, those of one object alone in render space; and of each object (o,) its shape's row."""
+    """The shapes of objects as they are traced, and of each object (o,) the row of its shape.
+
+    Shapes of one object alone are in render space, shared ones in a frame of their own.
+    """
     uses: dict[int, list[Object]] = {}
     for item in objects:
         uses.setdefault(id(item.shape), []).append(item)
@@ -214,7 +217,8 @@ def shape_textures(shapes: Iterable[Shape]) -> tuple[Texture, ...]:
 
 
 def _texture_rows(objects: tuple[Object, ...], textures: tuple[Texture, ...]) -> dict[str, Any]:
-    """Which of the textures objects have, -1 for none, and the strength of their occlusion's: fields of `Geometry`."""
+    """The rows of objects' textures among `textures`, −1 for none, and the strength of occlusion: fields of
+    `Geometry`."""
     row_of = {texture: row for row, texture in enumerate(textures)} | {None: -1}
     occlusions = [item.shape.occlusion for item in objects]
     return {
@@ -255,7 +259,6 @@ def _render_space(objects: tuple[Object, ...]) -> tuple[RenderSpace, float]:
     """Render space for the bounding boxes of all objects, and the largest distance from its centre."""
 
     def place(item: Object, points: Float64s) -> Float64s:
-        """Points of an object in world space."""
         return points @ item.transform[:3, :3].T + item.transform[:3, 3]
 
     shapes = {id(item.shape): item.shape for item in objects}

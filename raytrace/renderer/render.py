@@ -89,7 +89,6 @@ def _render_tiles(picture: RenderJob, film: Film, threads: int, progress: Progre
     tiles, done = picture.tiles, 0
 
     def advance(count: int) -> None:
-        """Count finished tiles, and tell the caller's `progress`."""
         nonlocal done
         done += count
         if progress:
@@ -129,7 +128,6 @@ def rendering_bytes(scene: Scene, settings: Settings, layers: bool, threads: int
 
 
 def describe_work(scene: Scene, settings: Settings) -> str:
-    """What is to be done, for messages about memory."""
     faces = sum(len(item.shape.mesh.faces) for item in scene.objects)
     return f"to render {faces:,} faces in {settings.width:,}×{settings.height:,} pixels"
 
@@ -143,7 +141,6 @@ def seen_vertices(scene: Scene, camera: Camera, settings: Settings, threads: int
     whole_polygons = settings.shading == "gouraud" and len(geometry.arrays.polygons) > 0
 
     def work(begin: int, end: int) -> None:
-        """Mark what the pixels of the rows from `begin` to `end` can show."""
         part = (left, left + wide), (top + begin, top + end)
         mark_seen(geometry.arrays, view, *part, *new_packet(WIDE, True, geometry.hit_filter), seen, whole_polygons)
 

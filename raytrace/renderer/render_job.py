@@ -120,12 +120,14 @@ class RenderJob:
             self._textures.read(np.flatnonzero(scratch.missing).tolist())
 
     def render_numbered(self, numbers: Int64s, around: Float32s | None, out: tuple[Float32s, Float32s, Int64s]) -> None:
-        """Render the tiles `numbers`, int64 (k,), to rows of arrays, for processes that render only some of a picture.
+        """Render the tiles `numbers`, int64 (k,), to rows of arrays, for processes that render only some tiles of a
+        picture.
 
         Args:
-            around: edges of the tiles `beside` each, (k, 9, EDGES): only pixels that these reopen are rendered.
-            out: pixels (k, TILE, TILE, channels), 0 beyond the picture; edges (k, EDGES), or (k, 0) where no pixel is
-                retired early; counts (k, COUNTERS) of rays.
+            around: edges of the tiles `beside` each, (k, 9, EDGES): only pixels that these reopen are rendered. None:
+                all.
+            out: pixels (k, TILE, TILE, channels), 0 beyond the picture, edges (k, EDGES) and counts (k, COUNTERS), to
+                be written.
         """
         pixels, edges, counts = out
         reopened_only = around is not None
@@ -173,7 +175,6 @@ class RenderJob:
         groups = np.concatenate([front + side * vertices for side in range(sides)])
 
         def work(start: int, stop: int) -> None:
-            """Light the groups of vertices from `start` to `stop`."""
             scratch = self.scratch()
             light_vertices(self.scene, self.view, self.style, scratch, origins, groups[start:stop])
             finished.append(scratch.counts)

@@ -148,7 +148,7 @@ def converged(cells, p):
 
 @inline
 def side(x, y):
-    """Where `edges` have the cell (x, y) of a tile's, −1 if it is on no side."""
+    """The place of a tile's cell (x, y) in its `edges`, −1 if the cell is on no side."""
     if y % TILE == 0:
         return (y // TILE * CELLS + x) * RANGE
     if x % TILE == 0:

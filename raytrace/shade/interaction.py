@@ -165,7 +165,7 @@ def tangents(geometry, i, j, k, edge1, edge2):
 
 @inline
 def lights_seen(geometry, item, side):
-    """The column FRONT of points that are seen from their own side (`side` > 0) or from behind."""
+    """Whether lights reach points on their own side (`side` > 0) or from behind, as the column FRONT has it."""
     turns_to = geometry.materials[item, TWO_SIDED]
     front = layout.ON_BOTH_SIDES if turns_to == TO_LIGHT else layout.ON_THIS_SIDE
     return select(side > 0.0, front, front if turns_to != 0.0 else 0.0)

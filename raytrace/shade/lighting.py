@@ -126,7 +126,8 @@ def corners(box):
 
 @inline
 def select_lights(geometry, lights, shading, scratch, packets):
-    """Fill `active` and `hidden` of `scratch` with the lights that can matter to a point; returns how many do."""
+    """Fill `active` and `hidden` of `scratch` with the lights that can matter to a point of some packets; returns
+    how many do."""
     nowhere = select(lane_numbers() < 0, 0.0, np.inf)
     empty = (nowhere, nowhere, nowhere), scale(-1.0, (nowhere, nowhere, nowhere))
 
@@ -234,7 +235,7 @@ def light_packet(packet, items, used, geometry, lights, style, scratch):
 
 @inline
 def store_light(packet, sums):
-    """Write the sums of `light_packet`, and the part of the light that shadows leave."""
+    """Write the sums of `light_packet` to the packet, and the share of light that shadows leave."""
     diffuse, specular, unshadowed, shadowed = sums
     for c in range(3):
         store_row(packet, layout.DIFFUSE + c, diffuse[c])
@@ -246,7 +247,7 @@ def store_light(packet, sums):
 
 @inline
 def brightness(body, highlight):
-    """R + G + B of light that points reflect, diffuse and specular."""
+    """The sum R + G + B of reflected light, diffuse and specular."""
     reflected = add(body, highlight)
     return reflected[0] + reflected[1] + reflected[2]
 

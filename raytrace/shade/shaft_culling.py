@@ -28,7 +28,11 @@ _BOXES = 1024  # of all objects together, about
 
 
 def cluster(vertices: Float32s, faces: Int64s, objects: int) -> Float64s:
-    """Boxes (n, 2, 3), low and high corners, around the faces of a mesh, a share of all objects' number of boxes."""
+    """Boxes (n, 2, 3), low and high corners, around clusters of a mesh's faces.
+
+    Args:
+        objects: how many objects there are, which share a number of boxes.
+    """
     low = vertices.min(axis=0).clip(-NEAR, NEAR)
     high = vertices.max(axis=0).clip(-NEAR, NEAR)
     longest = float((high - low).max())

@@ -89,26 +89,30 @@ def composite(scratch, packets, layers):
 
 
 @inline
-def composite_ray(scratch, e, lane, kept, ray, layers):
-    """Composite the hit of a lane of packet e behind what its ray has `kept`; returns whether the ray goes on.
+def composite_ray(scratch, e, lane, accumulated, ray, layers):
+    """Composite the hit of one lane of packet e behind the earlier hits of its ray; returns whether the ray goes on.
 
     Layers that are no light show the first surface behind which less than half of the light passes.
+
+    Args:
+        accumulated: sums of all rays, by columns; `ray` is the one to add to.
+        layers: whether these layers are made.
     """
     packet = scratch.points[e]
     noted = scratch.layers[e]
     hit = scratch.items[e, lane] >= 0
-    before = kept[TRANSMITTANCE, ray]
+    before = accumulated[TRANSMITTANCE, ray]
     weight = before * noted[COVER, lane] if hit else before
     for column in range(layout.AMBIENT, layout.W):
-        kept[column, ray] += weight * packet[column, lane]
+        accumulated[column, ray] += weight * packet[column, lane]
     behind = before - weight * packet[layout.ALPHA, lane] if hit else before
     behind = behind if behind > LEAST else np.float32(0.0)
     if layers and hit and before > HALF and behind <= HALF:
         for column in range(layout.W, layout.FILM):
-            kept[column, ray] = packet[column, lane]
-    kept[layout.ALPHA, ray] = np.float32(1.0) - behind
-    kept[TRANSMITTANCE, ray] = behind
-    kept[BEGIN, ray] = noted[NEXT, lane]
+            accumulated[column, ray] = packet[column, lane]
+    accumulated[layout.ALPHA, ray] = np.float32(1.0) - behind
+    accumulated[TRANSMITTANCE, ray] = behind
+    accumulated[BEGIN, ray] = noted[NEXT, lane]
     return hit and behind > 0.0
 
 

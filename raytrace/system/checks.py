@@ -13,12 +13,12 @@ from pathlib import Path
 
 from ..errors import InputError, MemoryLimitError, OptionError, OutputError
 from .atomic import check_writable
+from .paths import PathName
 
 NEGLIGIBLE = 1 << 20  # bytes; finding out whether so few are available takes longer than work that needs them
 _NO_LIMIT = 1 << 60  # kernels write about 2^63 for none
 _ADDRESSES, _RESIDENT, _DATA = 0, 1, 5  # columns of /proc/self/statm
 _UNTOUCHED = 640 << 20, 192 << 20  # addresses, private memory: reserved by libraries, stacks, arenas
-Name = str | os.PathLike[str]
 _MOST = 1 << 28  # bytes of a report or scene; anything larger is none
 
 
@@ -53,7 +53,6 @@ def memory_in_use(proc: Path = Path("/proc"), column: int = _RESIDENT) -> int | 
 
 
 def size_text(size: int) -> str:
-    """A number of bytes in MiB or GiB."""
     return f"{size / 2**30:.1f} GiB" if size >= 1 << 30 else f"{size / 2**20:.0f} MiB"
 
 
@@ -155,7 +154,7 @@ _KINDS: dict[tuple[str, ...], tuple[str, tuple[bytes, ...] | Callable[[bytes], o
 """Files that may be replaced, by their endings: a name, and their first bytes or a test of all of them."""
 
 
-def check_outputs(outputs: Mapping[str, Name | None], inputs: Iterable[Name] = ()) -> None:
+def check_outputs(outputs: Mapping[str, PathName | None], inputs: Iterable[PathName] = ()) -> None:
     """Check that all files of a command can be written without a loss. Raises: OptionError, OutputError.
 
     Names that lead to one file, by links of either sort or by another spelling, count as one. An existing file is
@@ -189,13 +188,13 @@ def make_folder(folder: Path) -> None:
         raise OutputError(f"{folder}: cannot make this folder: {what}") from None
 
 
-def check_ending(option: str, path: Name, *endings: str) -> None:
+def check_ending(option: str, path: PathName, *endings: str) -> None:
     """Raises: OptionError: the name `path` ends in none of `endings`, upper or lower case."""
     if Path(path).suffix.lower() not in endings:
         raise OptionError(option, f"a name ending in {' or '.join(endings)}", os.fspath(path))
 
 
-def _identity(path: Name) -> object:
+def _identity(path: PathName) -> object:
     """Equal for names of one file: device and inode, or the whole path where there is no file."""
     try:
         status = os.stat(path)
@@ -206,7 +205,7 @@ def _identity(path: Name) -> object:
     return os.path.normcase(os.path.realpath(path))
 
 
-def _check_kind(option: str, path: Name) -> None:
+def _check_kind(option: str, path: PathName) -> None:
     """Refuse to replace a file that is not of the kind of its ending. Raises: OptionError."""
     for endings, (name, is_one) in _KINDS.items():
         if Path(path).suffix.lower() not in endings or not os.path.exists(path):

@@ -143,7 +143,10 @@ class _Refusing(ABCMeta):
 
 
 def _option_error(error: ValidationError, kind: _Refusing, values: dict[str, Any]) -> OptionError:
-    """The error of a validation; of a field with a description, with the whole value."""
+    """Pydantic's error as an `OptionError`: the most telling fault, named by its field.
+
+    A field with a description is reported with that and its whole value.
+    """
     fault = most_telling(error)
     cause = fault.get("ctx", {}).get("error")
     if isinstance(cause, OptionError):

@@ -30,7 +30,7 @@ def thread_count(threads: int | None) -> int:
 
 
 def granted(threads: int) -> int:
-    """How many of so many threads `run_blocks` uses: more than cores would take turns; within a block one."""
+    """How many threads `run_blocks` uses of so many that are asked for: no more than cores, and one within a block."""
     return 1 if getattr(_within, "blocks", False) else min(threads, thread_count(None) + _BEYOND)
 
 
@@ -91,7 +91,10 @@ def run_blocks(
 
 
 def run_ranges(count: int, least: int, work: Callable[[int, int], None], threads: int) -> None:
-    """`run_blocks` in a part for each thread, `least` or more, for work that looks at all input and keeps its part."""
+    """`run_blocks` with one part for each thread, of `least` items or more.
+
+    For work that looks at all of its input whatever its part, such as one that writes the rows of its part alone.
+    """
     run_blocks(count, max(-(-count // granted(threads)), least), work, threads)
 
 

@@ -41,7 +41,6 @@ def _is_blank(c):
 
 @inline
 def _is_digit(c):
-    """Whether a byte is a digit from 0 to 9."""
     return 48 <= c <= 57
 
 
@@ -110,7 +109,6 @@ def _multiply(a, b):
 
 @inline
 def _is_end(c):
-    """Whether a byte ends a line."""
     return c == 10 or c == 13
 
 
@@ -163,7 +161,10 @@ def _parse_word(text, i):
 
 @kernel
 def read_rows(text, begin, end, numbers, counts):
-    """The `numbers` (`_parse_word`) of lines that have words, and their `counts`; returns how many lines these are."""
+    """Read the numbers of all lines that have words, one after another, and write how many each line has.
+
+    Words become what `_parse_word` makes of them. Returns how many lines there are.
+    """
     number, line, i = 0, 0, begin
     while i < end:
         before = number

@@ -114,7 +114,6 @@ class Batch:
         with progress(options.quiet, "meshes", form=options.progress, status=status) as (advance,):
 
             def add(finished: int) -> None:
-                """Count finished meshes, show the progress and save the manifest."""
                 nonlocal done
                 done += finished
                 if advance:
@@ -135,7 +134,6 @@ class Batch:
                     raise
 
             def bake_small(start: int, stop: int) -> None:
-                """Bake the small meshes from `start` to `stop`, each on one thread."""
                 for number in small[start:stop]:
                     bake_here(number, 1)
 

@@ -101,7 +101,6 @@ class WholeBakes:
         (outcomes,) = tables
 
         def write(start: int, stop: int) -> None:
-            """Do the bakes from `start` to `stop`, each on one thread."""
             for row in range(start, stop):
                 with unprinted_warnings(), silence_tolerance_warnings():
                     outcomes[row] = run_in_batch(scene.plans[self.numbers[row]], 1)._asdict()

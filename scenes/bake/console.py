@@ -43,9 +43,9 @@ def _in_plain_letters(fault: UnicodeError) -> tuple[str, int]:
 
 
 def reopen_streams() -> None:
-    """Let standard streams that were closed refuse with an error of the system, but for errors, which nobody reads.
+    """Replace standard streams that were closed before the start, whose numbers the next opened files would get.
 
-    Otherwise the next files that are opened would be taken for them.
+    Reading and writing then fails with an error of the system; what goes to standard error is dropped.
     """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
@@ -137,7 +137,6 @@ def bake_summary(baked: ao.Bake, target: Path) -> str:
 
 
 def _took(baked: ao.Bake | ao.BakedTexture) -> str:
-    """How long a bake took, in words."""
     return f"in {baked.seconds['bake']:.2f} s"
 
 

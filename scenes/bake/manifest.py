@@ -65,7 +65,6 @@ class Manifest:
         self._due = time.monotonic() + EVERY
 
     def count(self, status: Status) -> int:
-        """How many inputs have this status."""
         return sum(entry.status == status for entry in self.entries)
 
     def save(self) -> None:

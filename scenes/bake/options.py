@@ -249,7 +249,6 @@ class RenderOptions(OptionValues):
 
 
 def _is_given(row: Option, options: OptionValues) -> bool:
-    """Whether an option has another value than its default."""
     return row.default is not ... and getattr(options, row.name) != row.default
 
 

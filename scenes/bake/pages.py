@@ -37,7 +37,8 @@ _LISTED = 3  # pieces without texture coordinates
 
 @dataclass(frozen=True, eq=False)
 class Page:
-    """One page."""
+    """One page: the texture coordinates (m, 3, 2) of its faces, NaN of others, and the words for placeholders in its
+    name."""
 
     uv: Float64s  # (m, 3, 2), NaN of faces that are not on it
     wraps: bool = True  # whether what lies outside of it is taken modulo 1
@@ -87,7 +88,7 @@ class Layouts:
                 self.instance[piece.faces] = same.setdefault(piece.object.key, len(same))
 
     def clashes(self, page: Page, size: tuple[int, int], threads: int | None) -> dict[tuple[int, int], int]:
-        """In how many texels layouts overlap on a page, by pairs."""
+        """In how many texels pairs of layouts overlap on a page."""
         used = self.of[on_page(page.uv)]
         if len(np.unique(used)) < 2:
             return {}
@@ -95,7 +96,7 @@ class Layouts:
         return {pair: count for pair, count in shared.items() if count > _SOME * min(covered[list(pair)])}
 
     def sets(self, clashes: dict[tuple[int, int], int]) -> Iterator[tuple[str, Bools]]:
-        """Names and faces (m,) of pages: layouts that have an image in common and do not overlap share one."""
+        """Names and faces (m,) of texture sets: layouts that share an image and do not overlap share a set."""
         pages: list[list[int]] = []
         for layout, image in enumerate(self.images):
             beside = [layouts for layouts in pages if self.images[layouts[0]] == image]
@@ -108,7 +109,7 @@ class Layouts:
         return zip(names, (np.isin(self.of, page) for page in pages), strict=True)
 
     def by_instance(self, pages: Sequence[Page]) -> list[Page]:
-        """The pages, where several instances of a mesh are on one of them a page for each, named by its object."""
+        """The pages, but one for each instance, named by its object, where a page holds several instances of a mesh."""
         split_pages: list[Page] = []
         for page in pages:
             numbers = np.where(on_page(page.uv), self.instance, -1)

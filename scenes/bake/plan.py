@@ -279,7 +279,7 @@ def _texels(text: str) -> tuple[int, int]:
 
 
 def _check_vertices(plan: Plan) -> None:
-    """Raises: ConflictError."""
+    """Raises: ConflictError: options that a bake to vertices, or to this output, cannot have together."""
     options = plan.options
     if not plan.is_part:
         check_holds(plan.output, "points" if options.points else options.at, options.both_sides)
@@ -290,7 +290,9 @@ def _check_vertices(plan: Plan) -> None:
 
 
 def _check_texture(plan: Plan) -> None:
-    """Raises: OptionError, ConflictError."""
+    """Raises: OptionError, ConflictError: options that a bake to a texture, or to these outputs, cannot have
+    together.
+    """
     options = plan.options
     glb = plan.glb
     named_layouts = (None, "auto", "unwrap", "fill", "pack")

@@ -89,7 +89,8 @@ def command_again(plan: Plan, source: MeshFile) -> str:
 
 
 def _streamed(name: str, option: str) -> list[str]:
-    """A file's name as words of a command; that of a standard stream, "<stdin>.ply" say, as "-" and its format."""
+    """A file's name as words of a command; a standard stream, "<stdin>.ply" for instance, becomes "-" with its
+    format."""
     stream, _, ending = name.rpartition(".")
     return ["-", option, ending] if stream in ("<stdin>", "<stdout>") else [name]
 

@@ -196,7 +196,6 @@ def _write_report(plan: Plan, bakes: Sequence[BakedPage], inputs: list[dict[str,
         whole = {"pages": {page.title: facts for page, facts in zip(bakes, reports, strict=True)}}
 
     def pictures() -> list[list[Picture]]:
-        """Pictures of each page; with one page, of the mesh too."""
         from ..show.report.pictures import pictures_of_page
 
         shown = mesh if len(bakes) == 1 else None

@@ -44,7 +44,7 @@ class Coordinates:
 
 
 def coordinates(plan: Plan, source: MeshFile, chosen: ObjectSelection) -> Coordinates:
-    """The texture coordinates that a plan has by --uv.
+    """The texture coordinates that --uv asks for: those of the file, new ones, or new ones for some faces alone.
 
     Raises: MeshError: there are none. OptionError: as `unwrap`, or a page too large.
     """

@@ -81,7 +81,6 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
         from ao.report import report
 
         def pictures() -> list[list[Picture]]:
-            """Pictures of the baked mesh."""
             from ..show.report.pictures import pictures_of_vertices
 
             return [pictures_of_vertices(inputs.source.mesh, baked.w, baked.error)]
@@ -171,6 +170,5 @@ def _bake_groups(plan: Plan, inputs: BakeInputs) -> ao.Bake:
 
 
 def _sums(tables: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The sum of each named number over several tables."""
     names = dict.fromkeys(name for table in tables for name in table)
     return {name: sum(table.get(name, 0) for table in tables) for name in names}

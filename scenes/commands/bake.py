@@ -164,7 +164,6 @@ def _batch(options: BakeOptions) -> Batch:
 
 
 def _workers(options: BakeOptions) -> Workers | None:
-    """The workers of `--cluster`, None without it."""
     if not options.cluster:
         return None
     from ..bake.cluster import Workers

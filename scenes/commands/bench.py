@@ -66,7 +66,6 @@ def run_bench(
 
 
 def bench_table(measured: Sequence[Row]) -> str:
-    """The measurements as lines of text."""
     head = ("samples", "seconds", "Mrays/s", "RMSE", "p99", "max", "estimated")
     cells = [
         (str(row.samples), f"{median(row.seconds):.3f}", f"{row.rays / median(row.seconds) / 1e6:.1f}",

@@ -143,7 +143,8 @@ def _drop_empty_meshes(header: dict[str, Any]) -> None:
 
 
 def _drop_values(builder: GlbBuilder, unused: set[int]) -> None:
-    """Leave zeros of `unused` accessors, which keep their numbers, and of the buffer what views that are used show."""
+    """Replace accessors that are `unused`, which keep their numbers, by zeros, and drop what no view shows from the
+    buffer."""
     header = builder.header
     for number in unused:
         header["accessors"][number] = dict(_ZERO)

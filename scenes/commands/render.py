@@ -175,7 +175,12 @@ def _picture(
     source: Path, description: SceneDescription, all_layers: bool, threads: int, bars: Sequence[Advance | None],
     session: ClusterSession | None,
 ) -> RenderedPicture:  # fmt: skip
-    """Bake what a described scene needs, and render it. Args: bars: of baking, and of rendering."""
+    """Bake what a described scene needs, and render it.
+
+    Args:
+        all_layers: as of `raytrace.render`.
+        bars: progress of baking, and of rendering.
+    """
     from raytrace.renderer.render import describe_work, render, rendering_bytes
     from raytrace.system.checks import check_memory
 
@@ -221,7 +226,6 @@ def _write_report(
     from ..show.report.verdict import write_report
 
     def pictures() -> list[list[Picture]]:
-        """The picture and its layers."""
         from ..show.report.pictures import pictures_of_frame
 
         return [pictures_of_frame(picture.frame)]

@@ -233,7 +233,6 @@ def _placed(
 
 
 def _camera(stored: records.GltfCamera, matrix: Float64s) -> Camera:
-    """A glTF camera at the node with this map to the world (4, 4)."""
     target = matrix[:3, 3] - normalize(matrix[:3, 2])
     view: dict[str, Any] = {"position": matrix[:3, 3].tolist(), "target": target.tolist(), "up": matrix[:3, 1].tolist()}
     if stored.type == "orthographic":

@@ -73,7 +73,6 @@ class Transform(Table):
         """The affine (4, 4) map for column vectors. Raises: SceneError: none, or keys that exclude each other."""
 
         def fault(key: str, expected: str, got: object) -> SceneError:
-            """An error about a key of this table."""
             return SceneError(source, joined(path, key), expected, got)
 
         # A matrix stands alone.

@@ -62,7 +62,6 @@ class NumberRows(NamedTuple):
         counts = [np.zeros(1, np.int64)] * (1 + len(blocks))
 
         def work(block: int) -> None:
-            """Read the numbers of a block of lines."""
             begin, end = blocks[block]
             most = (end - begin) // 2 + 1
             words = np.empty(most)
@@ -75,7 +74,7 @@ class NumberRows(NamedTuple):
         return cls(data, np.concatenate([np.empty(0), *numbers]), np.cumsum(np.concatenate(counts)))
 
     def words(self, at: Int64s) -> Int64s:
-        """Where in the data the words at these places begin, as long as they are no numbers."""
+        """Where in the data the words at these places begin, of words that are no numbers."""
         return self.numbers.view(np.int64)[at] & _PLACE
 
     def starting_with(self, word: bytes) -> Int64s:
@@ -94,9 +93,13 @@ class NumberRows(NamedTuple):
         return np.diff(self.bounds)
 
     def take(self, rows: slice | Int64s, skip: int | Int64s, sizes: int | Int64s, fault: Exception) -> Float64s:
-        """So many numbers of each of some rows, after the ones to `skip`, one after the other.
+        """So many numbers of each of some rows, one row after the other.
 
-        Raises: fault: a row has fewer. ValueError: text that is not numbers.
+        Args:
+            skip: how many words to leave out at the beginning of each row.
+            sizes: how many numbers to take, of all rows or of each.
+
+        Raises: `fault`: a row has fewer. ValueError: text that is not numbers.
         """
         at = self.bounds[:-1][rows] + skip  # of each row's first number in `numbers`
         counts = np.broadcast_to(sizes, at.shape)
@@ -123,7 +126,7 @@ class NumberRows(NamedTuple):
 
 
 def whole(numbers: Float64s) -> Int64s:
-    """Indices of vertices. Raises: ValueError: some are no whole numbers."""
+    """Numbers as indices of vertices. Raises: ValueError: some are no whole numbers."""
     indices = numbers.astype(np.int64)
     if numbers.dtype.kind == "f" and not (indices == numbers).all():
         raise ValueError("vertex indices that are no whole numbers")

@@ -45,7 +45,10 @@ class ObjectSelection(NamedTuple):
         return uv if self.receive.all() else np.where(self.receive[:, None, None], uv, np.nan)
 
     def of_page(self, uv: Float64s) -> Mesh:
-        """The mesh as the faces on a page see it, others without area. Raises: ConflictError: of several groups."""
+        """The mesh that occludes the faces on a page: where groups are baked, only their group keeps its area.
+
+        Raises: ConflictError: faces of several groups are on the page.
+        """
         from ao.texture.uv_layout import on_page
 
         shown = on_page(uv)

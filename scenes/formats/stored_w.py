@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -18,6 +17,7 @@ from raytrace.image.texture import pack_textures
 from raytrace.image.texture_lookup import sample_points
 from raytrace.mesh.weld import first_alike
 from raytrace.system.checks import check_regular
+from raytrace.system.paths import PathName
 from raytrace.types import AnyFloats, Float64s
 
 from ..geometry.instances import Instance
@@ -44,7 +44,7 @@ def check_stored(path: Path) -> None:
         raise OptionError("--baked", "an existing file", path)
 
 
-def read_w(path: str | os.PathLike[str], *counts: int, scales: Scales | None = None) -> Float64s:
+def read_w(path: PathName, *counts: int, scales: Scales | None = None) -> Float64s:
     """w (n,): a `.npy` file, the array `w` of a `.npz` file, or that of a mesh's vertices.
 
     Primitives of a glTF that a bake has left nothing in have what their occlusion texture is at the vertices.

@@ -8,6 +8,8 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import BinaryIO, NamedTuple
 
+from raytrace.system.paths import PathName
+
 
 class MeshInput(NamedTuple):
     """A mesh file to be read."""
@@ -21,7 +23,6 @@ class MeshInput(NamedTuple):
 
     @property
     def source(self) -> str:
-        """The file's name for messages."""
         return str(self.path)
 
 
@@ -73,7 +74,7 @@ def formats() -> dict[str, FileFormat]:
     return dict(sorted(_REGISTERED.items()))
 
 
-def format_of(path: str | os.PathLike[str]) -> FileFormat:
+def format_of(path: PathName) -> FileFormat:
     """The format of a file's ending; for unknown endings one without an ending, which libraries may read."""
     return formats().get(Path(path).suffix.lower(), _LIBRARIES)
 
@@ -83,7 +84,7 @@ def endings(what: str) -> tuple[str, ...]:
     return tuple(row.ending for row in formats().values() if what in row.holds or getattr(row, what, False))
 
 
-def is_raster(path: str | os.PathLike[str]) -> bool:
+def is_raster(path: PathName) -> bool:
     """Whether a file is a raster of heights, by its ending: every cell gets w, in a raster."""
     return "raster" in format_of(path).holds
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from raytrace.errors import ConflictError, OptionError, Term
 from raytrace.system.atomic import check_writable, write_bytes
+from raytrace.system.paths import PathName
 
 from .load import MeshFile, load
 from .table import Channels, endings, format_of
@@ -26,13 +27,13 @@ _PLY_NAME = r"(?!(n?[xyz]|[stuv]|red|green|blue|alpha|texture_.|obscurance\w*)$)
 Colors = Literal["rgb", "r", "g", "b", "a"]
 
 
-def check_target(path: str | os.PathLike[str]) -> None:
+def check_target(path: PathName) -> None:
     """Find out before the bake whether `write` will accept `path`. Raises: OptionError: of its ending; OutputError."""
     _writer(path)
     check_writable(path)
 
 
-def check_holds(path: str | os.PathLike[str], at: str, both_sides: bool) -> None:
+def check_holds(path: PathName, at: str, both_sides: bool) -> None:
     """Raises: ConflictError: the format holds no w of faces or of points alone, or of both sides."""
     if "faces" not in format_of(path).holds and (at != "vertices" or both_sides):
         terms: dict[str, Term] = {"faces": ("at", "faces"), "points": "points"}
@@ -112,7 +113,7 @@ def write(
     write_vertices(path, values, source, where)
 
 
-def write_vertices(path: str | os.PathLike[str], bake: Bake, mesh_file: MeshFile, shown: Channels) -> None:
+def write_vertices(path: PathName, bake: Bake, mesh_file: MeshFile, shown: Channels) -> None:
     """Write a bake per vertex. Args: shown: the channels that viewers look at. Raises: as `write`."""
     write_bytes(path, _writer(path)(bake, mesh_file, shown))
 
@@ -139,7 +140,7 @@ def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file:
 
 
 def channels(
-    path: str | os.PathLike[str],
+    path: PathName,
     colors: Colors | None,
     occlusion: Occlusion | None,
     replace_occlusion: bool,
@@ -170,7 +171,7 @@ def channels(
 ENDINGS = tuple(ending for ending in endings("write") if ending not in endings("raster"))  # for any mesh
 
 
-def _writer(path: str | os.PathLike[str]) -> Callable[..., bytes | memoryview]:
+def _writer(path: PathName) -> Callable[..., bytes | memoryview]:
     """The function that writes files with this ending. Raises: OptionError: none does."""
     target = format_of(os.fspath(path)).write
     if not target:

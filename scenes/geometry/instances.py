@@ -110,7 +110,7 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Sub
 
 
 def _parts(instances: Sequence[Instance]) -> tuple[Submesh, ...]:
-    """Where each instance is in a mesh of all, one after the other."""
+    """Where each instance's vertices and faces are in a mesh of all instances, one after the other."""
     parts = []
     vertex = 0
     face = 0
@@ -137,7 +137,7 @@ def joined_attributes(instances: Sequence[Instance]) -> SourceAttributes | None:
 
 
 def _polygons(instances: Sequence[Instance], parts: Sequence[Submesh]) -> Int64s | None:
-    """The polygon of each face of a mesh of all, or None if all are triangles."""
+    """The polygon of each face of a mesh of all instances, or None if all are triangles."""
     if all(placed.polygons is None for placed in instances):
         return None
     counted = [np.arange(len(placed.faces)) if placed.polygons is None else placed.polygons for placed in instances]

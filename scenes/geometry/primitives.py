@@ -53,7 +53,6 @@ def plane(corner: npt.ArrayLike, along: npt.ArrayLike, across: npt.ArrayLike, fi
     normal = normalize(np.cross(s_side, t_side))
 
     def surface(s: Float64s, t: Float64s) -> tuple[Float64s, Float64s]:
-        """Points and normals at s along one side and t along the other."""
         return start + s * s_side + t * t_side, np.broadcast_to(normal, (*np.broadcast(s, t).shape[:-1], 3))
 
     cells = [max(int(np.ceil(np.linalg.norm(side) / fineness)), 1) for side in (s_side, t_side)]
@@ -89,7 +88,6 @@ def tube(base: npt.ArrayLike, radius: float, height: float, fineness: float) -> 
     """The side of a cylinder that stands on `base` along z, outward normals, no caps."""
 
     def surface(s: Float64s, t: Float64s) -> tuple[Float64s, Float64s]:
-        """Points and normals at s around and t upwards."""
         x, y, z = np.broadcast_arrays(*_ring(s, np.ones_like(t)), height * t)
         sideways = np.concatenate([x, y, np.zeros_like(z)], axis=-1)
         return np.asarray(base, np.float64) + radius * sideways + z * [0.0, 0.0, 1.0], sideways
@@ -104,7 +102,6 @@ def cylinder(radius: float, height: float, fineness: float) -> TexturedMesh:
         """The disc at the upper end, side 1, or the lower, −1, as `_patch` takes surfaces."""
 
         def surface(s: Float64s, t: Float64s) -> tuple[Float64s, Float64s]:
-            """Points and normals at s around and t from the rim to the centre."""
             x, y = np.broadcast_arrays(*_ring(side * s, radius * (1 - t)))
             z = np.full_like(x, side * height / 2)
             return np.concatenate([x, y, z], axis=-1), np.broadcast_to([0.0, 0.0, side], (*x.shape[:-1], 3))
@@ -118,7 +115,6 @@ def cylinder(radius: float, height: float, fineness: float) -> TexturedMesh:
 
 
 def _around(radius: float, fineness: float) -> int:
-    """How many edges go around a circle."""
     return max(int(np.ceil(2 * np.pi * radius / fineness)), 8)
 
 

@@ -1,7 +1,5 @@
 """The progress of work: labelled bars on a terminal, lines every 10 s elsewhere, or JSON for other programs."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -67,7 +65,6 @@ def _lines(last: float) -> Show:
     """Shows progress as lines on standard error, 10 s apart. Args: last: when one was printed, or the work began."""
 
     def show(label: str, done: int, total: int, text: str) -> None:
-        """Print a line, unless the last one is recent."""
         nonlocal last
         now = time.perf_counter()
         if now - last >= _EVERY_LINE:
@@ -91,7 +88,6 @@ def _bars() -> Iterator[Show]:
     tasks: dict[str, TaskID] = {}
 
     def show(label: str, done: int, total: int, text: str) -> None:
-        """Draw the bar of a stage, a new one after filling those before."""
         if label not in tasks:
             fill()
             tasks[label] = bars.add_task(label, text="")
@@ -99,7 +95,6 @@ def _bars() -> Iterator[Show]:
         bars.update(tasks[label], completed=done, total=total, text=text)
 
     def fill() -> None:
-        """Fill all bars and take them off the screen."""
         for task in tasks.values():
             bars.update(task, completed=bars.tasks[task].total)
             bars.refresh()
@@ -119,7 +114,6 @@ def _json_lines(unit: str, start: float) -> Advance:
     last = 0.0
 
     def advance(done: int, total: int, stage: str = "") -> None:
-        """Print an event, unless the last one is recent."""
         nonlocal last
         now = time.perf_counter()
         if done < total and now - last < _EVERY:

@@ -115,7 +115,6 @@ def closed_form(form: Callable[..., float], *arguments: tuple[Any, ...]) -> Clos
     """w of some points by a function of `ao.analytic.closed_forms`, of each one's `arguments`, τ and, if finite, D."""
 
     def exact(tau: Rate, limit: float) -> list[float]:
-        """The closed form at each point, of the falloff's rate and, if finite, its limit."""
         mu = (tau,) if limit == inf else (tau, limit)
         return [form(*row, *mu) for row in arguments]
 

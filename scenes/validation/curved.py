@@ -50,9 +50,12 @@ def _case(
     certain: bool = False,
     **options: Any,
 ) -> ValidationCase:
-    """A part with normals at its receivers and none elsewhere: the stand-in's other vertices need no bake.
+    """A case with one part: normals at its receivers, and none elsewhere, as other vertices of the stand-in need no
+    bake.
 
-    Args: receivers: rows and normals. bounds: exact w, and w of the smaller shape in `part`.
+    Args:
+        receivers: rows and normals.
+        bounds: exact w, and w of the smaller shape in `part`.
     """
     points = receivers[0]
     normals = np.full((len(part[0]), 3), np.nan)
@@ -98,7 +101,6 @@ def _disk(radius: float, height: float, seed: int, name: str = "coaxial disk", *
 
 
 def _sphere_above(sphere: RawMesh) -> ValidationCase:
-    """Points of a plane under a sphere."""
     radius, height, offsets = 0.8, 1.0, (0.0, 0.6, 1.5)
     inner = radius * inscribed_radius(sphere)
     points = [(x * cos(k), x * sin(k), 0.0) for k, x in enumerate(offsets)]
@@ -170,7 +172,6 @@ def _inside_cylinder() -> ValidationCase:
 
 
 def _cylinder() -> ValidationCase:
-    """Points of a plane under a long horizontal cylinder."""
     radius, height, offsets = 0.4, 0.6, (0.0, 0.5, -1.5)
     inner = radius * cos(pi / SIDES)
     vertices, faces = prism(SIDES, LENGTH / radius)

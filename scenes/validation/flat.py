@@ -86,7 +86,6 @@ def _open() -> list[ValidationCase]:
 
 
 def _ceiling() -> ValidationCase:
-    """Points of a plane under a parallel one."""
     size, height = 100.0, 0.7
     slab = _rectangle((-size, -size, height), (2 * size, 0, 0), (0, 2 * size, 0))
     limits = (Binary(2 * height), Exponential(tau=1.0, max_distance=2 * height), Binary(0.9 * height))
@@ -135,7 +134,6 @@ def _trenches() -> list[ValidationCase]:
 
 
 def _boxes() -> list[ValidationCase]:
-    """Points on the floors of closed boxes."""
     cube = ((0.5, 0.5, 0.5, 0.5), 1.0)
     limited = (Binary(0.7), Exponential(tau=1.0, max_distance=0.8), Exponential(tau=1.0, max_distance=1.2), Linear(1.2))
     falloffs = (*BOTH, Exponential(tau=5.0), *limited)
@@ -200,7 +198,6 @@ def _triangles(seed: int) -> ValidationCase:
 
 
 def _pentagon() -> ValidationCase:
-    """Points of a plane under a pentagon in a general position."""
     angles = 2 * pi * np.arange(5) / 5
     corners = np.stack([np.cos(angles), 1.3 * np.sin(angles), np.zeros(5)], axis=-1)
     pentagon = generic_rotation(3).apply(corners) + np.array([0.2, 0.1, 0.6])

@@ -82,7 +82,6 @@ def trace(
     w = np.empty((len(mus), len(points)))
 
     def work(start: int, stop: int) -> None:
-        """Trace the rays of the points from `start` to `stop`, and average over them."""
         directions = np.matmul(frames[start:stop], sets[drawn[start:stop]]).transpose(0, 2, 1).reshape(-1, 3)
         origins = np.repeat(points.origins[start:stop], rays, axis=0)
         hits = intersect(scene, origins, directions, placement.diagonal, threads=1)

@@ -55,7 +55,6 @@ class Result:
 
 @lru_cache(maxsize=1)
 def configurations() -> tuple[Configuration, ...]:
-    """All configurations of the table."""
     return tuple(line for case in (*flat_cases(), *curved_cases()) for line in case.configurations())
 
 

@@ -100,7 +100,7 @@ def _coordinates(pieces: list[Any]) -> PerCorner | None:
 
 
 def _colours(pieces: list[Any], count: int) -> Float64s | None:
-    """Colours (n, 3) of the vertices, of one of their corners each; None unless all primitives have some."""
+    """Colours (n, 3) of the vertices, each from one of its corners; None unless all primitives have some."""
     colours = np.ones((count, 3))
     for piece in pieces:
         sources = piece.sources.get("COLOR")

@@ -146,7 +146,12 @@ def part_origin(vertices: Float64s) -> Float64s | None:
 
 
 def _vertex_columns(source: SourceAttributes, colors: str) -> dict[str, npt.NDArray[Any]]:
-    """Colours, unless all channels are to hold w, and further numbers of the vertices, by glTF's names."""
+    """Attributes of the vertices by glTF's names: colours, unless all channels are to hold w, and the source's
+    further numbers.
+
+    Args:
+        colors: channels of `COLOR_0` that are to hold w.
+    """
     columns: dict[str, npt.NDArray[Any]] = {}
     stored = source.colors if len(colors) < 2 else None
     if stored is None and len(colors) == 1:

@@ -92,7 +92,7 @@ class Poses:
         return stored._replace(vertices=vertices * _MIRROR, normals=normals, matrix=np.diag([*_MIRROR, 1.0]))
 
     def _joints(self, number: int) -> Float64s:
-        """The maps of a skin's joints, (j, 3, 4), from where the mesh is stored to the world at rest."""
+        """The maps (j, 3, 4) of a skin's joints: from the space that the mesh is stored in to the world."""
         if number in self._skins:
             return self._skins[number]
         asset = self.asset

@@ -89,10 +89,13 @@ def textured_glb(
 def _by_page(
     builder: GlbBuilder, primitive: dict[str, Any], page_of: Int64s
 ) -> Iterator[tuple[int, Int64s, dict[str, Any]]]:
-    """The pages of a primitive's faces, the rows of the faces on each, and a primitive for them: itself, or a copy
-    that is added to its mesh.
+    """Split a primitive by the pages of its faces.
 
-    Args: page_of: (t,).
+    Returns of each page the rows of the faces on it, and a primitive for them: itself, or a copy that is added to its
+    mesh.
+
+    Args:
+        page_of: (t,), the page of each face.
     """
     mesh = next(mesh for mesh in builder.header["meshes"] if any(other is primitive for other in mesh["primitives"]))
     used = np.unique(page_of).tolist()

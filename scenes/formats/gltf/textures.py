@@ -179,9 +179,12 @@ def _column(
     kinds: tuple[str, ...],
     missing: float,
 ) -> Float64s | None:
-    """An attribute of all vertices, `missing` of primitives that have it not among their names; None if none has.
+    """An attribute of all drawn vertices, by its name; None if no primitive has it. Raises: as `column`.
 
-    Raises: as `column`.
+    Args:
+        names: that each primitive has.
+        kinds: types of accessors, of which the last has most columns.
+        missing: the value for vertices of a primitive that lacks it.
     """
     if not any(name in names_of_part for names_of_part in names):
         return None

@@ -155,7 +155,6 @@ def _material(name: str, statements: dict[str, Any]) -> SourceMaterial:
     """A material from its statements, by keyword. Its roughness is that of the exponent `Ns`."""
 
     def number(key: str, otherwise: float = 0.0) -> float:
-        """The number behind a keyword, `otherwise` if there is none."""
         return statements[key][0] if statements.get(key) else otherwise
 
     black = 0.0, 0.0, 0.0

@@ -90,7 +90,6 @@ class ObjText:
         runs_of = [np.empty((0, 3), np.int64)] * len(tallies)
 
         def work(block: int) -> None:
-            """Count the lines of a block, and find its runs."""
             begin, end = self._blocks[block]
             runs_found = np.empty(((end - begin) // 4 + 2, 3), np.int64)
             runs_of[block] = runs_found[: lines.survey(self._text, begin, end, tallies[block], runs_found)].copy()
@@ -105,7 +104,8 @@ class ObjText:
                 self.runs += [Run(run[1], run[0], faces + more) for run in _RUN.finditer(text)]
 
     def _numbers(self, keyword: str) -> Float64s:
-        """All numbers of a keyword's lines (k, any) where they have equally many, enough; else the first of each."""
+        """The numbers of a keyword's lines, (k, any): all where lines have equally many, else the first that are
+        needed."""
         kind = NUMBERED.index(keyword)
         least = self._tallies[:, kind, LEAST].min()
         needed = int(NEEDED[kind])
@@ -114,7 +114,6 @@ class ObjText:
         values = np.empty((ends[-1], least if alike else needed))
 
         def work(block: int) -> None:
-            """Read the numbers of a block's lines."""
             if self._tallies[block, kind, COUNT]:
                 row = values[ends[block] : ends[block + 1]]
                 lines.read_numbers(self._text, *self._blocks[block], kind, row)
@@ -130,7 +129,6 @@ class ObjText:
         valid = [True] * len(self._blocks)
 
         def work(block: int) -> None:
-            """Read the faces of a block."""
             if self._tallies[block, F, COUNT]:
                 faces = self._before[block], sizes, indices
                 valid[block] = lines.read_faces(self._text, *self._blocks[block], *faces)
@@ -153,7 +151,7 @@ class ObjText:
         return self._per_corner("vt") if self.some("vt").any() else None
 
     def some(self, keyword: str) -> Bools:
-        """The corners (c,) that have an index of `vt` or `vn`."""
+        """Which corners (c,) have an index of `vt` or `vn`."""
         return np.asarray(self.indices[keyword] != NONE)
 
     def _per_corner(self, keyword: str) -> PerCorner:

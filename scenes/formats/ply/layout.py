@@ -230,7 +230,6 @@ def _coordinates(
 
 
 def _finite(column: Property) -> bool:
-    """Whether a property has finite values alone."""
     return bool(np.isfinite(column.values).all())
 
 

@@ -97,7 +97,6 @@ def _read_text(data: bytes, header: PlyHeader, source: str) -> list[Element]:
 
 
 def _ends_early(source: str, element: Element) -> MeshError:
-    """The error for a file that ends within an element."""
     return MeshError(source, f"element {element.name}", f"{element.count} rows", "an end before that")
 
 

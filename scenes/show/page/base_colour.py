@@ -206,8 +206,11 @@ def _textures_of(picture: Picture) -> list[Texture]:
 
 
 def _image(picture: Picture, most: int) -> bytes:
-    """The file of a texture as it is if it is small and opaque, else a JPEG of at most `most` texels a side, or a PNG
-    with alpha."""
+    """The image file of a picture for a page.
+
+    It is the texture's own file if that is small and opaque, else a JPEG of at most `most` texels a side, or a PNG with
+    alpha.
+    """
     texture, surface = picture
     if surface and surface.texture:
         return _image_with_alpha(texture, surface, surface.texture, most)

@@ -94,5 +94,4 @@ def _hashed(text: str) -> str:
 
 
 def _part(name: str) -> str:
-    """The text of a file in `parts/`."""
     return files(__package__).joinpath("parts", name).read_text("utf-8")

@@ -167,7 +167,10 @@ def _texture_columns(textures: TexturedW, number: int, columns: dict[str, npt.ND
 
 
 def _runs(shown: Int64s) -> list[list[int]]:
-    """Runs of faces with the same textures: their lengths and textures. Args: shown: (bakes + 1, m)."""
+    """Runs of faces with the same textures: their lengths and textures.
+
+    Args: shown: (bakes + 1, m), by bake and of colour.
+    """
     starts = np.flatnonzero((shown[:, 1:] != shown[:, :-1]).any(axis=0)) + 1
     ends = [0, *starts.tolist(), shown.shape[1]]
     return [[end - begin, *shown[:, begin].tolist()] for begin, end in pairwise(ends)]

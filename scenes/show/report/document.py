@@ -195,16 +195,13 @@ def _flags(report: Report) -> str:
 
 
 def _table(facts: Mapping[str, Any]) -> str:
-    """An HTML table of names and values."""
     cells = "".join(f"<tr><th>{_text(name)}</th><td>{_text(value)}</td></tr>" for name, value in facts.items())
     return f"<table>{cells}</table>"
 
 
 def _section(title: str, content: str) -> str:
-    """A section of the page under a heading."""
     return f"<section><h2>{_text(title)}</h2>{content}</section>"
 
 
 def _text(value: object) -> str:
-    """A value as HTML text, escaped."""
     return html.escape(printable(str(value)))

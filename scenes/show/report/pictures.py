@@ -1,7 +1,5 @@
 """Pictures of bakes, as on a page, with the error in colours or flagged vertices; of textures; of rendered layers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 
@@ -77,7 +75,6 @@ _WHITE = Lambert(albedo=(1, 1, 1), two_sided="viewer")
 
 
 def _camera(mesh: Mesh) -> Camera:
-    """A camera that frames the mesh as pages do."""
     return Camera.framing(mesh, aspect=_WIDTH / _HEIGHT, field_of_view=FIELD_OF_VIEW)
 
 
@@ -119,7 +116,6 @@ def _shrunk(layer: Float32s) -> Float32s:
 
 
 def _png(linear: AnyFloats) -> bytes:
-    """A PNG file of linear values."""
     return image_bytes("picture.png", write_image, linear)
 
 
