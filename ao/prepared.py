@@ -166,8 +166,9 @@ class Prepared(NamedTuple):
         opacity = receivers.opacity
         if self.options.back_faces == "ignore":
             opacity = (opacity or PackedOpacity(np.full(len(receivers.faces), -1)))._replace(one_sided=np.int64(1))
-        hierarchies = receivers.tree, receivers.embree
-        return RayScene(self.placement.vertices, receivers.faces, *hierarchies, opacity, self.options.cone)
+        return RayScene(
+            self.placement.vertices, receivers.faces, receivers.tree, receivers.embree, opacity, self.options.cone
+        )
 
     def tracer(self, total_points: int) -> Tracer:
         """A tracer of up to `total_points` points, for a mesh all of its points, requested or not."""

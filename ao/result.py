@@ -214,8 +214,16 @@ class PointValues(NamedTuple):
         error = [np.sqrt(estimate.variance + np.square(displaced)) for estimate, _ in columns]
         further = tuple(np.stack(columns_of[1:], axis=-1) for columns_of in (w, error)) if len(columns) > 1 else ()
         estimate, hidden = columns[0]
-        rest = estimate.samples, rays, estimate.skipped(hidden), estimate.calibration, further
-        return cls(w[0], error[0], estimate.values[:, 1:], *rest)
+        return cls(
+            w[0],
+            error[0],
+            estimate.values[:, 1:],
+            estimate.samples,
+            rays,
+            estimate.skipped(hidden),
+            estimate.calibration,
+            further,
+        )
 
 
 class BakedElements(NamedTuple):

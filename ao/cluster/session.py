@@ -280,8 +280,10 @@ class ClusterSession:
         for worker in (worker for worker, reason in self._workers.items() if not reason):
             while busy[worker] < IN_FLIGHT and self.dispatch.spans:
                 start, stop = self.dispatch.take(worker)
-                block = bit_environment(), self._file, self._cluster.threads, work[start:stop]
-                self._calls[self._cluster.call(worker, trace_block, *block)] = worker, (start, stop)
+                call = self._cluster.call(
+                    worker, trace_block, bit_environment(), self._file, self._cluster.threads, work[start:stop]
+                )
+                self._calls[call] = worker, (start, stop)
                 busy[worker] += 1
 
     def _receive(self, work: RowTask, worker: str, span: Span, call: Future[Any]) -> Outputs | None:

@@ -59,8 +59,15 @@ class Patch:
         unknown[without] = len(normals) + np.arange(len(without))
         axes = np.concatenate([normals, np.zeros((len(without), 3), np.float32)])
         points = unknown[faces]
-        arrays = vertices[faces], *face_normals(vertices, faces), points.astype(np.int32), axes[points]
-        patch = cls(*arrays, len(axes), len(faces), np.broadcast_to(1.0, len(faces)))
+        patch = cls(
+            vertices[faces],
+            *face_normals(vertices, faces),
+            points.astype(np.int32),
+            axes[points],
+            unknowns=len(axes),
+            mesh_faces=len(faces),
+            cover=np.broadcast_to(1.0, len(faces)),
+        )
         return patch if len(faces) > _COARSE else patch._with_rectangles()
 
     def _with_rectangles(self) -> Patch:
@@ -97,8 +104,16 @@ class Patch:
         """A patch of some faces, with unknowns of their own."""
         unknowns, renumbered = np.unique(self.face_points[faces], return_inverse=True)
         face_points = renumbered.reshape(-1, 3).astype(np.int32)
-        arrays = self.corners[faces], self.normals[faces], self.areas[faces], face_points, self.axes[faces]
-        return Patch(*arrays, len(unknowns), len(faces), self.cover[faces])
+        return Patch(
+            self.corners[faces],
+            self.normals[faces],
+            self.areas[faces],
+            face_points,
+            self.axes[faces],
+            unknowns=len(unknowns),
+            mesh_faces=len(faces),
+            cover=self.cover[faces],
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,8 +171,9 @@ class Moments:
         def write(start: int, stop: int) -> None:
             faces = self[start:stop]
             packet = RayPacket.of(embree, scene.opacity)
-            outputs = moments[start:stop], counts[start:stop]
-            gather_faces(packet, faces.faces, faces.samples, drawn, self.mu, self.reach, *outputs)
+            gather_faces(
+                packet, faces.faces, faces.samples, drawn, self.mu, self.reach, moments[start:stop], counts[start:stop]
+            )
 
         return write
 

@@ -192,8 +192,9 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     opacity = mesh.opacity.packed() if mesh.opacity else None
     if opacity:
         opacity = opacity.only(face_normals(placement.vertices.astype(np.float64), mesh.faces)[1] > 0)
-    tree = offset.tree, offset.tree_seconds
-    return Receivers(points, corners, of_vertex, flags, faces, *tree, displaced[usable], embree, opacity)
+    return Receivers(
+        points, corners, of_vertex, flags, faces, offset.tree, offset.tree_seconds, displaced[usable], embree, opacity
+    )
 
 
 @kernel

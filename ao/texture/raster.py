@@ -36,8 +36,7 @@ class Marks(NamedTuple):
     def of(cls, count: int) -> Self:
         """Marks of `count` texels that no triangle has reached."""
         triangle = np.full((count, POINTS), -1, np.int32)
-        nothing = np.zeros(count, np.uint8), np.zeros(count, np.bool_), np.zeros(count, np.int32)
-        return cls(triangle, *nothing)
+        return cls(triangle, np.zeros(count, np.uint8), np.zeros(count, np.bool_), np.zeros(count, np.int32))
 
 
 class Lists(NamedTuple):

@@ -48,8 +48,16 @@ def closest_points(
     weights = np.zeros((len(points), 3), np.float32)
 
     def search(start: int, stop: int) -> None:
-        out = face[start:stop], weights[start:stop]
-        _search(tree, new_stack(), surface, points[start:stop], radius, (match[0][start:stop], match[1]), *out)
+        _search(
+            tree,
+            new_stack(),
+            surface,
+            points[start:stop],
+            radius,
+            (match[0][start:stop], match[1]),
+            face[start:stop],
+            weights[start:stop],
+        )
 
     run_blocks(len(points), _BLOCK, search, threads, most=_SHARE)
     return face, weights
@@ -226,12 +234,9 @@ def _faces_within(triangles, point, radius):
 
 @inline
 def _beyond(edge, n, end, radius, vague):
-    """Lanes where a point is beyond an edge of a triangle by more than `radius`, surely.
+    """Lanes where a point is surely beyond an edge of a triangle by more than `radius`.
 
-    Args:
-        n: normals of the triangles.
-        end: where the edge ends, relative to the point.
-        vague: rounding of coordinates.
+    Args: n: normals. end: where the edge ends, relative to the point. vague: rounding of coordinates.
     """
     outwards = cross(edge, n)
     return dot(outwards, end) < -(radius * _sum(outwards) + vague * _sum(edge))

@@ -34,9 +34,13 @@ def orient(triangles: Float32s, boxes: Float32s, starts: Int64s) -> tuple[Float3
     oriented[:], threads = boxes, thread_count(None)
     for start, stop in pairwise(starts):
         children = -(-len(triangles) // span)
-        level = (axes[start:stop], oriented[start:stop])
         span = span * WIDE
-        run_blocks(children, max(_LEAVES * WIDE // span, 1), partial(_turn, triangles, span // WIDE, *level), threads)
+        run_blocks(
+            children,
+            max(_LEAVES * WIDE // span, 1),
+            partial(_turn, triangles, span // WIDE, axes[start:stop], oriented[start:stop]),
+            threads,
+        )
     fewer = _overlap(triangles, oriented[: starts[1]], axes[: starts[1]]) * _GAIN < overlap
     return (oriented, starts, axes) if fewer else (boxes, starts, None)
 

@@ -64,7 +64,6 @@ class _Library(JITCodeLibrary):
 
 
 def _lowered_only(flags: Any) -> Any:
-    """Numba's flags for code that is lowered to LLVM's, and not compiled."""
     flags.no_compile = True
     return flags
 
@@ -80,11 +79,8 @@ def intrinsic(signature: Callable[..., Any], emit: Callable[..., Any]) -> Any:
 
     def define(_typing: Any, *kinds: Any) -> Any:
         """What Numba asks for: the signature for arguments of these types, None for wrong ones, and the code."""
-        call_signature = signature(*kinds)
-        return call_signature and (
-            call_signature,
-            lambda context, builder, kinds, values: emit(context, builder, kinds, *values),
-        )
+        typed = signature(*kinds)
+        return typed and (typed, lambda context, builder, kinds, values: emit(context, builder, kinds, *values))
 
     define.__signature__ = inspect.Signature([*inspect.signature(emit).parameters.values()][2:])  # type: ignore[attr-defined]
     compiled = numba.extending.intrinsic(define)
@@ -162,7 +158,6 @@ def object_files(
             pointer = builder.load(cgutils.gep_inbounds(builder, words, element))
             words = builder.inttoptr(pointer, _WORD.as_pointer())
         word_numbers = count()
-        # The arguments made of their words, the call, and its results.
         values = [load_argument(builder, words, word_numbers, kind) for kind in argument_types]
         if path:
             values[0] = builder.ptrtoint(entry.args[0], _WORD)
@@ -217,15 +212,13 @@ def _optimized(library: Any, bitcode: bytes, symbol: str, level: str) -> bytes:
     machine = _context.codegen()._tm = machine_of(level)
     library._final_module = llvm.parse_bitcode(bitcode)
     library._optimize_final_module()
-    linked = library._final_module
+    final = library._final_module
     missing = [
-        function.name
-        for function in linked.functions
-        if function.is_declaration and function.name.startswith(_OF_NUMBA)
+        function.name for function in final.functions if function.is_declaration and function.name.startswith(_OF_NUMBA)
     ]
     if missing:
         raise TypeError(f"{symbol}: expected no lists, texts or NumPy's sort, which need Numba's {missing}")
-    code: bytes = machine.emit_object(linked)
+    code: bytes = machine.emit_object(final)
     return code
 
 

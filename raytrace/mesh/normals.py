@@ -63,8 +63,12 @@ def vertex_sums(
     sums = np.zeros((len(vertices), 3))
     vertices = np.ascontiguousarray(vertices, np.float64)
     faces = np.ascontiguousarray(faces, np.int64)
-    arguments = vertices, faces, normals, areas, ("angle", "area", "equal").index(weighting)
-    run_ranges(len(sums), _VERTICES, bind(_vertex_sums, *arguments, sums), thread_count(None))
+    run_ranges(
+        len(sums),
+        _VERTICES,
+        bind(_vertex_sums, vertices, faces, normals, areas, ("angle", "area", "equal").index(weighting), sums),
+        thread_count(None),
+    )
     return sums
 
 

@@ -30,8 +30,7 @@ _FINE = 16.0  # contact radii; vertices all whose edges are shorter are welded o
 
 
 def connected_components(links: AnyInts, count: int) -> Int64s:
-    """The component (count,) of each of `count` members, which the rows of `links` connect; numbered in order of
-    first members."""
+    """The component (count,) of each member, which the rows of `links` connect; numbered in order of first members."""
     parent = np.arange(count)
     run_blocks(len(links), _BLOCK, bind(join, links, parent), thread_count(None), most=_MOST)
     renumber_components(parent)
@@ -182,15 +181,15 @@ def grids(positions: Float32s) -> Iterator[tuple[Int64s, Int64s]]:
     Two positions within the contact radius share a key in one of them at least: along each axis they are parted by one
     grid at most. A grid has the rows near borders of all grids before it.
     """
-    kept = np.arange(len(positions))
+    rows = np.arange(len(positions))
     for quarter in range(4):
-        subset = positions[kept] if quarter else positions
-        keys = np.empty(len(kept), np.int64)
-        beside = np.empty(len(kept), np.bool_)
+        subset = positions[rows] if quarter else positions
+        keys = np.empty(len(rows), np.int64)
+        beside = np.empty(len(rows), np.bool_)
         locate = bind(_locate, subset, quarter / 4 + 0.1, keys, beside)  # no border is at 0, where many coordinates are
-        run_blocks(len(kept), _PLACED, locate, thread_count(None))
-        yield kept, keys
-        kept = kept[beside]
+        run_blocks(len(rows), _PLACED, locate, thread_count(None))
+        yield rows, keys
+        rows = rows[beside]
 
 
 @kernel
@@ -241,8 +240,8 @@ def _near(positions: Float32s, faces: Int64s, vertices: Int64s) -> Int64s:
 
 
 def _pairs(keys: AnyInts, along: Float64s) -> Iterator[tuple[Int64s, Int64s]]:
-    """Pairs a < b of rows with equal `keys` (k,), ascending, up to 64 apart; but not of rows far apart in `along`,
-    ascending too."""
+    """Pairs a < b of rows with equal `keys` (k,), up to 64 apart, and near each other in `along`; both are
+    ascending."""
     for step in range(1, min(_NEIGHBOURS, len(keys) - 1) + 1):
         near = along[step:] - along[:-step] <= _EDGE / _CELLS * np.maximum(1.0, np.abs(along[step:]))
         earlier = np.flatnonzero((keys[step:] == keys[:-step]) & near)

@@ -141,8 +141,15 @@ def seen_vertices(scene: Scene, camera: Camera, settings: Settings, threads: int
     whole_polygons = settings.shading == "gouraud" and len(geometry.arrays.polygons) > 0
 
     def work(begin: int, end: int) -> None:
-        part = (left, left + wide), (top + begin, top + end)
-        mark_seen(geometry.arrays, view, *part, *new_packet(WIDE, True, geometry.hit_filter), seen, whole_polygons)
+        mark_seen(
+            geometry.arrays,
+            view,
+            (left, left + wide),
+            (top + begin, top + end),
+            *new_packet(WIDE, True, geometry.hit_filter),
+            seen,
+            whole_polygons,
+        )
 
     run_blocks(high, 8, work, thread_count(threads))
     return seen

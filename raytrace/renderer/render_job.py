@@ -60,8 +60,16 @@ class RenderJob:
         self.view = place_camera(camera, settings, self.geometry.centre, self.geometry.scale)
         shading = _SHADINGS.index(settings.shading)
         form = _FORMS.index(settings.obscurance)
-        switches = settings.shadows, settings.terminator, layers, layers or form != layout.OFF
-        self.style = Style(settings.samples, shading, form, *switches, built.background)
+        self.style = Style(
+            settings.samples,
+            shading,
+            form,
+            settings.shadows,
+            settings.terminator,
+            layers,
+            layers or form != layout.OFF,
+            built.background,
+        )
         self._left, self._top, self._wide, self._high = whole_tiles(settings)
         self._crop = settings.crop or (0, 0, settings.width, settings.height)
         self.columns = -(-self._wide // TILE)  # of tiles

@@ -61,14 +61,14 @@ def transmittance(geometry, scratch, mask, origin, l, distance):
 def begin_layers(scratch, packets):
     """Reset the viewing rays of the first packets, which have seen nothing yet."""
     for e in range(packets):
-        kept = scratch.layers[e]
+        accumulated = scratch.layers[e]
         for column in range(layout.FILM):
-            store_row(kept, column, 0.0)
-        store_row(kept, layout.W, 1.0)
-        store_row(kept, layout.SHADOW, 1.0)
-        store_row(kept, layout.DEPTH, np.float32(np.inf))
-        store_row(kept, TRANSMITTANCE, 1.0)
-        store_row(kept, BEGIN, 0.0)
+            store_row(accumulated, column, 0.0)
+        store_row(accumulated, layout.W, 1.0)
+        store_row(accumulated, layout.SHADOW, 1.0)
+        store_row(accumulated, layout.DEPTH, np.float32(np.inf))
+        store_row(accumulated, TRANSMITTANCE, 1.0)
+        store_row(accumulated, BEGIN, 0.0)
         store_row(scratch.active_rays, e, lane_numbers() + e * WIDE)
 
 

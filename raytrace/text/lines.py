@@ -36,22 +36,22 @@ def _byte(text, i):
 @inline
 def _is_blank(c):
     """Whether a byte is a blank, a tab or an end of line."""
-    return c == 32 or 9 <= c <= 13
+    return c == 32 or 9 <= c <= 13  # " ", "\t" to "\r"
 
 
 @inline
 def _is_digit(c):
-    return 48 <= c <= 57
+    return 48 <= c <= 57  # "0" to "9"
 
 
 @inline
 def _parse_float(text, i):
     """The number at text[i]: (number, where it ends, whether it is one that this can round)."""
     sign = _byte(text, i)
-    if sign == 45 or sign == 43:
+    if sign == 45 or sign == 43:  # "-", "+"
         i += 1
     mantissa, digits, exponent, valid, point = np.uint64(0), 0, 0, False, False
-    while _is_digit(_byte(text, i)) or (_byte(text, i) == 46 and not point):
+    while _is_digit(_byte(text, i)) or (_byte(text, i) == 46 and not point):  # "."
         c = _byte(text, i)
         if c == 46:
             point = True
@@ -61,7 +61,7 @@ def _parse_float(text, i):
             exponent -= point
             valid = True
         i += 1
-    if valid and (_byte(text, i) == 101 or _byte(text, i) == 69):
+    if valid and (_byte(text, i) == 101 or _byte(text, i) == 69):  # "e", "E"
         down, scale, valid = _byte(text, i + 1) == 45, 0, False
         i += 2 if down or _byte(text, i + 1) == 43 else 1
         while _is_digit(_byte(text, i)):
@@ -109,19 +109,19 @@ def _multiply(a, b):
 
 @inline
 def _is_end(c):
-    return c == 10 or c == 13
+    return c == 10 or c == 13  # "\n", "\r"
 
 
 @inline
 def _keyword(text, i):
     """The kind of the line that begins at i, by its keyword, and where the words after that begin."""
-    while _byte(text, i) == 32 or _byte(text, i) == 9:
+    while _byte(text, i) == 32 or _byte(text, i) == 9:  # " ", "\t"
         i += 1
     letter = _byte(text, i)
-    if letter == 35 or _is_end(letter):
+    if letter == 35 or _is_end(letter):  # "#"
         return NOTHING, i
-    kind = F if letter == 102 else V if letter == 118 else REST
-    if kind == V and (_byte(text, i + 1) == 116 or _byte(text, i + 1) == 110):
+    kind = F if letter == 102 else V if letter == 118 else REST  # "f", "v"
+    if kind == V and (_byte(text, i + 1) == 116 or _byte(text, i + 1) == 110):  # "t", "n"
         i += 1
         kind = VT if _byte(text, i) == 116 else VN
     return kind if _is_blank(_byte(text, i + 1)) else REST, i + 1
@@ -132,13 +132,13 @@ def _next_word(text, i):
     """Where the next word of a line begins, and whether there is one before the line or its comment ends."""
     while _is_blank(_byte(text, i)) and not _is_end(_byte(text, i)):
         i += 1
-    return i, _byte(text, i) != 35 and not _is_end(_byte(text, i))
+    return i, _byte(text, i) != 35 and not _is_end(_byte(text, i))  # "#"
 
 
 @inline
 def _skip_word(text, i):
     """Where the word at text[i] ends: at a blank, or at the # of a comment."""
-    while _byte(text, i) != 35 and not _is_blank(_byte(text, i)):
+    while _byte(text, i) != 35 and not _is_blank(_byte(text, i)):  # "#"
         i += 1
     return i
 
@@ -203,7 +203,7 @@ def survey(text, begin, end, tally, other_runs):
                 words += 1
                 word, i = i, _skip_word(text, i)
                 for k in range(word, i if kind == F else word):
-                    tally[F, SLASHES] += _byte(text, k) == 47
+                    tally[F, SLASHES] += _byte(text, k) == 47  # "/"
                 i, has_word = _next_word(text, i)
             tally[kind, COUNT] += 1
             tally[kind, USABLE] += words >= NEEDED[kind]
@@ -268,7 +268,7 @@ def read_faces(text, begin, end, before, sizes, indices):
                     indices[part, corner] = NONE
                 part = -1
                 i = i - 1
-                while part < 0 or _byte(text, i) == 47:
+                while part < 0 or _byte(text, i) == 47:  # "/"
                     part += 1
                     index, stop, sure = _parse_index(text, i + 1)
                     if stop > i + 1 and part < len(indices):
@@ -290,7 +290,7 @@ def read_faces(text, begin, end, before, sizes, indices):
 def _parse_index(text, i):
     """The whole number at i, or the largest there is, where it ends, and whether digits follow its sign, if any."""
     begin, sign, size = i, _byte(text, i), 0
-    if sign == 45 or sign == 43:
+    if sign == 45 or sign == 43:  # "-", "+"
         i += 1
     digits = i
     while _is_digit(_byte(text, i)):

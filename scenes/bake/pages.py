@@ -37,8 +37,7 @@ _LISTED = 3  # pieces without texture coordinates
 
 @dataclass(frozen=True, eq=False)
 class Page:
-    """One page: the texture coordinates (m, 3, 2) of its faces, NaN of others, and the words for placeholders in its
-    name."""
+    """One page: texture coordinates (m, 3, 2), NaN of faces on others, and words for placeholders in its name."""
 
     uv: Float64s  # (m, 3, 2), NaN of faces that are not on it
     wraps: bool = True  # whether what lies outside of it is taken modulo 1
@@ -172,8 +171,7 @@ def _pages(plan: Plan, source: MeshFile, layouts: Layouts, coordinates: Coordina
 
 
 def _groups(all_groups: Sequence[PrimitiveGroup], output: Path, count: int) -> list[tuple[dict[str, str], Bools]]:
-    """Groups of faces by the placeholders <MATERIAL> and <OBJECT> that a name has: the words for these, and faces
-    (m,)."""
+    """Groups of faces (m,) by <MATERIAL> and <OBJECT>, as far as a name has these, and the words for them."""
     columns = {MATERIAL: [piece.material for piece in all_groups], OBJECT: [piece.object for piece in all_groups]}
     words = []
     for placeholder, column in columns.items():
@@ -189,7 +187,6 @@ def _groups(all_groups: Sequence[PrimitiveGroup], output: Path, count: int) -> l
 
 
 def _masked(uv: Float64s, mask: Bools) -> Float64s:
-    """Texture coordinates (m, 3, 2), NaN of faces that are not in the mask (m,)."""
     return np.where(mask[:, None, None], uv, np.nan)
 
 
@@ -247,7 +244,6 @@ def lacking(source: MeshFile, uv: Float64s, needed: Bools, keeps_uv: bool) -> li
 
 
 def _has_tiles(uv: Float64s) -> bool:
-    """Whether coordinates have UDIM tiles, all of which have a number."""
     try:
         return bool(udim_tiles(uv[on_page(uv)], ""))
     except OptionError:

@@ -83,8 +83,7 @@ def _bars() -> Iterator[Show]:
 
     label = TextColumn("{task.description}")
     figures = TextColumn("{task.percentage:3.0f} % {task.fields[text]}")
-    columns = label, BarColumn(), figures, TimeRemainingColumn()
-    bars = Progress(*columns, console=Console(stderr=True), transient=True)
+    bars = Progress(label, BarColumn(), figures, TimeRemainingColumn(), console=Console(stderr=True), transient=True)
     tasks: dict[str, TaskID] = {}
 
     def show(label: str, done: int, total: int, text: str) -> None:

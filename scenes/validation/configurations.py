@@ -79,8 +79,18 @@ class ValidationCase:
             target = ZERO_VARIANCE_TARGET
             fall = 0.0
         options = {"normals": self.normals, **self.options}
-        own_error = self.missing * float(1.0 - mu(self.beyond)), float(np.abs(exact - other).max())
-        return Configuration(self.name, self.mesh, self.points, falloff, options, exact, target, fall, *own_error)
+        return Configuration(
+            self.name,
+            self.mesh,
+            self.points,
+            falloff,
+            options,
+            exact,
+            target,
+            rate=fall,
+            truncation=self.missing * float(1.0 - mu(self.beyond)),
+            tessellation=float(np.abs(exact - other).max()),
+        )
 
 
 @dataclass(frozen=True, eq=False)

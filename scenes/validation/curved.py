@@ -60,8 +60,19 @@ def _case(
     points = receivers[0]
     normals = np.full((len(part[0]), 3), np.nan)
     normals[points] = receivers[1]
-    known = missing, LENGTH / 2, bounds[1], certain, options
-    return ValidationCase(name, posed(part, seed, normals, source=name), points, bounds[0], falloffs, "file", *known)
+    return ValidationCase(
+        name,
+        posed(part, seed, normals, source=name),
+        points,
+        bounds[0],
+        falloffs,
+        normals="file",
+        missing=missing,
+        beyond=LENGTH / 2,
+        bracket=bounds[1],
+        certain=certain,
+        options=options,
+    )
 
 
 def _above_plane(
@@ -145,8 +156,15 @@ def _inside_sphere(sphere: RawMesh, thickness: bool = False) -> ValidationCase:
     part = radius * sphere[0], sphere[1][:, ::outwards]
     normals = outwards * sphere[0][points]
     least = _seen_from_within(lambda a, depth: exp(-depth) * 2 * sin(a) * cos(a), radius, inner)
-    about = (points, normals), (closed_form(analytic.inside_sphere, (radius,)), least), (*BOTH, Exponential(tau=5.0))
-    return _case("thickness of a ball" if thickness else "inside a sphere", 34, part, *about, thickness=thickness)
+    return _case(
+        "thickness of a ball" if thickness else "inside a sphere",
+        34,
+        part,
+        (points, normals),
+        (closed_form(analytic.inside_sphere, (radius,)), least),
+        (*BOTH, Exponential(tau=5.0)),
+        thickness=thickness,
+    )
 
 
 def _missing(reach: float) -> float:
@@ -167,8 +185,15 @@ def _inside_cylinder() -> ValidationCase:
     part = radius * vertices, faces[:, ::-1]
     normals = -vertices[points]
     least = _seen_from_within(lambda a, depth: 4 / pi * cos(a) * bickley(3, depth), radius, inner)
-    about = (points, normals), (closed_form(analytic.inside_cylinder, (radius,)), least), (*BOTH, Exponential(tau=5.0))
-    return _case("inside a cylinder", 35, part, *about, missing=_missing(2 * radius))
+    return _case(
+        "inside a cylinder",
+        35,
+        part,
+        (points, normals),
+        (closed_form(analytic.inside_cylinder, (radius,)), least),
+        (*BOTH, Exponential(tau=5.0)),
+        missing=_missing(2 * radius),
+    )
 
 
 def _cylinder() -> ValidationCase:

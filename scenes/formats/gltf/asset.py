@@ -83,7 +83,6 @@ class Gltf:
 
     @cached_property
     def _read(self) -> Callable[[Path], bytes]:
-        """Reads a file's bytes, once."""
         return cache(Path.read_bytes)
 
     def referenced(self, uri: str) -> bytes | None:
@@ -155,7 +154,7 @@ class Gltf:
     @cached_property
     def drawn(self) -> list[DrawnPrimitive]:
         """The triangle primitives, node by node as in `world`. Raises: ValueError: as that, or a triangle fan."""
-        primitives = []
+        drawn = []
         for number in self.world:
             node = self.geometry.nodes[number]
             mesh = node.mesh
@@ -168,10 +167,8 @@ class Gltf:
                     raise ValueError(f"mesh {mesh} is a triangle fan, which is not supported")
                 if primitive.mode in (records.TRIANGLES, records.TRIANGLE_STRIP):
                     stored = self.header["meshes"][mesh]["primitives"][number_in_mesh]
-                    primitives.append(
-                        DrawnPrimitive(number, mesh, number_in_mesh, primitive, stored, node.skin, weights)
-                    )
-        return primitives
+                    drawn.append(DrawnPrimitive(number, mesh, number_in_mesh, primitive, stored, node.skin, weights))
+        return drawn
 
     def material(self, primitive: Primitive) -> GltfMaterial:
         """The material of a primitive, the default one if it names none. Raises: ValueError: there is no such entry."""

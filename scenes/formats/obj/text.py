@@ -130,8 +130,7 @@ class ObjText:
 
         def work(block: int) -> None:
             if self._tallies[block, F, COUNT]:
-                faces = self._before[block], sizes, indices
-                valid[block] = lines.read_faces(self._text, *self._blocks[block], *faces)
+                valid[block] = lines.read_faces(self._text, *self._blocks[block], self._before[block], sizes, indices)
 
         for_blocks(len(valid), work)
         return sizes, indices, all(valid)
