@@ -157,7 +157,7 @@ def set_up_edges(triangle, edges):
 
 @inline
 def edge_function(edges, k, x, y):
-    """Barycentric coordinate k of a point, times twice the triangle's area."""
+    """Barycentric coordinate k of a point, times twice the triangle's area. Args: edges: of `set_up_edges`."""
     return edges[k, 4] * (edges[k, 2] * (y - edges[k, 1]) - edges[k, 3] * (x - edges[k, 0]))
 
 

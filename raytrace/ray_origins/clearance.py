@@ -53,9 +53,10 @@ def _least_cosines(normals, face_points, face_normals, clearance, start, stop):
 
 @kernel
 def _outermost(normals, directions, clearance, sharp, starts, faces):
-    """Move the normals and directions of `sharp` points, and write their clearance.
+    """Move normals of `sharp` points in front of their faces, and directions further, and write the clearance of
+    these.
 
-    Args: starts, faces: their normals.
+    Args: starts, faces: the unit normals of the faces at point k are faces[starts[k] : starts[k + 1]].
     """
     for k in range(len(sharp)):
         row = sharp[k]

@@ -74,7 +74,11 @@ class Surface(NamedTuple):
         return shortest[points]
 
     def magnitudes(self, face_points: Int64s, count: int) -> Float64s:
-        """The scale of the offset at each of `count` points (`ray_offset`), those of `face_points` (m, 3)."""
+        """The largest coordinates (count,) at each of `count` points, by which `ray_offset` scales offsets.
+
+        Args:
+            face_points: (m, 3), the points of each face.
+        """
         around = np.zeros(count)
         magnitude = np.zeros(count)
         threads = thread_count(None)

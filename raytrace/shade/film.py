@@ -179,8 +179,13 @@ def store_retired(edges, retired):
 
 @inline
 def load_edges(edges, tile, columns, cells, retired):
-    """Load which pixels of a tile are retired, and the cells on its sides as all tiles know them, each of which has
-    rendered its own pixels: `edges` (tiles, EDGES), in rows of `columns`."""
+    """Load which pixels of a tile are retired, and the cells on its sides, merged with those of the eight tiles
+    around it.
+
+    Args:
+        edges: (tiles, EDGES), in rows of `columns`, as tiles have stored them after rendering their own pixels.
+        cells, retired: written.
+    """
     for p in range(TILE * TILE):
         retired[p] = np.int64(edges[tile, MASKS + (p >> BITS)]) >> (p & LAST) & 1
     for down in range(-1, 2):

@@ -166,7 +166,10 @@ def _collect_of_attributes(faces: Int64s, attributes: SourceAttributes, collecte
 
 
 def _collect_alpha(opacity: Opacity, collected: _Collected) -> None:
-    """The alpha of corners and images; with a cutoff 0 or 1. Images of alpha go by the places of those of colour."""
+    """Collect the alpha of corners and of images; with a cutoff it is 0 or 1.
+
+    A face whose colour has an image looks up its image of alpha at the same place.
+    """
     for number, surface in enumerate(opacity.surfaces):
         faces = np.flatnonzero(opacity.of == number)
         corners = np.ones((len(faces), 3)) if opacity.corners is None else opacity.corners[faces]
