@@ -34,7 +34,11 @@ class _Dual(NamedTuple):
     pull: float
 
     def at(self, multipliers: Float64s, wanted: Float64s) -> tuple[float, Float64s, Float64s]:
-        """The dual function at `multipliers`, its gradient, and x: `wanted` clamped to [0, 1]."""
+        """The dual function at some multipliers, its gradient there, and x (n,).
+
+        Args:
+            wanted: (n,), the minimum without bounds for these multipliers: x is this, clamped to [0, 1].
+        """
         x = wanted.clip(0.0, 1.0)
         image = self.differences @ x
         moved = x - self.values

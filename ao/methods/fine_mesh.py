@@ -65,6 +65,7 @@ def _project(prepared: Prepared, coarse: Mesh, vertices: Receivers, inputs: Inpu
     """The vertices of `coarse` on the fine mesh, and which of them the cage misses."""
     placement = prepared.placement
     fine = FineMesh(prepared.mesh.source, placement, prepared.receivers, prepared.threads)
+    # One vertex for each point: its place, and the cage's there.
     representative = vertices.first_vertex
     positions = (coarse.vertices[representative] - placement.centre) * placement.scale
     cage = cage_of(prepared.options.cage, coarse, prepared.mesh)

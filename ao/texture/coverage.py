@@ -98,6 +98,7 @@ class _Band(NamedTuple):
         """The coverage of the band: texels that have a triangle at one of their points or samples in parts of
         triangles."""
         layout, count = self.page.layout, len(self.texels)
+        # Triangles at the texels' points, and texels whose samples are sought in parts of triangles.
         marks = Marks.of(count)
         how = np.empty(count, np.int64)
         scan_convert(self.triangles, layout.corners, self.texels, layout.width, self.places.points, marks, None)
@@ -106,6 +107,7 @@ class _Band(NamedTuple):
         counts, listed = self._sample(partial, how[partial], marks.reaching)
         listed_of = np.zeros(count, np.int64)
         listed_of[partial] = counts
+        # The texels with any.
         all_count = (how == LAYERS) | (listed_of > SLOTS)
         covered = np.flatnonzero((marks.triangle[:, 0] >= 0) | (listed_of > 0))
         starts = np.concatenate([[0], np.cumsum(listed_of[covered])])

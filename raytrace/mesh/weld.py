@@ -99,8 +99,10 @@ def coincident(positions: Float32s, faces: Int64s) -> Int64s:
     Positions share a place if they are equal or within their `contact_radius`, or are linked by others that are; but
     for vertices all whose edges are hardly longer than that, which must be equal.
     """
+    # Equal positions: the first of them stands for all.
     representative = first_alike(positions + np.float32(0.0))  # −0 becomes 0
     distinct = np.flatnonzero(representative == np.arange(len(representative)))
+    # Others that share a cell of a grid with another, and so may be within its contact radius.
     beside = np.zeros(len(distinct), np.bool_)
     for subset, keys in grids(positions[distinct]):
         alike = first_alike(keys[:, None])
@@ -164,10 +166,8 @@ def cosine(normals, a, b):
 
 @kernel
 def _join_agreeing(order, starts, normals, agreement, group):
-    """Connect vertices at one place whose normals agree: order[starts[k] : starts[k + 1]] are at place k.
-
-    Only vertices up to 64 apart in that order are compared.
-    """
+    """Connect vertices order[starts[k] : starts[k + 1]], which are at one place, up to 64 apart, if their normals
+    agree."""
     for k in range(len(starts) - 1):
         for i in range(starts[k], starts[k + 1]):
             for j in range(i + 1, min(i + 1 + _NEIGHBOURS, starts[k + 1])):

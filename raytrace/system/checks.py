@@ -82,6 +82,7 @@ def _control_groups(root: Path) -> Iterator[int]:
             limit_name, used_name = "memory.limit_in_bytes", "memory.usage_in_bytes"
         else:
             continue
+        # The group's limit and those of the groups above it.
         own_group = mount / path.lstrip("/")
         for folder in (own_group, *own_group.parents):
             with suppress(OSError, ValueError):

@@ -30,6 +30,7 @@ def read_obj(mesh_input: MeshInput) -> list[Instance]:
         if mesh_input.keep or mesh_input.alpha
         else ({}, [], [])
     )
+    # What else the file holds, and the alpha of its materials.
     if mesh_input.keep:
         attributes, unread = obj_attributes(file, libraries, triangles, normals, vertex_normals is not None)
         instance = instance._replace(attributes=attributes, unread=unread)

@@ -213,6 +213,7 @@ def _check_build(build: list[tuple[Key, Float64s]], objects: dict[Key, _Object],
         if key not in graph:
             graph[key] = [child for child, _ in objects[key].components]
             stack += graph[key]
+    # Rows and objects of each with all of its components, children first.
     total_of = dict[Key, int]()
     count = dict[Key, int]()
     try:

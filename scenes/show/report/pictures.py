@@ -87,7 +87,11 @@ def _values(item: Object, camera: Camera) -> tuple[Float32s, Float32s]:
 
 
 def _w_and_error(objects: list[Object], camera: Camera, top: float) -> list[Picture]:
-    """Pictures of an object with w, and of one with the error in parts of the most, before the background."""
+    """Pictures of a mesh with w, and with the error by colours, on a page's background.
+
+    Args:
+        objects: one with w, and one with the error over `top` in its place.
+    """
     w, coverage = _values(objects[0], camera)
     error, covered = _values(objects[1], camera)
     share = np.divide(error, covered, out=np.zeros_like(error), where=covered > 0)[..., 0]
