@@ -136,7 +136,7 @@ def _sample_vertices(prepared: Prepared) -> PointValues:
 
 
 def _check_memory(count: int, meshes: list[Mesh], options: Options) -> None:
-    """Raises: MemoryLimitError: the bake of `count` vertices among these meshes would not fit into memory."""
+    """Check that a bake of `count` vertices among these meshes fits into memory. Raises: MemoryLimitError."""
     vertices = sum(len(mesh.vertices) for mesh in meshes)
     faces = sum(len(mesh.faces) for mesh in meshes)
     images = opacity_bytes([mesh.opacity for mesh in meshes if mesh.opacity])

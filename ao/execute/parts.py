@@ -83,7 +83,7 @@ class ShardCheckpoint(Checkpoint):
         return np.asarray(missing & is_own)
 
     def all_traced(self) -> None:
-        """Raises: _AllTraced, which ends the bake within `trace`."""
+        """End the bake within `trace`. Raises: _AllTraced."""
         self._pending.append(record(WHOLE, b"whole"))
         self._write()
         raise _AllTraced
@@ -97,7 +97,7 @@ class ShardCheckpoint(Checkpoint):
             bake()
 
     def _give_up(self, reason: OutputError) -> None:
-        """Raises: OutputError: without its journal a part is of no use."""
+        """Fail, for without its journal a part is of no use. Raises: OutputError."""
         raise OutputError(f"{reason}; the same command continues from what is there")
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:

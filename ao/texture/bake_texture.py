@@ -161,7 +161,7 @@ def _scene(mesh: Mesh, options: TextureArguments) -> _Scene:
 
 
 def _check_memory(scene: _Scene, size: tuple[int, int], options: TextureArguments) -> None:
-    """Raises: MemoryLimitError: the bake of a page of `size` would not fit into memory."""
+    """Check that the bake of a page of `size` fits into memory. Raises: MemoryLimitError."""
     texels = size[0] * size[1]
     solids = [scene.solid, *scene.occluders]
     vertices = sum(len(solid.vertices) for solid in solids)

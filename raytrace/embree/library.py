@@ -79,7 +79,7 @@ def device() -> int:
 
 
 def check_version(number: int) -> None:
-    """Raises: EmbreeError: the number, such as 40303, is not of an Embree 4."""
+    """Check that a version number, such as 40303, is of an Embree 4. Raises: EmbreeError."""
     if number // 10000 != 4:
         raise EmbreeError(f"embreex: Embree version: expected 4.x, got {number // 10000}.{number // 100 % 100}")
 
@@ -97,6 +97,6 @@ def _last_message(device: int | None) -> str:
 
 
 def check(device: int) -> None:
-    """Raises: EmbreeError: a call to Embree on this device has failed."""
+    """Check that no call to Embree on this device has failed. Raises: EmbreeError."""
     if library.rtcGetDeviceError(device):
         raise EmbreeError(f"Embree: {_last_message(device)}")

@@ -135,8 +135,8 @@ def pack_textures(textures: Sequence[Texture]) -> PackedTextures:
 
 
 def _levels(image: Texture) -> list[tuple[int, int]]:
-    """Width and height of a pyramid's levels, halved to one texel; none of an unreadable file, which no ray may
-    meet."""
+    """Width and height of a pyramid's levels, halved to one texel; none of a file that cannot be read, if a ray asks
+    for it."""
     try:
         with _opened(image) as file:
             width = file.spec().width

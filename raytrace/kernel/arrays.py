@@ -28,7 +28,7 @@ def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike, zeroed: bool = True) -
 
 
 def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-    """The same value, whose arrays own nothing."""
+    """LLVM's value as it is, but with arrays that own nothing, whose references are not counted."""
     if isinstance(kind, types.BaseTuple):
         members = [builder.extract_value(value, position) for position in range(len(kind.types))]
         views = [_uncounted(context, builder, *typed) for typed in zip(kind.types, members, strict=True)]

@@ -86,7 +86,7 @@ def irradiance_harmonics(image: Float64s, frame: Float64s) -> Float64s:
 
 
 def _latitudes() -> tuple[Float64s, Float64s]:
-    """Of the rows of a map: angles from its upper edge, and solid angles of the rows over 2π."""
+    """Angles of a map's rows from its upper edge, and solid angles of the rows over 2π."""
     theta = (np.arange(MAP_HEIGHT) + 0.5) * np.pi / MAP_HEIGHT
     return theta, -np.diff(np.cos(np.linspace(0, np.pi, MAP_HEIGHT + 1)))
 

@@ -211,7 +211,7 @@ class EnvironmentLight(BaseLight):
         return np.stack([cosine * right + sine * front, cosine * front - sine * right, up])
 
     def to_dict(self) -> dict[str, Any]:
-        """As for other lights, the path as text."""
+        """Plain values, as of other lights, with the image's path as text."""
         return super().to_dict() | {"image": str(self.image)}
 
 

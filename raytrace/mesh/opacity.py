@@ -129,7 +129,7 @@ class Opacity:
 
     @classmethod
     def uniform(cls, surface: AlphaSurface, faces: Int64s, uv: Float64s | None = None) -> Opacity:
-        """That of faces (m, 3) which all have one surface. Args: uv: (n, 2), of the vertices."""
+        """The opacity of faces (m, 3) that all have one surface. Args: uv: (n, 2), of the vertices."""
         return cls(np.zeros(len(faces), np.int64), (surface,), None if uv is None else uv[faces])
 
     def only(self, faces: Int64s) -> Opacity:
@@ -146,7 +146,10 @@ class Opacity:
 
     @staticmethod
     def joined(opacities: Sequence[Opacity | None], counts: Sequence[int]) -> Opacity | None:
-        """That of several meshes' faces after one another. Args: counts: of their faces."""
+        """The opacities of several meshes as one, of their faces one after another.
+
+        Args: counts: of each mesh's faces.
+        """
         if all(opacity is None for opacity in opacities):
             return None
         parts = [opacity or Opacity(np.full(count, -1), ()) for opacity, count in zip(opacities, counts, strict=True)]

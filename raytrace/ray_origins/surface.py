@@ -53,7 +53,7 @@ class Surface(NamedTuple):
 
     @classmethod
     def of(cls, vertices: Float64s, faces: Int64s, normals: Float64s) -> Surface:
-        """These faces, measured; arguments as the attributes."""
+        """Faces with their extents, flatness and rounding measured; arguments as the attributes."""
         surface = cls(vertices, faces, normals, *(np.zeros(len(faces)) for _ in range(3)))
         run_blocks(len(faces), _BLOCK, bind(_measure, surface), thread_count(None), most=_MOST)
         return surface

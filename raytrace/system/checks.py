@@ -190,7 +190,7 @@ def make_folder(folder: Path) -> None:
 
 
 def check_ending(option: str, path: PathName, *endings: str) -> None:
-    """Raises: OptionError: the name `path` ends in none of `endings`, upper or lower case."""
+    """Check that the name `path` ends in one of `endings`, upper or lower case. Raises: OptionError."""
     if Path(path).suffix.lower() not in endings:
         raise OptionError(option, f"a name ending in {' or '.join(endings)}", os.fspath(path))
 

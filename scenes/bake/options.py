@@ -253,7 +253,7 @@ def _is_given(row: Option, options: OptionValues) -> bool:
 
 
 def check_together(options: OptionValues, table: Iterable[Option]) -> None:
-    """Raises: ConflictError: an option is given that needs or excludes another."""
+    """Check that no option is given that needs another, or excludes one. Raises: ConflictError."""
     rows = {row.name: row for row in table}
     for row in rows.values():
         if not _is_given(row, options):
@@ -267,7 +267,10 @@ def check_together(options: OptionValues, table: Iterable[Option]) -> None:
 
 
 def check_kind(options: OptionValues, kind: str) -> None:
-    """Raises: ConflictError: an option is given that this kind of bake, in the words of `Option.bake_kinds`, lacks."""
+    """Check that all options that are given are of this kind of bake, a word of `Option.bake_kinds`.
+
+    Raises: ConflictError.
+    """
     for row in BAKE:
         if _is_given(row, options) and kind not in row.bake_kinds.split():
             if kind == "vertices":

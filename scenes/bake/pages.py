@@ -224,7 +224,7 @@ def layout_remarks(baked: ao.BakedTexture, wraps: bool, tiles: bool) -> list[str
 
 
 def check_area(source: MeshFile, page: Page) -> None:
-    """Raises: MeshError: no face of the page has an area on it, so that nothing would be written of it."""
+    """Check that a face of the page has an area on it, or nothing would be written. Raises: MeshError."""
     if not have_area(page.uv).any():
         name = page.name or " ".join(page.words.values())
         of_page = f" of {name}" if name else ""

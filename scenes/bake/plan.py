@@ -86,7 +86,8 @@ class Plan(NamedTuple):
 
     @property
     def ending(self) -> str:
-        """Of the output, in lower case; of a part that of what can hold all that its rays may be merged into."""
+        """The output's ending, in lower case; of a part the ending of a format that holds all that its rays may be
+        merged into."""
         if self.is_part:
             return ".glb" if self.kind == "texture" else ".npy"
         return self.output.suffix.lower()
@@ -144,7 +145,7 @@ class Plan(NamedTuple):
         return self.with_options(**{name: absolute(getattr(self.options, name)) for name in names})
 
     def check_files(self) -> None:
-        """Raises: OptionError, OutputError: a file cannot be written, or is read as well."""
+        """Check that all outputs can be written, and are no inputs. Raises: OptionError, OutputError."""
         if self.kind == "texture":
             for name, path in self.images.items():
                 check_texture_target(name, path, self.options.half)
@@ -279,7 +280,7 @@ def _texels(text: str) -> tuple[int, int]:
 
 
 def _check_vertices(plan: Plan) -> None:
-    """Raises: ConflictError: options that a bake to vertices, or to this output, cannot have together."""
+    """Check options that a bake to vertices, or to this output, cannot have together. Raises: ConflictError."""
     options = plan.options
     if not plan.is_part:
         check_holds(plan.output, "points" if options.points else options.at, options.both_sides)
@@ -290,8 +291,9 @@ def _check_vertices(plan: Plan) -> None:
 
 
 def _check_texture(plan: Plan) -> None:
-    """Raises: OptionError, ConflictError: options that a bake to a texture, or to these outputs, cannot have
-    together.
+    """Check options that a bake to a texture, or to its outputs, cannot have together.
+
+    Raises: OptionError, ConflictError.
     """
     options = plan.options
     glb = plan.glb

@@ -56,7 +56,10 @@ class Layout:
 
     @classmethod
     def of(cls, plan: Plan, inputs: BakeInputs) -> Layout:
-        """Raises: as `coordinates`, `pages_of`, `ObjectSelection.of_page`."""
+        """The layout of a plan: texture coordinates, pages and falloff.
+
+        Raises: as `coordinates`, `pages_of`, `ObjectSelection.of_page`.
+        """
         source = inputs.source
         chosen = inputs.chosen
         of_faces = coordinates(plan, source, chosen)

@@ -144,7 +144,7 @@ def run_merge(folder: Path, mesh: Path | None, values: dict[str, Any]) -> int:
 
 
 def _batch(options: BakeOptions) -> Batch:
-    """Raises: OptionError: inputs that are none, or that would have one output."""
+    """The batch that the options ask for. Raises: OptionError: no inputs, or several that would have one output."""
     folder = options.output_dir
     if STANDARD in options.mesh:
         raise ConflictError("output_dir", "does not go with", "-, standard input")
@@ -172,23 +172,28 @@ def _workers(options: BakeOptions) -> Workers | None:
 
 
 def _check_folder(option: str, folder: Path, nearest: str | None = None) -> None:
-    """Raises: OptionError: the folder of an option is missing, and its name is like that of an output file."""
+    """Check that the folder of an option is there, if its name is not an output's. Raises: OptionError."""
     if folder.suffix.lower().removeprefix(".") in get_args(Format) and not os.path.exists(folder):
         raise OptionError(option, "a folder", f"{folder}, the name of a file", nearest=nearest)
 
 
-def _check_output(given: Sequence[Path], output: Path | None, folder: bool) -> None:
-    """Raises: OptionError: several inputs, or no output. Args: folder: whether that is one."""
+def _check_output(inputs: Sequence[Path], output: Path | None, folder: bool) -> None:
+    """Check that there is one input, and an output for it.
+
+    Raises: OptionError.
+
+    Args: folder: whether it may be a folder.
+    """
     several = None
-    if is_pattern(given[0]):
+    if is_pattern(inputs[0]):
         several = "a pattern"
-    elif len(given) > 1:
-        several = f"{len(given)} inputs"
+    elif len(inputs) > 1:
+        several = f"{len(inputs)} inputs"
     if output is None:
         meant = None
         if several:
-            forgotten = len(given) == 2 and not os.path.exists(given[1])
-            meant = f"-o {given[1]}" if forgotten else "--output-dir"
+            forgotten = len(inputs) == 2 and not os.path.exists(inputs[1])
+            meant = f"-o {inputs[1]}" if forgotten else "--output-dir"
         raise OptionError("output", "a file, or --output-dir for several inputs", "nothing", nearest=meant)
     if os.path.isdir(output) and not folder:
         raise OptionError("output", "a file", f"{output}, a folder", nearest="--output-dir")

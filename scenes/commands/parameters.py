@@ -29,7 +29,7 @@ class Value(click.ParamType[Any, Any]):
         return None if self.row.is_argument else "|".join(get_args(self.row.element)) or _METAVARS[self.row.element]
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """As Click asks for it. Raises: as `Option.parsed`."""
+        """The checked value of a word, as Click asks for it. Raises: as `Option.parsed`."""
         return self.row.parsed(value)
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[Any]:
@@ -87,7 +87,7 @@ class TableCommand(click.Command):
         self._long = {row.short: row.flags[0] for row in rows}
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
-        """As Click asks for them; made of the rows when the command is called."""
+        """The parameters, as Click asks for them; made of the rows when the command is called."""
         self.params = self.params or [*map(parameter, self._rows)]  # of the command that is called
         return super().get_params(ctx)
 

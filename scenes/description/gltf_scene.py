@@ -135,7 +135,8 @@ class Materials:
         return base, roughness, metallic, f0
 
     def _specular(self, parameters: records.SpecularGlossiness) -> Surface:
-        """The same of specular-glossiness parameters (KHR_materials_pbrSpecularGlossiness)."""
+        """Base colour, roughness, metalness and F₀ of specular-glossiness parameters
+        (KHR_materials_pbrSpecularGlossiness)."""
         diffuse = np.clip(parameters.diffuseFactor[:3], 0.0, 1.0)
         factors = np.clip([*parameters.specularFactor, parameters.glossinessFactor], 0.0, 1.0)
         *f0, glossiness = (factors * self._mean(parameters, "specularGlossinessTexture", srgb=True)).tolist()

@@ -289,7 +289,7 @@ def load_mesh(path: Path) -> MeshFile:
 
 
 def _format_of(content: bytes | bytearray) -> str:
-    """Raises: MeshError: the first bytes identify no format."""
+    """The format that a file's first bytes identify. Raises: MeshError: none."""
     if ending := sniffed_format(content[:4096]):
         return ending.removeprefix(".")
     if len(content) == _HEAD + _TRIANGLE * int.from_bytes(content[_TRIANGLES], "little"):

@@ -37,7 +37,7 @@ _BESIDE = {"error": (), "flags": (), "bent_normals": (3,)}
 
 
 def check_stored(path: Path) -> None:
-    """Raises: OptionError: the name is not that of an existing file of w."""
+    """Check that the name is that of an existing file of w. Raises: OptionError."""
     if path.suffix.lower() not in ENDINGS:
         raise OptionError("--baked", "a name ending in " + ", ".join(ENDINGS), path)
     if not path.is_file():

@@ -34,7 +34,10 @@ def check_target(path: PathName) -> None:
 
 
 def check_holds(path: PathName, at: str, both_sides: bool) -> None:
-    """Raises: ConflictError: the format holds no w of faces or of points alone, or of both sides."""
+    """Check that the format holds w of what is baked: of faces, of points alone, of both sides.
+
+    Raises: ConflictError.
+    """
     if "faces" not in format_of(path).holds and (at != "vertices" or both_sides):
         terms: dict[str, Term] = {"faces": ("at", "faces"), "points": "points"}
         term = terms.get(at, "both_sides")

@@ -39,7 +39,7 @@ def is_picture(path: Path) -> bool:
 
 
 def find_picture(name: str, folder: Path) -> Path | None:
-    """As `resolve_inside`, of pictures."""
+    """The existing picture `name` in `folder` or below, or None: `resolve_inside` of PNG and JPEG files."""
     from raytrace.text.safe_paths import resolve_inside
 
     path = resolve_inside(name, folder)

@@ -15,7 +15,7 @@ class Advance(Protocol):
     """What work calls as it goes on."""
 
     def __call__(self, done: int, total: int, stage: str = "") -> None:
-        """Args: done, total: of the work's unit. stage: of the work; empty if it has no other name than its unit."""
+        """Show that `done` of `total` units are done. Args: stage: of the work; "" if it has no name but its unit's."""
 
 
 @contextmanager

@@ -111,7 +111,7 @@ def _form(kind: Any) -> tuple[Any, tuple[Any, ...]]:
 
 @cache
 def _fields(kind: Any) -> list[tuple[str, Any, list[str], bool]]:
-    """Of a record's attributes the name, the type, the path below the record, and whether it must be there."""
+    """A record's attributes: name, type, path below the record, and whether it must be there."""
     fields = []
     for name, hint in get_type_hints(kind, include_extras=True).items():
         inner, key = get_args(hint) if get_origin(hint) is Annotated else (hint, name)
@@ -120,7 +120,7 @@ def _fields(kind: Any) -> list[tuple[str, Any, list[str], bool]]:
 
 
 def _refuse(path: _Path, expected: str, got: object) -> NoReturn:
-    """Raises: _Fault: a value of another type than `expected`."""
+    """Refuse a value of another type than `expected`. Raises: _Fault."""
     raise _Fault(path, expected, shown(got))
 
 

@@ -115,7 +115,7 @@ class _Reader:
         return (_member(path) or self.model, attributes["objectid"]), matrix
 
     def close(self) -> None:
-        """As the parser asks for."""
+        """Nothing to do at the end of the file, but the parser asks for the method."""
 
 
 def read_3mf(mesh_input: MeshInput) -> list[Instance]:

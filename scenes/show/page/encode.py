@@ -60,7 +60,7 @@ class Values:
     permanent: str = 'baked.profile.at("{}")'  # the command that bakes a half-distance, which "{}" stands for
 
     def checked(self, count: int) -> Values:
-        """The same as float64 and uint8 arrays for `count` vertices. Raises: OptionError."""
+        """The values as float64 and uint8 arrays of `count` vertices. Raises: OptionError: one of another length."""
         arrays: dict[str, Any] = {}
         for field, columns, least, most, expected in (
             ("w", (), 0, 1, "numbers in [0, 1]"),

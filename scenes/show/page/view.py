@@ -111,7 +111,10 @@ def _codes(texture: Texture, strength: float) -> UInt8s:
 
 
 def _check_same(mesh: Mesh, source: MeshFile) -> None:
-    """Raises: SceneError: not the same vertices, but for repeated ones with w of their own, or not the same faces."""
+    """Check that a file has the vertices and faces of the mesh, but for vertices repeated with w of their own.
+
+    Raises: SceneError.
+    """
     other = source.mesh
     path = source.path
     count = len(mesh.vertices)
