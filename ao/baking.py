@@ -54,17 +54,17 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     if high is not None and options.at == "faces":
         raise ConflictError("high", "does not go with", ("at", "faces"))
     mesh = mesh_of(mesh, "bake")
-    others = occluding(options.occluders, high)
+    occluders = occluding(options.occluders, high)
     solid = mesh if high is None else mesh_of(high, "bake")
     if options.thickness:
         solid = solid.reversed()
-    _check_memory(len(mesh.vertices), [mesh, *others] if high is None else [solid, mesh], options)
+    _check_memory(len(mesh.vertices), [mesh, *occluders] if high is None else [solid, mesh], options)
 
     start = time.perf_counter()
     # Estimates of w, where and by the method asked for.
     at_vertices = high is None and options.at == "vertices"
     checkpoint = options.checkpoint if at_vertices else None
-    prepared = Prepared.of(solid, options, options.progress, checkpoint, others, mesh.radius)
+    prepared = Prepared.of(solid, options, options.progress, checkpoint, occluders, mesh.radius)
     elements = None
     if options.at == "faces":
         from .methods.face_values import sample_faces
@@ -87,7 +87,7 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
         measure = partial(_measure_between, prepared, baked)
         if len(mesh.vertices) >= _LARGE:
             between = measure()
-            measure = partial(_same, between)
+            measure = partial(_measured_before, between)
         baked = replace(baked, measure_between=measure)
     baked.seconds.update(build=build, bake=time.perf_counter() - start - build)
     vertices = prepared.placement.vertices
@@ -100,19 +100,20 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
 
 
 def _measure_between(prepared: Prepared, baked: Bake) -> Interpolation:
-    """The error between the vertices, in barycentric coordinates of the mesh that was given."""
+    """The error of w between the vertices. Args: baked: w at vertices of the mesh that was given."""
     between = measure_interpolation(prepared, baked.w, baked.error)
     if prepared.options.thickness:
         return between._replace(weights=between.weights[:, ::-1])
     return between
 
 
-def _same(between: Interpolation) -> Interpolation:
+def _measured_before(between: Interpolation) -> Interpolation:
+    """`Bake.measure_between` of a large mesh, whose error was measured with the bake."""
     return between
 
 
 def _sample_vertices(prepared: Prepared) -> PointValues:
-    """w by Monte Carlo integration at every point that is wanted; vertices inside solids are flagged in place."""
+    """Estimate w by Monte Carlo integration at every requested point; vertices inside solids are flagged in place."""
     options, receivers = prepared.options, prepared.requested_receivers
     points, point, total = receivers.points, receivers.of_vertex, len(prepared.receivers.points)
     needed = TRACED * len(points) + column_bytes(len(points), options.columns)
@@ -135,14 +136,14 @@ def _sample_vertices(prepared: Prepared) -> PointValues:
 
 
 def _check_memory(count: int, meshes: list[Mesh], options: Options) -> None:
-    """Raises: MemoryLimitError: the bake of `count` vertices among these meshes would not fit into memory."""
+    """Check that a bake of `count` vertices among these meshes fits into memory. Raises: MemoryLimitError."""
     vertices = sum(len(mesh.vertices) for mesh in meshes)
     faces = sum(len(mesh.faces) for mesh in meshes)
     images = opacity_bytes([mesh.opacity for mesh in meshes if mesh.opacity])
     source, work = meshes[0].source, f"to bake {count:,} vertices and {faces:,} faces"
-    more = column_bytes(count, options.columns)
+    columns_size = column_bytes(count, options.columns)
     if options.method == "vertex":
-        check_memory(source, images + more + vertex_bytes(vertices, faces, options.rays), work)
+        check_memory(source, images + columns_size + vertex_bytes(vertices, faces, options.rays), work)
         return
     instead = {"the vertex method": vertex_bytes(vertices, faces, DEFAULT_SAMPLES)}
     check_memory(source, images + surface_bytes(vertices, faces), work + " by the surface method", instead)

@@ -71,8 +71,8 @@ class Option(NamedTuple):
         if names:
             return _one_of(names, self.name, value)
         try:
-            known = str if kind is str else str | int | float
-            if not isinstance(value, known) or isinstance(value, bool) is not (kind is bool):
+            types = str if kind is str else str | int | float
+            if not isinstance(value, types) or isinstance(value, bool) is not (kind is bool):
                 raise TypeError
             return value if kind is bool else kind(str(value))
         except (TypeError, ValueError):
@@ -85,7 +85,7 @@ class Option(NamedTuple):
 
 
 def options_of(record: Any) -> dict[str, Option]:
-    """The options that a record declares."""
+    """The fields of a record as options, in their order."""
     options = {}
     for field in fields(record):
         kind, option = _declaration(field)
@@ -97,7 +97,7 @@ def options_of(record: Any) -> dict[str, Option]:
 
 
 def _declaration(field: Field[Any]) -> tuple[Any, Option]:
-    """The type of a field in Python, and its row."""
+    """The type of a field in Python, and its `Option`."""
     kind: Any = field.type
     return kind.__origin__, kind.__metadata__[0]
 
@@ -112,7 +112,10 @@ def check_values(record: Any) -> None:
 
 
 def _checked(name: str, kind: Any, bounds: tuple[float, float] | None, value: Any) -> Any:
-    """A value as a plain one; meshes, falloffs and arrays, which are checked where they are used, as they are."""
+    """A value as a plain number, text or switch; meshes, falloffs and arrays are checked where they are used.
+
+    Raises: OptionError.
+    """
     plain = value.item() if hasattr(value, "item") and not getattr(value, "shape", ()) else value
     if get_origin(kind) is Literal:
         return _one_of(get_args(kind), name, plain)
@@ -128,12 +131,14 @@ def _checked(name: str, kind: Any, bounds: tuple[float, float] | None, value: An
 
 
 def _one_of(names: tuple[str, ...], option: str, value: object) -> object:
+    """The value, if it is one of `names`. Raises: OptionError."""
     if value in names:
         return value
     raise OptionError(option, "one of " + ", ".join(names), value, nearest=nearest_name(value, names))
 
 
 def _without_none(kind: Any) -> Any:
+    """The type without `None`: T of `T | None`."""
     return get_args(kind)[0] if NoneType in get_args(kind) else kind
 
 
@@ -142,14 +147,17 @@ def with_option_parameters(record: Callable[P, T]) -> Callable[[Callable[[Any, T
     declared: list[Field[Any]] = sorted(fields(record), key=lambda field: bool(field.kw_only))  # type: ignore[arg-type]
 
     def with_fields(function: Callable[[Any, T], R]) -> Callable[P, R]:
+        """The function with the record's fields as keyword parameters, in its signature and in its docstring."""
+
         @wraps(function)
         def called(*unnamed: P.args, **named: P.kwargs) -> R:
+            """Make the record of the arguments and call the function. Raises: TypeError in the function's name."""
             try:
                 signature.bind(*unnamed, **named)
             except TypeError as fault:
                 raise TypeError(f"{function.__name__}() {fault}") from None
-            given: Any = record(*unnamed, **named)
-            return function(given.mesh, given)
+            arguments: Any = record(*unnamed, **named)
+            return function(arguments.mesh, arguments)
 
         before, raises, after = cleandoc(function.__doc__ or "").partition("\n\nRaises:")
         called.__doc__ = "\n".join([before, "", "Args:", *map(_described, declared)]) + raises + after
@@ -161,20 +169,22 @@ def with_option_parameters(record: Callable[P, T]) -> Callable[[Callable[[Any, T
 
 
 def call_checked(function: Callable[..., R], options: object, mesh: object, **inputs: Any) -> R:
-    """Call a function `with_option_parameters` with options that have been checked, and are not checked again.
+    """Call a function that has `with_option_parameters`, with options that are checked already.
 
-    Args: options: of a record that the function's has as a base, or shares one with. inputs: what depends on files, in
-        place of what the options have.
+    Args:
+        options: of a record that is a base of the function's, or has one in common with it.
+        inputs: what depends on files, in place of what the options have.
     """
-    known = vars(function)
-    arguments = object.__new__(known["record"])
+    attributes = vars(function)
+    arguments = object.__new__(attributes["record"])
     values = {field.name: field.default for field in fields(arguments)} | vars(options) | {"mesh": mesh} | inputs
     vars(arguments).update(values)
-    called: Callable[[object, object], R] = known["__wrapped__"]
+    called: Callable[[object, object], R] = attributes["__wrapped__"]
     return called(mesh, arguments)
 
 
 def _parameter(field: Field[Any]) -> Parameter:
+    """A field as a parameter of a signature; its annotation is the type that the source has."""
     kind = _declaration(field)[0]
     default = Parameter.empty if field.default is MISSING else field.default
     kind_of_parameter = Parameter.KEYWORD_ONLY if field.kw_only else Parameter.POSITIONAL_OR_KEYWORD
@@ -183,7 +193,7 @@ def _parameter(field: Field[Any]) -> Parameter:
 
 
 def _described(field: Field[Any]) -> str:
-    """A field under "Args:", its help in the names of Python."""
+    """A line under "Args:" for a field: its help, in the names of Python."""
     row = _declaration(field)[1]
     text = re.sub("--([a-z-]+)", lambda flag: f"`{flag[1].replace('-', '_')}`", row.help)
     line = f"{field.name}: {text} {row.python_help}".strip()

@@ -275,6 +275,7 @@ class Tabulated(Falloff):
 
 
 def _knots(distances: Float64s, values: Float64s) -> tuple[tuple[float, float], ...]:
+    """Distances and values as pairs of Python floats."""
     return tuple(zip(distances.tolist(), values.tolist(), strict=True))
 
 
@@ -293,36 +294,37 @@ def _in_one_unit(distances: Sequence[Any]) -> tuple[Float64s, bool]:
 Falloffs = Falloff | str | Function | Sequence[Falloff | str | Function] | None
 
 
-def falloffs_of(given: Falloffs) -> Falloff | tuple[Falloff, ...]:
+def falloffs_of(falloff: Falloffs) -> Falloff | tuple[Falloff, ...]:
     """A falloff or a list's falloffs, also by their names or functions; the exponential one for None.
 
     Raises: OptionError: neither a falloff nor the name of one, or the list is empty.
     """
-    if given is None or isinstance(given, str | Falloff):
-        return _falloff(given)
+    if falloff is None or isinstance(falloff, str | Falloff):
+        return _falloff(falloff)
     try:
-        listed = tuple(map(_falloff, given))  # type: ignore[arg-type]
+        falloffs = tuple(map(_falloff, falloff))  # type: ignore[arg-type]
     except TypeError:
-        return _falloff(given)  # for its message
-    if not listed:
+        return _falloff(falloff)  # for its message
+    if not falloffs:
         raise OptionError("falloff", "a falloff or a list of falloffs", "an empty list", "bake")
-    return listed
+    return falloffs
 
 
-def _falloff(given: Any) -> Falloff:
-    if isinstance(given, Falloff):
-        return given
+def _falloff(value: Any) -> Falloff:
+    """One falloff, also by its name or function. Raises: OptionError."""
+    if isinstance(value, Falloff):
+        return value
     without_arguments: dict[Any, Callable[[], Falloff]] = {
         None: Exponential,
         "exponential": Exponential,
         "binary": Binary,
     }
-    if given is None or (isinstance(given, str) and given in without_arguments):
-        return without_arguments[given]()
+    if value is None or (isinstance(value, str) and value in without_arguments):
+        return without_arguments[value]()
     names = sorted(kind.__name__ for kind in FALLOFFS.values())
     classes = ", ".join(f"ao.{name}(…)" for name in (*names, "Tabulated"))
     expected = f'{classes}, a function, "binary" or "exponential"'
-    if callable(given) and not isinstance(given, type):
-        return Tabulated.of(given)
-    near = nearest_name(given, ("exponential", "binary")) if isinstance(given, str) else None
-    raise OptionError("falloff", expected, repr(given), "bake", near)
+    if callable(value) and not isinstance(value, type):
+        return Tabulated.of(value)
+    near = nearest_name(value, ("exponential", "binary")) if isinstance(value, str) else None
+    raise OptionError("falloff", expected, repr(value), "bake", near)

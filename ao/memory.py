@@ -36,6 +36,7 @@ def corner_bytes(corners: int) -> int:
 
 
 def surface_bytes(vertices: int, faces: int) -> int:
+    """Bytes that the surface method takes at its peak."""
     return _BASE + _SURFACE + _SURFACE_VERTEX * vertices + _SURFACE_FACE * faces
 
 

@@ -33,6 +33,7 @@ class KernelColumns(NamedTuple):
     values: Float64s
 
     def each(self) -> list[KernelMu]:
+        """The falloffs one by one."""
         columns = zip(
             self.taus.tolist(), self.limits.tolist(), self.scales.tolist(), pairwise(self.starts), strict=True
         )
@@ -119,7 +120,7 @@ class Mu(NamedTuple):
 
     @property
     def binary(self) -> bool:
-        """Whether all that counts is if something is hit."""
+        """Whether a hit closes whatever its distance, below the limit."""
         return self.form == "binary"
 
     def __call__(self, distance: npt.ArrayLike) -> Float64s:
@@ -133,7 +134,7 @@ class Mu(NamedTuple):
         return np.asarray(np.interp(x, *np.transpose(self.knots)))
 
     def in_render_space(self, scale: float) -> KernelMu:
-        """The same for lengths that are multiplied by `scale`."""
+        """The falloff as kernels take it, for lengths multiplied by `scale`."""
         tau = (self.tau or 0.0) / scale
         limit = self.max_distance * scale
         if not self.knots:
@@ -143,7 +144,7 @@ class Mu(NamedTuple):
 
 
 def in_render_space(mus: Sequence[Mu], scale: float) -> KernelMu:
-    """One falloff, or columns of several, for lengths that are multiplied by `scale`."""
+    """One falloff as kernels take it, or columns of several, for lengths multiplied by `scale`."""
     placed = [mu.in_render_space(scale) for mu in mus]
     if len(placed) == 1:
         return placed[0]
@@ -180,12 +181,13 @@ def function_knots(function: Function, limit: float | None) -> tuple[Float64s, F
 
 
 def _sampled(function: Function, distances: Float64s) -> Float64s:
+    """A function's values at distances. Raises: OptionError: they are no numbers."""
     values = [function(distance) for distance in distances.tolist()]
     return numbers(values, "options", "function", "a number at every distance")
 
 
 def _reach(function: Function) -> float:
-    """Of distances from 1e-12 to 1e12, in steps of 1 %, the first at which a function is 1 within a rounding."""
+    """The first distance, from 1e-12 to 1e12 in steps of 1 %, at which the function is 1 within a rounding."""
     for distance in 1.01 ** np.arange(-2777.0, 2778.0):
         if _sampled(function, np.array([distance]))[0] >= 1 - ROUNDING:
             return float(distance)

@@ -156,7 +156,8 @@ class Options:
 
     @property
     def identity(self) -> tuple[object, ...]:
-        """Every option that can change a ray but for inputs; μ, with lengths in mesh units, stands for the falloff."""
+        """Every option that can change a ray; μ with lengths in mesh units stands for the falloff. Inputs are left
+        out."""
         import numpy as np
 
         from .falloff import is_length
@@ -168,17 +169,17 @@ class Options:
 
     @property
     def rays(self) -> int:
-        """Rays a vertex; the most, if there is a tolerance."""
+        """Rays of a vertex; to a tolerance the most that it may get."""
         if self.samples is not None:
             return self.samples
         return DEFAULT_SAMPLES if self.tolerance is None else _MOST_FOR_TOLERANCE
 
     def rays_in_all(self, vertices: int) -> int:
-        """Rays for so many vertices; the most, if there is a tolerance."""
-        given = self.rays * vertices
+        """Rays of so many vertices; to a tolerance the most that they may get."""
+        rays = self.rays * vertices
         if self.method == "vertex" or self.samples is not None:
-            return given
-        return max(given, _FITTED)
+            return rays
+        return max(rays, _FITTED)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -80,13 +80,16 @@ class PreparedMesh(Mesh):
         object.__setattr__(self, "receivers", find_receivers(self, self.placement, self.axes))
 
     def receivers_for(self, options: Options) -> Receivers:
-        """Receivers of which a bake may change the flags and release the scene. Raises: OptionError: other normals."""
+        """A copy of the receivers for one bake, which may change flags and release the scene.
+
+        Raises: OptionError: other normals.
+        """
         if options.normals != self.axes:
             raise OptionError("normals", f'"{self.axes}", by which the mesh was prepared', repr(options.normals))
-        kept = self.receivers
-        alone = partial(TriangleScene, self.placement.vertices, kept.faces)
-        embree = cache(kept.embree if options.method == "vertex" else alone)
-        return replace(kept, flags=kept.flags.copy(), embree=embree, tree_seconds=0.0)
+        receivers = self.receivers
+        make_scene = partial(TriangleScene, self.placement.vertices, receivers.faces)
+        embree = cache(receivers.embree if options.method == "vertex" else make_scene)
+        return replace(receivers, flags=receivers.flags.copy(), embree=embree, tree_seconds=0.0)
 
 
 def prepare(mesh: Mesh | Any, normals: Normals = "angle") -> PreparedMesh:
@@ -158,12 +161,14 @@ class Prepared(NamedTuple):
 
     @property
     def scene(self) -> RayScene:
+        """What rays of the bake are traced in."""
         receivers = self.receivers
         opacity = receivers.opacity
         if self.options.back_faces == "ignore":
             opacity = (opacity or PackedOpacity(np.full(len(receivers.faces), -1)))._replace(one_sided=np.int64(1))
-        hierarchies = receivers.tree, receivers.embree
-        return RayScene(self.placement.vertices, receivers.faces, *hierarchies, opacity, self.options.cone)
+        return RayScene(
+            self.placement.vertices, receivers.faces, receivers.tree, receivers.embree, opacity, self.options.cone
+        )
 
     def tracer(self, total_points: int) -> Tracer:
         """A tracer of up to `total_points` points, for a mesh all of its points, requested or not."""

@@ -99,9 +99,9 @@ class Columns:
 
         Raises: OptionError: no package that writes files is installed. Others as `scenes.write`.
         """
-        from raytrace.system.entry_points import offered
+        from raytrace.system.entry_points import first_entry_point
 
-        write = offered("obscurance.save")
+        write = first_entry_point("obscurance.save")
         if write is None:
             raise OptionError("save", "the package obscurance, installed", "its folders alone: use scenes.write")
         write(path, self, mesh_file, **options)
@@ -162,9 +162,9 @@ class Bake(Columns):
 
     def _repr_html_(self) -> str | None:
         """HTML for notebooks, by a package with an entry point of the group `obscurance.html`."""
-        from raytrace.system.entry_points import offered
+        from raytrace.system.entry_points import first_entry_point
 
-        to_html = offered("obscurance.html")
+        to_html = first_entry_point("obscurance.html")
         return to_html(self) if to_html and self.at == "vertices" else None
 
     def _repr_png_(self) -> bytes | None:
@@ -204,13 +204,26 @@ class PointValues(NamedTuple):
 
     @classmethod
     def of(cls, columns: Sequence[tuple[Estimate, int]], rays: int, displaced: Float64s | float = 0.0) -> PointValues:
-        """Of estimates by each falloff, and how many points were not traced. Args: displaced: errors besides, (k,)."""
+        """Values at points from the estimates by each falloff, the first being that of w.
+
+        Args:
+            rays: that were traced.
+            displaced: (k,), errors besides, of ray origins in folds.
+        """
         w = [np.clip(estimate.values[:, 0], 0.0, 1.0) for estimate, _ in columns]
         error = [np.sqrt(estimate.variance + np.square(displaced)) for estimate, _ in columns]
-        others = tuple(np.stack(columns_of[1:], axis=-1) for columns_of in (w, error)) if len(columns) > 1 else ()
+        further = tuple(np.stack(columns_of[1:], axis=-1) for columns_of in (w, error)) if len(columns) > 1 else ()
         estimate, hidden = columns[0]
-        rest = estimate.samples, rays, estimate.skipped(hidden), estimate.calibration, others
-        return cls(w[0], error[0], estimate.values[:, 1:], *rest)
+        return cls(
+            w[0],
+            error[0],
+            estimate.values[:, 1:],
+            estimate.samples,
+            rays,
+            estimate.skipped(hidden),
+            estimate.calibration,
+            further,
+        )
 
 
 class BakedElements(NamedTuple):
@@ -225,8 +238,8 @@ class BakedElements(NamedTuple):
 def baked_vertices(prepared: Prepared, count: int) -> BakedElements:
     """The first `count` vertices of the mesh of `prepared`."""
     only, receivers = prepared.options.only, prepared.requested_receivers
-    wanted = count if only is None else int(np.count_nonzero(only))
-    return BakedElements(receivers.of_vertex[:count], receivers.flags[:count], receivers.points.normals, wanted)
+    requested = count if only is None else int(np.count_nonzero(only))
+    return BakedElements(receivers.of_vertex[:count], receivers.flags[:count], receivers.points.normals, requested)
 
 
 def assemble(prepared: Prepared, mesh: Mesh, elements: BakedElements, values: PointValues) -> Bake:
@@ -273,6 +286,7 @@ def assemble(prepared: Prepared, mesh: Mesh, elements: BakedElements, values: Po
 
 @kernel
 def _bent_normals(point, bent, normals, out, start, stop):
+    """Write the unit bent normals of elements, their points' normal where the mean open direction cancels."""
     for i in range(start, stop):
         if point[i] >= 0:
             direction = load(bent, point[i])
@@ -281,7 +295,8 @@ def _bent_normals(point, bent, normals, out, start, stop):
 
 
 def of_columns(prepared: Prepared, columns: Sequence[AnyFloats]) -> dict[str, Any]:
-    """`Bake.others`, `profile` and `profile_errors` from w and errors (…, j) by all falloffs but the first, if any."""
+    """`Bake.others`, `profile` and `profile_errors` from w and errors (…, j) of the falloffs after the first, if
+    any."""
     if not len(columns):
         return {}
     listed = len(prepared.options.falloffs) - 1

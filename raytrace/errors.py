@@ -21,7 +21,7 @@ together.
 from __future__ import annotations
 
 import copyreg
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class InputError(ObscuranceError, ValueError):
 
 
 def nearest_name(given: object, names: Iterable[str]) -> str | None:
-    """The one of `names` that was probably meant by `given`, if it is like one of them."""
+    """The one of `names` that was probably meant by the unknown name `given`, None if it is like none."""
     from difflib import get_close_matches
 
     by_case = {name.lower(): name for name in names}
@@ -65,7 +65,7 @@ def nearest_name(given: object, names: Iterable[str]) -> str | None:
 
 
 def check_type(value: object, kind: type | tuple[type, ...], source: str, field: str, expected: str) -> None:
-    """Refuse a value of another type. Raises: OptionError."""
+    """Refuse a `value` that is not of the type `kind`. Raises: OptionError."""
     if not isinstance(value, kind):
         raise OptionError(field, expected, repr(value), source)
 
@@ -83,7 +83,7 @@ def numbers(values: Any, source: str, field: str, expected: str) -> Float64s:
 
 
 def shortened(value: object, longest: int = 200) -> str:
-    """A value's text, the end of a long one left out."""
+    """A value's text, cut off after `longest` characters."""
     try:
         text = str(value)
     except RecursionError:
@@ -93,6 +93,11 @@ def shortened(value: object, longest: int = 200) -> str:
 
 LINE = 1000
 """Characters of a message at most."""
+
+
+def first_names(names: Sequence[str], most: int) -> str:
+    """The first names of a list, `most` at most, and how many more there are, in words."""
+    return ", ".join(names[:most]) + (f" and {len(names) - most:,} more" if len(names) > most else "")
 
 
 def printable(text: str, longest: int | None = None) -> str:
@@ -150,15 +155,16 @@ class ConflictError(OptionError):
         super().__init__(first if isinstance(first, str) else first[0], "options that go together", "others", source)
         self.args = (printable(f"{self.source}: {self.in_words(_in_python)}", LINE),)
 
-    def in_words(self, shown: Callable[[Term], str]) -> str:
-        """The sentence. Args: shown: how options are written."""
-        option = shown(self.first)
-        other = shown(self.second)
+    def in_words(self, describe: Callable[[Term], str]) -> str:
+        """The message. Args: describe: how an option, or a pair of an option and its value, is written."""
+        option = describe(self.first)
+        other = describe(self.second)
         excludes = self.relation == "excludes"
         return f"{option} and {other} exclude each other" if excludes else f"{option} {self.relation} {other}"
 
 
 def _in_python(term: Term) -> str:
+    """An option, or a pair of an option and its value, as an argument in Python: `name=value`."""
     return term if isinstance(term, str) else f"{term[0]}={term[1]!r}"
 
 

@@ -217,11 +217,12 @@ class Scene:
         return self._with_shapes(lambda shape: replace(shape, mesh=replace(shape.mesh, opacity=None)))
 
     def _with_shapes(self, change: Callable[[Shape], Shape]) -> Scene:
+        """The scene with every shape changed; objects that shared a shape share the changed one."""
         changed = {id(item.shape): change(item.shape) for item in self.objects}
         return replace(self, objects=tuple(replace(item, shape=changed[id(item.shape)]) for item in self.objects))
 
     def with_obscurance(self, w: Float64s | Sequence[float], bent_normals: Float64s | None = None) -> Scene:
-        """The same scene with w (n,), bent normals (n, 3) of `flattened()`, an object's vertices after the other's."""
+        """The same scene with w (n,) and bent normals (n, 3) of the vertices of `flattened()`."""
         ends = np.cumsum([len(item.shape.mesh.vertices) for item in self.objects])[:-1]
         values = np.split(np.asarray(w, np.float64), ends)
         bent = [None] * len(values) if bent_normals is None else np.split(np.asarray(bent_normals, np.float64), ends)

@@ -77,6 +77,7 @@ def _obscurance(transform: Callable[..., float], tau: Rate, max_distance: float 
 
 
 def _integral(integrand: Callable[[float], float], low: float, high: float, breaks: Sequence[float] = ()) -> float:
+    """∫ integrand from `low` to `high` by adaptive quadrature, piece by piece between `breaks`, where it has kinks."""
     edges = [low, *sorted(b for b in breaks if low < b < high), high]
     return sum(float(quad(integrand, a, b, epsabs=1e-11, epsrel=1e-11, limit=200)[0]) for a, b in pairwise(edges))
 

@@ -45,7 +45,7 @@ def local_workers(address: str) -> int | None:
 
 
 def unguarded(address: str) -> str | None:
-    """What there is to say of a scheduler's address, whose connections prove nothing; None of one by TLS."""
+    """A warning where a scheduler's connections are not authenticated; None by TLS, or for local workers."""
     if local_workers(address) is not None or address.startswith(("tls://", "wss://")):
         return None
     return f"{address}: whoever reaches this scheduler can run code on its workers and here; tls:// keeps others out"
@@ -75,6 +75,7 @@ class DaskCluster:
             raise
 
     def _open(self) -> None:
+        """Connect to the scheduler, or start one and its workers on this machine. Raises: OptionError."""
         os.environ["PYTHONSAFEPATH"] = "1"  # or what is started, by `python -c`, imports from the current folder first
         if hasattr(signal, "pthread_sigmask"):  # workers that Dask's thread starts leave Ctrl-C to who started them
             resource_tracker.ensure_running()  # or it unblocks what is blocked here
@@ -99,13 +100,13 @@ class DaskCluster:
             self._local.scale(self.count)  # now: cluster and client, as they are made, wait for the last one to start
 
     def workers(self) -> dict[str, object]:
-        """Of each worker that is there, what changes when it is heard of. Raises: ClusterError: none is left."""
+        """When each worker was last heard of, by its name. Raises: ClusterError: none is left."""
         lost = f"{self.address}: the cluster is lost"
         if self._client.status != "running":
             raise ClusterError(f"{lost}: its scheduler has gone")
         try:  # not by `scheduler_info`, whose workers a callback of Dask's takes away now and then
-            known = self._client.sync(self._client.scheduler.identity)["workers"]
-            return {name: about["last_seen"] for name, about in known.items()}
+            facts_of = self._client.sync(self._client.scheduler.identity)["workers"]
+            return {name: facts["last_seen"] for name, facts in facts_of.items()}
         except Exception as reason:  # whatever Dask makes of it
             text = " ".join(f"{lost}: {type(reason).__name__}: {reason}".rstrip(": ").split())
             raise ClusterError(text) from None
@@ -116,13 +117,15 @@ class DaskCluster:
         return bool(failed) and all(failed)
 
     def call(self, worker: str, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Call `function` on a worker; its result, to wait for: texts, numbers, bytes, tuples of these, or a TypeError.
+        """Call `function` on a worker. Returns the future of its result: texts, numbers, bytes, tuples of these, or
+        a TypeError.
 
         The thread beside this one begins the call, so that Ctrl-C cannot come between.
         """
         loop = self._client.loop.asyncio_loop
 
         def begin() -> Future[Any]:
+            """Send the call, on the thread of Dask's event loop."""
             return asyncio.run_coroutine_threadsafe(self._call(worker, function, *arguments), loop)
 
         return self._aside.submit(begin).result()

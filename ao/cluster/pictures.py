@@ -83,17 +83,19 @@ def render_on(
     film, samples, channels = picture.film(), picture.style.samples, picture.channels
 
     def render_tiles(tiles: Tiles) -> None:
+        """Render tiles by workers and paste them on the film as they come, of tiles done again the reopened pixels
+        alone."""
         done = 0
-        again = tiles.around is not None
+        is_second_pass = tiles.around is not None
         for start, stop, (pixels, edges, counts) in session.rows(tiles, picture, workers):
             numbers = tiles.numbers[start:stop]
-            reopened = retired_pixels(film.edges[numbers]) & ~retired_pixels(edges) if again else None
+            reopened = retired_pixels(film.edges[numbers]) & ~retired_pixels(edges) if is_second_pass else None
             paste(film, numbers, pixels, reopened)
             if tiles.adaptive:
                 film.edges[numbers] = edges
             picture.counts += counts.sum(axis=0)
             done += stop - start
-            if progress and not again:
+            if progress and not is_second_pass:
                 progress(done, picture.tiles)
 
     # All tiles, and once more those with pixels that turned out to need more samples.

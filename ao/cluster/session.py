@@ -91,8 +91,8 @@ class Dispatch:
             self.spans.appendleft((end, stop))
         return start, end
 
-    def came_back(self, worker: str, finished: int, seconds: float) -> None:
-        """Take note of a traced block."""
+    def record_block(self, worker: str, finished: int, seconds: float) -> None:
+        """Record a traced block of a worker, and the speed that this shows."""
         self.blocks[worker] += 1
         self.rows_traced += finished
         self.left -= finished
@@ -100,7 +100,7 @@ class Dispatch:
         self.speed[worker] = _KEPT * self.speed.get(worker, speed) + (1 - _KEPT) * speed
 
     def lost(self, span: Span) -> None:
-        """Hand out a block once more."""
+        """Put a block back, to be handed out once more."""
         self.again += 1
         self.spans.appendleft(span)
 
@@ -159,17 +159,24 @@ class ClusterSession:
     def fill_spans(
         self, work: RowTask, scene: Any, spans: Sequence[Span], tables: Outputs, threads: int, finished: Finished
     ) -> None:
-        """As `ao.execute.work.fill_spans`, by workers unless that is little. Errors as `trace`."""
+        """Make the rows `spans` of `work`, as `ao.execute.work.fill_spans` does, by workers unless it has few rays.
+
+        Raises: as `trace`.
+        """
         if sum(stop - start for start, stop in spans) * work.rays < self._pace.few_rays:
             fill_spans(work, scene, spans, tables, threads, finished)
             return
-        for start, stop, made in self.trace(work, scene, spans):
-            for table, values in zip(tables, made, strict=True):
+        for start, stop, block_tables in self.trace(work, scene, spans):
+            for table, values in zip(tables, block_tables, strict=True):
                 table[start:stop] = values
             finished(start, stop)
 
     def rows(self, work: RowTask, scene: Any, threads: int) -> Iterator[Found]:
-        """All rows of `work` in blocks, by workers or, if they are few, by so many threads here. Errors as `trace`."""
+        """All rows of `work` in blocks: start, stop, tables. By workers, or if it has few rays by `threads` of this
+        process.
+
+        Raises: as `trace`.
+        """
         if len(work) * work.rays >= self._pace.few_rays:
             yield from self.trace(work, scene, [(0, len(work))])
         else:
@@ -194,16 +201,16 @@ class ClusterSession:
         self._alone_since, self._told_alone = time.monotonic(), False
         try:
             while self.dispatch.left:
-                self._look()
+                self._update_workers()
                 self._hand_out(work)
                 if not self._calls:
                     time.sleep(_LOOK)
                 for call in wait(self._calls, _LOOK, FIRST_COMPLETED).done:
                     worker, span = self._calls.pop(call, ("", (0, 0)))
-                    if worker and (tables := self._answer(work, worker, span, call)):
+                    if worker and (tables := self._receive(work, worker, span, call)):
                         yield *span, tables
         finally:
-            self._drop()
+            self._forget_blocks()
 
     def status(self) -> str:
         """How many workers there are, in words."""
@@ -217,8 +224,8 @@ class ClusterSession:
         workers = _plural(len(done.blocks), "worker")
         return f"{self._address}: {blocks} traced by {workers}{again}"
 
-    def _look(self) -> None:
-        """Take on workers that have come, and let go of those that have gone or stand still."""
+    def _update_workers(self) -> None:
+        """Update the workers: take on new ones, and drop those that have gone or stand still."""
         now = time.monotonic()
         if now < self._looked + _LOOK:
             return
@@ -237,9 +244,9 @@ class ClusterSession:
                     f"worker {worker} has not been heard of for {self._pace.silence:.0f} s; others get its blocks"
                 )
             del self._workers[worker]
-            for span in self._drop(worker):
+            for span in self._forget_blocks(worker):
                 most = self._pace.losses
-                self._lost(span, most, f"{most} workers have ended with the same block: too little memory?")
+                self._requeue(span, most, f"{most} workers have ended with the same block: too little memory?")
         self._workers |= dict.fromkeys(present - self._workers.keys())
         # Workers of this machine that start late, and what to do without any.
         started, count = len(self._heard), self._cluster.count
@@ -251,10 +258,13 @@ class ClusterSession:
         if None in self._workers.values():
             self._alone_since, self._told_alone = now, False
         elif now > self._alone_since + self._pace.patience:
-            self._alone(now - self._alone_since)
+            self._warn_without_workers(now - self._alone_since)
 
-    def _alone(self, seconds: float) -> None:
-        """Say, once, that no worker can be used for so long. Raises: InputError, ClusterError: waiting is of no use."""
+    def _warn_without_workers(self, seconds: float) -> None:
+        """Warn, once, that there has been no usable worker for so long.
+
+        Raises: InputError, ClusterError: waiting is of no use.
+        """
         for reason in filter(None, self._workers.values()):
             raise reason
         local = self._cluster.count
@@ -270,12 +280,14 @@ class ClusterSession:
         for worker in (worker for worker, reason in self._workers.items() if not reason):
             while busy[worker] < IN_FLIGHT and self.dispatch.spans:
                 start, stop = self.dispatch.take(worker)
-                block = bit_environment(), self._file, self._cluster.threads, work[start:stop]
-                self._calls[self._cluster.call(worker, trace_block, *block)] = worker, (start, stop)
+                call = self._cluster.call(
+                    worker, trace_block, bit_environment(), self._file, self._cluster.threads, work[start:stop]
+                )
+                self._calls[call] = worker, (start, stop)
                 busy[worker] += 1
 
-    def _answer(self, work: RowTask, worker: str, span: Span, call: Future[Any]) -> Outputs | None:
-        """The rows of a block; None if there are none, and the worker gets no more.
+    def _receive(self, work: RowTask, worker: str, span: Span, call: Future[Any]) -> Outputs | None:
+        """The rows of a block, from its finished call; None if there are none, and the worker gets no more.
 
         Raises: InputError: every worker would say so. ClusterError: the block has failed on several.
         """
@@ -285,7 +297,7 @@ class ClusterSession:
             kind, *contents = call.result()
             if isinstance(kind, float):
                 tables = unpack(work[start:stop], contents)
-                self.dispatch.came_back(worker, stop - start, kind)
+                self.dispatch.record_block(worker, stop - start, kind)
                 return tables
             if kind == "failed":
                 error = ClusterError(f"{nobody}: {contents[0]}")
@@ -298,20 +310,20 @@ class ClusterSession:
             raise error
         text, self._workers[worker] = str(error).removeprefix(nobody), error
         self._notify(f"worker {worker} gets no work{text}")
-        for lost in self._drop(worker):
+        for lost in self._forget_blocks(worker):
             self.dispatch.lost(lost)
-        self._lost(span, _FAILURES if kind == "failed" else 0, f"a block fails on every worker{text}")
+        self._requeue(span, _FAILURES if kind == "failed" else 0, f"a block fails on every worker{text}")
         return None
 
-    def _lost(self, span: Span, most: int, text: str) -> None:
-        """Hand out a block once more. Raises: ClusterError: for the time `most`, unless that is 0."""
+    def _requeue(self, span: Span, most: int, text: str) -> None:
+        """Hand out a block once more. Raises: ClusterError: it has been lost `most` times already, unless that is 0."""
         self.dispatch.lost(span)
         self._lost_before[span[0], most] += 1
         if self._lost_before[span[0], most] == most:
             raise ClusterError(f"{self._address}: {text}")
 
-    def _drop(self, worker: str | None = None) -> list[Span]:
-        """The blocks that a worker has, or that all have; what it makes of them is of no interest any more."""
+    def _forget_blocks(self, worker: str | None = None) -> list[Span]:
+        """Forget the blocks that a worker has, or that all have; their results are ignored."""
         calls = [call for call, (of, _) in self._calls.items() if worker in (of, None)]
         self.dispatch.speed.pop(worker or "", None)
         for call in calls:
@@ -319,6 +331,7 @@ class ClusterSession:
         return [self._calls.pop(call)[1] for call in calls]
 
     def _remove(self) -> None:
+        """Delete the file of the scene that workers read."""
         if self._file:
             with suppress(OSError):  # the shared folder has gone
                 Path(self._file.path).unlink()

@@ -1,7 +1,6 @@
 """Checkpoints of long bakes: traced rows go to a journal, from which a later run takes them."""
 
 import hashlib
-import os
 import time
 import warnings
 from collections.abc import Callable
@@ -16,6 +15,7 @@ import numpy.typing as npt
 
 from raytrace.errors import InputError, OutputError
 from raytrace.mesh.placement import Placement
+from raytrace.system.paths import PathName
 from raytrace.types import Bools, Float64s
 
 from ..points.receivers import Receivers
@@ -49,7 +49,7 @@ class Checkpoint:
 
     def __init__(
         self,
-        path: str | os.PathLike[str] | None,
+        path: PathName | None,
         resume: bool = False,
         notify: Callable[[str], object] = warnings.warn,
         after: float = 60.0,
@@ -85,7 +85,10 @@ class Checkpoint:
             self._journal.close()
 
     def begin(self, placement: Placement, receivers: Receivers, *settings: object) -> None:
-        """Open what there is to continue. Args: everything that decides rows; `settings` by their repr."""
+        """Open the journal and continue from it, if there is one of this bake.
+
+        Args: everything that decides rows; `settings` by their repr.
+        """
         if self._given_up:
             return
         self._identity = cache(lambda: identity(placement, receivers, settings))
@@ -96,7 +99,7 @@ class Checkpoint:
             journal = None
         except OSError as reason:
             if isinstance(reason, OutputError) or self.resume:
-                raise _refused(self.path, reason) from None
+                raise _output_error(self.path, reason) from None
             return
         is_ours = bool(journal and journal.identity and journal.identity == self._identity())
         if is_ours and self.resume:
@@ -115,27 +118,27 @@ class Checkpoint:
     def fill(self, work: KeptRowTask, scene: RayScene, threads: int, advance: Advance) -> Outputs:
         """All rows of `work`: those that are kept, and the others made. Args: advance: called with numbers of rows."""
         name, tables = work.name, work.tables()
-        wanted = self.choose(work, ~self.restored(work, tables))
+        to_make = self.choose(work, ~self.restored(work, tables))
 
         def finished(start: int, stop: int) -> None:
             if not self._given_up:
                 self.put((name, start, stop), b"".join(table[start:stop].tobytes() for table in tables))
             advance(stop - start)
 
-        if done := len(work) - int(np.count_nonzero(wanted)):
+        if done := len(work) - int(np.count_nonzero(to_make)):
             advance(done)
-        if wanted.any():
-            edges = np.flatnonzero(np.diff(wanted, prepend=False, append=False)).tolist()
+        if to_make.any():
+            edges = np.flatnonzero(np.diff(to_make, prepend=False, append=False)).tolist()
             spans = list(zip(edges[::2], edges[1::2], strict=True))
             self.fill_spans(work, scene, spans, tables, threads, finished)
         return tables
 
     def choose(self, work: RowTask, missing: Bools) -> Bools:
-        """Which of the `missing` rows, bool (k,), are to be made here: all."""
+        """The rows of `missing`, bool (k,), that this process is to make: here all, in a part its share."""
         return missing
 
     def restored(self, work: KeptRowTask, tables: Outputs) -> Bools:
-        """Which rows of the work are kept, bool (k,); they are copied into `tables`."""
+        """Copy recorded rows of the work into `tables`; returns which rows (k,) these are."""
         is_kept = np.zeros(len(work), np.bool_)
         if self._journal:
             name = work.name
@@ -145,10 +148,10 @@ class Checkpoint:
         return is_kept
 
     def all_traced(self) -> None:
-        """No more rows will be asked for."""
+        """Called when no more rows will be asked for."""
 
     def cached(self, name: str, compute: Callable[[], Float64s]) -> Float64s:
-        """What `compute` returns, (k,), unless it is kept."""
+        """The result (k,) of `compute`, recorded under a name, so that a continued run does not compute it again."""
         block = hashlib.blake2b(name.encode(), digest_size=16).digest(), 0, 0
         if self._journal and block in self._journal.blocks:
             return np.frombuffer(self._journal.content(block))
@@ -158,7 +161,7 @@ class Checkpoint:
         return values
 
     def put(self, block: Block, content: bytes) -> None:
-        """Keep a block; written when it is time to, or much."""
+        """Record a block; it is written after some time, or with many others."""
         self._pending.append(record(block, content))
         if time.monotonic() >= self._due:
             self._write()
@@ -167,7 +170,7 @@ class Checkpoint:
             self._write(safe=False)
 
     def _write(self, safe: bool = True) -> None:
-        """Write what waits; if `safe`, it counts from now on, whatever happens."""
+        """Write the pending records; if `safe`, sign the journal, so that they count whatever happens."""
         if self._given_up or not (self._pending or self._journal):
             return
         try:
@@ -179,7 +182,7 @@ class Checkpoint:
             if safe:
                 self._journal.sign(self._identity())
         except OSError as reason:
-            self._give_up(_refused(self.path, reason))
+            self._give_up(_output_error(self.path, reason))
 
     def _give_up(self, reason: OutputError) -> None:
         """Go on without a journal that cannot be written."""
@@ -222,5 +225,6 @@ def restore(block: Block, content: bytes, work: KeptRowTask, tables: Outputs, re
         restored[start:stop] = True
 
 
-def _refused(path: Path, reason: OSError) -> OutputError:
+def _output_error(path: Path, reason: OSError) -> OutputError:
+    """An error of the system as one of the journal's file."""
     return reason if isinstance(reason, OutputError) else OutputError(f"{path}: {reason.strerror or reason}")

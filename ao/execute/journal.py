@@ -45,7 +45,7 @@ class Journal:
 
     def __init__(self, path: Path, create: bool) -> None:
         self.path = path
-        self._file = _hold(path, create)
+        self._file = _open_locked(path, create)
         self.blocks: dict[Block, tuple[int, int]] = {}
         try:
             self._read()
@@ -61,9 +61,9 @@ class Journal:
         self.identity = head[len(MAGIC) :] if is_whole and head != _UNSIGNED else None
         if not is_whole:
             is_cut = head.startswith(MAGIC) or MAGIC.startswith(head.rstrip(b"\0"))
-            rest = iter(lambda: self._file.read(1 << 20), b"")
-            if not is_cut or any(chunk.strip(b"\0") for chunk in rest):
-                raise _another(self.path, "another file")
+            chunks = iter(lambda: self._file.read(1 << 20), b"")
+            if not is_cut or any(chunk.strip(b"\0") for chunk in chunks):
+                raise _not_the_journal(self.path, "another file")
         # Records, each where the last whole one ends.
         self._end = self._file.tell() if self.identity else 0
         while self.identity and len(start := self._file.read(_RECORD.size)) == _RECORD.size:
@@ -99,6 +99,7 @@ class Journal:
                 os.close(folder)
 
     def content(self, block: Block) -> bytes:
+        """The stored bytes of a block."""
         begin, size = self.blocks[block]
         self._file.seek(begin)
         return self._file.read(size)
@@ -111,9 +112,9 @@ class Journal:
         self._file.seek(self._end)
         self._file.truncate()
         for content in records:
-            rest = memoryview(content)
-            while rest:  # a nearly full disk takes a part and refuses the next
-                rest = rest[self._file.write(rest) :]
+            unwritten = memoryview(content)
+            while unwritten:  # a nearly full disk takes a part and refuses the next
+                unwritten = unwritten[self._file.write(unwritten) :]
         self.path.stat()  # what has no name any more is kept for nobody
         self._end += sum(map(len, records))
 
@@ -121,18 +122,23 @@ class Journal:
         self._file.close()
 
     def remove(self) -> None:
+        """Delete the journal, and close it."""
         with suppress(OSError):
             self.path.unlink()
         self.close()
 
 
-def _hold(path: Path, create: bool) -> FileIO:
+def _open_locked(path: Path, create: bool) -> FileIO:
+    """Open the file and lock it; again if it was deleted meanwhile.
+
+    Raises: OutputError: no journal, or locked by another.
+    """
     while True:
         handle = os.open(path, _OPEN | (os.O_CREAT if create else 0), 0o666)
         file = FileIO(handle, "r+")
         try:
             if not stat.S_ISREG(os.fstat(handle).st_mode):
-                raise _another(path, "something that is not a regular file")
+                raise _not_the_journal(path, "something that is not a regular file")
             if sys.platform != "win32":
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if os.path.samestat(os.fstat(handle), path.stat()):
@@ -150,5 +156,6 @@ def _hold(path: Path, create: bool) -> FileIO:
             raise FileNotFoundError(path)
 
 
-def _another(path: Path, got: str) -> OutputError:
+def _not_the_journal(path: Path, got: str) -> OutputError:
+    """The error for a file that is not the journal it should be. Args: got: what it is."""
     return OutputError(f"{path}: content: expected the journal of a bake or no such file, got {got}")

@@ -33,7 +33,8 @@ class _AllTraced(Exception):
 
 
 def assign_shards(count: int, of: int) -> Int64s:
-    """Which of the parts 1 to `of` makes each of `count` rows, (count,): short runs in turn, which take alike."""
+    """The part, from 1 to `of`, that makes each of `count` rows, (count,): short runs in turn, so that parts take
+    alike."""
     run = max(-(-count // (of * _RUNS)), _LEAST)
     return np.arange(count) // run % of + 1
 
@@ -69,18 +70,20 @@ class ShardCheckpoint(Checkpoint):
         self._description = {**description, "part": number, "of": of}
 
     def begin(self, placement: Placement, receivers: Receivers, *settings: object) -> None:
+        """As `Checkpoint.begin`; the part's description is recorded first."""
         self._description |= {"mesh digest": digest_of(placement, receivers), "machine": bit_environment()}
         super().begin(placement, receivers, *settings)
         if not self._journal or DESCRIPTION not in self._journal.blocks:
             self._pending.append(record(DESCRIPTION, json.dumps(self._description).encode()))
 
     def choose(self, work: RowTask, missing: Bools) -> Bools:
+        """The missing rows of this part alone; their rays are counted."""
         is_own = assign_shards(len(work), self.of) == self.number
         self.rays += int(np.count_nonzero(is_own) * work.rays)
         return np.asarray(missing & is_own)
 
     def all_traced(self) -> None:
-        """End the bake within `trace`."""
+        """End the bake within `trace`. Raises: _AllTraced."""
         self._pending.append(record(WHOLE, b"whole"))
         self._write()
         raise _AllTraced
@@ -94,6 +97,7 @@ class ShardCheckpoint(Checkpoint):
             bake()
 
     def _give_up(self, reason: OutputError) -> None:
+        """Fail, for without its journal a part is of no use. Raises: OutputError."""
         raise OutputError(f"{reason}; the same command continues from what is there")
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
@@ -133,6 +137,7 @@ def read_parts(folder: Path) -> list[PartFile]:
     if not paths:
         raise InputError(folder, "parts", f"files that end in {ENDING}, which obscurance bake --part makes", "none")
     parts = [_read(path) for path in paths]
+    # Facts and identity must be what most parts have.
     usual = dict(Counter(tuple(part.facts.items()) for part in parts).most_common(1)[0][0])
     for part in parts:
         if difference := first_difference(usual, part.facts):
@@ -142,6 +147,7 @@ def read_parts(folder: Path) -> list[PartFile]:
     for part in parts:
         if part.identity != header:
             raise InputError(part.path, "header", "what the other parts have", "that of another bake")
+    # None may be missing.
     of = parts[0].description["of"]
     numbers = {part.description["part"] for part in parts}
     if lacking := missing_of(of, numbers):
@@ -150,12 +156,13 @@ def read_parts(folder: Path) -> list[PartFile]:
 
 
 def missing_of(of: int, numbers: Collection[int]) -> str:
-    """The first twenty of 1 to `of` that are none of `numbers`, in words; nothing if all are."""
+    """The first twenty of the parts 1 to `of` that are not among `numbers`, in words; "" if none is missing."""
     missing = list(islice((number for number in range(1, of + 1) if number not in numbers), 21))
     return ", ".join(map(str, missing[:20])) + (", …" if len(missing) > 20 else "")
 
 
 def _read(path: Path) -> PartFile:
+    """A part's file, checked to be finished. Raises: InputError."""
     try:
         journal = Journal(path, create=False)
     except OutputError as reason:
@@ -173,18 +180,19 @@ def _read(path: Path) -> PartFile:
 
 
 def _parse_description(path: Path, content: bytes) -> dict[str, Any]:
+    """The description that a part's journal holds. Raises: InputError: it is malformed."""
     try:
         description: dict[str, Any] = parse_json(content)
         number = description["part"]
         of = description["of"]
         options = description["options"]
         facts = description["machine"]
-        whole = type(number) is type(of) is int and 1 <= number <= of
-        whole = whole and isinstance(options, dict) and isinstance(facts, dict) and "mesh digest" in description
-        whole = whole and isinstance(description["mesh"], str)
+        is_valid = type(number) is type(of) is int and 1 <= number <= of
+        is_valid = is_valid and isinstance(options, dict) and isinstance(facts, dict) and "mesh digest" in description
+        is_valid = is_valid and isinstance(description["mesh"], str)
     except (ValueError, KeyError, TypeError, RecursionError):
-        whole = False
-    if not whole:
+        is_valid = False
+    if not is_valid:
         raise InputError(path, "description", "that of a part, with its number, options and machine", "something else")
     return description
 
@@ -197,24 +205,29 @@ class Merge(Checkpoint):
         self.parts = parts
 
     def begin(self, placement: Placement, receivers: Receivers, *settings: object) -> None:
+        """Check that the parts are of this very bake, on a machine like this.
+
+        Raises: InputError: the first difference.
+        """
         if identity(placement, receivers, settings) == self.parts[0].identity:
             return
-        here: Mapping[str, str] = bit_environment() | {"mesh": digest_of(placement, receivers)}
+        own_facts: Mapping[str, str] = bit_environment() | {"mesh": digest_of(placement, receivers)}
         facts = self.parts[0].facts
-        difference = first_difference({name: facts.get(name, "nothing") for name in here}, here)
+        difference = first_difference({name: facts.get(name, "nothing") for name in own_facts}, own_facts)
         name, expected, got = difference or ("header", "that of this very bake", "that of another")
         raise InputError(self.parts[0].path.parent, name, f"{expected}, as in the parts", f"{got} here")
 
     def restored(self, work: KeptRowTask, tables: Outputs) -> Bools:
-        taken, name = np.zeros(len(work), np.bool_), work.name
+        """Copy the rows of all parts into `tables`. Raises: InputError: some are missing."""
+        is_restored, name = np.zeros(len(work), np.bool_), work.name
         for part in self.parts:
             with part.path.open("rb") as file:
                 for block, (begin, size) in part.blocks.items():
                     if block[0] == name:
                         file.seek(begin)
-                        restore(block, file.read(size), work, tables, taken)
-        if not taken.all():
-            part = self.parts[int(assign_shards(len(taken), len(self.parts))[np.argmin(taken)]) - 1]
-            lacking = f"{np.count_nonzero(~taken):,} missing or impossible"
-            raise InputError(part.path, "rows", f"all of its share of {len(taken):,}", lacking)
-        return taken
+                        restore(block, file.read(size), work, tables, is_restored)
+        if not is_restored.all():
+            part = self.parts[int(assign_shards(len(is_restored), len(self.parts))[np.argmin(is_restored)]) - 1]
+            lacking = f"{np.count_nonzero(~is_restored):,} missing or impossible"
+            raise InputError(part.path, "rows", f"all of its share of {len(is_restored):,}", lacking)
+        return is_restored

@@ -30,7 +30,7 @@ class SampleMeans(NamedTuple):
     enough: int = 8  # rays of a sample, so that more samples are worth their time; less where w varies among them
 
     def moved(self, points: Points, key: np.uint32) -> SampleMeans | None:
-        """The same with samples elsewhere in the groups of some `points`, if there are any."""
+        """The same groups with other samples, for a second estimate at some `points`; None if groups have no others."""
         if self.elsewhere is None:
             return None
         return self._replace(samples=self.elsewhere(points.numbers.astype(np.int64), key))
@@ -58,11 +58,13 @@ class SampleMeans(NamedTuple):
         Args: rays: of a sample, and the key of their directions.
         """
         samples_each, key = rays
+        # The samples taken of each group, as points.
         source = np.empty(samples * len(groups), np.int64)
         numbers = np.empty(len(source), np.uint32)
         pick = bind(_pick, groups, samples, self.samples.starts, int(key), source, numbers)
         run_blocks(len(groups), _BLOCK, pick, tracer.threads, most=_SHARE)
         points = replace(self.samples.points[source], numbers=numbers)
+        # Their estimates, and means over each group.
         table = tracer.scene.table(samples_each, tracer.total_points, key, samples)
         values = tracer.trace(points, samples_each, key, samples)
         by_falloff = values.reshape(len(values), -1, COLUMNS)

@@ -49,7 +49,7 @@ class RowTask(Protocol):
 
 
 def fill(work: RowTask, scene: Any, threads: int) -> Outputs:
-    """All rows, made on threads."""
+    """Make all rows of the work, on threads; returns its tables."""
     tables = work.tables()
     fill_spans(work, scene, [(0, len(work))], tables, threads, lambda *_: None)
     return tables
@@ -66,13 +66,13 @@ def fill_spans(
     size = max(min(block, row_count // (_EACH * threads)), -(-block // 4))
     most = int(_MOST_RAYS / (size * max(work.rays, 1)))
     blocks = [(start + a, start + b) for start, stop in spans for a, b in shares(stop - start, size, threads, most)]
-    made: deque[Span] = deque()
+    finished_spans: deque[Span] = deque()
 
     def make(number: int, _: int) -> None:
         write(*blocks[number])
-        made.append(blocks[number])
+        finished_spans.append(blocks[number])
 
-    run_blocks(len(blocks), 1, make, threads, lambda _: finished(*made.popleft()))
+    run_blocks(len(blocks), 1, make, threads, lambda _: finished(*finished_spans.popleft()))
 
 
 class KeptRowTask(RowTask, Protocol):

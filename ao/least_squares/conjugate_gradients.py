@@ -35,6 +35,7 @@ def multiply(matrix: csr_array, x: Float64s, threads: int) -> Float64s:
 
 
 def _arrays(matrix: csr_array) -> tuple[UInt32s, UInt32s, Float64s]:
+    """The arrays of a sparse matrix as kernels take them: row starts, columns and values."""
     return matrix.indptr.view(np.uint32), matrix.indices.view(np.uint32), matrix.data  # no sign to be minded
 
 
@@ -77,7 +78,10 @@ def _invert(starts, columns, values, free, inverse, start, stop):
 
 @kernel
 def _descend(step, inverse, x, residual, image, length, start, stop):
-    """Go on by `length` · `step`; the preconditioned residual takes the place of the step's `image`."""
+    """Step along the search direction: x and the residual change by `length` times `step` and its image.
+
+    The preconditioned residual takes the place of the image.
+    """
     for i in range(start, stop):
         residual[i] -= image[i] * length
         x[i] += step[i] * length
@@ -102,6 +106,7 @@ def _next_step(step, scaled, ratio, start, stop):
 
 @kernel
 def _multiply(starts, columns, values, x, out, start, stop):
+    """Write rows of the sparse matrix times x to `out`."""
     for i in range(start, stop):
         total = 0.0
         for k in range(starts[i], starts[i + 1]):
@@ -143,6 +148,7 @@ def solve(
         """Σ a_i b_i after `work`: of the sums of blocks, so that it is the same for any number of threads."""
 
         def work_and_add(start: int, stop: int) -> None:
+            """Do the work on rows, then sum a_i b_i over each of their blocks."""
             work(start, stop)
             for begin in range(start, stop, _BLOCK):
                 end = min(begin + _BLOCK, stop)

@@ -26,7 +26,7 @@ _SYMMETRIC = {"diag_pivot_thresh": 0.0, "panel_size": 1, "relax": 1, "options": 
 
 
 class _Dual(NamedTuple):
-    """The problem: D (m, n), v and s (n,), p."""
+    """The problem in the symbols of the module: differences D (m, n), values v (n,), stay s (n,), pull p."""
 
     differences: csr_array
     values: Float64s
@@ -34,7 +34,11 @@ class _Dual(NamedTuple):
     pull: float
 
     def at(self, multipliers: Float64s, wanted: Float64s) -> tuple[float, Float64s, Float64s]:
-        """The dual function, its gradient, and x, which is `wanted` clamped."""
+        """The dual function at some multipliers, its gradient there, and x (n,).
+
+        Args:
+            wanted: (n,), the minimum without bounds for these multipliers: x is this, clamped to [0, 1].
+        """
         x = wanted.clip(0.0, 1.0)
         image = self.differences @ x
         moved = x - self.values
@@ -66,10 +70,12 @@ def least_change(differences: csr_array, values: Float64s, stay: Float64s, pull:
     for _ in range(_STEPS):
         if np.abs(gradient).max() < _NEAR:
             break
+        # Newton's step, with the unknowns that are within their bounds.
         weight = np.where((wanted > 0) & (wanted < 1), 1 / stay, 0.0)
         step = dual.factors(weight, "NATURAL").solve(gradient)
         rise = _RISE * dot(gradient, step)
         slide = across @ step / stay
+        # Halved until the dual function rises as much as its slope promises (Armijo).
         before, length = (height, multipliers, wanted), 1.0
         for _ in range(_HALVINGS):
             multipliers = before[1] + length * step
@@ -82,7 +88,10 @@ def least_change(differences: csr_array, values: Float64s, stay: Float64s, pull:
 
 
 def _meet_along_lines(differences: csr_array) -> bool:
-    """Whether rows of D share columns only with rows near them, in the order of Cuthill & McKee (1969)."""
+    """Whether rows of D share columns with few other rows, all near them in the order of Cuthill & McKee (1969).
+
+    The factors of D Dᵀ are then sparse, as for seams, whose samples lie along lines.
+    """
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
     if np.sum(np.bincount(differences.indices) ** 2) > _MEETING * differences.nnz:

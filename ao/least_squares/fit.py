@@ -75,22 +75,24 @@ class Fit(NamedTuple):
 
 
 def build_problems(patch: Patch, moments: Float64s, threads: int) -> tuple[Problem, Problem]:
-    """The problem, and one like it, or itself, that is small enough to be solved many times."""
+    """The least squares problem of a patch, and one small enough to be solved many times, for choosing α: a part of
+    it, or the same."""
     diagonal = MATRIX + np.array([0, 3, 5])
     trace = sum(float(moments[:, column].sum()) for column in (*diagonal, *(HALF + diagonal)))
     laplacian = _LAPLACIAN_WEIGHT * trace / max(float(patch.areas.sum()), 1e-300) * patch.areas
-    whole = _build_problem(patch, moments, laplacian, threads)
+    problem = _build_problem(patch, moments, laplacian, threads)
     if len(moments) <= 2 * _RUNS * _RUN:
-        return whole, whole
+        return problem, problem
     starts = np.arange(_RUNS) * (len(moments) - _RUN) // (_RUNS - 1)
     trial_faces = (starts[:, None] + np.arange(_RUN)).ravel()
-    return whole, _build_problem(patch.part(trial_faces), moments[trial_faces], laplacian[trial_faces], threads)
+    return problem, _build_problem(patch.part(trial_faces), moments[trial_faces], laplacian[trial_faces], threads)
 
 
 def fit_values(problem: Problem, trial: Problem, cached: Cached) -> Fit:
     """Fit 1 − w, so that where nothing is closed w is exactly 1; `cached` is called with what is long to compute."""
 
     def fit_halves() -> Float64s:
+        """The regularisation α, then the fits (n,) to both halves of the samples."""
         alpha, fits = cross_validated(trial, _constant_fit(trial))
         if trial is not problem:
             fits = [problem.fit(half, alpha, _constant_fit(problem)) for half in problem.halves]
@@ -123,6 +125,10 @@ def fit_values(problem: Problem, trial: Problem, cached: Cached) -> Fit:
 
 
 def _build_problem(patch: Patch, moments: Float64s, laplacian: Float64s, threads: int) -> Problem:
+    """The least squares problem of a patch, from the moments of its faces.
+
+    Args: laplacian: (m,), weights of smoothing.
+    """
     # Unknowns are numbered by the first corner that has each.
     corners = patch.face_points.ravel()
     first_corner = np.full(patch.unknowns, len(corners))
@@ -146,7 +152,7 @@ def _normal_equations(stencil: Stencil, moments: Float64s) -> NormalEquations:
 
 
 def _constant_fit(problem: Problem) -> Float64s:
-    """The best fit of one value to all vertices, to start from."""
+    """One value for all vertices, the best, to start iterations from."""
     right = sum(half.right.sum() for half in problem.halves)
     return np.full(problem.bent.shape[1], right / max(sum(half.values.sum() for half in problem.halves), 1e-300))
 
@@ -176,17 +182,18 @@ def cross_validated(problem: Problem, start: Float64s) -> tuple[float, list[Floa
     unit = data / rough if rough > 0 else 0.0
 
     def attempt(power: int, starts: list[Float64s]) -> tuple[float, int, list[Float64s]]:
+        """How badly fits with α = unit · 4^power predict the other half, the power, and the fits, begun at `starts`."""
         of_even = problem.fit(even, unit * _STEP**power, starts[0])
         of_odd = problem.fit(odd, unit * _STEP**power, starts[1])
         return problem.residual(odd, of_even) + problem.residual(even, of_odd), power, [of_even, of_odd]
 
     best = attempt(0, [start, start])
-    for way, last in ((-1, _ROUGHEST), (1, _SMOOTHEST)):
-        while best[1] != last:
-            other = attempt(best[1] + way, best[2])
-            if other[0] >= best[0]:
+    for direction, limit in ((-1, _ROUGHEST), (1, _SMOOTHEST)):
+        while best[1] != limit:
+            next_try = attempt(best[1] + direction, best[2])
+            if next_try[0] >= best[0]:
                 break
-            best = other
+            best = next_try
         if best[1]:
             break
     return unit * _STEP ** best[1], best[2]

@@ -48,10 +48,10 @@ class Patch:
     cover: Float64s  # (m,), the share of each face's area that it stands for: half in rectangles
 
     @classmethod
-    def of(cls, placement: Placement, receivers: Receivers, wanted: Bools) -> Patch:
-        """The patch of all faces that have a corner among the `wanted` vertices, bool (n,)."""
+    def of(cls, placement: Placement, receivers: Receivers, requested: Bools) -> Patch:
+        """The patch of all faces with a corner among the `requested` vertices, bool (n,)."""
         vertices = placement.vertices.astype(np.float64)
-        faces = receivers.faces[wanted[receivers.faces].any(axis=1)]
+        faces = receivers.faces[requested[receivers.faces].any(axis=1)]
         faces = faces[fine_morton_order(vertices[faces].mean(axis=1))]
         unknown = receivers.of_vertex.copy()
         normals = receivers.points.normals
@@ -59,12 +59,19 @@ class Patch:
         unknown[without] = len(normals) + np.arange(len(without))
         axes = np.concatenate([normals, np.zeros((len(without), 3), np.float32)])
         points = unknown[faces]
-        arrays = vertices[faces], *face_normals(vertices, faces), points.astype(np.int32), axes[points]
-        patch = cls(*arrays, len(axes), len(faces), np.broadcast_to(1.0, len(faces)))
+        patch = cls(
+            vertices[faces],
+            *face_normals(vertices, faces),
+            points.astype(np.int32),
+            axes[points],
+            unknowns=len(axes),
+            mesh_faces=len(faces),
+            cover=np.broadcast_to(1.0, len(faces)),
+        )
         return patch if len(faces) > _COARSE else patch._with_rectangles()
 
     def _with_rectangles(self) -> Patch:
-        """With both cuts of every rectangle that two faces form; each cut has half the samples."""
+        """The patch with the other cut of every rectangle that two faces form; each cut has half the samples."""
         # Pairs of faces at a smooth edge, their diagonal: the corners opposite to it, and its ends.
         hinges = find_hinges(self.face_points, self.normals, CREASE, self.unknowns).astype(np.int64)
         opposite, across = hinges.T
@@ -97,13 +104,21 @@ class Patch:
         """A patch of some faces, with unknowns of their own."""
         unknowns, renumbered = np.unique(self.face_points[faces], return_inverse=True)
         face_points = renumbered.reshape(-1, 3).astype(np.int32)
-        arrays = self.corners[faces], self.normals[faces], self.areas[faces], face_points, self.axes[faces]
-        return Patch(*arrays, len(unknowns), len(faces), self.cover[faces])
+        return Patch(
+            self.corners[faces],
+            self.normals[faces],
+            self.areas[faces],
+            face_points,
+            self.axes[faces],
+            unknowns=len(unknowns),
+            mesh_faces=len(faces),
+            cover=self.cover[faces],
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Moments and counts of faces, as work that any process can do; see `gather_faces`."""
+    """The moments and ray counts of faces as a `KeptRowTask`, which any process can do; see `gather_faces`."""
 
     faces: Outputs  # corners, normals and axes of m faces, as `Patch` has them
     samples: Samples
@@ -128,12 +143,14 @@ class Moments:
 
     @property
     def name(self) -> bytes:
+        """As `KeptRowTask.name`: of the samples' count, key and places."""
         digest = hashlib.blake2b(repr((self.count, int(self.key))).encode(), digest_size=16)
         digest.update(np.ascontiguousarray(self.points).data)
         return digest.digest()
 
     @property
     def rays(self) -> float:
+        """Rays of a face on average, as `RowTask.rays`."""
         count = int(self.samples.starts[-1] - self.samples.starts[0])
         return self.rays_of_sample * count / max(len(self), 1)
 
@@ -141,6 +158,7 @@ class Moments:
         return np.zeros((len(self), MOMENTS)), np.zeros((len(self), 3), np.int64)
 
     def could_make(self, rows: Outputs) -> bool:
+        """Whether moments and counts are in the ranges of this many samples."""
         moments, counts = rows  # weights of all samples of a face sum up to less than 4
         most = self.rays_of_sample * self.count
         return bool((np.abs(moments) <= 4).all() and ((counts >= 0) & (counts <= most)).all())
@@ -153,8 +171,9 @@ class Moments:
         def write(start: int, stop: int) -> None:
             faces = self[start:stop]
             packet = RayPacket.of(embree, scene.opacity)
-            outputs = moments[start:stop], counts[start:stop]
-            gather_faces(packet, faces.faces, faces.samples, drawn, self.mu, self.reach, *outputs)
+            gather_faces(
+                packet, faces.faces, faces.samples, drawn, self.mu, self.reach, moments[start:stop], counts[start:stop]
+            )
 
         return write
 
@@ -170,6 +189,7 @@ def gather_moments(prepared: Prepared, patch: Patch, total: int) -> tuple[Float6
     progress = prepared.progress
     if not len(patch.face_points):
         return np.zeros((0, MOMENTS)), np.zeros((0, 3), np.int64)
+    # Many samples of few rays each, spread evenly over the faces.
     rays = int(np.clip(prepared.options.rays // 2 // LANES * LANES, LANES, _MOST_RAYS))
     count = max(total // rays, 1)
     shift = float(np.ldexp(hash32_array([key])[0], -32))
@@ -186,6 +206,7 @@ def gather_moments(prepared: Prepared, patch: Patch, total: int) -> tuple[Float6
             progress(count * rays * done // len(work), count * rays, "rays")
 
     moments, counts = prepared.checkpoint.fill(work, prepared.scene, prepared.threads, advance)
+    # Faces of which no vertex is seen keep what hidden samples say.
     seen = np.zeros(patch.unknowns, np.bool_)
     seen[patch.face_points[counts[:, SEEN] > 0]] = True
     moments[~seen[patch.face_points].any(axis=1)] /= HIDDEN

@@ -21,7 +21,10 @@ class Stencil(NamedTuple):
 
     @classmethod
     def of(cls, face_points: Int32s, hinges: Int32s, count: int) -> Self:
-        """Args: hinges: of `find_hinges`. count: how many unknowns there are."""
+        """The pattern of the unknowns that meet in a face, or opposite each other at a hinge.
+
+        Args: hinges: of `find_hinges`. count: how many unknowns there are.
+        """
         corners = face_points.ravel()
         ahead = face_points[:, [1, 2, 0]].ravel()
         behind = face_points[:, [2, 0, 1]].ravel()

@@ -37,6 +37,7 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Checkpoint | None) 
     """
     receivers, options, threads = prepared.receivers, prepared.options, prepared.threads
     vertices = prepared.placement.vertices.astype(np.float64)
+    # The faces that get w, along a curve; `receivers.faces` lacks those without area.
     with_area = np.flatnonzero(face_normals(vertices, prepared.mesh.faces)[1] > 0)
     is_wanted = with_area < count
     if prepared.requested is not None:
@@ -49,11 +50,13 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Checkpoint | None) 
     flat = SmoothSurface(np.zeros_like(vertices), SmoothSurface.of(vertices, receivers).surface)
 
     def samples_of(numbers: Int64s, key: np.uint32) -> SurfaceSamples:
+        """Jittered samples on the faces `numbers`, more on larger ones."""
         on_faces = _spread(faces[numbers], areas[numbers] / areas.sum(), key)
         all_count = np.zeros(len(numbers), np.bool_)
         return SurfaceSamples.place(on_faces, all_count, flat, receivers, threads)
 
     def outside(samples: SurfaceSamples) -> tuple[SurfaceSamples, Bools]:
+        """The samples outside of solids, and which faces (k,) have none: all of their samples are inside."""
         inside = inside_solids(
             samples.points,
             lambda: receivers.faces[samples.face, 0],
@@ -68,9 +71,11 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Checkpoint | None) 
         return samples.without(inside, threads) if inside.any() else samples, hidden
 
     def elsewhere(numbers: Int64s, key: np.uint32) -> SurfaceSamples:
+        """Other samples on the faces `numbers`, for a second estimate."""
         ascending = np.sort(numbers)
         return outside(samples_of(ascending, key))[0].spread(ascending, len(faces))
 
+    # Their estimates, by each falloff.
     samples, hidden = outside(samples_of(np.arange(len(faces)), derive(prepared.key, _PLACES)))
     points = samples.first_points
     tracer = prepared.sample_tracer(SampleMeans(samples, elsewhere, _RAYS), "faces", checkpoint)
@@ -80,6 +85,7 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Checkpoint | None) 
     def estimated() -> tuple[Estimate, int]:
         return estimate_outside(tracer, points, CornerSamples.none(), beside, filled, options)
 
+    # Rows of the estimates, and flags, of all faces of the mesh.
     row = np.full(count, -1)
     row[with_area[faces]] = np.arange(len(faces))
     flags = np.full(count, Flag.DEGENERATE, np.uint8)
@@ -131,7 +137,11 @@ def _uniform(numbers: Int64s, key: np.uint32) -> Float32s:
 
 
 def _neighbours(corners: Int64s, normals: Float32s, threads: int) -> NeighboursOf:
-    """The faces across the edges of each. Args: corners: (k, 3), the points of each face."""
+    """The faces across the edges of each face, as estimates take neighbours.
+
+    Args:
+        corners: (k, 3), the points of each face.
+    """
     edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
     order = np.lexsort(edges.T)
     is_same = (edges[order[1:]] == edges[order[:-1]]).all(axis=1)

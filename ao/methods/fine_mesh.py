@@ -65,6 +65,7 @@ def _project(prepared: Prepared, coarse: Mesh, vertices: Receivers, inputs: Inpu
     """The vertices of `coarse` on the fine mesh, and which of them the cage misses."""
     placement = prepared.placement
     fine = FineMesh(prepared.mesh.source, placement, prepared.receivers, prepared.threads)
+    # One vertex for each point: its place, and the cage's there.
     representative = vertices.first_vertex
     positions = (coarse.vertices[representative] - placement.centre) * placement.scale
     cage = cage_of(prepared.options.cage, coarse, prepared.mesh)
@@ -74,7 +75,8 @@ def _project(prepared: Prepared, coarse: Mesh, vertices: Receivers, inputs: Inpu
 
 
 def _place(prepared: Prepared, projected: SurfacePoints) -> tuple[SurfaceSamples, Int64s]:
-    """Groups of one sample each along a curve that keeps neighbours together, and which point each of them is."""
+    """Sample groups of one projected point each along a curve that keeps neighbours together, and the point (k,) of
+    each group."""
     receivers, threads = prepared.receivers, prepared.threads
     surface = SmoothSurface.of(prepared.placement.vertices.astype(np.float64), receivers)
     order = morton_order(surface.positions_at(*projected, threads))

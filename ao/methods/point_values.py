@@ -62,6 +62,7 @@ def bake_points(
     start = time.perf_counter()
     for name in options.keys() - {*TAKEN}:
         raise TypeError(f"bake_points() got an unexpected keyword argument {name!r}")
+    # The arguments.
     checked = Options(**options)
     places = _rows("points", points)
     axes = _rows("normals", normals)
@@ -71,21 +72,24 @@ def bake_points(
         raise MeshError("points", "points", "finite coordinates of at least one", "none, or others")
     axes = normalize(np.nan_to_num(axes))
     usable = np.flatnonzero(axes.any(axis=1))
+    # What occludes: the mesh, or discs in place of the points.
     lifts = np.zeros(len(places))
     if mesh is None:
         mesh, lifts[usable] = discs(places[usable], axes[usable])
     solid = mesh_of(mesh, "bake_points")
     prepared = Prepared.of(solid, checked, progress, None, [mesh_of(occluder, "occluders") for occluder in occluders])
-    order = usable[morton_order(_placed(prepared, places[usable]).astype(np.float32))]
+    # The points with an axis, along a curve that keeps neighbours together, and those near each.
+    order = usable[morton_order(_in_render_space(prepared, places[usable]).astype(np.float32))]
     baked = _points_at(prepared, places[order], axes[order], lifts[order])
     tracer = prepared.tracer(len(order))
     near = cKDTree(places[order]).query(places[order], min(_NEIGHBOURS + 1, len(order)), workers=prepared.threads)[1]
-    here = np.repeat(np.arange(len(order)), near.size // max(len(order), 1))
-    beside = linked(here, near.ravel(), baked.normals, prepared.threads)
+    rows = np.repeat(np.arange(len(order)), near.size // max(len(order), 1))
+    beside = linked(rows, near.ravel(), baked.normals, prepared.threads)
 
     def estimated() -> tuple[Estimate, int]:
         return estimate(tracer, baked, CornerSamples.none(), beside, checked), 0
 
+    # Their estimates, in the order of the arguments.
     values = PointValues.of(tracer.each_column(estimated), tracer.rays)
     row = np.full(len(places), -1)
     row[order] = np.arange(len(order))
@@ -96,8 +100,9 @@ def bake_points(
     return replace(result, at="points", seconds=seconds, shortfalls=lines)
 
 
-def _rows(name: str, given: npt.ArrayLike) -> Float64s:
-    array: Float64s = np.asarray(given, np.float64)
+def _rows(name: str, values: npt.ArrayLike) -> Float64s:
+    """Points or vectors as float64 (k, 3). Raises: OptionError: another shape."""
+    array: Float64s = np.asarray(values, np.float64)
     if array.ndim != 2 or array.shape[1] != 3:
         raise OptionError(name, "shape (…, 3)", array.shape)
     return array
@@ -123,14 +128,15 @@ def discs(points: Float64s, axes: Float64s, source: str = "points") -> tuple[Mes
     return Mesh(vertices.reshape(-1, 3), faces.reshape(-1, 3), source=source), _LIFT * radius
 
 
-def _placed(prepared: Prepared, points: Float64s) -> Float64s:
+def _in_render_space(prepared: Prepared, points: Float64s) -> Float64s:
+    """Points (k, 3) in render space."""
     placed: Float64s = (points - prepared.placement.centre) * prepared.placement.scale
     return placed
 
 
 def _points_at(prepared: Prepared, points: Float64s, axes: Float64s, lifts: Float64s) -> Points:
     """Origins of rays above the points, in render space."""
-    placed = _placed(prepared, points)
+    placed = _in_render_space(prepared, points)
     largest = np.maximum(np.abs(placed).max(axis=1), np.abs(prepared.placement.vertices).max())
     offset = np.maximum(ray_offset(axes, largest, np.ones(len(points))), lifts * prepared.placement.scale)
     origins = placed + offset[:, None] * axes

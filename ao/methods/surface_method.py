@@ -37,8 +37,8 @@ def fit_to_surface(prepared: Prepared) -> PointValues:
         if rmse <= tolerance:
             break
         rays = min(int(rays * np.clip((rmse / (_AIM * tolerance)) ** 2, 2.0, 16.0)), most)
-        fit, more = _fit(prepared, rays)
-        counts += more
+        fit, fit_counts = _fit(prepared, rays)
+        counts += fit_counts
     # The values at the points asked for.
     unknowns = receivers.of_vertex[requested.first_vertex]
     return PointValues(
@@ -52,7 +52,7 @@ def fit_to_surface(prepared: Prepared) -> PointValues:
 
 
 def _requested(prepared: Prepared) -> Bools:
-    """The vertices (n,) that are to get w."""
+    """Which vertices (n,) are to get w."""
     if prepared.requested is not None:
         return prepared.requested
     return np.ones(len(prepared.requested_receivers.flags), np.bool_)
@@ -81,6 +81,7 @@ def _fit(prepared: Prepared, rays: int) -> tuple[Fit, Int64s]:
     del patch, moments, counts
 
     def cached(name: str, compute: Callable[[], Float64s]) -> Float64s:
+        """As `Checkpoint.cached`, by a name that tells fits of other numbers of rays apart."""
         return checkpoint.cached(f"{name}, {rays} rays", compute)
 
     return fit_values(problem, trial, cached), totals

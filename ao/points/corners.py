@@ -43,6 +43,7 @@ class CornerSamples:
 
     @classmethod
     def none(cls) -> CornerSamples:
+        """No samples, of a mesh without folded vertices."""
         nothing = np.zeros((0, 3), np.float32)
         return cls(np.zeros(0, np.int64), np.zeros(1, np.int64), Points(nothing, nothing, np.zeros(0, np.uint32)),
                    np.zeros(0))  # fmt: skip
@@ -50,16 +51,16 @@ class CornerSamples:
     def __len__(self) -> int:
         return len(self.point_rows)
 
-    def only(self, kept: Int64s) -> CornerSamples:
-        """The samples of the rows `kept`, ascending, which become rows 0, 1, …"""
-        new_rows = np.searchsorted(kept, self.point_rows)
-        known = np.append(kept, -1)[new_rows] == self.point_rows
-        if not known.any():
+    def only(self, rows: Int64s) -> CornerSamples:
+        """The samples of some rows, ascending, which become rows 0, 1, …"""
+        new_rows = np.searchsorted(rows, self.point_rows)
+        is_kept = np.append(rows, -1)[new_rows] == self.point_rows
+        if not is_kept.any():
             return CornerSamples.none()
         counts = np.diff(self.starts)
-        which = np.repeat(known, counts)
-        starts = np.concatenate([[0], np.cumsum(counts[known])])
-        return CornerSamples(new_rows[known], starts, self.points[which], self.weights[which])
+        sample_mask = np.repeat(is_kept, counts)
+        starts = np.concatenate([[0], np.cumsum(counts[is_kept])])
+        return CornerSamples(new_rows[is_kept], starts, self.points[sample_mask], self.weights[sample_mask])
 
     def mean(self, values: Float64s) -> Float64s:
         """Means (j, c) of `values` (k, c); equal values keep every bit."""
@@ -116,18 +117,21 @@ def _spread_over_corners(surface: Surface, face: Int64s, corner: Int64s) -> tupl
     here = surface.vertices[surface.faces[face, corner]]
     ahead = surface.vertices[surface.faces[face, (corner + 1) % 3]]
     behind = surface.vertices[surface.faces[face, (corner + 2) % 3]]
-    one = ahead - here
-    other = behind - here
-    a = np.linalg.norm(one, axis=1)
-    b = np.linalg.norm(other, axis=1)
-    double = np.linalg.norm(np.cross(one, other), axis=1)
-    angle = np.arctan2(double, np.einsum("ij,ij->i", one, other))
+    # The two edges of each corner, and the angle between them.
+    edge_ahead = ahead - here
+    edge_behind = behind - here
+    a = np.linalg.norm(edge_ahead, axis=1)
+    b = np.linalg.norm(edge_behind, axis=1)
+    double = np.linalg.norm(np.cross(edge_ahead, edge_behind), axis=1)
+    angle = np.arctan2(double, np.einsum("ij,ij->i", edge_ahead, edge_behind))
+    # How far into the face: some offsets of a ray, but within its height over the corner.
     extent = np.abs(np.stack([here, ahead, behind])).max(axis=(0, 2))
-    height = double / np.linalg.norm(other - one, axis=1)
+    height = double / np.linalg.norm(edge_behind - edge_ahead, axis=1)
     offset = ray_offset(surface.normals[face], extent, np.ones(len(face)))
     inside = np.clip(_OFFSETS * offset / height, _INSIDE, _FARTHEST)
+    # Points of the opposite edge at equal steps of the angle, and samples on the way there.
     theta = (np.arange(SPREAD) + 0.5) / SPREAD * angle[:, None]
     s = np.sin(angle[:, None] - theta) / a[:, None]
     t = np.sin(theta) / b[:, None]
-    along = (s[:, :, None] * one[:, None] + t[:, :, None] * other[:, None]) / (s + t)[:, :, None]
+    along = (s[:, :, None] * edge_ahead[:, None] + t[:, :, None] * edge_behind[:, None]) / (s + t)[:, :, None]
     return (here[:, None] + inside[:, None, None] * along).reshape(-1, 3), angle

@@ -35,18 +35,18 @@ class Points:
     def __len__(self) -> int:
         return len(self.numbers)
 
-    def __getitem__(self, which: slice | npt.NDArray[Any]) -> Points:
-        if isinstance(which, slice):
-            return Points(self.origins[which], self.normals[which], self.numbers[which])
-        taken = np.flatnonzero(which) if which.dtype == np.bool_ else which
-        return Points(self.origins.take(taken, axis=0), self.normals.take(taken, axis=0), self.numbers.take(taken))
+    def __getitem__(self, selection: slice | npt.NDArray[Any]) -> Points:
+        if isinstance(selection, slice):
+            return Points(self.origins[selection], self.normals[selection], self.numbers[selection])
+        rows = np.flatnonzero(selection) if selection.dtype == np.bool_ else selection
+        return Points(self.origins.take(rows, axis=0), self.normals.take(rows, axis=0), self.numbers.take(rows))
 
     @property
     def arrays(self) -> PointArrays:
         return PointArrays(self.origins, self.normals, self.numbers)
 
     def followed_by(self, origins: AnyFloats, normals: AnyFloats) -> Points:
-        """These and others (j, 3), numbered one by one."""
+        """These points and then others (j, 3), whose numbers go on from the last."""
         both = np.append(self.origins, origins.astype(np.float32), axis=0)
         axes = np.append(self.normals, normals.astype(np.float32), axis=0)
         return Points(both, axes, np.arange(len(both), dtype=np.uint32))

@@ -172,10 +172,10 @@ def cage_of(cage: Length | Mesh | Any, mesh: Mesh, fine: Mesh) -> float | Mesh:
         raise MeshError(fine.source, "size", sizes, f"{fine_across:.3g}, beside {across:.3g}")
     if is_length(cage):
         return resolve_length("cage", cage, mesh.radius or 1.0)
-    made = mesh_of(cage, "cage")
+    cage_mesh = mesh_of(cage, "cage")
     for name in ("vertices", "faces"):
         expected = len(getattr(mesh, name))
-        got = len(getattr(made, name))
+        got = len(getattr(cage_mesh, name))
         if expected != got:
-            raise MeshError(made.source, name, f"{expected:,}, as {mesh.source} has", f"{got:,}")
-    return made
+            raise MeshError(cage_mesh.source, name, f"{expected:,}, as {mesh.source} has", f"{got:,}")
+    return cage_mesh

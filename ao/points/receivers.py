@@ -84,15 +84,15 @@ class Receivers:
         first_vertex[self.of_vertex[vertices]] = vertices
         return first_vertex
 
-    def only(self, wanted: Bools) -> Receivers:
-        """The points of the `wanted` vertices, bool (n,)."""
-        of_vertex = np.where(wanted, self.of_vertex, -1)
+    def only(self, requested: Bools) -> Receivers:
+        """The receivers of the `requested` vertices, bool (n,), alone."""
+        of_vertex = np.where(requested, self.of_vertex, -1)
         needed = np.zeros(len(self.points) + 1, np.bool_)
         needed[of_vertex] = True
         needed[-1] = False  # what −1 has set
-        kept = np.flatnonzero(needed)
+        rows = np.flatnonzero(needed)
         new_rows = np.where(needed, np.cumsum(needed) - 1, -1)
-        subset = self.points[kept], self.corners.only(kept), self.displaced[kept]
+        subset = self.points[rows], self.corners.only(rows), self.displaced[rows]
         return replace(self, points=subset[0], corners=subset[1], displaced=subset[2], of_vertex=new_rows[of_vertex])
 
 
@@ -116,16 +116,14 @@ class OffsetPoints(NamedTuple):
     tree_seconds: float
 
 
-def offset_points(
-    placed: Float32s, faces: Int64s, weighting: Weighting = "angle", given: Float64s | None = None
-) -> OffsetPoints:
+def offset_points(placed: Float32s, faces: Int64s, weighting: Weighting, own_axes: Float64s | None) -> OffsetPoints:
     """Weld vertices `placed` (n, 3) in render space; the points' axes, and origins offset from the surface.
 
-    Args: weighting: of the faces' normals. given: (n, 3), axes of any length in the place of these.
+    Args: weighting: of the faces' normals. own_axes: (n, 3), axes of any length in the place of these.
     """
     vertices = placed.astype(np.float64)
-    if given is not None:
-        axes = normalize(given)
+    if own_axes is not None:
+        axes = normalize(own_axes)
         welded = weld_points(vertices, faces, weighting, axes, SAME)
         folded = np.zeros(len(welded.first_vertex), np.bool_)
         welded = welded._replace(axes=axes[welded.first_vertex])
@@ -156,17 +154,17 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
         MeshError: `normals` is "file" for a mesh that has none.
         MemoryLimitError: the corners of folded vertices would not fit into memory.
     """
-    given = None
+    own_axes = None
     weighting: Weighting = "angle"
     if normals == "file":
-        given = mesh.normals
-        if given is None:
+        own_axes = mesh.normals
+        if own_axes is None:
             raise MeshError(mesh.source, "normals", "vertex normals in the mesh", "none")
     elif normals == "up":
-        given = np.tile(np.asarray(UP[up_axis(mesh)], np.float64), (len(mesh.vertices), 1))
+        own_axes = np.tile(np.asarray(UP[up_axis(mesh)], np.float64), (len(mesh.vertices), 1))
     else:
         weighting = normals
-    offset = offset_points(placement.vertices, mesh.faces, weighting, given)
+    offset = offset_points(placement.vertices, mesh.faces, weighting, own_axes)
     # Points that have a hemisphere, in Morton order.
     welded, usable = offset.welded, np.flatnonzero(offset.usable)
     few = len(usable) < len(offset.usable)
@@ -176,7 +174,7 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     origins = np.empty((len(usable), 3), np.float32)
     axes = np.empty((len(usable), 3), np.float32)
     points = Points(origins, axes, np.arange(len(usable), dtype=np.uint32))
-    take = bind(_take, usable, offset.origins, welded.axes, origins, axes, index)
+    take = bind(_compact, usable, offset.origins, welded.axes, origins, axes, index)
     run_blocks(len(usable), _BLOCK, take, thread_count(None))
     # How far rays start from the surface, and samples of corners where faces share no hemisphere.
     displaced = np.minimum(_DISPLACED * welded.displacement(offset.surface, offset.origins), 0.5)
@@ -194,12 +192,14 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     opacity = mesh.opacity.packed() if mesh.opacity else None
     if opacity:
         opacity = opacity.only(face_normals(placement.vertices.astype(np.float64), mesh.faces)[1] > 0)
-    tree = offset.tree, offset.tree_seconds
-    return Receivers(points, corners, of_vertex, flags, faces, *tree, displaced[usable], embree, opacity)
+    return Receivers(
+        points, corners, of_vertex, flags, faces, offset.tree, offset.tree_seconds, displaced[usable], embree, opacity
+    )
 
 
 @kernel
-def _take(usable, origins, axes, own_origins, own_axes, index, start, stop):
+def _compact(usable, origins, axes, own_origins, own_axes, index, start, stop):
+    """Write the origins and axes of usable points one after another, and where each point's are into `index`."""
     for k in range(start, stop):
         index[usable[k]] = k
         for axis in range(3):

@@ -35,7 +35,7 @@ class PointGroups(NamedTuple):
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
-        """The groups of several, one after another."""
+        """The groups of several parts, one after the other."""
         counts = np.concatenate([np.diff(part.starts) for part in parts])
         face = np.concatenate([part.face for part in parts])
         barycentric = np.concatenate([part.barycentric for part in parts])
@@ -73,6 +73,7 @@ class SmoothSurface(NamedTuple):
 
 @kernel
 def _interpolate(face, barycentric, vertices, faces, positions, start, stop):
+    """Write the positions of points on faces, by their barycentric coordinates."""
     for i in range(start, stop):
         a, b, c = load_triangle(vertices, faces, face[i])
         u, v, w = load(barycentric, i)
@@ -94,6 +95,7 @@ def point_on(surface, axes, f, barycentric):
         nx = nx + weight * n[0]
         ny = ny + weight * n[1]
         nz = nz + weight * n[2]
+    # The face's normal on the axis' side; in place of the axis where that is none, or far from it.
     normal = load(surface.normals, f)
     axis = (nx, ny, nz)
     size = np.sqrt(dot(axis, axis))
@@ -107,6 +109,7 @@ def point_on(surface, axes, f, barycentric):
 
 @kernel
 def _locate(face, barycentric, surface, axes, out, start, stop):
+    """Write `point_on` for points: positions, normals and axes of hemispheres."""
     surface = unrefcounted_view(surface)
     positions, normals, hemispheres = unrefcounted_view(out)
     for i in range(start, stop):

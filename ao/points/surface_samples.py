@@ -85,11 +85,12 @@ class SurfaceSamples:
         return replace(self.points[self.starts[:-1]], numbers=np.arange(len(self), dtype=np.uint32))
 
     def groups_outside(self, hidden: Bools) -> Int64s:
-        """The groups with a sample that is not `hidden` (p,)."""
+        """Which groups have a sample that is not `hidden` (p,), ascending."""
         return np.flatnonzero(np.add.reduceat(~hidden, self.starts[:-1], dtype=np.int64))
 
     def without(self, hidden: Bools, threads: int) -> SurfaceSamples:
-        """`groups_outside` alone, their `hidden` samples replaced by others of the group, numbered anew."""
+        """The groups that have a sample which is not `hidden` (p,); their hidden samples are replaced by others of
+        the group."""
         groups = self.groups_outside(hidden)
         starts = np.concatenate([[0], np.cumsum(self.counts[groups])])
         source = np.empty(starts[-1], np.int64)
@@ -98,7 +99,7 @@ class SurfaceSamples:
         return self.rearranged(starts, source, self.all_count[groups])
 
     def rearranged(self, starts: Int64s, source: Int64s, all_count: Bools) -> SurfaceSamples:
-        """Groups from `starts`, of the samples `source` (q,), numbered anew."""
+        """Groups made of the samples `source` (q,), group i of those from starts[i] on, numbered anew."""
         points = replace(self.points[source], numbers=np.arange(len(source), dtype=np.uint32))
         return SurfaceSamples(starts, self.face[source], points, self.geometric_normals[source], all_count)
 
@@ -121,7 +122,7 @@ class SurfaceSamples:
         )
 
     def spread(self, groups: Int64s, count: int) -> SurfaceSamples:
-        """These as the `groups` (k,), ascending, of so many; the others have no samples."""
+        """The same samples as groups `groups` (k,), ascending, of `count` groups; the others have none."""
         counts = np.zeros(count, np.int64)
         counts[groups] = self.counts
         all_count = np.zeros(count, np.bool_)

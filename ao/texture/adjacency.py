@@ -23,17 +23,22 @@ def texel_neighbours(surface: UVSurface, texels: Texels, most: float, threads: i
     row_of[texels.texels] = np.arange(count)
     charts = _charts(surface)[texels.page_face].astype(np.int32)
     sizes = _texel_sizes(layout.uv, surface.vertices, surface.receivers.faces, most)[texels.page_face]
+    # Neighbours on the page, four at most, in the same chart and near on the surface.
     beside = np.empty((count, 4), np.int32)
     starts = np.zeros(count + 1, np.int64)
     page = row_of, layout.width, layout.wraps
     places = charts, sizes.astype(np.float32), points.origins
     run_blocks(count, _BLOCK, bind(_find_beside, texels.texels, page, places, beside, starts), threads, most=_SHARE)
-    here, there = _across_seams(surface, row_of, count)
+    # Neighbours across seams.
+    texels_at_seams, seam_texels = _across_seams(surface, row_of, count)
     across = np.zeros(count + 1, np.int64)
-    np.cumsum(np.bincount(here, minlength=count), out=across[1:])
+    np.cumsum(np.bincount(texels_at_seams, minlength=count), out=across[1:])
+    # Both in one list.
     starts = np.cumsum(starts) + across
     indices = np.empty(starts[-1], np.int32)
-    run_blocks(count, _BLOCK, bind(_list, starts, beside, across, there, indices), threads, most=_SHARE)
+    run_blocks(
+        count, _BLOCK, bind(_write_neighbours, starts, beside, across, seam_texels, indices), threads, most=_SHARE
+    )
     return Neighbours.weighted(starts, indices, np.ones(len(indices), np.float32), points.normals, threads)
 
 
@@ -92,7 +97,7 @@ def _find_beside(texels, page, surface, beside, starts, start, stop):
 
 
 @kernel
-def _list(starts, beside, across, there, indices, start, stop):
+def _write_neighbours(starts, beside, seam_starts, seam_texels, indices, start, stop):
     """Write the neighbours of each texel: the texels `beside` it, then there[across[i] : across[i + 1]]."""
     for i in range(start, stop):
         entry = starts[i]
@@ -100,6 +105,6 @@ def _list(starts, beside, across, there, indices, start, stop):
             if beside[i, k] >= 0:
                 indices[entry] = beside[i, k]
                 entry += 1
-        for k in range(across[i], across[i + 1]):
-            indices[entry] = there[k]
+        for k in range(seam_starts[i], seam_starts[i + 1]):
+            indices[entry] = seam_texels[k]
             entry += 1

@@ -73,6 +73,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     scene = _scene(mesh_of(mesh, "bake_texture"), options)
     _check_memory(scene, size, options)
 
+    # The mesh on the page, and the texels that its faces cover.
     start = time.perf_counter()
     prepared = Prepared.of(scene.solid, options, options.progress, None, scene.occluders, scene.mesh.radius)
     watch = prepared.progress or _unwatched
@@ -85,6 +86,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     if options.overlap == "refuse" and overlapping:
         expected = "faces that do not overlap on the page"
         raise OptionError("overlap", expected, f"{overlapping:,} texels with several", scene.mesh.source)
+    # The samples of the texels, and rays from them.
     texels, filled, missed = sampler.find(coverage)
     del coverage
     needed = TRACED_TEXEL * len(texels.samples)
@@ -95,10 +97,11 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
         SampleMeans(texels.samples, partial(sampler.elsewhere, texels)), "texture", options.checkpoint
     )
     estimates = _estimates(tracer, surface, texels, prepared)
+    # The pages, seams closed and the rest filled.
     watch(0, 1, "seams")
     assembly = PageAssembly(surface.layout, texels, surface.seams, options.close_seams, prepared.threads)
     pages = assembly.assemble(estimates[0], _frames(options.bent_space, surface, texels))
-    others = [assembly.assemble(estimate)[:2] for estimate in estimates[1:]]
+    further_pages = [assembly.assemble(estimate)[:2] for estimate in estimates[1:]]
     watch(1, 1, "seams")
     rmses = tuple(float(np.sqrt(np.mean(estimate.variance))) for estimate in estimates)
     return BakedTexture(
@@ -127,7 +130,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
         mu=prepared.mu,
         mesh=scene.mesh,
         calibration=estimates[0].calibration,
-        **of_columns(prepared, [np.stack(column_pages, axis=-1) for column_pages in zip(*others, strict=True)]),
+        **of_columns(prepared, [np.stack(column_pages, axis=-1) for column_pages in zip(*further_pages, strict=True)]),
         shortfalls=shortfalls(
             options, max(rmses), estimates[0].samples, "texel", scene.solid, prepared.placement.vertices
         ),
@@ -135,7 +138,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
 
 
 def _unwatched(done: int, total: int, stage: str) -> None:
-    """The progress of a bake that was given no callback."""
+    """A progress callback that does nothing."""
 
 
 class _Scene(NamedTuple):
@@ -149,6 +152,7 @@ class _Scene(NamedTuple):
 
 
 def _scene(mesh: Mesh, options: TextureArguments) -> _Scene:
+    """The meshes of a bake, checked. Raises: MeshError, OptionError, ConflictError."""
     occluders = occluding(options.occluders, options.high)
     uv = corner_uv(options.uv, mesh)
     solid = mesh if options.high is None else mesh_of(options.high, "high")
@@ -157,7 +161,7 @@ def _scene(mesh: Mesh, options: TextureArguments) -> _Scene:
 
 
 def _check_memory(scene: _Scene, size: tuple[int, int], options: TextureArguments) -> None:
-    """Raises: MemoryLimitError: the bake of a page of `size` would not fit into memory."""
+    """Check that the bake of a page of `size` fits into memory. Raises: MemoryLimitError."""
     texels = size[0] * size[1]
     solids = [scene.solid, *scene.occluders]
     vertices = sum(len(solid.vertices) for solid in solids)
@@ -179,7 +183,7 @@ def _surface(scene: _Scene, prepared: Prepared, size: tuple[int, int], wrap: boo
 
 
 def _mirrored(scene: _Scene, layout: UVLayout) -> int:
-    """How many faces are turned over on the page, as the mesh has them."""
+    """How many faces of the mesh are turned over on the page."""
     if scene.cage or scene.solid is scene.mesh:
         return layout.mirrored
     return int(np.count_nonzero(on_page(scene.uv))) - layout.flat - layout.mirrored
@@ -190,6 +194,7 @@ def _estimates(tracer: Tracer, surface: UVSurface, texels: Texels, prepared: Pre
 
     @cache
     def cells() -> Neighbours:
+        """Neighbours of the texels that were baked, one of each block."""
         neighbours = texel_neighbours(surface, texels, prepared.placement.diagonal, prepared.threads)
         grouped = Cells.of(texels.cell)
         return grouped.joined(neighbours, texels.points.normals[grouped.centres])
@@ -197,6 +202,7 @@ def _estimates(tracer: Tracer, surface: UVSurface, texels: Texels, prepared: Pre
     points = texels.samples.first_points
 
     def by_falloff() -> Estimate:
+        """Estimates at all texels, by one falloff."""
         baked = estimate(tracer, points, CornerSamples.none(), lambda _: cells(), prepared.options)
         return _predicted(baked, texels, cells) if len(texels) > len(points) else baked
 
@@ -207,8 +213,8 @@ def _predicted(baked: Estimate, texels: Texels, cells: Callable[[], Neighbours])
     """Estimates at all texels (k,) from those at the texels that were baked."""
     count = len(baked.values)
     cell = texels.cell[count:].astype(np.int32)
-    more = upsample(texels.points[count:], cell, cells(), texels.points[:count], baked.values)
-    values = np.concatenate([baked.values, more])
+    predicted = upsample(texels.points[count:], cell, cells(), texels.points[:count], baked.values)
+    values = np.concatenate([baked.values, predicted])
     spared = baked.spared + baked.samples * (len(texels) - count)
     variance = baked.variance[texels.cell]  # measured anywhere in what a texel stands for
     return baked._replace(values=values, variance=variance, spared=spared)
@@ -225,6 +231,6 @@ def _frames(space: BentSpace, surface: UVSurface, texels: Texels) -> Float64s | 
 
 
 def _seconds(start: float, prepared: Prepared) -> dict[str, float]:
-    """How long a bake took that began at `start`, by stages."""
+    """Seconds of each stage of a bake that began at `start`."""
     build = prepared.receivers.tree_seconds
     return {"build": build, "bake": time.perf_counter() - start - build}

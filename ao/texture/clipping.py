@@ -45,18 +45,18 @@ def clip_to_texel(triangle, texel, clipped):
 @inline
 def _clip_side(polygon, count, axis, low, out):
     """Write the corners of a polygon that is cut at 0, or else at 1, of an axis; returns their number."""
-    kept = 0
+    written = 0
     for k in range(count):
         ahead = (k + 1) % count
         here = polygon[k, axis] if low else 1.0 - polygon[k, axis]
         there = polygon[ahead, axis] if low else 1.0 - polygon[ahead, axis]
         if here >= 0.0:
-            out[kept, 0] = polygon[k, 0]
-            out[kept, 1] = polygon[k, 1]
-            kept += 1
+            out[written, 0] = polygon[k, 0]
+            out[written, 1] = polygon[k, 1]
+            written += 1
         if (here < 0.0) != (there < 0.0):
             part = here / (here - there)
             for c in range(2):
-                out[kept, c] = polygon[k, c] + part * (polygon[ahead, c] - polygon[k, c])
-            kept += 1
-    return kept
+                out[written, c] = polygon[k, c] + part * (polygon[ahead, c] - polygon[k, c])
+            written += 1
+    return written

@@ -27,7 +27,7 @@ _LISTED, _SAMPLED = 1 << 20, 1 << 12  # triangles in lists, and texels, at once
 
 
 class Page(NamedTuple):
-    """Faces on a page."""
+    """Faces on a page, and the triangles listed for each band of its rows."""
 
     layout: UVLayout
     crowding: (
@@ -39,7 +39,11 @@ class Page(NamedTuple):
 
     @classmethod
     def of(cls, layout: UVLayout, areas: Float64s | None = None) -> Self:
-        """Args: areas: (m,), of the faces' surface, so that texels which show much of it have more samples."""
+        """List the triangles of a layout by the bands of rows that they reach into.
+
+        Args:
+            areas: (m,), of the faces' surface, so that texels which show much of it have more samples.
+        """
         crowding = np.zeros(len(layout.face))
         if areas is not None:
             even = areas[np.unique(layout.face)].sum() / (layout.width * layout.height)
@@ -53,34 +57,36 @@ class Page(NamedTuple):
         list_bands(layout.corners, layout.height, band_rows, starts[:-1].copy(), listed)
         return cls(layout, crowding, band_rows, starts, listed)
 
-    def cover(self, overlap: Overlap, threads: int) -> Coverage:
-        """The texels that faces cover; where faces overlap, samples lie on all ("mean") or on the first of them."""
-        return self._cover(None, np.uint32(0), overlap == "mean", threads)
+    def cover(
+        self, overlap: Overlap, threads: int, texels: Int64s | None = None, key: np.uint32 = np.uint32(0)
+    ) -> Coverage:
+        """The texels that faces cover, found band by band.
 
-    def cover_again(self, texels: Int64s, key: np.uint32, overlap: Overlap, threads: int) -> Coverage:
-        """`cover` of some `texels`, ascending, with samples at random places in them. Args: key: of the places."""
-        return self._cover(texels, key, overlap == "mean", threads)
-
-    def _cover(self, texels: Int64s | None, key: np.uint32, layered: bool, threads: int) -> Coverage:
+        Args:
+            overlap: where faces overlap, samples lie on all ("mean") or on the first of them.
+            texels: (n,), ascending, only these, with points at random places in each. None: all, at regular places.
+            key: of the random places.
+        """
         size = self.band_rows * self.layout.width
         bands: dict[int, Coverage] = {}
 
         def work(start: int, stop: int) -> None:
             triangles = self.listed[self.starts[start // size] : self.starts[start // size + 1]]
             if texels is None:
-                asked, places = np.arange(start, stop), REGULAR
+                band_texels, places = np.arange(start, stop), REGULAR
             else:
-                asked = texels[np.searchsorted(texels, start) : np.searchsorted(texels, stop)]
-                places = Places.by_chance(asked, key)
-            if len(asked) or start == 0:
-                bands[start] = _Band(self, asked, triangles, places, layered).cover()
+                band_texels = texels[np.searchsorted(texels, start) : np.searchsorted(texels, stop)]
+                places = Places.by_chance(band_texels, key)
+            if len(band_texels) or start == 0:
+                bands[start] = _Band(self, band_texels, triangles, places, overlap == "mean").cover()
 
         run_blocks(self.layout.height * self.layout.width, size, work, threads)
         return Coverage.joined([band for _, band in sorted(bands.items())])
 
 
 class _Band(NamedTuple):
-    """Texels that are covered at once."""
+    """A band of a page's texels, covered on one thread: its texels, the triangles that reach into it, where points
+    lie in texels."""
 
     page: Page
     texels: Int64s  # (n,), ascending
@@ -89,7 +95,10 @@ class _Band(NamedTuple):
     layered: bool  # whether all faces share a texel
 
     def cover(self) -> Coverage:
+        """The coverage of the band: texels that have a triangle at one of their points or samples in parts of
+        triangles."""
         layout, count = self.page.layout, len(self.texels)
+        # Triangles at the texels' points, and texels whose samples are sought in parts of triangles.
         marks = Marks.of(count)
         how = np.empty(count, np.int64)
         scan_convert(self.triangles, layout.corners, self.texels, layout.width, self.places.points, marks, None)
@@ -98,6 +107,7 @@ class _Band(NamedTuple):
         counts, listed = self._sample(partial, how[partial], marks.reaching)
         listed_of = np.zeros(count, np.int64)
         listed_of[partial] = counts
+        # The texels with any.
         all_count = (how == LAYERS) | (listed_of > SLOTS)
         covered = np.flatnonzero((marks.triangle[:, 0] >= 0) | (listed_of > 0))
         starts = np.concatenate([[0], np.cumsum(listed_of[covered])])

@@ -39,7 +39,7 @@ class Places(NamedTuple):
         return cls(points, random[:, 4:])
 
     def of(self, texels: Int64s) -> Self:
-        """The places of some `texels`, rows."""
+        """The places in some `texels`, rows."""
         return self if self is REGULAR else type(self)(self.points[texels], self.offsets[texels])
 
 
@@ -87,24 +87,23 @@ class Coverage:
         )
 
     @property
-    def has_centre(self) -> Bools:
-        """Whether one face, or faces side by side, cover a texel as a whole, (k,)."""
-        return self.triangle[:, SLOTS] >= 0
-
-    @property
     def points(self) -> PagePoints:
+        """The texels' points as kernels take them."""
         layout = self.layout
         return PagePoints(self.texels, self.triangle, self.places.points, layout.corners, layout.face, layout.width)
 
-    def samples(self, order: Int64s, alone: Bools, threads: int, most: int = MOST) -> PointGroups:
-        """Samples of the texels in an `order` (j,), `most` at most of each: the centre of a texel that is `alone`
-        (k,), else the samples that are listed for it, else its points."""
+    def samples(self, order: Int64s, by_centre: Bools, threads: int, most: int = MOST) -> PointGroups:
+        """Samples of the texels in an `order` (j,).
+
+        A texel that is `by_centre` (k,) has one, at its centre; others have the samples that are listed for them, or
+        else their points, `most` at most.
+        """
         counts = np.diff(self.listed.starts)
         counts[counts == 0] = SLOTS
-        counts[alone] = 1
+        counts[by_centre] = 1
         starts = np.concatenate([[0], np.cumsum(np.minimum(counts[order], most))])
         samples = PointGroups(starts, np.empty(starts[-1], np.int32), np.empty((starts[-1], 3), np.float32))
-        work = bind(_write_samples, order, alone, self.points, self.listed, samples)
+        work = bind(_write_samples, order, by_centre, self.points, self.listed, samples)
         run_blocks(len(order), _BLOCK, work, threads, most=_SHARE)
         return samples
 
@@ -115,13 +114,13 @@ class Coverage:
 
 
 @inline
-def locate(points, row, k, known, edges, out):
+def locate(points, row, k, known_triangle, edges, out):
     """Write barycentric coordinates of point k of a texel, row of `PagePoints`, in its triangle; returns the triangle.
 
-    Args: known: the triangle of which `edges` are set up already, −1 for none.
+    Args: known_triangle: the triangle of which `edges` are set up already, −1 for none.
     """
     triangle = np.int64(points.triangle[row, k])
-    if triangle != known:
+    if triangle != known_triangle:
         set_up_edges(points.corners[triangle], edges)
     at = points.points[row if len(points.points) > 1 else 0, k]
     x = points.texels[row] % points.width + at[0]
@@ -131,7 +130,7 @@ def locate(points, row, k, known, edges, out):
 
 
 @kernel
-def _write_samples(order, alone, points, listed, samples, start, stop):
+def _write_samples(order, by_centre, points, listed, samples, start, stop):
     """Write samples of texels in order, as `Coverage.samples` has them."""
     points = unrefcounted_view(points)
     listed = unrefcounted_view(listed)
@@ -139,13 +138,15 @@ def _write_samples(order, alone, points, listed, samples, start, stop):
     edges = np.empty((3, EDGE))
     for i in range(start, stop):
         row = order[i]
-        known = -1
+        known_triangle = -1
         for k in range(samples.starts[i + 1] - samples.starts[i]):
             to = samples.starts[i] + k
             source = listed.starts[row] + k
-            if alone[row] or source >= listed.starts[row + 1]:
-                known = locate(points, row, SLOTS if alone[row] else k, known, edges, samples.barycentric[to])
-                samples.face[to] = points.face[known]
+            if by_centre[row] or source >= listed.starts[row + 1]:
+                known_triangle = locate(
+                    points, row, SLOTS if by_centre[row] else k, known_triangle, edges, samples.barycentric[to]
+                )
+                samples.face[to] = points.face[known_triangle]
                 continue
             samples.face[to] = listed.face[source]
             for corner in range(3):

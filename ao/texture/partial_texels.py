@@ -27,7 +27,7 @@ _FEW = 4  # layers that have a sample at each point; more have one each
 
 
 class PartialTexels(NamedTuple):
-    """Texels whose samples are sought, h."""
+    """Texels that are partly covered, whose samples are sought, h. Attributes: how: of `find_partial`."""
 
     texels: Int64s  # (h,), row · width + column
     how: Int64s  # (h,), AREA or LAYERS
@@ -76,37 +76,38 @@ def sample_partial(triangles, width, layered, partial, lists, out):
     edges = np.empty((3, EDGE))
     clipped = np.empty((2, CORNERS, 2))
     for i in range(len(counts)):
-        listed = lists.triangle[lists.starts[i] : lists.starts[i + 1]]
+        candidates = lists.triangle[lists.starts[i] : lists.starts[i + 1]]
         texel = np.float64(partial.texels[i] % width), np.float64(partial.texels[i] // width)
         points = partial.points[i if len(partial.points) > 1 else 0]
         texel_samples = triangle[i], barycentric[i]
         if partial.how[i] == LAYERS:
-            counts[i] = _sample_layers(corners, listed, texel, partial.texels[i], points, edges, texel_samples)
+            counts[i] = _sample_layers(corners, candidates, texel, partial.texels[i], points, edges, texel_samples)
         else:
             offset = partial.offsets[i if len(partial.offsets) > 1 else 0]
-            counts[i] = _sample_area(corners, crowding, listed, texel, offset, (clipped, edges), texel_samples)
+            counts[i] = _sample_area(corners, crowding, candidates, texel, offset, (clipped, edges), texel_samples)
             if not layered:
-                _bring_to_top(corners, listed, counts[i], edges, texel_samples)
+                _bring_to_top(corners, candidates, counts[i], edges, texel_samples)
 
 
 @inline
-def _sample_area(corners, crowding, listed, texel, offset, scratch, out):
+def _sample_area(corners, crowding, candidates, texel, offset, scratch, out):
     """Spread samples over the area of the parts of all triangles in a texel; returns their number.
 
     Parts are fans of triangles, one after another; samples lie at equal steps of area.
     """
     clipped, edges = scratch
-    total, wanted = _measure(corners, crowding, listed, texel, clipped)
+    total, sample_count = _measure(corners, crowding, candidates, texel, clipped)
     before, placed = 0.0, 0
-    for t in listed:
+    for t in candidates:
         area, count = clip_to_texel(corners[t], texel, clipped)
         if not _is_part(area, corners[t]):
             continue
         polygon = clipped[0]
         for corner in range(1, count - 1):
             part = area_of_fan(polygon, corner)
-            while placed < wanted and (placed + offset[0]) * total < (before + part) * wanted:
-                outwards = np.sqrt(((placed + offset[0]) * total / wanted - before) / part)
+            # Samples whose step of area falls into this triangle of the fan.
+            while placed < sample_count and (placed + offset[0]) * total < (before + part) * sample_count:
+                outwards = np.sqrt(((placed + offset[0]) * total / sample_count - before) / part)
                 sideways = (_radical_inverse(placed) + offset[1]) % 1.0
                 x = texel[0] + point_in_fan(polygon, corner, 0, outwards, sideways)
                 y = texel[1] + point_in_fan(polygon, corner, 1, outwards, sideways)
@@ -119,11 +120,11 @@ def _sample_area(corners, crowding, listed, texel, offset, scratch, out):
 
 
 @inline
-def _measure(corners, crowding, listed, texel, clipped):
+def _measure(corners, crowding, candidates, texel, clipped):
     """The area of all parts of triangles in a texel, and how many samples it should have: more for several parts, or
     where many texels of an even layout would show as much of the surface."""
     total, weighted, parts = 0.0, 0.0, 0
-    for t in listed:
+    for t in candidates:
         area, _ = clip_to_texel(corners[t], texel, clipped)
         if _is_part(area, corners[t]):
             total += area
@@ -136,35 +137,37 @@ def _measure(corners, crowding, listed, texel, clipped):
 
 @inline
 def _is_part(area, triangle):
-    """Whether an area within a texel is more than rounding."""
+    """Whether an area within a texel is a part of its triangle, and no rounding."""
     return area > min(_LEAST, _OF_TRIANGLE * area_of_fan(triangle, 1))
 
 
 @inline
-def _sample_layers(corners, listed, texel, number, points, edges, out):
+def _sample_layers(corners, candidates, texel, number, points, edges, out):
     """Give all triangles over one another in a texel equally many samples, at its points; returns their number."""
+    # How many triangles lie over one another at each point.
     depth = np.zeros(SLOTS, np.int64)
-    for t in listed:
+    for t in candidates:
         area = set_up_edges(corners[t], edges)
         for k in range(SLOTS):
             depth[k] += least_edge(edges, texel[0] + points[k, 0], texel[1] + points[k, 1]) > INSIDE * area
     deepest = max(max(depth[0], depth[1]), max(depth[2], depth[3]))
-    wanted = 0
+    # Samples are those of `_has_sample`, thinned out evenly to MOST.
+    sample_count = 0
     for k in range(SLOTS):
         for layer in range(depth[k]):
-            wanted += _has_sample(layer, k, number, deepest)
-    placed = min(wanted, MOST)
+            sample_count += _has_sample(layer, k, number, deepest)
+    placed = min(sample_count, MOST)
     entry = 0
     depth[:] = 0
-    for t in listed:
+    for t in candidates:
         area = set_up_edges(corners[t], edges)
         for k in range(SLOTS):
             x = texel[0] + points[k, 0]
             y = texel[1] + points[k, 1]
             if least_edge(edges, x, y) > INSIDE * area:
                 if _has_sample(depth[k], k, number, deepest):
-                    to = entry * placed // wanted
-                    if to < (entry + 1) * placed // wanted:
+                    to = entry * placed // sample_count
+                    if to < (entry + 1) * placed // sample_count:
                         out[0][to] = t
                         store_barycentric(edges, x, y, out[1][to])
                     entry += 1
@@ -174,14 +177,14 @@ def _sample_layers(corners, listed, texel, number, points, edges, out):
 
 @inline
 def _has_sample(layer, k, texel, deepest):
-    """Whether a layer has a sample at point k of a texel, so that all have equally many."""
+    """Whether a layer has a sample at point k of a texel, points being so chosen that all layers have equally many."""
     if deepest <= 2:
         return (layer + texel) % 2 == k // 2
     return deepest <= _FEW or (layer + texel) % SLOTS == k
 
 
 @inline
-def _bring_to_top(corners, listed, count, edges, out):
+def _bring_to_top(corners, candidates, count, edges, out):
     """Move each sample to the first of the triangles that lie over one another at its place."""
     for k in range(count):
         triangle = corners[out[0][k]]
@@ -189,7 +192,7 @@ def _bring_to_top(corners, listed, count, edges, out):
         for corner in range(3):
             x += out[1][k, corner] * triangle[corner, 0]
             y += out[1][k, corner] * triangle[corner, 1]
-        for t in listed:
+        for t in candidates:
             if t >= out[0][k]:
                 break
             set_up_edges(corners[t], edges)

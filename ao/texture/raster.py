@@ -34,9 +34,9 @@ class Marks(NamedTuple):
 
     @classmethod
     def of(cls, count: int) -> Self:
+        """Marks of `count` texels that no triangle has reached."""
         triangle = np.full((count, POINTS), -1, np.int32)
-        nothing = np.zeros(count, np.uint8), np.zeros(count, np.bool_), np.zeros(count, np.int32)
-        return cls(triangle, *nothing)
+        return cls(triangle, np.zeros(count, np.uint8), np.zeros(count, np.bool_), np.zeros(count, np.int32))
 
 
 class Lists(NamedTuple):
@@ -96,8 +96,8 @@ def scan_convert(triangles, corners, texels, width, points, marks, lists):
                 if touching <= 0.0:
                     continue
                 if marks is not None:
-                    where = points[i if len(points) > 1 else 0]
-                    _mark(marked, i, t, edges, corner, where, area, within > INSIDE * area)
+                    sample_points = points[i if len(points) > 1 else 0]
+                    _mark(marked, i, t, edges, corner, sample_points, area, within > INSIDE * area)
                 if lists is not None:
                     listing.triangle[listing.starts[i] + listing.filled[i]] = t
                     listing.filled[i] += 1
@@ -112,12 +112,15 @@ def _place_of(texels, texel):
 
 
 @inline
-def _mark(marks, i, t, edges, texel, points, area, whole):
-    """Give triangle `t` the points of texel `i` in it that no earlier one has. Args: whole: whether all are in it."""
+def _mark(marks, i, t, edges, texel, points, area, all_inside):
+    """Give triangle `t` the points of texel `i` in it that no earlier triangle has.
+
+    Args: all_inside: the texel is in the triangle as a whole.
+    """
     triangle, inside = marks.triangle, marks.inside
     marks.reaching[i] += 1
     for k in range(POINTS):
-        least = area if whole else least_edge(edges, texel[0] + points[k, 0], texel[1] + points[k, 1])
+        least = area if all_inside else least_edge(edges, texel[0] + points[k, 0], texel[1] + points[k, 1])
         if least < 0.0:
             continue
         if triangle[i, k] < 0:
@@ -154,7 +157,7 @@ def set_up_edges(triangle, edges):
 
 @inline
 def edge_function(edges, k, x, y):
-    """Barycentric coordinate k of a point, times twice the triangle's area."""
+    """Barycentric coordinate k of a point, times twice the triangle's area. Args: edges: of `set_up_edges`."""
     return edges[k, 4] * (edges[k, 2] * (y - edges[k, 1]) - edges[k, 3] * (x - edges[k, 0]))
 
 
@@ -209,10 +212,10 @@ def _columns(triangle, row, width):
             continue
         from_, to = 0.0, 1.0  # parts of the edge between which it is in the row
         if ay != by:
-            one = (row - ay) / (by - ay)
-            other = (row + 1 - ay) / (by - ay)
-            from_ = max(from_, min(one, other))
-            to = min(to, max(one, other))
+            t_start = (row - ay) / (by - ay)
+            t_end = (row + 1 - ay) / (by - ay)
+            from_ = max(from_, min(t_start, t_end))
+            to = min(to, max(t_start, t_end))
         for part in (from_, to):
             x = ax + part * (bx - ax)
             low = min(low, x)

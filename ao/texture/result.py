@@ -34,7 +34,7 @@ _CLEAR = 1e-18  # least square of a mean direction that is one
 
 @dataclass(frozen=True, eq=False)
 class TextureFacts:
-    """Facts about a layout of texture coordinates."""
+    """Facts about a layout of texture coordinates: counts of texels and faces, and jumps of w at seams."""
 
     covered: int  # texels that faces reach into
     overlapping: int  # texels in which faces lie over one another
@@ -123,15 +123,17 @@ class PageAssembly:
         flat = w.ravel(), error.ravel(), bent.reshape(-1, 3), covered.ravel()
         spread = bind(_spread, self.texels.texels, values, frames, flat)
         run_blocks(len(self.texels), _BLOCK, spread, self.threads, most=_SHARE)
-        w, known, before = self._closed(w, covered)
+        # Seams closed, and the rest of the page filled from what is covered.
+        w, known, jump_before = self._closed(w, covered)
         page = fill_holes(w.astype(np.float32)[:, :, None], known, self.threads)[:, :, 0].clip(0.0, 1.0)
         jump = self.seams.jump(page.ravel())
         bent = fill_holes(bent, covered, self.threads)
         run_blocks(w.size, _BLOCK, bind(_normalize, bent.reshape(-1, 3)), self.threads, most=_SHARE)
-        return Pages(page, error, bent, covered, jump, before)
+        return Pages(page, error, bent, covered, jump, jump_before)
 
     def _closed(self, w: Float64s, covered: Bools) -> tuple[Float64s, Bools, float]:
-        """The page with closed seams, if they are to be; which of its texels are known; the largest jump before."""
+        """The page of w with closed seams, if seams are to be closed; which texels are known; the largest jump
+        before."""
         beside = np.zeros(w.shape, np.bool_)
         extend = bind(_extend, w, covered, self.layout.wraps, beside)
         run_blocks(self.layout.height, _ROWS, extend, self.threads)
@@ -144,7 +146,12 @@ class PageAssembly:
 
 @kernel
 def _spread(texels, estimated, frames, pages, start, stop):
-    """Write w, its error and bent normals of texels to flat `pages`. Args: values: rows, variance and axes."""
+    """Write w, its error and bent normals of texels to flat `pages`.
+
+    Args:
+        estimated: rows of estimates, variances, and axes of the hemispheres.
+        frames: as of `assemble`.
+    """
     values, variance, axes = unrefcounted_view(estimated)
     w, error, bent, covered = unrefcounted_view(pages)
     turned = unrefcounted_view(frames)

@@ -37,17 +37,17 @@ def smooth_cells(
     layout, count = coverage.layout, len(coverage.texels)
     row_of = np.full(layout.width * layout.height, -1, np.int32)
     row_of[coverage.texels] = np.arange(count, dtype=np.int32)
-    alone = np.zeros(count, np.bool_)
+    by_centre = np.zeros(count, np.bool_)
     cell = np.arange(count)
 
     def work(start: int, stop: int) -> None:
         faces = (smooth.surface, smooth.axes)
-        out = (alone, cell)
+        out = (by_centre, cell)
         page = row_of[: stop * layout.width], start, largest
         _find_smooth(tree, new_stack(), faces, coverage.points, most, page, out)
 
     run_blocks(layout.height, _ROWS, work, threads)
-    return alone, cell
+    return by_centre, cell
 
 
 @kernel
@@ -60,23 +60,24 @@ def _find_smooth(tree, stack, faces, points, most, page, out):
     faces = unrefcounted_view(faces)
     points = unrefcounted_view(points)
     row_of, first_row, size = page
-    alone, cell = unrefcounted_view(out)
+    by_centre, cell = unrefcounted_view(out)
     width = points.width
     stop_row = len(row_of) // width
     edges = np.empty((3, EDGE))
     weights = np.empty(3)
+    # Blocks of this size, aligned, whose texels no larger block has taken.
     while size > 0:
         for top in range(first_row, stop_row - size + 1, size):
             for left in range(0, width - size + 1, size):
                 middle = np.int64(row_of[(top + size // 2) * width + left + size // 2])
-                if middle < 0 or alone[middle]:
+                if middle < 0 or by_centre[middle]:
                     continue
                 corner = top * width + left
                 if not _is_smooth(tree, stack, faces, points, most, (row_of, corner, size, middle), (edges, weights)):
                     continue
                 for k in range(size * size):
                     row = row_of[corner + k // size * width + k % size]
-                    alone[row] = True
+                    by_centre[row] = True
                     cell[row] = middle
         size //= 2
 
@@ -89,8 +90,9 @@ def _is_smooth(tree, stack, faces, points, most, block, scratch):
     edges, weights = scratch
     if points.triangle[middle, SLOTS] < 0:
         return False
-    known = locate(points, middle, SLOTS, -1, edges, weights)
-    p, side, axis = point_on(surface, axes, points.face[known], weights)
+    triangle = locate(points, middle, SLOTS, -1, edges, weights)
+    # The centre, and then the other points: how far they are, and how much normals differ.
+    p, side, axis = point_on(surface, axes, points.face[triangle], weights)
     reach, bent = 0.0, 0.0
     step = 1
     if size > 1 and _is_on_one_face(points, block):
@@ -103,10 +105,10 @@ def _is_smooth(tree, stack, faces, points, most, block, scratch):
             row, point = np.int64(row_of[corner + k // size * points.width + k % size]), SLOTS
         if row < 0 or points.triangle[row, point] < 0:
             return False
-        known = locate(points, row, point, known, edges, weights)
-        q, other, up = point_on(surface, axes, points.face[known], weights)
+        triangle = locate(points, row, point, triangle, edges, weights)
+        q, other_side, other_axis = point_on(surface, axes, points.face[triangle], weights)
         reach = max(reach, length(subtract(q, p)))
-        bent = max(bent, length(subtract(other, side)), length(subtract(up, axis)))
+        bent = max(bent, length(subtract(other_side, side)), length(subtract(other_axis, axis)))
         if bent >= most:
             return False
     return not _rises(tree, stack, surface, p, side, _AROUND * reach, _SLOPE * most)

@@ -36,7 +36,7 @@ def _corner_normals(surface: UVSurface) -> Float64s:
 
 
 def _directions_of_u(surface: UVSurface) -> tuple[Bools, Float64s]:
-    """Whether faces are mirrored on the page (m,), and the unit directions of u on them (m, 3)."""
+    """Whether faces are mirrored on the page (m,), and the unit directions (m, 3) in which u grows on them."""
     uv, corners = surface.layout.uv, surface.vertices[surface.receivers.faces]
     edges = corners[:, 1:] - corners[:, :1]
     on_page = uv[:, 1:] - uv[:, :1]

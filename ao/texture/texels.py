@@ -66,51 +66,55 @@ class TexelSampler:
         """The texels of the page; how many are left out, whose samples are all inside of solids; how many samples the
         cage misses."""
         threads, smooth = self.prepared.threads, self.surface.smooth
-        alone, cell = self._cells(coverage)
+        by_centre, cell = self._cells(coverage)
+        # The texels to bake, those that stand for themselves, along a curve on the surface.
         order = np.flatnonzero(cell == np.arange(len(cell)))
-        one = coverage.samples(order, alone, threads, most=1)
-        order = order[morton_order(smooth.positions_at(one.face, one.barycentric, threads))]
-        samples, missed = self._place(coverage, order, alone)
+        single = coverage.samples(order, by_centre, threads, most=1)
+        order = order[morton_order(smooth.positions_at(single.face, single.barycentric, threads))]
+        samples, missed = self._place(coverage, order, by_centre)
         inside = self._inside(samples)
         if inside.any() and not inside.all():  # all: a room whose walls face outwards, for instance
             order = order[samples.groups_outside(inside)]
             samples = samples.without(inside, threads)
+        # The others are predicted from these: their cells' rows, and one point of each.
         baked = np.full(len(cell), -1)
         baked[order] = np.arange(len(order))
         baked_cell = baked[cell]
         predicted = np.flatnonzero((baked_cell >= 0) & (baked < 0))
         coverage_rows = np.append(order, predicted)
-        one = coverage.samples(coverage_rows, alone, threads, most=1)
+        single = coverage.samples(coverage_rows, by_centre, threads, most=1)
         between = slice(len(order), None)
-        positions, _, axes = smooth.points_at(one.face[between], one.barycentric[between], threads)
+        positions, _, axes = smooth.points_at(single.face[between], single.barycentric[between], threads)
         points = samples.first_points.followed_by(positions, axes)
         texels = Texels(
-            coverage.texels[coverage_rows], samples, baked_cell[coverage_rows], points, one.face, one.barycentric
+            coverage.texels[coverage_rows], samples, baked_cell[coverage_rows], points, single.face, single.barycentric
         )
-        return texels, len(alone) - len(texels), missed
+        return texels, len(by_centre) - len(texels), missed
 
     def elsewhere(self, texels: Texels, texel_rows: Int64s, key: np.uint32) -> SurfaceSamples:
         """Samples, by chance, elsewhere in the blocks that the texels `texel_rows` (j,) stand for; where all of these
         are in solids, the texel's own. Other texels have none."""
         threads, width = self.prepared.threads, self.page.layout.width
+        # A texel by chance in each block, covered anew at random places.
         side = np.sqrt(np.bincount(texels.cell)[texel_rows]).astype(np.int64)
         chance = hash32_array(texels.texels[texel_rows].astype(np.uint32) ^ ~key) % side**2
         chosen = texels.texels[texel_rows] + (chance // side - side // 2) * width + chance % side - side // 2
         order = np.argsort(chosen)
         ascending = texel_rows[order]
-        coverage = self.page.cover_again(chosen[order], key, self.options.overlap, threads)
+        coverage = self.page.cover(self.options.overlap, threads, chosen[order], key)
         row_of = ascending[np.searchsorted(chosen[order], coverage.texels)]
         order = np.argsort(row_of)
         samples, _ = self._place(coverage, order, np.zeros(len(order), np.bool_))
         moved = row_of[order]
+        # Where these are in solids the texel's own samples stay.
         inside = self._inside(samples)
         if inside.any() and not inside.all():
             moved = moved[samples.groups_outside(inside)]
             samples = samples.without(inside, threads)
-        kept = np.setdiff1d(texel_rows, moved)
-        sampled = np.append(moved, kept)
-        both = samples.followed_by(texels.samples.only(kept)).only(np.argsort(sampled))
-        return both.spread(np.sort(sampled), len(texels.samples))
+        unmoved = np.setdiff1d(texel_rows, moved)
+        sampled = np.append(moved, unmoved)
+        all_samples = samples.followed_by(texels.samples.only(unmoved)).only(np.argsort(sampled))
+        return all_samples.spread(np.sort(sampled), len(texels.samples))
 
     def _cells(self, coverage: Coverage) -> tuple[Bools, Int64s]:
         """The texels (k,) with one sample, at their centre, and the row (k,) of the texel that stands for each."""
@@ -122,10 +126,13 @@ class TexelSampler:
         largest = _LARGEST if options.tolerance and not receivers.opacity else 1
         return smooth_cells(coverage, self.surface.smooth, receivers.tree, most_bent, largest, self.prepared.threads)
 
-    def _place(self, coverage: Coverage, order: Int64s, alone: Bools) -> tuple[SurfaceSamples, int]:
-        """Samples of texels in an `order`, one of texels that are `alone`; how many samples the cage misses."""
+    def _place(self, coverage: Coverage, order: Int64s, by_centre: Bools) -> tuple[SurfaceSamples, int]:
+        """Samples of texels in an `order`, and how many samples the cage misses.
+
+        Args: by_centre: texels with one sample.
+        """
         receivers, threads = self.prepared.receivers, self.prepared.threads
-        on_faces = coverage.samples(order, alone, threads)
+        on_faces = coverage.samples(order, by_centre, threads)
         smooth, missed = self.surface.smooth, np.zeros(0, np.int64)
         if self.cage:
             projected, missed = self._project(on_faces, self.cage)

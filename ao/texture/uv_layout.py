@@ -39,8 +39,8 @@ class UVLayout:
 
         Raises: MeshError: no face has an area on the page, or one reaches over very many tiles.
         """
-        shown = on_page(uv)
-        uv = np.where(shown[:, None, None], uv, 0.0)
+        is_on_page = on_page(uv)
+        uv = np.where(is_on_page[:, None, None], uv, 0.0)
         low = uv.min(axis=1)
         high = uv.max(axis=1)
         first_tiles, end_tiles = tile_ranges(uv)
@@ -60,7 +60,7 @@ class UVLayout:
         placed = uv[faces] - tiles[:, None]
         scale = np.array([width, -height], np.float64)
         origin = np.array([0.0, height])
-        counts = (int(np.count_nonzero(which)) for which in (usable & (area < 0), shown & ~usable, outside))
+        counts = (int(np.count_nonzero(which)) for which in (usable & (area < 0), is_on_page & ~usable, outside))
         return cls(width, height, wraps, uv * scale + origin, placed * scale + origin, faces, *counts)
 
 
@@ -135,7 +135,10 @@ def corner_uv(uv: Any, mesh: Mesh) -> Float64s:
 
 
 def texels_across(uv: Float64s, areas: Float64s, texel_size: float) -> int:
-    """The side, a power of two, of a square page on which a texel covers `texel_size` or less of `areas` (m,).
+    """The side of a square page, a power of two, on which a texel covers `texel_size` or less of the surface.
+
+    Args:
+        areas: (m,), of the faces, in squared mesh units.
 
     Raises: OptionError: `texel_size` is not positive, or so small that the page would be too large.
     """

@@ -67,7 +67,11 @@ class UVSurface:
 
 
 def corner_places(uv: Float64s, points: Int64s) -> Int64s:
-    """A number (m, 3) for each corner, the same where they share a welded point of `points` and its place in texels."""
+    """A number (m, 3) for each corner, equal where corners share both a welded point and a place in texels.
+
+    Args:
+        points: (m, 3), the welded points.
+    """
     rounded = np.round(uv.reshape(-1, 2) * 4096).astype(np.int64)
     order = np.lexsort((rounded[:, 1], rounded[:, 0], points.ravel()))
     keys = np.column_stack([points.ravel(), rounded])[order]

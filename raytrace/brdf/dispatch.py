@@ -21,12 +21,13 @@ from .registry import in_lanes, reflection_models
 
 
 @inline
-def _dark(kind, row, n, l, v, grain, wanted):
+def _black(kind, row, n, l, v, grain, wanted):
+    """Black, for kinds that no model has: the end of the chain that `_dispatcher` builds."""
     return scale(0.0, n), scale(0.0, n)
 
 
-def _or(model_kind: int, terms: Any, otherwise: Any) -> Any:
-    """`terms` of materials of this kind, `otherwise` of others."""
+def _branch_on_kind(model_kind: int, terms: Any, otherwise: Any) -> Any:
+    """A helper that calls `terms` for materials of the kind `model_kind`, and `otherwise` for all others."""
 
     @inline
     def chosen(kind, row, n, l, v, grain, wanted):
@@ -37,16 +38,16 @@ def _or(model_kind: int, terms: Any, otherwise: Any) -> Any:
     return chosen
 
 
-def _any_of(terms_by_kind: Iterable[tuple[int, Any]]) -> Any:
-    """A helper that compares its first argument with each kind, and calls what belongs to it with the others."""
-    chosen = _dark
+def _dispatcher(terms_by_kind: Iterable[tuple[int, Any]]) -> Any:
+    """A helper that compares its first argument, a kind, with those of `terms_by_kind` and calls that model's terms."""
+    chosen = _black
     for kind, terms in terms_by_kind:
-        chosen = _or(kind, terms, chosen)
+        chosen = _branch_on_kind(kind, terms, chosen)
     return chosen
 
 
 def _lane_by_lane(terms: Any) -> Any:
-    """`terms_in_lanes` of a model that has `terms` alone."""
+    """`terms_in_lanes` of a model that is written for scalars only: its `terms`, called for one lane after another."""
 
     @inline
     def each_lane(row, n, l, v, grain, wanted):
@@ -67,17 +68,21 @@ def _lane_by_lane(terms: Any) -> Any:
 
 @inline
 def _lane(a, lane):
+    """One lane of a triple of lanes, as a triple of float64 scalars."""
     return (np.float64(pick(a[0], lane)), np.float64(pick(a[1], lane)), np.float64(pick(a[2], lane)))
 
 
 @inline
 def _replaced(a, lane, b):
+    """The triple of lanes `a` with the triple of scalars `b` in one lane."""
     return (replace(a[0], lane, b[0]), replace(a[1], lane, b[1]), replace(a[2], lane, b[2]))
 
 
-_terms_of: Any = Late(lambda: _any_of((model.kind, in_lanes(model.terms)) for model in reflection_models()))
+_terms_of: Any = Late(lambda: _dispatcher((model.kind, in_lanes(model.terms)) for model in reflection_models()))
 _terms_in_lanes_of: Any = Late(
-    lambda: _any_of((model.kind, model.terms_in_lanes or _lane_by_lane(model.terms)) for model in reflection_models())
+    lambda: _dispatcher(
+        (model.kind, model.terms_in_lanes or _lane_by_lane(model.terms)) for model in reflection_models()
+    )
 )
 
 

@@ -74,7 +74,7 @@ class Material(Parameters):
 
     @abstractmethod
     def ambient(self) -> RGB:
-        """k_a unless it is given."""
+        """The default of `k_a`, the ambient reflectance."""
 
     def lobe_slope(self) -> float | None:
         """The larger RMS slope of facets that make a highlight about the halfway vector; None for other models."""
@@ -118,6 +118,7 @@ class TwoTerm(Material):
 
     @model_validator(mode="after")
     def _absorbs(self) -> TwoTerm:
+        """Check that k_d + k_s ≤ 1 in every channel. Raises: OptionError."""
         for channel, (diffuse, specular) in enumerate(zip(self.k_d, self.k_s, strict=True)):
             if diffuse + specular > 1 + 1e-9:
                 got = f"{diffuse} + {specular} = {diffuse + specular:g}"
@@ -129,7 +130,7 @@ class TwoTerm(Material):
 
 
 class Glossy(TwoTerm):
-    """Of a highlight of an `exponent` > 0."""
+    """A material whose highlight has an `exponent` > 0."""
 
     exponent: Exponent = 20.0
 

@@ -31,6 +31,7 @@ _TRANSPARENT = 1e-6  # the extinction up to which a medium is taken for a dielec
 
 @inline
 def fifth(x):
+    """x⁵, as of Schlick's Fresnel term."""
     square = x * x
     return square * square * x
 
@@ -67,7 +68,7 @@ def conductor_fresnel(eta, k, cosine):
 
 @inline
 def reflectance(row, channel, cosine):
-    """F of a channel of a row of `Microfacet`, at c = v·h ≥ 0."""
+    """Fresnel reflectance F of one channel at c = v·h ≥ 0. Args: row: of a `Microfacet`."""
     eta = row[ETA + channel]
     k = row[K + channel]
     return conductor_fresnel(eta, k, cosine) if k > _TRANSPARENT else fresnel(eta, cosine)
@@ -145,13 +146,14 @@ class Microfacet(Diffuse):
 
     @model_validator(mode="after")
     def _transmits(self) -> Microfacet:
+        """Check that η ≥ 1 wherever the material is a dielectric. Raises: OptionError."""
         for channel, (index, extinction) in enumerate(zip(self.eta, self.k, strict=True)):
             if index < 1 and extinction <= _TRANSPARENT:
                 raise OptionError(f"eta[{channel}]", "a number in [1, 1e6] where k is 0", index, type(self).__name__)
         return self
 
     def mirrored(self, slope: float) -> Gloss:
-        """The gloss of facets of this RMS slope."""
+        """What facets of this RMS slope mirror."""
         colour = self.colour or (1.0, 1.0, 1.0)
         k2 = np.square(self.k)
         normal = (np.square(np.array(self.eta) - 1) + k2) / (np.square(np.array(self.eta) + 1) + k2)
@@ -159,7 +161,7 @@ class Microfacet(Diffuse):
         return Gloss(tuple(mirrored), (self.k_s,) * 3, slope)
 
     def interface(self) -> list[float]:
-        """The columns up to `FACETS`."""
+        """The columns of k_d, k_s, η, k and colour, up to `FACETS`."""
         colour = self.colour or (0.0, 0.0, 0.0)
         normalisation = 1 / (4 * pi) if self.form == "conserving" else 1 / pi
         return [*self.albedo, self.k_s, *self.eta, float(self.colour is not None), *colour, normalisation, *self.k]

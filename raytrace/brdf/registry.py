@@ -29,6 +29,7 @@ def reflection_model(terms: Any, terms_in_lanes: Any = None) -> Callable[[M], M]
     """
 
     def register(material: M) -> M:
+        """The class, registered under its name with a kind that its packed rows carry. Raises: OptionError."""
         name: str = material.model  # type: ignore[attr-defined]
         if name in _MODELS or reflection_models.cache_info().currsize:
             expected = "a name of its own, and models before the first use of any"
@@ -45,7 +46,7 @@ def reflection_model(terms: Any, terms_in_lanes: Any = None) -> Callable[[M], M]
 
 
 def in_lanes(terms: Any) -> Any:
-    """`terms` that takes SIMD lanes as it is (`raytrace.kernel.simd.select` in place of branches)."""
+    """`terms` as `terms_in_lanes`, for a model without branches (`raytrace.kernel.simd.select` in their place)."""
 
     @inline
     def unmasked(row, n, l, v, grain, wanted):
@@ -56,7 +57,7 @@ def in_lanes(terms: Any) -> Any:
 
 @cache
 def reflection_models() -> tuple[type[Material], ...]:
-    """All models by their names: the files of `raytrace/brdf/models/`, and what was registered before."""
+    """All models by their names: those of `raytrace/brdf/models/`, and those that a program has registered."""
     package = import_module(f"{__package__}.models")
     for file in iter_modules(package.__path__):
         import_module(f"{package.__name__}.{file.name}")

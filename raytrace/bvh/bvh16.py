@@ -77,7 +77,8 @@ def _fill_leaves(vertices, faces, order, triangles, bounds, start, stop):
 
 
 def _level_around(bounds: Float32s) -> tuple[Float32s, Float32s]:
-    """Nodes (n, 6, 16) of boxes with the corners `bounds` (c, 6), and the corners (n, 6) of the boxes around these."""
+    """A level of the tree: nodes (n, 6, 16) that hold the boxes `bounds` (c, 6), and the boxes (n, 6) around the
+    nodes."""
     corners = np.full((-(-len(bounds) // WIDE) * WIDE, 6), np.nan, np.float32)
     corners[: len(bounds)] = bounds
     low, high = corners.reshape(-1, WIDE, 2, 3).transpose(2, 0, 3, 1)

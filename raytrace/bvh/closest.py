@@ -48,8 +48,16 @@ def closest_points(
     weights = np.zeros((len(points), 3), np.float32)
 
     def search(start: int, stop: int) -> None:
-        out = face[start:stop], weights[start:stop]
-        _search(tree, new_stack(), surface, points[start:stop], radius, (match[0][start:stop], match[1]), *out)
+        _search(
+            tree,
+            new_stack(),
+            surface,
+            points[start:stop],
+            radius,
+            (match[0][start:stop], match[1]),
+            face[start:stop],
+            weights[start:stop],
+        )
 
     run_blocks(len(points), _BLOCK, search, threads, most=_SHARE)
     return face, weights
@@ -100,12 +108,13 @@ def closest_on_triangle(p, a, b, c):
 
 @kernel
 def _search(tree, stack, surface, points, radius, match, face, weights):
-    """Write the closest points of `points`, on faces of their groups; `radius`: how far to look at first."""
+    """Write the closest point to each of `points` on a face of its group. Args: radius: how far to look at first."""
     tree = unrefcounted_view(tree)
     vertices, faces = surface
     group, of_face = match
     for i in range(len(points)):
         p, reach, best = load(points, i), radius, np.inf
+        # As long as something nearer may be outside of what has been searched.
         while best > reach:
             if best < np.inf:
                 reach = best
@@ -128,13 +137,13 @@ def _search(tree, stack, surface, points, radius, match, face, weights):
 
 
 def new_stack() -> Int64s:
-    """The nodes that are to be opened: int64 (_ENTRIES + 1, 2), for one walk at a time."""
+    """A stack for one walk at a time: nodes to be opened, int64 (_ENTRIES + 1, 2)."""
     return np.zeros((_ENTRIES + 1, 2), np.int64)
 
 
 @inline
 def begin(tree, stack, point, radius):
-    """The point, and a radius to search with for all that is within `radius` of it in spite of single precision."""
+    """Begin a walk: the point, and a radius that finds all within `radius` of it in spite of single precision."""
     stack[0, _NODE] = tree.starts[-1] - 1
     stack[0, _LEVEL] = len(tree.starts) - 1
     stack[_ENTRIES, 0] = 1
@@ -146,8 +155,14 @@ def begin(tree, stack, point, radius):
 
 @inline
 def next_leaf(tree, stack, around):
-    """The next leaf of the walk and, as bits, triangles whose boxes may be as near as wanted along every axis; no bits
-    if there are none any more. Args: around: of `begin`."""
+    """Go on to the next leaf of the walk that may hold something near.
+
+    Returns the leaf and, as bits, its triangles whose boxes may be within the radius along every axis; no bits at the
+    end of the walk.
+
+    Args:
+        around: the point and the radius, of `begin`.
+    """
     starts, (point, radius) = tree.starts, around
     while stack[_ENTRIES, 0] > 0:
         waiting = stack[_ENTRIES, 0] - 1
@@ -174,7 +189,7 @@ def next_leaf(tree, stack, around):
 
 @inline
 def _boxes_within(boxes, axes, node, point, radius):
-    """The boxes of a node that may have something within `radius` of a point along every axis, as bits."""
+    """The sixteen boxes of a node that may hold something within `radius` of a point along every axis, as bits."""
     d, half = box_offsets(boxes, axes, node, point)
     reach = radius if axes is None else _DIAGONAL * radius
     return bits((abs(d[0]) - half[0] <= reach) & (abs(d[1]) - half[1] <= reach) & (abs(d[2]) - half[2] <= reach))
@@ -190,7 +205,7 @@ def _triangles_within(triangles, point, radius):
 
 @inline
 def _along_axis(triangles, axis, x, radius):
-    """The triangles of which some part is within `radius` of a point's coordinate `x`."""
+    """The triangles (9, 16) that reach within `radius` of the coordinate `x` along an axis."""
     a = load_row(triangles, axis)
     b = load_row(triangles, 3 + axis)
     c = load_row(triangles, 6 + axis)
@@ -219,11 +234,15 @@ def _faces_within(triangles, point, radius):
 
 @inline
 def _beyond(edge, n, end, radius, vague):
-    """Lanes where a point is beyond an edge by more than `radius`. Args: n: normals; end: edge ends, from the point."""
+    """Lanes where a point is surely beyond an edge of a triangle by more than `radius`.
+
+    Args: n: normals. end: where the edge ends, relative to the point. vague: rounding of coordinates.
+    """
     outwards = cross(edge, n)
     return dot(outwards, end) < -(radius * _sum(outwards) + vague * _sum(edge))
 
 
 @inline
 def _sum(v):
+    """The sum of the absolute coordinates, |x| + |y| + |z|."""
     return abs(v[0]) + abs(v[1]) + abs(v[2])

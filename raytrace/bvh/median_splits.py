@@ -22,7 +22,8 @@ _ROW = WIDE // 4  # triangles whose records are a row of lanes
 
 
 def median_order(vertices: Float32s, faces: Int64s) -> Int32s:
-    """The order (m,) of `faces` (m, 3) of `vertices` (n, 3)."""
+    """The order (m,) of `faces` (m, 3) of `vertices` (n, 3): each part is split at the median along its longest
+    axis."""
     # A record is a centroid and the number of its face, moved together; unused ones of the last row compare as false.
     records = aligned((-(-len(faces) // _ROW) * _ROW, 4), np.float32)
     records[len(faces) :] = np.nan
@@ -39,10 +40,11 @@ def median_order(vertices: Float32s, faces: Int64s) -> Int32s:
     ordered = [Event() for _ in parts]
 
     def divide(number: int, _: int) -> None:
-        begin, end, whole = parts[number]
+        """Sort part `number` about its middle, as soon as the block that it lies in is sorted."""
+        begin, end, enclosing = parts[number]
         try:
-            if whole >= 0:  # a block that has begun before this one
-                ordered[whole].wait()
+            if enclosing >= 0:  # a block that has begun before this one
+                ordered[enclosing].wait()
             (_halve if end - begin > most else _split)(records, numbers, begin, end)
         finally:
             ordered[number].set()

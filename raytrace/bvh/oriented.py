@@ -34,15 +34,19 @@ def orient(triangles: Float32s, boxes: Float32s, starts: Int64s) -> tuple[Float3
     oriented[:], threads = boxes, thread_count(None)
     for start, stop in pairwise(starts):
         children = -(-len(triangles) // span)
-        level = (axes[start:stop], oriented[start:stop])
         span = span * WIDE
-        run_blocks(children, max(_LEAVES * WIDE // span, 1), partial(_turn, triangles, span // WIDE, *level), threads)
+        run_blocks(
+            children,
+            max(_LEAVES * WIDE // span, 1),
+            partial(_turn, triangles, span // WIDE, axes[start:stop], oriented[start:stop]),
+            threads,
+        )
     fewer = _overlap(triangles, oriented[: starts[1]], axes[: starts[1]]) * _GAIN < overlap
     return (oriented, starts, axes) if fewer else (boxes, starts, None)
 
 
 def _turn(triangles: Float32s, span: int, axes: Float32s, boxes: Float32s, start: int, stop: int) -> None:
-    """Write axes and boxes of the children of a level from `start` to `stop`, each around `span` leaves."""
+    """Write axes and boxes of the children from `start` to `stop` of a level, each around `span` leaves."""
     covariances = np.zeros((stop - start, 3, 3))
     _covariances(triangles, span, start, covariances)
     node, lane = np.divmod(np.arange(start, stop), WIDE)
@@ -51,9 +55,9 @@ def _turn(triangles: Float32s, span: int, axes: Float32s, boxes: Float32s, start
 
 
 def _overlap(triangles: Float32s, boxes: Float32s, axes: Float32s | None) -> float:
-    """In how many of the boxes of all leaves the middle of a triangle is, on average over some triangles."""
-    some = triangles[:: -(-len(triangles) // _TRIANGLES), :, 0].reshape(-1, 3, 3).mean(axis=1)
-    return float(_count_around(some, boxes, axes)) / len(some)
+    """How many boxes of leaves hold the middle of a triangle, on average over a sample of triangles."""
+    centroids = triangles[:: -(-len(triangles) // _TRIANGLES), :, 0].reshape(-1, 3, 3).mean(axis=1)
+    return float(_count_around(centroids, boxes, axes)) / len(centroids)
 
 
 @kernel

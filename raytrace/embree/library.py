@@ -48,6 +48,7 @@ _QUERIES = ("rtcIntersect8", "rtcOccluded8", "rtcIntersect16", "rtcOccluded16", 
 
 
 def _open_library() -> ctypes.CDLL:
+    """Load embreex's Embree with the types of its C functions, and hand queries to kernels. Raises: EmbreeError."""
     if sys.platform == "win32":
         import_module("embreex.rtcore_scene")  # which loads it
         library = ctypes.CDLL("embree4.dll")
@@ -78,7 +79,7 @@ def device() -> int:
 
 
 def check_version(number: int) -> None:
-    """Raises: EmbreeError: the number, such as 40303, is not of an Embree 4."""
+    """Check that a version number, such as 40303, is of an Embree 4. Raises: EmbreeError."""
     if number // 10000 != 4:
         raise EmbreeError(f"embreex: Embree version: expected 4.x, got {number // 10000}.{number // 100 % 100}")
 
@@ -90,10 +91,12 @@ def version() -> str:
 
 
 def _last_message(device: int | None) -> str:
+    """Embree's message about the last error of a device; of None, about the creation of a device."""
     text = library.rtcGetDeviceLastErrorMessage(device)
     return text.decode(errors="replace") if text else "unknown error"
 
 
 def check(device: int) -> None:
+    """Check that no call to Embree on this device has failed. Raises: EmbreeError."""
     if library.rtcGetDeviceError(device):
         raise EmbreeError(f"Embree: {_last_message(device)}")

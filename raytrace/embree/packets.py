@@ -55,9 +55,13 @@ intersect16, occluded16 = _queries(16)
 
 @inline
 def filtered(call):
-    """What Embree gives the filter of a packet of sixteen by its address `call`: of k hits the mask, int32 (k,), to be
-    set to 0 where one is rejected, rays, float32 (12, k), hits, (9, k), the rows from NG_X on; and the packet.
+    """The arguments of Embree's filter function, which is called for packets of sixteen rays with the address
+    `call`.
+
+    Of k hits: the mask, int32 (k,), to be set to 0 where one is rejected; rays, float32 (12, k); hits, (9, k), the rows
+    from NG_X on; and the packet.
     """
+    # RTCFilterFunctionNArguments: valid, user pointer, context, rays, hits, N; the packet is before the context.
     given = rows_at(call, 1, 12).view(np.int64)[0]
     count = given[5] & 0xFFFFFFFF
     packet = rows_at(given[2] - CONTEXT * 2 * LANES * 4, END, 2 * LANES)

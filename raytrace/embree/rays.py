@@ -29,6 +29,13 @@ class Hits:
 
 @kernel
 def _closest(scene, traced, rays, hits, begin, end):
+    """Trace the rays from `begin` to `end` in packets of eight, and write what they hit.
+
+    Args:
+        traced: of `new_packet`.
+        rays: origins (k, 3), directions (k, 3), reach (k,).
+        hits: arrays as of `Hits`, written.
+    """
     (packet, valid), (origins, directions, reach), (distance, face, barycentric) = traced, rays, hits
     ids = packet.view(np.uint32)
     for first_ray in range(begin, end, LANES):

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import InputError, OptionError
 from ..system.checks import check_memory, check_outputs
+from ..system.paths import PathName
 from ..types import Float32s
 from .read import open_image, read_image
 from .srgb import decode_srgb
@@ -47,9 +48,7 @@ class Comparison:
         return figures[metric] <= threshold
 
 
-def compare(
-    a: str | os.PathLike[str], b: str | os.PathLike[str], difference: str | os.PathLike[str] | None = None
-) -> Comparison:
+def compare(a: PathName, b: PathName, difference: PathName | None = None) -> Comparison:
     """Compare two image files: their colours over black, linear, whatever their formats. `a` is the reference.
 
     Alpha and layers other than the beauty are not compared.
@@ -65,19 +64,19 @@ def compare(
         check_image_target(difference, layers=("beauty",))
         check_outputs({"--difference": difference}, (a, b))
     width, height = _size(a)
-    other = _size(b)
-    if other != (width, height):
+    other_size = _size(b)
+    if other_size != (width, height):
         expected = f"{width}×{height} pixels as in {os.fspath(a)}"
-        raise InputError(os.fspath(b), "size", expected, "{}×{} pixels".format(*other))
+        raise InputError(os.fspath(b), "size", expected, "{}×{} pixels".format(*other_size))
     work = f"to compare {width:,}×{height:,} pixels"
     check_memory(os.fspath(a), _READ * width * height, work)
-    one = _buffer(_colour(a))
-    second = _buffer(_colour(b))
-    figures = oiio.ImageBufAlgo.compare(one, second, 0.0, 0.0)
+    reference = _buffer(_colour(a))
+    compared = _buffer(_colour(b))
+    figures = oiio.ImageBufAlgo.compare(reference, compared, 0.0, 0.0)
     seen = _buffer(np.zeros((height, width, 1), np.float32))
     if figures.maxerror:
         check_memory(os.fspath(a), _FLIP * width * height, work)
-        seen = oiio.ImageBufAlgo.FLIP_diff(one, second)
+        seen = oiio.ImageBufAlgo.FLIP_diff(reference, compared)
     if difference is not None:
         coloured: Any = oiio.ImageBufAlgo.color_map(seen, 0, "magma")
         write_image(difference, decode_srgb(coloured.get_pixels(oiio.FLOAT)))
@@ -85,12 +84,12 @@ def compare(
     return Comparison(*map(float, (figures.meanerror, figures.rms_error, figures.maxerror, figures.PSNR, flip)))
 
 
-def _size(path: str | os.PathLike[str]) -> tuple[int, int]:
+def _size(path: PathName) -> tuple[int, int]:
     spec = open_image(path).spec()
     return spec.width, spec.height
 
 
-def _colour(path: str | os.PathLike[str]) -> Float32s:
+def _colour(path: PathName) -> Float32s:
     """Linear RGB over black, (h, w, 3)."""
     layers, _ = read_image(path)
     if "beauty" not in layers:

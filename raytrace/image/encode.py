@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from ..errors import OptionError, OutputError, printable
 from ..system.atomic import atomic_path
+from ..system.paths import PathName
 from ..types import Float32s
 from .dither import dithered
 from .srgb import encode_srgb
@@ -39,7 +40,7 @@ _ROWS = 64
 _SPARE = 1 << 20
 
 
-def file_format(path: str | os.PathLike[str]) -> str:
+def file_format(path: PathName) -> str:
     """OpenImageIO's name of the format of `path`. Raises: OptionError: an ending that is not in `FORMATS`."""
     try:
         return FORMATS[Path(path).suffix.lower()]
@@ -47,9 +48,7 @@ def file_format(path: str | os.PathLike[str]) -> str:
         raise OptionError("output", "a name ending in " + " ".join(FORMATS), os.fspath(path)) from None
 
 
-def write_layers(
-    path: str | os.PathLike[str], layers: Mapping[str, Float32s], metadata: Mapping[str, str], half: bool
-) -> None:
+def write_layers(path: PathName, layers: Mapping[str, Float32s], metadata: Mapping[str, str], half: bool) -> None:
     """Write an EXR file of `layers`, each (height, width, channels); colours and normals as 16-bit floats if `half`."""
     import OpenImageIO as oiio
 
@@ -67,6 +66,7 @@ def write_layers(
     spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
 
     def rows(begin: int, end: int) -> Float32s:
+        """Rows of all layers side by side, clipped to what their channels hold."""
         largest = {name: _LARGEST_HALF if half and name not in _ALWAYS_FLOAT else np.inf for name in layers}
         return np.concatenate([layers[name][begin:end].clip(-most, most) for name, most in largest.items()], axis=2)
 
@@ -74,7 +74,7 @@ def write_layers(
 
 
 def write_picture(
-    path: str | os.PathLike[str],
+    path: PathName,
     pixels: Float32s,
     metadata: Mapping[str, str],
     opaque: bool = False,
@@ -102,6 +102,7 @@ def write_picture(
         spec.attribute("jpeg:subsampling", "4:4:4")
 
     def rows(begin: int, end: int) -> npt.NDArray[Any]:
+        """Rows of the picture as codes or encoded floats, alpha straight where the format has it so."""
         block = pixels[begin:end]
         alpha = block[..., 3:]
         colour = block
@@ -117,7 +118,7 @@ def write_picture(
 
 
 def write_data(
-    path: str | os.PathLike[str],
+    path: PathName,
     values: Float32s | npt.NDArray[np.uint8 | np.uint16],
     metadata: Mapping[str, str],
     half: bool,
@@ -147,8 +148,8 @@ def write_data(
     _write(path, spec, metadata, lambda begin, end: values[begin:end])
 
 
-def written(name: str, write: Callable[..., None], *given: Any) -> bytes:
-    """The file of this name that `write` makes of what is `given`."""
+def image_bytes(name: str, write: Callable[..., None], *given: Any) -> bytes:
+    """The bytes of the image file that `write(path, *arguments)` writes. Args: name: whose ending says the format."""
     from tempfile import TemporaryDirectory
 
     with TemporaryDirectory() as folder:
@@ -158,16 +159,23 @@ def written(name: str, write: Callable[..., None], *given: Any) -> bytes:
 
 
 def linear_png(values: npt.NDArray[np.uint8 | np.uint16]) -> bytes:
-    """A PNG file of codes as they are, (height, width, channels), that says nothing of a colour space."""
-    return written("data.png", write_data, values, {}, False, (), 8 * values.itemsize)
+    """A PNG file of codes (height, width, channels) as they are, which says nothing of a colour space."""
+    return image_bytes("data.png", write_data, values, {}, False, (), 8 * values.itemsize)
 
 
 def _write(
-    path: str | os.PathLike[str],
+    path: PathName,
     spec: Any,
     metadata: Mapping[str, str],
     pixel_rows: Callable[[int, int], npt.NDArray[Any]],
 ) -> None:
+    """Write an image file, whole or not at all, a few rows at a time.
+
+    Args:
+        spec: OpenImageIO's, of the file.
+        metadata: as far as the format holds it.
+        pixel_rows: makes the rows from a first one to the one after the last.
+    """
     import OpenImageIO as oiio
 
     # The metadata, as each format can hold them.

@@ -26,6 +26,7 @@ def fill_holes(pixels: Float32s, known: Bools, threads: int | None = None) -> Fl
     levels = [(pixels.copy(), known.copy())]
 
     def each_row(work: Callable[..., None], *arrays: Any) -> None:
+        """Run a kernel over rows of the level that was made last, on threads."""
         height, columns, channels = levels[-1][0].shape
         block = max(_BLOCK // (columns * channels), 1)
         run_blocks(height, block, bind(work, *arrays), thread_count(threads))
@@ -44,7 +45,7 @@ def fill_holes(pixels: Float32s, known: Bools, threads: int | None = None) -> Fl
 
 @kernel
 def _pull(fine, known, out, out_known, start, stop):
-    """Means of the known ones of 2×2 pixels."""
+    """Write the coarser level: means of the known pixels of each 2×2."""
     for i in range(start, stop):
         for j in range(out.shape[1]):
             count = 0
@@ -60,7 +61,7 @@ def _pull(fine, known, out, out_known, start, stop):
 
 @kernel
 def _push(coarse, fine, known, start, stop):
-    """Give unknown pixels what a bilinear lookup sees in the `coarse` level."""
+    """Fill unknown pixels of the `fine` level by bilinear lookups in the `coarse` one."""
     for y in range(start, stop):
         row = y // 2
         above = min(max(y // 2 + 2 * (y % 2) - 1, 0), len(coarse) - 1)

@@ -1,12 +1,12 @@
 """A rendered picture: its layers, counts of rays and seconds, and how it is saved."""
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ..errors import OptionError
+from ..system.paths import PathName
 from ..types import Float32s
-from .encode import LAYERS, file_format, write_layers, write_picture, written
+from .encode import LAYERS, file_format, image_bytes, write_layers, write_picture
 from .write import check_image_target
 
 
@@ -37,11 +37,11 @@ class Frame:
 
     def _repr_png_(self) -> bytes:
         """The beauty as a PNG: what notebooks show."""
-        return written("frame.png", write_picture, self.layers["beauty"], {}, any(self.background), self.corner)
+        return image_bytes("frame.png", write_picture, self.layers["beauty"], {}, any(self.background), self.corner)
 
     def save(
         self,
-        path: str | os.PathLike[str],
+        path: PathName,
         metadata: Mapping[str, str] | None = None,
         half: bool = False,
         layers: Sequence[str] | None = None,

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from ..errors import InputError, is_utf8
 from ..settings import MAX_SIZE
 from ..system.checks import check_memory, check_regular
+from ..system.paths import PathName
 from ..types import Float32s
 from .encode import NAMESPACE
 from .srgb import decode_srgb
@@ -27,7 +28,7 @@ _printing = threading.Lock()
 _ORDER = {name: position for position, name in enumerate("RGBXYZA")}
 
 
-def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Float32s], dict[str, str]]:
+def read_image(path: PathName) -> tuple[dict[str, Float32s], dict[str, str]]:
     """Read a picture: its layers, and the metadata that `Frame.save` stored.
 
     Values of 8- and 16-bit files are taken as sRGB unless the file says that they are linear; straight alpha becomes
@@ -58,7 +59,7 @@ def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, Float32s], dict[
     return layers, _metadata(spec)
 
 
-def open_image(path: str | os.PathLike[str], content: Path | None = None, max_side: int = MAX_SIZE) -> Any:
+def open_image(path: PathName, content: Path | None = None, max_side: int = MAX_SIZE) -> Any:
     """An `OpenImageIO.ImageInput`, alpha left as it is in the file.
 
     Args: path: the file, and its name in messages. content: the file to open in its place. max_side: most pixels.
@@ -78,16 +79,16 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
         raise InputError(name, "file", "a readable file", reason.strerror or reason) from None
     if not is_utf8(str(file)):
         raise InputError(name, "file", "a path in UTF-8", "other bytes")
-    wanted = oiio.ImageSpec()
-    wanted.attribute("oiio:UnassociatedAlpha", 1)
+    config = oiio.ImageSpec()
+    config.attribute("oiio:UnassociatedAlpha", 1)
     stored = file.stat().st_size
     with _silenced(), _limited(oiio, file, stored):
-        image = oiio.ImageInput.open(str(file), wanted)
+        image = oiio.ImageInput.open(str(file), config)
     if image is None:
-        said = _reason(oiio, file)
-        if _TOO_LARGE in said:
-            raise InputError(name, "size", f"pixels that {stored:,} bytes can hold", said.partition(_TOO_LARGE)[0])
-        raise InputError(name, "content", "an image", said)
+        message = _reason(oiio, file)
+        if _TOO_LARGE in message:
+            raise InputError(name, "size", f"pixels that {stored:,} bytes can hold", message.partition(_TOO_LARGE)[0])
+        raise InputError(name, "content", "an image", message)
     # Pixels that its bytes can hold, few enough, and flat.
     spec = image.spec()
     size = f"{spec.width}×{spec.height}"
@@ -102,7 +103,7 @@ def open_image(path: str | os.PathLike[str], content: Path | None = None, max_si
     return image
 
 
-def check_pixels(image: Any, path: str | os.PathLike[str], pixel_bytes: int) -> None:
+def check_pixels(image: Any, path: PathName, pixel_bytes: int) -> None:
     """Refuse to decode an opened image whose pixels of `pixel_bytes` bytes do not fit. Raises: MemoryLimitError."""
     spec = image.spec()
     needed = pixel_bytes * spec.width * spec.height
@@ -110,8 +111,11 @@ def check_pixels(image: Any, path: str | os.PathLike[str], pixel_bytes: int) -> 
         check_memory(os.fspath(path), needed, f"to read {spec.width:,}×{spec.height:,} pixels")
 
 
-def row_blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice, npt.NDArray[Any]]]:
-    """The opened image from the top: which rows, and their uint8 or uint16 codes, or float32. Raises: InputError."""
+def row_blocks(image: Any, path: PathName) -> Iterator[tuple[slice, npt.NDArray[Any]]]:
+    """Read an opened image from the top: pairs of a slice of rows and their uint8 or uint16 codes, or float32.
+
+    Raises: InputError.
+    """
     spec = image.spec()
     kind = stored_type(spec).replace("float32", "float")  # as OpenImageIO calls it
     step = spec.tile_height or _ROWS
@@ -131,7 +135,10 @@ def row_blocks(image: Any, path: str | os.PathLike[str]) -> Iterator[tuple[slice
 
 
 def decoding_table(spec: Any, srgb: bool | None = None) -> Float32s | None:
-    """Linear values of a file's 8- or 16-bit codes, None for floats. Args: srgb: how they are encoded; None asks it."""
+    """Linear values of the 8- or 16-bit codes of a file, None for floats.
+
+    Args: srgb: how codes are encoded; None: as the file says.
+    """
     codes = stored_type(spec)
     if codes == "float32":
         return None
@@ -146,7 +153,7 @@ def _silenced() -> Iterator[None]:
     """Hold back what libpng prints on the standard error by itself; OpenImageIO's message says the same."""
     with _printing, open(os.devnull, "wb") as nowhere:
         try:
-            kept = os.dup(2)
+            saved_stderr = os.dup(2)
         except OSError:  # there is none
             yield
             return
@@ -154,8 +161,8 @@ def _silenced() -> Iterator[None]:
             os.dup2(nowhere.fileno(), 2)
             yield
         finally:
-            os.dup2(kept, 2)
-            os.close(kept)
+            os.dup2(saved_stderr, 2)
+            os.close(saved_stderr)
 
 
 @contextmanager
@@ -190,6 +197,7 @@ def _layers(names: list[str]) -> dict[str, list[int]]:
 
 
 def _metadata(spec: Any) -> dict[str, str]:
+    """What `Frame.save` stored: attributes of our name space, or JSON in the image's description."""
     by_name = {attribute.name: attribute.value for attribute in spec.extra_attribs}
     metadata = {name.removeprefix(NAMESPACE): str(text) for name, text in by_name.items() if name.startswith(NAMESPACE)}
     if metadata:

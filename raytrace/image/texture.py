@@ -111,6 +111,7 @@ class LazyTextures:
                     self._locks[image].release()
 
     def _read(self, image: Texture) -> None:
+        """Read an image into every place that it has in `packed`. Raises: InputError: it has changed since."""
         numbers = [number for number, read in enumerate(self._images) if read == image]
         texels, sizes = self.packed.texels, self._sizes[image]
         if self.packed.depth[numbers[0]]:
@@ -134,7 +135,8 @@ def pack_textures(textures: Sequence[Texture]) -> PackedTextures:
 
 
 def _levels(image: Texture) -> list[tuple[int, int]]:
-    """Width and height of a pyramid's levels, halved to one texel; none of a bad file, which perhaps no ray meets."""
+    """Width and height of a pyramid's levels, halved to one texel; none of a file that cannot be read, if a ray asks
+    for it."""
     try:
         with _opened(image) as file:
             width = file.spec().width
@@ -145,7 +147,7 @@ def _levels(image: Texture) -> list[tuple[int, int]]:
 
 
 def texture_bytes(textures: Iterable[Texture], threads: int) -> int:
-    """Bytes that `LazyTextures` take at their peak, read by so many threads; by headers."""
+    """Bytes that `LazyTextures` take at their peak, read by so many threads, by the headers of the images."""
     texels = sorted(texel_counts(textures))
     return _TEXEL * sum(texels) + _WORKING * sum(texels[-threads:])
 
@@ -157,7 +159,12 @@ def texel_counts(textures: Iterable[Texture]) -> list[int]:
 
 
 def texture_codes(texture: Texture, besides: int = 0) -> UInt8s | UInt16s | Float32s:
-    """The numbers of an image as stored, (h, w, 1 to 4), rows from the top, alpha straight. Raises: InputError."""
+    """The codes of an image as stored, (h, w, 1 to 4), rows from the top, alpha straight.
+
+    Args: besides: bytes a pixel that the caller needs.
+
+    Raises: InputError.
+    """
     with _opened(texture) as image:
         spec = image.spec()
         kind = np.dtype(stored_type(spec))
@@ -191,7 +198,7 @@ def texture_alpha(texture: Texture, grey: bool = False) -> Float32s:
 
 
 def texture_mean(texture: Texture) -> Float64s:
-    """The mean linear RGB of an image and that of its alpha, (4,). Raises: InputError: as `LazyTextures.read`."""
+    """The mean linear RGB and the mean alpha of an image, (4,). Raises: InputError: as `LazyTextures.read`."""
     total, count = np.zeros(4), 0
     with _opened(texture) as image:
         spec = image.spec()

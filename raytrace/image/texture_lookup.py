@@ -80,7 +80,7 @@ def neighbours(position, size, wrap):
 
 @inline
 def blend(texels, around, channel):
-    """Bilinear mean of `four_texels`."""
+    """Bilinear mean of a channel over the texels `around`, of `four_texels`."""
     a, b, c, d, s, t = around
     above = lerp(s, texels[a, channel], texels[b, channel])
     return lerp(t, above, lerp(s, texels[c, channel], texels[d, channel]))
@@ -101,5 +101,5 @@ def wrapped(x, wrap):
 
 @inline
 def lerp(part, a, b):
-    """a at part 0, b at part 1, in double precision."""
+    """Linear interpolation in double precision: a at part 0, b at part 1."""
     return np.float64(a) + part * (np.float64(b) - np.float64(a))

@@ -14,13 +14,14 @@ import numpy.typing as npt
 
 from ..errors import OptionError, OutputError, is_utf8, printable
 from ..system.atomic import check_writable
+from ..system.paths import PathName
 from .encode import LAYERS, file_format, write_picture
 
 DATA = ("depth", "normal", "object_id")
 
 
 def check_image_target(
-    path: str | os.PathLike[str], half: bool = False, layers: Sequence[str] | None = None
+    path: PathName, half: bool = False, layers: Sequence[str] | None = None
 ) -> tuple[str, ...] | None:
     """Find out before the work whether `Frame.save` will be able to start.
 
@@ -45,11 +46,11 @@ def check_image_target(
     return None if layers is None else tuple(layers)
 
 
-def write_image(path: str | os.PathLike[str], pixels: npt.ArrayLike) -> None:
+def write_image(path: PathName, pixels: npt.ArrayLike) -> None:
     """Write linear `pixels`, row 0 at the top, as an sRGB PNG, TIFF or JPEG. Raises: OptionError, OutputError.
 
     Args: pixels: (h, w) or (h, w, 1) grey, (h, w, 3) RGB, (h, w, 4) premultiplied RGBA.
     """
     check_image_target(path, layers=("beauty",))
-    whole = np.asarray(pixels, np.float32)
-    write_picture(path, whole.reshape(*whole.shape[:2], -1), {})
+    values = np.asarray(pixels, np.float32)
+    write_picture(path, values.reshape(*values.shape[:2], -1), {})

@@ -28,7 +28,7 @@ def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike, zeroed: bool = True) -
 
 
 def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-    """The same value, whose arrays own nothing."""
+    """LLVM's value as it is, but with arrays that own nothing, whose references are not counted."""
     if isinstance(kind, types.BaseTuple):
         members = [builder.extract_value(value, position) for position in range(len(kind.types))]
         views = [_uncounted(context, builder, *typed) for typed in zip(kind.types, members, strict=True)]
@@ -49,7 +49,7 @@ def unrefcounted_view(context, builder, signature, value):
     outlive it, so it takes views of them once, at its beginning, and every later count is left out. Of a named tuple
     it gets the address: only `value.name` is left of it, and functions that it is passed to are small to compile.
     """
-    (kind,), one = signature.args, _uncounted(context, builder, signature.args[0], value)
+    (kind,), view = signature.args, _uncounted(context, builder, signature.args[0], value)
     if signature.return_type == kind:
-        return one
-    return builder.bitcast(cgutils.alloca_once_value(builder, one), cgutils.voidptr_t)
+        return view
+    return builder.bitcast(cgutils.alloca_once_value(builder, view), cgutils.voidptr_t)

@@ -34,7 +34,10 @@ class Entry(NamedTuple):
 
     @classmethod
     def of(cls, line: str) -> "Entry":
-        """Raises: LookupError, AttributeError, ImportError, TypeError, ValueError: it stands for nothing."""
+        """What a line of the list stands for.
+
+        Raises: LookupError, AttributeError, ImportError, TypeError, ValueError: nothing.
+        """
         kernel, path, arguments = example(line)
         if not isinstance(kernel, Kernel):
             raise TypeError(f"{line}: expected a kernel")
@@ -42,14 +45,14 @@ class Entry(NamedTuple):
         return cls(kernel.signature(arguments, path), identity_of(function), function, arguments)
 
     def file(self, folder: Path, level: str) -> Path:
-        """Where its object file for a level is."""
+        """The path of its object file for a level."""
         import numba
 
         return folder / f"{self.signature.symbol}.{self.identity}.{numba.__version__}.{level}.o"
 
 
 def entries() -> list[Entry]:
-    """What the list has of the sources as they are."""
+    """The entries of the list `kernels.txt`, without kernels that the sources no longer have."""
     return [entry for line in LIST.read_text().splitlines() if (entry := _entry(line))]
 
 
@@ -69,7 +72,8 @@ def _entry(line: str) -> Entry | None:
 
 
 class Objects(NamedTuple):
-    """What libraries are linked of."""
+    """The object files that libraries are linked of, the names of C functions that they want, and how many were
+    stale."""
 
     files: dict[str, list[Path]]
     """The object files of each level."""
@@ -136,7 +140,7 @@ def _compile_module(lines: list[str], folder: Path, levels: Sequence[str]) -> in
 
 
 def _record(loaded: Path) -> None:
-    """Make the list of the kernels that were loaded, but for those that are no part of the package."""
+    """Write the list `kernels.txt` anew, of the kernels that were loaded, without those outside of the package."""
     lines = sorted(set(loaded.read_text().splitlines()))
     LIST.write_text("".join(f"{line}\n" for line in lines if line.startswith(_OURS) and _entry(line)))
 

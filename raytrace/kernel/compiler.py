@@ -49,6 +49,7 @@ class _Dispatcher(CPUDispatcher):
         self._compiler._customize_flags = _lowered_only
 
     def add_overload(self, compiled: Any) -> None:
+        """Take a compiled signature, so that callers find it; Numba would make machine code of it here."""
         key = object()
         _context.insert_user_function(key, compiled.fndesc, [compiled.library])
         self.overloads[tuple(compiled.signature.args)] = compiled._replace(entry_point=key)
@@ -58,6 +59,7 @@ class _Library(JITCodeLibrary):
     """The code of one function: those that it calls are linked to a whole kernel and optimised there, once."""
 
     def add_linking_library(self, library: Any) -> None:
+        """Note a library that this one calls; Numba would link a copy of it here."""
         self._linking_libraries.append(library)
 
 
@@ -77,8 +79,8 @@ def intrinsic(signature: Callable[..., Any], emit: Callable[..., Any]) -> Any:
 
     def define(_typing: Any, *kinds: Any) -> Any:
         """What Numba asks for: the signature for arguments of these types, None for wrong ones, and the code."""
-        made = signature(*kinds)
-        return made and (made, lambda context, builder, kinds, values: emit(context, builder, kinds, *values))
+        typed = signature(*kinds)
+        return typed and (typed, lambda context, builder, kinds, values: emit(context, builder, kinds, *values))
 
     define.__signature__ = inspect.Signature([*inspect.signature(emit).parameters.values()][2:])  # type: ignore[attr-defined]
     compiled = numba.extending.intrinsic(define)
@@ -100,14 +102,14 @@ def _compiling() -> Iterator[None]:
     with global_compiler_lock:
         rtsys.initialize(_context)
         codegen = _context.codegen()
-        kept = codegen._engine, codegen._library_class, codegen._tm
+        previous = codegen._engine, codegen._library_class, codegen._tm
         codegen._engine, codegen._library_class, codegen._tm = Idle(), _Library, machine_of(levels()[0])
         collecting = gc.isenabled()
         gc.disable()
         try:
             yield
         finally:
-            codegen._engine, codegen._library_class, codegen._tm = kept
+            codegen._engine, codegen._library_class, codegen._tm = previous
             if collecting:
                 gc.enable()
 
@@ -142,10 +144,11 @@ def object_files(
     """
     symbol, path = signature.symbol, signature.path
     with _compiling():
-        given = tuple(map(type_of_value, arguments))
+        argument_types = tuple(map(type_of_value, arguments))
         dispatcher = _Dispatcher(function, False)
-        dispatcher.compile(given)
-        compiled = dispatcher.overloads[given]
+        dispatcher.compile(argument_types)
+        compiled = dispatcher.overloads[argument_types]
+        # The entry: the words of the arguments, found by `path` from the first address.
         module = _context.create_module(symbol)
         entry = ir.Function(module, ir.FunctionType(ir.IntType(32), [_POINTER, _POINTER]), symbol)
         builder = ir.IRBuilder(entry.append_basic_block())
@@ -155,7 +158,7 @@ def object_files(
             pointer = builder.load(cgutils.gep_inbounds(builder, words, element))
             words = builder.inttoptr(pointer, _WORD.as_pointer())
         word_numbers = count()
-        values = [load_argument(builder, words, word_numbers, kind) for kind in given]
+        values = [load_argument(builder, words, word_numbers, kind) for kind in argument_types]
         if path:
             values[0] = builder.ptrtoint(entry.args[0], _WORD)
         status, value = _context.call_internal_no_propagate(builder, compiled.fndesc, compiled.signature, values)
@@ -180,6 +183,7 @@ def shared_object_file(names: Iterable[str], level: str) -> bytes:
 
 
 def _text(module: ir.Module, name: str, text: str) -> None:
+    """Add a global constant to an LLVM module: a text that ends with a zero byte."""
     content = bytearray(text.encode() + b"\0")
     constant = ir.GlobalVariable(module, ir.ArrayType(_BYTE, len(content)), name)
     constant.initializer = ir.Constant(constant.value_type, content)
@@ -187,7 +191,7 @@ def _text(module: ir.Module, name: str, text: str) -> None:
 
 
 def _emitted(library: Any, module: Any, symbol: str, levels: Iterable[str]) -> list[bytes]:
-    """The entry and the text of `symbol` in `module`, with all that they call in `library`, for each level."""
+    """The bitcode of `symbol` in `module`, with all that it calls in `library`, as an object file for each level."""
     library.add_ir_module(module)
     library.add_ir_module(_memory())
     whole, libraries = library._final_module, [library]
@@ -204,16 +208,17 @@ def _emitted(library: Any, module: Any, symbol: str, levels: Iterable[str]) -> l
 
 
 def _optimized(library: Any, bitcode: bytes, symbol: str, level: str) -> bytes:
+    """The object file of a kernel for a level. Raises: TypeError: it calls functions of Numba's runtime."""
     machine = _context.codegen()._tm = machine_of(level)
     library._final_module = llvm.parse_bitcode(bitcode)
     library._optimize_final_module()
-    whole = library._final_module
+    final = library._final_module
     missing = [
-        function.name for function in whole.functions if function.is_declaration and function.name.startswith(_OF_NUMBA)
+        function.name for function in final.functions if function.is_declaration and function.name.startswith(_OF_NUMBA)
     ]
     if missing:
         raise TypeError(f"{symbol}: expected no lists, texts or NumPy's sort, which need Numba's {missing}")
-    code: bytes = machine.emit_object(whole)
+    code: bytes = machine.emit_object(final)
     return code
 
 

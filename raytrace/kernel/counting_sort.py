@@ -19,6 +19,7 @@ def counting_sort(keys: AnyInts, count: int) -> tuple[Int64s, Int64s]:
 
 @kernel
 def _sort(keys, starts, places):
+    """Write `counting_sort`. Args: starts: zeros (count + 2,)."""
     for k in range(len(keys)):
         if keys[k] >= 0:
             starts[keys[k] + 2] += 1

@@ -59,6 +59,7 @@ def kernel_identity(function: Any) -> str:
 
 
 def _digest(texts: Iterable[str]) -> str:
+    """Hash of texts in order: 16 hex digits."""
     digest = hashlib.sha256()
     for text in texts:
         digest.update(text.encode() + b"\0")
@@ -106,7 +107,8 @@ def _parts(function: FunctionType) -> tuple[str, tuple[FunctionType, ...]]:
 
 
 def _referred(function: FunctionType) -> Iterator[Any]:
-    """Global values by the names that a function's code has, and those of the functions that it stands in."""
+    """Values that a function refers to: globals by the names in its code, and variables of the functions that
+    enclose it."""
     names = {name: None for code in _nested(function.__code__) for name in code.co_names}
     for name in names:
         value = function.__globals__.get(name)
@@ -117,6 +119,7 @@ def _referred(function: FunctionType) -> Iterator[Any]:
 
 
 def _nested(code: CodeType) -> Iterator[CodeType]:
+    """A code object and those of functions defined in it, at any depth."""
     yield code
     for constant in code.co_consts:
         if isinstance(constant, CodeType):

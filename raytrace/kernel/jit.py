@@ -86,6 +86,10 @@ class Kernel(Called):
         return self._run(arguments, *_flatten(arguments, [], []))
 
     def _run(self, arguments: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> Any:
+        """Call the machine code for these types.
+
+        Args: kinds: the types, of `_flatten`. words: the values, a word each.
+        """
         key = tuple(kinds)
         code = self._for_types.get(key) or self._load(key, arguments)
         results = ctypes.create_string_buffer(code.results.size) if code.results.size else None
@@ -104,10 +108,14 @@ class Kernel(Called):
         return ctypes.cast(code.call, ctypes.c_void_p).value or 0, packed
 
     def signature(self, arguments: tuple[Any, ...], path: tuple[int, ...]) -> Signature:
-        """Of a call with these arguments, or of a `callback` by this path."""
+        """The signature of a call with these arguments, or of a `callback` with this path."""
         return Signature.of(self._name, tuple(_flatten(arguments, [], [])[0]), path)
 
     def _load(self, key: tuple[Any, ...], arguments: tuple[Any, ...], path: tuple[int, ...] = ()) -> _Loaded:
+        """The machine code for the types `key`, from the library or compiled; `path` as of `callback`.
+
+        Raises: KernelError.
+        """
         signature = Signature.of(self._name, key, path)
         with _lock:
             if signature.symbol not in self._by_symbol:
@@ -141,7 +149,7 @@ def _code(signature: Signature, function: Callable[..., Any], arguments: tuple[A
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Make a hot loop machine code: no Python objects, no GIL."""
+    """Decorator: compile a hot loop to machine code without Python objects and without the GIL."""
     return Kernel(function)
 
 
@@ -153,7 +161,7 @@ def bind(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
 
 
 def inline(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a helper that kernels call; it is compiled into each of them."""
+    """Decorator: a helper that kernels call, compiled into each of them."""
     return Kernel(function, inlined=True)
 
 
@@ -179,6 +187,7 @@ def external(name: str) -> Any:
 
     @intrinsic(lambda *_: types.void(*(types.uintp,) * 4))
     def call(context, builder, signature, first, second, third, fourth):
+        """LLVM's code of a call of the function that a global pointer of that name points to."""
         kind = ir.FunctionType(ir.VoidType(), (ir.IntType(64),) * 4)
         module = builder.module
         pointer = module.globals.get(POINTER + name) or ir.GlobalVariable(module, kind.as_pointer(), POINTER + name)
@@ -190,7 +199,7 @@ def external(name: str) -> Any:
 
 
 def _flatten(values: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> tuple[list[Any], list[Any]]:
-    """Append what Numba's types of the values depend on, and what `object_files` makes the values of."""
+    """Append to `kinds` what the types of the values depend on, and to `words` what kernels get of the values."""
     for value in values:
         kind = type(value)
         if isinstance(value, ndarray):
@@ -208,7 +217,7 @@ def _flatten(values: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> tup
 
 
 def _nested(nesting: str, values: tuple[Any, ...]) -> Any:
-    """The values as formats say that stand in brackets where tuples are."""
+    """The values in tuples as the brackets of formats say."""
     left = iter(values)
     levels: list[list[Any]] = [[]]
     for letter in nesting:

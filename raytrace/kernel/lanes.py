@@ -38,7 +38,7 @@ INDEX = ir.IntType(32)
 
 
 def llvm_type(kind: Any) -> ir.VectorType:
-    """Of lanes, or of a row of an array."""
+    """LLVM's vector type of lanes of a kind, or of a row of an array of it."""
     return ir.VectorType(ELEMENT[kind.dtype], WIDE)
 
 
@@ -60,7 +60,7 @@ def widened(context: Any, builder: Any, value: Any, kind: types.Type, wanted: ty
 
 
 def common(*kinds: types.Type) -> Lanes | None:
-    """The one type of lanes among `kinds`, None if there are several; all else must be scalars."""
+    """The one type of lanes among `kinds`, None if there are several; what is no lanes must be a scalar."""
     vectors = {kind for kind in kinds if isinstance(kind, Lanes)}
     scalars = all(isinstance(kind, Lanes | types.Number | types.Boolean) for kind in kinds)
     return vectors.pop() if len(vectors) == 1 and scalars else None
@@ -79,6 +79,8 @@ def _operator(function: Any, emit: Callable[..., Any], result: Callable[[Lanes],
 
     @type_callable(function)
     def infer(context: Any) -> Any:
+        """Numba's typing of the operator for lanes: a function of the types of both arguments."""
+
         def typer(a: Any, b: Any) -> Any:
             lanes = common(a, b)
             return lanes and result(lanes)
@@ -86,6 +88,7 @@ def _operator(function: Any, emit: Callable[..., Any], result: Callable[[Lanes],
         return typer
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        """LLVM's code of the operator, scalars widened to lanes first."""
         lanes = common(*signature.args)
         assert lanes
         a = widened(context, builder, arguments[0], signature.args[0], lanes)
@@ -98,6 +101,8 @@ def _operator(function: Any, emit: Callable[..., Any], result: Callable[[Lanes],
 
 
 def _compared(sign: str) -> Callable[..., Any]:
+    """The `emit` of a comparison by this sign, such as "<"."""
+
     def emit(b: Any, floats: bool, x: Any, y: Any) -> Any:
         if floats:
             return b.fcmp_unordered(sign, x, y) if sign == "!=" else b.fcmp_ordered(sign, x, y)
@@ -107,6 +112,7 @@ def _compared(sign: str) -> Callable[..., Any]:
 
 
 def _chosen(sign: str) -> Callable[..., Any]:
+    """The `emit` of a minimum or a maximum: a where a sign b, else b."""
     return lambda b, floats, x, y: b.select(_compared(sign)(b, floats, x, y), x, y)
 
 
@@ -140,6 +146,8 @@ _operator(operator.pow, lambda b, floats, x, y: in_each_lane(b, "llvm.pow", [x, 
 
 
 def _unary(function: Any, emit: Callable[[Any, Any], Any]) -> None:
+    """Give a function of one argument to lanes; `emit(builder, a)` makes its code."""
+
     @type_callable(function)
     def infer(context: Any) -> Any:
         return lambda a: a if isinstance(a, Lanes) else None
@@ -175,12 +183,14 @@ class _Members(AttributeTemplate):
     key = RecordView
 
     def generic_resolve(self, kind: Any, name: str) -> Any:
+        """The type of a record's member of this name, as Numba asks for it."""
         record = kind.record
         return view_type(record.types[record.fields.index(name)]) if name in record.fields else None
 
 
 @lower_getattr_generic(RecordView)
 def _member(context: Any, builder: Any, kind: Any, address: Any, name: str) -> Any:
+    """LLVM's code that loads a member of the record at an address; of a record within, its address."""
     number = kind.record.fields.index(name)
     record = builder.bitcast(address, context.get_value_type(kind.record).as_pointer())
     member = cgutils.gep_inbounds(builder, record, 0, number)

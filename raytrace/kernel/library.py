@@ -34,7 +34,7 @@ _compares = [(ROOT / "pyproject.toml").is_file()]  # whether sources may be othe
 
 @cache
 def level() -> str:
-    """The best level of this machine's processor."""
+    """The best level of processors that this machine has, such as "x86-64-v3"."""
     if platform.machine().lower() in ("arm64", "aarch64"):
         return ARM
     features = cpu_features()
@@ -54,12 +54,13 @@ def levels() -> tuple[str, ...]:
 
 
 def file_of(level: str) -> Path:
-    """Where the library of a level is, if it has been built for this Python."""
+    """The path of the library for a level of processors and this Python; it may not have been built."""
     return Path(__file__).with_name(level.replace("-", "_") + EXTENSION_SUFFIXES[0])
 
 
 @cache
 def _library() -> ctypes.CDLL | None:
+    """The library for this processor, None if it has not been built."""
     file = file_of(level())
     return ctypes.CDLL(str(file)) if file.is_file() else None
 
@@ -85,7 +86,7 @@ def compare_sources() -> None:
 
 
 def about(address: int) -> tuple[str, str]:
-    """The formats of a kernel's results, and its identity, of its text."""
+    """The formats of a kernel's results, and its identity: the text that stands at an address in the library."""
     formats, _, identity = ctypes.string_at(address).decode().partition("\n")
     return formats, identity
 
@@ -97,6 +98,7 @@ def identity_of(function: object) -> str:
 
 @cache
 def _compiler_identity() -> str:
+    """Hash of the sources of ours that decide what code is made of a kernel: 16 hex digits."""
     sources = b"".join(Path(__file__).with_name(name).read_bytes() for name in _COMPILER)
     return hashlib.sha256(sources).hexdigest()[:16]
 
@@ -117,16 +119,16 @@ def provide(name: str, address: int) -> None:
 
 
 def pointers() -> dict[str, int]:
-    """The addresses of pointers to the functions that were provided, by their names in machine code."""
+    """Where the library keeps pointers to the functions that were provided, by their names."""
     return {POINTER + name: ctypes.addressof(pointer) for name, pointer in _pointers.items()}
 
 
 def what_is_missing(kernel: str) -> str:
-    """What to say where the library has no code of a kernel, given as the list has it, and nothing compiles it."""
+    """The message where the library has no code of a kernel, a line of the list, and nothing compiles it."""
     if _library():
         advice = "Numba compiles what is not in it: `python -m pip install 'obscurance[develop]'`"
         return f"{kernel}: expected a kernel of the library that was built with the package; {advice}"
-    wanted = f"{platform.system()} on {platform.machine()}, {level()}"
+    this_machine = f"{platform.system()} on {platform.machine()}, {level()}"
     if level() == "x86-64":
-        wanted += ", below x86-64-v3 (AVX2, FMA)"
-    return f"kernels: expected those for this processor ({wanted}), got none; {_HOW_TO_BUILD}"
+        this_machine += ", below x86-64-v3 (AVX2, FMA)"
+    return f"kernels: expected those for this processor ({this_machine}), got none; {_HOW_TO_BUILD}"

@@ -13,6 +13,7 @@ from .signature import Signature
 
 @cache
 def _engine() -> llvm.ExecutionEngine:
+    """LLVM's just-in-time linker, for object files of this machine."""
     machine = machine_of(level())
     return llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
 

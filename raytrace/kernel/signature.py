@@ -52,7 +52,7 @@ class Signature(NamedTuple):
 
 
 def _describe(kind: Any, kinds: Iterator[Any], texts: list[str], members: list[str]) -> str:
-    """Append the text of the next type, and the names of a tuple's members; returns the format of its words."""
+    """Append the text of the next of `kinds`, and the names of a tuple's `members`; returns the format of its words."""
     if isinstance(kind, np.dtype):
         axes = next(kinds)
         flags = next(kinds)
@@ -77,20 +77,22 @@ def _describe(kind: Any, kinds: Iterator[Any], texts: list[str], members: list[s
 
 
 def _name(kind: np.dtype[Any]) -> str:
+    """The text of a dtype in a signature."""
     return kind.str if kind.names is None else repr(kind).replace(" ", "")
 
 
 def example(line: str) -> tuple[Any, tuple[int, ...], tuple[Any, ...]]:
-    """The kernel of a line of the list, its path, and arguments of its types.
+    """What a line of the list stands for: the kernel, its path, and example arguments of its types.
 
-    Raises: LookupError, AttributeError, ImportError, TypeError, ValueError: there is none any more.
+    Raises: LookupError, AttributeError, ImportError, TypeError, ValueError: the sources have it no longer.
     """
     name, *texts = line.split()
-    whole, *path = name.split("@")
-    return _named(whole), tuple(map(int, path)), tuple(_values(iter(texts)))
+    dotted_name, *path = name.split("@")
+    return _named(dotted_name), tuple(map(int, path)), tuple(_values(iter(texts)))
 
 
 def _named(name: str) -> Any:
+    """The object with a dotted name, its module imported."""
     module, _, member = name.rpartition(".")
     return getattr(import_module(module), member)
 
@@ -115,6 +117,10 @@ def _values(texts: Iterator[str]) -> list[Any]:
 
 
 def _array(kind: str, layout: str) -> Any:
+    """An example array of a dtype.
+
+    Args: layout: number of axes and order, "2C" for instance; "A" is neither C nor F.
+    """
     axes = int(layout[:-1])
     array = np.zeros((_ENTRIES,) * axes, kind, order="F" if layout[-1] == "F" else "C")
     return array[(slice(None, None, 2),) * axes] if layout[-1] == "A" else array

@@ -24,11 +24,13 @@ def select(context, builder, signature, condition, a, b):
 
 @intrinsic(lambda a: lanes.SINGLE(a))
 def single(context, builder, signature, a):
+    """Lanes of float64 rounded to float32."""
     return builder.fptrunc(a, lanes.llvm_type(lanes.SINGLE))
 
 
 @intrinsic(lambda a: lanes.DOUBLE(a))
 def double(context, builder, signature, a):
+    """Lanes of float32 or int32 as float64, exactly."""
     convert = builder.sitofp if isinstance(a.type.element, ir.IntType) else builder.fpext
     return convert(a, lanes.llvm_type(lanes.DOUBLE))
 
@@ -37,8 +39,8 @@ def double(context, builder, signature, a):
 def multiply_add(context, builder, signature, a, b, c):
     """a b + c of lanes of float32, scalars repeated; rounded once where the processor can (FMA)."""
     pairs = zip((a, b, c), signature.args, strict=True)
-    given = [lanes.widened(context, builder, value, kind, lanes.SINGLE) for value, kind in pairs]
-    return lanes.in_each_lane(builder, "llvm.fmuladd", given)
+    operands = [lanes.widened(context, builder, value, kind, lanes.SINGLE) for value, kind in pairs]
+    return lanes.in_each_lane(builder, "llvm.fmuladd", operands)
 
 
 @intrinsic(lambda a: lanes.SINGLE(a))
@@ -50,10 +52,12 @@ def reciprocal_root(context, builder, signature, a):
 
 @intrinsic(lambda: lanes.WHOLE())
 def lane_numbers(context, builder, signature):
+    """The lanes 0, 1, … 15 as int32."""
     return ir.Constant(lanes.llvm_type(lanes.WHOLE), list(range(WIDE)))
 
 
 def _bits(builder, mask):
+    """A mask of lanes as an integer of as many bits."""
     return builder.bitcast(mask, ir.IntType(WIDE))
 
 
@@ -65,6 +69,7 @@ def some(context, builder, signature, mask):
 
 @intrinsic(lambda mask: types.int64(mask))
 def count(context, builder, signature, mask):
+    """How many lanes of a mask are set, int64."""
     return builder.zext(builder.ctpop(_bits(builder, mask)), ir.IntType(64))
 
 
@@ -82,6 +87,7 @@ def lowest_bit(context, builder, signature, number):
 
 @intrinsic(lambda a, lane: a.dtype(a, types.int64))
 def pick(context, builder, signature, a, lane):
+    """The value in one lane of `a`, a scalar."""
     return builder.extract_element(a, lane)
 
 
@@ -93,6 +99,8 @@ def replace(context, builder, signature, a, lane, value):
 
 
 def _reduced(name):
+    """A function that reduces lanes of float32 to a scalar, by LLVM's reduction of this name."""
+
     @intrinsic(lambda a: a.dtype(a))
     def reduce(context, builder, signature, a):
         kind = ir.FunctionType(a.type.element, [a.type])
@@ -112,7 +120,7 @@ def _pointer(context, builder, kind, array, element, to):
 
 
 def _row(context, builder, kind, array, row):
-    """Address of a row of lanes."""
+    """Address of a row of lanes of a C-contiguous array."""
     start = builder.mul(row, ir.IntType(64)(WIDE))
     return _pointer(context, builder, kind, array, start, lanes.llvm_type(kind))
 
@@ -155,6 +163,7 @@ def _transpose(builder, vectors):
     """Four vectors that hold four 4×4 blocks side by side, each block transposed."""
 
     def mix(a, b, order):
+        """Four-lane blocks of the vectors a and b shuffled by `order`, numbers from 4 on being of b."""
         mask = [block + (i if i < _FOUR else i - _FOUR + WIDE) for block in range(0, WIDE, _FOUR) for i in order]
         return _shuffle(builder, a, b, mask)
 
@@ -169,11 +178,12 @@ def _transpose(builder, vectors):
 
 
 def _shuffle(builder, a, b, order):
+    """LLVM's shuffle of two vectors by constant places in both, one after the other."""
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(lanes.INDEX, len(order)), order))
 
 
 def _place(builder, places, lane):
-    """What `places` have in a lane, int64."""
+    """The lane's number in `places`, as int64."""
     return builder.sext(builder.extract_element(places, lanes.INDEX(lane)), ir.IntType(64))
 
 

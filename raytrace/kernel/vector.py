@@ -22,7 +22,7 @@ def triple(row, column):
 
 @inline
 def column(rows, first, step, lane):
-    """The vector of a lane: rows first, first + step and first + 2·step."""
+    """The vector in one lane of three rows of an array: `first`, first + step and first + 2·step."""
     return rows[first, lane], rows[first + step, lane], rows[first + 2 * step, lane]
 
 

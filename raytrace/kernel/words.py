@@ -28,7 +28,7 @@ def type_of_value(value: Any) -> Any:
 
 
 def load_argument(builder: Any, words: Any, word_numbers: Iterator[int], kind: Any) -> Any:
-    """A value of a Numba type, made of the next words."""
+    """LLVM's code that makes a value of a Numba type of the next words."""
     if isinstance(kind, types.BaseTuple):
         members = [load_argument(builder, words, word_numbers, member) for member in kind.types]
         return _context.make_tuple(builder, kind, members)
@@ -49,6 +49,7 @@ def _array(builder: Any, word: Any, kind: Any) -> Any:
     """The array whose Python object is at an address; it is kept by who calls."""
 
     def words(address: Any, places: Iterable[int]) -> list[Any]:
+        """Words of the Python object at these places."""
         pointer = builder.inttoptr(address, _WORD.as_pointer())
         return [builder.load(cgutils.gep_inbounds(builder, pointer, element)) for element in places]
 
@@ -62,7 +63,7 @@ def _array(builder: Any, word: Any, kind: Any) -> Any:
 
 
 def store_results(builder: Any, kind: Any, value: Any, results: Any, word_numbers: Iterator[int]) -> str:
-    """Write a value to where results are wanted, a word each number; returns their formats."""
+    """LLVM's code that writes a value to where results are wanted, a word each number; returns their formats."""
     if kind == types.none:
         return ""
     if isinstance(kind, types.BaseTuple):

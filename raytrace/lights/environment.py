@@ -86,15 +86,16 @@ def irradiance_harmonics(image: Float64s, frame: Float64s) -> Float64s:
 
 
 def _latitudes() -> tuple[Float64s, Float64s]:
-    """Of the rows of a map: angles from its upper edge, and differences of their cosines from edge to edge."""
+    """Angles of a map's rows from its upper edge, and solid angles of the rows over 2π."""
     theta = (np.arange(MAP_HEIGHT) + 0.5) * np.pi / MAP_HEIGHT
     return theta, -np.diff(np.cos(np.linspace(0, np.pi, MAP_HEIGHT + 1)))
 
 
 def _blurred(image: Float64s, slope: float) -> Float64s:
-    """Means over what Beckmann facets of RMS `slope` mirror at normal incidence, at the same angle everywhere.
+    """An environment blurred as a rough mirror shows it: means over what Beckmann facets of RMS `slope` mirror.
 
-    The kernel depends on two latitudes and a difference of longitudes, along which it is a product of spectra.
+    It is blurred as at normal incidence, by the same angle everywhere. The kernel depends on two latitudes and a
+    difference of longitudes, along which it is a product of spectra.
     """
     theta, bands = _latitudes()
     turn = np.arange(MAP_WIDTH) * 2 * np.pi / MAP_WIDTH
@@ -112,7 +113,8 @@ def _blurred(image: Float64s, slope: float) -> Float64s:
 
 @inline
 def gradient(sky, above, rise):
-    """ground + (horizon − ground)·above + (zenith − horizon)·rise, exactly the colour that all three are."""
+    """The colour of a sky: ground + (horizon − ground)·above + (zenith − horizon)·rise, exact where all three are
+    equal."""
     ground = triple(sky, GROUND)
     horizon = triple(sky, HORIZON)
     zenith = triple(sky, ZENITH)
@@ -177,7 +179,7 @@ def map_radiance(maps, frame, d, slope):
 
 @inline
 def bilinear_map(texels, u, v):
-    """Of a map (MAP_HEIGHT, MAP_WIDTH, 3), which goes round along u."""
+    """Bilinear lookup in a map (MAP_HEIGHT, MAP_WIDTH, 3), which is periodic along u."""
     x = u * MAP_WIDTH - 0.5
     y = max(0.0, min(MAP_HEIGHT - 1.0, v * MAP_HEIGHT - 0.5))
     left = floor(x)

@@ -31,21 +31,23 @@ def towards(kind, row, point):
         return zero, zero[0]
     if kind == layout.DIRECTIONAL:
         return subtract(zero, triple(row, layout.DIRECTION)), zero[0] + inf
-    way = subtract(triple(row, layout.POSITION), point)
-    return unit(way), sqrt(dot(way, way))
+    offset = subtract(triple(row, layout.POSITION), point)
+    return unit(offset), sqrt(dot(offset, offset))
 
 
 @inline
 def towards_disc(kind, row, towards_centre, x, y):
-    """(l, distance) to the place (x, y) on the unit disc of a light whose disc faces the point. Args: all but `kind`
-    and `row` may be lanes; towards_centre: of `towards`."""
+    """(l, distance) to the place (x, y) on the unit disc of a light whose disc faces the point.
+
+    Args: all but `kind` and `row` may be lanes; towards_centre: of `towards`.
+    """
     l, distance = towards_centre
     across, along = tangents(l)
     shift = scale(row[layout.RADIUS], add(scale(x, across), scale(y, along)))
     if kind == layout.DIRECTIONAL:
         return unit(add(l, shift)), distance
-    way = add(scale(distance, l), shift)
-    return unit(way), sqrt(dot(way, way))
+    offset = add(scale(distance, l), shift)
+    return unit(offset), sqrt(dot(offset, offset))
 
 
 @inline
@@ -80,11 +82,11 @@ def cannot_matter_in(kind, row, low, high):
     # the hair's breadth covers the rounding of the distance
     if brightest * radial(row, sqrt(nearest) * (1.0 - 1e-12)) <= 0.0:
         return True
-    way = subtract(position, scale(0.5, add(low, high)))
+    offset = subtract(position, scale(0.5, add(low, high)))
     half = scale(0.5, subtract(high, low))
-    distance = sqrt(dot(way, way))
+    distance = sqrt(dot(offset, offset))
     radius = sqrt(dot(half, half))
     if kind != layout.SPOT or distance <= radius:
         return False
-    cosine = -dot(scale(1.0 / distance, way), triple(row, layout.DIRECTION))
+    cosine = -dot(scale(1.0 / distance, offset), triple(row, layout.DIRECTION))
     return acos(max(-1.0, min(1.0, cosine))) > row[layout.HALF_ANGLE] + asin(radius / distance) + 1e-9

@@ -60,6 +60,7 @@ class LightSource(BaseLight):
         return self.kind, row
 
     def _write(self, row: Float64s) -> None:
+        """Fill in the columns of `row`, zeros (WIDTH,), that the light has."""
         row[layout.INTENSITY : layout.INTENSITY + 3] = self.intensity
         row[layout.DIFFUSE :] = 1.0
 
@@ -76,6 +77,7 @@ class _Directed(LightSource):
     specular: Radiance | None = None
 
     def _write(self, row: Float64s) -> None:
+        """Intensity is the brightest of both terms' colours, and DIFFUSE their ratios to it."""
         colours = [self.intensity if colour is None else colour for colour in (self.diffuse, self.specular)]
         brightest = np.max(colours, axis=0)
         row[layout.INTENSITY : layout.INTENSITY + 3] = brightest
@@ -103,6 +105,7 @@ class _Local(_Directed):
 
     @model_validator(mode="after")
     def _attenuates(self) -> _Local:
+        """Check that some coefficient of the attenuation is above 0. Raises: OptionError."""
         if not any(self.attenuation):
             raise OptionError("attenuation", "a0, a1, a2 not all zero", list(self.attenuation), type(self).__name__)
         return self
@@ -157,6 +160,7 @@ class AmbientLight(LightSource):
 
 
 def _path(value: Any) -> Any:
+    """Check that a value can be the path of an image."""
     if not isinstance(value, str | Path) or not str(value):
         raise ValueError("the path of an image")
     return Path(value)
@@ -178,7 +182,7 @@ class SkyLight(BaseLight):
     up: Direction = (0.0, 0.0, 1.0)
 
     def row(self) -> Float64s:
-        """The row that `raytrace.lights.environment` reads."""
+        """The packed sky that `raytrace.lights.environment` reads."""
         colours = [np.multiply(self.intensity, colour) for colour in (self.zenith, self.horizon, self.ground)]
         return np.concatenate([*colours, normalize(np.array(self.up))])
 
@@ -207,7 +211,7 @@ class EnvironmentLight(BaseLight):
         return np.stack([cosine * right + sine * front, cosine * front - sine * right, up])
 
     def to_dict(self) -> dict[str, Any]:
-        """As for other lights, the path as text."""
+        """Plain values, as of other lights, with the image's path as text."""
         return super().to_dict() | {"image": str(self.image)}
 
 
@@ -242,8 +246,8 @@ def irradiance(
     Raises: OptionError: n or l is not of finite numbers (…, 3).
     """
     units = []
-    for name, given in (("n", n), ("l", l)):
-        values = numbers(given, "irradiance", name, "an array of numbers (…, 3)")
+    for name, vector in (("n", n), ("l", l)):
+        values = numbers(vector, "irradiance", name, "an array of numbers (…, 3)")
         if values.shape[-1:] != (3,) or not np.isfinite(values).all():
             raise OptionError(name, "finite numbers (…, 3)", f"{values.tolist()}"[:60], "irradiance")
         units.append(normalize(values))

@@ -43,7 +43,7 @@ def filter_hits(call, opacity, first_face, materials):
             elif transmittance < 0.0 or stopped == 0.0:
                 valid[k] = 0
             elif stopped < 1.0:
-                if is_new(packet, lane, rays[TFAR, k]):
+                if note_layer(packet, lane, rays[TFAR, k]):
                     transmittance = transmittance * (np.float32(1.0) - stopped)
                     packet[TRANSMITTANCE, lane] = transmittance
                 if transmittance > LEAST:
@@ -51,8 +51,11 @@ def filter_hits(call, opacity, first_face, materials):
 
 
 @inline
-def is_new(packet, lane, distance):
-    """Whether no layer is noted within STEP; then this one is, in place of the oldest where there is no room."""
+def note_layer(packet, lane, distance):
+    """Note a layer of a ray by its distance, in place of the oldest if all places are taken.
+
+    Returns whether it is new: no layer is noted within STEP of it.
+    """
     count = packet.view(np.int32)[COUNT, lane]
     for row in range(LAYERS, min(LAYERS + count, END)):
         if abs(packet[row, lane] - distance) < STEP:

@@ -22,6 +22,7 @@ def eta_from_reflectance(reflectance: float) -> float:
 
 
 def _metal(f0: tuple[float, float, float], **slopes: Any) -> dict[str, Any]:
+    """Values of a metal of this reflectance at normal incidence; `slopes`: parameters of its facets."""
     eta = [eta_from_reflectance(min(channel, 0.999)) for channel in f0]
     return {"albedo": 0.0, "k_s": 1.0, "eta": eta, "k_a": list(f0), **slopes}
 
@@ -82,7 +83,7 @@ def material_from_dict(data: dict[str, Any]) -> Material:
 
 
 def _preset(name: str) -> dict[str, Any]:
-    """The values of a named material. Raises: OptionError listing the names."""
+    """The plain values of a preset. Raises: OptionError listing the names."""
     if not isinstance(name, str) or name not in PRESETS:
         names = sorted(PRESETS)
         raise OptionError("preset", "one of " + ", ".join(names), name, "material", nearest_name(name, names))

@@ -44,14 +44,15 @@ def reflect(
 
     arrays = {"n": _vectors("n", n), "l": _vectors("l", l), "v": _vectors("v", v)}
     arrays["grain"] = np.zeros(3, arrays["n"].dtype) if grain is None else _vectors("grain", grain)
-    given = list(arrays.values())
-    single = all(a.dtype == np.float32 for a in given)
+    vectors = list(arrays.values())
+    single = all(a.dtype == np.float32 for a in vectors)
     try:
-        shape = np.broadcast_shapes(*(a.shape for a in given))
+        shape = np.broadcast_shapes(*(a.shape for a in vectors))
     except ValueError:
         got = ", ".join(f"{name} {a.shape}" for name, a in arrays.items())
         raise OptionError("n, l, v, grain", "shapes that broadcast", got, "reflect") from None
-    flat = [np.ascontiguousarray(np.broadcast_to(normalize(a), shape)).reshape(-1, 3) for a in given]
+    # Unit vectors as rows, and the packed material.
+    flat = [np.ascontiguousarray(np.broadcast_to(normalize(a), shape)).reshape(-1, 3) for a in vectors]
     check_type(material, Material, "reflect", "material", "a material, such as raytrace.Lambert(albedo=0.5)")
     kind, row = material.pack()
     out = np.empty_like(flat[0])

@@ -94,6 +94,7 @@ class Mesh:
         return f"<Mesh {self.source!r}: {len(self.vertices):,} vertices, {len(self.faces):,} faces>"
 
     def _check_range(self, name: str, least: float, most: float, expected: str) -> None:
+        """Check that all of an array's values are in [least, most]. Raises: MeshError naming the first bad row."""
         values = getattr(self, name)
         if not (values.min() >= least and values.max() <= most):
             bad = ~((values >= least) & (values <= most)).all(axis=1)
@@ -101,6 +102,7 @@ class Mesh:
             raise MeshError(self.source, f"{name}[{row}]", expected, f"{values[row]} ({bad.sum()} such)")
 
     def _array(self, name: str, values: Any, dtype: type[np.generic]) -> npt.NDArray[Any]:
+        """A read-only copy (…, 3) of an attribute's values. Raises: MeshError: another shape or type, or no rows."""
         try:
             array = np.array(values, order="C")  # kernels are compiled for each layout
             if dtype is np.int64 and array.size and not np.issubdtype(array.dtype, np.integer):
@@ -157,6 +159,7 @@ def corner_mask(faces: Int64s, count: int) -> Bools:
 
 @kernel
 def _mark_corners(faces, mask, start, stop):
+    """Set `mask` (n,) at the corners of the faces from `start` to `stop`."""
     for f in range(start, stop):
         for k in range(3):
             mask[faces[f, k]] = True
@@ -204,16 +207,16 @@ def mesh_of(given: Mesh | Any, source: str) -> Mesh:
     raise MeshError(source, "mesh", expected, " ".join(repr(given).split()), nearest=nearest)
 
 
-def _triangles(given: Any, source: str) -> Int64s:
+def _triangles(meshio_mesh: Any, source: str) -> Int64s:
     """The triangles of meshio's cells, quads cut along the diagonal that lies inside of them."""
-    parts = [block for block in given.cells if block.type not in ("vertex", "line")]
-    other = next((block.type for block in parts if block.type not in ("triangle", "quad")), None)
-    if other or not parts:
-        raise MeshError(source, "cells", "triangle or quad", other or "none of them")
+    parts = [block for block in meshio_mesh.cells if block.type not in ("vertex", "line")]
+    unsupported = next((block.type for block in parts if block.type not in ("triangle", "quad")), None)
+    if unsupported or not parts:
+        raise MeshError(source, "cells", "triangle or quad", unsupported or "none of them")
     triangles = [block.data for block in parts]
     for row, block in enumerate(parts):
         if block.type == "quad":
-            a, b, c, d = np.asarray(given.points, np.float64)[block.data.T]
+            a, b, c, d = np.asarray(meshio_mesh.points, np.float64)[block.data.T]
             folds = (np.cross(b - a, c - a) * np.cross(c - a, d - a)).sum(axis=1) < 0
             turned = np.where(folds[:, None], np.roll(block.data, -1, axis=1), block.data)
             triangles[row] = turned[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)

@@ -53,6 +53,7 @@ def _interleaved(x):
 
 @kernel
 def _codes(points, low, scale, codes):
+    """Write Morton codes of 3 × 21 bits (n,) of `points` (n, 3), in cells of 1/scale from `low` on."""
     for i in range(len(points)):
         code = np.uint64(0)
         for axis in range(3):
@@ -79,6 +80,7 @@ def radix_order(keys: AnyInts, bits: int) -> Int64s:
 
 @kernel
 def _count_digits(keys, order, shift, digit_counts, start, stop):
+    """Count the digits of keys in a block, in `digit_counts` (blocks, radix)."""
     counts = digit_counts[start // _BLOCK]
     counts[:] = 0
     for k in range(start, stop):
@@ -87,6 +89,7 @@ def _count_digits(keys, order, shift, digit_counts, start, stop):
 
 @kernel
 def _place_by_digit(keys, order, shift, digit_counts, out, start, stop):
+    """Write a block's rows to where its keys' digits belong, and move these places on in `digit_counts`."""
     next_slots = digit_counts[start // _BLOCK]
     for k in range(start, stop):
         digit = np.int64(keys[order[k]] >> shift) & (len(next_slots) - 1)

@@ -63,8 +63,12 @@ def vertex_sums(
     sums = np.zeros((len(vertices), 3))
     vertices = np.ascontiguousarray(vertices, np.float64)
     faces = np.ascontiguousarray(faces, np.int64)
-    given = vertices, faces, normals, areas, ("angle", "area", "equal").index(weighting)
-    run_ranges(len(sums), _VERTICES, bind(_vertex_sums, *given, sums), thread_count(None))
+    run_ranges(
+        len(sums),
+        _VERTICES,
+        bind(_vertex_sums, vertices, faces, normals, areas, ("angle", "area", "equal").index(weighting), sums),
+        thread_count(None),
+    )
     return sums
 
 
@@ -78,6 +82,7 @@ def vertex_normals(vertices: Float64s, faces: AnyInts, weighting: Weighting = "a
 
 @kernel
 def _normalize(vectors, out, start, stop):
+    """Write `normalized` rows of `vectors` (n, 3) to `out`."""
     for i in range(start, stop):
         store(out, i, normalized(load(vectors, i)))
 
@@ -114,6 +119,7 @@ def _face_normals(vertices, faces, normals, areas, start, stop):
 
 @kernel
 def _vertex_sums(vertices, faces, normals, areas, weighting, sums, start, stop):
+    """Write `vertex_sums` of the vertices from `start` to `stop`; rounding is judged by the sum of the weights."""
     magnitude = np.zeros(stop - start)
     for f in range(len(faces)):
         for corner in range(3):
@@ -142,19 +148,22 @@ def creased_normals(mesh: Mesh) -> tuple[Float64s, Int64s]:
     vertices, faces = Placement.of(mesh).vertices, mesh.faces
     across, areas = face_normals(vertices.astype(np.float64), faces)
     if mesh.normals is not None:
-        known = normalize(mesh.normals)
-        missing = len(known) + np.arange(len(faces))[:, None]
-        return np.concatenate([known, across]), np.where(nonzero(known)[faces], faces, missing)
+        own_normals = normalize(mesh.normals)
+        missing = len(own_normals) + np.arange(len(faces))[:, None]
+        return np.concatenate([own_normals, across]), np.where(nonzero(own_normals)[faces], faces, missing)
+    # Fans: the corners at a point that smooth edges connect.
     corner_points = weld(vertices, faces, np.ones((len(vertices), 3)), CREASE)[faces]
     fan = np.arange(faces.size)
     edges = counting_sort(np.minimum(corner_points, corner_points[:, [1, 2, 0]]), int(corner_points.max()) + 1)
     _join_smooth(corner_points.ravel(), across, *edges, fan)
     renumber_components(fan)
+    # Fans whose mean normals agree share one.
     corners = vertices[faces.ravel()].astype(np.float64)
     sums = sum_groups(fan, vertex_sums(corners, np.arange(faces.size).reshape(-1, 3), across, areas))
     first_corner = np.flatnonzero(np.diff(np.maximum.accumulate(fan), prepend=-1))
     group = weld(vertices[faces.ravel()[first_corner]], fan.reshape(-1, 3), normalize(sums), CREASE)
     of = group[fan].reshape(-1, 3)
+    # Corners of faces without area take the normal of another face there.
     flat = areas == 0
     group_at = np.full(len(vertices), -1)
     group_at[faces[~flat]] = of[~flat]
@@ -192,4 +201,5 @@ def _join_smooth(corner_points, normals, edges, starts, fan):
 
 @inline
 def _after(edge):
+    """The edge after this one around its face; edges are numbered 3 f + k."""
     return edge - edge % 3 + (edge + 1) % 3

@@ -66,13 +66,13 @@ class PackedOpacity(NamedTuple):
     images: Int64s = np.zeros((0, 5), np.int64)  # (s, 5): first texel, width, height (0: no image), modes along u and v
     one_sided: np.int64 = np.int64(0)  # whether rays pass the backs of all faces, 0 or 1
 
-    def only(self, kept: Bools) -> PackedOpacity | None:
-        """That of the faces `kept`, bool (m,), numbered anew; None if they are opaque."""
-        if not (self.of[kept] >= 0).any():
+    def only(self, mask: Bools) -> PackedOpacity | None:
+        """The opacity of the faces in `mask`, bool (m,), numbered anew; None if these are opaque."""
+        if not (self.of[mask] >= 0).any():
             return None
-        uv = self.uv[kept] if len(self.uv) else self.uv
-        corners = self.corners[kept] if len(self.corners) else self.corners
-        return self._replace(of=self.of[kept], uv=uv, corners=corners)
+        uv = self.uv[mask] if len(self.uv) else self.uv
+        corners = self.corners[mask] if len(self.corners) else self.corners
+        return self._replace(of=self.of[mask], uv=uv, corners=corners)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,24 +129,27 @@ class Opacity:
 
     @classmethod
     def uniform(cls, surface: AlphaSurface, faces: Int64s, uv: Float64s | None = None) -> Opacity:
-        """That of faces (m, 3) which all have one surface. Args: uv: (n, 2), of the vertices."""
+        """The opacity of faces (m, 3) that all have one surface. Args: uv: (n, 2), of the vertices."""
         return cls(np.zeros(len(faces), np.int64), (surface,), None if uv is None else uv[faces])
 
     def only(self, faces: Int64s) -> Opacity:
-        """That of some faces, by their rows."""
+        """The opacity of some faces, by their rows."""
         uv = None if self.uv is None else self.uv[faces]
         corners = None if self.corners is None else self.corners[faces]
         return replace(self, of=self.of[faces], uv=uv, corners=corners)
 
     def reversed(self) -> Opacity:
-        """That of the same faces with their corners in reverse order."""
+        """The opacity of the same faces with their corners in reverse order."""
         uv = None if self.uv is None else self.uv[:, ::-1]
         corners = None if self.corners is None else self.corners[:, ::-1]
         return replace(self, uv=uv, corners=corners)
 
     @staticmethod
     def joined(opacities: Sequence[Opacity | None], counts: Sequence[int]) -> Opacity | None:
-        """That of several meshes' faces after one another. Args: counts: of their faces."""
+        """The opacities of several meshes as one, of their faces one after another.
+
+        Args: counts: of each mesh's faces.
+        """
         if all(opacity is None for opacity in opacities):
             return None
         parts = [opacity or Opacity(np.full(count, -1), ()) for opacity, count in zip(opacities, counts, strict=True)]
@@ -199,7 +202,7 @@ class Opacity:
 
 
 def opacity_bytes(opacities: Sequence[Opacity]) -> int:
-    """Bytes that these take at the peak of being joined and packed; images by their headers."""
+    """Bytes that opacities take at the peak of being joined and packed; images count by their headers."""
     if not opacities:
         return 0
     from ..image.texture import texel_counts

@@ -96,5 +96,6 @@ class Placement(RenderSpace):
 
     @classmethod
     def of(cls, mesh: Mesh) -> Placement:
+        """The placement of a mesh."""
         space = RenderSpace.around(*mesh.bounds, mesh.used[sample(len(mesh.used))])
         return cls(**vars(space), vertices=space.place(mesh.vertices))

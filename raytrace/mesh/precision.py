@@ -86,15 +86,16 @@ def _may_tilt(mesh: Mesh) -> bool:
 
 @kernel
 def _find_tilted(vertices, faces, spacing, is_tilted, start, stop):
+    """Set is_tilted[0] if a face may be tilted by more than `TILT`, its corners being off by half of `spacing`."""
     for f in range(start, stop):
         a, b, c = load_triangle(vertices, faces, f)
-        double, longest = _measured(a, b, c)
+        double, longest = _doubled_area_and_longest_edge(a, b, c)
         if double > _NO_AREA * longest * longest and 0.5 * spacing * longest > TILT * double:
             is_tilted[0] = True
 
 
 @inline
-def _measured(a, b, c):
+def _doubled_area_and_longest_edge(a, b, c):
     """Twice the area, and the longest edge, of a triangle."""
     ab = subtract(b, a)
     bc = subtract(c, b)
@@ -124,7 +125,7 @@ def _tilts(vertices, faces, spacing, tilt, weight, widest):
     """Sum δ/h of each vertex's faces, weighted by their angles there, and the largest spacing among their corners."""
     for f in range(len(faces)):
         a, b, c = load_triangle(vertices, faces, f)
-        double, longest = _measured(a, b, c)
+        double, longest = _doubled_area_and_longest_edge(a, b, c)
         if double <= _NO_AREA * longest * longest:
             continue
         coarse = max(spacing[faces[f, 0]], spacing[faces[f, 1]], spacing[faces[f, 2]])

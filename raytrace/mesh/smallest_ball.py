@@ -15,23 +15,26 @@ _CHOICES = np.array([chosen for chosen in itertools.product((0.0, 1.0), repeat=4
 
 
 def smallest_ball(points: Float64s) -> tuple[Float64s, float]:
-    """Centre (3,) and radius of the smallest ball about `points` (n, 3), n > 0: that of a sample of them first, then
-    that of what carries it and all that is outside of it, until nothing is (Clarkson 1995)."""
+    """Centre (3,) and radius of the smallest ball about `points` (n, 3), n > 0.
+
+    It is found of a sample first, then of the points that carry the ball and all outside of it, until nothing is
+    outside (Clarkson 1995).
+    """
     points = np.ascontiguousarray(points, np.float64)
     size = float(max(np.ptp(column) for column in points.T)) or 1.0
-    some = (points[:: -(-len(points) // _SAMPLE)] - points[0]) / size
+    sampled = (points[:: -(-len(points) // _SAMPLE)] - points[0]) / size
     square = -1.0
-    carriers = some[:1]
+    carriers = sampled[:1]
     outside = np.empty(len(points), np.bool_)
     largest = np.empty(-(-len(points) // _BLOCK))
     while True:
         before = square
-        centre, square, carriers = _pivot(some, carriers)
+        centre, square, carriers = _pivot(sampled, carriers)
         work = bind(_look_outside, points, size, centre, square + _ROUNDING, outside, largest)
         run_blocks(len(points), _BLOCK, work, thread_count(None))
         if not outside.any() or square <= before:
             return points[0] + size * centre, size * float(np.sqrt(largest.max()))
-        some = (points[outside] - points[0]) / size
+        sampled = (points[outside] - points[0]) / size
 
 
 @kernel
@@ -64,17 +67,20 @@ def _pivot(points: Float64s, carriers: Float64s) -> tuple[Float64s, float, Float
 
 
 def _through(outside: Float64s, carriers: Float64s) -> tuple[Float64s, float, Float64s]:
-    """Centre, squared radius and carriers of the smallest ball about a point `outside` of that of the `carriers`, and
-    them: of the balls through the point and some of them, the smallest that holds all."""
+    """The smallest ball through a point `outside` of the ball of `carriers` that holds these: centre, squared
+    radius, carriers.
+
+    It is the smallest of the balls through the point and some of the carriers that hold all of them.
+    """
     around = carriers - outside
-    some = _CHOICES[:, : len(around), None] * around
-    halves = _squares(some)[..., None] / 2
-    offsets = (np.linalg.pinv(some, rcond=1e-9) @ halves)[..., 0]  # in the span of those chosen
+    subsets = _CHOICES[:, : len(around), None] * around
+    halves = _squares(subsets)[..., None] / 2
+    offsets = (np.linalg.pinv(subsets, rcond=1e-9) @ halves)[..., 0]  # in the span of those chosen
     squares = _squares(offsets)
     away = _squares(around - offsets[:, None]).max(axis=1)
     best = np.where(away <= squares + _ROUNDING, squares, np.inf).argmin()
-    kept = carriers[_CHOICES[best, : len(around)] > 0]
-    return outside + offsets[best], float(squares[best]), np.append(kept, outside[None], axis=0)
+    new_carriers = carriers[_CHOICES[best, : len(around)] > 0]
+    return outside + offsets[best], float(squares[best]), np.append(new_carriers, outside[None], axis=0)
 
 
 def _squares(offsets: Float64s) -> Float64s:

@@ -21,8 +21,6 @@ def closed_parts(vertices: Float32s, faces: Int64s, alone: bool = True) -> tuple
 
     Vertices at the same place are one. At every edge of a closed part as many faces run one way as the other. The
     volume is negative where faces look inwards.
-
-    Args: alone: whether a part that is the only one matters; if not, it counts as open.
     """
     representative = coincident(vertices, faces)
     corners = representative[faces]
@@ -61,9 +59,9 @@ def inward_warnings(mesh: Mesh, vertices: Float32s | None = None) -> list[str]:
     inward, closed, share = inward_looking(Placement.of(mesh).vertices if vertices is None else vertices, mesh.faces)
     if not share:
         return []
-    which = "its faces look" if closed == 1 else f"{inward:,} of {closed:,} closed parts look"
+    subject = "its faces look" if closed == 1 else f"{inward:,} of {closed:,} closed parts look"
     remedy = "--flip turns all faces over" if share > 0.5 else "turn only these over, where the mesh was made"
-    return [f"{mesh.source}: {which} inwards, so the inside is baked: {remedy}"]
+    return [f"{mesh.source}: {subject} inwards, so the inside is baked: {remedy}"]
 
 
 def _is_enclosed(number: int, vertices: Float32s, faces: Int64s, part: Int64s, volume: Float64s) -> bool:
@@ -112,6 +110,7 @@ def _volumes(vertices: Float32s, faces: Int64s, part: Int64s) -> Float64s:
 
 @kernel
 def _add_volumes(vertices, faces, volume, start, stop):
+    """Write six times the signed volume of the tetrahedron that each face spans with the origin."""
     for f in range(start, stop):
         a, b, c = load_triangle(vertices, faces, f)
         volume[f] = dot(a, cross(b, c))
@@ -119,9 +118,13 @@ def _add_volumes(vertices, faces, volume, start, stop):
 
 @kernel
 def _strike_open(corners, edges, starts, part, closed):
-    """Unset `closed` of parts that have an edge along which more faces run one way than the other.
+    """Unset `closed` of the parts (p,) that have an edge along which more faces run one way than the other.
 
-    Of the `edges`, 3 f + k begins at corners[f, k]; edges[starts[i] : starts[i + 1]] have the lower end i.
+    Args:
+        corners: (m, 3), of faces.
+        edges: numbers 3 f + k, of the edges that begin at corners[f, k], in order of their lower end.
+        starts: edges[starts[i] : starts[i + 1]] have the lower end i.
+        part: (n,), of each vertex.
     """
     balance = np.zeros(len(part), np.int64)
     for i in range(len(part)):

@@ -22,6 +22,7 @@ _FROM = (0.55, 0.4, 1.0)
 
 
 def _turned_back(axes: tuple[Vector, Vector, Vector]) -> Vector:
+    """The usual view direction in the frame that `axes`, x, y and z, take to a mesh with z up."""
     x, y, z = np.array(_FROM) @ axes
     return float(x), float(y), float(z)
 

@@ -30,7 +30,7 @@ _FINE = 16.0  # contact radii; vertices all whose edges are shorter are welded o
 
 
 def connected_components(links: AnyInts, count: int) -> Int64s:
-    """The component (count,), from 0 in the order of first members, of `count` that the rows of `links` connect."""
+    """The component (count,) of each member, which the rows of `links` connect; numbered in order of first members."""
     parent = np.arange(count)
     run_blocks(len(links), _BLOCK, bind(join, links, parent), thread_count(None), most=_MOST)
     renumber_components(parent)
@@ -39,6 +39,7 @@ def connected_components(links: AnyInts, count: int) -> Int64s:
 
 @inline
 def _root(parent, i):
+    """The root of a member in the forest `parent`, whose paths are halved on the way (union–find)."""
     while parent[i] != i:
         parent[i] = parent[parent[i]]
         i = parent[i]
@@ -98,13 +99,15 @@ def coincident(positions: Float32s, faces: Int64s) -> Int64s:
     Positions share a place if they are equal or within their `contact_radius`, or are linked by others that are; but
     for vertices all whose edges are hardly longer than that, which must be equal.
     """
+    # Equal positions: the first of them stands for all.
     representative = first_alike(positions + np.float32(0.0))  # −0 becomes 0
     distinct = np.flatnonzero(representative == np.arange(len(representative)))
+    # Others that share a cell of a grid with another, and so may be within its contact radius.
     beside = np.zeros(len(distinct), np.bool_)
     for subset, keys in grids(positions[distinct]):
         alike = first_alike(keys[:, None])
-        again = alike != np.arange(len(alike))
-        beside[subset[again]] = beside[subset[alike[again]]] = True
+        is_repeated = alike != np.arange(len(alike))
+        beside[subset[is_repeated]] = beside[subset[alike[is_repeated]]] = True
     distinct = distinct[beside]
     if len(distinct):
         distinct = distinct[np.lexsort(positions[distinct].T[::-1])]
@@ -130,13 +133,13 @@ def _find_first(words, key, table, representative, start, stop):
 
     Args: table: of zeros, a power of two and more than n; filled with rows, from 1 on, by hash.
     """
-    last = len(table) - 1
+    slot_mask = len(table) - 1
     for i in range(len(words)):
         hashed = key
         for k in range(words.shape[1]):
             hashed = (hashed ^ np.uint64(words[i, k])) * np.uint64(0x9E3779B97F4A7C15)
             hashed ^= hashed >> np.uint64(32)
-        at = np.int64(hashed) & last
+        at = np.int64(hashed) & slot_mask
         if not start <= at < stop:
             continue
         row = np.int64(0)
@@ -157,13 +160,14 @@ def _find_first(words, key, table, representative, start, stop):
 
 @inline
 def cosine(normals, a, b):
-    """Of the angle between two of the unit `normals` (n, 3)."""
+    """The cosine of the angle between rows `a` and `b` of the unit `normals` (n, 3)."""
     return normals[a, 0] * normals[b, 0] + normals[a, 2] * normals[b, 2] + normals[a, 1] * normals[b, 1]
 
 
 @kernel
 def _join_agreeing(order, starts, normals, agreement, group):
-    """Connect vertices order[starts[k] : starts[k + 1]], at one place, up to 64 apart, if their normals agree."""
+    """Connect vertices order[starts[k] : starts[k + 1]], which are at one place, up to 64 apart, if their normals
+    agree."""
     for k in range(len(starts) - 1):
         for i in range(starts[k], starts[k + 1]):
             for j in range(i + 1, min(i + 1 + _NEIGHBOURS, starts[k + 1])):
@@ -177,20 +181,20 @@ def grids(positions: Float32s) -> Iterator[tuple[Int64s, Int64s]]:
     Two positions within the contact radius share a key in one of them at least: along each axis they are parted by one
     grid at most. A grid has the rows near borders of all grids before it.
     """
-    kept = np.arange(len(positions))
+    rows = np.arange(len(positions))
     for quarter in range(4):
-        subset = positions[kept] if quarter else positions
-        keys = np.empty(len(kept), np.int64)
-        beside = np.empty(len(kept), np.bool_)
+        subset = positions[rows] if quarter else positions
+        keys = np.empty(len(rows), np.int64)
+        beside = np.empty(len(rows), np.bool_)
         locate = bind(_locate, subset, quarter / 4 + 0.1, keys, beside)  # no border is at 0, where many coordinates are
-        run_blocks(len(kept), _PLACED, locate, thread_count(None))
-        yield kept, keys
-        kept = kept[beside]
+        run_blocks(len(rows), _PLACED, locate, thread_count(None))
+        yield rows, keys
+        rows = rows[beside]
 
 
 @kernel
 def _locate(positions, shift, keys, beside, start, stop):
-    """The key (n,) of each position's cell, and whether it is near a border of that."""
+    """Write the key (n,) of each position's cell, and into `beside` whether it is near a border of that."""
     for i in range(start, stop):
         key, near = 0, False
         for axis in range(3):
@@ -214,9 +218,9 @@ def _near(positions: Float32s, faces: Int64s, vertices: Int64s) -> Int64s:
     """Pairs (j, 2) of `vertices` (k,), which are sorted by x, that share a place: indices into these."""
     subset = positions[vertices]
     links = [np.zeros((0, 2), np.int64)]
-    for which, keys in grids(subset):
+    for rows, keys in grids(subset):
         sort = np.argsort(keys, kind="stable")
-        order = which[sort]
+        order = rows[sort]
         at = subset[order].astype(np.float64)
         radius = contact_radius(at)
         for a, b in _pairs(keys[sort], at[:, 0]):
@@ -225,6 +229,7 @@ def _near(positions: Float32s, faces: Int64s, vertices: Int64s) -> Int64s:
     pairs = np.concatenate(links)
     if not len(pairs):
         return pairs
+    # Small triangles are not welded: each end needs an edge that is long beside the radius.
     longest = np.zeros(len(positions))
     for corner in range(3):
         edge = positions[faces[:, corner]] - positions[faces[:, corner - 1]]
@@ -235,7 +240,8 @@ def _near(positions: Float32s, faces: Int64s, vertices: Int64s) -> Int64s:
 
 
 def _pairs(keys: AnyInts, along: Float64s) -> Iterator[tuple[Int64s, Int64s]]:
-    """Pairs a < b of equal `keys` (k,), ascending, up to 64 apart; not of what is apart in `along`, ascending too."""
+    """Pairs a < b of rows with equal `keys` (k,), up to 64 apart, and near each other in `along`; both are
+    ascending."""
     for step in range(1, min(_NEIGHBOURS, len(keys) - 1) + 1):
         near = along[step:] - along[:-step] <= _EDGE / _CELLS * np.maximum(1.0, np.abs(along[step:]))
         earlier = np.flatnonzero((keys[step:] == keys[:-step]) & near)

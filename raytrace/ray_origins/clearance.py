@@ -43,6 +43,7 @@ def outermost_normals(
 
 @kernel
 def _least_cosines(normals, face_points, face_normals, clearance, start, stop):
+    """Lower `clearance` to the least cosine between a point's normal and those of its faces."""
     for f in range(len(face_points)):
         for corner in range(face_points.shape[1]):
             row = face_points[f, corner]
@@ -52,6 +53,11 @@ def _least_cosines(normals, face_points, face_normals, clearance, start, stop):
 
 @kernel
 def _outermost(normals, directions, clearance, sharp, starts, faces):
+    """Move normals of `sharp` points in front of their faces, and directions further, and write the clearance of
+    these.
+
+    Args: starts, faces: the unit normals of the faces at point k are faces[starts[k] : starts[k + 1]].
+    """
     for k in range(len(sharp)):
         row = sharp[k]
         around = faces[starts[k] : starts[k + 1]]

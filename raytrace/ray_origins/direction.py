@@ -26,7 +26,7 @@ _BLOCK, _MOST = 1 << 7, 16  # points, and blocks at once
 
 
 class PointFaces(NamedTuple):
-    """Faces at each of k points."""
+    """Faces at each of k points: faces[starts[i] : ends[i]] of point i."""
 
     faces: AnyInts  # of all points one after another, ascending at each
     starts: Int64s  # (k,), where those of a point begin, and where they end
@@ -51,12 +51,12 @@ def resolve_contacts(
     point_rows = touched.point[first_contact]
     needed = np.zeros(max(int(face_points.max()), int(numbers.max())) + 1, np.bool_)
     needed[numbers[point_rows]] = True
-    kept = np.where(needed, np.cumsum(needed) - 1, -1)
-    corners, starts = counting_sort(kept[face_points], int(np.count_nonzero(needed)))
-    at = kept[numbers[point_rows]]
+    packed_rows = np.where(needed, np.cumsum(needed) - 1, -1)
+    corners, starts = counting_sort(packed_rows[face_points], int(np.count_nonzero(needed)))
+    at = packed_rows[numbers[point_rows]]
     own_faces = PointFaces(corners // 3, starts[at], starts[at + 1])
-    others = PointFaces(touched.face, first_contact, np.append(first_contact, len(touched.point))[1:])
-    work = bind(_turn, surface, points, results, point_rows, own_faces, others)
+    touched_faces = PointFaces(touched.face, first_contact, np.append(first_contact, len(touched.point))[1:])
+    work = bind(_turn, surface, points, results, point_rows, own_faces, touched_faces)
     run_blocks(len(point_rows), _BLOCK, work, thread_count(None), most=_MOST)
 
 
@@ -120,8 +120,11 @@ def _list_faces(p, direction, surface, own_faces, touched_faces, listed):
 
 @inline
 def _mean_in_front(count, listed, direction, front):
-    """The mean normal, by angles, of the listed faces that a point is in front of, `direction` if they cancel; and how
-    many there are, whose normals fill `front`. Args: listed: by `_list_faces`, the first `count`."""
+    """The mean normal, by angles, of the listed faces that a point is in front of, `direction` if they cancel; and
+    how many there are, whose normals fill `front`.
+
+    Args: listed: by `_list_faces`, the first `count`.
+    """
     normals, angles, is_own = listed
     total = (0.0, 0.0, 0.0)
     fronts = 0
@@ -149,7 +152,10 @@ def _rises(p, direction, surface, f):
 
 @inline
 def _is_in_front(i, normals, angles, is_own):
-    """Whether a point is taken to be in front of its i-th face; see the module on faces that look opposite ways."""
+    """Whether a point is taken to be in front of the i-th of its faces.
+
+    Faces that look the same way are weighed by their angles against faces that look the opposite way, see the module.
+    """
     balance = 0.0
     opposed = False
     n = load(normals, i)

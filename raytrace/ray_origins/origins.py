@@ -48,10 +48,12 @@ def ray_origins(
     """
     offset, touching, reach = offsets_and_reaches(points, directions, magnitude, clearance)
     ambiguous = np.zeros(len(points), np.bool_)
+    # Faces near the points: those that touch a point, and those that rounding leaves in doubt.
     near = find_contacts(tree, surface, points, reach, face_points, numbers)
     touches = near.distance <= np.maximum(touching[near.point], surface.rounding[near.face])
     touched = near.only(touches)
     blurred = near.point[~touches & (near.distance <= (reach * clearance)[near.point])]
+    # Directions in front of what is touched, too, and offsets that clear it.
     if len(touched.point):
         directions = directions.copy()
         clearance = clearance.copy()
@@ -60,10 +62,11 @@ def ray_origins(
         np.maximum.at(magnitude, touched.point, np.maximum(surface.extent, surface.flat)[touched.face])
         offset = ray_offset(directions, magnitude, clearance)
         farther = np.where((reach >= 0.0) & (2.0 * offset > reach), 2.0 * offset, -1.0)
-        more = find_contacts(tree, surface, points, farther, face_points, numbers)
-        if len(more.point):
-            near = Contacts.joined([near, more])
+        far_contacts = find_contacts(tree, surface, points, farther, face_points, numbers)
+        if len(far_contacts.point):
+            near = Contacts.joined([near, far_contacts])
     ambiguous[blurred] = True
+    # In sharp folds offsets stay small beside the shortest edge; nowhere do they reach the next face.
     sharp = np.flatnonzero((reach >= 0.0) & (clearance < SHARP))
     if len(sharp):
         near_edge = _NEAR * surface.shortest_edges(face_points, numbers[sharp])
@@ -93,6 +96,7 @@ def offsets_and_reaches(
 
 @kernel
 def _offsets_and_reaches(points, directions, magnitude, clearance, lengths, start, stop):
+    """Write `offsets_and_reaches`. Args: lengths: the three arrays (k,) that it returns."""
     offset, touching, reach = lengths
     for i in range(start, stop):
         direction = load(directions, i)
@@ -106,13 +110,17 @@ def _offsets_and_reaches(points, directions, magnitude, clearance, lengths, star
 
 @inline
 def _span(v):
+    """The sum of the absolute coordinates, |x| + |y| + |z|."""
     return abs(v[0]) + abs(v[2]) + abs(v[1])
 
 
 @kernel
 def stop_short(offset, points, directions, touching, near, surface):
-    """Cut each offset to half the way to the first face that twice of it would pass, those nearer than `touching` left
-    out. Args: near: Contacts."""
+    """Cut each offset to half the way to the first face that twice of it would pass, those nearer than `touching`
+    left out.
+
+    Args: near: Contacts.
+    """
     near = unrefcounted_view(near)
     surface = unrefcounted_view(surface)
     for i in range(len(near.point)):
@@ -209,12 +217,12 @@ def weld_points(
         mean = normalize(sum_groups(group, sums))
     axes, directions, clearance = outermost_normals(mean, face_points, face_normal)
     if normals is not None:
-        given = normals[first_vertices]
-        behind = np.einsum("ij,ij->i", directions, given)[:, None] < 0
+        own_normals = normals[first_vertices]
+        behind = np.einsum("ij,ij->i", directions, own_normals)[:, None] < 0
         directions = np.where(behind, -directions, directions)
         # A given normal in front of all faces, or behind all of them, is the direction itself.
-        _, _, clear = outermost_normals(np.where(behind, -given, given), face_points, face_normal)
-        is_in_front = (clear > SHARP) & nonzero(given)
-        directions[is_in_front] = given[is_in_front]
+        _, _, clear = outermost_normals(np.where(behind, -own_normals, own_normals), face_points, face_normal)
+        is_in_front = (clear > SHARP) & nonzero(own_normals)
+        directions[is_in_front] = own_normals[is_in_front]
         clearance[is_in_front] = clear[is_in_front]
     return WeldedPoints(group, first_vertices, faces, face_normal, face_points, mean, axes, directions, clearance)

@@ -53,7 +53,7 @@ class Surface(NamedTuple):
 
     @classmethod
     def of(cls, vertices: Float64s, faces: Int64s, normals: Float64s) -> Surface:
-        """These faces, measured; arguments as the attributes."""
+        """Faces with their extents, flatness and rounding measured; arguments as the attributes."""
         surface = cls(vertices, faces, normals, *(np.zeros(len(faces)) for _ in range(3)))
         run_blocks(len(faces), _BLOCK, bind(_measure, surface), thread_count(None), most=_MOST)
         return surface
@@ -74,7 +74,11 @@ class Surface(NamedTuple):
         return shortest[points]
 
     def magnitudes(self, face_points: Int64s, count: int) -> Float64s:
-        """The scale of the offset at each of `count` points (`ray_offset`), those of `face_points` (m, 3)."""
+        """The largest coordinates (count,) at each of `count` points, by which `ray_offset` scales offsets.
+
+        Args:
+            face_points: (m, 3), the points of each face.
+        """
         around = np.zeros(count)
         magnitude = np.zeros(count)
         threads = thread_count(None)
@@ -85,7 +89,7 @@ class Surface(NamedTuple):
 
 @kernel
 def _measure(surface, start, stop):
-    """Fill in `extent`, `flat` and `rounding` of some faces."""
+    """Fill in the attributes `extent`, `flat` and `rounding` of some faces, see `Surface`."""
     surface = unrefcounted_view(surface)
     for f in range(start, stop):
         a, b, c = load_triangle(surface.vertices, surface.faces, f)
@@ -105,6 +109,7 @@ def _measure(surface, start, stop):
 
 @inline
 def _largest(p):
+    """The largest absolute coordinate."""
     return max(abs(p[0]), abs(p[1]), abs(p[2]))
 
 
@@ -141,12 +146,12 @@ class Contacts(NamedTuple):
 
     @classmethod
     def joined(cls, parts: Sequence[Contacts]) -> Contacts:
-        """Those of several, one after another."""
+        """The contacts of several parts, one after another."""
         return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
-    def only(self, which: Bools | Int64s) -> Contacts:
-        """Some of the pairs, copied; `which` is bool (j,) or their rows."""
-        return Contacts(self.point[which], self.face[which], self.distance[which])
+    def only(self, selection: Bools | Int64s) -> Contacts:
+        """Some of the pairs, copied; `selection` is bool (j,) or their rows."""
+        return Contacts(self.point[selection], self.face[selection], self.distance[selection])
 
 
 _Points = tuple[Float64s, Float64s, Int64s, Int64s]  # points, reach, face_points, numbers
@@ -165,18 +170,20 @@ def find_contacts(
     around = (points, reach, face_points, numbers)
     most = float(surface.rounding.max())
     if most <= _USUAL_ROUNDING:
-        return _find(tree, surface, around, most)
+        return _contacts_with_tree(tree, surface, around, most)
     contacts = []
     least = -1.0
     while least < most:
         limit = max(_CLASS * least, _USUAL_ROUNDING)
         uncertain = np.flatnonzero((surface.rounding > least) & (surface.rounding <= limit))
         if len(uncertain):
-            some = BVH16.of(surface.vertices.astype(np.float32), surface.faces[uncertain])
-            some = some._replace(
-                leaf_faces=np.where(some.leaf_faces < 0, -1, uncertain[some.leaf_faces]).astype(np.int32)
+            uncertain_tree = BVH16.of(surface.vertices.astype(np.float32), surface.faces[uncertain])
+            uncertain_tree = uncertain_tree._replace(
+                leaf_faces=np.where(uncertain_tree.leaf_faces < 0, -1, uncertain[uncertain_tree.leaf_faces]).astype(
+                    np.int32
+                )
             )
-            contacts.append(_find(some, surface, around, limit))
+            contacts.append(_contacts_with_tree(uncertain_tree, surface, around, limit))
         least = limit
     joined = Contacts.joined(contacts)
     joined = joined.only(np.lexsort((joined.face, joined.point)))
@@ -184,12 +191,14 @@ def find_contacts(
     return joined.only(rank < _MOST_CONTACTS)
 
 
-def _find(tree: BVH16, surface: Surface, around: _Points, most: float) -> Contacts:
+def _contacts_with_tree(tree: BVH16, surface: Surface, around: _Points, most: float) -> Contacts:
     """`find_contacts` of the faces of a tree, whose rounding is `most` at most."""
     count = len(around[0])
     parts: list[Contacts] = [_empty(0)] * -(-count // _SEARCHED)
 
     def search(start: int, stop: int) -> None:
+        """Find the contacts of the points from `start` to `stop`, again with enough room if they were more than
+        usual."""
         contacts = _empty(_USUAL * _SEARCHED)
         fill = bind(_search, tree, new_stack(), surface, around, most)
         size = fill(start, stop, contacts)
@@ -203,12 +212,13 @@ def _find(tree: BVH16, surface: Surface, around: _Points, most: float) -> Contac
 
 
 def _empty(count: int) -> Contacts:
+    """Room for so many contacts."""
     return Contacts(np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count))
 
 
 @inline
-def _beside(p, reach, a, b, c):
-    """Whether the interval from the least to the largest of a, b and c is farther from `p` than `reach`."""
+def _is_farther(p, reach, a, b, c):
+    """Whether p is farther than `reach` from the interval that a, b and c span."""
     return min(a, b, c) - reach > p or max(a, b, c) + reach < p
 
 
@@ -238,7 +248,9 @@ def _search(tree, stack, surface, around, most, start, stop, contacts):
                 near &= near - 1
                 seen += filled == _MOST_CONTACTS
                 if corners[f, 0] != number and corners[f, 1] != number and corners[f, 2] != number:
-                    filled = _keep(surface, f, p, max(reach[i], surface.rounding[f]), (kept, distances), filled)
+                    filled = _insert_contact(
+                        surface, f, p, max(reach[i], surface.rounding[f]), (kept, distances), filled
+                    )
             leaf, near = next_leaf(tree, stack, waiting)
         # They are counted even where they do not fit.
         for k in range(filled):
@@ -251,15 +263,15 @@ def _search(tree, stack, surface, around, most, start, stop, contacts):
 
 
 @inline
-def _keep(surface, f, p, within, nearest, filled):
+def _insert_contact(surface, f, p, within, nearest, filled):
     """Add a face to those `filled`, sorted by number, and their distances if it is near enough; how many there are."""
     kept, distances = nearest
     if filled == _MOST_CONTACTS and f > kept[filled - 1]:
         return filled
     a, b, c = load_triangle(surface.vertices, surface.faces, f)
-    if _beside(p[0], within, a[0], b[0], c[0]) or _beside(p[1], within, a[1], b[1], c[1]):
+    if _is_farther(p[0], within, a[0], b[0], c[0]) or _is_farther(p[1], within, a[1], b[1], c[1]):
         return filled
-    if _beside(p[2], within, a[2], b[2], c[2]):
+    if _is_farther(p[2], within, a[2], b[2], c[2]):
         return filled
     away = closest_on_triangle(p, a, b, c)[0]
     if away > within:

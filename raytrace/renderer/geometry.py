@@ -61,7 +61,7 @@ class BuiltGeometry:
         sides = [points.ray_origins(tree, surface)[0][points.group]]
         if self.arrays.materials[:, TWO_SIDED].any():
             sides.append(points.reversed().ray_origins(tree, surface.reversed())[0][points.group])
-        return _joined([side - away for side in sides], np.float32)
+        return _padded_rows([side - away for side in sides], np.float32)
 
     @cached_property
     def hit_filter(self) -> tuple[int, Int64s] | None:
@@ -96,6 +96,7 @@ class _PlacedShape(NamedTuple):
 
 
 def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
+    """The geometry of objects with such vertex normals. Raises: as `build_geometry`."""
     space, reach = _render_space(objects)
     placed_shapes, rank = _place_shapes(objects, space, weighting)
     shapes = [placed.shape for placed in placed_shapes]
@@ -117,9 +118,9 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
     arrays = Geometry(
         handle=embree.handle,
         farthest=8.0 * max(1.0, space.scale * reach),
-        vertices=_joined([*(placed.vertices for placed in placed_shapes), polygons.centres], np.float32),
-        normals=_joined([*(placed.normals for placed in placed_shapes), polygons.normals], np.float32),
-        faces=_joined([mesh.faces + start for mesh, start in zip(meshes, vertex_starts, strict=False)], np.int32),
+        vertices=_padded_rows([*(placed.vertices for placed in placed_shapes), polygons.centres], np.float32),
+        normals=_padded_rows([*(placed.normals for placed in placed_shapes), polygons.normals], np.float32),
+        faces=_padded_rows([mesh.faces + start for mesh, start in zip(meshes, vertex_starts, strict=False)], np.int32),
         uv=joined(meshes, [shape.uv for shape in shapes], 2, needed=True),
         occlusion_uv=joined(meshes, [shape.occlusion.uv if shape.occlusion else None for shape in shapes], 2),
         colours=joined(meshes, [shape.colours for shape in shapes], 3, fill=1.0),
@@ -147,13 +148,16 @@ def _build(objects: tuple[Object, ...], weighting: Normals) -> BuiltGeometry:
 def _place_shapes(
     objects: tuple[Object, ...], space: RenderSpace, weighting: Normals
 ) -> tuple[list[_PlacedShape], Int64s]:
-    """The shapes of objects, those of one object alone in render space; and of each object (o,) its shape's row."""
+    """The shapes of objects as they are traced, and of each object (o,) the row of its shape.
+
+    Shapes of one object alone are in render space, shared ones in a frame of their own.
+    """
     uses: dict[int, list[Object]] = {}
     for item in objects:
         uses.setdefault(id(item.shape), []).append(item)
     to_render = _scaling(space.centre, space.scale)
     shapes = [
-        _placed(item.shape, None if others else to_render @ item.transform, weighting)
+        _place_shape(item.shape, None if others else to_render @ item.transform, weighting)
         for item, *others in uses.values()
     ]
     row_of = {key: row for row, key in enumerate(uses)}
@@ -207,12 +211,14 @@ def _polygons(shapes: list[_PlacedShape]) -> Polygons:
 
 
 def shape_textures(shapes: Iterable[Shape]) -> tuple[Texture, ...]:
+    """The textures that shapes are drawn with: colours, occlusion and grain, each once."""
     kinds = ((shape.texture, shape.occlusion and shape.occlusion.texture, shape.grain) for shape in shapes)
     return tuple(dict.fromkeys(texture for textures in kinds for texture in textures if texture))
 
 
 def _texture_rows(objects: tuple[Object, ...], textures: tuple[Texture, ...]) -> dict[str, Any]:
-    """Which of the textures objects have, -1 for none, and the strength of their occlusion's: fields of `Geometry`."""
+    """The rows of objects' textures among `textures`, −1 for none, and the strength of occlusion: fields of
+    `Geometry`."""
     row_of = {texture: row for row, texture in enumerate(textures)} | {None: -1}
     occlusions = [item.shape.occlusion for item in objects]
     return {
@@ -224,17 +230,23 @@ def _texture_rows(objects: tuple[Object, ...], textures: tuple[Texture, ...]) ->
 
 
 def joined(
-    meshes: Iterable[Mesh], given: list[Float64s | None], columns: int, fill: float = 0.0, needed: bool = False
+    meshes: Iterable[Mesh], values_of: list[Float64s | None], columns: int, fill: float = 0.0, needed: bool = False
 ) -> Float32s:
-    """What is `given` of all meshes' vertices, `fill` where it is None; no rows if all are None, unless `needed`."""
-    if not needed and all(values is None for values in given):
+    """Values of the vertices of all meshes one after another, `fill` where a mesh has None.
+
+    Without `needed` there are no rows if no mesh has values.
+    """
+    if not needed and all(values is None for values in values_of):
         return aligned((0, columns), np.float32)
-    parts = [np.full((len(m.vertices), columns), fill) if g is None else g for m, g in zip(meshes, given, strict=True)]
-    return _joined(parts, np.float32)
+    parts = [
+        np.full((len(mesh.vertices), columns), fill) if g is None else g
+        for mesh, g in zip(meshes, values_of, strict=True)
+    ]
+    return _padded_rows(parts, np.float32)
 
 
 def _opacity(shapes: list[Shape]) -> PackedOpacity | None:
-    """Of all shapes' faces; None if all are opaque and so are their materials."""
+    """The opacity of the faces of all shapes; None if these, and their materials, are opaque."""
     counts = [len(shape.mesh.faces) for shape in shapes]
     joined = Opacity.joined([shape.mesh.opacity for shape in shapes], counts)
     packed = joined.packed() if joined else None
@@ -244,7 +256,7 @@ def _opacity(shapes: list[Shape]) -> PackedOpacity | None:
 
 
 def _render_space(objects: tuple[Object, ...]) -> tuple[RenderSpace, float]:
-    """For the bounding boxes of all objects and a sample of their vertices; and the longest way from its centre."""
+    """Render space for the bounding boxes of all objects, and the largest distance from its centre."""
 
     def place(item: Object, points: Float64s) -> Float64s:
         return points @ item.transform[:3, :3].T + item.transform[:3, 3]
@@ -262,18 +274,19 @@ def _render_space(objects: tuple[Object, ...]) -> tuple[RenderSpace, float]:
 
 
 def _corners(points: AnyFloats) -> Float64s:
+    """The eight corners (8, 3) of the bounding box of points."""
     ends = zip(points.min(axis=0), points.max(axis=0), strict=True)
     return np.array(np.meshgrid(*ends), np.float64).reshape(3, -1).T
 
 
-def _joined(parts: list[npt.NDArray[Any]], dtype: type[np.generic]) -> npt.NDArray[Any]:
-    """The rows of all `parts`, as `raytrace.kernel.simd.gather3` wants them."""
+def _padded_rows(parts: list[npt.NDArray[Any]], dtype: type[np.generic]) -> npt.NDArray[Any]:
+    """The rows of all `parts` in one array, padded as `raytrace.kernel.simd.gather3` wants it."""
     whole = aligned((sum(map(len, parts)), parts[0].shape[1]), dtype)
     np.concatenate(parts, out=whole, casting="same_kind")
     return whole
 
 
-def _placed(shape: Shape, matrix: Float64s | None, weighting: Normals) -> _PlacedShape:
+def _place_shape(shape: Shape, matrix: Float64s | None, weighting: Normals) -> _PlacedShape:
     """A shape in render space, where its `matrix` puts it; or if it has none, in a frame of its own for instances."""
     mesh, normals = shape.mesh, _smooth_normals(shape.mesh, weighting)
     if matrix is not None:

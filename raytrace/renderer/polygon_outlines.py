@@ -23,9 +23,9 @@ class Polygons(NamedTuple):
     counts: Int32s  # (p,), edges of each
 
 
-def mesh_polygons(vertices: Float32s, faces: Int64s, given: Int64s | None) -> Polygons:
-    """The polygons of a mesh. Args: given: as `Mesh.polygons`."""
-    _, number = np.unique(np.arange(0) if given is None else given, return_inverse=True)
+def mesh_polygons(vertices: Float32s, faces: Int64s, polygon_of: Int64s | None) -> Polygons:
+    """The polygons of a mesh. Args: polygon_of: as `Mesh.polygons`."""
+    _, number = np.unique(np.arange(0) if polygon_of is None else polygon_of, return_inverse=True)
     order, starts = counting_sort(number, int(number.max(initial=-1)) + 1)
     sizes = np.diff(starts)
     most = int((sizes > 1).sum())

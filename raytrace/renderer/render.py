@@ -94,14 +94,15 @@ def _render_tiles(picture: RenderJob, film: Film, threads: int, progress: Progre
         if progress:
             progress(done, tiles)
 
-    def work(begin: int, end: int, again: bool = False) -> None:
-        finished.append(picture.render(film, picture.scratch(), (begin, end), again))
+    def work(begin: int, end: int, reopened_only: bool = False) -> None:
+        """Render the tiles from `begin` to `end` and keep their counts of rays; arguments as of `RenderJob.render`."""
+        finished.append(picture.render(film, picture.scratch(), (begin, end), reopened_only))
 
     finished: list[Int64s] = []
     share = max(min(tiles // (_SHARES * threads), _LONGEST // picture.style.samples), 1)
     run_blocks(tiles, share, work, threads, advance)
     if picture.adaptive:
-        run_blocks(tiles, share, partial(work, again=True), threads)
+        run_blocks(tiles, share, partial(work, reopened_only=True), threads)
     picture.counts += np.sum(finished, axis=0)
 
 
@@ -137,11 +138,18 @@ def seen_vertices(scene: Scene, camera: Camera, settings: Settings, threads: int
     view = place_camera(camera, settings, geometry.centre, geometry.scale)
     left, top, wide, high = whole_tiles(settings)
     seen = np.zeros(geometry.arrays.first_w[-1], np.bool_)
-    whole = settings.shading == "gouraud" and len(geometry.arrays.polygons) > 0
+    whole_polygons = settings.shading == "gouraud" and len(geometry.arrays.polygons) > 0
 
     def work(begin: int, end: int) -> None:
-        part = (left, left + wide), (top + begin, top + end)
-        mark_seen(geometry.arrays, view, *part, *new_packet(WIDE, True, geometry.hit_filter), seen, whole)
+        mark_seen(
+            geometry.arrays,
+            view,
+            (left, left + wide),
+            (top + begin, top + end),
+            *new_packet(WIDE, True, geometry.hit_filter),
+            seen,
+            whole_polygons,
+        )
 
     run_blocks(high, 8, work, thread_count(threads))
     return seen

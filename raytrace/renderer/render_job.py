@@ -60,8 +60,16 @@ class RenderJob:
         self.view = place_camera(camera, settings, self.geometry.centre, self.geometry.scale)
         shading = _SHADINGS.index(settings.shading)
         form = _FORMS.index(settings.obscurance)
-        switches = settings.shadows, settings.terminator, layers, layers or form != layout.OFF
-        self.style = Style(settings.samples, shading, form, *switches, built.background)
+        self.style = Style(
+            settings.samples,
+            shading,
+            form,
+            settings.shadows,
+            settings.terminator,
+            layers,
+            layers or form != layout.OFF,
+            built.background,
+        )
         self._left, self._top, self._wide, self._high = whole_tiles(settings)
         self._crop = settings.crop or (0, 0, settings.width, settings.height)
         self.columns = -(-self._wide // TILE)  # of tiles
@@ -84,7 +92,7 @@ class RenderJob:
         return Film(pixels, self._left, self._top + first_row * TILE, edges, self.geometry.scale)
 
     def scratch(self) -> Scratch:
-        """Room for what a thread writes while it renders a tile."""
+        """Arrays that a thread writes while it renders a tile."""
         lights, hit_filter = max(len(self.scene.lights.kinds), 1), self.geometry.hit_filter
         pixels = np.arange(TILE * TILE, dtype=np.int32)  # blocks of 4×4 make a packet
         return Scratch(
@@ -104,38 +112,41 @@ class RenderJob:
             counts=np.zeros(layout.COUNTERS, np.int64),
         )
 
-    def render(self, film: Film, scratch: Scratch, tiles: tuple[int, int], again: bool = False) -> Int64s:
+    def render(self, film: Film, scratch: Scratch, tiles: tuple[int, int], reopened_only: bool = False) -> Int64s:
         """Render the tiles [first, end) of a film; returns counts of rays, int64 (COUNTERS,).
 
-        Args: again: only the pixels that their neighbours in other tiles reopen, by the film's `edges`.
+        Args:
+            reopened_only: render only the pixels that their neighbours in other tiles reopen, by the film's `edges`.
         """
         edges = film.edges[slice(*tiles)].copy()
         while True:
             scratch.counts[:] = scratch.missing[:] = 0
-            render_tiles(self.scene, self.view, self.style, film, scratch, tiles, again)
+            render_tiles(self.scene, self.view, self.style, film, scratch, tiles, reopened_only)
             if not scratch.missing.any():
                 return scratch.counts.copy()
             film.edges[slice(*tiles)] = edges
             self._textures.read(np.flatnonzero(scratch.missing).tolist())
 
     def render_numbered(self, numbers: Int64s, around: Float32s | None, out: tuple[Float32s, Float32s, Int64s]) -> None:
-        """Render the tiles `numbers`, int64 (k,), to rows of arrays, for processes that render only some of a picture.
+        """Render the tiles `numbers`, int64 (k,), to rows of arrays, for processes that render only some tiles of a
+        picture.
 
         Args:
-            around: edges of the tiles `beside` each, (k, 9, EDGES): only pixels that these reopen are rendered.
-            out: pixels (k, TILE, TILE, channels), 0 beyond the picture; edges (k, EDGES), or (k, 0) where no pixel is
-                retired early; counts (k, COUNTERS) of rays.
+            around: edges of the tiles `beside` each, (k, 9, EDGES): only pixels that these reopen are rendered. None:
+                all.
+            out: pixels (k, TILE, TILE, channels), 0 beyond the picture, edges (k, EDGES) and counts (k, COUNTERS), to
+                be written.
         """
         pixels, edges, counts = out
-        again = around is not None
-        first_row = max(int(numbers.min()) // self.columns - again, 0)
-        film = self.film(first_row, min(int(numbers.max()) // self.columns + 1 + again, self.rows))
+        reopened_only = around is not None
+        first_row = max(int(numbers.min()) // self.columns - reopened_only, 0)
+        film = self.film(first_row, min(int(numbers.max()) // self.columns + 1 + reopened_only, self.rows))
         scratch = self.scratch()
         for row, number in enumerate(numbers):
             tile = int(number) - first_row * self.columns
             if around is not None:
                 film.edges[self.beside(numbers[row : row + 1])[0] - first_row * self.columns] = around[row]
-            counts[row] = self.render(film, scratch, (tile, tile + 1), again)
+            counts[row] = self.render(film, scratch, (tile, tile + 1), reopened_only)
             part = _part(film, tile)
             pixels[row, : len(part), : part.shape[1]] = part
             if edges.size:
@@ -166,6 +177,7 @@ class RenderJob:
         sides = 2 if surrounded or self.scene.geometry.materials[:, TWO_SIDED].any() else 1
         self.scene = self.scene._replace(lit_vertices=np.zeros((sides * vertices, LIGHTING)))
         finished: list[Int64s] = []
+        # Groups of vertices of one object and side, a share of work each.
         objects = itertools.pairwise(self.scene.geometry.first_w.tolist())
         front = np.concatenate([np.arange(*span, GROUP) for span in objects])
         groups = np.concatenate([front + side * vertices for side in range(sides)])
@@ -179,6 +191,7 @@ class RenderJob:
         self.counts += np.sum(finished, axis=0)
 
     def frame(self, film: Film, seconds: dict[str, float]) -> Frame:
+        """The finished picture: the crop of a film with its layers apart, and the rays that it took."""
         x, y, width, height = self._crop
         crop = film.pixels[y - self._top : y - self._top + height, x - self._left : x - self._left + width]
         parts = np.split(crop, np.cumsum([*LAYERS.values()])[:-1], axis=2)
@@ -189,7 +202,7 @@ class RenderJob:
         return Frame(layers, rays, skipped, seconds, self.style.background, (x, y))
 
 
-def paste(film: Film, numbers: Int64s, pixels: Float32s, marks: Bools | None = None) -> None:
+def paste(film: Film, numbers: Int64s, pixels: Float32s, marks: Bools | None) -> None:
     """Put the pixels of tiles, (k, TILE, TILE, channels), on a film. Args: marks: bool (k, TILE, TILE), these alone."""
     for row, number in enumerate(numbers):
         part = _part(film, int(number))

@@ -53,8 +53,8 @@ def build(scene: Scene, normals: Normals = "file") -> RenderScene:
         w = [np.ones(len(item.shape.mesh.vertices)) if item.w is None else item.w for item in scene.objects]
         lights = place_lights(scene.lights, geometry.centre, geometry.scale)
         looked_up = len(lights.skies) + len(lights.harmonics) > 0
-        given = [item.bent_normals if looked_up else None for item in scene.objects]
-        bent = joined((item.shape.mesh for item in scene.objects), given, 3)
+        bent_normals = [item.bent_normals if looked_up else None for item in scene.objects]
+        bent = joined((item.shape.mesh for item in scene.objects), bent_normals, 3)
         built = _scenes[scene] = RenderScene(scene.objects, geometry, np.concatenate(w), bent, lights, scene.background)
     return built
 
@@ -72,7 +72,7 @@ def _rebuilt(
 
 
 def release(scene: Scene) -> None:
-    """Let go of what `build` keeps for a scene."""
+    """Drop what `build` has kept for a scene."""
     _scenes.pop(scene, None)
 
 
@@ -105,5 +105,5 @@ def place_lights(lights: tuple[BaseLight, ...], centre: Float64s, scale: float) 
             intensity[j] = arriving
             kinds[j] = light_rows.DIRECTIONAL
     everywhere = kinds == light_rows.AMBIENT
-    kept = intensity.any(axis=1) & ~everywhere
-    return Lights(kinds[kept], light_table[kept], intensity[everywhere].sum(axis=0), *pack_environment(lights))
+    is_used = intensity.any(axis=1) & ~everywhere
+    return Lights(kinds[is_used], light_table[is_used], intensity[everywhere].sum(axis=0), *pack_environment(lights))

@@ -37,6 +37,7 @@ AGREE = 2.5 / 256.0  # of the square root of a linear value, about two steps of 
 
 @inline
 def clear(sums, cells):
+    """Begin a tile: ranges of `cells` that hold nothing, `sums` of 0, depth infinite."""
     cells[:, :HIGH] = np.inf
     cells[:, HIGH:] = -np.inf
     sums[:] = 0.0
@@ -147,7 +148,7 @@ def converged(cells, p):
 
 @inline
 def side(x, y):
-    """Where `edges` have the cell (x, y) of a tile's, −1 if it is on no side."""
+    """The place of a tile's cell (x, y) in its `edges`, −1 if the cell is on no side."""
     if y % TILE == 0:
         return (y // TILE * CELLS + x) * RANGE
     if x % TILE == 0:
@@ -168,6 +169,7 @@ def store_edges(edges, cells, retired):
 
 @inline
 def store_retired(edges, retired):
+    """Store which pixels of a tile are retired, a row in the bits of a number each."""
     for y in range(TILE):
         bits = np.int64(0)
         for x in range(TILE):
@@ -177,8 +179,13 @@ def store_retired(edges, retired):
 
 @inline
 def load_edges(edges, tile, columns, cells, retired):
-    """Load which pixels of a tile are retired, and the cells on its sides as all tiles know them, each of which has
-    rendered its own pixels: `edges` (tiles, EDGES), in rows of `columns`."""
+    """Load which pixels of a tile are retired, and the cells on its sides, merged with those of the eight tiles
+    around it.
+
+    Args:
+        edges: (tiles, EDGES), in rows of `columns`, as tiles have stored them after rendering their own pixels.
+        cells, retired: written.
+    """
     for p in range(TILE * TILE):
         retired[p] = np.int64(edges[tile, MASKS + (p >> BITS)]) >> (p & LAST) & 1
     for down in range(-1, 2):

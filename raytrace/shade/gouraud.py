@@ -34,6 +34,7 @@ def light_vertices(scene, view, style, scratch, origins, groups):
         seen_from_behind = begin >= len(scene.w)
         shift = len(scene.w) if seen_from_behind else 0
         side = -1.0 if seen_from_behind else 1.0
+        # The object of these rows, and where its part of them ends.
         item = np.searchsorted(geometry.first_w, begin - shift, side="right") - 1
         end = min(begin + GROUP, geometry.first_w[item + 1] + shift)
         packets = -(-(end - begin) // WIDE)
@@ -44,6 +45,7 @@ def light_vertices(scene, view, style, scratch, origins, groups):
             at = select(mask, lane_numbers(), 0) + (k - shift)
             write_vertices(packet, scene, origins, item, mask, at, view, side)
             store_row(scratch.items, e, select(mask, item, -1))
+        # Their light, copied from the packets.
         light_packets(geometry, scene.lights, style, scratch, packets)
         for e in range(packets):
             for lane in range(min(WIDE, end - begin - e * WIDE)):
@@ -53,8 +55,11 @@ def light_vertices(scene, view, style, scratch, origins, groups):
 
 @inline
 def write_vertices(packet, scene, origins, item, mask, w_rows, view, side):
-    """Write a packet of vertices, in `w_rows` of `scene.w`, seen from where their normals point, or if `side` is −1.0
-    from behind. Args: origins: of `BuiltGeometry.vertex_origins`, or none where no shadow is looked for."""
+    """Write a packet of vertices, in `w_rows` of `scene.w`, seen from where their normals point, or if `side` is
+    −1.0 from behind.
+
+    Args: origins: of `BuiltGeometry.vertex_origins`, or none where no shadow is looked for.
+    """
     geometry = scene.geometry
     w = scene.w
     bent = scene.bent

@@ -165,7 +165,7 @@ def tangents(geometry, i, j, k, edge1, edge2):
 
 @inline
 def lights_seen(geometry, item, side):
-    """The column FRONT of points that are seen from their own side (`side` > 0) or from behind."""
+    """Whether lights reach points on their own side (`side` > 0) or from behind, as the column FRONT has it."""
     turns_to = geometry.materials[item, TWO_SIDED]
     front = layout.ON_BOTH_SIDES if turns_to == TO_LIGHT else layout.ON_THIS_SIDE
     return select(side > 0.0, front, front if turns_to != 0.0 else 0.0)
@@ -327,21 +327,22 @@ def polygon_light(packet, scene, item, mask, hits, first_row):
     geometry = scene.geometry
     lit = scene.lit_vertices
     width = lit.shape[1]
-    there, polygons, edge, end = polygons_hit(geometry, item, mask, hits.faces)
+    hit, polygons, edge, end = polygons_hit(geometry, item, mask, hits.faces)
     point = load3(packet, layout.POINT)
     newell = vertex_normal(geometry, item, polygons)
     for column in range(width):
-        store1(packet, lighting_column(column), there, 0.0)
+        store1(packet, lighting_column(column), hit, 0.0)
+    # Sum over the edges of each lane's polygon; lanes drop out as theirs end.
     total = 0.0 * point[0]
-    left = there
+    left = hit
     while some(left):
         i, j, a, b = edge_weights(geometry, item, edge, point, newell)
         for column in range(width):
             at = first_row * width + column
-            more = a * single(gather(lit, i * width + at)) + b * single(gather(lit, j * width + at))
-            store1(packet, lighting_column(column), left, load_row(packet, lighting_column(column)) + more)
+            share = a * single(gather(lit, i * width + at)) + b * single(gather(lit, j * width + at))
+            store1(packet, lighting_column(column), left, load_row(packet, lighting_column(column)) + share)
         total = select(left, total + a + b, total)
         left = left & (edge + 1 < end)
         edge = select(left, edge + 1, edge)
     for column in range(width):
-        store1(packet, lighting_column(column), there, load_row(packet, lighting_column(column)) / total)
+        store1(packet, lighting_column(column), hit, load_row(packet, lighting_column(column)) / total)

@@ -106,12 +106,12 @@ def add_undirected(packet, items, geometry, ambient, form):
 
 
 @inline
-def extended(box, there, p):
-    """Low and high corners, lanes, extended by the points p where the mask `there` is set."""
+def extended(box, mask, p):
+    """Low and high corners of a box, lanes, extended by the points p in the lanes of `mask`."""
     low, high = box
     end = np.float32(np.inf)
-    a = choose(there, p, (end, end, end))
-    b = choose(there, p, (-end, -end, -end))
+    a = choose(mask, p, (end, end, end))
+    b = choose(mask, p, (-end, -end, -end))
     lowest_yet = min(low[0], a[0]), min(low[1], a[1]), min(low[2], a[2])
     return lowest_yet, (max(high[0], b[0]), max(high[1], b[1]), max(high[2], b[2]))
 
@@ -126,7 +126,8 @@ def corners(box):
 
 @inline
 def select_lights(geometry, lights, shading, scratch, packets):
-    """Fill `active` and `hidden` of `scratch` with the lights that can matter to a point; returns how many do."""
+    """Fill `active` and `hidden` of `scratch` with the lights that can matter to a point of some packets; returns
+    how many do."""
     nowhere = select(lane_numbers() < 0, 0.0, np.inf)
     empty = (nowhere, nowhere, nowhere), scale(-1.0, (nowhere, nowhere, nowhere))
 
@@ -135,17 +136,17 @@ def select_lights(geometry, lights, shading, scratch, packets):
     origins = empty
     shifts = empty
     for e in range(packets):
-        there = load_row(scratch.items, e) >= 0
+        occupied = load_row(scratch.items, e) >= 0
         point = load3(scratch.points[e], layout.POINT)
         origin = load3(scratch.points[e], layout.ORIGIN)
-        points = extended(points, there, point)
-        origins = extended(origins, there, origin)
-        shifts = extended(shifts, there, subtract(origin, point))
-        both = there & (load_row(scratch.points[e], layout.FRONT) > layout.ON_THIS_SIDE)
-        if some(both):
+        points = extended(points, occupied, point)
+        origins = extended(origins, occupied, origin)
+        shifts = extended(shifts, occupied, subtract(origin, point))
+        two_sided = occupied & (load_row(scratch.points[e], layout.FRONT) > layout.ON_THIS_SIDE)
+        if some(two_sided):
             back = load3(scratch.points[e], layout.BACK)
-            origins = extended(origins, both, back)
-            shifts = extended(shifts, both, subtract(back, point))
+            origins = extended(origins, two_sided, back)
+            shifts = extended(shifts, two_sided, subtract(back, point))
     low, high = corners(points)
     start = corners(origins)
     shift = corners(shifts)
@@ -189,9 +190,9 @@ def light_packet(packet, items, used, geometry, lights, style, scratch):
     counts = scratch.counts
     point = load3(packet, layout.POINT)
     n = load3(packet, layout.NORMAL)
-    there = items >= 0
-    seen = there & (load_row(packet, layout.FRONT) > 0.0)
-    both = there & (load_row(packet, layout.FRONT) > layout.ON_THIS_SIDE)
+    occupied = items >= 0
+    seen = occupied & (load_row(packet, layout.FRONT) > 0.0)
+    two_sided = occupied & (load_row(packet, layout.FRONT) > layout.ON_THIS_SIDE)
     zero = scale(0.0, point)
     sums = zero, zero, zero[0], zero[0]  # diffuse and specular light, and brightness without and with shadows
     for a in range(used):
@@ -199,10 +200,10 @@ def light_packet(packet, items, used, geometry, lights, style, scratch):
         l, distance, intensity = incident(lights.kinds[j], lights.parameters[j], point)
 
         # the side that the light falls on, and the points that it reaches
-        side, origin = facing_side(packet, n, l, both)
+        side, origin = facing_side(packet, n, l, two_sided)
         facing = seen & (dot(side, l) > 0.0)
         reached = facing & (intensity[0] + intensity[1] + intensity[2] > 0.0)
-        counts[BEHIND] += count(there) - count(facing)
+        counts[BEHIND] += count(occupied) - count(facing)
         counts[UNREACHED] += count(facing) - count(reached)
         if not some(reached):
             continue
@@ -234,7 +235,7 @@ def light_packet(packet, items, used, geometry, lights, style, scratch):
 
 @inline
 def store_light(packet, sums):
-    """Write the sums of `light_packet`, and the part of the light that shadows leave."""
+    """Write the sums of `light_packet` to the packet, and the share of light that shadows leave."""
     diffuse, specular, unshadowed, shadowed = sums
     for c in range(3):
         store_row(packet, layout.DIFFUSE + c, diffuse[c])
@@ -246,31 +247,38 @@ def store_light(packet, sums):
 
 @inline
 def brightness(body, highlight):
-    """R + G + B of light that points reflect, diffuse and specular."""
+    """The sum R + G + B of reflected light, diffuse and specular."""
     reflected = add(body, highlight)
     return reflected[0] + reflected[1] + reflected[2]
 
 
 @inline
 def add_light(sums, bright, body, highlight, lit, part):
-    """The sums of `light_packet` with one light more: of the `bright` points, and the `part` of it where `lit`."""
+    """Add one more light to the sums of `light_packet`.
+
+    Args:
+        bright: mask of the points that it would reach without shadows.
+        body, highlight: diffuse and specular RGB that the points reflect of it.
+        lit, part: mask of the points that it reaches, and the part of it that gets through.
+    """
     diffuse, specular, unshadowed, shadowed = sums
     diffuse = add(diffuse, choose(lit, scale(part, body), DARK))
     specular = add(specular, choose(lit, scale(part, highlight), DARK))
-    whole = brightness(body, highlight)
-    return diffuse, specular, unshadowed + select(bright, whole, 0.0), shadowed + select(lit, part * whole, 0.0)
+    total = brightness(body, highlight)
+    return diffuse, specular, unshadowed + select(bright, total, 0.0), shadowed + select(lit, part * total, 0.0)
 
 
 @inline
-def facing_side(packet, n, l, both):
+def facing_side(packet, n, l, two_sided):
     """Normals of points on the side that light from `l` falls on, and where shadow rays start there.
 
-    Args: both: the points that can be lit from behind, too.
+    Args:
+        two_sided: mask of points that can be lit from behind, too.
     """
     ahead = load3(packet, layout.ORIGIN)
     side = n
     origin = ahead
-    behind = both & (dot(n, l) < 0.0)
+    behind = two_sided & (dot(n, l) < 0.0)
     if some(behind):
         side = choose(behind, scale(-1.0, n), n)
         origin = choose(behind, load3(packet, layout.BACK), ahead)

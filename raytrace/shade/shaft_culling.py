@@ -28,7 +28,11 @@ _BOXES = 1024  # of all objects together, about
 
 
 def cluster(vertices: Float32s, faces: Int64s, objects: int) -> Float64s:
-    """Boxes (n, 2, 3), low and high corners, around the faces of a mesh, a share of all objects' number of boxes."""
+    """Boxes (n, 2, 3), low and high corners, around clusters of a mesh's faces.
+
+    Args:
+        objects: how many objects there are, which share a number of boxes.
+    """
     low = vertices.min(axis=0).clip(-NEAR, NEAR)
     high = vertices.max(axis=0).clip(-NEAR, NEAR)
     longest = float((high - low).max())
@@ -115,11 +119,11 @@ def obstructed(boxes, farthest, start, shift, kind, row):
 
 
 @inline
-def narrowed(begin, end, room, pace):
+def narrowed(begin, end, limit, slope):
     """The part [begin, end] of the way in which also t · pace ≤ room."""
-    pace = np.float32(pace)
-    if pace > 0.0:
-        return begin, min(room * (np.float32(1.0) / pace), end)
-    if pace < 0.0:
-        return max(room * (np.float32(1.0) / pace), begin), end
-    return begin, select(room < 0.0, -1.0, end)
+    slope = np.float32(slope)
+    if slope > 0.0:
+        return begin, min(limit * (np.float32(1.0) / slope), end)
+    if slope < 0.0:
+        return max(limit * (np.float32(1.0) / slope), begin), end
+    return begin, select(limit < 0.0, -1.0, end)

@@ -114,4 +114,5 @@ def sample_lanes(textures, texture, s, t, footprint, mask):
 
 @inline
 def texture_coordinates(uv, vertices):
+    """u and v of vertices, float64 lanes. Args: uv: flat, two numbers a vertex."""
     return double(gather(uv, 2 * vertices)), double(gather(uv, 2 * vertices + 1))

@@ -41,14 +41,15 @@ from .transparency import begin_layers, closest_hits, composite
 
 
 @kernel
-def render_tiles(scene, view, style, film, scratch, span, again):
-    """Render the tiles [span[0], span[1]), counted along the rows of the film: a few samples of all pixels of a tile,
-    then more of the pixels about which samples disagree.
+def render_tiles(scene, view, style, film, scratch, span, reopened_only):
+    """Render the tiles [span[0], span[1]), counted along the rows of the film: a few samples of all pixels of a
+    tile, then more of the pixels about which samples disagree.
 
     Textures whose `scratch.missing` is set afterwards are to be read, and the tiles to be rendered once more.
 
-    Args: again: only the pixels that need all samples after all, by the `edges` that a first call for all tiles wrote;
-        those that are retired then are written there.
+    Args:
+        reopened_only: render only the pixels that need all samples after all, by the `edges` that a first call for all
+            tiles wrote; the pixels that are retired then are written there.
     """
     scene = unrefcounted_view(scene)
     view = unrefcounted_view(view)
@@ -62,7 +63,7 @@ def render_tiles(scene, view, style, film, scratch, span, again):
         top = tile // columns * TILE
         size = min(TILE, film.pixels.shape[1] - left), min(TILE, film.pixels.shape[0] - top)
         clear(scratch.sums, scratch.cells)
-        if again:
+        if reopened_only:
             load_edges(film.edges, tile, columns, scratch.cells, scratch.retired)
         else:
             for p in range(TILE * TILE):
@@ -76,13 +77,13 @@ def render_tiles(scene, view, style, film, scratch, span, again):
         while pending > 0:
             for k in range(pending):
                 scratch.retired[scratch.todo[k]] = False
-            samples = 0 if again else few, style.samples
+            samples = 0 if reopened_only else few, style.samples
             sample_pixels(scene, view, style, film, scratch, (left, top), pending, samples)
             write_means(style, film, scratch, (left, top), pending)
             scratch.counts[RETIRED] -= pending * skipped
             pending = list_retired(scratch, True)
 
-        if again:
+        if reopened_only:
             store_retired(film.edges[tile], scratch.retired)
             continue
         write_means(style, film, scratch, (left, top), list_retired(scratch, False))
@@ -175,36 +176,39 @@ def trace_samples(scene, view, style, scratch, corner, work, samples):
             # The pixel and the sample of each ray.
             turn = ((numbers & (WIDE - 1)) * (256 // batch + 1)) >> 8  # number // batch, in a packet
             row = turn + (numbers >> 4) * of_packet  # of the pixel on the list
-            there = (numbers >= 0) & (turn < of_packet) & (row < pending)
-            pixels = gather(scratch.todo, select(there, row, 0))
+            active = (numbers >= 0) & (turn < of_packet) & (row < pending)
+            pixels = gather(scratch.todo, select(active, row, 0))
             sample = (numbers & (WIDE - 1)) - turn * batch + done
             x = (pixels & LAST) + corner[0]
             y = (pixels >> BITS) + corner[1]
             # The rays, and what they hit.
-            start = aim(scratch.rays, view, x, y, select(there, sample, 0), scene.geometry.farthest)
+            start = aim(scratch.rays, view, x, y, select(active, sample, 0), scene.geometry.farthest)
             if layered:  # rays start behind the layers that they have seen
                 for lane in range(WIDE):
                     ray = max(pick(numbers, lane), 0)
                     scratch.rays[TNEAR, lane] = scratch.layers[ray // WIDE, BEGIN, ray % WIDE]
-            items = trace_packet(scene, view, style, scratch, e, start, there)
+            items = trace_packet(scene, view, style, scratch, e, start, active)
             store_row(scratch.items, e, items)
             if extended:
-                write_discs(scratch.points[e], view, x, y, select(there, sample, 0))
-            scratch.counts[PRIMARY] += count(there)
-            scratch.counts[BACKGROUND] += count(there & (items < 0)) * len(scene.lights.kinds)
+                write_discs(scratch.points[e], view, x, y, select(active, sample, 0))
+            scratch.counts[PRIMARY] += count(active)
+            scratch.counts[BACKGROUND] += count(active & (items < 0)) * len(scene.lights.kinds)
         if style.shading != GOURAUD:
             light_packets(scene.geometry, scene.lights, style, scratch, traced)
         traced = composite(scratch, traced, style.layers) if layered else 0
 
 
 @inline
-def trace_packet(scene, view, style, scratch, e, start, there):
-    """Trace the viewing rays `scratch.rays`, `start` from the viewer, where the mask `there` is set; the hits become
-    packet e. Returns the rows of the objects hit, −1 for none."""
+def trace_packet(scene, view, style, scratch, e, start, active):
+    """Trace the viewing rays `scratch.rays` in the lanes of `active`, `start` from the viewer; the hits become
+    packet e.
+
+    Returns the rows of the objects hit, −1 for none.
+    """
     geometry = scene.geometry
     rays = scratch.rays
     packet = scratch.points[e]
-    items, faces, u, v, distance = closest_hits(geometry, rays, scratch.valid, there)
+    items, faces, u, v, distance = closest_hits(geometry, rays, scratch.valid, active)
     if geometry.layered:  # where the rays would go on, and the alpha of what they hit
         store_row(scratch.layers[e], NEXT, distance + STEP)
         store_row(scratch.layers[e], COVER, load_row(rays, MET_ALPHA))

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from ..errors import OutputError
+from .paths import PathName
 
 if sys.platform != "win32":
     import fcntl
@@ -18,7 +19,7 @@ _BEGIN, _END = ".obscurance-", ".part"  # of temporary names
 
 
 @contextmanager
-def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+def atomic_write(path: PathName) -> Iterator[BinaryIO]:
     """Open a binary file whose content takes the name `path` only when the block ends without an exception.
 
     The bytes go to a temporary file in the same folder, are flushed to the disk and renamed over `path`, or over what a
@@ -37,15 +38,15 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
 
 
 @contextmanager
-def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
+def atomic_path(path: PathName) -> Iterator[Path]:
     """`atomic_write` for libraries that open files themselves: the name of an empty file for them to overwrite."""
     if is_standard_output(path):
         from tempfile import TemporaryDirectory
 
         with TemporaryDirectory() as folder:
-            made = Path(folder) / f"output{Path(path).suffix}"
-            yield made
-            _to_standard_output(made.read_bytes())
+            scratch = Path(folder) / f"output{Path(path).suffix}"
+            yield scratch
+            _to_standard_output(scratch.read_bytes())
         return
     with _beside(path) as (temporary, handle):
         os.close(handle)
@@ -55,7 +56,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 @contextmanager
-def _beside(path: str | os.PathLike[str], replaces: bool = True) -> Iterator[tuple[Path, int]]:
+def _beside(path: PathName, replaces: bool = True) -> Iterator[tuple[Path, int]]:
     """A temporary file and its open handle; it replaces `path`, if at all, when the block ends without an exception."""
     try:
         target = _regular_target(path)
@@ -85,31 +86,32 @@ def standard_output(ending: str) -> Path:
     return Path(f"<stdout>.{ending}")
 
 
-def is_standard_output(path: str | os.PathLike[str]) -> bool:
+def is_standard_output(path: PathName) -> bool:
     """Whether `path` is one that `standard_output` made."""
     return Path(path).stem == "<stdout>"
 
 
 def _to_standard_output(content: bytes | memoryview) -> None:
+    """Write bytes to standard output, behind what was printed before."""
     sys.stdout.flush()
     sys.stdout.buffer.write(content)
     sys.stdout.flush()
 
 
-def write_bytes(path: str | os.PathLike[str], content: bytes | memoryview) -> None:
+def write_bytes(path: PathName, content: bytes | memoryview) -> None:
     """Write a file, whole or not at all. Raises: OutputError."""
     with atomic_write(path) as file:
         file.write(content)
 
 
-def write_json(path: str | os.PathLike[str], content: Any) -> None:
+def write_json(path: PathName, content: Any) -> None:
     """Write JSON, UTF-8, indented by two, whole or not at all. Raises: OutputError; ValueError: NaN or infinity."""
     import json
 
     write_bytes(path, (json.dumps(content, indent=2, allow_nan=False) + "\n").encode())
 
 
-def check_writable(path: str | os.PathLike[str]) -> None:
+def check_writable(path: PathName) -> None:
     """Check before the work that `atomic_write(path)` will be able to start. Raises: OutputError."""
     if is_standard_output(path):
         if sys.stdout.isatty():
@@ -119,7 +121,7 @@ def check_writable(path: str | os.PathLike[str]) -> None:
         os.close(handle)
 
 
-def _regular_target(path: str | os.PathLike[str]) -> Path:
+def _regular_target(path: PathName) -> Path:
     """The file that `path` names after symbolic links; it need not exist."""
     target = Path(os.path.realpath(path))
     if not target.parent.is_dir():
@@ -132,7 +134,8 @@ def _regular_target(path: str | os.PathLike[str]) -> Path:
 
 
 def _create(path: Path) -> int:
-    """A new file, open, and locked as long as it or a duplicate is: what nobody holds a lock of, the dead have left."""
+    """Create a file that does not exist yet, open and locked: a file that nobody has locked is of a process that was
+    killed."""
     while True:
         # os.open rather than tempfile: tempfile's mode is 0600 whatever the umask.
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)

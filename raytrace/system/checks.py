@@ -13,17 +13,17 @@ from pathlib import Path
 
 from ..errors import InputError, MemoryLimitError, OptionError, OutputError
 from .atomic import check_writable
+from .paths import PathName
 
 NEGLIGIBLE = 1 << 20  # bytes; finding out whether so few are available takes longer than work that needs them
 _NO_LIMIT = 1 << 60  # kernels write about 2^63 for none
 _ADDRESSES, _RESIDENT, _DATA = 0, 1, 5  # columns of /proc/self/statm
 _UNTOUCHED = 640 << 20, 192 << 20  # addresses, private memory: reserved by libraries, stacks, arenas
-Name = str | os.PathLike[str]
 _MOST = 1 << 28  # bytes of a report or scene; anything larger is none
 
 
 def available(root: Path = Path("/")) -> int | None:
-    """Bytes that the system, control groups and its own limits leave this process; None if nothing can be read."""
+    """Bytes of memory that the system, control groups and limits leave to this process; None if nothing can be read."""
     limits = [*_system(root / "proc"), *_control_groups(root), *_own_limits(root / "proc")]
     return max(min(limits), 0) if limits else None
 
@@ -36,15 +36,16 @@ def check_memory(source: object, needed: int, work: str, instead: dict[str, int]
     free = available() if needed > NEGLIGIBLE else None
     if free is None or needed <= free:
         return
-    fitting = [f"{way} takes about {size_text(size)}" for way, size in (instead or {}).items() if size <= free]
+    fitting = [f"{method} takes about {size_text(size)}" for method, size in (instead or {}).items() if size <= free]
     advice = fitting[0] if fitting else f"{free / needed:.0%} of that work would fit"
     raise MemoryLimitError(
         source, "memory", f"at most {size_text(free)}, what is available", f"about {size_text(needed)} {work}; {advice}"
     )
 
 
-def in_use(proc: Path = Path("/proc"), column: int = _RESIDENT) -> int | None:
-    """Bytes that this process holds now, or what another column of `statm` says; None where the system does not."""
+def memory_in_use(proc: Path = Path("/proc"), column: int = _RESIDENT) -> int | None:
+    """Bytes of memory that this process holds, or what another `column` of Linux' `statm` says; None on other
+    systems."""
     try:
         return int((proc / "self" / "statm").read_text().split()[column]) * os.sysconf("SC_PAGE_SIZE")
     except OSError:
@@ -56,6 +57,7 @@ def size_text(size: int) -> str:
 
 
 def _system(proc: Path) -> Iterator[int]:
+    """Bytes that the system has to spare, or else all of its memory; nothing where neither can be read."""
     try:
         fields = dict(line.split(":") for line in (proc / "meminfo").read_text().splitlines())
         yield int(fields["MemAvailable"].split()[0]) << 10
@@ -80,6 +82,7 @@ def _control_groups(root: Path) -> Iterator[int]:
             limit_name, used_name = "memory.limit_in_bytes", "memory.usage_in_bytes"
         else:
             continue
+        # The group's limit and those of the groups above it.
         own_group = mount / path.lstrip("/")
         for folder in (own_group, *own_group.parents):
             with suppress(OSError, ValueError):
@@ -98,12 +101,12 @@ def _own_limits(proc: Path) -> Iterator[int]:
         return
     import resource
 
-    resident = in_use(proc) or 0
+    resident = memory_in_use(proc) or 0
     kinds = (resource.RLIMIT_AS, _ADDRESSES), (resource.RLIMIT_DATA, _DATA)
     for (kind, column), untouched in zip(kinds, _UNTOUCHED, strict=True):
         limit = resource.getrlimit(kind)[0]
         if limit != resource.RLIM_INFINITY:
-            yield limit - resident - max((in_use(proc, column) or 0) - resident, untouched)
+            yield limit - resident - max((memory_in_use(proc, column) or 0) - resident, untouched)
 
 
 def check_regular(path: Path, kind: str, fault: type[InputError] = InputError, source: str | None = None) -> None:
@@ -122,14 +125,17 @@ def check_regular(path: Path, kind: str, fault: type[InputError] = InputError, s
 
 
 def _is_scene(content: bytes) -> object:
+    """Whether a file's first bytes hold the objects of a TOML scene."""
     return re.search(rb"^[ \t]*(\[\[[ \t]*objects[ \t]*\]\]|objects[ \t]*=)", content, re.MULTILINE)
 
 
 def _is_page(content: bytes) -> bool:
+    """Whether a file begins as a page or report that this program wrote."""
     return b'<meta name="generator" content="obscurance' in content[:4096]
 
 
 def _is_report(content: bytes) -> bool:
+    """Whether a file begins as a report in JSON that this program wrote."""
     return content.lstrip()[:1] == b"{" and b'"versions"' in content and b'"obscurance"' in content
 
 
@@ -149,7 +155,7 @@ _KINDS: dict[tuple[str, ...], tuple[str, tuple[bytes, ...] | Callable[[bytes], o
 """Files that may be replaced, by their endings: a name, and their first bytes or a test of all of them."""
 
 
-def check_outputs(outputs: Mapping[str, Name | None], inputs: Iterable[Name] = ()) -> None:
+def check_outputs(outputs: Mapping[str, PathName | None], inputs: Iterable[PathName] = ()) -> None:
     """Check that all files of a command can be written without a loss. Raises: OptionError, OutputError.
 
     Names that lead to one file, by links of either sort or by another spelling, count as one. An existing file is
@@ -183,13 +189,14 @@ def make_folder(folder: Path) -> None:
         raise OutputError(f"{folder}: cannot make this folder: {what}") from None
 
 
-def check_ending(option: str, path: Name, *endings: str) -> None:
-    """Raises: OptionError: the name `path` ends in none of `endings`, upper or lower case."""
+def check_ending(option: str, path: PathName, *endings: str) -> None:
+    """Check that the name `path` ends in one of `endings`, upper or lower case. Raises: OptionError."""
     if Path(path).suffix.lower() not in endings:
         raise OptionError(option, f"a name ending in {' or '.join(endings)}", os.fspath(path))
 
 
-def _identity(path: Name) -> object:
+def _identity(path: PathName) -> object:
+    """Equal for names of one file: device and inode, or the whole path where there is no file."""
     try:
         status = os.stat(path)
         if status.st_ino:
@@ -199,15 +206,16 @@ def _identity(path: Name) -> object:
     return os.path.normcase(os.path.realpath(path))
 
 
-def _check_kind(option: str, path: Name) -> None:
+def _check_kind(option: str, path: PathName) -> None:
+    """Refuse to replace a file that is not of the kind of its ending. Raises: OptionError."""
     for endings, (name, is_one) in _KINDS.items():
         if Path(path).suffix.lower() not in endings or not os.path.exists(path):
             continue
         try:
             with open(path, "rb") as file:
                 content = file.read(_MOST if callable(is_one) else 16)
-            known = is_one(content) if callable(is_one) else content.startswith(is_one)
-            fault = None if known or not content else f"{os.fspath(path)}, another kind of file"
+            is_of_kind = is_one(content) if callable(is_one) else content.startswith(is_one)
+            fault = None if is_of_kind or not content else f"{os.fspath(path)}, another kind of file"
         except OSError as reason:
             fault = f"{path}: {reason.strerror}"
         if fault:

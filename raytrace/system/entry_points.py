@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 
-def offered(group: str) -> Callable[..., Any] | None:
+def first_entry_point(group: str) -> Callable[..., Any] | None:
     """The function of the first entry point of a group, `obscurance.html` or `obscurance.save`, or None."""
     from importlib.metadata import entry_points
 

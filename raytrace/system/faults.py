@@ -45,8 +45,8 @@ def most_telling(error: ValidationError) -> ErrorDetails:
     return next(unknown, faults[0]) if faults[0]["type"] == "missing" else faults[0]
 
 
-def first_fault(error: ValidationError, kind: type, shown: Callable[[Any], Any] = lambda value: value) -> Fault:
-    """The most useful fault of a validation. Args: kind: what was validated. shown: text of a value that came."""
+def first_fault(error: ValidationError, kind: type, show: Callable[[Any], Any] = lambda value: value) -> Fault:
+    """The most useful fault of a validation. Args: kind: what was validated. show: text of a value that came."""
     fault = most_telling(error)
     location = fault["loc"]
     came = fault["input"]
@@ -64,9 +64,9 @@ def first_fault(error: ValidationError, kind: type, shown: Callable[[Any], Any] 
     if fault["type"] == "literal_error":
         texts = [choice for choice in get_args(declared(kind, location).annotation) if isinstance(choice, str)]
         if len(texts) > 2:
-            return Fault(path, "one of " + ", ".join(texts), shown(came), nearest_name(came, texts))
-        return Fault(path, fault["ctx"]["expected"], shown(came), nearest_name(came, texts))
-    return Fault(path, _expected(fault, declared(kind, location)), shown(came), None)
+            return Fault(path, "one of " + ", ".join(texts), show(came), nearest_name(came, texts))
+        return Fault(path, fault["ctx"]["expected"], show(came), nearest_name(came, texts))
+    return Fault(path, _expected(fault, declared(kind, location)), show(came), None)
 
 
 def path_of(location: Iterable[str | int]) -> str:
@@ -76,6 +76,7 @@ def path_of(location: Iterable[str | int]) -> str:
 
 
 def fields_of(kind: Any) -> dict[str, FieldInfo]:
+    """The fields of a pydantic class by name; none of any other type."""
     return getattr(kind, "__pydantic_fields__", {})
 
 
@@ -96,7 +97,7 @@ _ANYTHING = FieldInfo.from_annotation(Any)
 
 
 def _required(declared: FieldInfo) -> FieldInfo:
-    """The same without None."""
+    """The declared type without None."""
     others = [kind for kind in get_args(declared.annotation) if kind is not NoneType]
     optional = get_origin(declared.annotation) in (Union, UnionType) and len(others) == 1
     return FieldInfo.from_annotation(others[0]) if optional else declared

@@ -21,7 +21,7 @@ from .faults import declared, fields_of, first_fault, most_telling
 
 
 def _listed(value: Any) -> Any:
-    """An array or one of its numbers as plain lists or a plain number."""
+    """An array as plain lists, one of NumPy's numbers as a plain one."""
     return value.tolist() if hasattr(value, "tolist") else value
 
 
@@ -32,24 +32,28 @@ def triple(value: Any) -> Any:
 
 
 def _direction(value: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Check that a vector is not zero."""
     if value == (0.0, 0.0, 0.0):
         raise ValueError("a vector other than zero")
     return value
 
 
 def _side(value: Any) -> Any:
+    """Check a value of `two_sided`."""
     if not isinstance(value, bool) and value != "viewer":
         raise ValueError('true, false or "viewer"')
     return value
 
 
 def _number(value: Any) -> Any:
+    """Check that a value is a real number, before pydantic makes one of a text."""
     if not isinstance(value, Real):
         raise ValueError("a number")
     return value
 
 
 def _whole(value: Any) -> Any:
+    """A whole number of any type, such as NumPy's, as an int; other values as they are."""
     return int(value) if isinstance(value, Integral) and not isinstance(value, bool) else value
 
 
@@ -95,14 +99,14 @@ P = TypeVar("P", bound="Parameters")
 
 
 class _Written(str):
-    """An annotation as the source has it, without quotes."""
+    """An annotation that `help` shows as the source has it, without quotes."""
 
     def __repr__(self) -> str:
         return str(self)
 
 
 class _Refusing(ABCMeta):
-    """Of classes whose constructors raise `OptionError`, and whose signatures can be read."""
+    """Metaclass of classes whose constructors raise `OptionError`, and whose signatures can be read."""
 
     source_name: str
 
@@ -139,7 +143,10 @@ class _Refusing(ABCMeta):
 
 
 def _option_error(error: ValidationError, kind: _Refusing, values: dict[str, Any]) -> OptionError:
-    """The error of a validation; of a field with a description, with the whole value."""
+    """Pydantic's error as an `OptionError`: the most telling fault, named by its field.
+
+    A field with a description is reported with that and its whole value.
+    """
     fault = most_telling(error)
     cause = fault.get("ctx", {}).get("error")
     if isinstance(cause, OptionError):
@@ -167,10 +174,14 @@ class Parameters(metaclass=_Refusing):
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, strings and lists, ready for a TOML scene: the tag, and what differs from the defaults."""
-        given = {field.name: (getattr(self, field.name), field.default) for field in fields(self)}  # type: ignore[arg-type]
-        kept = {name: given[name][0] for name in _TAGS if name in given}
-        kept |= {name: value for name, (value, default) in given.items() if value is not None and value != default}
-        return {name: list(value) if isinstance(value, tuple) else value for name, value in kept.items()}
+        values_and_defaults = {field.name: (getattr(self, field.name), field.default) for field in fields(self)}  # type: ignore[arg-type]
+        changed = {name: values_and_defaults[name][0] for name in _TAGS if name in values_and_defaults}
+        changed |= {
+            name: value
+            for name, (value, default) in values_and_defaults.items()
+            if value is not None and value != default
+        }
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in changed.items()}
 
 
 def made_of(data: Any, kinds: Iterable[type[P]], tag: str, source: str) -> P:

@@ -22,7 +22,7 @@ def lanes() -> tuple[int, str]:
 
 @cache
 def model() -> str:
-    """The name that the system has for the processor."""
+    """The name that the system gives the processor."""
     try:
         lines = Path("/proc/cpuinfo").read_text(errors="replace").splitlines()
     except OSError:

@@ -30,7 +30,7 @@ def thread_count(threads: int | None) -> int:
 
 
 def granted(threads: int) -> int:
-    """How many of so many threads `run_blocks` uses: more than cores would take turns; within a block one."""
+    """How many threads `run_blocks` uses of so many that are asked for: no more than cores, and one within a block."""
     return 1 if getattr(_within, "blocks", False) else min(threads, thread_count(None) + _BEYOND)
 
 
@@ -76,7 +76,7 @@ def run_blocks(
         left, busy = count, True
         while left > 0:
             busy = busy and call.work_one()
-            for size in _taken(call.finished, wait=not busy):
+            for size in _queued(call.finished, wait=not busy):
                 if isinstance(size, BaseException):
                     raise size
                 left -= size
@@ -86,12 +86,15 @@ def run_blocks(
         _team.dismiss(call)
         call.over = True
         while call.helping and left > 0:  # if all is done, they only have to notice it
-            for _ in _taken(call.finished, wait=True):
+            for _ in _queued(call.finished, wait=True):
                 pass
 
 
 def run_ranges(count: int, least: int, work: Callable[[int, int], None], threads: int) -> None:
-    """`run_blocks` in a part for each thread, `least` or more, for work that looks at all input and keeps its part."""
+    """`run_blocks` with one part for each thread, of `least` items or more.
+
+    For work that looks at all of its input whatever its part, such as one that writes the rows of its part alone.
+    """
     run_blocks(count, max(-(-count // granted(threads)), least), work, threads)
 
 
@@ -165,11 +168,13 @@ class _Team:
             self._asked = deque(other for other in self._asked if other is not call)
 
     def _wake(self) -> None:
+        """Wake idle threads for the calls that wait for help, a few at a time; these wake more."""
         with self._lock:
             for _ in range(min(_WAKES, len(self._asked), len(self._idle))):
                 self._idle.pop().release()
 
     def _serve(self) -> None:
+        """What each thread of the team does: help with the next call, or wait for one."""
         waiting = threading.Lock()
         waiting.acquire()
         while True:
@@ -193,8 +198,9 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_team.__init__)  # type: ignore[misc]
 
 
-def _taken(finished: SimpleQueue[int | BaseException], wait: bool) -> Iterator[int | BaseException]:
-    """All that is queued; if nothing is, and `wait`, what comes within a tenth of a second, for Ctrl-C to get in."""
+def _queued(finished: SimpleQueue[int | BaseException], wait: bool) -> Iterator[int | BaseException]:
+    """Items of a queue: all that are there, or if none are, and `wait`, those of the next tenth of a second, after
+    which Ctrl-C gets in."""
     try:
         yield finished.get(wait, 0.1)
         while True:

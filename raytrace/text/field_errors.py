@@ -21,7 +21,7 @@ def joined(path: str, field: str) -> str:
 
 
 def check_keys(source: object, path: str, keys: Iterable[str], known: Collection[str]) -> None:
-    """Raises: SceneError: one of `keys` is not among the `known`."""
+    """Check that all `keys` of the table at `path` are among the `known`. Raises: SceneError."""
     for key in keys:
         check_name(source, joined(path, key), key, known, "an unknown key")
 
@@ -54,4 +54,5 @@ def located(source: object, path: str) -> Iterator[None]:
 
 
 def _one_line(value: object) -> str:
+    """The text of a value, shortened, with its line breaks escaped."""
     return shortened(value, _LONGEST).replace("\n", "\\n").replace("\r", "\\r")

@@ -35,22 +35,23 @@ def _byte(text, i):
 
 @inline
 def _is_blank(c):
-    return c == 32 or 9 <= c <= 13
+    """Whether a byte is a blank, a tab or an end of line."""
+    return c == 32 or 9 <= c <= 13  # " ", "\t" to "\r"
 
 
 @inline
 def _is_digit(c):
-    return 48 <= c <= 57
+    return 48 <= c <= 57  # "0" to "9"
 
 
 @inline
 def _parse_float(text, i):
     """The number at text[i]: (number, where it ends, whether it is one that this can round)."""
     sign = _byte(text, i)
-    if sign == 45 or sign == 43:
+    if sign == 45 or sign == 43:  # "-", "+"
         i += 1
     mantissa, digits, exponent, valid, point = np.uint64(0), 0, 0, False, False
-    while _is_digit(_byte(text, i)) or (_byte(text, i) == 46 and not point):
+    while _is_digit(_byte(text, i)) or (_byte(text, i) == 46 and not point):  # "."
         c = _byte(text, i)
         if c == 46:
             point = True
@@ -60,7 +61,7 @@ def _parse_float(text, i):
             exponent -= point
             valid = True
         i += 1
-    if valid and (_byte(text, i) == 101 or _byte(text, i) == 69):
+    if valid and (_byte(text, i) == 101 or _byte(text, i) == 69):  # "e", "E"
         down, scale, valid = _byte(text, i + 1) == 45, 0, False
         i += 2 if down or _byte(text, i + 1) == 43 else 1
         while _is_digit(_byte(text, i)):
@@ -83,14 +84,14 @@ def _round(mantissa, exponent):
     q = _POWERS[power, 1]
     if mantissa <= _EXACT and power <= _EXACT_POWER:
         return a / p if exponent < 0 else a * p, True
-    rest = np.float64(np.int64(mantissa - np.uint64(a)))
+    remainder = np.float64(np.int64(mantissa - np.uint64(a)))
     if exponent < 0:
         high = a / p
         product, error = _multiply(high, p)
-        low = (a - product - error + rest - high * q) / p
+        low = (a - product - error + remainder - high * q) / p
     else:
         high, error = _multiply(a, p)
-        low = error + (rest * p + a * q)
+        low = error + (remainder * p + a * q)
     slack = abs(low) * 2.0**-48 + high * 2.0**-100
     return high + low, high + (low - slack) == high + (low + slack)
 
@@ -108,19 +109,19 @@ def _multiply(a, b):
 
 @inline
 def _is_end(c):
-    return c == 10 or c == 13
+    return c == 10 or c == 13  # "\n", "\r"
 
 
 @inline
 def _keyword(text, i):
-    """The kind of the line that begins at i, and where its words begin."""
-    while _byte(text, i) == 32 or _byte(text, i) == 9:
+    """The kind of the line that begins at i, by its keyword, and where the words after that begin."""
+    while _byte(text, i) == 32 or _byte(text, i) == 9:  # " ", "\t"
         i += 1
     letter = _byte(text, i)
-    if letter == 35 or _is_end(letter):
+    if letter == 35 or _is_end(letter):  # "#"
         return NOTHING, i
-    kind = F if letter == 102 else V if letter == 118 else REST
-    if kind == V and (_byte(text, i + 1) == 116 or _byte(text, i + 1) == 110):
+    kind = F if letter == 102 else V if letter == 118 else REST  # "f", "v"
+    if kind == V and (_byte(text, i + 1) == 116 or _byte(text, i + 1) == 110):  # "t", "n"
         i += 1
         kind = VT if _byte(text, i) == 116 else VN
     return kind if _is_blank(_byte(text, i + 1)) else REST, i + 1
@@ -131,18 +132,20 @@ def _next_word(text, i):
     """Where the next word of a line begins, and whether there is one before the line or its comment ends."""
     while _is_blank(_byte(text, i)) and not _is_end(_byte(text, i)):
         i += 1
-    return i, _byte(text, i) != 35 and not _is_end(_byte(text, i))
+    return i, _byte(text, i) != 35 and not _is_end(_byte(text, i))  # "#"
 
 
 @inline
 def _skip_word(text, i):
-    while _byte(text, i) != 35 and not _is_blank(_byte(text, i)):
+    """Where the word at text[i] ends: at a blank, or at the # of a comment."""
+    while _byte(text, i) != 35 and not _is_blank(_byte(text, i)):  # "#"
         i += 1
     return i
 
 
 @inline
 def _skip_line(text, i):
+    """Where the line after that of text[i] begins."""
     while not _is_end(_byte(text, i)):
         i += 1
     return i + 1
@@ -158,15 +161,18 @@ def _parse_word(text, i):
 
 @kernel
 def read_rows(text, begin, end, numbers, counts):
-    """The `numbers` (`_parse_word`) of lines that have words, and their `counts`; returns how many lines these are."""
+    """Read the numbers of all lines that have words, one after another, and write how many each line has.
+
+    Words become what `_parse_word` makes of them. Returns how many lines there are.
+    """
     number, line, i = 0, 0, begin
     while i < end:
         before = number
-        i, some = _next_word(text, i)
-        while some:
+        i, has_word = _next_word(text, i)
+        while has_word:
             numbers[number], i = _parse_word(text, i)
             number += 1
-            i, some = _next_word(text, i)
+            i, has_word = _next_word(text, i)
         if number > before:
             counts[line] = number - before
             line += 1
@@ -175,12 +181,14 @@ def read_rows(text, begin, end, numbers, counts):
 
 
 @kernel
-def survey(text, begin, end, tally, rest):
-    """Count the lines, and find runs of other statements than `NUMBERED` and faces; returns how many runs there are.
+def survey(text, begin, end, tally, other_runs):
+    """Count the lines of each kind, and find runs of other statements; returns how many runs there are.
 
-    Args: tally: zeros (4, 6), of each kind up to F: lines, those that have the words they need, the fewest and the most
-            words of a line, words, slashes in the words of faces.
-        rest: (any, 3), is filled with runs: where each begins and ends, and faces before it.
+    Args:
+        tally: zeros (4, 6), by kind up to F: number of lines, lines with enough words, fewest and most words of a line,
+            all words, slashes in the words of faces.
+        other_runs: (any, 3), filled with runs of lines that are neither `NUMBERED` nor faces: where each begins and
+            ends, and how many faces are before it.
     """
     tally[:, LEAST] = NONE
     runs, running, i = 0, False, begin
@@ -190,13 +198,13 @@ def survey(text, begin, end, tally, rest):
         words = 0
         # A vertex, one of its vt and vn, or a face: its words are counted.
         if kind < REST:
-            i, some = _next_word(text, i)
-            while some:
+            i, has_word = _next_word(text, i)
+            while has_word:
                 words += 1
                 word, i = i, _skip_word(text, i)
                 for k in range(word, i if kind == F else word):
-                    tally[F, SLASHES] += _byte(text, k) == 47
-                i, some = _next_word(text, i)
+                    tally[F, SLASHES] += _byte(text, k) == 47  # "/"
+                i, has_word = _next_word(text, i)
             tally[kind, COUNT] += 1
             tally[kind, USABLE] += words >= NEEDED[kind]
             tally[kind, LEAST] = min(tally[kind, LEAST], words)
@@ -207,29 +215,30 @@ def survey(text, begin, end, tally, rest):
         # Another statement begins a run, or is part of one.
         if kind == REST:
             if not running:
-                rest[runs, 0], rest[runs, 2] = line, tally[F, COUNT]
+                other_runs[runs, 0], other_runs[runs, 2] = line, tally[F, COUNT]
                 runs += 1
-            rest[runs - 1, 1] = i
+            other_runs[runs - 1, 1] = i
             running = True
     return runs
 
 
 @kernel
-def read_numbers(text, begin, end, wanted, values):
-    """The first numbers, `values` (lines, numbers), of lines of the kind `wanted` that have the words that it needs."""
+def read_numbers(text, begin, end, wanted_kind, values):
+    """Read the first numbers of lines of one kind into `values` (lines, numbers). Lines that lack words are left
+    out."""
     row, i = 0, begin
     while i < end:
         kind, i = _keyword(text, i)
-        if kind == wanted:
+        if kind == wanted_kind:
             words = 0
-            i, some = _next_word(text, i)
-            while some and words < values.shape[1]:
+            i, has_word = _next_word(text, i)
+            while has_word and words < values.shape[1]:
                 value, i = _parse_word(text, i)
                 if row < len(values):
                     values[row, words] = value
                 words += 1
-                i, some = _next_word(text, i)
-            row += words >= NEEDED[wanted]
+                i, has_word = _next_word(text, i)
+            row += words >= NEEDED[wanted_kind]
         i = _skip_line(text, i)
 
 
@@ -252,14 +261,14 @@ def read_faces(text, begin, end, before, sizes, indices):
         vn = vn + (kind == VN)
         if kind == F:
             first_corner = corner
-            i, some = _next_word(text, i)
+            i, has_word = _next_word(text, i)
             # Each corner: up to three indices with slashes between them.
-            while some:
+            while has_word:
                 for part in range(len(indices)):
                     indices[part, corner] = NONE
                 part = -1
                 i = i - 1
-                while part < 0 or _byte(text, i) == 47:
+                while part < 0 or _byte(text, i) == 47:  # "/"
                     part += 1
                     index, stop, sure = _parse_index(text, i + 1)
                     if stop > i + 1 and part < len(indices):
@@ -270,7 +279,7 @@ def read_faces(text, begin, end, before, sizes, indices):
                 corner += 1
                 stop = _skip_word(text, i)
                 valid &= stop == i
-                i, some = _next_word(text, stop)
+                i, has_word = _next_word(text, stop)
             sizes[face] = corner - first_corner
             face += 1
         i = _skip_line(text, i)
@@ -281,7 +290,7 @@ def read_faces(text, begin, end, before, sizes, indices):
 def _parse_index(text, i):
     """The whole number at i, or the largest there is, where it ends, and whether digits follow its sign, if any."""
     begin, sign, size = i, _byte(text, i), 0
-    if sign == 45 or sign == 43:
+    if sign == 45 or sign == 43:  # "-", "+"
         i += 1
     digits = i
     while _is_digit(_byte(text, i)):

@@ -48,7 +48,7 @@ _LONGEST = 60
 
 
 def file_words(names: Iterable[str]) -> list[str]:
-    """Names of any characters as parts of file names, all different, also where case does not count."""
+    """Names as parts of file names: without special characters, all different, also where case does not count."""
     words: list[str] = []
     taken: set[str] = set()
     for name in names:

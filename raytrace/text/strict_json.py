@@ -11,10 +11,12 @@ def parse_json(content: bytes | str) -> Any:
 
 
 def _refuse(name: str) -> NoReturn:
+    """Refuse NaN and infinity, which Python's parser takes. Raises: ValueError."""
     raise ValueError(f"{name}, which is no number in JSON")
 
 
 def _finite(text: str) -> float:
+    """The value of a number in JSON. Raises: ValueError: it overflows."""
     value = float(text)
     if math.isinf(value):
         raise ValueError(f"{text}, which no double-precision number holds")

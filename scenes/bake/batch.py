@@ -65,7 +65,7 @@ class Batch:
         return 1 if manifest.count("failed") else 0
 
     def check_files(self, keep: bool = True) -> None:
-        """`Plan.check_files` of all, in folders that are made, and stay if `keep`."""
+        """`Plan.check_files` of all plans. Folders of outputs are made for that, and stay if `keep`."""
         with created_folders((self.folder, *(plan.output.parent for plan in self.plans)), keep):
             self.plans[0].check_files()
             inputs = [path for plan in self.plans for path in plan.inputs]
@@ -74,9 +74,11 @@ class Batch:
 
     @property
     def manifest(self) -> Path:
+        """The file of the batch's manifest, or that of its part."""
         return self.folder / (part_manifest(*self.part) if self.part else MANIFEST)
 
     def _summary(self, manifest: Manifest) -> str:
+        """The line after a batch: how many meshes are done, and have failed."""
         failed = manifest.count("failed")
         text = f"{manifest.count('done'):,} of {len(manifest.entries):,} meshes baked to {printable(str(self.folder))}"
         return text + (f", {failed:,} failed" if failed else "")
@@ -100,6 +102,8 @@ class Batch:
         return plans, manifest
 
     def _bake_all(self, plans: list[Plan], manifest: Manifest, session: ClusterSession | None) -> None:
+        """Bake what the manifest has waiting: by workers, or small meshes on a thread each and large ones on all
+        threads."""
         options = self.plans[0].options
         waiting = [number for number, entry in enumerate(manifest.entries) if entry.status == "waiting"]
         threads = thread_count(options.threads)
@@ -109,14 +113,15 @@ class Batch:
         status = session.status if session else str
         with progress(options.quiet, "meshes", form=options.progress, status=status) as (advance,):
 
-            def add(more: int) -> None:
+            def add(finished: int) -> None:
                 nonlocal done
-                done += more
+                done += finished
                 if advance:
                     advance(done, len(plans))
                 manifest.save()
 
             def bake_here(number: int, threads: int) -> None:
+                """Bake one input, and note its outcome; Ctrl-C leaves a whole output noted as done."""
                 entry = manifest.entries[number]
                 plan = plans[number]
                 before = _identity(plan.output)
@@ -132,6 +137,7 @@ class Batch:
                 for number in small[start:stop]:
                     bake_here(number, 1)
 
+            # Small meshes side by side, then the others one by one, on all threads or by workers.
             if session:
                 for row, outcome in run_remotely(session, [plans[number] for number in small], threads):
                     warn([], outcome.warnings)
@@ -145,7 +151,7 @@ class Batch:
 
 
 def _note(entry: Entry, outcome: Outcome) -> None:
-    """Take over what became of an input."""
+    """Record the outcome of an input in its entry."""
     vars(entry).update(outcome._asdict())
     if outcome.status == "failed":
         note(outcome.message)
@@ -154,7 +160,7 @@ def _note(entry: Entry, outcome: Outcome) -> None:
 
 
 def _files_of(plan: Plan) -> list[Path]:
-    """The files that a bake reads: in its options, and files that a .gltf or .obj names."""
+    """All files that a bake reads: named in its options, or by a .gltf or .obj."""
     from ..formats.gltf.asset import Gltf  # slow imports
     from ..formats.obj.mtl import named_files
 
@@ -170,7 +176,7 @@ def _files_of(plan: Plan) -> list[Path]:
 
 
 def _identity(path: Path) -> tuple[int, ...]:
-    """A file's bytes, and what changes if it is replaced."""
+    """A file's size in bytes, and facts that change if it is replaced."""
     try:
         status = path.stat()
         return status.st_size, status.st_ino, status.st_mtime_ns

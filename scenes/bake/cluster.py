@@ -45,6 +45,7 @@ class Workers:
             raise OptionError("shared", "a folder", self._shared)
 
     def session(self, output: Path) -> ClusterSession:
+        """A session of the workers, for a bake into `output`."""
         from ao.cluster.session import ClusterSession
 
         shared = output.parent if self._shared is None else self._shared
@@ -72,6 +73,7 @@ class SharedPlans:
 
 
 def _seen(files: set[Path], plans: tuple[Plan, ...]) -> SharedPlans:
+    """Unpickle `SharedPlans`. Raises: FileNotFoundError: a file is not seen from here."""
     for path in sorted(files):
         if not path.exists():
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
@@ -80,7 +82,7 @@ def _seen(files: set[Path], plans: tuple[Plan, ...]) -> SharedPlans:
 
 @dataclass(frozen=True, eq=False)
 class WholeBakes:
-    """Bakes to be done, the rows of which are their outcomes."""
+    """Whole bakes as a `RowTask`: each row is the outcome of one."""
 
     numbers: Int64s  # (k,), places in `SharedPlans.plans`
     rays: float  # of one, about
@@ -120,7 +122,7 @@ def run_remotely(session: ClusterSession, plans: Sequence[Plan], threads: int) -
 
 
 def _outcome(fields: Any) -> Outcome:
-    """The outcome as a worker says it, each field of its type."""
+    """The `Outcome` of the fields that a worker sends, each checked for its type."""
     from pydantic import TypeAdapter
 
     try:
@@ -130,9 +132,10 @@ def _outcome(fields: Any) -> Outcome:
 
 
 def _named_as(plan: Plan, outcome: Outcome) -> Outcome:
-    """The outcome with the names of files as they were given."""
+    """The outcome, with files named in its message and warnings as the plan has them."""
 
     def given(text: str) -> str:
+        """A text with the names of files as they were given, in place of absolute ones."""
         for path in (*plan.inputs, plan.output):
             text = text.replace(str(path.absolute()), str(path))
         return text

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 
 def note(message: str) -> None:
+    """Print a note on standard error, in one line."""
     print("obscurance: " + printable(" ".join(message.split()), LINE), file=sys.stderr)
 
 
@@ -42,9 +43,9 @@ def _in_plain_letters(fault: UnicodeError) -> tuple[str, int]:
 
 
 def reopen_streams() -> None:
-    """Let standard streams that were closed refuse with an error of the system, but for errors, which nobody reads.
+    """Replace standard streams that were closed before the start, whose numbers the next opened files would get.
 
-    Otherwise the next files that are opened would be taken for them.
+    Reading and writing then fails with an error of the system; what goes to standard error is dropped.
     """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
@@ -69,7 +70,7 @@ def readable_output() -> Iterator[None]:
 
 
 def output_failed(failure: OSError) -> int:
-    """Exit status after an error of the system's, which is reported in one line unless a pipe is closed."""
+    """Report an error of the system in one line, unless a pipe was closed; returns the exit status."""
     with suppress(OSError, ValueError):  # what is still buffered has nowhere to go
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if not isinstance(failure, BrokenPipeError):
@@ -151,5 +152,6 @@ def texture_summary(baked: ao.BakedTexture, target: str) -> str:
 
 
 def columns(named_values: Sequence[tuple[str, str]]) -> str:
+    """Lines of names and values, the values below one another."""
     width = max(len(name) for name, _ in named_values)
     return "\n".join(f"{name:<{width}}  {value}" for name, value in named_values)

@@ -46,7 +46,7 @@ class BakeInputs(NamedTuple):
 
     @property
     def counts(self) -> tuple[int, int]:
-        """Vertices and faces that occlude."""
+        """Numbers of vertices and faces that occlude."""
         meshes = [*self.occluders, self.fine or self.chosen.mesh]
         return sum(len(mesh.vertices) for mesh in meshes), sum(len(mesh.faces) for mesh in meshes)
 
@@ -73,6 +73,7 @@ def read_inputs(plan: Plan, content: bytes | None = None) -> BakeInputs:
     by_name = options.receive or (), options.cast or (), options.exclude or ()
     names = any(by_name) or options.match_names or options.occluded_by != "all"
     target = "texture.glb" if plan.kind == "texture" else f"vertices{plan.ending}"  # what the input is read for
+    # The files.
     source = load(plan.mesh, target, content, alpha, options.up, names, options.flip, options.points)
     high = [load(path, alpha=alpha, names=options.match_names) for path in options.high or ()]
     walls = [load(path, alpha=alpha, names=options.match_names) for path in options.occluder or ()]
@@ -82,6 +83,7 @@ def read_inputs(plan: Plan, content: bytes | None = None) -> BakeInputs:
         from ao.points.occluders import joined
 
         fine = joined([file.mesh for file in high], all_normals=True)
+    # What is baked, and what occludes it besides.
     chosen = select_objects(source, *by_name, options.occluded_by, options.output_dir is not None)
     occluders = [file.mesh for file in walls]
     if options.ground:
@@ -91,6 +93,7 @@ def read_inputs(plan: Plan, content: bytes | None = None) -> BakeInputs:
         arguments["groups"] = match(source, high)
     if cage:
         arguments["cage"] = cage[0].mesh
+    # Notes on the files, and on meshes of very different sizes or that may lie on their side.
     files = [source, *walls, *high, *cage]
     notes = [note for file in files for note in file.notes]
     for wall in walls:
@@ -107,7 +110,10 @@ def read_inputs(plan: Plan, content: bytes | None = None) -> BakeInputs:
 
 
 def expand(given: Iterable[Path]) -> list[Path]:
-    """Files by names and patterns, each once. Raises: OptionError: a folder, or a pattern that matches nothing."""
+    """The files that names and patterns of `glob` stand for, each once.
+
+    Raises: OptionError: a folder, or a pattern that matches nothing.
+    """
     paths: dict[str, Path] = {}
     for path in given:
         if os.path.isdir(path):
@@ -156,7 +162,7 @@ def outputs_in(folder: Path, inputs: Sequence[Path], ending: str) -> list[Path]:
 
 
 @contextmanager
-def created_folders(folders: Iterable[Path], keep: bool = True) -> Iterator[None]:
+def created_folders(folders: Iterable[Path], keep: bool) -> Iterator[None]:
     """Make folders, unless they are there; they go if that or the block fails, or not `keep`. Raises: OutputError."""
     several = dict.fromkeys(folders)
     new = {path for folder in several for path in (folder, *folder.parents) if not os.path.exists(path)}

@@ -38,7 +38,7 @@ class Entry:
     output_sha256: str = ""
 
     def done(self) -> None:
-        """Take note of an output that is whole."""
+        """Record the hash of an output that is written as a whole."""
         self.status = "done"
         self.output_sha256 = digest([Path(self.output)])
 
@@ -68,22 +68,25 @@ class Manifest:
         return sum(entry.status == status for entry in self.entries)
 
     def save(self) -> None:
-        """Write it if it is time to."""
+        """Write the manifest, if the last time is some seconds ago."""
         with self._lock:
             if time.monotonic() >= self._due:
                 self.write()
                 self._due = time.monotonic() + EVERY
 
     def write(self) -> None:
-        """Raises: OutputError: it cannot be written."""
+        """Write the manifest now. Raises: OutputError."""
         counts = {status: self.count(status) for status in ("done", "failed", "waiting")}
         entries = [asdict(entry) for entry in self.entries]
         write_json(self.path, {"manifest_version": VERSION, **counts, **self._about, "inputs": entries})
 
     def resume(self, notify: Callable[[str], object]) -> None:
-        """Take over what the file on disk says is done, of the same bytes with the same options and versions.
+        """Take over the entries of the file on disk that are done, of the same bytes with the same options and
+        versions.
 
         Outputs that are gone or have other bytes than were written, and inputs that have changed, are not done.
+
+        Args: notify: called with a line for the user.
         """
         try:
             stored = parse_json(self.path.read_bytes())
@@ -114,6 +117,7 @@ class Manifest:
 
 
 def part_manifest(number: int, of: int) -> str:
+    """The name of the manifest of part `number`, from 1, of so many."""
     return f"manifest-{number:0{len(str(of))}}-of-{of}.json"
 
 
@@ -128,6 +132,7 @@ def assign_shards(sizes: Sequence[int], of: int) -> list[int]:
 
 
 def is_batch_of_parts(folder: Path) -> bool:
+    """Whether a folder holds the manifest of a part of a batch."""
     return folder.is_dir() and any(_NAME.fullmatch(path.name) for path in folder.iterdir())
 
 
@@ -142,8 +147,9 @@ def merge_batch(folder: Path) -> Manifest:
     facts = [
         {**part.options, "versions": part.versions, "of": part.part.of, "inputs": part.part.inputs} for part in parts
     ]
-    for path, known in zip(paths, facts, strict=True):
-        if difference := first_difference(facts[0], known):
+    # All parts are of one batch, none is missing, and all are finished.
+    for path, part_facts in zip(paths, facts, strict=True):
+        if difference := first_difference(facts[0], part_facts):
             name, expected, got = difference
             raise InputError(path, name, f"{expected}, as in the first part", got)
     of, numbers = first_part.part.of, {part.part.number for part in parts}
@@ -157,6 +163,7 @@ def merge_batch(folder: Path) -> Manifest:
     for name in first_part.part.inputs:
         if name not in entries:  # the parts saw files of other sizes
             raise InputError(folder, "inputs", f"{name} in one of the parts", "none that has it")
+    # The manifest of the whole batch.
     about = {"options": first_part.options, "versions": first_part.versions}
     manifest = Manifest(folder / MANIFEST, [entries[name] for name in first_part.part.inputs], about)
     manifest.write()
@@ -187,6 +194,7 @@ class _Stored:
 
 
 def _read(path: Path) -> _Stored:
+    """The manifest of a part. Raises: InputError: it cannot be read, or is of another version."""
     try:
         check_regular(path, "the manifest of a part")
         return TypeAdapter(_Stored).validate_python(parse_json(path.read_bytes()))

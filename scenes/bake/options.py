@@ -181,7 +181,7 @@ MERGE = (
 
 
 def of_bake(name: str, **changes: Any) -> Option:
-    """An option of a bake as another command has it, which lists it without a section."""
+    """The row of an option of `bake`, for the table of another command, whose help has no sections."""
     return ROWS[name]._replace(section="", **changes)
 
 
@@ -248,28 +248,31 @@ class RenderOptions(OptionValues):
     table = RENDER
 
 
-def _given(row: Option, options: OptionValues) -> bool:
+def _is_given(row: Option, options: OptionValues) -> bool:
     return row.default is not ... and getattr(options, row.name) != row.default
 
 
 def check_together(options: OptionValues, table: Iterable[Option]) -> None:
-    """Raises: ConflictError: an option is given that needs or excludes another."""
-    known = {row.name: row for row in table}
-    for row in known.values():
-        if not _given(row, options):
+    """Check that no option is given that needs another, or excludes one. Raises: ConflictError."""
+    rows = {row.name: row for row in table}
+    for row in rows.values():
+        if not _is_given(row, options):
             continue
         for name in row.excludes:
-            if name in known and _given(known[name], options):
+            if name in rows and _is_given(rows[name], options):
                 raise ConflictError(row.name, "excludes", name)
         for name, value in row.needs.items():
-            if not _given(known[name], options) if value is ... else getattr(options, name) != value:
+            if not _is_given(rows[name], options) if value is ... else getattr(options, name) != value:
                 raise ConflictError(row.name, "needs", name if value is ... else (name, value))
 
 
 def check_kind(options: OptionValues, kind: str) -> None:
-    """Raises: ConflictError: an option is given that this kind of bake, in the words of `Option.bake_kinds`, lacks."""
+    """Check that all options that are given are of this kind of bake, a word of `Option.bake_kinds`.
+
+    Raises: ConflictError.
+    """
     for row in BAKE:
-        if _given(row, options) and kind not in row.bake_kinds.split():
+        if _is_given(row, options) and kind not in row.bake_kinds.split():
             if kind == "vertices":
                 raise ConflictError(row.name, "needs", "an image as --output, or --occlusion texture")
             if kind == "texture":

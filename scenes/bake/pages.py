@@ -18,7 +18,7 @@ import numpy as np
 import ao
 from ao.texture.coverage import reaches_into_page, shared_texels
 from ao.texture.uv_layout import have_area, on_page
-from raytrace.errors import MeshError, OptionError
+from raytrace.errors import MeshError, OptionError, first_names
 from raytrace.text.safe_paths import file_words
 from raytrace.types import Bools, Float64s
 
@@ -37,7 +37,7 @@ _LISTED = 3  # pieces without texture coordinates
 
 @dataclass(frozen=True, eq=False)
 class Page:
-    """One page."""
+    """One page: texture coordinates (m, 3, 2), NaN of faces on others, and words for placeholders in its name."""
 
     uv: Float64s  # (m, 3, 2), NaN of faces that are not on it
     wraps: bool = True  # whether what lies outside of it is taken modulo 1
@@ -46,6 +46,7 @@ class Page:
     shown: Float64s | None = None  # `uv` also of instances that show what is baked for the first one; None: `uv`
 
     def path(self, template: Path) -> Path:
+        """The name of this page's image: a template with the placeholders replaced."""
         name = template.name
         for placeholder, word in self.words.items():
             name = name.replace(placeholder, word)
@@ -86,7 +87,7 @@ class Layouts:
                 self.instance[piece.faces] = same.setdefault(piece.object.key, len(same))
 
     def clashes(self, page: Page, size: tuple[int, int], threads: int | None) -> dict[tuple[int, int], int]:
-        """In how many texels layouts overlap on a page, by pairs."""
+        """In how many texels pairs of layouts overlap on a page."""
         used = self.of[on_page(page.uv)]
         if len(np.unique(used)) < 2:
             return {}
@@ -94,7 +95,7 @@ class Layouts:
         return {pair: count for pair, count in shared.items() if count > _SOME * min(covered[list(pair)])}
 
     def sets(self, clashes: dict[tuple[int, int], int]) -> Iterator[tuple[str, Bools]]:
-        """Names and faces (m,) of pages: layouts that have an image in common and do not overlap share one."""
+        """Names and faces (m,) of texture sets: layouts that share an image and do not overlap share a set."""
         pages: list[list[int]] = []
         for layout, image in enumerate(self.images):
             beside = [layouts for layouts in pages if self.images[layouts[0]] == image]
@@ -107,19 +108,19 @@ class Layouts:
         return zip(names, (np.isin(self.of, page) for page in pages), strict=True)
 
     def by_instance(self, pages: Sequence[Page]) -> list[Page]:
-        """The pages, where several instances of a mesh are on one of them a page for each, named by its object."""
-        made: list[Page] = []
+        """The pages, but one for each instance, named by its object, where a page holds several instances of a mesh."""
+        split_pages: list[Page] = []
         for page in pages:
             numbers = np.where(on_page(page.uv), self.instance, -1)
             every = np.unique(numbers[numbers >= 0])
             for number in every:
                 names = [piece.object.name for piece in self.all if (numbers[piece.faces] == number).any()]
                 name = f"{page.name} {names[0]}".strip() if len(every) > 1 else page.name
-                made.append(replace(page, uv=_only(page.uv, numbers == number), name=name))
-        if len(made) == len(pages):
-            return made
-        words = file_words(page.name for page in made)
-        return [replace(page, name=word, words={MATERIAL: word}) for page, word in zip(made, words, strict=True)]
+                split_pages.append(replace(page, uv=_masked(page.uv, numbers == number), name=name))
+        if len(split_pages) == len(pages):
+            return split_pages
+        words = file_words(page.name for page in split_pages)
+        return [replace(page, name=word, words={MATERIAL: word}) for page, word in zip(split_pages, words, strict=True)]
 
 
 def pages_of(plan: Plan, source: MeshFile, coordinates: Coordinates) -> list[Page]:
@@ -135,25 +136,27 @@ def pages_of(plan: Plan, source: MeshFile, coordinates: Coordinates) -> list[Pag
             raise OptionError("output", f"{OBJECT} in its name, or a .glb: instances have a texture each", plan.output)
         pages = apart
     if plan.options.instances == "first":
-        of_first = [replace(page, uv=_only(page.uv, layouts.instance == 0), shown=page.uv) for page in pages]
+        of_first = [replace(page, uv=_masked(page.uv, layouts.instance == 0), shown=page.uv) for page in pages]
         pages = [page for page in of_first if on_page(page.uv).any()]
     return pages or [Page(coordinates.uv)]
 
 
 def _pages(plan: Plan, source: MeshFile, layouts: Layouts, coordinates: Coordinates) -> list[Page]:
-    """`pages_of` by material, object and tile alone."""
+    """The pages by material, object and tile, before several instances of a mesh are parted."""
     mixed = plan.options.overlap is not None or coordinates.number is None  # new layouts do not overlap
     threads = plan.options.threads
+    # A .glb has one page, or one for each set of layouts that do not overlap.
     if plan.ending == ".glb":
-        whole = Page(coordinates.uv, words={MATERIAL: "all"})
-        clashes = {} if mixed else layouts.clashes(whole, coordinates.size, threads)
+        one_page = Page(coordinates.uv, words={MATERIAL: "all"})
+        clashes = {} if mixed else layouts.clashes(one_page, coordinates.size, threads)
         sets = layouts.sets(clashes) if clashes else []
-        pages = [Page(_only(coordinates.uv, mask), name=name, words={MATERIAL: name}) for name, mask in sets]
-        return [page for page in pages if on_page(page.uv).any()] or [whole]
+        pages = [Page(_masked(coordinates.uv, mask), name=name, words={MATERIAL: name}) for name, mask in sets]
+        return [page for page in pages if on_page(page.uv).any()] or [one_page]
+    # Images: a page for each group and tile that the name tells apart.
     output = plan.output
     pages = []
     for words, mask in _groups(layouts.all, output, len(source.mesh.faces)):
-        uv = _only(coordinates.uv, mask)
+        uv = _masked(coordinates.uv, mask)
         shown = uv[have_area(uv)]
         if UDIM in output.name and len(shown):
             tiles = [tile for tile in udim_tiles(shown, source.path) if reaches_into_page(shown - tile, source.path)]
@@ -168,14 +171,14 @@ def _pages(plan: Plan, source: MeshFile, layouts: Layouts, coordinates: Coordina
 
 
 def _groups(all_groups: Sequence[PrimitiveGroup], output: Path, count: int) -> list[tuple[dict[str, str], Bools]]:
-    """The words for <MATERIAL> and <OBJECT>, as far as they are in a name, and the faces (m,) that each stand for."""
+    """Groups of faces (m,) by <MATERIAL> and <OBJECT>, as far as a name has these, and the words for them."""
     columns = {MATERIAL: [piece.material for piece in all_groups], OBJECT: [piece.object for piece in all_groups]}
     words = []
     for placeholder, column in columns.items():
         if placeholder in output.name:
             different = dict.fromkeys(column)
-            known = dict(zip(different, file_words(item.name for item in different), strict=True))
-            words.append([(placeholder, known[item]) for item in column])
+            words_of = dict(zip(different, file_words(item.name for item in different), strict=True))
+            words.append([(placeholder, words_of[item]) for item in column])
     groups: dict[tuple[tuple[str, str], ...], Bools] = {}
     for number, piece in enumerate(all_groups):
         key = tuple(column[number] for column in words)
@@ -183,11 +186,12 @@ def _groups(all_groups: Sequence[PrimitiveGroup], output: Path, count: int) -> l
     return [(dict(key), mask) for key, mask in groups.items()]
 
 
-def _only(uv: Float64s, mask: Bools) -> Float64s:
+def _masked(uv: Float64s, mask: Bools) -> Float64s:
     return np.where(mask[:, None, None], uv, np.nan)
 
 
 def _refusal(source: MeshFile, layouts: Layouts, clashes: dict[tuple[int, int], int], output: Path) -> OptionError:
+    """The error for layouts that overlap, which names the pair with the most texels in common."""
     pair = max(clashes, key=lambda clash: clashes[clash])
     one = layouts.pieces[pair[0]]
     other = layouts.pieces[pair[1]]
@@ -220,23 +224,22 @@ def layout_remarks(baked: ao.BakedTexture, wraps: bool, tiles: bool) -> list[str
 
 
 def check_area(source: MeshFile, page: Page) -> None:
-    """Raises: MeshError: no face of the page has an area on it, so that nothing would be written of it."""
+    """Check that a face of the page has an area on it, or nothing would be written. Raises: MeshError."""
     if not have_area(page.uv).any():
         name = page.name or " ".join(page.words.values())
         of_page = f" of {name}" if name else ""
         raise MeshError(source.path, f"texture coordinates{of_page}", "faces with an area on the page", "none")
 
 
-def lacking(source: MeshFile, uv: Float64s, wanted: Bools, keeps_uv: bool) -> list[str]:
-    """The parts of a file without texture coordinates, in a line. Args: wanted: (m,), the faces that matter."""
-    without = ~on_page(uv) & wanted
+def lacking(source: MeshFile, uv: Float64s, needed: Bools, keeps_uv: bool) -> list[str]:
+    """The parts of a file without texture coordinates, in a line. Args: needed: (m,), the faces that matter."""
+    without = ~on_page(uv) & needed
     if not without.any():
         return []
     without_uv = [piece for piece in primitive_groups(source) if without[piece.faces].any()]
     names = list(dict.fromkeys(f"{piece.object.name} ({piece.material.name})" for piece in without_uv))
-    more = f" and {len(names) - _LISTED:,} more" if len(names) > _LISTED else ""
     instead = "show w, the openness, of their vertices" if keeps_uv else "get no texels"
-    what = f"{without.sum():,} faces, of {', '.join(names[:_LISTED])}{more}, have no texture coordinates and {instead}"
+    what = f"{without.sum():,} faces, of {first_names(names, _LISTED)}, have no texture coordinates and {instead}"
     return [f"{source.path}: {what}; --uv fill{'' if keeps_uv else ' with --mesh-output'} makes some for them"]
 
 

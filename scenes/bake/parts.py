@@ -1,7 +1,5 @@
 """`bake --part`: the rays of one of several parts of a plan; and a plan whose rays were all traced in parts."""
 
-from __future__ import annotations
-
 import re
 import time
 from pathlib import Path

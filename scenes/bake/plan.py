@@ -64,6 +64,7 @@ class Plan(NamedTuple):
 
     @property
     def falloff(self) -> ao.Falloff:
+        """The falloff of w; further ones are of other columns."""
         return self.arguments.falloffs[0]
 
     @property
@@ -80,11 +81,13 @@ class Plan(NamedTuple):
 
     @property
     def is_part(self) -> bool:
+        """Whether the plan traces rays alone, which another run merges."""
         return self.options.output is None
 
     @property
     def ending(self) -> str:
-        """Of the output, in lower case; of a part that of what can hold all that its rays may be merged into."""
+        """The output's ending, in lower case; of a part the ending of a format that holds all that its rays may be
+        merged into."""
         if self.is_part:
             return ".glb" if self.kind == "texture" else ".npy"
         return self.output.suffix.lower()
@@ -133,7 +136,7 @@ class Plan(NamedTuple):
         return values | {"mesh": str(self.mesh), "threads": thread_count(self.options.threads)}
 
     def with_options(self, **changes: Any) -> Plan:
-        """The plan of other files, or run otherwise. Args: changes: of options that decide nothing."""
+        """The plan with other files, or run in another way. Args: changes: options that do not decide what is baked."""
         return self._replace(options=self.options.replaced(**changes))
 
     def absolute(self) -> Plan:
@@ -142,7 +145,7 @@ class Plan(NamedTuple):
         return self.with_options(**{name: absolute(getattr(self.options, name)) for name in names})
 
     def check_files(self) -> None:
-        """Raises: OptionError, OutputError: a file cannot be written, or is read as well."""
+        """Check that all outputs can be written, and are no inputs. Raises: OptionError, OutputError."""
         if self.kind == "texture":
             for name, path in self.images.items():
                 check_texture_target(name, path, self.options.half)
@@ -163,6 +166,7 @@ def plan_bake(options: BakeOptions) -> Plan:
 
     Raises: OptionError, ConflictError: of an option; InputError: of the table of a falloff.
     """
+    # The kind of the bake: by the output's ending, or of a part by its options.
     output: Path | None = options.output
     ending = "" if output is None else output.suffix.lower()
     if output is not None and ending not in (*ENDINGS, *IMAGES):
@@ -178,22 +182,25 @@ def plan_bake(options: BakeOptions) -> Plan:
         if options.size or options.texel_size:
             kind = "texture"
     check_kind(options, kind)
+    # The arguments of `ao.bake` or `ao.bake_texture`, checked by their record.
     falloff = make_falloff(options.falloff, options.tau, options.half_distance, options.max_distance)
     of_kind = {row.name: getattr(options, row.name) for row in BAKER.values() if kind in row.bake_kinds.split()}
-    given = {name: value for name, value in of_kind.items() if not isinstance(value, Path | None)}
-    arguments = _RECORDS[kind](falloff=falloff, **given)
+    values = {name: value for name, value in of_kind.items() if not isinstance(value, Path | None)}
+    arguments = _RECORDS[kind](falloff=falloff, **values)
     if isinstance(options.cage, str) and resolve_length("cage", options.cage, 1.0) == float("inf"):
         raise OptionError("cage", "a finite length", options.cage)
-    shown = Channels()
+    # Where the output holds w for viewers, and the size of the page.
+    for_viewers = Channels()
     if kind == "vertices" and output is not None:
         replaced = options.replace_occlusion
-        shown = channels(output, options.colors, options.occlusion, replaced, ply_name=options.ply_name)
+        for_viewers = channels(output, options.colors, options.occlusion, replaced, ply_name=options.ply_name)
     size = None if kind == "vertices" or options.texel_size else _texels(options.size or "1024")
-    plan = Plan(kind, options, arguments, shown, _ground_height(options.ground), size)
+    plan = Plan(kind, options, arguments, for_viewers, _ground_height(options.ground), size)
     if kind == "vertices":
         _check_vertices(plan)
     else:
         _check_texture(plan)
+    # An up axis is of use only to what stands on it.
     standing = {".html", ".ply", ".glb"}
     paths = (options.report, options.debug_image, output if kind == "vertices" else plan.glb)
     stands = options.ground or options.debug_image or any(path.suffix.lower() in standing for path in paths if path)
@@ -208,7 +215,7 @@ def preset_format(options: BakeOptions) -> str:
 
 
 def _with_preset(options: BakeOptions, ending: str) -> BakeOptions:
-    """The options, and what their preset sets of those that are not given, where it applies."""
+    """The options with those of their preset, where it applies and they are not given."""
     preset = options.preset
     if preset is None:
         return options
@@ -250,6 +257,7 @@ def cage_of(given: str | Path | None) -> str | Path | None:
 
 
 def _ground_height(ground: str | None) -> float | None:
+    """The height of `--ground`, None for "auto" or none. Raises: OptionError."""
     if ground in (None, "auto"):
         return None
     try:
@@ -272,7 +280,7 @@ def _texels(text: str) -> tuple[int, int]:
 
 
 def _check_vertices(plan: Plan) -> None:
-    """Raises: ConflictError."""
+    """Check options that a bake to vertices, or to this output, cannot have together. Raises: ConflictError."""
     options = plan.options
     if not plan.is_part:
         check_holds(plan.output, "points" if options.points else options.at, options.both_sides)
@@ -283,7 +291,10 @@ def _check_vertices(plan: Plan) -> None:
 
 
 def _check_texture(plan: Plan) -> None:
-    """Raises: OptionError, ConflictError."""
+    """Check options that a bake to a texture, or to its outputs, cannot have together.
+
+    Raises: OptionError, ConflictError.
+    """
     options = plan.options
     glb = plan.glb
     named_layouts = (None, "auto", "unwrap", "fill", "pack")

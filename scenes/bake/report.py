@@ -73,25 +73,24 @@ def command_line(command: str, table: Iterable[Option], options: Mapping[str, An
 
 
 def command_again(plan: Plan, source: MeshFile) -> str:
-    """The command that bakes to vertices again by another half-distance, "{}", into a file that keeps what is there."""
+    """The command that bakes vertices again at another half-distance, "{}", into a file that keeps what it holds."""
     attributes = source.attributes
     is_painted = source.gltf or (attributes and (attributes.uv or attributes.materials))
     changed = {
         name: value
         for name, value in plan.described().items()
-        if ROWS[name].role != "output" and name not in _OF_FALLOFF and _is_given(plan, name)
+        if ROWS[name].role != "output"
+        and name not in _OF_FALLOFF
+        and plain(getattr(plan.options, name)) != plain(ROWS[name].default)
     }
     target = f"{plan.mesh.stem}-baked{'.glb' if is_painted else '.ply'}"
     line = command_line("bake", BAKE, changed | {"output": target, "half_distance": "{}"})
     return line.replace("'{}'", "{}")
 
 
-def _is_given(plan: Plan, name: str) -> bool:
-    return plain(getattr(plan.options, name)) != plain(ROWS[name].default)
-
-
 def _streamed(name: str, option: str) -> list[str]:
-    """A file's name as words of a command; that of a standard stream, "<stdin>.ply" say, as "-" and its format."""
+    """A file's name as words of a command; a standard stream, "<stdin>.ply" for instance, becomes "-" with its
+    format."""
     stream, _, ending = name.rpartition(".")
     return ["-", option, ending] if stream in ("<stdin>", "<stdout>") else [name]
 
@@ -126,12 +125,12 @@ def saved_options(path: Path) -> dict[str, Any]:
         del options["occlusion"]
     options |= {name: [options[name]] for name in ("mesh", "high") if isinstance(options.get(name), str)}
     check_stored(path, options)
-    kept = {name for name in options if ROWS[name].reusable} | ({"up"} if options.get("ground") else set())
-    return {name: value for name, value in options.items() if name in kept}
+    reused = {name for name in options if ROWS[name].reusable} | ({"up"} if options.get("ground") else set())
+    return {name: value for name, value in options.items() if name in reused}
 
 
 def _usual_occlusion(report: Mapping[str, Any]) -> str:
-    """The occlusion texture that the earlier output had unless it was asked for another."""
+    """The default of --occlusion for the output of an earlier bake."""
     output = report["options"].get("output")
     if output is None and isinstance(inputs := report.get("inputs"), list):
         output = next((item.get("output") for item in inputs if isinstance(item, dict)), None)

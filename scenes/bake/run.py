@@ -61,12 +61,12 @@ def work_size(plan: Plan, inputs: BakeInputs) -> WorkSize:
 
 
 def journal_of(output: Path) -> Path:
-    """The path of an output's journal."""
+    """The path of the journal beside an output."""
     return Path(f"{output}.partial")
 
 
 def open_journal(resume: bool, output: Path) -> Checkpoint:
-    """Keeps what is traced for an output, beside it; none beside standard output."""
+    """A checkpoint with a journal beside the output; without one for standard output."""
     from ao.execute.checkpoint import Checkpoint
 
     return Checkpoint(None if is_standard_output(output) else journal_of(output), resume, note)

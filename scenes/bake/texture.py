@@ -56,7 +56,10 @@ class Layout:
 
     @classmethod
     def of(cls, plan: Plan, inputs: BakeInputs) -> Layout:
-        """Raises: as `coordinates`, `pages_of`, `ObjectSelection.of_page`."""
+        """The layout of a plan: texture coordinates, pages and falloff.
+
+        Raises: as `coordinates`, `pages_of`, `ObjectSelection.of_page`.
+        """
         source = inputs.source
         chosen = inputs.chosen
         of_faces = coordinates(plan, source, chosen)
@@ -98,21 +101,24 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
     bakes: list[BakedPage] = []
     with ExitStack() as journals:
         for page in layout.pages:
+            # One page, by a journal of its own.
             target = page.path(plan.output)
             journal = Path(f"{plan.output}.{len(bakes) + 1}") if page.name and bakes else target
             baked = trace_page(plan, inputs, layout, page, journals.enter_context(open_checkpoint(journal)))
             title = f"{target}{f', {page.name}' if page.name else ''}"
+            # Warnings that no earlier page has given.
             remarks = layout_remarks(baked, page.wraps, plan.ending != ".glb")
-            said = {line for earlier in bakes for line in earlier.warnings}
+            known_warnings = {line for earlier in bakes for line in earlier.warnings}
             lines = [*baked.shortfalls, *(f"{title}: {line}" for line in remarks)]
-            more = warn([], [line for line in lines if line not in said])
+            new_warnings = warn([], [line for line in lines if line not in known_warnings])
             begun = time.perf_counter()
             _write_images(plan, baked, page)
             seconds = {"load": loaded, "write": time.perf_counter() - begun}
-            bakes.append(BakedPage(title, baked, seconds, [*warnings, *more]))
+            bakes.append(BakedPage(title, baked, seconds, [*warnings, *new_warnings]))
             if not plan.glb:
                 journals.close()  # of a .glb they stay until it is written
                 yield OutputSummary(texture_summary(baked, title) + inputs.alpha, bakes[-1].warnings)
+        # A .glb is written once all of its pages are baked.
         if plan.glb:
             begun = time.perf_counter()
             bakes[-1].warnings.extend(_write_glb(plan.glb, plan, inputs, layout, bakes))
@@ -125,7 +131,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
 
 
 def trace_page(plan: Plan, inputs: BakeInputs, layout: Layout, page: Page, checkpoint: Checkpoint) -> ao.BakedTexture:
-    """What `ao.bake_texture` makes of a page."""
+    """Bake one page."""
     options = plan.options
     with progress(options.quiet, "rays", form=options.progress, status=checkpoint.status) as (advance,):
         baked = call_checked(
@@ -150,6 +156,7 @@ def _outputs(plan: Plan, pages: Sequence[Page]) -> dict[str, Path]:
 
 
 def _write_images(plan: Plan, baked: ao.BakedTexture, page: Page) -> None:
+    """Write a page's images: w, bent normals and errors, as far as the plan asks for them."""
     options = plan.options
     bits = int(options.bits or 16)
     images = {name: page.path(path) for name, path in plan.images.items()}
@@ -184,6 +191,7 @@ def _write_glb(path: Path, plan: Plan, inputs: BakeInputs, layout: Layout, bakes
 
 
 def _write_report(plan: Plan, bakes: Sequence[BakedPage], inputs: list[dict[str, Any]], mesh: Mesh) -> None:
+    """Write the report of all pages, if the plan asks for one."""
     options = plan.described()
     reports = [report(page.baked, options, page.seconds, page.warnings) for page in bakes]
     whole = reports[0]

@@ -44,48 +44,52 @@ class Coordinates:
 
 
 def coordinates(plan: Plan, source: MeshFile, chosen: ObjectSelection) -> Coordinates:
-    """The texture coordinates that a plan has by --uv.
+    """The texture coordinates that --uv asks for: those of the file, new ones, or new ones for some faces alone.
 
     Raises: MeshError: there are none. OptionError: as `unwrap`, or a page too large.
     """
     options = plan.options
-    wanted = options.uv or "auto"
+    requested = options.uv or "auto"
     size = plan.size or options.texel_size
     # Where there can be several textures, faces of no area on the page get one of their own.
     sets = plan.ending == ".glb" and not options.orm and options.overlap is None
     mesh, receive, can_unwrap = chosen.mesh, chosen.receive, find_spec("uvunwrap") is not None
-    number = int(wanted) if wanted.isdecimal() else 0
-    uv = None if wanted == "unwrap" else source.texture_coordinates(number)
-    if uv is not None and wanted != "pack":
+    number = int(requested) if requested.isdecimal() else 0
+    uv = None if requested == "unwrap" else source.texture_coordinates(number)
+    if uv is not None and requested != "pack":
         uv = chosen.on_pages(uv)
-        texels = _page(mesh, uv, size)
-        new = ~on_page(uv) & receive & (wanted == "fill")
+        texels = _resolved_size(mesh, uv, size)
+        new = ~on_page(uv) & receive & (requested == "fill")
         areas = face_normals(mesh.vertices, mesh.faces)[1] * receive
         cramped = _cramped(mesh, uv, areas, texels)
         lost = cramped | (on_page(uv) & ~have_area(uv) & (areas > 0))
         if new.any():
-            uv[new] = unwrap(_some(mesh, new), min(texels))
+            uv[new] = unwrap(_faces_only(mesh, new), min(texels))
         if sets and can_unwrap and min(texels) >= _LEAST and areas[lost].sum() > _WORTH * areas.sum():
             with suppress(MeshError):  # there is no room for them: they stay, and a line tells of them
-                uv[lost] = unwrap(_some(mesh, lost), min(texels))
+                uv[lost] = unwrap(_faces_only(mesh, lost), min(texels))
                 new |= lost
         return Coordinates(uv, new, number, texels, int(np.count_nonzero(cramped & ~new)))
-    if uv is None and wanted not in ("unwrap", "fill") and not (wanted == "auto" and plan.keeps_uv and can_unwrap):
+    if (
+        uv is None
+        and requested not in ("unwrap", "fill")
+        and not (requested == "auto" and plan.keeps_uv and can_unwrap)
+    ):
         which = f" of number {number}" if number else ""
         into = "" if plan.keeps_uv else f" --mesh-output {source.path.stem}-uv.glb"
         advice = f"; {'' if can_unwrap else 'pip install uvunwrap and '}--uv unwrap{into} makes some"
         raise MeshError(source.path, "texture coordinates", f"some{which} on every face", f"none{advice}")
     share = np.sqrt(2 * _USED / np.count_nonzero(receive))  # of the page's side, of each face
-    made = np.full((len(receive), 3, 2), np.nan)
-    made[receive] = [[0.0, 0.0], [share, 0.0], [0.0, share]]
-    side = min(_page(mesh, made, size))
+    new_uv = np.full((len(receive), 3, 2), np.nan)
+    new_uv[receive] = [[0.0, 0.0], [share, 0.0], [0.0, share]]
+    side = min(_resolved_size(mesh, new_uv, size))
     old = None if uv is None else uv[receive]
-    made[receive] = unwrap(_some(mesh, receive), side, old)
-    return Coordinates(made, receive, None, (side, side))
+    new_uv[receive] = unwrap(_faces_only(mesh, receive), side, old)
+    return Coordinates(new_uv, receive, None, (side, side))
 
 
-def _some(mesh: Mesh, faces: Bools) -> Mesh:
-    """The mesh with some of its faces alone."""
+def _faces_only(mesh: Mesh, faces: Bools) -> Mesh:
+    """The mesh with some of its faces, bool (m,), alone."""
     return Mesh(mesh.vertices, mesh.faces[faces], source=mesh.source)
 
 
@@ -111,8 +115,8 @@ def _cramped(mesh: Mesh, uv: Float64s, areas: Float64s, size: tuple[int, int]) -
     return is_cramped
 
 
-def _page(mesh: Mesh, uv: Float64s, size: tuple[int, int] | str) -> tuple[int, int]:
-    """Texels across and down."""
+def _resolved_size(mesh: Mesh, uv: Float64s, size: tuple[int, int] | str) -> tuple[int, int]:
+    """Width and height of the page, in texels. Args: size: as given, or by texel size."""
     if isinstance(size, tuple):
         return size
     length = resolve_length("texel_size", size, mesh.radius)
@@ -143,26 +147,28 @@ def unwrap(mesh: Mesh | Any, size: int = 1024, uv: Any = None) -> Float64s:
 
     mesh = mesh_of(mesh, "unwrap")
     centred = (mesh.vertices - mesh.centre) / max(mesh.radius, 1e-300)
+    # Pieces to unwrap: the whole mesh, or the flattened charts of `uv` and the faces without any.
     pieces = [(np.arange(len(mesh.faces)), centred, mesh.faces)]
     if uv is not None:
         old = corner_uv(uv, mesh)
         pieces = list(_flat_charts(centred, mesh.faces, old, size))
-        rest = np.flatnonzero(~have_area(old))
-        pieces += [(rest, centred, mesh.faces[rest])] if len(rest) else []
+        without_uv = np.flatnonzero(~have_area(old))
+        pieces += [(without_uv, centred, mesh.faces[without_uv])] if len(without_uv) else []
     try:
-        given = [uvunwrap.Mesh(np.float32(at).ravel(), np.uint32(faces).ravel()) for _, at, faces in pieces]
-        atlas = uvunwrap.generate(given, page_size=size, padding=_PADDING)
+        inputs = [uvunwrap.Mesh(np.float32(at).ravel(), np.uint32(faces).ravel()) for _, at, faces in pieces]
+        atlas = uvunwrap.generate(inputs, page_size=size, padding=_PADDING)
     except Exception as reason:
         raise MeshError(mesh.source, "faces", "a mesh that uvunwrap can unwrap", reason) from None
     if atlas.page_count > 1:
         got = f"{atlas.page_count} pages of {size} texels; a larger --size may do"
         raise MeshError(mesh.source, "faces", "a mesh that uvunwrap can unwrap to one page", got)
-    made = np.full((len(mesh.faces), 3, 2), np.nan)
+    # The corners' places on the page, in the order of the mesh's faces.
+    corner_uvs = np.full((len(mesh.faces), 3, 2), np.nan)
     for (face_rows, *_), unwrapped in zip(pieces, atlas.meshes, strict=True):
-        made[face_rows] = np.reshape(unwrapped.corner_uvs, (-1, 3, 2))
-    if atlas.page_count != 1 or not np.isfinite(made).all():
+        corner_uvs[face_rows] = np.reshape(unwrapped.corner_uvs, (-1, 3, 2))
+    if atlas.page_count != 1 or not np.isfinite(corner_uvs).all():
         raise MeshError(mesh.source, "faces", "a mesh that uvunwrap can unwrap", f"{atlas!r}")
-    return made if uv is None else made * (atlas.width / size, atlas.height / size)
+    return corner_uvs if uv is None else corner_uvs * (atlas.width / size, atlas.height / size)
 
 
 def _flat_charts(

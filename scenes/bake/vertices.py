@@ -61,6 +61,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
     warnings = warn(inputs.meshes, [*inputs.notes, *losses], plan.falloff)
     with open_checkpoint(plan.output) as checkpoint:
         baked = trace(plan, inputs, checkpoint)
+        # Warnings about the result, before it is written.
         lines = list(baked.shortfalls)
         missed = baked.flagged["missed"]
         if missed:
@@ -68,10 +69,10 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
             lines.append(f"{plan.output}: {missed:,} of {len(baked.w):,} vertices lie {outside}")
         warnings += warn([], lines)
         traced = time.perf_counter()
-        shown = plan.channels
+        channels = plan.channels
         if plan.ending == ".html":
-            shown = shown._replace(again=command_again(plan, inputs.source))
-        write_vertices(plan.output, baked, inputs.source, shown)
+            channels = channels._replace(again=command_again(plan, inputs.source))
+        write_vertices(plan.output, baked, inputs.source, channels)
         if baked.coarse and baked.interpolation is not None:
             text = f"{COARSE} {baked.interpolation.rmse:.2f}, as the faces are too large for it"
             warnings += warn([], [f"{plan.output}: {text}: {_remedy(plan, inputs.source)}"])
@@ -109,7 +110,7 @@ def _remedy(plan: Plan, source: MeshFile) -> str:
 
 
 def trace(plan: Plan, inputs: BakeInputs, checkpoint: Checkpoint) -> ao.Bake:
-    """What `ao.bake` makes of the plan, of all objects at once or one group of them after the other."""
+    """Bake: all objects at once, or one group of them after the other."""
     options = plan.options
     only = inputs.chosen.only
     with progress(options.quiet, "rays", form=options.progress, status=checkpoint.status) as (advance,):
@@ -128,13 +129,13 @@ def _bake_cloud(plan: Plan, inputs: BakeInputs, cloud: tuple[Float64s, Float64s]
     places, normals = cloud
     from ao.methods.point_values import TAKEN
 
-    given = {name: getattr(plan.arguments, name) for name in TAKEN if name != "threads"}
+    arguments = {name: getattr(plan.arguments, name) for name in TAKEN if name != "threads"}
     walls = inputs.occluders
     alone = plan.options.occluder is None
     mesh = None if alone else walls[0]
     others = walls if alone else walls[1:]
     threads = plan.options.threads
-    return ao.bake_points(mesh, places, normals, occluders=others, progress=advance, threads=threads, **given)
+    return ao.bake_points(mesh, places, normals, occluders=others, progress=advance, threads=threads, **arguments)
 
 
 def _bake_groups(plan: Plan, inputs: BakeInputs) -> ao.Bake:
@@ -149,9 +150,10 @@ def _bake_groups(plan: Plan, inputs: BakeInputs) -> ao.Bake:
     values: dict[str, Any] = {"w": np.ones(count), "error": np.zeros(count), "bent_normals": np.zeros((count, 3))}
     values["flags"] = np.full(count, ao.Flag.UNREFERENCED, np.uint8)
     values["flags"][chosen.mesh.faces] = 0
+    # Each group alone, among the occluders that all have.
     for vertices, mesh in chosen.parts():
-        among = None if only is None else only[vertices]
-        options = {"falloff": falloff, "only": among, "threads": plan.options.threads}
+        requested = None if only is None else only[vertices]
+        options = {"falloff": falloff, "only": requested, "threads": plan.options.threads}
         part = call_checked(ao.bake, plan.arguments, mesh, **options, **inputs.arguments)
         for name, column in values.items():
             column[vertices] = getattr(part, name)

@@ -89,7 +89,7 @@ def _run_one(options: BakeOptions) -> int:
 
 
 def _run(plan: Plan, content: bytes | None = None, open_checkpoint: OpenCheckpoint | None = None) -> None:
-    """Run a plan and print its summaries."""
+    """Run a plan and print its summary and its remarks."""
     with silence_tolerance_warnings():
         for summary in run(plan, content, open_checkpoint):
             if not plan.options.quiet:
@@ -97,6 +97,7 @@ def _run(plan: Plan, content: bytes | None = None, open_checkpoint: OpenCheckpoi
 
 
 def _trace_part(options: BakeOptions) -> int:
+    """Trace a part of a bake, `--part`, and print a line. Returns: the exit status."""
     from ..bake.parts import part_numbers, trace_part
 
     number, of = part_numbers(options.part)
@@ -143,7 +144,7 @@ def run_merge(folder: Path, mesh: Path | None, values: dict[str, Any]) -> int:
 
 
 def _batch(options: BakeOptions) -> Batch:
-    """Raises: OptionError: inputs that are none, or that would have one output."""
+    """The batch that the options ask for. Raises: OptionError: no inputs, or several that would have one output."""
     folder = options.output_dir
     if STANDARD in options.mesh:
         raise ConflictError("output_dir", "does not go with", "-, standard input")
@@ -171,23 +172,28 @@ def _workers(options: BakeOptions) -> Workers | None:
 
 
 def _check_folder(option: str, folder: Path, nearest: str | None = None) -> None:
-    """Raises: OptionError: there is none, and its name is that of an output."""
+    """Check that the folder of an option is there, if its name is not an output's. Raises: OptionError."""
     if folder.suffix.lower().removeprefix(".") in get_args(Format) and not os.path.exists(folder):
         raise OptionError(option, "a folder", f"{folder}, the name of a file", nearest=nearest)
 
 
-def _check_output(given: Sequence[Path], output: Path | None, folder: bool) -> None:
-    """Raises: OptionError: several inputs, or no output. Args: folder: whether that is one."""
+def _check_output(inputs: Sequence[Path], output: Path | None, folder: bool) -> None:
+    """Check that there is one input, and an output for it.
+
+    Raises: OptionError.
+
+    Args: folder: whether it may be a folder.
+    """
     several = None
-    if is_pattern(given[0]):
+    if is_pattern(inputs[0]):
         several = "a pattern"
-    elif len(given) > 1:
-        several = f"{len(given)} inputs"
+    elif len(inputs) > 1:
+        several = f"{len(inputs)} inputs"
     if output is None:
         meant = None
         if several:
-            forgotten = len(given) == 2 and not os.path.exists(given[1])
-            meant = f"-o {given[1]}" if forgotten else "--output-dir"
+            forgotten = len(inputs) == 2 and not os.path.exists(inputs[1])
+            meant = f"-o {inputs[1]}" if forgotten else "--output-dir"
         raise OptionError("output", "a file, or --output-dir for several inputs", "nothing", nearest=meant)
     if os.path.isdir(output) and not folder:
         raise OptionError("output", "a file", f"{output}, a folder", nearest="--output-dir")

@@ -26,7 +26,7 @@ _GROUND = rt.Lambert(albedo=(0.5, 0.52, 0.53))
 _ABOVE = (0.3, 0.42, 0.6)  # colour of the backdrop at the upper edge
 
 
-def make_demo(folder: Path, quiet: bool = False) -> None:
+def make_demo(folder: Path, quiet: bool) -> None:
     """Bake the temple with the default options; write the mesh with w, and a picture: left without, right with w."""
     make_folder(folder)
     mesh_target = folder / "temple.ply"
@@ -36,15 +36,19 @@ def make_demo(folder: Path, quiet: bool = False) -> None:
         mesh = temple()
         baked = ao.bake(mesh, progress=advance)
         shape = rt.Shape(mesh, _STONE)
-        halves = _half(rt.Object(shape)), _half(rt.Object(shape, w=baked.w, bent_normals=baked.bent_normals))
+        halves = (
+            _render_half(rt.Object(shape)),
+            _render_half(rt.Object(shape, w=baked.w, bent_normals=baked.bent_normals)),
+        )
     write(mesh_target, baked, MeshFile.of(mesh))
     write_image(image_target, np.concatenate([halves[0], np.ones((_HALF.height, _GAP, 3)), halves[1]], axis=1))
     if not quiet:
         print(f"{bake_summary(baked, mesh_target)}\nimage: {image_target}")
 
 
-def _half(temple: rt.Object) -> Float64s:
-    """The temple on a wide ground, before a backdrop that begins in the ground's colour: linear RGB (h, w, 3)."""
+def _render_half(temple: rt.Object) -> Float64s:
+    """Half of the picture, linear RGB (h, w, 3): the temple on a wide ground before a backdrop that begins in the
+    ground's colour."""
     far = 500.0
     corners = np.array([(x, y, -0.1) for x, y in ((-far, -far), (far, -far), (far, far), (-far, far))])
     ground = rt.Object(rt.Shape(rt.Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), _GROUND))

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from raytrace.errors import ObscuranceError, printable
-from raytrace.system.checks import available, check_memory, in_use, size_text
+from raytrace.system.checks import available, check_memory, memory_in_use, size_text
 from raytrace.system.threads import thread_count
 
 from ..bake.console import columns, note
@@ -24,28 +24,28 @@ def dry_run(plans: Sequence[Plan], besides: Sequence[Path] = (), content: bytes 
     Returns: the exit status of the bakes, as far as it is known: 1 if one of several would fail.
     Raises: ObscuranceError: the only one would be refused.
     """
-    works: list[WorkSize] = []
+    sizes: list[WorkSize] = []
     paths: list[Path] = []
     faults: list[ObscuranceError] = []
     held = 0
     for plan in plans:
         try:
             inputs = read_inputs(plan, content)
-            held = held or in_use() or 0  # before what a bake makes anew
+            held = held or memory_in_use() or 0  # before what a bake makes anew
             work = work_size(plan, inputs)
             check_memory(plan.mesh, work.bytes, f"to bake {work.points:,} {work.unit}")
-            works.append(work)
+            sizes.append(work)
             paths += plan.outputs.values()
         except ObscuranceError as fault:
             faults.append(fault)
             if len(plans) > 1:
                 note(str(fault))
-    if works:
+    if sizes:
         paths += besides
         lines = [printable(str(path)) + (" in place of the one there" if path.exists() else "") for path in paths[:8]]
         if len(paths) > 8:
             lines.append(f"and {len(paths) - 8:,} more")
-        described = [*_rows(works, plans[0], held), *(("would write", line) for line in lines)]
+        described = [*_described(sizes, plans[0], held), *(("would write", line) for line in lines)]
         if faults:
             described.append(("would fail", f"{len(faults):,} of {len(plans):,} meshes"))
         print(columns(described))
@@ -54,24 +54,27 @@ def dry_run(plans: Sequence[Plan], besides: Sequence[Path] = (), content: bytes 
     return 1 if faults else 0
 
 
-def _rows(works: Sequence[WorkSize], plan: Plan, held: int) -> list[tuple[str, str]]:
-    """Args: held: bytes that the process has before it bakes."""
-    points = sum(work.points for work in works)
-    unit = works[0].unit
-    rays = sum(plan.arguments.rays_in_all(work.points) for work in works)
-    meshes = f"{len(works):,} meshes, " if len(works) > 1 else ""
+def _described(sizes: Sequence[WorkSize], plan: Plan, held: int) -> list[tuple[str, str]]:
+    """Lines (name, value) about one plan. Args: held: bytes of memory that the process has before it bakes."""
+    points = sum(work.points for work in sizes)
+    unit = sizes[0].unit
+    rays = sum(plan.arguments.rays_in_all(work.points) for work in sizes)
+    meshes = f"{len(sizes):,} meshes, " if len(sizes) > 1 else ""
     free = available()
-    needed = max(work.bytes for work in works)
-    room = "" if free is None else f", {size_text(free)} available"
+    needed = max(work.bytes for work in sizes)
+    available_text = "" if free is None else f", {size_text(free)} available"
     return [
         ("would bake", f"{meshes}at most {points:,} {unit}"),
         ("rays", f"at most {rays:,}, {rays // max(points, 1):,} each"),
-        ("memory", f"about {size_text(needed + held)} in all, {size_text(needed)} of it beside the mesh{room}"),
-        ("time", _time(rays, unit, plan)),
+        (
+            "memory",
+            f"about {size_text(needed + held)} in all, {size_text(needed)} of it beside the mesh{available_text}",
+        ),
+        ("time", _estimated_time(rays, unit, plan)),
     ]
 
 
-def _time(rays: int, unit: str, plan: Plan) -> str:
+def _estimated_time(rays: int, unit: str, plan: Plan) -> str:
     """How long the bake of so many rays may take, in words. Args: unit: of the points, as "texels"."""
     if not rays:
         return "none: there is nothing to bake"

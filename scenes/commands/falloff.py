@@ -43,9 +43,9 @@ def change_falloff(baked: Path, scales: Scales, output: Path, mesh: Path | None)
         count = f"{w.size:,} texels"
     else:
         count = f"{_write_vertices(baked, scales, output, mesh):,} vertices"
-    given = zip(scales.half_distances, scales.powers, strict=True)
-    terms = (f"w at {length}" + (f" to the power of {power:g}" if power != 1 else "") for length, power in given)
-    return printable(f"{output}: {' × '.join(terms)}, {count}, no rays traced")
+    terms = zip(scales.half_distances, scales.powers, strict=True)
+    factors = (f"w at {length}" + (f" to the power of {power:g}" if power != 1 else "") for length, power in terms)
+    return printable(f"{output}: {' × '.join(factors)}, {count}, no rays traced")
 
 
 def _write_vertices(baked: Path, scales: Scales, output: Path, mesh: Path | None) -> int:

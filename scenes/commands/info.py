@@ -57,43 +57,43 @@ def facts(source: MeshFile) -> dict[str, Any]:
 
 def describe(source: MeshFile) -> list[tuple[str, str]]:
     """Rows (name, value) about a file's objects, its extent, its defects and what a bake would do with it."""
-    known = facts(source)
+    values = facts(source)
     mesh = source.mesh
-    names = [printable(name, _NAME) for name in known["objects"]]
-    open_edges = known["open_edges"]
-    nonmanifold = known["edges_of_three_faces_or_more"]
-    bounds = " – ".join("(" + ", ".join(f"{c:.6g}" for c in corner) + ")" for corner in known["bounds"])
+    names = [printable(name, _NAME) for name in values["objects"]]
+    open_edges = values["open_edges"]
+    nonmanifold = values["edges_of_three_faces_or_more"]
+    bounds = " – ".join("(" + ", ".join(f"{c:.6g}" for c in corner) + ")" for corner in values["bounds"])
     profile = source.profile
-    stored = known["stored_profile"]
+    stored = values["stored_profile"]
     occlusion = "no textures in the file"
-    textures = known["occlusion_textures"]
+    textures = values["occlusion_textures"]
     if textures and textures["textured"]:
         occlusion = f"textures of {textures['textured']:,} of {textures['primitives']:,} primitives"
         occlusion += f", {textures['ramps']:,} of them ramps of a bake" if textures["ramps"] else ""
     text = profile and f"w at {len(profile.half_distances)} half-distances, {profile.range}, as {stored['stored']}"
     named_facts = [
-        ("file", printable(known["file"])),
+        ("file", printable(values["file"])),
         ("objects", f"{len(names)}: " + ", ".join(names[:8])),
-        ("vertices", f"{known['vertices']:,}"),
-        ("faces", f"{known['faces']:,}, {known['degenerate_faces']:,} of them degenerate"),
-        ("edges", f"{known['edges']:,}: {open_edges:,} open, {nonmanifold:,} between three faces or more"),
+        ("vertices", f"{values['vertices']:,}"),
+        ("faces", f"{values['faces']:,}, {values['degenerate_faces']:,} of them degenerate"),
+        ("edges", f"{values['edges']:,}: {open_edges:,} open, {nonmanifold:,} between three faces or more"),
         ("bounds", bounds),
-        ("up", known["up"] or "not said: y"),
-        ("radius", f"{known['radius']:.6g}, of the smallest ball that holds it: 100 % for relative distances"),
-        ("area", "too large" if known["area"] is None else f"{known['area']:.6g}"),
-        ("normals", "in the file" if known["normals"] else "none in the file"),
-        ("stored w", _stored_in_words(known["stored_w"])),
+        ("up", values["up"] or "not said: y"),
+        ("radius", f"{values['radius']:.6g}, of the smallest ball that holds it: 100 % for relative distances"),
+        ("area", "too large" if values["area"] is None else f"{values['area']:.6g}"),
+        ("normals", "in the file" if values["normals"] else "none in the file"),
+        ("stored w", _stored_in_words(values["stored_w"])),
         *([("profile", text)] if text else []),
         ("occlusion", occlusion),
         ("alpha", mesh.opacity.summary.removeprefix("alpha: ") if mesh.opacity else "none: all faces are opaque"),
-        ("points to bake", f"{known['points_to_bake']:,}, coincident vertices once"),
+        ("points to bake", f"{values['points_to_bake']:,}, coincident vertices once"),
     ]
-    named_facts += [(f"{name} vertices", f"{count:,}") for name, count in known["flagged_vertices"].items()]
-    return named_facts + [("warning", line) for line in known["warnings"]]
+    named_facts += [(f"{name} vertices", f"{count:,}") for name, count in values["flagged_vertices"].items()]
+    return named_facts + [("warning", line) for line in values["warnings"]]
 
 
 def _occlusion(source: MeshFile) -> dict[str, int] | None:
-    """Numbers of primitives of a glTF file with occlusion textures, and with the ramp of a bake."""
+    """How many primitives of a glTF file have occlusion textures, and how many of these are the ramp of a bake."""
     if source.gltf is None:
         return None
     _ = source.gltf.materials  # to find what is malformed
@@ -116,11 +116,12 @@ def _stored(w: Float64s | None) -> dict[str, Any] | None:
 
 
 def _finite(value: float) -> float | None:
-    """A number that JSON has a name for."""
+    """The number, or None where it is infinite or NaN, which JSON cannot hold."""
     return float(value) if np.isfinite(value) else None
 
 
 def _stored_in_words(stored: dict[str, Any] | None) -> str:
+    """What `_stored` has found, in a line."""
     if stored is None:
         return "none in the file"
     if stored["least"] is None:

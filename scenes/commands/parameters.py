@@ -29,9 +29,11 @@ class Value(click.ParamType[Any, Any]):
         return None if self.row.is_argument else "|".join(get_args(self.row.element)) or _METAVARS[self.row.element]
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The checked value of a word, as Click asks for it. Raises: as `Option.parsed`."""
         return self.row.parsed(value)
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[Any]:
+        """The words that complete an incomplete one in a shell."""
         from click.shell_completion import CompletionItem
 
         if self.row.element is Path:
@@ -58,11 +60,12 @@ def parameter(row: Option) -> click.Parameter:
 
 
 def _listed(_: click.Context, __: click.Parameter, values: Sequence[Any]) -> list[Any] | None:
+    """The values of an option that may be repeated, None if there are none."""
     return list(values) or None
 
 
 def _take_options(context: click.Context, _: click.Parameter, report: Path | None) -> None:
-    """Let options that are not given have the values that they had in an earlier bake."""
+    """Click's callback of `--options`: an earlier bake's options become the defaults of the others."""
     if report is not None:
         from ..bake.report import saved_options
 
@@ -84,10 +87,13 @@ class TableCommand(click.Command):
         self._long = {row.short: row.flags[0] for row in rows}
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        """The parameters, as Click asks for them; made of the rows when the command is called."""
         self.params = self.params or [*map(parameter, self._rows)]  # of the command that is called
         return super().get_params(ctx)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the words, with short names written out; those of options that are gone are refused with what
+        replaces them."""
         ctx.meta[_WHOLE] = args[-1:] == ["all"]
         bare = [word == "--colors" and not after.isalpha() for word, after in pairwise([*args, ""])]
         words = [f"{word}=rgb" if is_bare else word for word, is_bare in zip(args, bare, strict=True)]
@@ -100,6 +106,7 @@ class TableCommand(click.Command):
         return super().parse_args(ctx, words)
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The help, with its examples before the options."""
         self.format_usage(ctx, formatter)
         self.format_help_text(ctx, formatter)
         self.format_epilog(ctx, formatter)  # examples
@@ -117,7 +124,7 @@ class TableCommand(click.Command):
         for title in shown:
             with formatter.section(title):
                 formatter.write_dl(sections[title])
-        rest = sum(len(records) for title, records in sections.items() if title not in shown)
-        if rest:
+        hidden_count = sum(len(records) for title, records in sections.items() if title not in shown)
+        if hidden_count:
             formatter.write_paragraph()
-            formatter.write_text(f"{rest} more options: {ctx.command_path} -h all")
+            formatter.write_text(f"{hidden_count} more options: {ctx.command_path} -h all")

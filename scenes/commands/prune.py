@@ -47,29 +47,28 @@ def prune(source: Path, output: Path, seed: int, threads: int | None) -> str:
     if unseen.faces.all():
         raise OptionError("mesh", "faces that something outside sees", f"{source}, without any: is it a room?")
     if ending == ".glb":
-        content, kept = _glb(mesh_file, ~unseen.faces)
+        content, face_count = _visible_glb(mesh_file, ~unseen.faces)
     else:
-        content = _plain(mesh_file.mesh, ~unseen.faces, ending)
-        kept = int(np.count_nonzero(~unseen.faces))
+        content = _visible_mesh(mesh_file.mesh, ~unseen.faces, ending)
+        face_count = int(np.count_nonzero(~unseen.faces))
     write_bytes(output, content)
-    text = f"{output}: {kept:,} faces; {len(unseen.faces) - kept:,} that nothing outside sees are gone"
+    text = f"{output}: {face_count:,} faces; {len(unseen.faces) - face_count:,} that nothing outside sees are gone"
     return f"{text}. Of what one of these looks at less than {unseen.share:.2%} is open, with 95 % confidence"
 
 
-def _plain(mesh: Mesh, seen: Bools, ending: str) -> bytes:
+def _visible_mesh(mesh: Mesh, seen: Bools, ending: str) -> bytes:
     """The seen faces and their vertices alone."""
     import trimesh
 
-    rest = trimesh.Trimesh(mesh.vertices, mesh.faces[seen], process=False)
-    rest.remove_unreferenced_vertices()
-    exported: bytes | str = rest.export(file_type=ending[1:])
+    submesh = trimesh.Trimesh(mesh.vertices, mesh.faces[seen], process=False)
+    submesh.remove_unreferenced_vertices()
+    exported: bytes | str = submesh.export(file_type=ending[1:])
     return exported.encode() if isinstance(exported, str) else exported
 
 
-def _glb(mesh_file: MeshFile, seen: Bools) -> tuple[bytes, int]:
-    """The document without instances of which nothing is seen, and without faces that are seen in no instance; and how
-    many faces it draws.
-    """
+def _visible_glb(mesh_file: MeshFile, seen: Bools) -> tuple[bytes, int]:
+    """The document without instances of which nothing is seen and faces that no instance shows; and how many faces
+    it draws."""
     from ..formats.gltf.accessors import triangles
     from ..formats.gltf.textured import draw, take_vertices
     from ..formats.gltf.write import one_buffer
@@ -78,8 +77,9 @@ def _glb(mesh_file: MeshFile, seen: Bools) -> tuple[bytes, int]:
     assert asset is not None
     builder = one_buffer(asset)
     meshes = builder.header["meshes"]
-    showing = _showing(asset, mesh_file.parts, seen)
-    kept = _kept(asset, mesh_file.parts, seen)
+    showing = _visible_nodes(asset, mesh_file.parts, seen)
+    kept_faces = _visible_faces(asset, mesh_file.parts, seen)
+    # Nodes of which nothing is seen draw nothing any more.
     for number in {drawn.node for drawn in asset.drawn} - showing:
         for field in ("mesh", "skin", "weights"):
             builder.header["nodes"][number].pop(field, None)
@@ -87,7 +87,7 @@ def _glb(mesh_file: MeshFile, seen: Bools) -> tuple[bytes, int]:
     before = _values_of_primitives(meshes)
     primitives = {(drawn.mesh, drawn.primitive_number): drawn.primitive for drawn in asset.drawn}
     for (mesh, number), primitive in primitives.items():
-        faces_kept = kept[mesh, number]
+        faces_kept = kept_faces[mesh, number]
         stored = meshes[mesh]["primitives"][number]
         if faces_kept.any():
             count = asset.geometry.accessors[primitive.attributes["POSITION"]].count
@@ -99,27 +99,28 @@ def _glb(mesh_file: MeshFile, seen: Bools) -> tuple[bytes, int]:
             meshes[mesh]["primitives"][number] = None
     _drop_empty_meshes(builder.header)
     _drop_values(builder, before - _values_of_primitives(builder.header["meshes"]))
-    shown = [kept[drawn.mesh, drawn.primitive_number] for drawn in asset.drawn if drawn.node in showing]
-    return builder.encode(), sum(int(np.count_nonzero(faces)) for faces in shown)
+    drawn_faces = [kept_faces[drawn.mesh, drawn.primitive_number] for drawn in asset.drawn if drawn.node in showing]
+    return builder.encode(), sum(int(np.count_nonzero(faces)) for faces in drawn_faces)
 
 
-def _showing(asset: Gltf, parts: Sequence[Submesh], seen: Bools) -> set[int]:
-    """The drawn nodes that show something: faces that are seen, or lines and points."""
+def _visible_nodes(asset: Gltf, parts: Sequence[Submesh], seen: Bools) -> set[int]:
+    """The nodes that show something: seen faces, lines or points."""
     numbers = Counter(mesh for mesh, _ in {(drawn.mesh, drawn.primitive_number) for drawn in asset.drawn})
     with_lines = {mesh for mesh, count in numbers.items() if count < len(asset.geometry.meshes[mesh].primitives)}
     instances = zip(asset.drawn, parts, strict=True)
     return {drawn.node for drawn, part in instances if drawn.mesh in with_lines or seen[part.faces].any()}
 
 
-def _kept(asset: Gltf, parts: Sequence[Submesh], seen: Bools) -> dict[tuple[int, int], Bools]:
-    """By mesh and primitive the faces that are seen in some instance; all of a mesh that another scene shows, too."""
+def _visible_faces(asset: Gltf, parts: Sequence[Submesh], seen: Bools) -> dict[tuple[int, int], Bools]:
+    """The faces of each mesh and primitive that are seen in some instance; all of a mesh that another scene shows,
+    too."""
     drawn_nodes = {drawn.node for drawn in asset.drawn}
     elsewhere = {node.mesh for number, node in enumerate(asset.geometry.nodes) if number not in drawn_nodes}
-    kept: dict[tuple[int, int], Bools] = {}
+    seen_faces: dict[tuple[int, int], Bools] = {}
     for drawn, part in zip(asset.drawn, parts, strict=True):
         primitive = drawn.mesh, drawn.primitive_number
-        kept[primitive] = seen[part.faces] | kept.get(primitive, np.bool_(drawn.mesh in elsewhere))
-    return kept
+        seen_faces[primitive] = seen[part.faces] | seen_faces.get(primitive, np.bool_(drawn.mesh in elsewhere))
+    return seen_faces
 
 
 def _values_of_primitives(meshes: list[dict[str, Any]]) -> set[int]:
@@ -134,19 +135,20 @@ def _drop_empty_meshes(header: dict[str, Any]) -> None:
     """Take primitives that are None out of their meshes, and meshes without primitives out of the document."""
     for mesh in header["meshes"]:
         mesh["primitives"] = [primitive for primitive in mesh["primitives"] if primitive]
-    kept = [number for number, mesh in enumerate(header["meshes"]) if mesh["primitives"]]
-    header["meshes"] = [header["meshes"][number] for number in kept]
+    drawn_meshes = [number for number, mesh in enumerate(header["meshes"]) if mesh["primitives"]]
+    header["meshes"] = [header["meshes"][number] for number in drawn_meshes]
     for node in header["nodes"]:
         if "mesh" in node:
-            node["mesh"] = kept.index(node["mesh"])
+            node["mesh"] = drawn_meshes.index(node["mesh"])
 
 
 def _drop_values(builder: GlbBuilder, unused: set[int]) -> None:
-    """Leave zeros of `unused` accessors, which keep their numbers, and of the buffer what views that are used show."""
+    """Replace accessors that are `unused`, which keep their numbers, by zeros, and drop what no view shows from the
+    buffer."""
     header = builder.header
     for number in unused:
         header["accessors"][number] = dict(_ZERO)
-    used = set(_views(header))
+    used = set(_buffer_views(header))
     stored = bytes(builder.binary)
     builder.binary.clear()
     for number, view in enumerate(header["bufferViews"]):
@@ -157,8 +159,8 @@ def _drop_values(builder: GlbBuilder, unused: set[int]) -> None:
         view["byteOffset"] = builder.add(stored[start : start + view["byteLength"]])
 
 
-def _views(value: Any) -> Iterator[int]:
-    """The buffer views that a document refers to, by the key that they have in all extensions."""
+def _buffer_views(value: Any) -> Iterator[int]:
+    """Numbers of all buffer views that a document refers to."""
     if isinstance(value, dict):
         if isinstance(value.get("bufferView"), int):
             yield value["bufferView"]
@@ -166,4 +168,4 @@ def _views(value: Any) -> Iterator[int]:
     elif not isinstance(value, list):
         return
     for child in value:
-        yield from _views(child)
+        yield from _buffer_views(child)

@@ -34,68 +34,69 @@ _PREVIEW = 4  # a preview's sides are that much shorter
 _PREVIEW_BAKE = 32  # and it bakes with that many rays a vertex
 
 
-def run_render(given: RenderOptions) -> None:
+def run_render(options: RenderOptions) -> None:
     """Read a scene, render it, write the image and a report, and print a summary. Raises: ObscuranceError."""
-    check_together(given, RENDER)
+    check_together(options, RENDER)
     workers = None
-    if given.cluster:
+    if options.cluster:
         from ..bake.cluster import Workers
 
-        workers = Workers(given)
-    if given.output is not None:
-        _render(given, given.output, workers)
+        workers = Workers(options)
+    if options.output is not None:
+        _render(options, options.output, workers)
         return
-    if not given.show:
+    if not options.show:
         raise OptionError("output", "an image file, or --show", "nothing")
     from tempfile import TemporaryDirectory
 
     with TemporaryDirectory() as folder:
-        _render(given.replaced(quiet=True), Path(folder) / "shown.png", workers)
+        _render(options.replaced(quiet=True), Path(folder) / "shown.png", workers)
 
 
-def _render(given: RenderOptions, output: Path, workers: Workers | None) -> None:
+def _render(options: RenderOptions, output: Path, workers: Workers | None) -> None:
+    """Check the options, read the scene, bake and render it, write what is asked for, and print a line."""
     # Everything that can be wrong without the scene.
-    if given.show and not sys.stdout.isatty():
+    if options.show and not sys.stdout.isatty():
         raise OptionError("show", "a terminal as standard output", "a file or a pipe")
-    size = None if given.width is None else (given.width, given.height)
-    crop = None if given.crop is None else _crop(given.crop)
+    size = None if options.width is None else (options.width, options.height)
+    crop = None if options.crop is None else _crop(options.crop)
     from raytrace.image.write import check_image_target
     from raytrace.system.checks import check_ending, check_outputs
     from raytrace.system.threads import thread_count
 
-    threads = thread_count(given.threads)
-    layers = check_image_target(output, given.half)
-    if given.report:
-        check_ending("--report", given.report, *REPORTS)
+    threads = thread_count(options.threads)
+    layers = check_image_target(output, options.half)
+    if options.report:
+        check_ending("--report", options.report, *REPORTS)
     from ..description.read import read_scene
     from ..formats.falloffs import make_scales
     from ..formats.stored_w import check_stored
     from ..show.report.verdict import hashed
 
-    if given.baked:
-        check_stored(given.baked)
-    scales = None if given.half_distance is None else make_scales(given.half_distance, given.power)
+    if options.baked:
+        check_stored(options.baked)
+    scales = None if options.half_distance is None else make_scales(options.half_distance, options.power)
     # The scene as the options have it.
-    read = read_scene(given.scene, size, given.up, given.view)
-    description = _adjusted(read, given.replaced(crop=crop), scales)
-    check_outputs({"--output": output, "--report": given.report}, [given.scene, *description.files])
-    inputs = hashed([given.scene, *description.files]) if given.report else []
+    read = read_scene(options.scene, size, options.up, options.view)
+    description = _adjusted(read, options.replaced(crop=crop), scales)
+    check_outputs({"--output": output, "--report": options.report}, [options.scene, *description.files])
+    inputs = hashed([options.scene, *description.files]) if options.report else []
     warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
     # Its picture.
     with workers.session(output) if workers else nullcontext() as session:
         status = session.status if session else str
-        with progress(given.quiet, "rays", "tiles", form=given.progress, status=status) as bars:
-            picture = _picture(given.scene, description, layers is None, threads, bars, session)
+        with progress(options.quiet, "rays", "tiles", form=options.progress, status=status) as bars:
+            picture = _picture(options.scene, description, layers is None, threads, bars, session)
             start = time.perf_counter()
-            picture.frame.save(output, _metadata(given.scene, description.settings), given.half)
+            picture.frame.save(output, _metadata(options.scene, description.settings), options.half)
             picture.seconds["write"] = time.perf_counter() - start
-    if given.show:
+    if options.show:
         from ..show.terminal import show_picture
 
         show_picture(picture.frame.layers["beauty"])
-    if given.report:
-        _write_report(given, description.settings, picture, threads, inputs, warnings)
-    if not given.quiet:
+    if options.report:
+        _write_report(options, description.settings, picture, threads, inputs, warnings)
+    if not options.quiet:
         print(picture.summary(output, description.settings))
         if session:
             print(session.summary())
@@ -110,37 +111,41 @@ def _crop(text: str) -> tuple[int, int, int, int]:
     return x, y, width, height
 
 
-def _adjusted(description: SceneDescription, given: RenderOptions, scales: Scales | None) -> SceneDescription:
-    """The description as the options have it; a preview: a quarter as wide and high, few rays. Raises: OptionError."""
+def _adjusted(description: SceneDescription, options: RenderOptions, scales: Scales | None) -> SceneDescription:
+    """The description changed by the options. A preview is a quarter as wide and high, with few rays.
+
+    Raises: OptionError.
+    """
     # Settings, where w comes from, and the bake.
-    changes = {name: getattr(given, name) for name in ("crop", *_SETTINGS) if getattr(given, name) is not None}
+    changes = {name: getattr(options, name) for name in ("crop", *_SETTINGS) if getattr(options, name) is not None}
     settings = replace(description.settings, **changes)
     w_from = description.w_from
     files = description.files
     if settings.obscurance == "off":
-        if given.baked is not None:
+        if options.baked is not None:
             raise ConflictError("baked", "does not go with", ("obscurance", "off"))
         w_from = "off"
-    elif given.baked is not None:
-        w_from = given.baked
-        files = (*files, given.baked)
+    elif options.baked is not None:
+        w_from = options.baked
+        files = (*files, options.baked)
     elif w_from == "off":
         w_from = "bake"
     bake = description.bake
-    if given.preview:
+    if options.preview:
         settings = _quarter(settings)
         bake = replace(bake, samples=min(bake.rays, _PREVIEW_BAKE))
     # The scene, and half-distances of its w.
-    scene = description.scene if given.own_occlusion else description.scene.without_occlusion()
-    if given.alpha == "ignore":
+    scene = description.scene if options.own_occlusion else description.scene.without_occlusion()
+    if options.alpha == "ignore":
         scene = scene.without_alpha()
     if scales and not isinstance(w_from, Path):
         raise ConflictError("half_distance", "needs", "baked")
-    scales = scales or (None if given.baked else description.scales)
+    scales = scales or (None if options.baked else description.scales)
     return replace(description, scene=scene, settings=settings, w_from=w_from, bake=bake, files=files, scales=scales)
 
 
 def _quarter(settings: Settings) -> Settings:
+    """Settings of a preview: size and crop divided by `_PREVIEW`, at most four samples."""
     width = max(settings.width // _PREVIEW, 1)
     height = max(settings.height // _PREVIEW, 1)
     crop = settings.crop
@@ -170,7 +175,12 @@ def _picture(
     source: Path, description: SceneDescription, all_layers: bool, threads: int, bars: Sequence[Advance | None],
     session: ClusterSession | None,
 ) -> RenderedPicture:  # fmt: skip
-    """Bake what a described scene needs, and render it. Args: bars: of baking, and of rendering."""
+    """Bake what a described scene needs, and render it.
+
+    Args:
+        all_layers: as of `raytrace.render`.
+        bars: progress of baking, and of rendering.
+    """
     from raytrace.renderer.render import describe_work, render, rendering_bytes
     from raytrace.system.checks import check_memory
 
@@ -196,7 +206,7 @@ def _picture(
 
 
 def _metadata(source: Path, settings: Settings) -> dict[str, str]:
-    """What a picture's file says of itself: nothing that changes between runs."""
+    """Metadata of a picture's file: nothing that changes between runs."""
     from ao.report import versions
 
     names = ("samples", "seed", "shading", "normals", "obscurance")
@@ -205,9 +215,14 @@ def _metadata(source: Path, settings: Settings) -> dict[str, str]:
 
 
 def _write_report(
-    given: RenderOptions, settings: Settings, picture: RenderedPicture, threads: int, inputs: Sequence[dict[str, Any]],
+    options: RenderOptions,
+    settings: Settings,
+    picture: RenderedPicture,
+    threads: int,
+    inputs: Sequence[dict[str, Any]],
     warnings: Sequence[str],
-) -> None:  # fmt: skip
+) -> None:
+    """Write the report of a rendering, as JSON or as a page with its pictures."""
     from ..show.report.verdict import write_report
 
     def pictures() -> list[list[Picture]]:
@@ -215,11 +230,11 @@ def _write_report(
 
         return [pictures_of_frame(picture.frame)]
 
-    kept = [row for row in RENDER if row.role != "run" or row.name == "threads"]
-    options = {row.name: plain(getattr(given, row.name)) for row in kept}
-    line = command_line("render", RENDER, options)
-    facts = _report(given.scene, settings, picture, threads, warnings)
-    write_report(given.report, "render", line, facts, inputs, options, pictures)
+    rows = [row for row in RENDER if row.role != "run" or row.name == "threads"]
+    reported = {row.name: plain(getattr(options, row.name)) for row in rows}
+    line = command_line("render", RENDER, reported)
+    facts = _report(options.scene, settings, picture, threads, warnings)
+    write_report(options.report, "render", line, facts, inputs, reported, pictures)
 
 
 def _report(

@@ -34,7 +34,7 @@ def _mistake_in_words(mistake: click.UsageError, app: click.Group, command: clic
         takes = "requires" in mistake.message
         expected, got = ("a value", "nothing") if takes else ("the option alone", "a value")
     elif isinstance(mistake, click.MissingParameter):
-        expected = _shown(mistake.param)
+        expected = _name_in_words(mistake.param)
         got = "nothing"
     elif isinstance(mistake, click.exceptions.NoSuchCommand):
         subject = "command"
@@ -57,30 +57,32 @@ def _option_in_words(mistake: InputError, command: Any) -> str:
     if isinstance(mistake, ConflictError):
 
         def in_command(term: Any) -> str:
+            """A term of the mistake, an option or a pair of an option and its value, as it is typed in the command."""
             name, *value = (term,) if isinstance(term, str) else term
             item = parameters.get(name)
             if item is None:
                 return str(name)
             if not value:
-                return _given(item) if name == mistake.field else _shown(item)
+                return _name_as_typed(item) if name == mistake.field else _name_in_words(item)
             flag = item.secondary_opts[0] if value[0] is False else item.opts[0]
             return str(flag if isinstance(value[0], bool) else f"{flag} {value[0]}")
 
         return printable(f"{command.name}: {mistake.in_words(in_command)}; see obscurance {command.name} --help")
-    shown = _given(parameters[mistake.field]) if mistake.field in parameters else mistake.field
+    shown = _name_as_typed(parameters[mistake.field]) if mistake.field in parameters else mistake.field
     return _line(f"{command.name} {shown}", mistake.expected, mistake.got, mistake.nearest, command)
 
 
 def _line(subject: str, expected: str, got: object, near: str | None, command: Any) -> str:
+    """The line that reports a mistake. Args: near: a name that was probably meant. command: Click's."""
     name = f" {command.name}" if command else ""
-    given = shortened(got) or '""'
+    got_text = shortened(got) or '""'
     hint = f"did you mean {near}? See" if near else "see"
-    text = f"expected {expected}, got {given}; {hint} obscurance{name} --help"
+    text = f"expected {expected}, got {got_text}; {hint} obscurance{name} --help"
     return printable(f"{subject}: {text}" if subject else text)
 
 
 def _file_meant(missing: Path) -> str:
-    """The name beside a missing file, or of a built-in scene, that is like its own but for the ending."""
+    """The existing file, or built-in scene, whose name differs from a missing file's by its ending."""
     from ..library.catalogue import BUILTIN
 
     if missing.name in BUILTIN:
@@ -94,13 +96,13 @@ def _file_meant(missing: Path) -> str:
     return printable(f"; did you mean {by_stem[near]}?") if near else ""
 
 
-def _shown(parameter: Any) -> str:
-    """An option by its long name, an argument as help shows it."""
+def _name_in_words(parameter: Any) -> str:
+    """A parameter in words: an option by its long name, an argument as the help shows it."""
     is_option = isinstance(parameter, click.Option)
     return str(parameter.opts[0] if is_option else parameter.human_readable_name.removesuffix("..."))
 
 
-def _given(parameter: Any) -> str:
-    """As `_shown`, but a switch that is on by default by the name that turns it off."""
+def _name_as_typed(parameter: Any) -> str:
+    """A parameter as it was typed; a switch that is on by default by the name that turns it off."""
     off = parameter.default is True and parameter.secondary_opts
-    return str(parameter.secondary_opts[0]) if off else _shown(parameter)
+    return str(parameter.secondary_opts[0]) if off else _name_in_words(parameter)

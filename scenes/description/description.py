@@ -102,6 +102,7 @@ def three_lights(camera: Camera) -> tuple[BaseLight, ...]:
     right, above, forward = camera.axes()
 
     def light(towards: Vector, intensity: Vector) -> DirectionalLight:
+        """A light from a direction, given to the right, upwards and forward in the picture."""
         return DirectionalLight(direction=(np.array(towards) @ [right, above, forward]).tolist(), intensity=intensity)
 
     return (

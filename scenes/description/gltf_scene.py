@@ -88,7 +88,7 @@ class Materials:
         self.left_out: set[str] = set()
 
     def notes(self) -> tuple[str, ...]:
-        """What materials have that pictures do not show, in a line."""
+        """A line about what materials have that pictures do not show."""
         words = [f"of {', '.join(sorted(self.means))} the mean"] if self.means else []
         words += [f"left out {', '.join(sorted(self.left_out))}"] if self.left_out else []
         return (printable(f"{self._asset.path}: materials: {'; '.join(words)}"),) if words else ()
@@ -103,6 +103,8 @@ class Materials:
         return self._made[number]
 
     def _material(self, stored: records.GltfMaterial) -> Material:
+        """The reflection model that is nearest to a glTF material; textures other than the colour's become their
+        means."""
         self.left_out |= {name for name in stored.extensions if name not in _READ}
         self.left_out |= {"normalTexture"} & vars(stored).keys()
         emitted = np.multiply(stored.emissiveFactor, stored.emissiveStrength)
@@ -122,19 +124,22 @@ class Materials:
         return material_from_dict(common | {"model": "cook_torrance"})
 
     def _metallic(self, stored: records.GltfMaterial) -> Surface:
-        given = stored.pbrMetallicRoughness
-        is_metal = given.metallicFactor if "pbrMetallicRoughness" in vars(stored) else 0.0
-        base = np.clip(given.baseColorFactor[:3], 0.0, 1.0).tolist()
-        factors = np.clip([given.roughnessFactor, is_metal], 0.0, 1.0)
-        mean = self._mean(given, "metallicRoughnessTexture", srgb=False, unread=_NO_METAL)
+        """Base colour, roughness, metalness and reflectance F₀ of metallic-roughness parameters."""
+        parameters = stored.pbrMetallicRoughness
+        is_metal = parameters.metallicFactor if "pbrMetallicRoughness" in vars(stored) else 0.0
+        base = np.clip(parameters.baseColorFactor[:3], 0.0, 1.0).tolist()
+        factors = np.clip([parameters.roughnessFactor, is_metal], 0.0, 1.0)
+        mean = self._mean(parameters, "metallicRoughnessTexture", srgb=False, unread=_NO_METAL)
         roughness, metallic = (factors * mean[1:3]).tolist()
         f0 = (1 - metallic) * DIELECTRIC_F0 + metallic * np.array(base)
         return base, roughness, metallic, f0
 
-    def _specular(self, given: records.SpecularGlossiness) -> Surface:
-        diffuse = np.clip(given.diffuseFactor[:3], 0.0, 1.0)
-        factors = np.clip([*given.specularFactor, given.glossinessFactor], 0.0, 1.0)
-        *f0, glossiness = (factors * self._mean(given, "specularGlossinessTexture", srgb=True)).tolist()
+    def _specular(self, parameters: records.SpecularGlossiness) -> Surface:
+        """Base colour, roughness, metalness and F₀ of specular-glossiness parameters
+        (KHR_materials_pbrSpecularGlossiness)."""
+        diffuse = np.clip(parameters.diffuseFactor[:3], 0.0, 1.0)
+        factors = np.clip([*parameters.specularFactor, parameters.glossinessFactor], 0.0, 1.0)
+        *f0, glossiness = (factors * self._mean(parameters, "specularGlossinessTexture", srgb=True)).tolist()
         metallic = max(0.0, (max(f0) - DIELECTRIC_F0) / (1 - DIELECTRIC_F0))
         base = ((1 - metallic) * diffuse + metallic * np.array(f0)).tolist()
         return base, 1 - glossiness, metallic, np.array(f0)
@@ -155,7 +160,7 @@ class Materials:
         return unread if mean is None else mean
 
 
-def read_gltf(path: Path, settings: Settings, up: str | None = None, view: str | None = None) -> SceneDescription:
+def read_gltf(path: Path, settings: Settings, up: str | None, view: str | None) -> SceneDescription:
     """A whole glTF scene; y is up, as glTF has it, unless `up` says otherwise.
 
     Without a camera, or with a `view`, everything is framed; without lights there are three of our own.
@@ -202,6 +207,7 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...]]
 
 
 def _shape(drawn: DrawnPrimitive, placed: Instance, materials: Materials, textures: Textures) -> Shape:
+    """The shape of a drawn primitive, `placed` in the world. Raises: SceneError."""
     asset = textures.asset
     path = textures.asset.path
     primitive = drawn.primitive
@@ -236,6 +242,7 @@ def _camera(stored: records.GltfCamera, matrix: Float64s) -> Camera:
 
 
 def _light(stored: records.GltfLight, matrix: Float64s) -> BaseLight:
+    """A light of KHR_lights_punctual at the node with this map to the world (4, 4)."""
     intensity = [stored.intensity * channel for channel in stored.color]
     values: dict[str, Any] = {"light": stored.type, "intensity": intensity}
     if stored.type != "directional":

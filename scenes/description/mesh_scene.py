@@ -48,10 +48,11 @@ def reflection(material: SourceMaterial) -> Material:
 
 
 def _split(mesh: Mesh, several: list[PerCorner]) -> tuple[Mesh, Origin | None, Int64s]:
-    """The mesh with vertices repeated at creases and where corners have other values.
+    """The mesh with vertices repeated at creases and where corners have other values of `several`.
 
-    Returns: its vertices' origin, None if none is repeated, and for each vertex a corner of `mesh` that is alike; or
-        for each corner itself.
+    Returns:
+        The mesh, its vertices' origin, None if none is repeated, and for each vertex a corner of the given mesh that is
+        alike; or for each corner itself.
     """
     total = len(mesh.vertices)
     if mesh.normals is None:
@@ -67,7 +68,10 @@ def _split(mesh: Mesh, several: list[PerCorner]) -> tuple[Mesh, Origin | None, I
 
 
 def _shapes(source: MeshFile) -> Iterator[tuple[Shape, Origin | None]]:
-    """A shape of the faces of each material; vertices are repeated at creases and where texture coordinates jump."""
+    """The shapes of a mesh file, one for the faces of each material, and their origins in the file.
+
+    Vertices are repeated at creases and where texture coordinates jump.
+    """
     mesh = source.mesh
     total = len(mesh.vertices)
     held = source.held

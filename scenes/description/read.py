@@ -1,9 +1,9 @@
 """Any file that can be rendered, as a scene."""
 
-import os
 from pathlib import Path
 
 from raytrace import OptionError, Settings
+from raytrace.system.paths import PathName
 
 from ..formats.load import load
 from ..formats.table import format_of
@@ -13,7 +13,7 @@ from .toml_scene import read_toml
 
 
 def read_scene(
-    path: str | os.PathLike[str], size: tuple[int, int] | None = None, up: str | None = None, view: str | None = None
+    path: PathName, size: tuple[int, int] | None = None, up: str | None = None, view: str | None = None
 ) -> SceneDescription:
     """A scene by the file's ending: `.toml` (docs/scenes.md), `.glb` or `.gltf`, or any other mesh alone.
 
@@ -37,8 +37,8 @@ def read_scene(
     ending = path.suffix.lower()
     settings = Settings(*size) if size else Settings()
     if ending == ".toml":
-        for name, given, key in (("--up", up, "up"), ("--view", view, "direction")):
-            if given is not None:
+        for name, value, key in (("--up", up, "up"), ("--view", view, "direction")):
+            if value is not None:
                 raise OptionError(name, f"a mesh file; a scene has camera.{key}", path)
         return read_toml(path, size)
     if "scene" in format_of(path).holds:

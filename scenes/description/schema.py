@@ -19,18 +19,21 @@ from ..geometry.rotations import about, about_axes
 
 
 def _name_or_table(value: Any) -> Any:
+    """Check that a value is a text or a table."""
     if not isinstance(value, str | dict):
         raise ValueError("a name or a table")
     return value
 
 
 def _length(value: Any) -> Any:
+    """Check that a value is a number or a text, as lengths are."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError('a length, such as 0.5, "25%" or inf')
     return value
 
 
 def _wrap(value: Any) -> Any:
+    """Wrap modes along u and v. Raises: ValueError."""
     try:
         return wrap_modes(value)
     except OptionError as error:
@@ -38,6 +41,7 @@ def _wrap(value: Any) -> Any:
 
 
 def _affine(matrix_rows: list[list[float]]) -> list[list[float]]:
+    """Check that rows are those of an affine matrix."""
     if [len(row) for row in matrix_rows] != [4] * 4 or matrix_rows[3] != [0, 0, 0, 1]:
         raise ValueError("four rows of four numbers, the last 0, 0, 0, 1")
     return matrix_rows

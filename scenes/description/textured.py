@@ -54,7 +54,7 @@ def linear_colours(attributes: SourceAttributes) -> Float64s | None:
 
 
 def colours_left_out(path: Path, unread: Iterable[str]) -> list[str]:
-    """Warnings of colours and their pictures among what a file holds that is not read."""
+    """Warnings about colours and pictures among the parts of a file that are not read, `unread`."""
     pictures = "; of pictures are read PNG and JPEG, in the mesh's folder or below"
     ends = {words: pictures if words.startswith("texture") else "" for words in unread if words.startswith(_COLOURS)}
     return [printable(f"{path}: left out: {words}{end}") for words, end in ends.items()]

@@ -94,6 +94,7 @@ class ObjectReader:
             got = "neither" if table.mesh is None else "both"
             unknown = (nearest_name(key, ("mesh", "builtin")) for key in table.model_extra or {})
             raise SceneError(self._source, path, "either mesh or builtin", got, next(filter(None, unknown), None))
+        # The material: a named one, or one of the entry's own.
         material = table.material
         field = joined(path, "material")
         if isinstance(material, str):
@@ -110,6 +111,7 @@ class ObjectReader:
             geometry = self._built_in(table, path, repeated)
             return [Object(self._shape(table, path, geometry, material, texture), name=table.name or table.builtin)]
 
+        # A mesh file: a glTF brings its own materials, of others each is read once.
         check_keys(self._source, path, table.model_extra or {}, _keys("mesh"))
         field = joined(path, "mesh")
         mesh = confined(table.mesh or "", self._source.parent, self._source, field)
@@ -134,11 +136,12 @@ class ObjectReader:
             if not self._built <= MAX_BUILT:
                 expected = f"at most {MAX_BUILT:,} triangles of built-in shapes with all copies"
                 raise SceneError(self._source, field, expected, f"about {self._built:,.0f}")
-            return self._once(solid, solid.geometry)
+            return self._cached(solid, solid.geometry)
 
     def _gltf_pieces(
         self, mesh: Path, table: ObjectTable, path: str, material: Material | None, texture: Texture | None
     ) -> list[Object]:
+        """The objects of a glTF file, with the entry's material or texture in place of the file's."""
         if mesh not in self._gltf:
             from .gltf_scene import gltf_objects
 
@@ -148,22 +151,24 @@ class ObjectReader:
         pieces = []
         for item in self._gltf[mesh]:
             shape = item.shape
-            geometry = self._once(shape, lambda shape=shape: TexturedMesh(shape.mesh, shape.uv, None, shape.colours))
+            geometry = self._cached(shape, lambda shape=shape: TexturedMesh(shape.mesh, shape.uv, None, shape.colours))
             # A material of the entry's own takes the place of the file's with its texture.
-            kept = texture or (shape.texture if material is None else None)
-            made = self._shape(table, path, geometry, material or shape.material, kept)
+            used_texture = texture or (shape.texture if material is None else None)
+            new_shape = self._shape(table, path, geometry, material or shape.material, used_texture)
             name = item.name if table.name is None else f"{table.name} {item.name}"
-            pieces.append(replace(item, shape=made, name=name))
+            pieces.append(replace(item, shape=new_shape, name=name))
         return pieces
 
-    def _once(self, key: Any, make: Any) -> TexturedMesh:
+    def _cached(self, key: Any, make: Any) -> TexturedMesh:
+        """What `make` returns, made once for each key."""
         if key not in self._geometry:
             self._geometry[key] = make()
         return self._geometry[key]
 
     def _shape(
-        self, table: ObjectTable, path: str, given: TexturedMesh, material: Material | None, texture: Texture | None
+        self, table: ObjectTable, path: str, geometry: TexturedMesh, material: Material | None, texture: Texture | None
     ) -> Shape:
+        """The shape of a mesh with the entry's material, textures and alpha. Raises: SceneError."""
         # Images and alpha of the entry.
         grain = self._texture(table, path, "grain")
         image = self._texture(table, path, "opacity_texture")
@@ -172,28 +177,29 @@ class ObjectReader:
             opacity = 1.0 if table.opacity is None else table.opacity
             alpha = AlphaSurface(opacity, image, grey=True, cutoff=table.cutoff)
         for field, used in (("texture", texture), ("grain", grain), ("opacity_texture", image)):
-            if used is not None and given.uv is None:
+            if used is not None and geometry.uv is None:
                 raise SceneError(self._source, joined(path, field), "a mesh with texture coordinates", "one without")
         # A material of the entry's own takes the place of a mesh's colours, unless it says so.
         wants_colours = table.material is None if table.vertex_colors is None else table.vertex_colors
-        colours = given.colours if wants_colours else None
+        colours = geometry.colours if wants_colours else None
         if table.vertex_colors and colours is None:
             field = joined(path, "vertex_colors")
             raise SceneError(self._source, field, "a mesh with colours of vertices", "one without")
         material = material or (NEUTRAL if colours is None else WHITE)
         # A shape that the same entry has made before, or a new one.
-        key = (given, material, texture, grain, table.own_normals, colours is None, alpha, table.material is None)
+        key = (geometry, material, texture, grain, table.own_normals, colours is None, alpha, table.material is None)
         if key not in self._shapes:
-            mesh = given.mesh if table.own_normals else replace(given.mesh, normals=None)
+            mesh = geometry.mesh if table.own_normals else replace(geometry.mesh, normals=None)
             if alpha or (mesh.opacity and table.material):  # which take the place of the file's own alpha
-                mesh = replace(mesh, opacity=Opacity.uniform(alpha, mesh.faces, given.uv) if alpha else None)
+                mesh = replace(mesh, opacity=Opacity.uniform(alpha, mesh.faces, geometry.uv) if alpha else None)
             with located(self._source, path):
-                self._shapes[key] = Shape(mesh, material, given.uv, texture, grain=grain, colours=colours)
-            if given.origin:
-                self.origins[id(self._shapes[key])] = given.origin
+                self._shapes[key] = Shape(mesh, material, geometry.uv, texture, grain=grain, colours=colours)
+            if geometry.origin:
+                self.origins[id(self._shapes[key])] = geometry.origin
         return self._shapes[key]
 
     def _texture(self, table: ObjectTable, path: str, field: str) -> Texture | None:
+        """The image that a field of the entry names, None if it names none. Raises: SceneError."""
         name = getattr(table, field)
         if name is None:
             return None
@@ -203,6 +209,6 @@ class ObjectReader:
 
 
 def _keys(kind: str) -> list[str]:
-    """The keys of an entry that has the key `kind`, "mesh" or "builtin"."""
+    """The keys that an entry may have: all, but of "mesh" and "builtin" only `kind`."""
     keys = [*(key for key in ObjectTable.model_fields if key not in Transform.model_fields), *Transform.model_fields]
     return [key for key in keys if key == kind or key not in ("mesh", "builtin")]

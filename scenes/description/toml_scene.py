@@ -31,7 +31,7 @@ _LONG_KEY = re.compile(
 )
 
 
-def read_toml(path: Path, size: tuple[int, int] | None = None) -> SceneDescription:
+def read_toml(path: Path, size: tuple[int, int] | None) -> SceneDescription:
     """A TOML scene; files it names are looked for in its own folder and below. Raises: SceneError."""
     document = parse_document(_load(path), path)
     settings = _settings(document, path, size)
@@ -57,6 +57,7 @@ def read_toml(path: Path, size: tuple[int, int] | None = None) -> SceneDescripti
 
 
 def _load(path: Path) -> dict[str, Any]:
+    """The tables of a TOML file. Raises: SceneError: it cannot be read, is very large or deep, or is no TOML."""
     try:
         check_regular(path, "a scene file", SceneError)
         if (size := path.stat().st_size) > _LARGEST:
@@ -88,6 +89,10 @@ def _load(path: Path) -> dict[str, Any]:
 
 
 def _settings(document: Document, path: Path, size: tuple[int, int] | None) -> Settings:
+    """The settings of `[render]`, with the form of `[obscurance]`.
+
+    Args: size: width and height in place of the file's.
+    """
     values = document.render if size is None else document.render | {"width": size[0], "height": size[1]}
     check_keys(path, "render", values, [name for name in fields_of(Settings) if name != "obscurance"])
     with located(path, "render"):
@@ -104,9 +109,15 @@ def _settings(document: Document, path: Path, size: tuple[int, int] | None) -> S
 def _obscurance(
     table: ObscuranceTable, path: Path, settings: Settings
 ) -> tuple[Source, Options, Scales | None, list[Path]]:
-    """As `SceneDescription` has it: source, bake and scales; and the files of these."""
+    """The source of w, the options of its bake, scales, and the files of these, as `SceneDescription` has them."""
 
     def excluded(expected: str, *names: str) -> None:
+        """Refuse the keys `names`, which do not go with other values.
+
+        Args: expected: what would.
+
+        Raises: SceneError.
+        """
         for name in names:
             if name in table.model_fields_set:
                 raise SceneError(path, f"obscurance.{name}", expected, shown(getattr(table, name)))
@@ -134,6 +145,7 @@ def _obscurance(
 
 
 def _camera(table: CameraTable, scene: Scene, settings: Settings, path: Path) -> Camera:
+    """The camera of `[camera]`: as placed there, or one that frames everything. Raises: SceneError."""
     values = table.model_dump(exclude_unset=True)
     if "height" in values and "field_of_view" in values:
         raise SceneError(path, "camera.height", "either height or field_of_view", "both")

@@ -27,7 +27,7 @@ _MOST = 1 << 24  # bytes of a table's file
 
 
 def table_of(form: str, locate: Callable[[str], Path] = Path) -> list[Path]:
-    """The file of "table:FILE", nothing of other forms."""
+    """The file of the form "table:FILE", as `locate` finds it; no file of other forms."""
     return [locate(form.removeprefix(_TABLE))] if form.startswith(_TABLE) else []
 
 
@@ -105,6 +105,7 @@ def read_table(path: Path) -> Tabulated:
 
 
 def _array(path: Path) -> Any:
+    """The rows (k, 2) of a `.npy` file. Raises: ValueError: another shape or type."""
     values = np.load(path, allow_pickle=False)
     if not isinstance(values, np.ndarray) or values.ndim != 2 or values.shape[1] != 2 or values.dtype.kind not in "fiu":
         raise ValueError(f"shape {getattr(values, 'shape', '?')} of {getattr(values, 'dtype', '?')}")
@@ -112,6 +113,7 @@ def _array(path: Path) -> Any:
 
 
 def _text(path: Path) -> list[tuple[str, float]]:
+    """The rows of a text file: a distance as written, and a value. Raises: InputError naming the line."""
     knots: list[tuple[str, float]] = []
     for number, line in enumerate(path.read_text("utf-8-sig").splitlines(), 1):
         cells = re.split(r"\s*[,;]\s*|\s+", line.partition("#")[0].strip())

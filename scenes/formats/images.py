@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from raytrace.errors import OptionError, OutputError, is_utf8, printable
 from raytrace.system.atomic import check_writable
+from raytrace.system.paths import PathName
 from raytrace.types import Float32s, Float64s
 
 if TYPE_CHECKING:
@@ -94,6 +95,6 @@ def write_normals(path: Path, normals: Float32s, half: bool, metadata: Mapping[s
     write_data(path, encoded.astype(np.float32), metadata, half, "RGB", bits)
 
 
-def is_texture(path: str | os.PathLike[str]) -> bool:
+def is_texture(path: PathName) -> bool:
     """Whether a name is that of an image."""
     return Path(path).suffix.lower() in ENDINGS

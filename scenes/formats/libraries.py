@@ -28,16 +28,16 @@ def library_endings() -> tuple[str, ...]:
     return tuple(f".{ending}" for ending in _COLLADA + (_MESHIO if find_spec("meshio") else ()))
 
 
-def read_by_library(given: MeshInput) -> list[Instance]:
+def read_by_library(mesh_input: MeshInput) -> list[Instance]:
     """The placed objects of a file with one of `library_endings`. Raises: Exception: what the libraries raise."""
-    file = given.file
-    path = given.path
+    file = mesh_input.file
+    path = mesh_input.path
     kind = path.suffix.lower().removeprefix(".")
     if kind in _COLLADA:
         from .dae.read import read_dae
 
-        return read_dae(given)
-    if given.is_on_disk:
+        return read_dae(mesh_input)
+    if mesh_input.is_on_disk:
         return _meshio(path, path)
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / f"mesh.{kind}"
@@ -49,17 +49,19 @@ def _meshio(file: Path, path: Path) -> list[Instance]:
     """Triangles and quads. meshio prints what each of its readers has to say, and ends the process if none can."""
     import meshio
 
-    said = io.StringIO()
-    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+    output = io.StringIO()
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
         try:
             content = meshio.read(file)
         except SystemExit:
-            reason = " ".join(said.getvalue().split()).replace(str(file), path.name) or "another"
+            reason = " ".join(output.getvalue().split()).replace(str(file), path.name) or "another"
             raise MeshError(path, "content", f"a file that meshio reads as {path.suffix}", reason) from None
     blocks = [block for block in content.cells if block.type in _SURFACES]
     corners = np.concatenate([np.empty(0, np.int64), *(np.ravel(block.data) for block in blocks)]).astype(np.int64)
     sizes = np.concatenate([np.empty(0, np.int64), *(np.full(*np.shape(block.data)) for block in blocks)])
     cut = triangulate(content.points, corners, sizes, str(path))
-    rest = sorted({block.type for block in content.cells} - {*_SURFACES, "vertex", "line"})
-    left_out = (f"{', '.join(rest)} cells are left out: only triangles and quads are read",) if rest else ()
+    other_types = sorted({block.type for block in content.cells} - {*_SURFACES, "vertex", "line"})
+    left_out = (
+        (f"{', '.join(other_types)} cells are left out: only triangles and quads are read",) if other_types else ()
+    )
     return [Instance(path.stem, content.points, cut.take(corners), notes=cut.notes + left_out)]

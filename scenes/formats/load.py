@@ -79,12 +79,12 @@ class MeshFile(NamedTuple):
 
     @property
     def held(self) -> SourceAttributes:
-        """The `attributes`, or those of the triangles alone."""
+        """The file's `attributes`, or where it has none those of the bare triangles."""
         return self.attributes or triangle_attributes(self.mesh.faces)
 
     @property
     def uv(self) -> Float64s | None:
-        """The first `texture_coordinates`."""
+        """The first set of `texture_coordinates`."""
         return self.texture_coordinates()
 
     def texture_coordinates(self, number: int = 0) -> Float64s | None:
@@ -216,15 +216,15 @@ def read_objects(
             from .libraries import library_endings
 
             if path.suffix.lower() not in library_endings():
-                known = " ".join([*endings("read"), *library_endings()]).replace(".", "")
-                raise MeshError(path, "ending", f"one of {known}", path.suffix or "none")
+                readable = " ".join([*endings("read"), *library_endings()]).replace(".", "")
+                raise MeshError(path, "ending", f"one of {readable}", path.suffix or "none")
         size = path.stat().st_size if content is None else len(content)
         if size == 0:
             raise MeshError(path, "content", "a mesh", "an empty file")
         check_memory(path, int((row.peak + (_KEPT if keep else 0)) * size), f"to read {size:,} bytes")
         with path.open("rb") if content is None else io.BytesIO(content) as file:
-            made = resolve_name(row.read)(MeshInput(file, path, name, keep, alpha, content is None))
-        instances, asset = made if isinstance(made, tuple) else (made, None)
+            result = resolve_name(row.read)(MeshInput(file, path, name, keep, alpha, content is None))
+        instances, asset = result if isinstance(result, tuple) else (result, None)
         # Every primitive of a glTF keeps its part: the GLB writer counts on it.
         if solid := [instance for instance in instances if asset or len(instance.faces)]:
             return solid, asset
@@ -258,9 +258,9 @@ def parser_errors(path: Path, error: type[InputError] = MeshError, content: str 
         raise error(path, "format", expected, f"no {missing.name}") from None
     except Exception as reason:
         begin = {ValueError: "", KeyError: "no "}.get(type(reason), f"{type(reason).__name__}: ")
-        said = " ".join(f"{begin}{reason}".split())[:160]
+        message = " ".join(f"{begin}{reason}".split())[:160]
         kind = path.suffix.upper().removeprefix(".")
-        raise error(path, "content", content or f"a complete and valid {kind} file", said) from None
+        raise error(path, "content", content or f"a complete and valid {kind} file", message) from None
 
 
 def standard_input(format_: str | None) -> tuple[Path, bytes]:
@@ -289,9 +289,9 @@ def load_mesh(path: Path) -> MeshFile:
 
 
 def _format_of(content: bytes | bytearray) -> str:
-    """Raises: MeshError: the first bytes identify no format."""
-    if known := sniffed_format(content[:4096]):
-        return known.removeprefix(".")
+    """The format that a file's first bytes identify. Raises: MeshError: none."""
+    if ending := sniffed_format(content[:4096]):
+        return ending.removeprefix(".")
     if len(content) == _HEAD + _TRIANGLE * int.from_bytes(content[_TRIANGLES], "little"):
         return "stl"
     names = ", ".join(row.name for row in formats().values() if row.begins)

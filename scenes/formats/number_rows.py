@@ -31,17 +31,20 @@ def line_blocks(data: bytes, begin: int = 0) -> tuple[bytes, UInt8s, list[tuple[
 
 
 def for_blocks(count: int, work: Callable[[int], None]) -> None:
-    """Work on each of so many blocks, on all cores."""
+    """Call `work` with the number of each block, on all cores."""
     run_blocks(count, 1, lambda block, _: work(block), thread_count(None))
 
 
 def round_left(data: bytes, values: Float64s) -> None:
-    """Fill in the numbers (k,) that kernels have left as NaNs. Raises: ValueError: text that is not numbers."""
+    """Fill in the values (k,) that kernels have left as NaNs, of numbers that they cannot round.
+
+    Args: data: the text. Raises: ValueError: text that is not numbers.
+    """
     odd = np.flatnonzero(np.isnan(values))
     for start in range(0, len(odd), _ODD):
-        some = odd[start : start + _ODD]
-        offsets = (values.view(np.int64)[some] & _PLACE).tolist()
-        values[some] = np.fromstring(b" ".join(next(_WORD.finditer(data, at))[0] for at in offsets), sep=" ")
+        block = odd[start : start + _ODD]
+        offsets = (values.view(np.int64)[block] & _PLACE).tolist()
+        values[block] = np.fromstring(b" ".join(next(_WORD.finditer(data, at))[0] for at in offsets), sep=" ")
 
 
 class NumberRows(NamedTuple):
@@ -71,7 +74,7 @@ class NumberRows(NamedTuple):
         return cls(data, np.concatenate([np.empty(0), *numbers]), np.cumsum(np.concatenate(counts)))
 
     def words(self, at: Int64s) -> Int64s:
-        """Where in the data the words at these places begin, as long as they are no numbers."""
+        """Where in the data the words at these places begin, of words that are no numbers."""
         return self.numbers.view(np.int64)[at] & _PLACE
 
     def starting_with(self, word: bytes) -> Int64s:
@@ -90,9 +93,13 @@ class NumberRows(NamedTuple):
         return np.diff(self.bounds)
 
     def take(self, rows: slice | Int64s, skip: int | Int64s, sizes: int | Int64s, fault: Exception) -> Float64s:
-        """So many numbers of each of some rows, after the ones to `skip`, one after the other.
+        """So many numbers of each of some rows, one row after the other.
 
-        Raises: fault: a row has fewer. ValueError: text that is not numbers.
+        Args:
+            skip: how many words to leave out at the beginning of each row.
+            sizes: how many numbers to take, of all rows or of each.
+
+        Raises: `fault`: a row has fewer. ValueError: text that is not numbers.
         """
         at = self.bounds[:-1][rows] + skip  # of each row's first number in `numbers`
         counts = np.broadcast_to(sizes, at.shape)
@@ -119,7 +126,7 @@ class NumberRows(NamedTuple):
 
 
 def whole(numbers: Float64s) -> Int64s:
-    """Indices of vertices. Raises: ValueError: some are no whole numbers."""
+    """Numbers as indices of vertices. Raises: ValueError: some are no whole numbers."""
     indices = numbers.astype(np.int64)
     if numbers.dtype.kind == "f" and not (indices == numbers).all():
         raise ValueError("vertex indices that are no whole numbers")

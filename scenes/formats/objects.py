@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from raytrace.errors import ConflictError, OptionError, check_type, nearest_name
+from raytrace.errors import ConflictError, OptionError, check_type, first_names, nearest_name
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.opacity import AlphaSurface, Opacity
 from raytrace.types import Bools, Float64s, Int64s
@@ -45,7 +45,10 @@ class ObjectSelection(NamedTuple):
         return uv if self.receive.all() else np.where(self.receive[:, None, None], uv, np.nan)
 
     def of_page(self, uv: Float64s) -> Mesh:
-        """The mesh as the faces on a page see it, others without area. Raises: ConflictError: of several groups."""
+        """The mesh that occludes the faces on a page: where groups are baked, only their group keeps its area.
+
+        Raises: ConflictError: faces of several groups are on the page.
+        """
         from ao.texture.uv_layout import on_page
 
         shown = on_page(uv)
@@ -77,11 +80,11 @@ class ObjectSelection(NamedTuple):
                 normals = None if mesh.normals is None else mesh.normals[vertices]
                 triangles = corners.reshape(-1, 3)
                 opacity = mesh.opacity and mesh.opacity.only(face_rows)
-                made = Mesh(
+                part_mesh = Mesh(
                     mesh.vertices[vertices], triangles, normals, source=mesh.source, up=mesh.up, opacity=opacity
                 )
                 polygons = None if mesh.polygons is None else mesh.polygons[face_rows]
-                yield vertices, replace(made, polygons=polygons)
+                yield vertices, replace(part_mesh, polygons=polygons)
 
 
 def select_objects(
@@ -115,9 +118,9 @@ def select_objects(
     if excluded.any():
         mesh = _without(mesh, excluded)
     if cast:
-        known = mesh.opacity or Opacity(np.full(len(mesh.faces), -1), ())
-        of = np.where(_named(source, "cast", cast), known.of, len(known.surfaces))
-        mesh = replace(mesh, opacity=replace(known, of=of, surfaces=(*known.surfaces, AlphaSurface(0.0))))
+        opacity = mesh.opacity or Opacity(np.full(len(mesh.faces), -1), ())
+        of = np.where(_named(source, "cast", cast), opacity.of, len(opacity.surfaces))
+        mesh = replace(mesh, opacity=replace(opacity, of=of, surfaces=(*opacity.surfaces, AlphaSurface(0.0))))
     if by == "all":
         return ObjectSelection(mesh, received)
     group = np.zeros(len(mesh.faces), np.int64)
@@ -162,8 +165,7 @@ def _named(source: MeshFile, option: str, patterns: Sequence[str], lenient: bool
         matches = {name for name, _ in objects if name == wanted or fnmatchcase(name, wanted)}
         if not matches and not lenient:
             names = list(dict.fromkeys(name for name, _ in objects))
-            more = f" and {len(names) - _LISTED:,} more" if len(names) > _LISTED else ""
-            expected = f"a name or pattern of its objects, {', '.join(names[:_LISTED])}{more}"
+            expected = f"a name or pattern of its objects, {first_names(names, _LISTED)}"
             raise OptionError(option, expected, repr(pattern), source.path, nearest_name(wanted, names))
         for name, faces in objects:
             if (name in matches) != (wanted != pattern):

@@ -66,6 +66,7 @@ def primitive_groups(mesh_file: MeshFile, coordinates: int = 0) -> Iterator[Prim
 
 
 def _groups_of_gltf(asset: Gltf, mesh_file: MeshFile, coordinates: int) -> Iterator[PrimitiveGroup]:
+    """The groups of a glTF file, one for each drawn primitive."""
     from .gltf.occlusion import stored_entry, texture_images
 
     for number, (drawn, part) in enumerate(zip(asset.drawn, mesh_file.parts, strict=True)):

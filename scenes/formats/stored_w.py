@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -18,6 +17,7 @@ from raytrace.image.texture import pack_textures
 from raytrace.image.texture_lookup import sample_points
 from raytrace.mesh.weld import first_alike
 from raytrace.system.checks import check_regular
+from raytrace.system.paths import PathName
 from raytrace.types import AnyFloats, Float64s
 
 from ..geometry.instances import Instance
@@ -37,14 +37,14 @@ _BESIDE = {"error": (), "flags": (), "bent_normals": (3,)}
 
 
 def check_stored(path: Path) -> None:
-    """Raises: OptionError: the name is not that of an existing file of w."""
+    """Check that the name is that of an existing file of w. Raises: OptionError."""
     if path.suffix.lower() not in ENDINGS:
         raise OptionError("--baked", "a name ending in " + ", ".join(ENDINGS), path)
     if not path.is_file():
         raise OptionError("--baked", "an existing file", path)
 
 
-def read_w(path: str | os.PathLike[str], *counts: int, scales: Scales | None = None) -> Float64s:
+def read_w(path: PathName, *counts: int, scales: Scales | None = None) -> Float64s:
     """w (n,): a `.npy` file, the array `w` of a `.npz` file, or that of a mesh's vertices.
 
     Primitives of a glTF that a bake has left nothing in have what their occlusion texture is at the vertices.
@@ -78,22 +78,23 @@ def find_profile(path: Path) -> Profile | None:
             if set(arrays) >= _ARRAYS:
                 return Profile.stored(arrays["half_distances"], arrays["profile"], arrays["radius"][()])
     elif path.suffix.lower() == ".exr":
-        layers, known = read_image(path)
+        layers, metadata = read_image(path)
         if PROFILE in layers:
-            return Profile.stored(known.get("half_distances", "").split(), layers[PROFILE], known.get("radius"))
+            return Profile.stored(metadata.get("half_distances", "").split(), layers[PROFILE], metadata.get("radius"))
     elif format_of(path).read:
         return joined_profile(read_objects(path)[0])
     return None
 
 
 def checked_profile(path: Path, profile: Profile | None) -> Profile:
-    """What was found in a file. Raises: SceneError: nothing."""
+    """The profile of a file. Raises: SceneError: it has none."""
     if profile is None:
         raise SceneError(path, "profile", "w at several half-distances, as obscurance bake --profile writes it", "none")
     return profile
 
 
 def _of_mesh(path: Path, counts: tuple[int, ...], scales: Scales | None) -> Float64s:
+    """w (n,) that a bake has left in a mesh file. Args: counts: what n may be. scales: half-distances to take it by."""
     instances, asset = read_objects(path)
     if scales:
         instances = [instance._replace(w=scales.of(checked_profile(path, instance.profile))) for instance in instances]
@@ -112,7 +113,7 @@ def _of_mesh(path: Path, counts: tuple[int, ...], scales: Scales | None) -> Floa
 
 
 def _other_count(path: Path, name: str, counts: tuple[int, ...], got: str) -> SceneError:
-    """Args: counts: of the vertices of mesh files, and of the scene."""
+    """The error for an array of another length. Args: counts: of vertices, of mesh files and of the scene."""
     expected = f"{counts[0]:,} values, one a vertex of the scene" if counts else "an array (n,), one value a vertex"
     if len(set(counts)) > 1:
         expected += f"'s files, or {counts[1]:,}, one a vertex of the scene"
@@ -176,6 +177,7 @@ def _of_array(path: Path, counts: tuple[int, ...], name: str = "w", columns: tup
 
 @contextmanager
 def _array_errors(path: Path) -> Iterator[None]:
+    """Errors in reading a file of arrays, as `SceneError`."""
     check_regular(path, "a file of w", SceneError)
     with parser_errors(path, SceneError, "w as obscurance bake writes it"):
         yield

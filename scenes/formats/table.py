@@ -8,6 +8,8 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import BinaryIO, NamedTuple
 
+from raytrace.system.paths import PathName
+
 
 class MeshInput(NamedTuple):
     """A mesh file to be read."""
@@ -60,7 +62,7 @@ def register(*formats: FileFormat) -> None:
 
 @cache
 def _import_folders() -> None:
-    """Import what each format's `__init__.py` says of it, and no more."""
+    """Import the `__init__.py` of each format's folder, which registers it."""
     for module in iter_modules([os.path.dirname(__file__)]):
         if module.ispkg:
             import_module(f"{__package__}.{module.name}")
@@ -72,17 +74,17 @@ def formats() -> dict[str, FileFormat]:
     return dict(sorted(_REGISTERED.items()))
 
 
-def format_of(path: str | os.PathLike[str]) -> FileFormat:
+def format_of(path: PathName) -> FileFormat:
     """The format of a file's ending; for unknown endings one without an ending, which libraries may read."""
     return formats().get(Path(path).suffix.lower(), _LIBRARIES)
 
 
 def endings(what: str) -> tuple[str, ...]:
-    """The endings of formats that have something in this field, or hold what this word says."""
+    """The endings of formats that have the field `what` set, or that hold `what`."""
     return tuple(row.ending for row in formats().values() if what in row.holds or getattr(row, what, False))
 
 
-def is_raster(path: str | os.PathLike[str]) -> bool:
+def is_raster(path: PathName) -> bool:
     """Whether a file is a raster of heights, by its ending: every cell gets w, in a raster."""
     return "raster" in format_of(path).holds
 

@@ -37,7 +37,10 @@ def unsupported_features(target: Path, mesh_file: MeshFile, channels: Channels =
 
 
 def _of_polygons(mesh_file: MeshFile, row: FileFormat, colors: str) -> Iterator[str]:
-    """What of a mesh file a format of polygons lacks, in words. Args: colors: the channels of colours that hold w."""
+    """What a format of polygons leaves out of a mesh file, in words.
+
+    Args: colors: the channels of colours that hold w.
+    """
     attributes = mesh_file.held
     if (len(colors) > 1 or "colors" not in row.holds) and has_own_colors(attributes):
         yield "its colours"
@@ -59,7 +62,7 @@ def _of_polygons(mesh_file: MeshFile, row: FileFormat, colors: str) -> Iterator[
 
 
 def _of_glb(mesh_file: MeshFile, colors: str) -> Iterator[str]:
-    """The same of a .glb. Raises: as `unsupported_features`."""
+    """What a .glb leaves out of a mesh file, in words. Raises: as `unsupported_features`."""
     from .gltf.accessors import stored_colors
     from .gltf.plain import SOURCE_INDEX, kept_numbers, part_origin
     from .primitive_groups import primitive_groups
@@ -83,8 +86,8 @@ def _of_glb(mesh_file: MeshFile, colors: str) -> Iterator[str]:
             yield "vertices that no face uses"
     if (attributes.sizes != 3).any():
         yield "polygons, which become triangles"
-    kept = kept_numbers(attributes)
-    yield from (f"{name} of vertices" for name in attributes.numbers if name not in kept)
+    kept_names = kept_numbers(attributes)
+    yield from (f"{name} of vertices" for name in attributes.numbers if name not in kept_names)
     # Of a PLY's elements.
     has_wedges = attributes.uv and attributes.uv.of is not attributes.corners  # coordinates of corners
     used = ("vertex_indices", "vertex_index", "texcoord" if has_wedges else "")

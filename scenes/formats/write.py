@@ -14,6 +14,7 @@ import numpy as np
 
 from raytrace.errors import ConflictError, OptionError, Term
 from raytrace.system.atomic import check_writable, write_bytes
+from raytrace.system.paths import PathName
 
 from .load import MeshFile, load
 from .table import Channels, endings, format_of
@@ -26,14 +27,17 @@ _PLY_NAME = r"(?!(n?[xyz]|[stuv]|red|green|blue|alpha|texture_.|obscurance\w*)$)
 Colors = Literal["rgb", "r", "g", "b", "a"]
 
 
-def check_target(path: str | os.PathLike[str]) -> None:
+def check_target(path: PathName) -> None:
     """Find out before the bake whether `write` will accept `path`. Raises: OptionError: of its ending; OutputError."""
     _writer(path)
     check_writable(path)
 
 
-def check_holds(path: str | os.PathLike[str], at: str, both_sides: bool) -> None:
-    """Raises: ConflictError: the format holds no w of faces or of points alone, or of both sides."""
+def check_holds(path: PathName, at: str, both_sides: bool) -> None:
+    """Check that the format holds w of what is baked: of faces, of points alone, of both sides.
+
+    Raises: ConflictError.
+    """
     if "faces" not in format_of(path).holds and (at != "vertices" or both_sides):
         terms: dict[str, Term] = {"faces": ("at", "faces"), "points": "points"}
         term = terms.get(at, "both_sides")
@@ -108,16 +112,17 @@ def write(
     check_holds(path, values.at, values.below is not None)
     if len(bake.w) != count:
         raise OptionError("bake", f"w of the {count:,} {values.at} of {source.path}", f"{len(bake.w):,}")
-    shown = channels(path, colors, occlusion, replace_occlusion, up, ply_name)
-    write_vertices(path, values, source, shown)
+    where = channels(path, colors, occlusion, replace_occlusion, up, ply_name)
+    write_vertices(path, values, source, where)
 
 
-def write_vertices(path: str | os.PathLike[str], bake: Bake, mesh_file: MeshFile, shown: Channels) -> None:
-    """Write a bake per vertex. Raises: as `write`."""
+def write_vertices(path: PathName, bake: Bake, mesh_file: MeshFile, shown: Channels) -> None:
+    """Write a bake per vertex. Args: shown: the channels that viewers look at. Raises: as `write`."""
     write_bytes(path, _writer(path)(bake, mesh_file, shown))
 
 
 def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file: MeshFile, replace: bool) -> None:
+    """Write baked textures, with w of vertices where there is some too. Raises: as `write`."""
     from ao.texture.result import BakedTexture
 
     from .gltf.textured import textured_glb
@@ -138,7 +143,7 @@ def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file:
 
 
 def channels(
-    path: str | os.PathLike[str],
+    path: PathName,
     colors: Colors | None,
     occlusion: Occlusion | None,
     replace_occlusion: bool,
@@ -147,9 +152,9 @@ def channels(
 ) -> Channels:
     """The channels of w for viewers. Raises: OptionError: options that exclude each other, or the ending."""
     ending = Path(path).suffix.lower()
-    for name, given, kind in (("colors", colors, Colors), ("occlusion", occlusion, Occlusion)):
-        if given and given not in get_args(kind):
-            raise OptionError(name, "one of " + ", ".join(get_args(kind)), given)
+    for name, value, kind in (("colors", colors, Colors), ("occlusion", occlusion, Occlusion)):
+        if value and value not in get_args(kind):
+            raise OptionError(name, "one of " + ", ".join(get_args(kind)), value)
     if colors and "colors" not in format_of(path).holds:
         raise ConflictError("colors", "needs", "a .glb or .ply output")
     if occlusion == "ramp" and ending != ".glb":
@@ -169,7 +174,8 @@ def channels(
 ENDINGS = tuple(ending for ending in endings("write") if ending not in endings("raster"))  # for any mesh
 
 
-def _writer(path: str | os.PathLike[str]) -> Callable[..., bytes | memoryview]:
+def _writer(path: PathName) -> Callable[..., bytes | memoryview]:
+    """The function that writes files with this ending. Raises: OptionError: none does."""
     target = format_of(os.fspath(path)).write
     if not target:
         raise OptionError("output", "a name ending in " + ", ".join(ENDINGS), os.fspath(path))
@@ -178,6 +184,7 @@ def _writer(path: str | os.PathLike[str]) -> Callable[..., bytes | memoryview]:
 
 
 def npy(bake: Bake, *_: object) -> memoryview:
+    """A `.npy` file of w, of both sides where the bake has both."""
     content = io.BytesIO()
     w = np.stack([bake.w, bake.below.w], axis=-1) if bake.below else bake.w
     np.save(content, w.astype("<f4"), allow_pickle=False)
@@ -191,7 +198,11 @@ def npz(bake: Bake, *_: object) -> memoryview:
     arrays = {name: getattr(bake, name).astype(kind) for name, kind in kinds.items() if getattr(bake, name) is not None}
     if bake.below:
         arrays |= {f"{name}_below": getattr(bake.below, name).astype(kind) for name, kind in kinds.items()}
-    if known := bake.profile:
-        arrays |= {"profile": known.values, "half_distances": known.half_distances, "radius": np.float64(known.radius)}
+    if profile := bake.profile:
+        arrays |= {
+            "profile": profile.values,
+            "half_distances": profile.half_distances,
+            "radius": np.float64(profile.radius),
+        }
     np.savez(content, **arrays)
     return content.getbuffer()

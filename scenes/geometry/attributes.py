@@ -39,7 +39,7 @@ def is_picture(path: Path) -> bool:
 
 
 def find_picture(name: str, folder: Path) -> Path | None:
-    """As `resolve_inside`, of pictures."""
+    """The existing picture `name` in `folder` or below, or None: `resolve_inside` of PNG and JPEG files."""
     from raytrace.text.safe_paths import resolve_inside
 
     path = resolve_inside(name, folder)
@@ -113,7 +113,7 @@ class SourceAttributes(NamedTuple):
     files: tuple[Path, ...] = ()  # read beside the mesh file, or to be read when it is written
 
     def of_triangles(self, values: PerCorner) -> PerCorner:
-        """Values of the triangles' corners, from those of the polygons'."""
+        """Values of the corners of triangles, from those of the polygons."""
         return PerCorner(values.values, self.triangles.take(values.of).ravel())
 
     def of_faces(self, numbers: Int64s | None) -> Int64s:
@@ -148,7 +148,7 @@ def reversed_attributes(attributes: SourceAttributes) -> SourceAttributes:
 
 def _reversed_element(element: Element, sizes: Int64s, order: Int64s) -> Element:
     """An element of a PLY: lists of faces with a value or a pair for each corner in `order`, normals negated."""
-    made = []
+    columns = []
     for column in element.properties:
         values = column.values
         if element.name == "vertex" and column.name in ("nx", "ny", "nz"):
@@ -157,22 +157,24 @@ def _reversed_element(element: Element, sizes: Int64s, order: Int64s) -> Element
             wide = len(values) // max(len(order), 1)
             if np.array_equal(column.sizes, wide * sizes):
                 values = values.reshape(-1, wide)[order].ravel()
-        made.append(column._replace(values=values))
-    return replace(element, properties=tuple(made))
+        columns.append(column._replace(values=values))
+    return replace(element, properties=tuple(columns))
 
 
 def join_attributes(several: Sequence[SourceAttributes], vertices: Sequence[int]) -> SourceAttributes:
-    """Those of several objects, one after the other: polygons, materials, texture coordinates and colours.
+    """The attributes of several objects one after another: polygons, materials, texture coordinates and colours.
 
-    Args: vertices: how many each object has.
+    Args:
+        vertices: how many each object has.
     """
+    # Corners refer to vertices, and triangles to corners, of the objects before them too.
     first_vertex = np.cumsum([0, *vertices[:-1]])
     first_corner = np.cumsum([0, *(len(item.corners) for item in several[:-1])])
     corners = [item.corners + start for item, start in zip(several, first_vertex, strict=True)]
     triangles = [item.triangles for item in several]
     numbers = [np.arange(len(item.corners)) for item in several]
-    listed = zip(triangles, numbers, first_corner, strict=True)
-    corner_places = [cut.take(of_polygons) + start for cut, of_polygons, start in listed]
+    cuts = zip(triangles, numbers, first_corner, strict=True)
+    corner_places = [cut.take(of_polygons) + start for cut, of_polygons, start in cuts]
     # Each material once; -1, none, is the last of a list.
     materials = tuple(dict.fromkeys(material for item in several for material in item.materials))
     material_of = []

@@ -87,7 +87,7 @@ def temple(fineness: float = 0.07) -> Mesh:
 
 
 def _column_places() -> list[tuple[float, float]]:
-    """A ring: the border of a grid."""
+    """Where columns stand: the border of a grid."""
     x = SPACING * (np.arange(COLUMNS[0]) - (COLUMNS[0] - 1) / 2)
     y = SPACING * (np.arange(COLUMNS[1]) - (COLUMNS[1] - 1) / 2)
     return [(a, b) for a in x for b in y if abs(a) > x[-1] - 1e-9 or abs(b) > y[-1] - 1e-9]
@@ -127,6 +127,7 @@ class Solid(Parameters):
         return max(_SIDES * longest / length, 2 * area / length / length)
 
     def _length(self) -> float:
+        """The longest edge of the mesh."""
         return self._extent()[0] / _CELLS if self.fineness is None else self.fineness
 
     @abstractmethod

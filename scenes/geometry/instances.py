@@ -110,7 +110,7 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Sub
 
 
 def _parts(instances: Sequence[Instance]) -> tuple[Submesh, ...]:
-    """Where each instance is in a mesh of all, one after the other."""
+    """Where each instance's vertices and faces are in a mesh of all instances, one after the other."""
     parts = []
     vertex = 0
     face = 0
@@ -125,19 +125,19 @@ def _parts(instances: Sequence[Instance]) -> tuple[Submesh, ...]:
 
 def joined_attributes(instances: Sequence[Instance]) -> SourceAttributes | None:
     """What is kept beside the mesh that `flatten` makes; None where an object has nothing."""
-    kept = []
+    attributes = []
     for placed in instances:
-        attributes = placed.attributes
-        if attributes is None:
+        own_attributes = placed.attributes
+        if own_attributes is None:
             return None
-        kept.append(reversed_attributes(attributes) if placed.volume < 0 else attributes)
-    if len(kept) == 1:
-        return kept[0]
-    return join_attributes(kept, [len(placed.vertices) for placed in instances])
+        attributes.append(reversed_attributes(own_attributes) if placed.volume < 0 else own_attributes)
+    if len(attributes) == 1:
+        return attributes[0]
+    return join_attributes(attributes, [len(placed.vertices) for placed in instances])
 
 
 def _polygons(instances: Sequence[Instance], parts: Sequence[Submesh]) -> Int64s | None:
-    """The polygon of each face of a mesh of all, or None if all are triangles."""
+    """The polygon of each face of a mesh of all instances, or None if all are triangles."""
     if all(placed.polygons is None for placed in instances):
         return None
     counted = [np.arange(len(placed.faces)) if placed.polygons is None else placed.polygons for placed in instances]

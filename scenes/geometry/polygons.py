@@ -128,7 +128,13 @@ def _triangles(starts: Int64s, counts: Int64s, clipped: dict[int, Int64s], other
 
 
 def _clip(offsets: Float64s, normal: Float64s, area: float) -> tuple[Int64s, bool]:
-    """Triangles (t, 3) of a concave polygon by clipping ears, and whether they fill it. Args: as of `_Views`."""
+    """Triangles (t, 3) of a concave polygon by clipping ears, and whether they fill it.
+
+    Args:
+        offsets: (k, 3), the corners from the first one on.
+        normal: (3,), unit.
+        area: of the polygon.
+    """
     import mapbox_earcut
 
     along = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
@@ -162,6 +168,12 @@ def _with_all_corners(triangles: list[list[int]], count: int) -> Int64s:
 
 
 def _view(points: Float64s, sizes: Int64s) -> _Views:
+    """The polygons relative to their first corners, which has no cancellation far from the origin.
+
+    Args:
+        points: (c, 3), corners of all polygons in order.
+        sizes: (p,), of the polygons.
+    """
     begins = np.cumsum(sizes) - sizes
     of = np.repeat(np.arange(len(sizes)), sizes)
     offsets = points - points[begins][of]

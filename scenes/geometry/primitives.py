@@ -75,6 +75,7 @@ def sphere(radius: float, fineness: float) -> TexturedMesh:
     """A sphere about the origin, poles on z; u runs around from +x, v from pole to pole upwards."""
 
     def surface(s: Float64s, t: Float64s) -> tuple[Float64s, Float64s]:
+        """Points and normals at longitude 2πs and latitude π(t − ½)."""
         across = np.sin(np.pi * np.minimum(t, 1 - t))
         normal = np.concatenate(np.broadcast_arrays(*_ring(s, across), -np.cos(np.pi * t)), axis=-1)
         return radius * normal, normal
@@ -98,6 +99,8 @@ def cylinder(radius: float, height: float, fineness: float) -> TexturedMesh:
     """A closed cylinder about the origin along z, outward normals, triangles with legs of at most `fineness`."""
 
     def cap(side: float) -> Callable[[Float64s, Float64s], tuple[Float64s, Float64s]]:
+        """The disc at the upper end, side 1, or the lower, −1, as `_patch` takes surfaces."""
+
         def surface(s: Float64s, t: Float64s) -> tuple[Float64s, Float64s]:
             x, y = np.broadcast_arrays(*_ring(side * s, radius * (1 - t)))
             z = np.full_like(x, side * height / 2)

@@ -1,11 +1,11 @@
 """The built-in scenes: each a self-contained TOML file, meant to be edited."""
 
-import os
 from importlib import resources
 
 from raytrace.errors import OptionError, nearest_name
 from raytrace.system.atomic import write_bytes
 from raytrace.system.checks import check_ending, check_outputs
+from raytrace.system.paths import PathName
 
 BUILTIN = {  # name to what one sees; the files are in library/
     "plane_wall": "an open plane with a wall and its shadow",
@@ -25,7 +25,7 @@ def builtin_toml(name: str) -> str:
     return (resources.files("scenes") / "library" / f"{name}.toml").read_text(encoding="utf-8")
 
 
-def write_builtin(name: str, path: str | os.PathLike[str]) -> None:
+def write_builtin(name: str, path: PathName) -> None:
     """Write a built-in scene's TOML to `path`, whole or not at all.
 
     Raises:

@@ -1,7 +1,5 @@
 """The progress of work: labelled bars on a terminal, lines every 10 s elsewhere, or JSON for other programs."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -17,7 +15,7 @@ class Advance(Protocol):
     """What work calls as it goes on."""
 
     def __call__(self, done: int, total: int, stage: str = "") -> None:
-        """Args: done, total: of the work's unit. stage: of the work; empty if it has no other name than its unit."""
+        """Show that `done` of `total` units are done. Args: stage: of the work; "" if it has no name but its unit's."""
 
 
 @contextmanager
@@ -47,10 +45,11 @@ Show = Callable[[str, int, int, str], None]  # of a stage: its label, what is do
 
 
 def _stages(unit: str, show: Show, status: Callable[[], str]) -> Advance:
-    """Shows each stage of a work by its label and its rate since it began."""
+    """An `Advance` that shows each stage of a work by its label and its rate since it began."""
     began: dict[str, tuple[float, int]] = {}
 
     def advance(done: int, total: int, stage: str = "") -> None:
+        """Show a stage with its rate since it began, once some of it is done."""
         label = stage or unit
         start, before = began.setdefault(label, (time.perf_counter(), done))
         rate = (done - before) / max(time.perf_counter() - start, 1e-6)
@@ -63,7 +62,7 @@ def _stages(unit: str, show: Show, status: Callable[[], str]) -> Advance:
 
 
 def _lines(last: float) -> Show:
-    """Lines on standard error, 10 s apart, the first so long after `last`."""
+    """Shows progress as lines on standard error, 10 s apart. Args: last: when one was printed, or the work began."""
 
     def show(label: str, done: int, total: int, text: str) -> None:
         nonlocal last
@@ -84,8 +83,7 @@ def _bars() -> Iterator[Show]:
 
     label = TextColumn("{task.description}")
     figures = TextColumn("{task.percentage:3.0f} % {task.fields[text]}")
-    columns = label, BarColumn(), figures, TimeRemainingColumn()
-    bars = Progress(*columns, console=Console(stderr=True), transient=True)
+    bars = Progress(label, BarColumn(), figures, TimeRemainingColumn(), console=Console(stderr=True), transient=True)
     tasks: dict[str, TaskID] = {}
 
     def show(label: str, done: int, total: int, text: str) -> None:

@@ -61,9 +61,11 @@ class ValidationCase:
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def configurations(self) -> list[Configuration]:
-        return list(map(self._with, self.falloffs))
+        """A configuration for each of the falloffs."""
+        return list(map(self._configuration, self.falloffs))
 
-    def _with(self, falloff: Falloff) -> Configuration:
+    def _configuration(self, falloff: Falloff) -> Configuration:
+        """The configuration with one falloff: exact values, and the error allowed by how w converges there."""
         mu = falloff.resolve(self.mesh.radius)
         rate: Rate = mu.form if mu.form in POLYNOMIALS else mu.tau
         exact = np.broadcast_to(np.asarray(self.exact(rate, mu.max_distance), np.float64), self.points.shape)
@@ -77,8 +79,18 @@ class ValidationCase:
             target = ZERO_VARIANCE_TARGET
             fall = 0.0
         options = {"normals": self.normals, **self.options}
-        own_error = self.missing * float(1.0 - mu(self.beyond)), float(np.abs(exact - other).max())
-        return Configuration(self.name, self.mesh, self.points, falloff, options, exact, target, fall, *own_error)
+        return Configuration(
+            self.name,
+            self.mesh,
+            self.points,
+            falloff,
+            options,
+            exact,
+            target,
+            rate=fall,
+            truncation=self.missing * float(1.0 - mu(self.beyond)),
+            tessellation=float(np.abs(exact - other).max()),
+        )
 
 
 @dataclass(frozen=True, eq=False)

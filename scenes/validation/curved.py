@@ -50,15 +50,29 @@ def _case(
     certain: bool = False,
     **options: Any,
 ) -> ValidationCase:
-    """A part with normals at its receivers and none elsewhere: the stand-in's other vertices need no bake.
+    """A case with one part: normals at its receivers, and none elsewhere, as other vertices of the stand-in need no
+    bake.
 
-    Args: receivers: rows and normals. bounds: exact w, and w of the smaller shape in `part`.
+    Args:
+        receivers: rows and normals.
+        bounds: exact w, and w of the smaller shape in `part`.
     """
     points = receivers[0]
     normals = np.full((len(part[0]), 3), np.nan)
     normals[points] = receivers[1]
-    known = missing, LENGTH / 2, bounds[1], certain, options
-    return ValidationCase(name, posed(part, seed, normals, source=name), points, bounds[0], falloffs, "file", *known)
+    return ValidationCase(
+        name,
+        posed(part, seed, normals, source=name),
+        points,
+        bounds[0],
+        falloffs,
+        normals="file",
+        missing=missing,
+        beyond=LENGTH / 2,
+        bracket=bounds[1],
+        certain=certain,
+        options=options,
+    )
 
 
 def _above_plane(
@@ -71,6 +85,7 @@ def _above_plane(
 
 
 def _dome(sphere: RawMesh) -> ValidationCase:
+    """A point at the centre of a hemisphere's floor."""
     radius = 1.5
     vertices, faces = sphere
     cap = faces[vertices[faces][:, :, 2].max(axis=1) > -0.1]
@@ -82,6 +97,7 @@ def _dome(sphere: RawMesh) -> ValidationCase:
 
 
 def _disk(radius: float, height: float, seed: int, name: str = "coaxial disk", **options: Any) -> ValidationCase:
+    """A point under a disk that is perpendicular to its normal."""
     angle = 2 * pi * np.arange(SIDES) / SIDES
     rim = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(SIDES, height)], axis=-1)
     reach = 0.5 * (height + hypot(radius, height))
@@ -114,10 +130,12 @@ def _seen_from_within(weight: Callable[[float, float], float], radius: float, in
     """
 
     def w(tau: Rate, limit: float) -> float:
+        """The least w for this falloff."""
         if tau is None:
             return 0.0
 
         def reached(angle: float) -> float:
+            """The share that hits at `angle` to the normal take away, 0 where the hull is beyond the circle."""
             within = inner**2 - (radius * sin(angle)) ** 2
             return weight(angle, float(tau) * (radius * cos(angle) + sqrt(within) if within > 0 else 0.0))
 
@@ -130,6 +148,7 @@ def _seen_from_within(weight: Callable[[float, float], float], radius: float, in
 
 
 def _inside_sphere(sphere: RawMesh, thickness: bool = False) -> ValidationCase:
+    """Vertices of a sphere that looks inwards; or outwards, seen by rays into the solid, for `thickness`."""
     radius = 0.5
     outwards = 1 if thickness else -1
     inner = radius * inscribed_radius(sphere)
@@ -137,8 +156,15 @@ def _inside_sphere(sphere: RawMesh, thickness: bool = False) -> ValidationCase:
     part = radius * sphere[0], sphere[1][:, ::outwards]
     normals = outwards * sphere[0][points]
     least = _seen_from_within(lambda a, depth: exp(-depth) * 2 * sin(a) * cos(a), radius, inner)
-    about = (points, normals), (closed_form(analytic.inside_sphere, (radius,)), least), (*BOTH, Exponential(tau=5.0))
-    return _case("thickness of a ball" if thickness else "inside a sphere", 34, part, *about, thickness=thickness)
+    return _case(
+        "thickness of a ball" if thickness else "inside a sphere",
+        34,
+        part,
+        (points, normals),
+        (closed_form(analytic.inside_sphere, (radius,)), least),
+        (*BOTH, Exponential(tau=5.0)),
+        thickness=thickness,
+    )
 
 
 def _missing(reach: float) -> float:
@@ -151,6 +177,7 @@ def _missing(reach: float) -> float:
 
 
 def _inside_cylinder() -> ValidationCase:
+    """Vertices halfway along a long tube that looks inwards."""
     radius = 0.5
     inner = radius * cos(pi / SIDES)
     points = SIDES + np.arange(0, SIDES, SIDES // 16)
@@ -158,8 +185,15 @@ def _inside_cylinder() -> ValidationCase:
     part = radius * vertices, faces[:, ::-1]
     normals = -vertices[points]
     least = _seen_from_within(lambda a, depth: 4 / pi * cos(a) * bickley(3, depth), radius, inner)
-    about = (points, normals), (closed_form(analytic.inside_cylinder, (radius,)), least), (*BOTH, Exponential(tau=5.0))
-    return _case("inside a cylinder", 35, part, *about, missing=_missing(2 * radius))
+    return _case(
+        "inside a cylinder",
+        35,
+        part,
+        (points, normals),
+        (closed_form(analytic.inside_cylinder, (radius,)), least),
+        (*BOTH, Exponential(tau=5.0)),
+        missing=_missing(2 * radius),
+    )
 
 
 def _cylinder() -> ValidationCase:

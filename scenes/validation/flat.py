@@ -68,6 +68,7 @@ def _rectangle(corner: _Point, u: _Point, v: _Point) -> Float64s:
 
 
 def _open() -> list[ValidationCase]:
+    """Convex shapes, above whose vertices there is nothing: w = 1."""
     directions = np.random.default_rng(1).normal(size=(40, 3))
     shapes = {
         "plane": patches(np.random.default_rng(0).normal(size=(8, 3)) * [1.0, 1.0, 0.0], 0.5),
@@ -95,6 +96,10 @@ def _ceiling() -> ValidationCase:
 
 
 def _walls(extent: float, falloffs: tuple[Falloff, ...]) -> list[ValidationCase]:
+    """Points before a wall, in a corner of two walls and in V-grooves.
+
+    Args: extent: of the walls, in place of infinity.
+    """
     points = [(0.5, 0.5, 0.0), (1.0, 0.4, 0.0)]
     tall = _rectangle((0, -extent, 0), (0, 2 * extent, 0), (0, 0, extent))
     quarter = [_rectangle((0, 0, 0), along, (0, 0, extent)) for along in ((extent, 0, 0), (0, extent, 0))]
@@ -114,6 +119,7 @@ def _walls(extent: float, falloffs: tuple[Falloff, ...]) -> list[ValidationCase]
 
 
 def _trenches() -> list[ValidationCase]:
+    """Points on the floor of a trench, and beside one of its walls."""
     length, depth, width = 20.0, 0.8, 1.0
     left = _rectangle((0, -length, 0), (0, 2 * length, 0), (0, 0, depth))
     right = _rectangle((width, -length, 0), (0, 2 * length, 0), (0, 0, depth))
@@ -152,6 +158,7 @@ def _box(
 
 
 def _tilted() -> ValidationCase:
+    """Vertices of a plane with normals that are tilted."""
     tilts = np.radians([15.0, 45.0, 80.0])
     angles = 2 * pi * np.arange(6) / 6
     points = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]])
@@ -166,6 +173,7 @@ def _tilted() -> ValidationCase:
 
 
 def _inverted_pyramid(sides: int) -> ValidationCase:
+    """The point of a pyramid that stands on it, seen from within."""
     slope = 0.7
     angles = 2 * pi * np.arange(sides) / sides
     rim = np.stack([np.cos(angles), np.sin(angles), np.full(sides, slope * cos(pi / sides))], axis=-1)

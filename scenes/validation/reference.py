@@ -46,6 +46,7 @@ class Errors:
 
     @classmethod
     def of(cls, w: Float64s, truth: Float64s) -> Errors:
+        """The errors of w against the truth, both (k,)."""
         off = w - truth
         size = np.abs(w - truth)
         return cls(*map(float, (np.sqrt(np.mean(off**2)), np.quantile(size, 0.99), size.max(), off.mean())))

@@ -49,6 +49,7 @@ class Result:
 
     @property
     def ok(self) -> bool:
+        """Whether the error is one that is allowed."""
         return abs(self.error) <= self.allowed
 
 
@@ -60,7 +61,7 @@ def configurations() -> tuple[Configuration, ...]:
 def measure(
     configuration: Configuration, bake: Baker = _bake, samples: int = SAMPLES, seed: int = 0, threads: int | None = None
 ) -> Float64s:
-    """Measured w (k,) at the configuration's points."""
+    """The w (k,) of a bake at the configuration's points."""
     mesh = configuration.mesh
     falloff = configuration.falloff
     baked = bake(mesh, falloff, samples=samples, seed=seed, threads=threads, **configuration.options)
@@ -68,7 +69,7 @@ def measure(
 
 
 def compare(configuration: Configuration, measured: Float64s, samples: int = SAMPLES) -> Result:
-    """The verdict on w (k,) measured at the configuration's points with `samples` rays."""
+    """The result of a configuration from w (k,) measured at its points with `samples` rays."""
     exact = configuration.exact
     worst = int(np.argmax(np.abs(measured - exact)))  # a NaN counts as the largest
     return Result(configuration, float(measured[worst]), float(exact[worst]), configuration.allowed(samples))

@@ -77,6 +77,7 @@ class CookTorrance(Microfacet):
 
     @model_validator(mode="after")
     def _c_is_used(self) -> CookTorrance:
+        """Check that `gaussian_c` is given for the Gaussian distribution alone. Raises: OptionError."""
         if self.gaussian_c is not None and self.distribution != "gaussian":
             raise OptionError("gaussian_c", 'distribution = "gaussian" with it', self.distribution, "CookTorrance")
         return self

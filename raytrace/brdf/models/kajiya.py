@@ -191,6 +191,7 @@ class Kajiya(Brushed):
 
     @model_validator(mode="after")
     def _kirchhoff_holds(self) -> Kajiya:
+        """Check that correlation lengths are long enough for Kirchhoff's approximation. Raises: OptionError."""
         least = max(*self.wavelengths, 2 * self.height)
         for name in ("correlation_parallel", "correlation_perpendicular"):
             if getattr(self, name) < least:

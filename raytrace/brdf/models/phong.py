@@ -65,8 +65,8 @@ class PhongFamily(Glossy):
 
     def parameters(self) -> list[float]:
         coefficients = np.zeros(COEFFICIENTS)
-        given = _WEIGHTS[self.weight] if isinstance(self.weight, str) else self.weight
-        coefficients[: len(given)] = given
+        weights = _WEIGHTS[self.weight] if isinstance(self.weight, str) else self.weight
+        coefficients[: len(weights)] = weights
         return [*self.k_d, *self.k_s, self.exponent, *coefficients]
 
 

@@ -23,7 +23,7 @@ from ..threemf.read import check_archive
 Colour = tuple[float, float, float]
 
 
-def read_dae(given: MeshInput) -> list[Instance]:
+def read_dae(mesh_input: MeshInput) -> list[Instance]:
     """Every geometry where its nodes place it, its vertices once, whatever uses them.
 
     Raises: MeshError: very many copies, or an archive that unpacks to very much. Exception: of pycollada.
@@ -33,12 +33,12 @@ def read_dae(given: MeshInput) -> list[Instance]:
     from collada.polylist import Polylist
     from collada.triangleset import TriangleSet
 
-    file = given.file
-    if given.path.suffix.lower() == ".zae":
-        check_archive(file, given.source)
+    file = mesh_input.file
+    if mesh_input.path.suffix.lower() == ".zae":
+        check_archive(file, mesh_input.source)
     content = Collada(file, ignore=[DaeError])
     up = str(content.assetInfo.upaxis or "y")[0].lower()
-    made = []
+    instances = []
     placed_elements = 0
     for placed in content.scene.objects("geometry") if content.scene else ():
         shape = placed.original
@@ -47,14 +47,15 @@ def read_dae(given: MeshInput) -> list[Instance]:
         for piece in shape.primitives:
             if isinstance(piece, Polylist | TriangleSet) and piece.vertex is not None:
                 sets.setdefault(id(piece.vertex), []).append(piece)
-        for same in sets.values():
-            vertices = np.asarray(same[0].vertex, np.float64)
-            corners = np.concatenate([np.ravel(piece.vertex_index) for piece in same]).astype(np.int64)
-            counts = [getattr(piece, "vcounts", np.full(len(piece.vertex_index), 3)) for piece in same]
+        for primitives in sets.values():
+            vertices = np.asarray(primitives[0].vertex, np.float64)
+            corners = np.concatenate([np.ravel(piece.vertex_index) for piece in primitives]).astype(np.int64)
+            counts = [getattr(piece, "vcounts", np.full(len(piece.vertex_index), 3)) for piece in primitives]
             sizes = np.concatenate(counts).astype(np.int64)
             placed_elements += len(vertices) + len(corners)
-            check_copies(placed_elements, file.seek(0, os.SEEK_END), given.path)
-            triangles = triangulate(vertices, corners, sizes, given.source)
+            check_copies(placed_elements, file.seek(0, os.SEEK_END), mesh_input.path)
+            # The polygons' triangles, placed by the node.
+            triangles = triangulate(vertices, corners, sizes, mesh_input.source)
             instance = Instance(
                 str(shape.name or shape.id),
                 vertices,
@@ -63,21 +64,22 @@ def read_dae(given: MeshInput) -> list[Instance]:
                 notes=triangles.notes,
                 up=up,
             )
-            if given.keep:
-                materials, unread = _materials(placed, same, given.path.parent)
+            # What else the mesh has, for an output that can hold it.
+            if mesh_input.keep:
+                materials, unread = _materials(placed, primitives, mesh_input.path.parent)
                 attributes = SourceAttributes(
                     corners,
                     sizes,
                     triangles,
-                    uv=_coordinates(same),
-                    colors=_colours(same, len(vertices)),
+                    uv=_coordinates(primitives),
+                    colors=_colours(primitives, len(vertices)),
                     materials=materials,
-                    material_of=np.repeat(np.arange(len(same)), [len(count) for count in counts]),
+                    material_of=np.repeat(np.arange(len(primitives)), [len(count) for count in counts]),
                     files=tuple(material.texture for material in materials if material.texture),
                 )
                 instance = instance._replace(attributes=attributes, unread=unread)
-            made.append(instance)
-    return made
+            instances.append(instance)
+    return instances
 
 
 def _coordinates(pieces: list[Any]) -> PerCorner | None:
@@ -98,7 +100,7 @@ def _coordinates(pieces: list[Any]) -> PerCorner | None:
 
 
 def _colours(pieces: list[Any], count: int) -> Float64s | None:
-    """Colours (n, 3) of the vertices, of one of their corners each; None unless all primitives have some."""
+    """Colours (n, 3) of the vertices, each from one of its corners; None unless all primitives have some."""
     colours = np.ones((count, 3))
     for piece in pieces:
         sources = piece.sources.get("COLOR")

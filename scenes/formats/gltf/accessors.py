@@ -64,11 +64,11 @@ def _replaced(asset: Gltf, base: npt.NDArray[Any], sparse: Sparse, field: str) -
     indices = _rows(asset, sparse.index_view, sparse.index_offset, (sparse.count, 1), index, at).ravel()
     if index.kind != "u" or indices.max() >= len(base):
         raise MeshError(asset.path, at, f"whole numbers below {len(base)}", "others")
-    made = base.copy()
+    replaced = base.copy()
     shape = sparse.count, base.shape[1]
-    made[indices] = _rows(asset, sparse.view, sparse.offset, shape, base.dtype, f"{field}.values")
-    made.flags.writeable = False
-    return made
+    replaced[indices] = _rows(asset, sparse.view, sparse.offset, shape, base.dtype, f"{field}.values")
+    replaced.flags.writeable = False
+    return replaced
 
 
 def _rows(
@@ -101,7 +101,7 @@ def vectors(asset: Gltf, number: int) -> npt.NDArray[Any]:
 
 
 def flipped(uv: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Texture coordinates (n, 2) with v the other way: glTF's goes downwards."""
+    """Texture coordinates (n, 2) with v reversed: glTF's v goes downwards."""
     return np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1)
 
 

@@ -47,7 +47,7 @@ class DrawnPrimitive(NamedTuple):
 
     @property
     def shape(self) -> tuple[int, int, int | None, tuple[float, ...]]:
-        """Equal of primitives that are one shape."""
+        """A key that is equal for primitives of one shape."""
         return self.mesh, self.primitive_number, self.skin, self.weights
 
 
@@ -61,13 +61,15 @@ class Gltf:
 
     @cached_property
     def geometry(self) -> GltfGeometry:
-        made = parse(GltfGeometry, self.header, self.path)
-        if not made.version.startswith("2."):
-            raise MeshError(self.path, "asset.version", "glTF 2.0", made.version)
-        return made
+        """Meshes, nodes and accessors of the header. Raises: MeshError."""
+        geometry = parse(GltfGeometry, self.header, self.path)
+        if not geometry.version.startswith("2."):
+            raise MeshError(self.path, "asset.version", "glTF 2.0", geometry.version)
+        return geometry
 
     @cached_property
     def materials(self) -> GltfMaterials:
+        """Materials, textures and samplers of the header. Raises: MeshError."""
         return parse(GltfMaterials, self.header, self.path)
 
     @property
@@ -110,6 +112,7 @@ class Gltf:
 
     @cached_property
     def _tops(self) -> list[int]:
+        """The nodes that are no child of another."""
         children = {child for node in self.geometry.nodes for child in node.children}
         return [number for number in range(len(self.geometry.nodes)) if number not in children]
 
@@ -132,64 +135,66 @@ class Gltf:
 
     @cached_property
     def everywhere(self) -> dict[int, Float64s]:
-        """`world`, and the same of `hidden` trees. Raises: ValueError: as `world`, or there is no such skin."""
+        """The maps of `world` and those of `hidden` trees. Raises: ValueError: as `world`, or there is no such skin."""
         return self._placed(self.hidden) | self.world
 
     def _placed(self, roots: list[int]) -> dict[int, Float64s]:
-        made: dict[int, Float64s] = {}
+        """The (4, 4) map to the world of `roots` and all nodes below. Raises: ValueError: they are no trees."""
+        world: dict[int, Float64s] = {}
         stack = [(number, np.eye(4)) for number in reversed(roots)]
         while stack:
             number, parent = stack.pop()
-            if number in made:
+            if number in world:
                 raise ValueError(f"node {number} has two parents or is its own ancestor")
             node = entry(self.geometry.nodes, number, "nodes")
-            made[number] = parent @ _local(node) if _PLACED & vars(node).keys() else parent
-            stack.extend((child, made[number]) for child in reversed(node.children))
-        return made
+            world[number] = parent @ _local(node) if _PLACED & vars(node).keys() else parent
+            stack.extend((child, world[number]) for child in reversed(node.children))
+        return world
 
     @cached_property
     def drawn(self) -> list[DrawnPrimitive]:
         """The triangle primitives, node by node as in `world`. Raises: ValueError: as that, or a triangle fan."""
-        made = []
+        drawn = []
         for number in self.world:
             node = self.geometry.nodes[number]
             mesh = node.mesh
             if mesh is None:
                 continue
-            whole = entry(self.geometry.meshes, mesh, "meshes")
-            weights = tuple(node.weights or whole.weights)
-            for number_in_mesh, primitive in enumerate(whole.primitives):
+            stored_mesh = entry(self.geometry.meshes, mesh, "meshes")
+            weights = tuple(node.weights or stored_mesh.weights)
+            for number_in_mesh, primitive in enumerate(stored_mesh.primitives):
                 if primitive.mode == records.TRIANGLE_FAN:
                     raise ValueError(f"mesh {mesh} is a triangle fan, which is not supported")
                 if primitive.mode in (records.TRIANGLES, records.TRIANGLE_STRIP):
                     stored = self.header["meshes"][mesh]["primitives"][number_in_mesh]
-                    made.append(DrawnPrimitive(number, mesh, number_in_mesh, primitive, stored, node.skin, weights))
-        return made
+                    drawn.append(DrawnPrimitive(number, mesh, number_in_mesh, primitive, stored, node.skin, weights))
+        return drawn
 
     def material(self, primitive: Primitive) -> GltfMaterial:
-        """Of a primitive, the default one if it names none. Raises: ValueError: there is no such entry."""
+        """The material of a primitive, the default one if it names none. Raises: ValueError: there is no such entry."""
         number = primitive.material
         return GltfMaterial() if number is None else entry(self.materials.materials, number, "materials")
 
     def sampler(self, texture: GltfTexture) -> Sampler:
-        """As `material`."""
+        """The sampler of a texture, the default one if it names none. Raises: ValueError: there is no such entry."""
         number = texture.sampler
         return Sampler() if number is None else entry(self.materials.samplers, number, "samplers")
 
 
 def _local(node: Node) -> Float64s:
+    """The (4, 4) map from a node to its parent."""
     if node.matrix is not None:
         return np.array(node.matrix).reshape(4, 4).T
-    made = np.eye(4)
+    matrix = np.eye(4)
     if node.rotation is not None:
-        made[:3, :3] = of_quaternion(node.rotation)
-    made[:3, :3] *= node.scale
-    made[:3, 3] = node.translation
-    return made
+        matrix[:3, :3] = of_quaternion(node.rotation)
+    matrix[:3, :3] *= node.scale
+    matrix[:3, 3] = node.translation
+    return matrix
 
 
 def entry(entries: Sequence[T], number: int, name: str) -> T:
-    """One of a header's list. Raises: ValueError: there is no such entry."""
+    """The entry of a list of the header, `name`, by its number. Raises: ValueError: there is none."""
     if number >= len(entries):
         raise ValueError(f"there is no {name}[{number}]")
     return entries[number]

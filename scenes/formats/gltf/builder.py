@@ -89,10 +89,11 @@ class GlbBuilder:
             codes = np.zeros((len(vertices), 4), "<u2")
             codes[:, : columns.shape[1]] = np.rint(columns * np.float32(65535))
             attributes[f"{PROFILE}{number}"] = self.accessor(codes, normalized=True)
-        known = {"half_distances": profile.half_distances.tolist(), "radius": profile.radius}
-        self.header["accessors"][attributes[f"{PROFILE}0"]]["extras"] = known
+        facts = {"half_distances": profile.half_distances.tolist(), "radius": profile.radius}
+        self.header["accessors"][attributes[f"{PROFILE}0"]]["extras"] = facts
 
     def _colors(self, w: Float64s, channels: str, stored: npt.NDArray[Any] | None) -> int:
+        """Index of an accessor of `COLOR_0` with w in some channels, the rest as `stored` or at its most."""
         kind = np.dtype(np.uint8) if stored is None else stored.dtype
         largest = 1 if kind.kind == "f" else np.iinfo(kind).max
         colors = np.full((len(w), 4), largest, kind)

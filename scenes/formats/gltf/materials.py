@@ -63,5 +63,5 @@ def enlarged(image: npt.NDArray[Any], height: int, width: int) -> npt.NDArray[An
     from scipy.ndimage import zoom
 
     factors = height / image.shape[0], width / image.shape[1], 1
-    made: npt.NDArray[Any] = zoom(image.astype(np.float32), factors, order=1, mode="grid-wrap", grid_mode=True)
-    return made if image.dtype == np.float32 else np.rint(made).astype(image.dtype)
+    zoomed: npt.NDArray[Any] = zoom(image.astype(np.float32), factors, order=1, mode="grid-wrap", grid_mode=True)
+    return zoomed if image.dtype == np.float32 else np.rint(zoomed).astype(image.dtype)

@@ -53,10 +53,10 @@ class OcclusionTextures:
 
     def materials(self, primitive: dict[str, Any]) -> list[int | None]:
         """The primitive's materials that have no occlusion texture that is to be kept; None for no material."""
-        return list(filter(self._open, _materials(primitive)))
+        return list(filter(self._is_replaceable, _materials(primitive)))
 
     def give(self, primitive: dict[str, Any], texture: int, coordinates: int) -> None:
-        """Note that a primitive of the document is to have this texture by its TEXCOORD set of this number."""
+        """Record that a primitive is to have this texture, by its TEXCOORD set `coordinates`."""
         self._given[id(primitive)] = texture, coordinates
 
     def apply(self) -> None:
@@ -72,23 +72,25 @@ class OcclusionTextures:
                 material = slot.get("material")
                 if given is None:
                     others.add(material)
-                elif self._open(material):
+                elif self._is_replaceable(material):
                     uses.setdefault((material, *given), []).append(slot)
         for (material, texture, coordinates), slots in uses.items():
             if material in others:
-                made = {} if material is None else copy.deepcopy(before[material])
-                number = self.builder.append("materials", made)
+                copied = {} if material is None else copy.deepcopy(before[material])
+                number = self.builder.append("materials", copied)
                 for slot in slots:
                     slot["material"] = number
             else:
-                made = header["materials"][material]
+                copied = header["materials"][material]
                 others.add(material)
-            self._put(made, texture, coordinates)
+            self._assign(copied, texture, coordinates)
 
-    def _put(self, material: dict[str, Any], texture: int, coordinates: int) -> None:
+    def _assign(self, material: dict[str, Any], texture: int, coordinates: int) -> None:
+        """Let a material look up this texture by the TEXCOORD set `coordinates`."""
         material["occlusionTexture"] = texture_reference(texture, coordinates)
 
-    def _open(self, material: int | None) -> bool:
+    def _is_replaceable(self, material: int | None) -> bool:
+        """Whether a material may get an occlusion texture: it has none, or one that may be replaced."""
         header = self.builder.header
         if material is not None and material >= len(header.get("materials", [])):
             return False
@@ -171,6 +173,7 @@ def _slots(primitive: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _materials(primitive: dict[str, Any]) -> list[int | None]:
+    """The materials of a primitive and of its variants, None for the default one."""
     return [slot.get("material") for slot in _slots(primitive)]
 
 

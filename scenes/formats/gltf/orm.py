@@ -38,31 +38,32 @@ class OrmTextures(OcclusionTextures):
     _pages: list[Float32s] = field(default_factory=list)
     _images: dict[int, npt.NDArray[Any] | None] = field(default_factory=dict)
     _packed: dict[tuple[int | None, int], tuple[int, int]] = field(default_factory=dict)
-    _alone: dict[int, int] = field(default_factory=dict)
+    _separate: dict[int, int] = field(default_factory=dict)
 
     def add_page(self, w: Float32s) -> int:
         """The number of w (h, w), for `give`."""
         self._pages.append(w)
         return len(self._pages) - 1
 
-    def _put(self, material: dict[str, Any], page: int, coordinates: int) -> None:
+    def _assign(self, material: dict[str, Any], page: int, coordinates: int) -> None:
+        """Put w into R of the material's metallic-roughness image, or beside it where that cannot be."""
         surface = material.setdefault(_SURFACE, {})
         reference: dict[str, Any] = surface.get(_REFERENCE, {})
         number: int | None = reference.get("index")
         if number is not None and (not _goes_by(reference, coordinates) or self._image(number) is None):
             self.apart.add(number)
-            if page not in self._alone:
-                self._alone[page] = super().add_page(self._pages[page])
-            super()._put(material, self._alone[page], coordinates)
+            if page not in self._separate:
+                self._separate[page] = super().add_page(self._pages[page])
+            super()._assign(material, self._separate[page], coordinates)
             return
         if (number, page) not in self._packed:
             self._packed[number, page] = self._pack(number, self._pages[page])
         occlusion, shared = self._packed[number, page]
-        super()._put(material, occlusion, coordinates)
+        super()._assign(material, occlusion, coordinates)
         extensions = {name: value for name, value in reference.get("extensions", {}).items() if name != TRANSFORM}
-        kept = {name: value for name, value in reference.items() if name not in ("index", "texCoord", "extensions")}
-        kept |= {"extensions": extensions} if extensions else {}
-        surface[_REFERENCE] = texture_reference(shared, coordinates) | kept
+        further = {name: value for name, value in reference.items() if name not in ("index", "texCoord", "extensions")}
+        further |= {"extensions": extensions} if extensions else {}
+        surface[_REFERENCE] = texture_reference(shared, coordinates) | further
 
     def _image(self, number: int) -> npt.NDArray[Any] | None:
         """The codes (h, w, 1 to 4) of a texture; None if it cannot be read, or has not 8 or 16 bits."""
@@ -82,18 +83,18 @@ class OrmTextures(OcclusionTextures):
         image = None if number is None else self._image(number)
         if image is None:
             image = np.full((*w.shape, 3), 255, np.uint8)
-        both = self.add(linear_png(with_occlusion(image, w)), _NAME, wrapS=WRAP, wrapT=WRAP)
+        combined = self.add(linear_png(with_occlusion(image, w)), _NAME, wrapS=WRAP, wrapT=WRAP)
         if number is not None and self.asset:
             added = self.builder.header["textures"]
             stored = self.asset.materials.textures[number]
             sampler = self.asset.sampler(stored)
             if not sampler.wrapS == sampler.wrapT == WRAP:  # what is baked is taken modulo 1
-                return both, self.builder.append("textures", added[both] | {"sampler": stored.sampler})
+                return combined, self.builder.append("textures", added[combined] | {"sampler": stored.sampler})
             if stored.sampler is None:
-                del added[both]["sampler"]
+                del added[combined]["sampler"]
             else:
-                added[both]["sampler"] = stored.sampler
-        return both, both
+                added[combined]["sampler"] = stored.sampler
+        return combined, combined
 
 
 def _goes_by(reference: dict[str, Any], coordinates: int) -> bool:
@@ -113,6 +114,6 @@ def with_occlusion(image: npt.NDArray[Any], w: Float32s) -> UInt8s | UInt16s:
         image = np.concatenate([np.repeat(image[:, :, :1], 3, axis=2), image[:, :, 1:]], axis=2)
     height = max(image.shape[0], w.shape[0])
     width = max(image.shape[1], w.shape[1])
-    made = np.ascontiguousarray(enlarged(image, height, width))
-    made[:, :, 0] = np.rint(np.clip(enlarged(w[:, :, None], height, width)[:, :, 0], 0, 1) * most)
-    return made
+    combined = np.ascontiguousarray(enlarged(image, height, width))
+    combined[:, :, 0] = np.rint(np.clip(enlarged(w[:, :, None], height, width)[:, :, 0], 0, 1) * most)
+    return combined

@@ -34,14 +34,15 @@ class _Fault(Exception):
 def parse(kind: type[T], value: Any, source: object) -> T:
     """`value` as `kind`. Raises: MeshError: the first value that is not of its type, by its path."""
     try:
-        made: T = _read(kind, value, ())
-        return made
+        record: T = _read(kind, value, ())
+        return record
     except _Fault as fault:
         path, expected, got = fault.args
         raise MeshError(source, _text(path) or "content", expected, got) from None
 
 
 def _read(kind: Any, value: Any, path: _Path) -> Any:
+    """A value as a type says, with all below it. Args: path: for messages. Raises: _Fault."""
     form, inner = _form(kind)
     if form is JsonObject:
         return None if value is None and len(inner) > 1 else _record(inner[0], value, path)
@@ -75,7 +76,8 @@ def _read(kind: Any, value: Any, path: _Path) -> Any:
 
 
 def _record(kind: Any, value: Any, path: _Path) -> JsonObject:
-    made: JsonObject = kind()
+    """An object as a `JsonObject` of this kind. Raises: _Fault."""
+    record: JsonObject = kind()
     whole = _table(value, path)
     for name, inner, (*steps, key), is_required in _fields(kind):
         table = whole
@@ -84,13 +86,14 @@ def _record(kind: Any, value: Any, path: _Path) -> JsonObject:
             at = at, step
             table = _table(table.get(step, {}), at)
         if key in table:
-            setattr(made, name, _read(inner, table[key], (at, key)))
+            setattr(record, name, _read(inner, table[key], (at, key)))
         elif is_required:
             raise _Fault((at, key), "a value", "nothing")
-    return made
+    return record
 
 
 def _table(value: Any, path: _Path) -> dict[str, Any]:
+    """The value, if it is a JSON object. Raises: _Fault."""
     return value if isinstance(value, dict) else _refuse(path, "an object", value)
 
 
@@ -108,7 +111,7 @@ def _form(kind: Any) -> tuple[Any, tuple[Any, ...]]:
 
 @cache
 def _fields(kind: Any) -> list[tuple[str, Any, list[str], bool]]:
-    """Of a record's attributes the name, the type, the path below the record, and whether it must be there."""
+    """A record's attributes: name, type, path below the record, and whether it must be there."""
     fields = []
     for name, hint in get_type_hints(kind, include_extras=True).items():
         inner, key = get_args(hint) if get_origin(hint) is Annotated else (hint, name)
@@ -117,10 +120,12 @@ def _fields(kind: Any) -> list[tuple[str, Any, list[str], bool]]:
 
 
 def _refuse(path: _Path, expected: str, got: object) -> NoReturn:
+    """Refuse a value of another type than `expected`. Raises: _Fault."""
     raise _Fault(path, expected, shown(got))
 
 
 def _text(path: _Path) -> str:
+    """The path as text, such as `nodes[2].mesh`."""
     if not path:
         return ""
     return joined(_text(path[0]), f"[{path[1]}]" if isinstance(path[1], int) else path[1])

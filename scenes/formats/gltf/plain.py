@@ -77,11 +77,13 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
 
 
 def _add_positions(builder: GlbBuilder, vertices: Float64s, origin: Float64s | None) -> int:
+    """Index of an accessor of positions relative to `origin`, float32, with the bounds that glTF asks for."""
     positions = (vertices - (0 if origin is None else origin)).astype("<f4")
     return builder.accessor(positions, min=positions.min(axis=0).tolist(), max=positions.max(axis=0).tolist())
 
 
 def _empty_document() -> GlbBuilder:
+    """A document with an empty scene and a white material."""
     white = {"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 1}}
     asset = {"version": "2.0", "generator": "obscurance"}
     scenes: list[dict[str, Any]] = [{"nodes": []}]
@@ -144,7 +146,12 @@ def part_origin(vertices: Float64s) -> Float64s | None:
 
 
 def _vertex_columns(source: SourceAttributes, colors: str) -> dict[str, npt.NDArray[Any]]:
-    """Colours, unless all channels are to hold w, and further numbers of the vertices, by glTF's names."""
+    """Attributes of the vertices by glTF's names: colours, unless all channels are to hold w, and the source's
+    further numbers.
+
+    Args:
+        colors: channels of `COLOR_0` that are to hold w.
+    """
     columns: dict[str, npt.NDArray[Any]] = {}
     stored = source.colors if len(colors) < 2 else None
     if stored is None and len(colors) == 1:
@@ -156,11 +163,11 @@ def _vertex_columns(source: SourceAttributes, colors: str) -> dict[str, npt.NDAr
 
 def kept_numbers(source: SourceAttributes) -> list[str]:
     """Names of the further numbers of vertices that a .glb has: float32 holds them, and capitals do not clash."""
-    kept = {"OBSCURANCE": ""}
+    name_of = {"OBSCURANCE": ""}
     for name, values in source.numbers.items():
         if fits_float(values):
-            kept.setdefault(name.upper(), name)
-    return [name for name in kept.values() if name]
+            name_of.setdefault(name.upper(), name)
+    return [name for name in name_of.values() if name]
 
 
 def fits_float(values: npt.NDArray[Any]) -> bool:

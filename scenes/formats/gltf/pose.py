@@ -47,10 +47,11 @@ class Poses:
             raise MeshError(self.asset.path, whose, expected, len(weights))
         vertices = self._morphed(drawn, "POSITION", stored.vertices, at)
         normals = None if stored.normals is None else self._morphed(drawn, "NORMAL", stored.normals, at)
-        made = stored._replace(vertices=vertices, normals=normals)
-        return made if drawn.skin is None else self._skinned(drawn.skin, drawn, made, f"{at}.attributes")
+        posed = stored._replace(vertices=vertices, normals=normals)
+        return posed if drawn.skin is None else self._skinned(drawn.skin, drawn, posed, f"{at}.attributes")
 
     def _morphed(self, drawn: DrawnPrimitive, name: str, values: npt.NDArray[Any], at: str) -> npt.NDArray[Any]:
+        """An attribute's values moved by its morph targets. Args: at: the primitive's path, for messages."""
         weight_of: dict[int, float] = {}  # by accessor
         for weight, target in zip(drawn.weights, drawn.primitive.targets, strict=False):
             if weight and name in target:
@@ -64,6 +65,7 @@ class Poses:
         return values
 
     def _skinned(self, skin: int, drawn: DrawnPrimitive, stored: Instance, at: str) -> Instance:
+        """A primitive in the world, as the joints of a skin move it. Args: at: its path, for messages."""
         matrices = self._joints(skin)
         joints, weights = self._influences(drawn, len(stored.vertices), f"{at}.")
         if joints.max() >= len(matrices):
@@ -90,7 +92,7 @@ class Poses:
         return stored._replace(vertices=vertices * _MIRROR, normals=normals, matrix=np.diag([*_MIRROR, 1.0]))
 
     def _joints(self, number: int) -> Float64s:
-        """The maps of a skin's joints, (j, 3, 4), from where the mesh is stored to the world at rest."""
+        """The maps (j, 3, 4) of a skin's joints: from the space that the mesh is stored in to the world."""
         if number in self._skins:
             return self._skins[number]
         asset = self.asset
@@ -134,7 +136,7 @@ class Poses:
         return np.hstack([joints for joints, _ in influences]), np.hstack([weights for _, weights in influences])
 
     def _count(self, moved: int, at: str) -> None:
-        """Refuse a small file that takes long because its values are used many times."""
+        """Add to the values that are posed. Raises: MeshError: a small file whose values are used very many times."""
         self._moved += moved
         limit = max(MAX_COPIED, sum(map(len, self.asset.buffers)))
         if self._moved > limit:
@@ -146,12 +148,12 @@ def _blended(matrices: Float64s, joints: npt.NDArray[Any], weights: Float64s) ->
     order = np.argsort(joints, axis=1, kind="stable")
     joints = np.take_along_axis(joints, order, axis=1)
     weights = np.take_along_axis(weights, order, axis=1)
-    made = np.zeros((len(joints), 3, 4))
+    blended = np.zeros((len(joints), 3, 4))
     total = np.zeros((len(joints), 1, 1))
     for joint, weight in zip(joints.T, weights.T[:, :, None, None], strict=True):
-        made += weight * matrices[joint]
+        blended += weight * matrices[joint]
         total += weight
-    return np.asarray(made / total)
+    return np.asarray(blended / total)
 
 
 def _times(matrices: Float64s, vectors: npt.NDArray[Any]) -> Float64s:

@@ -23,23 +23,24 @@ if TYPE_CHECKING:
 _COPIES = "EXT_mesh_gpu_instancing"
 
 
-def read_gltf(given: MeshInput) -> tuple[list[Instance], Gltf]:
+def read_gltf(mesh_input: MeshInput) -> tuple[list[Instance], Gltf]:
     """The triangle primitives that a file draws, in the order of `Gltf.drawn`, sharing arrays by shape, and its asset.
 
     Raises: ValueError: as `decode` and `Poses`, compressed values, very many copies, nodes that are no tree, no image
         with alpha.
     """
-    asset = decode(given.file.read(), given.path)
+    asset = decode(mesh_input.file.read(), mesh_input.path)
     textures = None
-    if given.alpha and _has_alpha(asset):
+    if mesh_input.alpha and _has_alpha(asset):
         from .textures import Textures, opacity_of
 
         textures = Textures(asset)
     poses = Poses(asset)
     shapes: dict[Any, Instance] = {}
-    made: list[Instance] = []
+    instances: list[Instance] = []
     copied = 0
     for drawn in asset.drawn:
+        # Each shape once, posed.
         if drawn.shape not in shapes:
             shape = poses.posed(drawn, _shape(asset, drawn.primitive))
             if textures:
@@ -48,17 +49,18 @@ def read_gltf(given: MeshInput) -> tuple[list[Instance], Gltf]:
         shape = shapes[drawn.shape]
         copied += len(shape.vertices) + len(shape.faces)
         check_copies(copied, sum(map(len, asset.buffers)), asset.path)
+        # Its instance: named by the node or the mesh, and placed by the node unless a skin has done so.
         node = asset.geometry.nodes[drawn.node]
         mesh = asset.geometry.meshes[drawn.mesh]
         name = node.name or mesh.name or f"node {drawn.node}"
         if len(mesh.primitives) > 1:
             name += f"[{drawn.primitive_number}]"
-        notes = () if made else in_words(asset)
+        notes = () if instances else in_words(asset)
         if _COPIES in node.extensions:
             notes += (f"{name} is drawn many times by {_COPIES}, which is not read: once here",)
         matrix = asset.world[drawn.node] if drawn.skin is None else shape.matrix
-        made.append(shape._replace(name=name, matrix=matrix, notes=notes))
-    return made, asset
+        instances.append(shape._replace(name=name, matrix=matrix, notes=notes))
+    return instances, asset
 
 
 def _has_alpha(asset: Gltf) -> bool:

@@ -89,8 +89,14 @@ def textured_glb(
 def _by_page(
     builder: GlbBuilder, primitive: dict[str, Any], page_of: Int64s
 ) -> Iterator[tuple[int, Int64s, dict[str, Any]]]:
-    """The pages of a primitive's faces, the rows of the faces on each, and a primitive for them: itself, or a copy that
-    is added to its mesh. Args: page_of: (t,)."""
+    """Split a primitive by the pages of its faces.
+
+    Returns of each page the rows of the faces on it, and a primitive for them: itself, or a copy that is added to its
+    mesh.
+
+    Args:
+        page_of: (t,), the page of each face.
+    """
     mesh = next(mesh for mesh in builder.header["meshes"] if any(other is primitive for other in mesh["primitives"]))
     used = np.unique(page_of).tolist()
     pieces = [primitive, *(copy.deepcopy(primitive) for _ in used[1:])]
@@ -133,10 +139,10 @@ def take_vertices(builder: GlbBuilder, asset: Gltf, primitive: dict[str, Any], t
     """Give a primitive, and its morph targets, some rows of its own vertices."""
     for attributes in (primitive["attributes"], *primitive.get("targets", [])):
         for name, accessor in attributes.items():
-            attributes[name] = _taken(builder, asset, accessor, taken_rows)
+            attributes[name] = _taken_accessor(builder, asset, accessor, taken_rows)
 
 
-def _taken(builder: GlbBuilder, asset: Gltf, number: int, taken_rows: Int64s) -> int:
+def _taken_accessor(builder: GlbBuilder, asset: Gltf, number: int, taken_rows: Int64s) -> int:
     """Index of a new accessor of some rows of another."""
     old = asset.header["accessors"][number]
     taken = np.ascontiguousarray(values(asset, number, "SCALAR", "VEC2", "VEC3", "VEC4")[taken_rows])
@@ -144,8 +150,8 @@ def _taken(builder: GlbBuilder, asset: Gltf, number: int, taken_rows: Int64s) ->
     padding = -data.shape[1] % 4
     strided = {"byteStride": data.shape[1] + padding} if padding else {}
     view = builder.bytes_view(np.pad(data, ((0, 0), (0, padding))).tobytes(), target=ARRAY_BUFFER, **strided)
-    made = {key: old[key] for key in ("componentType", "type", "normalized", "name", "extras") if key in old}
-    made |= {"bufferView": view, "count": len(taken_rows)}
+    entry = {key: old[key] for key in ("componentType", "type", "normalized", "name", "extras") if key in old}
+    entry |= {"bufferView": view, "count": len(taken_rows)}
     if "min" in old:
-        made |= {"min": taken.min(axis=0).tolist(), "max": taken.max(axis=0).tolist()}
-    return builder.append("accessors", made)
+        entry |= {"min": taken.min(axis=0).tolist(), "max": taken.max(axis=0).tolist()}
+    return builder.append("accessors", entry)

@@ -47,17 +47,20 @@ class Textures:
 
     def of_base(self, primitive: Primitive) -> tuple[Float64s, Texture] | None:
         """Coordinates uv (n, 2), v upwards, and the base colour texture of a primitive that has both, or None."""
-        return self._used(primitive, self.asset.material(primitive).base[1], srgb=True)
+        return self._lookup(primitive, self.asset.material(primitive).base[1], srgb=True)
 
     def of_occlusion(self, primitive: Primitive) -> tuple[Float64s, Texture, float] | None:
-        """The same of the occlusion texture, whose R channel is linear, with its strength in [0, 1]."""
+        """Coordinates, the occlusion texture, whose R channel is linear, and its strength in [0, 1]; None without
+        either."""
         reference = self.asset.material(primitive).occlusionTexture
-        used = self._used(primitive, reference, srgb=False)
+        used = self._lookup(primitive, reference, srgb=False)
         return None if reference is None or used is None else (*used, float(np.clip(reference.strength, 0.0, 1.0)))
 
-    def _used(
+    def _lookup(
         self, primitive: Primitive, reference: TextureReference | None, srgb: bool
     ) -> tuple[Float64s, Texture] | None:
+        """Coordinates (n, 2), v upwards, and the texture of a reference; None if the primitive or the file lacks
+        either."""
         if reference is None:
             return None
         moved = reference.transform
@@ -76,7 +79,7 @@ class Textures:
         return flipped(uv), self._made[key]
 
     def _wrap(self, texture: GltfTexture) -> tuple[Wrap, Wrap]:
-        """Raises: MeshError: modes of no name."""
+        """Wrap modes along u and v of a texture. Raises: MeshError: modes of no name."""
         sampler = self.asset.sampler(texture)
         for name in ("wrapS", "wrapT"):
             got = getattr(sampler, name)
@@ -131,6 +134,7 @@ def gltf_attributes(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tup
     unread = [words for key, words in _WORDS.items() if asset.header.get(key)]
     if len(parts) > 1:
         unread.insert(0, "nodes")
+    # Attributes of the primitives, without the coordinates of a ramp of ours.
     names = [
         drawn.primitive.attributes.keys() - {f"TEXCOORD_{number}" for number in ramp_sets(asset.header, drawn.stored)}
         for drawn in asset.drawn
@@ -143,13 +147,14 @@ def gltf_attributes(asset: Gltf, parts: Sequence[Submesh], faces: Int64s) -> tup
         except (ValueError, KeyError, TypeError):
             unread.append(name)
     uv = columns.get("TEXCOORD_0")
+    # Colours sRGB-encoded, as in other formats, without an alpha of 1.
     colors = columns.get("COLOR_0")
     if colors is not None:
         colors = np.concatenate([encode_srgb(colors[:, :3]).astype(np.float64), colors[:, 3:]], axis=1)
         colors = colors[:, :3] if (colors[:, 3] == 1).all() else colors
-    made = triangle_attributes(faces)
-    coordinates = None if uv is None else PerCorner(flipped(uv), made.corners)
-    return made._replace(uv=coordinates, colors=colors), tuple(unread)
+    attributes = triangle_attributes(faces)
+    coordinates = None if uv is None else PerCorner(flipped(uv), attributes.corners)
+    return attributes._replace(uv=coordinates, colors=colors), tuple(unread)
 
 
 def texture_coordinates(asset: Gltf, parts: Sequence[Submesh], faces: Int64s, number: int) -> Float64s | None:
@@ -174,15 +179,18 @@ def _column(
     kinds: tuple[str, ...],
     missing: float,
 ) -> Float64s | None:
-    """An attribute of all vertices, `missing` of primitives that have it not among their names; None if none has.
+    """An attribute of all drawn vertices, by its name; None if no primitive has it. Raises: as `column`.
 
-    Raises: as `column`.
+    Args:
+        names: that each primitive has.
+        kinds: types of accessors, of which the last has most columns.
+        missing: the value for vertices of a primitive that lacks it.
     """
-    if not any(name in known for known in names):
+    if not any(name in names_of_part for names_of_part in names):
         return None
-    made = np.full((parts[-1].vertices.stop, int(kinds[-1][-1])), missing)
-    for drawn, part, known in zip(asset.drawn, parts, names, strict=True):
-        values = column(asset, drawn.primitive, name, *kinds) if name in known else None
+    column_values = np.full((parts[-1].vertices.stop, int(kinds[-1][-1])), missing)
+    for drawn, part, names_of_part in zip(asset.drawn, parts, names, strict=True):
+        values = column(asset, drawn.primitive, name, *kinds) if name in names_of_part else None
         if values is not None:
-            made[part.vertices, : values.shape[1]] = values
-    return made
+            column_values[part.vertices, : values.shape[1]] = values
+    return column_values

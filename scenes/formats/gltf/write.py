@@ -57,7 +57,7 @@ def document(mesh_file: MeshFile, bake: Bake | None, channels: Channels = Channe
 
 
 def _stored(asset: Gltf, parts: tuple[Submesh, ...]) -> tuple[GlbBuilder, list[Drawn]]:
-    """The document of a glTF source, and its drawn primitives, an own one for each instance."""
+    """The document of a glTF source with a mesh of its own for each instance, and its drawn primitives."""
     _ = asset.materials  # to find what is malformed
     builder = one_buffer(asset)
     nodes = builder.header["nodes"]
@@ -118,11 +118,11 @@ def _keep_plain_data(header: dict[str, Any]) -> None:
     for view in header.get("bufferViews", []):
         _remove(view, *MESHOPT)
     left = False
-    known = header.get("accessors", [])
+    accessors = header.get("accessors", [])
     for primitive in (primitive for mesh in header.get("meshes", []) for primitive in mesh["primitives"]):
-        numbers = *primitive["attributes"].values(), primitive.get("indices", len(known))
-        accessors = [known[number] for number in numbers if number < len(known)]
-        if all("bufferView" in accessor for accessor in accessors):
+        numbers = *primitive["attributes"].values(), primitive.get("indices", len(accessors))
+        used = [accessors[number] for number in numbers if number < len(accessors)]
+        if all("bufferView" in accessor for accessor in used):
             _remove(primitive, DRACO)
         left |= DRACO in primitive.get("extensions", {})
     for key in ("extensionsUsed", "extensionsRequired"):
@@ -134,6 +134,7 @@ def _keep_plain_data(header: dict[str, Any]) -> None:
 
 
 def _remove(entry: dict[str, Any], *names: str) -> None:
+    """Drop extensions of an entry, and its table of extensions if none is left."""
     extensions = entry.get("extensions", {})
     for name in names:
         extensions.pop(name, None)
@@ -170,11 +171,11 @@ def ramp_warnings(asset: Gltf, replace: bool) -> list[str]:
     """Warnings where `write_ramp` leaves w out, or some viewers will: lines for the user, mostly none."""
     header = asset.header
     textures = OcclusionTextures(GlbBuilder(header), replace)
-    primitives = {shown[1:3]: shown.stored for shown in asset.drawn}.values()
+    primitives = {drawn[1:3]: drawn.stored for drawn in asset.drawn}.values()
     taking = [primitive for primitive in primitives if textures.materials(primitive)]
     lines = []
-    if kept := len(primitives) - len(taking):
-        of = f"keeps the file's own occlusion textures (primitives: {kept:,} of {len(primitives):,})"
+    if left_out := len(primitives) - len(taking):
+        of = f"keeps the file's own occlusion textures (primitives: {left_out:,} of {len(primitives):,})"
         lines.append(f"{of}, so viewers do not show the bake there; --replace-occlusion replaces them")
     highest = max((free_set(header, primitive) for primitive in taking), default=0)
     if highest >= SETS_OF_ALL_VIEWERS:

@@ -40,8 +40,8 @@ def obj_attributes(
     keeps_objects = bool(objects.names) and objects.kinds <= MAX_OBJECTS
     # Materials.
     used = file.named("usemtl")
-    known, files, missing = libraries if used.names else ({}, [], [])
-    materials = tuple(known.get(name, SourceMaterial(name)) for name in used.names)
+    material_of_name, files, missing = libraries if used.names else ({}, [], [])
+    materials = tuple(material_of_name.get(name, SourceMaterial(name)) for name in used.names)
     # What is left out, in words.
     left_out = (
         (by_object.kinds > 1 and by_group.kinds > 1, "names of groups"),
@@ -72,12 +72,16 @@ def obj_opacity(
     file: ObjText, libraries: Libraries, triangles: Triangulation
 ) -> tuple[Opacity | None, tuple[str, ...]]:
     """Alpha of the faces, None where all are opaque; and warnings of images that are missing."""
-    known, _, left = libraries
+    material_of_name, _, left = libraries
     notes = tuple(
         words + end for words in dict.fromkeys(left) for begin, end in _TOLD.items() if words.startswith(begin)
     )
     # The see-through material of each face, −1: none.
-    materials = {name: material for name, material in known.items() if material.opacity < 1 or material.opacity_texture}
+    materials = {
+        name: material
+        for name, material in material_of_name.items()
+        if material.opacity < 1 or material.opacity_texture
+    }
     used = file.named("usemtl")
     numbers = {name: number for number, name in enumerate(materials)}
     of = np.repeat(np.array([*(numbers.get(name, -1) for name in used.names), -1])[used.of], triangles.counts)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from raytrace.errors import printable
+from raytrace.errors import first_names, printable
 
 from ...geometry.attributes import SourceMaterial, is_opacity_map, is_picture
 from .text import joined_lines
@@ -53,7 +53,7 @@ def read_libraries(names: str, folder: Path) -> Libraries:
     find = partial(_resolve_inside, folder)
     libraries = list(_libraries(names.split("\n"), find))
     if gone := dict.fromkeys(name for name, library in libraries if library is None):
-        left.append(f"{LIBRARY} {_first_names([printable(name, _NAME) for name in gone])}")
+        left.append(f"{LIBRARY} {first_names([printable(name, _NAME) for name in gone], _NAMES)}")
     for library in (library for _, library in libraries if library):
         materials, missing = read_mtl(library, find)
         known = materials | known  # the first of a name counts
@@ -62,10 +62,6 @@ def read_libraries(names: str, folder: Path) -> Libraries:
             files += filter(None, (material.texture, material.opacity_texture))
         left += missing
     return known, files, left
-
-
-def _first_names(names: list[str]) -> str:
-    return ", ".join(names[:_NAMES]) + (f" and {len(names) - _NAMES:,} more" if len(names) > _NAMES else "")
 
 
 def named_files(path: Path) -> list[Path]:
@@ -79,7 +75,7 @@ def named_files(path: Path) -> list[Path]:
 
 
 def _libraries(lines: Iterable[str], find: Callable[[str], Path | None]) -> Iterator[tuple[str, Path | None]]:
-    """The names behind each `mtllib`, and their files, None for what is not there."""
+    """The names of libraries behind each `mtllib`, and their files, None for those that are missing."""
     for line in filter(None, map(str.strip, lines)):
         for name in [line] if find(line) else dict.fromkeys(line.split()):
             yield name, find(name)
@@ -94,12 +90,12 @@ def _resolve_inside(folder: Path, name: str) -> Path | None:
 
 def read_mtl(path: Path, find: Callable[[str], Path | None]) -> tuple[dict[str, SourceMaterial], list[str]]:
     """The materials of a library by name, and what of it was left out, in words; `find` finds files."""
-    given: dict[str, dict[str, Any]] = {}
+    statements_of: dict[str, dict[str, Any]] = {}
     left = []
     statements: dict[str, Any] | None = None
     for key, rest in _statements(path):
         if key == "newmtl" and rest:
-            statements = given[rest] = {}
+            statements = statements_of[rest] = {}
         elif statements is None:
             continue
         elif key in _NUMBERS:
@@ -113,13 +109,14 @@ def read_mtl(path: Path, find: Callable[[str], Path | None]) -> tuple[dict[str, 
                 del statements[key]
         elif key.startswith(_UNREAD):
             left.append(f"texture of {key} ({rest or 'no name'})")
-    made = {name: _material(name, values) for name, values in given.items()}
-    for name, values in given.items():
-        if "map_d" in values and not made[name].opacity_texture:
+    # The materials, and what could not be taken over.
+    materials = {name: _material(name, values) for name, values in statements_of.items()}
+    for name, values in statements_of.items():
+        if "map_d" in values and not materials[name].opacity_texture:
             left.append(f"texture of map_d ({values['map_d'].name})")
-    if opaque := [name for name, values in given.items() if _is_opaque(values)]:
-        left.append(f"{OPAQUE} of {_first_names(opaque)}, taken for opaque")
-    return made, left
+    if opaque := [name for name, values in statements_of.items() if _is_opaque(values)]:
+        left.append(f"{OPAQUE} of {first_names(opaque, _NAMES)}, taken for opaque")
+    return materials, left
 
 
 def _statements(path: Path) -> Iterator[tuple[str, str]]:
@@ -138,9 +135,9 @@ def _picture(text: str) -> tuple[str, list[str]]:
     return text, options
 
 
-def _is_opaque(given: dict[str, Any]) -> bool:
+def _is_opaque(statements: dict[str, Any]) -> bool:
     """Whether `Tr` would hide everything."""
-    return not given.get("d") and given.get("Tr") == (1.0,)
+    return not statements.get("d") and statements.get("Tr") == (1.0,)
 
 
 def _numbers(text: str, count: int, largest: float) -> tuple[float, ...]:
@@ -154,23 +151,25 @@ def _numbers(text: str, count: int, largest: float) -> tuple[float, ...]:
     return tuple(np.broadcast_to(values, count).clip(0, largest).tolist())
 
 
-def _material(name: str, given: dict[str, Any]) -> SourceMaterial:
+def _material(name: str, statements: dict[str, Any]) -> SourceMaterial:
+    """A material from its statements, by keyword. Its roughness is that of the exponent `Ns`."""
+
     def number(key: str, otherwise: float = 0.0) -> float:
-        return given[key][0] if given.get(key) else otherwise
+        return statements[key][0] if statements.get(key) else otherwise
 
     black = 0.0, 0.0, 0.0
-    specular = given.get("Ks") or black
+    specular = statements.get("Ks") or black
     exponent = number("Ns")
-    glossy = (2 / (exponent + 2)) ** 0.25 if given.get("Ns") and any(specular) else 1.0
-    texture = given.get("map_Kd")
-    opacity_texture = given.get("map_d")
+    glossy = (2 / (exponent + 2)) ** 0.25 if statements.get("Ns") and any(specular) else 1.0
+    texture = statements.get("map_Kd")
+    opacity_texture = statements.get("map_d")
     return SourceMaterial(
         name,
-        given.get("Kd") or (1.0, 1.0, 1.0),
-        opacity=1.0 if _is_opaque(given) else number("d", 1 - number("Tr")),
+        statements.get("Kd") or (1.0, 1.0, 1.0),
+        opacity=1.0 if _is_opaque(statements) else number("d", 1 - number("Tr")),
         metallic=number("Pm"),
         roughness=number("Pr", glossy),
-        emission=given.get("Ke") or black,
+        emission=statements.get("Ke") or black,
         specular=specular,
         exponent=exponent,
         texture=texture,

@@ -14,23 +14,28 @@ from .mtl import read_libraries
 from .text import ObjText
 
 
-def read_obj(given: MeshInput) -> list[Instance]:
+def read_obj(mesh_input: MeshInput) -> list[Instance]:
     """All faces of the file, in its order, as triangles of one instance: no vertices are divided in OBJ.
 
     Normals are taken where every face has them and each vertex has only one. Raises: as `ObjText`.
     """
-    file = ObjText(given.file.read(), given.source)
+    file = ObjText(mesh_input.file.read(), mesh_input.source)
     normals = file.normals()
     vertex_normals = normals and normals.at_vertices(file.corners, len(file.vertices), np.nan)
-    triangles = triangulate(file.vertices, file.corners, file.sizes, given.source)
+    triangles = triangulate(file.vertices, file.corners, file.sizes, mesh_input.source)
     notes = file.notes + triangles.notes
-    made = Instance(given.name, file.vertices, triangles.take(file.corners), vertex_normals, notes=notes)
-    libraries = read_libraries(file.lines("mtllib"), given.path.parent) if given.keep or given.alpha else ({}, [], [])
-    if given.keep:
+    instance = Instance(mesh_input.name, file.vertices, triangles.take(file.corners), vertex_normals, notes=notes)
+    libraries = (
+        read_libraries(file.lines("mtllib"), mesh_input.path.parent)
+        if mesh_input.keep or mesh_input.alpha
+        else ({}, [], [])
+    )
+    # What else the file holds, and the alpha of its materials.
+    if mesh_input.keep:
         attributes, unread = obj_attributes(file, libraries, triangles, normals, vertex_normals is not None)
-        made = made._replace(attributes=attributes, unread=unread)
-    if given.alpha:
+        instance = instance._replace(attributes=attributes, unread=unread)
+    if mesh_input.alpha:
         opacity, of_alpha = obj_opacity(file, libraries, triangles)
-        unread = tuple(words for words in made.unread if not any(note.startswith(words) for note in of_alpha))
-        made = made._replace(opacity=opacity, unread=unread, notes=notes + of_alpha)
-    return [made._replace(polygons=triangles.polygons)]
+        unread = tuple(words for words in instance.unread if not any(note.startswith(words) for note in of_alpha))
+        instance = instance._replace(opacity=opacity, unread=unread, notes=notes + of_alpha)
+    return [instance._replace(polygons=triangles.polygons)]

@@ -87,24 +87,25 @@ class ObjText:
     def _survey(self) -> None:
         """`runs`; tallies (blocks, 4, 6) of `lines.survey`, and their sums before each block (blocks + 1, 4, 6)."""
         tallies = np.zeros((len(self._blocks), F + 1, SLASHES + 1), np.int64)
-        rest = [np.empty((0, 3), np.int64)] * len(tallies)
+        runs_of = [np.empty((0, 3), np.int64)] * len(tallies)
 
         def work(block: int) -> None:
             begin, end = self._blocks[block]
             runs_found = np.empty(((end - begin) // 4 + 2, 3), np.int64)
-            rest[block] = runs_found[: lines.survey(self._text, begin, end, tallies[block], runs_found)].copy()
+            runs_of[block] = runs_found[: lines.survey(self._text, begin, end, tallies[block], runs_found)].copy()
 
         for_blocks(len(tallies), work)
         self._tallies = tallies
         self._before = np.cumsum(np.insert(tallies, 0, 0, axis=0), axis=0)
         self.runs: list[Run] = []
-        for faces, others in zip(self._before[:, F, COUNT].tolist(), rest, strict=False):
+        for faces, others in zip(self._before[:, F, COUNT].tolist(), runs_of, strict=False):
             for begin, end, more in others.tolist():
                 text = self._data[begin:end].decode("utf-8", "replace").replace("\r", "\n")
                 self.runs += [Run(run[1], run[0], faces + more) for run in _RUN.finditer(text)]
 
     def _numbers(self, keyword: str) -> Float64s:
-        """All numbers of a keyword's lines (k, any) where they have equally many, enough; else the first of each."""
+        """The numbers of a keyword's lines, (k, any): all where lines have equally many, else the first that are
+        needed."""
         kind = NUMBERED.index(keyword)
         least = self._tallies[:, kind, LEAST].min()
         needed = int(NEEDED[kind])
@@ -129,8 +130,7 @@ class ObjText:
 
         def work(block: int) -> None:
             if self._tallies[block, F, COUNT]:
-                faces = self._before[block], sizes, indices
-                valid[block] = lines.read_faces(self._text, *self._blocks[block], *faces)
+                valid[block] = lines.read_faces(self._text, *self._blocks[block], self._before[block], sizes, indices)
 
         for_blocks(len(valid), work)
         return sizes, indices, all(valid)
@@ -142,23 +142,24 @@ class ObjText:
 
     def normals(self) -> PerCorner | None:
         """`vn` of all corners; None if some corner has none. Raises: as the constructor."""
-        some = self.some("vn")
-        return self._per_corner("vn") if len(some) and some.all() else None
+        has_normal = self.some("vn")
+        return self._per_corner("vn") if len(has_normal) and has_normal.all() else None
 
     def uv(self) -> PerCorner | None:
         """`vt` of the corners, v upwards, NaN where a corner has none; None if none has. Raises: as the constructor."""
         return self._per_corner("vt") if self.some("vt").any() else None
 
     def some(self, keyword: str) -> Bools:
-        """The corners (c,) that have an index of `vt` or `vn`."""
+        """Which corners (c,) have an index of `vt` or `vn`."""
         return np.asarray(self.indices[keyword] != NONE)
 
     def _per_corner(self, keyword: str) -> PerCorner:
+        """`vt` or `vn` by corner, NaN where a corner has none."""
         values = np.ascontiguousarray(self._numbers(keyword)[:, : NEEDED[NUMBERED.index(keyword)]])
-        some = self.some(keyword)
-        of = np.full(len(some), len(values))
-        of[some] = self._from_zero(self.indices[keyword][some], len(values), keyword)
-        return PerCorner(values if some.all() else np.pad(values, ((0, 1), (0, 0)), constant_values=np.nan), of)
+        has_index = self.some(keyword)
+        of = np.full(len(has_index), len(values))
+        of[has_index] = self._from_zero(self.indices[keyword][has_index], len(values), keyword)
+        return PerCorner(values if has_index.all() else np.pad(values, ((0, 1), (0, 0)), constant_values=np.nan), of)
 
     def named(self, keyword: str) -> FaceNames:
         """The faces by the statements before them, such as `usemtl`."""

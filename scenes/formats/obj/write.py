@@ -35,4 +35,5 @@ def obj(bake: Bake, mesh_file: MeshFile, _: object) -> bytes:
 
 
 def _lines(keyword: str, vectors: AnyFloats) -> Iterator[str]:
+    """Lines of a keyword and numbers, a vector each."""
     return (" ".join([keyword, *map(repr, row)]) for row in vectors.tolist())

@@ -16,10 +16,10 @@ from ..table import MeshInput
 _HEADER = re.compile(rb"(?:\s|#[^\n\r]*+)*+((?:ST)?C?N?)OFF\b(?!\s+BINARY)")
 
 
-def read_off(given: MeshInput) -> list[Instance]:
+def read_off(mesh_input: MeshInput) -> list[Instance]:
     """The triangles, with normals of the variant N; no colours. Raises: MeshError, ValueError: it is malformed."""
-    source = given.source
-    data = given.file.read()
+    source = mesh_input.source
+    data = mesh_input.file.read()
     header = _HEADER.match(data)
     if not header:
         raise MeshError(source, "content", "an OFF file of text with three coordinates a vertex", "another header")
@@ -48,7 +48,7 @@ def read_off(given: MeshInput) -> list[Instance]:
     has_colours = b"C" in header[1] or bool((lines.lengths[of_faces] > sizes + 1).any())
     return [
         Instance(
-            given.name,
+            mesh_input.name,
             vertices,
             triangles.take(corners),
             vertex_rows[:, 3:] if has_normals else None,

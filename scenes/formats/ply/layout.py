@@ -95,15 +95,16 @@ def read_header(data: bytes) -> PlyHeader:
 
 
 def _elements(lines: list[list[str]]) -> list[Element]:
-    made: dict[str, tuple[int, dict[str, Property]]] = {}
+    """The elements that the lines of a header declare, without values. Raises: ValueError, KeyError."""
+    elements: dict[str, tuple[int, dict[str, Property]]] = {}
     columns: dict[str, Property] = {}
     for words in lines:
         match words:
             case ["element", name, count]:
                 columns = {}
-                if name in made or int(count) < 0:
+                if name in elements or int(count) < 0:
                     raise ValueError(f"element {name} twice, or of a negative count")
-                made[name] = int(count), columns
+                elements[name] = int(count), columns
             case ["property", *_, name] if name in columns:
                 raise ValueError(f"property {name} twice")
             case ["property", "list", counted, kind, name]:
@@ -112,7 +113,7 @@ def _elements(lines: list[list[str]]) -> list[Element]:
                 columns[name] = Property(name, _TYPES[kind], _NO_VALUES)
             case ["element" | "property", *_]:
                 raise ValueError("the line " + " ".join(words))
-    return [Element(name, count, tuple(columns.values())) for name, (count, columns) in made.items() if columns]
+    return [Element(name, count, tuple(columns.values())) for name, (count, columns) in elements.items() if columns]
 
 
 def write_header(elements: Iterable[Element], comments: Iterable[str]) -> bytes:
@@ -138,10 +139,12 @@ def ply_attributes(
     vertex = columns_of(elements, "vertex")
     face = columns_of(elements, "face")
     uv, used = _coordinates(vertex, columns_of(elements, "face", lists=True).get("texcoord"), corners, sizes)
-    known = {*_MESH, *RGB, "alpha", "obscurance", *used}
-    numbers = {name: column.values for name, column in vertex.items() if name not in known and not is_profile(name)}
+    understood = {*_MESH, *RGB, "alpha", "obscurance", *used}
+    numbers = {
+        name: column.values for name, column in vertex.items() if name not in understood and not is_profile(name)
+    }
     # Comments that are no bake's, and the textures that they name.
-    kept = tuple(line for line in comments if not line.startswith(("comment obscurance: ", PROFILE_COMMENT)))
+    kept_comments = tuple(line for line in comments if not line.startswith(("comment obscurance: ", PROFILE_COMMENT)))
     names = [line.removeprefix(_TEXTURE).strip() for line in comments if line.startswith(_TEXTURE)] if uv else []
     pictures = [find_picture(name, folder) for name in names]
     number = face["texnumber"].values if "texnumber" in face else np.zeros(len(sizes))
@@ -156,7 +159,7 @@ def ply_attributes(
         materials=tuple(SourceMaterial(name, texture=texture) for name, texture in zip(names, pictures, strict=True)),
         material_of=material_of if names else None,
         elements=elements,
-        comments=kept,
+        comments=kept_comments,
         files=tuple(filter(None, pictures)),
     )
 
@@ -174,7 +177,7 @@ def stored_colors(elements: tuple[Element, ...]) -> dict[str, Property]:
 
 
 def own_colors(elements: tuple[Element, ...]) -> dict[str, Property]:
-    """As `stored_colors`, none if they are the grey that a bake gave them."""
+    """The vertices' colours as `stored_colors`, none if they are the grey that a bake has left."""
     colors = stored_colors(elements)
     baked = columns_of(elements, "vertex").get("obscurance")
     if baked is not None and all(name in colors and colors[name].kind == "B" for name in RGB):
@@ -231,4 +234,5 @@ def _finite(column: Property) -> bool:
 
 
 def _largest(kind: str) -> float:
+    """What 1 is stored as in a colour of this type."""
     return 1.0 if kind in "fd" else float(np.iinfo(kind).max)

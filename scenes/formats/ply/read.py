@@ -23,13 +23,13 @@ from .layout import COUNT, INDICES, PlyHeader, columns_of, ply_attributes, read_
 _NORMAL = ("nx", "ny", "nz")
 
 
-def read_ply(given: MeshInput) -> list[Instance]:
-    """The vertices and triangles, with normals if there are `nx ny nz`; with `given.keep` all elements.
+def read_ply(mesh_input: MeshInput) -> list[Instance]:
+    """The vertices and triangles, with normals if there are `nx ny nz`; with `keep` all elements.
 
     Raises: MeshError: the file ends early, or has no vertices. ValueError, KeyError: anything else that is not PLY.
     """
-    data = given.file.read()
-    source = given.source
+    data = mesh_input.file.read()
+    source = mesh_input.source
     header = read_header(data)
     elements = _read_text(data, header, source) if header.text else _read_binary(data, header, source)
     if not any(element.count for element in elements if element.name == "vertex"):
@@ -37,21 +37,25 @@ def read_ply(given: MeshInput) -> list[Instance]:
     vertex = {name: column.values for name, column in columns_of(elements, "vertex").items()}
     vertices = np.stack([vertex[axis] for axis in "xyz"], axis=1)
     normals = np.stack([vertex[axis] for axis in _NORMAL], axis=1) if set(_NORMAL) <= set(vertex) else None
+    # Faces: of both usual names of their list of vertices, the first that the file has.
     corners = np.empty(0, np.int64)
     sizes = np.empty(0, np.int64)
     for column in filter(None, map(columns_of(elements, "face", lists=True).get, INDICES[::-1])):
         corners = whole(column.values)
         sizes = column.sizes
     triangles = triangulate(vertices, corners, sizes, source)
-    made = Instance(given.name, vertices, triangles.take(corners), normals, notes=triangles.notes, up=header.up)
-    if given.keep:
-        kept = list(map(_declared, elements)) if header.text else elements
-        folder = given.path.parent
-        attributes = ply_attributes(tuple(kept), header.comments, corners, sizes, triangles, folder)
-        made = made._replace(attributes=attributes)
+    instance = Instance(
+        mesh_input.name, vertices, triangles.take(corners), normals, notes=triangles.notes, up=header.up
+    )
+    # All elements, for an output that can hold them.
+    if mesh_input.keep:
+        stored = list(map(_declared, elements)) if header.text else elements
+        folder = mesh_input.path.parent
+        attributes = ply_attributes(tuple(stored), header.comments, corners, sizes, triangles, folder)
+        instance = instance._replace(attributes=attributes)
     w = vertex.get("obscurance")
     profile = header.profile(vertex)
-    return [made._replace(w=w, profile=profile, polygons=triangles.polygons)]
+    return [instance._replace(w=w, profile=profile, polygons=triangles.polygons)]
 
 
 def _read_text(data: bytes, header: PlyHeader, source: str) -> list[Element]:
@@ -62,7 +66,7 @@ def _read_text(data: bytes, header: PlyHeader, source: str) -> list[Element]:
     lines = NumberRows.of(data, header.start)
     line_lengths = lines.lengths
     first_line = 0
-    made = []
+    read_elements = []
     for element in header.elements:
         lines_of = slice(first_line, first_line + element.count)
         lengths = line_lengths[lines_of]
@@ -85,11 +89,11 @@ def _read_text(data: bytes, header: PlyHeader, source: str) -> list[Element]:
             used += 1
         if not np.array_equal(used, lengths):
             raise fault
-        made.append(replace(element, properties=tuple(columns)))
+        read_elements.append(replace(element, properties=tuple(columns)))
         first_line += element.count
     if first_line + 1 < len(lines.bounds):
         raise fault
-    return made
+    return read_elements
 
 
 def _ends_early(source: str, element: Element) -> MeshError:
@@ -97,7 +101,7 @@ def _ends_early(source: str, element: Element) -> MeshError:
 
 
 def _declared(element: Element) -> Element:
-    """An element of a text file, its floats rounded; they are double where they would overflow, or move vertices."""
+    """An element of a text file with its floats as float32, or as double where they overflow or vertices would move."""
     single = columns_of([element], element.name)
     doubles = set()
     if element.count and {*"xyz"} <= set(single):
@@ -105,28 +109,28 @@ def _declared(element: Element) -> Element:
         vertices = np.stack([single[axis].values for axis in "xyz"], axis=1)
         if not np.abs(vertices.astype("f") - vertices).max() <= 1e-6 * np.ptp(vertices, axis=0).max():
             doubles = {*"xyz"}
-    made = []
+    columns = []
     for column in element.properties:
         if column.kind == "f":
             rounded = column.values.astype("f")
             overflows = (np.isinf(rounded) & np.isfinite(column.values)).any()
             is_double = overflows or column.name in doubles
             column = column._replace(kind="d") if is_double else column._replace(values=rounded)
-        made.append(column)
-    return replace(element, properties=tuple(made))
+        columns.append(column)
+    return replace(element, properties=tuple(columns))
 
 
 def _read_binary(data: bytes, header: PlyHeader, source: str) -> list[Element]:
     """All elements of a binary file. Raises: MeshError: the file ends before them."""
-    made = []
+    elements = []
     start = header.start
     for element in header.elements:
         try:
             columns, start = _read_rows(data, start, header.order, element)
         except struct.error:
             raise _ends_early(source, element) from None
-        made.append(replace(element, properties=tuple(columns)))
-    return made
+        elements.append(replace(element, properties=tuple(columns)))
+    return elements
 
 
 def _read_rows(data: bytes, start: int, order: str, element: Element) -> tuple[list[Property], int]:
@@ -138,15 +142,15 @@ def _read_rows(data: bytes, start: int, order: str, element: Element) -> tuple[l
     table = np.frombuffer(data, row, element.count if fits else 0, start)
     if not fits or any((table[COUNT + name] != length).any() for name, length in lengths.items()):
         return _walk(data, start, order, element, element.count)
-    made = []
+    columns = []
     for column in element.properties:
         sizes = np.full(len(table) if column.counted else 0, lengths.get(column.name, 0))
-        made.append(column._replace(values=table[column.name].reshape(-1), sizes=sizes))
-    return made, start + table.nbytes
+        columns.append(column._replace(values=table[column.name].reshape(-1), sizes=sizes))
+    return columns, start + table.nbytes
 
 
 def _walk(data: bytes, start: int, order: str, element: Element, count: int) -> tuple[list[Property], int]:
-    """As `_read_rows`, row by row, whatever the lengths of the lists."""
+    """The columns of an element row by row, for lists of different lengths; arguments as of `_read_rows`."""
     plan = [
         (struct.Struct(order + (column.counted or column.kind)), column, array(column.kind), array("q"))
         for column in element.properties

@@ -35,21 +35,23 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     attributes = mesh_file.held
     profile = bake.profile
     elements = attributes.elements or _elements(mesh_file.mesh, attributes)
-    shown = channels.colors or ("" if has_own_colors(attributes) else "rgb")
+    colour_channels = channels.colors or ("" if has_own_colors(attributes) else "rgb")
+    # Comments: the axis that is up, what the grey is, and the profile's distances.
     axis = up_axis(mesh_file.mesh, channels.up)
     comments = [line for line in attributes.comments if not line.startswith(UP_COMMENT) or line == UP_COMMENT + axis]
     if axis != "y" and UP_COMMENT + axis not in comments:
         comments.insert(0, UP_COMMENT + axis)
-    comments.insert(0, OWN + _COMMENTS[shown])
+    comments.insert(0, OWN + _COMMENTS[colour_channels])
     if profile:
         numbers = [profile.radius, *profile.half_distances.tolist()]
         comments.insert(1, layout.PROFILE_COMMENT + " ".join(map(repr, numbers)))
+    # The elements, with w in that of vertices or of faces.
     further = channels.ply_name
     named = "face" if bake.at == "faces" else "vertex"
     values = _of_polygons(bake, mesh_file) if bake.at == "faces" else bake
     fitting = []
     for element in elements:
-        annotated = _annotate(element, values, shown, further) if element.name == named else element
+        annotated = _annotate(element, values, colour_channels, further) if element.name == named else element
         fitting.append(replace(element, properties=tuple(column.fitting() for column in annotated.properties)))
     return b"".join([layout.write_header(fitting, comments), *map(_rows, fitting)])
 
@@ -70,24 +72,36 @@ def _of_polygons(bake: Bake, mesh_file: MeshFile) -> Bake:
     return replace(bake, w=w, below=below, profile=None)
 
 
-def _annotate(element: Element, bake: Bake, shown: str, further: str | None) -> Element:
-    replaced = ("obscurance", further, *(RGB if shown else ()), *(("alpha",) if len(shown) == 1 else ()))
-    kept = [column for column in element.properties if column.name not in replaced and not is_profile(column.name)]
-    made = [Property(name, "f", bake.w.astype("<f4")) for name in filter(None, ("obscurance", further))]
+def _annotate(element: Element, bake: Bake, colour_channels: str, further: str | None) -> Element:
+    """The vertices' element with w, and what else a bake has, in place of an earlier bake's.
+
+    Args:
+        colour_channels: channels of colours that hold w, "" for none.
+        further: the name of a second property of w.
+    """
+    replaced = (
+        "obscurance",
+        further,
+        *(RGB if colour_channels else ()),
+        *(("alpha",) if len(colour_channels) == 1 else ()),
+    )
+    unchanged = [column for column in element.properties if column.name not in replaced and not is_profile(column.name)]
+    added = [Property(name, "f", bake.w.astype("<f4")) for name in filter(None, ("obscurance", further))]
     if bake.below:
-        made.append(Property("obscurance_below", "f", bake.below.w.astype("<f4")))
+        added.append(Property("obscurance_below", "f", bake.below.w.astype("<f4")))
     if bake.profile:
         columns = enumerate(bake.profile.values.T)
-        made += [Property(f"{layout.PROFILE}{number:02}", "f", column.astype("<f4")) for number, column in columns]
-    if len(shown) == 1:
-        made += layout.with_channel(bake.w, shown, stored_colors((element,)))
-    elif shown:
+        added += [Property(f"{layout.PROFILE}{number:02}", "f", column.astype("<f4")) for number, column in columns]
+    if len(colour_channels) == 1:
+        added += layout.with_channel(bake.w, colour_channels, stored_colors((element,)))
+    elif colour_channels:
         grey = grey_of(bake.w)
-        made += [Property(name, "B", grey) for name in RGB]
-    return replace(element, properties=(*kept, *made))
+        added += [Property(name, "B", grey) for name in RGB]
+    return replace(element, properties=(*unchanged, *added))
 
 
 def _elements(mesh: Mesh, attributes: SourceAttributes) -> tuple[Element, ...]:
+    """Elements of a mesh that was no PLY: vertices, and faces with what another format's attributes hold."""
     # Coordinates and normals.
     columns = [Property(axis, "f", mesh.vertices[:, number]).fitting() for number, axis in enumerate("xyz")]
     if any(column.kind == "d" for column in columns):
@@ -126,13 +140,14 @@ def _rows(element: Element) -> memoryview:
             if column.counted:
                 table[COUNT + column.name] = lengths[column.name]
         return table.view(np.uint8).data
-    one = np.ones(element.count, np.int64)
+    # Lists of different lengths: the values of each column are scattered to where their rows begin.
+    one_each = np.ones(element.count, np.int64)
     columns = []
     for column in element.properties:
         if column.counted:
-            columns.append((column.sizes.astype("<" + column.counted), one))
-        columns.append((column.values.astype("<" + column.kind), column.sizes if column.counted else one))
-    widths = sum((values.itemsize * sizes for values, sizes in columns), start=0 * one)
+            columns.append((column.sizes.astype("<" + column.counted), one_each))
+        columns.append((column.values.astype("<" + column.kind), column.sizes if column.counted else one_each))
+    widths = sum((values.itemsize * sizes for values, sizes in columns), start=0 * one_each)
     data = np.empty(int(widths.sum()), np.uint8)
     starts = np.cumsum(widths) - widths
     for values, sizes in columns:

@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from rasterio.io import DatasetReader
 
 
-def read_raster(given: MeshInput) -> list[Instance]:
+def read_raster(mesh_input: MeshInput) -> list[Instance]:
     """The surface through the cells of the first band, z upwards.
 
     Raises: MeshError: no cell has data, or cells are in degrees. Others as `opened`.
     """
-    with opened(given.file, given.source) as raster:
+    with opened(mesh_input.file, mesh_input.source) as raster:
         heights = raster.read(1).astype(np.float64)
         has_data = data_mask(raster)
         transform = raster.transform
@@ -32,10 +32,10 @@ def read_raster(given: MeshInput) -> list[Instance]:
         if raster.crs:
             if raster.crs.is_geographic:
                 expected = "cells in a unit of length: gdalwarp -t_srs EPSG:326NN, for UTM, makes such"
-                raise MeshError(given.source, "reference system", expected, f"degrees, {raster.crs.to_string()}")
+                raise MeshError(mesh_input.source, "reference system", expected, f"degrees, {raster.crs.to_string()}")
             unit = raster.crs.linear_units_factor[1]
     if not has_data.any():
-        raise MeshError(given.source, "cells", "some with data", "none")
+        raise MeshError(mesh_input.source, "cells", "some with data", "none")
     cell_rows, cell_columns = np.nonzero(has_data)
     x = transform.a * (cell_columns + 0.5) + transform.b * (cell_rows + 0.5)
     y = transform.d * (cell_columns + 0.5) + transform.e * (cell_rows + 0.5)
@@ -47,7 +47,7 @@ def read_raster(given: MeshInput) -> list[Instance]:
     faces = faces[(faces >= 0).all(axis=1)]
     if transform.determinant > 0:  # rows go northwards
         faces = faces[:, ::-1]
-    return [Instance(given.name, vertices, faces, up="z")]
+    return [Instance(mesh_input.name, vertices, faces, up="z")]
 
 
 def opened(file: Any, source: str) -> DatasetReader:

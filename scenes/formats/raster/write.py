@@ -24,13 +24,13 @@ def raster(bake: Bake, mesh_file: MeshFile, _: object) -> bytes:
         has_data = data_mask(source)
         grid = {name: source.profile[name] for name in _KEPT}
     bands = {"obscurance": bake.w, "standard error": bake.error}
-    known = {name: values for name, values in bands.items() if values is not None}
+    known_bands = {name: values for name, values in bands.items() if values is not None}
     from rasterio.io import MemoryFile
 
     with MemoryFile() as memory:
         form = {"driver": "GTiff", "dtype": "float32", "nodata": _NO_DATA, "compress": "deflate"}
-        with memory.open(**grid, **form, count=len(known)) as target:
-            for number, (name, values) in enumerate(known.items(), 1):
+        with memory.open(**grid, **form, count=len(known_bands)) as target:
+            for number, (name, values) in enumerate(known_bands.items(), 1):
                 cells = np.full(has_data.shape, _NO_DATA, np.float32)
                 cells[has_data] = values
                 target.write(cells, number)

@@ -18,18 +18,18 @@ _HEADER, _TRIANGLE = 84, np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3,
 _NAME = re.compile(rb"solid([^\r\n]*)", re.IGNORECASE)
 
 
-def read_stl(given: MeshInput) -> list[Instance]:
+def read_stl(mesh_input: MeshInput) -> list[Instance]:
     """The triangles; the solids of a text file one by one. The stored face normals are not read.
 
     A file is binary if it has the size that a binary header announces. Raises: MeshError, ValueError: it is no STL.
     """
-    data = given.file.read()
+    data = mesh_input.file.read()
     announced = int.from_bytes(data[80:_HEADER], "little")
     if len(data) == _HEADER + announced * _TRIANGLE.itemsize:
         solids = [("", np.frombuffer(data, _TRIANGLE, announced, _HEADER)["vertices"].reshape(-1, 3))]
     else:
-        solids = _solids(data, given.source)
-    names = [name for name, _ in solids] if len(solids) > 1 else [given.name]
+        solids = _solids(data, mesh_input.source)
+    names = [name for name, _ in solids] if len(solids) > 1 else [mesh_input.name]
     return [
         Instance(name, vertices, np.arange(len(vertices)).reshape(-1, 3), up="z")
         for name, (_, vertices) in zip(names, solids, strict=True)
@@ -45,6 +45,7 @@ def _solids(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
     damaged = MeshError(source, "content", "complete ASCII or binary STL", "neither: damaged or cut off")
     if len(solid) != len(end):
         raise damaged
+    # Vertices must lie between a `solid` and its `endsolid`, each with three numbers.
     marks = np.stack([solid, end], axis=1).ravel()
     splits = np.searchsorted(vertex, marks)
     outside = np.diff(splits, prepend=0, append=len(vertex))[::2]

@@ -67,6 +67,7 @@ class _Reader:
     has_unread: bool = False
 
     def start(self, tag: str, attributes: Mapping[str, str]) -> None:
+        """Take the start of an XML element, as the parser calls it."""
         match tag.rpartition("}")[2]:
             case "object":
                 number = attributes["id"]
@@ -106,6 +107,7 @@ class _Reader:
         self.colours[self.group, str(number)] = SourceMaterial(name or code, (red, green, blue))
 
     def _placed(self, attributes: Mapping[str, str]) -> tuple[Key, Float64s]:
+        """The object that an item or component refers to, and its matrix (4, 4)."""
         path = next((value for name, value in attributes.items() if name.rpartition("}")[2] == "path"), "")
         matrix = np.eye(4)
         if "transform" in attributes:
@@ -113,22 +115,22 @@ class _Reader:
         return (_member(path) or self.model, attributes["objectid"]), matrix
 
     def close(self) -> None:
-        """As the parser asks for."""
+        """Nothing to do at the end of the file, but the parser asks for the method."""
 
 
-def read_3mf(given: MeshInput) -> list[Instance]:
+def read_3mf(mesh_input: MeshInput) -> list[Instance]:
     """The meshes where the build items place them, sharing arrays by object.
 
     Of materials are read the colours of faces, at the first corner of each.
 
     Raises: MeshError: what unpacks to very much, or very many copies. Exception: of zipfile and lxml.
     """
-    unpacked = check_archive(given.file, given.source)
+    unpacked = check_archive(mesh_input.file, mesh_input.source)
     # The objects of all models of the archive, and what the root model builds of them.
     objects: dict[Key, _Object] = {}
-    readers = _read_models(given.file, objects)
+    readers = _read_models(mesh_input.file, objects)
     build = readers[next(name for name in readers if name.endswith(ROOT))].items
-    _check_build(build, objects, unpacked, given.source)
+    _check_build(build, objects, unpacked, mesh_input.source)
     # A shape of each object.
     colours = {name: reader.colours for name, reader in readers.items()}
     has_unread = any(reader.has_unread for reader in readers.values())
@@ -140,7 +142,7 @@ def read_3mf(given: MeshInput) -> list[Instance]:
     for key, item in objects.items():
         vertices = np.array(item.vertices).reshape(-1, 3)
         faces = np.array(item.faces).reshape(-1, 3)
-        attributes = _attributes(faces, item.paints, colours.get(key[0], {})) if given.keep else None
+        attributes = _attributes(faces, item.paints, colours.get(key[0], {})) if mesh_input.keep else None
         shapes[key] = Instance(item.name, vertices, faces, attributes=attributes, unread=unread, up="z")
     # Placed by the build items, with the components of each.
     placed = []
@@ -196,6 +198,7 @@ def check_archive(file: BinaryIO, source: str) -> int:
 
 
 def _member(path: str) -> str:
+    """The name of an archive's member, in lower case and without the first slash."""
     return path.strip("/").lower()
 
 
@@ -210,6 +213,7 @@ def _check_build(build: list[tuple[Key, Float64s]], objects: dict[Key, _Object],
         if key not in graph:
             graph[key] = [child for child, _ in objects[key].components]
             stack += graph[key]
+    # Rows and objects of each with all of its components, children first.
     total_of = dict[Key, int]()
     count = dict[Key, int]()
     try:

@@ -52,6 +52,7 @@ def vtp(bake: Bake, mesh_file: MeshFile, _: object) -> bytes:
 
 
 def _array(name: str, values: npt.NDArray[Any], kind: str) -> str:
+    """A `DataArray` element of values, in base64 behind their number of bytes."""
     content = values.astype("<" + kind).tobytes()
     encoded = b64encode(len(content).to_bytes(8, "little") + content).decode()
     components = values.shape[1] if values.ndim > 1 else 1

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import InputError, printable
-from raytrace.image.encode import linear_png, write_picture, written
+from raytrace.image.encode import image_bytes, linear_png, write_picture
 from raytrace.image.srgb import decode_srgb, encode_srgb
 from raytrace.image.texture import Texture, Wrap, rgb_codes, texture_alpha, texture_codes
 from raytrace.mesh.opacity import AlphaSurface, Opacity
@@ -42,14 +42,17 @@ class BaseColour:
     alpha: UInt8s | None = None  # (m, 3), of each corner, a factor of the image's; None: all is opaque
 
     def several(self) -> list[PerCorner]:
-        """What vertices are repeated for: colours and places of their corners."""
+        """What vertices are repeated for, besides creases: colours and texture coordinates of their corners."""
         alpha = 0 if self.alpha is None else self.alpha.ravel().astype(np.int64) << 24
         colour = self.codes.reshape(-1, 3) @ np.array([1 << 16, 1 << 8, 1]) + alpha
         keys = [colour, uv_steps(self.uv.reshape(-1, 2))[0] @ [1 << 20, 1]] if self.images else [colour]
         return [PerCorner(np.empty((0, 0)), np.unique(key, return_inverse=True)[1]) for key in keys]
 
     def put(self, columns: dict[str, npt.NDArray[Any]], like: Int64s) -> dict[str, Any]:
-        """Put the colours into a page's columns: what its script must know of them. Args: like: corners (k,)."""
+        """Write the colours into a page's columns; returns what the page's script must know of them.
+
+        Args: like: (k,), a corner for each vertex of the page.
+        """
         columns["base"] = self.codes.reshape(-1, 3)[like]
         if self.alpha is not None:
             columns["alpha"] = self.alpha.ravel()[like]
@@ -92,7 +95,7 @@ class _Collected:
         self.pictures: list[Picture] = []
 
     def number(self, texture: Texture | None, surface: AlphaSurface | None = None) -> int:
-        """Of an image, a new one if it is not there."""
+        """The number of a picture, added if it is new. Args: texture: of colour. surface: of alpha."""
         picture = texture, surface
         if picture not in self.pictures:
             self.pictures.append(picture)
@@ -100,6 +103,7 @@ class _Collected:
 
 
 def _read(file: MeshFile) -> BaseColour | None:
+    """The base colours of a file, None if all is white and opaque."""
     collected = _Collected(len(file.mesh.faces))
     if file.gltf:
         with parser_errors(file.path):
@@ -108,6 +112,7 @@ def _read(file: MeshFile) -> BaseColour | None:
         _collect_of_attributes(file.mesh.faces, file.held, collected)
     if file.mesh.opacity:
         _collect_alpha(file.mesh.opacity, collected)
+    # Pictures that some face uses, numbered anew.
     used = np.unique(collected.image_of[collected.image_of >= 0])
     collected.image_of = np.where(collected.image_of < 0, -1, np.searchsorted(used, collected.image_of))
     collected.pictures = [collected.pictures[number] for number in used]
@@ -125,6 +130,7 @@ def _read(file: MeshFile) -> BaseColour | None:
 
 
 def _collect_of_gltf(file: MeshFile, asset: Gltf, collected: _Collected) -> None:
+    """Base colour factors, colours of vertices and textures of the primitives of a glTF."""
     from ...formats.gltf.textures import Textures, vertex_colours
 
     textures = Textures(asset)
@@ -160,7 +166,10 @@ def _collect_of_attributes(faces: Int64s, attributes: SourceAttributes, collecte
 
 
 def _collect_alpha(opacity: Opacity, collected: _Collected) -> None:
-    """The alpha of corners and images; with a cutoff 0 or 1. Images of alpha go by the places of those of colour."""
+    """Collect the alpha of corners and of images; with a cutoff it is 0 or 1.
+
+    A face whose colour has an image looks up its image of alpha at the same place.
+    """
     for number, surface in enumerate(opacity.surfaces):
         faces = np.flatnonzero(opacity.of == number)
         corners = np.ones((len(faces), 3)) if opacity.corners is None else opacity.corners[faces]
@@ -194,14 +203,17 @@ def block_means(image: AnyFloats, high: int, wide: int) -> AnyFloats:
 
 
 def _textures_of(picture: Picture) -> list[Texture]:
-    """Those of colour and of alpha, as far as there are."""
+    """The image of colour and that of alpha of a picture, as far as it has them."""
     texture, surface = picture
     return [used for used in (texture, surface and surface.texture) if used]
 
 
 def _image(picture: Picture, most: int) -> bytes:
-    """The file of a texture as it is if it is small and opaque, else a JPEG of at most `most` texels a side, or a PNG
-    with alpha."""
+    """The image file of a picture for a page.
+
+    It is the texture's own file if that is small and opaque, else a JPEG of at most `most` texels a side, or a PNG with
+    alpha.
+    """
     texture, surface = picture
     if surface and surface.texture:
         return _image_with_alpha(texture, surface, surface.texture, most)
@@ -212,7 +224,7 @@ def _image(picture: Picture, most: int) -> bytes:
     if is_opaque and max(codes.shape[:2]) <= most and len(data) <= _SMALL and data.startswith(_SHOWN):
         return data
     small = shrunk(rgb_codes(codes), most)
-    return written("small.jpg", write_picture, decode_srgb(small / np.float32(255)).astype(np.float32), {})
+    return image_bytes("small.jpg", write_picture, decode_srgb(small / np.float32(255)).astype(np.float32), {})
 
 
 def _image_with_alpha(texture: Texture | None, surface: AlphaSurface, of_alpha: Texture, most: int) -> bytes:

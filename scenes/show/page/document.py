@@ -89,6 +89,7 @@ def policy(style: str, script: str = "") -> str:
 
 
 def _hashed(text: str) -> str:
+    """The hash of an inline style or script as a policy has it."""
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 

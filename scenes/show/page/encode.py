@@ -60,7 +60,7 @@ class Values:
     permanent: str = 'baked.profile.at("{}")'  # the command that bakes a half-distance, which "{}" stands for
 
     def checked(self, count: int) -> Values:
-        """The same as float64 and uint8 arrays for `count` vertices. Raises: OptionError."""
+        """The values as float64 and uint8 arrays of `count` vertices. Raises: OptionError: one of another length."""
         arrays: dict[str, Any] = {}
         for field, columns, least, most, expected in (
             ("w", (), 0, 1, "numbers in [0, 1]"),
@@ -127,7 +127,7 @@ def encoded(mesh: Mesh, bakes: Sequence[Values], base: BaseColour | None = None)
 
 
 def _bake_columns(bake: Values, number: int, columns: dict[str, npt.NDArray[Any]]) -> dict[str, Any]:
-    """Put the values of a bake into the columns: what a page's script must know of them."""
+    """Write the values of a bake into the columns; returns what a page's script must know of them."""
     largest = 0.0 if bake.error is None else float(bake.error.max(initial=0.0))
     columns[f"w{number}"] = np.rint(bake.w * MOST).astype("<u2")
     if bake.error is not None:
@@ -156,7 +156,7 @@ def _profile_columns(profile: Profile, number: int, columns: dict[str, npt.NDArr
 
 
 def _texture_columns(textures: TexturedW, number: int, columns: dict[str, npt.NDArray[Any]]) -> dict[str, Any]:
-    """Put the textures of a bake into the columns: what a page's script must know of them."""
+    """Write the textures of a bake into the columns; returns what a page's script must know of them."""
     steps, scale = uv_steps(textures.uv)
     columns[f"uv{number}"] = steps.astype("<u4")
     images = [shrunk(image, _LARGEST) for image in textures.images]
@@ -167,7 +167,10 @@ def _texture_columns(textures: TexturedW, number: int, columns: dict[str, npt.ND
 
 
 def _runs(shown: Int64s) -> list[list[int]]:
-    """Runs of faces with the same textures: their lengths and textures. Args: shown: (bakes + 1, m)."""
+    """Runs of faces with the same textures: their lengths and textures.
+
+    Args: shown: (bakes + 1, m), by bake and of colour.
+    """
     starts = np.flatnonzero((shown[:, 1:] != shown[:, :-1]).any(axis=0)) + 1
     ends = [0, *starts.tolist(), shown.shape[1]]
     return [[end - begin, *shown[:, begin].tolist()] for begin, end in pairwise(ends)]

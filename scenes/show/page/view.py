@@ -33,6 +33,7 @@ def view_results(
     result: Path, other: Path | None, output: Path | None, mesh: Path | None, up: str | None, show: bool = False
 ) -> str:
     """Write the page of one bake, or of two with a slider between, and return a line. Args: mesh: of `.npy`, `.npz`."""
+    # What is shown, and where it is written.
     results = [result] if other is None else [result, other]
     for field, path in zip(("result", "other"), results, strict=False):
         if path.suffix.lower() not in ENDINGS:
@@ -43,24 +44,30 @@ def view_results(
     target = result.with_name(name) if output is None else output
     check_ending("output", target, ".html")
     check_outputs({"--output": target}, [*results, *([mesh] if mesh else [])])
+    # The mesh that both results are of, the smaller file's, and their values at its vertices.
     sources = {path: load(path, _PAGE) for path in results if path.suffix.lower() not in _ARRAYS}
-    whole = load(mesh, _PAGE) if mesh else min(sources.values(), key=lambda file: len(file.mesh.vertices))
-    read = [*whole.files, *results]
+    shared_file = load(mesh, _PAGE) if mesh else min(sources.values(), key=lambda file: len(file.mesh.vertices))
+    read = [*shared_file.files, *results]
     for source in sources.values():
-        _check_same(whole.mesh, source)
+        _check_same(shared_file.mesh, source)
         read += source.files
-    bakes = [_values(path, len(whole.mesh.vertices), sources.get(path)) for path in results]
+    bakes = [_values(path, len(shared_file.mesh.vertices), sources.get(path)) for path in results]
     check_outputs({"--output": target}, read)
+    # The page.
     title = " and ".join(path.name for path in results)
-    page = html_of_bakes(whole.mesh, bakes, title, up, base_colour(whole))
+    page = html_of_bakes(shared_file.mesh, bakes, title, up, base_colour(shared_file))
     write_bytes(target, page)
     if show:
         webbrowser.open(target.resolve().as_uri())
-    written = f"{target}: {len(whole.mesh.vertices):,} vertices, {len(page) / 1e6:.2f} MB; open it in a browser"
-    return "\n".join(printable(line) for line in (written, *lying_notes(whole.mesh, up)))
+    written = f"{target}: {len(shared_file.mesh.vertices):,} vertices, {len(page) / 1e6:.2f} MB; open it in a browser"
+    return "\n".join(printable(line) for line in (written, *lying_notes(shared_file.mesh, up)))
 
 
 def _values(path: Path, count: int, source: MeshFile | None) -> Values:
+    """What a page shows of the first `count` vertices of a file.
+
+    Args: source: the mesh file, None of `.npy` and `.npz`.
+    """
     if source is None or source.w is None:
         w = read_w(path, count)
         textures = _textures(source)
@@ -104,7 +111,10 @@ def _codes(texture: Texture, strength: float) -> UInt8s:
 
 
 def _check_same(mesh: Mesh, source: MeshFile) -> None:
-    """Raises: SceneError: not the same vertices, but for repeated ones with w of their own, or not the same faces."""
+    """Check that a file has the vertices and faces of the mesh, but for vertices repeated with w of their own.
+
+    Raises: SceneError.
+    """
     other = source.mesh
     path = source.path
     count = len(mesh.vertices)
@@ -121,5 +131,5 @@ def _check_same(mesh: Mesh, source: MeshFile) -> None:
 
 
 def _upright(mesh: Mesh, count: int) -> Float64s:
-    """The first vertices as a `.glb` has them, y up."""
+    """The first `count` vertices with y up, as a `.glb` has them."""
     return np.asarray(mesh.vertices[:count] @ np.transpose(TO_Y_UP[up_axis(mesh)]))

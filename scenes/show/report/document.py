@@ -67,6 +67,7 @@ def _shares(parts: Mapping[str, float], label: str, unit: str) -> str:
 
 
 def _svg(content: str, label: str, height: float) -> str:
+    """An SVG drawing of the charts' width. Args: label: what it shows, for readers that see none."""
     return f'<svg viewBox="0 -2 {_WIDTH} {height + 2}" role="img" aria-label="{html.escape(label)}">{content}</svg>'
 
 
@@ -78,20 +79,21 @@ def html_report(report: Report, pictures: Sequence[Sequence[Picture]]) -> bytes:
     title = f"{Path(report['inputs'][0]['path']).name}: {report['kind']}"
     pages = report.get("pages", {"": report})
     parts = [_verdict(report)]
-    for (name, page), shown in zip(pages.items(), pictures, strict=True):
-        parts += [f"<h2>{_text(name)}</h2>" if name else "", _pictures(shown), _values(page)]
+    for (name, page), page_pictures in zip(pages.items(), pictures, strict=True):
+        parts += [f"<h2>{_text(name)}</h2>" if name else "", _pictures(page_pictures), _values(page)]
         parts += [_calibration(page), _costs(page), _flags(page)]
     inputs = {file["path"]: f"{number(file['bytes'])} bytes, SHA-256 {file['sha256']}" for file in report["inputs"]}
     parts.append(_section("To repeat it", f"<pre>{_text(report['command'])}</pre>{_table(inputs)}"))
     for name in ("settings", "options", "versions"):
-        given = {key: value for key, value in report.get(name, {}).items() if value is not None}
-        cells = {key: value if isinstance(value, str) else json.dumps(value) for key, value in given.items()}
+        values = {key: value for key, value in report.get(name, {}).items() if value is not None}
+        cells = {key: value if isinstance(value, str) else json.dumps(value) for key, value in values.items()}
         parts.append(_section(name.capitalize(), _table(cells)) if name in report else "")
     holes = {"policy": policy(style), "title": _text(title), "style": style, "parts": "\n".join(filter(None, parts))}
     return re.sub("@@(.*?)@@", lambda hole: holes[hole[1]], template).encode()
 
 
 def _verdict(report: Report) -> str:
+    """The findings as a list, under one word for all."""
     facts = report["verdict"]
     lines = "".join(
         f'<li class="{finding["level"]}">{_text(finding["what"])}'
@@ -110,6 +112,7 @@ def _verdict(report: Report) -> str:
 
 
 def _pictures(pictures: Sequence[Picture]) -> str:
+    """The pictures with their titles, and scales of colours."""
     figures = "".join(
         f'<figure><img alt="{_text(picture.title)}"'
         f' src="data:image/png;base64,{base64.b64encode(picture.png).decode()}">'
@@ -120,6 +123,7 @@ def _pictures(pictures: Sequence[Picture]) -> str:
 
 
 def _legend(top: float) -> str:
+    """A scale of the colours of an error, from 0 to `top`."""
     colours = np.rint(255 * heat(np.linspace(0, 1, _STEPS)).astype(np.float64)).astype(np.uint8)
     fills = [f"#{colour.tobytes().hex()}" for colour in colours]
     bar = "".join(f'<rect x="{x}" width="1.1" height="1" fill="{fill}"/>' for x, fill in enumerate(fills))
@@ -129,6 +133,7 @@ def _legend(top: float) -> str:
 
 
 def _values(report: Report) -> str:
+    """Histograms of w and its error."""
     if "w" not in report:
         return ""
     figures = "".join(f"<figure>{_histogram(report[name], name)}</figure>" for name in ("w", "error"))
@@ -168,6 +173,7 @@ def _calibration(report: Report) -> str:
 
 
 def _costs(report: Report) -> str:
+    """Charts of the seconds and the rays of a command."""
     rays = dict(report["rays"]) if isinstance(report["rays"], Mapping) else {"traced": report["rays"]}
     skipped = {f"not traced: {name}": count for name, count in report["rays_skipped"].items() if count}
     whole = _shares(rays | skipped, "Rays", "")
@@ -175,13 +181,14 @@ def _costs(report: Report) -> str:
 
 
 def _flags(report: Report) -> str:
+    """A table of the first vertices that carry each flag."""
     listed = report.get("flagged_vertices")
     if not listed:
         return ""
     counts = {
-        f"{name}: {number(report['flagged'][name])}": ", ".join(map(str, some[:_LISTED]))
+        f"{name}: {number(report['flagged'][name])}": ", ".join(map(str, vertices[:_LISTED]))
         + (", …" if report["flagged"][name] > _LISTED else "")
-        for name, some in listed.items()
+        for name, vertices in listed.items()
     }
     text = "The first of each, counted from 0 in the file's order; a report in JSON lists a hundred."
     return _section("Flagged vertices", f"<p>{text}</p>{_table(counts)}")

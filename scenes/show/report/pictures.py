@@ -1,7 +1,5 @@
 """Pictures of bakes, as on a page, with the error in colours or flagged vertices; of textures; of rendered layers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,7 +9,7 @@ import ao
 from ao.texture.uv_layout import on_page
 from raytrace import AmbientLight, Camera, Frame, Lambert, Mesh, Object, Occlusion, Scene, Settings, Shape, Texture
 from raytrace import render as render_scene
-from raytrace.image.encode import write_data, written
+from raytrace.image.encode import image_bytes, write_data
 from raytrace.image.srgb import decode_srgb
 from raytrace.image.write import write_image
 from raytrace.types import AnyFloats, Float32s, Float64s
@@ -89,7 +87,11 @@ def _values(item: Object, camera: Camera) -> tuple[Float32s, Float32s]:
 
 
 def _w_and_error(objects: list[Object], camera: Camera, top: float) -> list[Picture]:
-    """Pictures of an object with w, and of one with the error in parts of the most, before the background."""
+    """Pictures of a mesh with w, and with the error by colours, on a page's background.
+
+    Args:
+        objects: one with w, and one with the error over `top` in its place.
+    """
     w, coverage = _values(objects[0], camera)
     error, covered = _values(objects[1], camera)
     share = np.divide(error, covered, out=np.zeros_like(error), where=covered > 0)[..., 0]
@@ -106,7 +108,7 @@ def _textured(mesh: Mesh, uv: Float64s, values: AnyFloats) -> Shape:
     normals = None if mesh.normals is None else mesh.normals[drawn].reshape(-1, 3)
     faces = np.arange(drawn.size).reshape(-1, 3)
     apart = Mesh(mesh.vertices[drawn].reshape(-1, 3), faces, normals, source=mesh.source)
-    content = written("values.png", write_data, values[..., None].astype(np.float32), {}, False, "Y")
+    content = image_bytes("values.png", write_data, values[..., None].astype(np.float32), {}, False, "Y")
     texture = Texture(Path("values.png"), content, srgb=False)
     return Shape(apart, _WHITE, occlusion=Occlusion(corners.reshape(-1, 2), texture))
 
@@ -118,7 +120,7 @@ def _shrunk(layer: Float32s) -> Float32s:
 
 
 def _png(linear: AnyFloats) -> bytes:
-    return written("picture.png", write_image, linear)
+    return image_bytes("picture.png", write_image, linear)
 
 
 _DOTS = {
@@ -145,6 +147,7 @@ def write_marked(target: Path, mesh: Mesh, baked: ao.Bake) -> None:
 
 
 def _dot(picture: Float32s, camera: Camera, points: Float64s, colour: tuple[float, float, float]) -> None:
+    """Draw dots of 5 × 5 pixels at points (k, 3) into a picture that `camera` sees."""
     height, width = picture.shape[:2]
     right, above, forward = camera.axes()
     offset = points - camera.position

@@ -62,6 +62,7 @@ def verdict(report: Facts) -> dict[str, Any]:
 
 
 def _findings(report: Facts) -> Iterator[Finding]:
+    """The findings of a report, of a bake or of a rendering."""
     if "w" in report:
         yield from _error(report)
         w = report["w"]
@@ -83,6 +84,7 @@ def _findings(report: Facts) -> Iterator[Finding]:
 
 
 def _error(report: Facts) -> Iterator[Finding]:
+    """Findings about the error of w, and whether its estimates are right."""
     rmse = report["rmse_estimate"]
     tolerance = report["options"].get("tolerance")
     estimate = f"estimated RMSE of w is {rmse:.2g}"
@@ -108,15 +110,16 @@ def flags_in_words(flagged: dict[str, int], vertices: int, rays_skipped: dict[st
     words = {}
     for name, count in flagged.items():
         what = _OF_FLAGS[name][0].format(hidden)
-        verb, _, rest = what.partition(" ")
+        verb, _, remainder = what.partition(" ")
         if count == 1:
-            words[name] = f"One vertex {_SINGULAR[verb]} {rest}"
+            words[name] = f"One vertex {_SINGULAR[verb]} {remainder}"
         elif count:
             words[name] = f"{count:,} of {vertices:,} vertices {what}"
     return words
 
 
 def _picture(report: Facts) -> Iterator[Finding]:
+    """Findings about a rendering."""
     picture = report["picture"]
     clipped = picture["clipped"]
     if not picture["covered"]:

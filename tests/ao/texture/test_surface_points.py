@@ -10,6 +10,7 @@ import ao.texture.texels
 from ao.points.receivers import find_receivers
 from ao.points.smooth_surface import SmoothSurface
 from ao.texture.coverage import Page
+from ao.texture.raster import SLOTS
 from ao.texture.smooth_texels import smooth_cells
 from ao.texture.uv_layout import UVLayout, corner_uv
 from raytrace import Mesh
@@ -31,7 +32,7 @@ def enough(mesh, uv, size, most=MOST):
     """Which texels need one point alone, (height, width), and which are covered as a whole."""
     coverage, alone, _ = cells_of(mesh, uv, size, most)
     pages = np.zeros((2, size * size), np.bool_)
-    pages[:, coverage.texels] = alone, coverage.has_centre
+    pages[:, coverage.texels] = alone, coverage.triangle[:, SLOTS] >= 0
     return pages.reshape(2, size, size)
 
 
@@ -100,7 +101,7 @@ def test_errors_of_one_point_and_of_several_are_of_a_size(set_single_points, fal
     uv, size = mesh.vertices[:, :2] / np.ptp(mesh.vertices[:, :2]) * 0.7 + 0.5, 64
 
     def every_second(coverage, *_):
-        return coverage.has_centre & (coverage.texels % 2 == 0), np.arange(len(coverage.texels))
+        return (coverage.triangle[:, SLOTS] >= 0) & (coverage.texels % 2 == 0), np.arange(len(coverage.texels))
 
     set_single_points(every_second)
     texture = ao.bake_texture(mesh, uv, size, falloff, samples=64, denoise=False, close_seams=False)

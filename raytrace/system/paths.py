@@ -1,0 +1,5 @@
+"""Names of files, as functions take them."""
+
+import os
+
+PathName = str | os.PathLike[str]
