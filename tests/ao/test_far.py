@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from meshes import soup_over_floor
-from shared_directions import only_w
 
 import ao
 from raytrace import Camera, DirectionalLight, Lambert, Mesh, Object, Scene, Settings, Shape, render
 from raytrace.mesh.precision import outlier_warnings
+
+pytestmark = pytest.mark.usefixtures("w_alone")
 
 VERTICES, FACES = soup_over_floor(3, 6)
 COUNT = len(VERTICES)
@@ -28,13 +29,6 @@ def with_far_triangle(factor: float) -> Mesh:
 
 def with_unused_vertices() -> Mesh:
     return Mesh(np.vstack([VERTICES, NOWHERE]), FACES)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def shared_directions():
-    """The bakes take 65,536 directions each, the same ones."""
-    with only_w():
-        yield
 
 
 @pytest.fixture(scope="module")
