@@ -6,6 +6,8 @@ import pytest
 import ao
 import scenes
 
+pytestmark = pytest.mark.usefixtures("w_alone")
+
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
 HALVES = np.array([[0, 1, 2], [0, 2, 3]])
 LID = scenes.Box(size=(2, 2, 2), fineness=2).geometry().mesh
