@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 import ao
+from benchmarks.accuracy.dense_meshes import subdivided
 from raytrace.mesh.mesh import Mesh
 from scenes.formats.load import load
 from scenes.geometry.builtin_shapes import Box, Cylinder, Sphere, menger, temple
@@ -28,7 +29,7 @@ class Specimen:
     """A mesh of the suite, made when its turn comes.
 
     Attributes:
-        surface: of what it is a subdivision: specimens of one surface differ in their number of vertices alone.
+        surface: of what it is a subdivision, by Loop's scheme: specimens of one surface differ in density.
         dense: whether it is baked with the binary falloff only, to save time.
     """
 
@@ -68,7 +69,7 @@ def builtin(quick: bool) -> list[Specimen]:
 
 
 def from_folder(folder: Path, quick: bool) -> list[Specimen]:
-    """The mesh files of `folder`, and the largest also subdivided 4 and 16 times; with `quick` the three smallest."""
+    """The mesh files of `folder`, the largest also 4 and 16 times as dense; with `quick` the three smallest."""
     paths = sorted(
         (path for path in folder.iterdir() if path.suffix.lower() in ENDINGS), key=lambda p: p.stat().st_size
     )
@@ -84,20 +85,6 @@ def from_folder(folder: Path, quick: bool) -> list[Specimen]:
 
 def _file(path: Path) -> Specimen:
     return Specimen(path.stem, lambda: load(path).mesh, path.stem)
-
-
-def subdivided(mesh: Mesh, times: int) -> Mesh:
-    """The same surface with four times the faces, `times` over: every edge halved, nothing smoothed."""
-    vertices, faces = mesh.vertices, mesh.faces
-    for _ in range(times):
-        edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-        keys, which = np.unique(edges[:, 0] * len(vertices) + edges[:, 1], return_inverse=True)
-        ab, bc, ca = which.reshape(3, -1) + len(vertices)
-        a, b, c = faces.T
-        faces = np.concatenate([np.stack(t, axis=-1) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
-        ends = vertices[keys // len(vertices)], vertices[keys % len(vertices)]
-        vertices = np.concatenate([vertices, (ends[0] + ends[1]) / 2])
-    return Mesh(vertices, faces, source=mesh.source)
 
 
 def stone(subdivisions: int, octaves: int = 5) -> Mesh:

@@ -1,6 +1,7 @@
 """What several folders of tests of bakes share."""
 
 import pytest
+from shared_directions import only_w
 
 
 @pytest.fixture
@@ -11,3 +12,10 @@ def set_embree_below(monkeypatch):
         monkeypatch.setattr("ao.prepared.embree_below", lambda way, *_: 1 << 30 if way == "embree" else rays)
 
     return let
+
+
+@pytest.fixture(scope="module")
+def w_alone():
+    """For modules that look at nothing between vertices, and bake by the same directions time and again."""
+    with only_w():
+        yield

@@ -10,6 +10,8 @@ import ao
 from raytrace import Camera, DirectionalLight, Lambert, Mesh, Object, Scene, Settings, Shape, render
 from raytrace.mesh.precision import outlier_warnings
 
+pytestmark = pytest.mark.usefixtures("w_alone")
+
 VERTICES, FACES = soup_over_floor(3, 6)
 COUNT = len(VERTICES)
 SAMPLES = 1 << 16

@@ -13,6 +13,8 @@ from meshes import MESHES
 import ao
 from raytrace import Mesh
 
+pytestmark = pytest.mark.usefixtures("w_alone")
+
 SETTINGS = {
     "binary": (ao.Binary(), None, inf),
     "binary within 0.9": (ao.Binary(0.9), None, 0.9),

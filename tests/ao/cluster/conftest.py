@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from clusters import MEDIUM, left_sockets, scheduler
+from cores import every_core
 from parts_of_bakes import bits
 
 __all__ = ["left_sockets"]
@@ -22,12 +23,9 @@ def pytest_collection_modifyitems(items):
         items[place] = item
 
 
-USED = ["ao.baking", "ao.cluster.worker", "ao.texture.bake_texture", "distributed.nanny", "raytrace.renderer.render"]
-
-
 @pytest.fixture(scope="package", autouse=True)
 def forked_workers():
-    """Workers are forks of one process that has imported what they use: that would take each of them a second."""
+    """Workers are forks of one process that has done what is the same in each."""
     if os.name == "nt":
         yield
         return
@@ -35,9 +33,9 @@ def forked_workers():
 
     config = pytest.importorskip("dask", reason="pip install '.[cluster]'").config
     utils = pytest.importorskip("distributed.utils")
-    with config.set({"distributed.worker.multiprocessing-method": "forkserver"}):
+    with config.set({"distributed.worker.multiprocessing-method": "forkserver"}), every_core():
         utils.get_mp_context()  # sets modules of its own
-        forkserver.set_forkserver_preload(USED)
+        forkserver.set_forkserver_preload(["tests.helpers.bakes.forked_workers"])  # by the current folder
         yield
     forkserver._forkserver._stop()  # and with it the processor time of what it has forked is known
 

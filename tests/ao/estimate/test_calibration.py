@@ -8,6 +8,8 @@ import ao
 from ao.estimate.calibration import Calibration
 from raytrace import Mesh
 
+pytestmark = pytest.mark.usefixtures("w_alone")
+
 OPTIONS = {
     "raw": {"samples": 32, "denoise": False},
     "denoised": {"samples": 32},

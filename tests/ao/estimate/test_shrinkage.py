@@ -16,6 +16,8 @@ from raytrace import Mesh
 from raytrace.mesh.placement import Placement
 from scenes.geometry.builtin_shapes import temple
 
+pytestmark = pytest.mark.usefixtures("w_alone")
+
 BOX = trimesh.creation.box()
 SCENES = {
     "hills": Mesh(*hills(40)),

@@ -23,6 +23,8 @@ from raytrace.mesh.placement import Placement
 from scenes.geometry.builtin_shapes import temple
 from scenes.geometry.polyhedra import icosphere
 
+pytestmark = pytest.mark.usefixtures("w_alone")
+
 MESHES = {"hills": Mesh(*hills(60)), "temple": temple(fineness=0.6)}
 
 

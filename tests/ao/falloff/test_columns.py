@@ -16,6 +16,8 @@ from raytrace import AlphaSurface, Mesh, Opacity, OptionError
 from scenes.validation.curved import curved_cases
 from scenes.validation.flat import flat_cases
 
+pytestmark = pytest.mark.usefixtures("w_alone")
+
 FALLOFFS = [
     "exponential", ao.Exponential(half_distance="40%"), ao.Exponential(half_distance="20%"), ao.Smooth("60%"),
     ao.Exponential(half_distance="10%", max_distance="30%"), ao.Binary(), ao.Binary("25%"), ao.Linear("50%"),

@@ -11,6 +11,8 @@ import ao
 from raytrace import Mesh
 from scenes.geometry.polyhedra import generic_rotation
 
+pytestmark = pytest.mark.usefixtures("w_alone")
+
 APART = 0.2  # of fans, in a mesh of size 1: beyond the rays
 
 

@@ -10,6 +10,8 @@ import ao
 from ao.texture.seams import Lookups, Seams
 from raytrace import Mesh
 
+pytestmark = pytest.mark.usefixtures("w_alone")
+
 SIZE = 16, 16
 
 

@@ -16,6 +16,8 @@ from ao.texture.uv_layout import UVLayout, corner_uv
 from raytrace import Mesh
 from raytrace.mesh.placement import Placement
 
+pytestmark = pytest.mark.usefixtures("w_alone")
+
 MOST = 0.2
 
 

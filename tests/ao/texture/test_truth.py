@@ -10,6 +10,8 @@ import ao
 from ao.analytic import closed_forms
 from raytrace import Mesh
 
+pytestmark = pytest.mark.usefixtures("w_alone")
+
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)
 ALLOWED = 0.01
 

@@ -16,6 +16,8 @@ from ao.texture.uv_layout import UVLayout, corner_uv
 from raytrace import Mesh
 from raytrace.mesh.placement import Placement
 
+pytestmark = pytest.mark.usefixtures("w_alone")
+
 TAU, SIDE = 1.0, 4.0
 WALL = rectangle((0, 60, 0), (0, -120, 0), (0, 0, 60))
 STEPS = (np.arange(400) + 0.5) * SIDE / 400

@@ -16,6 +16,8 @@ from ao.prepared import Prepared
 from raytrace import AlphaSurface, InputError, Lambert, Mesh, Object, Opacity, Scene, Shape, Texture
 from raytrace.sampling.sequences import GOLDEN
 
+pytestmark = pytest.mark.usefixtures("w_alone")
+
 RAYS = {"samples": 4096, "denoise": False}
 
 

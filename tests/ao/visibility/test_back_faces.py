@@ -15,6 +15,8 @@ from raytrace import AlphaSurface, Mesh, Opacity
 from raytrace.errors import ConflictError
 from scenes.geometry.polyhedra import icosphere, join, patches
 
+pytestmark = pytest.mark.usefixtures("w_alone")
+
 THROUGH = {"denoise": False, "back_faces": "ignore"}
 TAU = 1.5
 

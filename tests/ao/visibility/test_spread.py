@@ -11,6 +11,8 @@ from ao.analytic import closed_forms as analytic
 from raytrace import Mesh
 from scenes.geometry.polyhedra import icosphere, join, patches, polygon
 
+pytestmark = pytest.mark.usefixtures("w_alone")
+
 FALLOFFS = {
     "binary": (ao.Binary(), None, np.inf),
     "near": (ao.Binary(0.7), None, 0.7),

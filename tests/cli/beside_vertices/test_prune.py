@@ -1,10 +1,30 @@
 """`obscurance prune`."""
 
+import pickle
+
 import numpy as np
 import pytest
 import trimesh
 from command import obscurance, refused
 from gltf_files import Builder, check_glb, values
+
+from ao.unseen import unseen_faces
+
+
+@pytest.fixture(scope="module", autouse=True)
+def traced_once():
+    """What nobody sees of a mesh is found once, whatever it is written to."""
+    found = {}
+
+    def unseen(mesh, *options):
+        key = pickle.dumps((mesh, options))
+        if key not in found:
+            found[key] = unseen_faces(mesh, *options)
+        return found[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ao.unseen.unseen_faces", unseen)
+        yield
 
 
 @pytest.fixture

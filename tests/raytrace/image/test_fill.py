@@ -5,6 +5,8 @@ import pytest
 
 from raytrace.image.fill import fill_holes
 
+pytestmark = pytest.mark.usefixtures("every_core")
+
 
 @pytest.fixture
 def page():

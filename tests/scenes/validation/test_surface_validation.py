@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from shared_directions import only_w
 
 import ao
 from raytrace import Mesh
@@ -16,6 +17,12 @@ SAMPLES = 4096
 OTHERS = "tilted normal", "inverted pyramid", "disk behind"  # two with normals of no face, one that the method refuses
 LINES = [line for line in validation.configurations() if not line.name.startswith(OTHERS)]
 COSTLY = "inside a cylinder"  # as the sphere, at ten times the cost: by one falloff
+
+
+@pytest.fixture(scope="module", autouse=True)
+def w_alone():
+    with only_w():
+        yield
 
 
 def with_small_receivers(line):
