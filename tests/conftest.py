@@ -16,7 +16,6 @@ from pkgutil import resolve_name
 from types import SimpleNamespace
 from typing import Any
 
-import cores
 import pytest
 
 # hundreds of processes start: what the first compiles of Python is kept for the others, whatever the environment says
@@ -35,8 +34,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     if config.option.mesh_seed is None:  # the processes of pytest-xdist have this one's
         config.option.mesh_seed = secrets.randbelow(1 << 31)
-    if worker := os.environ.get("PYTEST_XDIST_WORKER"):
-        cores.keep_one(int(worker.removeprefix("gw")))
 
 
 def pytest_report_header(config: pytest.Config) -> str:
@@ -56,13 +53,6 @@ def pytest_collection() -> Generator[None, object, object]:
 
 def pytest_unconfigure() -> None:
     gc.unfreeze()
-
-
-@pytest.fixture(scope="module")
-def every_core() -> Generator[None]:
-    """Tests of several threads have all cores."""
-    with cores.every_core():
-        yield
 
 
 @pytest.fixture

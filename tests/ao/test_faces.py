@@ -13,8 +13,6 @@ from raytrace import Mesh
 from raytrace.errors import ConflictError
 from scenes.geometry.polyhedra import generic_rotation
 
-pytestmark = pytest.mark.usefixtures("every_core")
-
 PERPENDICULAR_SQUARES = 0.2000438  # form factor of unit squares with an edge in common
 TURNED = generic_rotation(5)
 CORNER = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1.0]])

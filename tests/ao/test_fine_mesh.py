@@ -13,8 +13,6 @@ from ao.execute.checkpoint import Checkpoint
 from raytrace import Mesh, MeshError, OptionError
 from scenes.geometry.polyhedra import generic_rotation
 
-pytestmark = pytest.mark.usefixtures("every_core")
-
 STEPS = np.linspace(0, 4, 9)
 PLACES = np.array([(x, y, 0) for x in STEPS for y in np.linspace(-2, 2, 9)])
 

@@ -8,8 +8,6 @@ import ao
 from ao.analytic import closed_forms
 from raytrace import Mesh, MeshError, OptionError
 
-pytestmark = pytest.mark.usefixtures("every_core")
-
 WALL = [[0, -60, 0], [0, 60, 0], [0, 60, 60], [0, -60, 60]], [[0, 1, 2], [0, 2, 3]]
 
 

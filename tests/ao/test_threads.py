@@ -9,8 +9,6 @@ from meshes import hills, two_boxes
 import ao
 from raytrace import Mesh
 
-pytestmark = pytest.mark.usefixtures("every_core")
-
 STEEP = hills(40)[0] * [1, 1, 40], hills(40)[1][:, ::-1]
 ENTRIES = BAKES | {
     "projected": partial(ao.bake, Mesh(*hills(40)), high=Mesh(*hills(80)), cage="10%", samples=64),

@@ -8,8 +8,6 @@ from benchmarks.speed.scaling import Stage, record
 from raytrace.system import threads
 from scenes.geometry.polyhedra import icosphere
 
-pytestmark = pytest.mark.usefixtures("every_core")
-
 
 def test_a_stage_waits_for_its_longest_block_and_pays_for_each_join():
     stage = Stage(outside=1.0, joins=[(100, [3.0, 1.0, 1.0, 1.0]), (100, [0.5]), (1, [0.5, 0.5])])

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 from clusters import MEDIUM, left_sockets, scheduler
-from cores import every_core
 from parts_of_bakes import bits
 
 __all__ = ["left_sockets"]
@@ -33,7 +32,7 @@ def forked_workers():
 
     config = pytest.importorskip("dask", reason="pip install '.[cluster]'").config
     utils = pytest.importorskip("distributed.utils")
-    with config.set({"distributed.worker.multiprocessing-method": "forkserver"}), every_core():
+    with config.set({"distributed.worker.multiprocessing-method": "forkserver"}):
         utils.get_mp_context()  # sets modules of its own
         forkserver.set_forkserver_preload(["tests.helpers.bakes.forked_workers"])  # by the current folder
         yield

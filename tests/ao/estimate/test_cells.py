@@ -12,8 +12,6 @@ from ao.points.receivers import find_receivers
 from raytrace import Mesh
 from raytrace.mesh.placement import Placement
 
-pytestmark = pytest.mark.usefixtures("every_core")
-
 MESH = Mesh(*hills(90))
 
 

@@ -5,8 +5,6 @@ import pytest
 
 from ao.estimate.one_ring import Neighbours
 
-pytestmark = pytest.mark.usefixtures("every_core")
-
 POINTS = 9000  # of several blocks
 
 

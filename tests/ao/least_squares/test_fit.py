@@ -14,8 +14,6 @@ from ao.least_squares.pattern import Stencil, add_faces, add_jumps, add_laplacia
 from raytrace.mesh.morton import fine_morton_order
 from raytrace.mesh.normals import face_normals
 
-pytestmark = pytest.mark.usefixtures("every_core")
-
 
 def barycentric(samples):
     """Face (k,) and coordinates (k, 3) of all samples."""

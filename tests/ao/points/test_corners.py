@@ -24,8 +24,6 @@ from raytrace.sampling.sequences import seed_key
 from scenes.geometry.polyhedra import icosphere, join
 from scenes.validation.reference import reference
 
-pytestmark = pytest.mark.usefixtures("every_core")
-
 TORN = ao.Flag.FOLDED | ao.Flag.OPPOSED
 FALLOFFS = [(None, ao.Binary()), (2.0, ao.Exponential(tau=2.0))]
 

@@ -18,8 +18,6 @@ from project import ROOT
 
 from scenes.formats.gltf.asset import decode
 
-pytestmark = pytest.mark.usefixtures("every_core")
-
 SAMPLES = ("--samples", 16)
 
 

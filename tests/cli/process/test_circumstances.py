@@ -10,8 +10,6 @@ from mesh_files import ply
 from meshes import hills
 from project import ROOT
 
-pytestmark = pytest.mark.usefixtures("every_core")
-
 SMALL_BLOCKS = "from ao.execute.tracer import Hemispheres; Hemispheres.block_rays //= 512; "  # enough for 64 threads
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="needs Linux")
 

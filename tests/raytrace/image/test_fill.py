@@ -5,8 +5,6 @@ import pytest
 
 from raytrace.image.fill import fill_holes
 
-pytestmark = pytest.mark.usefixtures("every_core")
-
 
 @pytest.fixture
 def page():

@@ -20,8 +20,6 @@ from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
 from scenes.geometry.primitives import plane
 
-pytestmark = pytest.mark.usefixtures("every_core")
-
 ORIGIN = (0.0, 0.0, 0.0)
 
 

@@ -7,8 +7,6 @@ from scipy.sparse.csgraph import connected_components as components_by_scipy
 
 from raytrace.mesh.weld import connected_components
 
-pytestmark = pytest.mark.usefixtures("every_core")
-
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("width", [2, 3])

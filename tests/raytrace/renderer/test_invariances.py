@@ -18,8 +18,6 @@ from raytrace.renderer.render_scene import build, release
 from raytrace.scene import Object, Scene, Shape
 from raytrace.settings import Settings
 
-pytestmark = pytest.mark.usefixtures("every_core")
-
 
 @pytest.fixture(scope="module")
 def still():

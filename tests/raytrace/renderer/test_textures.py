@@ -10,8 +10,6 @@ import raytrace.image.texture as module
 from raytrace import AmbientLight, Camera, InputError, Lambert, Mesh, Object, Scene, Settings, Shape, Texture, render
 from raytrace.image.srgb import decode_srgb
 
-pytestmark = pytest.mark.usefixtures("every_core")
-
 QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
 FACES = [[0, 1, 2], [0, 2, 3]]
 SIDE = 4

@@ -14,8 +14,6 @@ from raytrace import OptionError
 from raytrace.system import threads as threads_module
 from raytrace.system.threads import run_blocks, run_ranges, shares, thread_count
 
-pytestmark = pytest.mark.usefixtures("every_core")
-
 
 @pytest.mark.parametrize(("count", "block"), [(0, 4), (1, 4), (4, 4), (10, 3), (100_000, 7)])
 def test_every_item_is_worked_on_once(count, block):
