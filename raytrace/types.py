@@ -1,5 +1,6 @@
-"""Names of array types, by element."""
+"""Names of array types, by element, and of what names a file."""
 
+import os
 from typing import Any
 
 import numpy as np
@@ -15,3 +16,4 @@ UInt8s = npt.NDArray[np.uint8]
 Bools = npt.NDArray[np.bool_]
 AnyFloats = npt.NDArray[np.floating[Any]]
 AnyInts = npt.NDArray[np.integer[Any]]
+PathName = str | os.PathLike[str]

@@ -28,7 +28,7 @@ from .ray_plan import FEW_POINTS, fall_of, first_rays, rays_to_add
 from .sampling_error import RATE, TYPICAL, derive, rays_alone
 from .scales import denoise_over_scales
 
-_AIM = 0.83  # times the squared tolerance is aimed at: another round for few rays takes as long as many rays now
+_AIM = 0.83  # times the goal is aimed at: another round for few rays takes as long as many rays now
 _FARTHEST = 20.0  # times that the squared error may have to fall for the rays to be foreseen; else some come before
 _NEAR, _UNEVEN = 2.0, 8.0  # the same at jumps of w, where squared errors' mean square is so many times their mean²
 _ROUNDS = 8  # of adding rays, at most
@@ -87,8 +87,7 @@ def estimate_to(
     """
     if not tracer.planned:
         probes = Probes(tracer, points, tolerance, max_samples, key)
-        goal = tolerance**2
-        goal = tolerance**2
+        goal = tolerance**2 / (1 + probes.optimism)
         traced = _Traced(tracer, points)
         more = np.full(len(points), min(first_rays(tolerance, len(points)), max_samples))
         for turn in range(_ROUNDS):

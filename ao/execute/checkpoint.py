@@ -15,8 +15,7 @@ import numpy.typing as npt
 
 from raytrace.errors import InputError, OutputError
 from raytrace.mesh.placement import Placement
-from raytrace.system.paths import PathName
-from raytrace.types import Bools, Float64s
+from raytrace.types import Bools, Float64s, PathName
 
 from ..points.receivers import Receivers
 from ..rays.ray_scene import RayScene

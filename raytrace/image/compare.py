@@ -8,8 +8,7 @@ import numpy as np
 
 from ..errors import InputError, OptionError
 from ..system.checks import check_memory, check_outputs
-from ..system.paths import PathName
-from ..types import Float32s
+from ..types import Float32s, PathName
 from .read import open_image, read_image
 from .srgb import decode_srgb
 from .write import check_image_target, write_image

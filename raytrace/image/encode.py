@@ -11,8 +11,7 @@ import numpy.typing as npt
 
 from ..errors import OptionError, OutputError, printable
 from ..system.atomic import atomic_path
-from ..system.paths import PathName
-from ..types import Float32s
+from ..types import Float32s, PathName
 from .dither import dithered
 from .srgb import encode_srgb
 

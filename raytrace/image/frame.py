@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ..errors import OptionError
-from ..system.paths import PathName
-from ..types import Float32s
+from ..types import Float32s, PathName
 from .encode import LAYERS, file_format, image_bytes, write_layers, write_picture
 from .write import check_image_target
 

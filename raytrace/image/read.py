@@ -14,8 +14,7 @@ import numpy.typing as npt
 from ..errors import InputError, is_utf8
 from ..settings import MAX_SIZE
 from ..system.checks import check_memory, check_regular
-from ..system.paths import PathName
-from ..types import Float32s
+from ..types import Float32s, PathName
 from .encode import NAMESPACE
 from .srgb import decode_srgb
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from ..errors import OptionError, OutputError, is_utf8, printable
 from ..system.atomic import check_writable
-from ..system.paths import PathName
+from ..types import PathName
 from .encode import LAYERS, file_format, write_picture
 
 DATA = ("depth", "normal", "object_id")

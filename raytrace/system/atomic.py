@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from ..errors import OutputError
-from .paths import PathName
+from ..types import PathName
 
 if sys.platform != "win32":
     import fcntl

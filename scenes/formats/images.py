@@ -13,8 +13,7 @@ import numpy.typing as npt
 
 from raytrace.errors import OptionError, OutputError, is_utf8, printable
 from raytrace.system.atomic import check_writable
-from raytrace.system.paths import PathName
-from raytrace.types import Float32s, Float64s
+from raytrace.types import Float32s, Float64s, PathName
 
 if TYPE_CHECKING:
     from ao import Profile

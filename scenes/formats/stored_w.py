@@ -17,8 +17,7 @@ from raytrace.image.texture import pack_textures
 from raytrace.image.texture_lookup import sample_points
 from raytrace.mesh.weld import first_alike
 from raytrace.system.checks import check_regular
-from raytrace.system.paths import PathName
-from raytrace.types import AnyFloats, Float64s
+from raytrace.types import AnyFloats, Float64s, PathName
 
 from ..geometry.instances import Instance
 from .images import PROFILE

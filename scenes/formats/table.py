@@ -8,7 +8,7 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import BinaryIO, NamedTuple
 
-from raytrace.system.paths import PathName
+from raytrace.types import PathName
 
 
 class MeshInput(NamedTuple):

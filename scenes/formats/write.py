@@ -14,7 +14,7 @@ import numpy as np
 
 from raytrace.errors import ConflictError, OptionError, Term
 from raytrace.system.atomic import check_writable, write_bytes
-from raytrace.system.paths import PathName
+from raytrace.types import PathName
 
 from .load import MeshFile, load
 from .table import Channels, endings, format_of
