@@ -1,6 +1,5 @@
-"""Names of array types, by element, and of what names a file."""
+"""Names of array types, by element."""
 
-import os
 from typing import Any
 
 import numpy as np
@@ -16,4 +15,3 @@ UInt8s = npt.NDArray[np.uint8]
 Bools = npt.NDArray[np.bool_]
 AnyFloats = npt.NDArray[np.floating[Any]]
 AnyInts = npt.NDArray[np.integer[Any]]
-PathName = str | os.PathLike[str]

@@ -15,7 +15,8 @@ import numpy.typing as npt
 
 from raytrace.errors import InputError, OutputError
 from raytrace.mesh.placement import Placement
-from raytrace.types import Bools, Float64s, PathName
+from raytrace.system.atomic import PathName
+from raytrace.types import Bools, Float64s
 
 from ..points.receivers import Receivers
 from ..rays.ray_scene import RayScene

@@ -7,8 +7,9 @@ from typing import Any, Literal
 import numpy as np
 
 from ..errors import InputError, OptionError
+from ..system.atomic import PathName
 from ..system.checks import check_memory, check_outputs
-from ..types import Float32s, PathName
+from ..types import Float32s
 from .read import open_image, read_image
 from .srgb import decode_srgb
 from .write import check_image_target, write_image

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import OptionError, OutputError, printable
-from ..system.atomic import atomic_path
-from ..types import Float32s, PathName
+from ..system.atomic import PathName, atomic_path
+from ..types import Float32s
 from .dither import dithered
 from .srgb import encode_srgb
 

@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ..errors import OptionError
-from ..types import Float32s, PathName
+from ..system.atomic import PathName
+from ..types import Float32s
 from .encode import LAYERS, file_format, image_bytes, write_layers, write_picture
 from .write import check_image_target
 

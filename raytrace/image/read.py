@@ -13,8 +13,9 @@ import numpy.typing as npt
 
 from ..errors import InputError, is_utf8
 from ..settings import MAX_SIZE
+from ..system.atomic import PathName
 from ..system.checks import check_memory, check_regular
-from ..types import Float32s, PathName
+from ..types import Float32s
 from .encode import NAMESPACE
 from .srgb import decode_srgb
 

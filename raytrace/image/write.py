@@ -13,8 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import OptionError, OutputError, is_utf8, printable
-from ..system.atomic import check_writable
-from ..types import PathName
+from ..system.atomic import PathName, check_writable
 from .encode import LAYERS, file_format, write_picture
 
 DATA = ("depth", "normal", "object_id")

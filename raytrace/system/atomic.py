@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from ..errors import OutputError
-from ..types import PathName
 
 if sys.platform != "win32":
     import fcntl
 
+PathName = str | os.PathLike[str]
 _BEGIN, _END = ".obscurance-", ".part"  # of temporary names
 
 

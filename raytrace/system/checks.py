@@ -12,8 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from ..errors import InputError, MemoryLimitError, OptionError, OutputError
-from ..types import PathName
-from .atomic import check_writable
+from .atomic import PathName, check_writable
 
 NEGLIGIBLE = 1 << 20  # bytes; finding out whether so few are available takes longer than work that needs them
 _NO_LIMIT = 1 << 60  # kernels write about 2^63 for none

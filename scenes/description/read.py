@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from raytrace import OptionError, Settings
-from raytrace.types import PathName
+from raytrace.system.atomic import PathName
 
 from ..formats.load import load
 from ..formats.table import format_of

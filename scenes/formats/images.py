@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import OptionError, OutputError, is_utf8, printable
-from raytrace.system.atomic import check_writable
-from raytrace.types import Float32s, Float64s, PathName
+from raytrace.system.atomic import PathName, check_writable
+from raytrace.types import Float32s, Float64s
 
 if TYPE_CHECKING:
     from ao import Profile

@@ -16,8 +16,9 @@ from raytrace.image.read import read_image
 from raytrace.image.texture import pack_textures
 from raytrace.image.texture_lookup import sample_points
 from raytrace.mesh.weld import first_alike
+from raytrace.system.atomic import PathName
 from raytrace.system.checks import check_regular
-from raytrace.types import AnyFloats, Float64s, PathName
+from raytrace.types import AnyFloats, Float64s
 
 from ..geometry.instances import Instance
 from .images import PROFILE

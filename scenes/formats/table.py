@@ -8,7 +8,7 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import BinaryIO, NamedTuple
 
-from raytrace.types import PathName
+from raytrace.system.atomic import PathName
 
 
 class MeshInput(NamedTuple):

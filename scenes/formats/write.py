@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 import numpy as np
 
 from raytrace.errors import ConflictError, OptionError, Term
-from raytrace.system.atomic import check_writable, write_bytes
-from raytrace.types import PathName
+from raytrace.system.atomic import PathName, check_writable, write_bytes
 
 from .load import MeshFile, load
 from .table import Channels, endings, format_of
