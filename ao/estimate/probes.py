@@ -18,7 +18,7 @@ _PROBED, _FEWEST, _MOST = 16, 96, 1024  # one point in how many is probed, at le
 _LARGEST, _MORE = 0.05, 0.25  # part of the points that count as largest errors; probes among them, to the other probes
 _EXPECTED = 16  # probes that the expected largest errors are worth
 _SAMPLED = 1 << 14  # points by which the largest errors are told from others
-_SCATTER = 5.0  # variance of a squared error that two estimates with as large an error measure, relative to its square
+_MARGIN = 10.0  # times one by the number of probes
 _PRIOR = 64  # probes that what is expected of their noise is worth
 
 
@@ -73,10 +73,10 @@ class Probes:
         self._weights = np.where(is_largest, share / count, (1 - share) / max(len(self.point_rows) - count, 1))
 
     @property
-    def optimism(self) -> float:
-        """By how much, relative to it, the mean square error is measured too low where a bake ends by what is measured:
-        twice the variance of that, relative to its square."""
-        return 2 * _SCATTER / len(self.point_rows)
+    def margin(self) -> float:
+        """By how much less than the squared tolerance is to be measured, relative to what is: a bake may end because
+        too little is measured by chance, the more so the fewer probes there are."""
+        return _MARGIN / len(self.point_rows)
 
     def mean_squared(self, w: Float64s, column: int) -> float:
         """The mean squared error over all points, measured at the probes, of which `w` (j,) is given."""

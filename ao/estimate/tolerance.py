@@ -87,7 +87,7 @@ def estimate_to(
     """
     if not tracer.planned:
         probes = Probes(tracer, points, tolerance, max_samples, key)
-        goal = tolerance**2 / (1 + probes.optimism)
+        goal = tolerance**2 / (1 + probes.margin)
         traced = _Traced(tracer, points)
         more = np.full(len(points), min(first_rays(tolerance, len(points)), max_samples))
         for turn in range(_ROUNDS):
