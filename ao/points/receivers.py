@@ -54,13 +54,14 @@ class Receivers:
     """The points to bake, and the vertices they belong to.
 
     Attributes:
-        points: one for every group of coincident vertices, numbered along a curve that keeps neighbours together.
+        points: one for every group of coincident vertices, numbered along a curve that keeps neighbours together; those
+            with corner samples are the last.
         corners: corner samples of points that are folded or opposed.
         of_vertex: int64 (n,), the row of each vertex in `points`, −1 for none.
         flags: uint8 (n,), `Flag`s of each vertex.
         faces: int64 (m', 3), the faces that are not degenerate. tree: over these.
         tree_seconds: how long it took to build.
-        displaced: float64 (k,), standard error of w that stems from origins away from their points, in sharp folds.
+        displaced: float32 (k,), standard error of w that stems from origins away from their points, in sharp folds.
         embree: the faces in Embree, built when it is first called, which must not be on two threads at once.
         opacity: of the faces, None if all are opaque.
     """
@@ -72,7 +73,7 @@ class Receivers:
     faces: Int64s
     tree: BVH16
     tree_seconds: float
-    displaced: Float64s
+    displaced: Float32s
     embree: Callable[[], TriangleScene]
     opacity: PackedOpacity | None
 
@@ -165,36 +166,44 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     else:
         weighting = normals
     offset = offset_points(placement.vertices, mesh.faces, weighting, own_axes)
-    # Points that have a hemisphere, in Morton order.
-    welded, usable = offset.welded, np.flatnonzero(offset.usable)
-    few = len(usable) < len(offset.usable)
-    order = morton_order(offset.origins.take(usable, axis=0) if few else offset.origins)
-    usable = usable[order] if few else order
-    index = np.full(len(offset.usable), -1)
-    origins = np.empty((len(usable), 3), np.float32)
-    axes = np.empty((len(usable), 3), np.float32)
-    points = Points(origins, axes, np.arange(len(usable), dtype=np.uint32))
-    take = bind(_compact, usable, offset.origins, welded.axes, origins, axes, index)
-    run_blocks(len(usable), _BLOCK, take, thread_count(None))
-    # How far rays start from the surface, and samples of corners where faces share no hemisphere.
-    displaced = np.minimum(_DISPLACED * welded.displacement(offset.surface, offset.origins), 0.5)
+    points, usable, index = _compacted(offset)
+    # How far rays start from the surface.
+    welded, surface, tree = offset.welded, offset.surface, offset.tree
+    displaced = np.minimum(_DISPLACED * welded.displacement(surface, offset.origins), 0.5).astype(np.float32)
     displaced[offset.split] = 0.0
-    corners, faces = CornerSamples.none(), welded.faces
-    if offset.split.any():
-        split = np.flatnonzero(offset.split[welded.face_points])
+    displaced = displaced[usable]
+    # Samples of corners where faces share no hemisphere, once what points were found by is let go.
+    of_vertex, flags, tree_seconds = index[welded.group], offset.flags, offset.tree_seconds
+    faces, face_points = welded.faces, welded.face_points
+    split = np.flatnonzero(offset.split[face_points]) if offset.split.any() else np.zeros(0, np.int64)
+    del offset, welded, usable
+    corners = CornerSamples.none()
+    if len(split):
         needed = corner_bytes(len(split))
         check_memory(mesh.source, needed, f"for the {len(split):,} corners of folded vertices")
-        numbered = index[welded.face_points.ravel()[split]]
-        corners = find_corner_samples(offset.tree, offset.surface, split, numbered, len(usable))
+        corners = find_corner_samples(tree, surface, split, index[face_points.ravel()[split]], len(points))
     # What rays meet.
     embree = cache(partial(TriangleScene, placement.vertices, faces))
-    of_vertex, flags = index[welded.group], offset.flags
     opacity = mesh.opacity.packed() if mesh.opacity else None
     if opacity:
         opacity = opacity.only(face_normals(placement.vertices.astype(np.float64), mesh.faces)[1] > 0)
-    return Receivers(
-        points, corners, of_vertex, flags, faces, offset.tree, offset.tree_seconds, displaced[usable], embree, opacity
-    )
+    return Receivers(points, corners, of_vertex, flags, faces, tree, tree_seconds, displaced, embree, opacity)
+
+
+def _compacted(offset: OffsetPoints) -> tuple[Points, Int64s, Int64s]:
+    """The points that have a hemisphere, in Morton order, split ones last; which these are, and where each point is."""
+    usable = np.flatnonzero(offset.usable)
+    few = len(usable) < len(offset.usable)
+    order = morton_order(offset.origins.take(usable, axis=0) if few else offset.origins)
+    usable = usable[order] if few else order
+    if offset.split.any():
+        usable = usable[np.argsort(offset.split[usable], kind="stable")]
+    index = np.full(len(offset.usable), -1)
+    origins = np.empty((len(usable), 3), np.float32)
+    axes = np.empty((len(usable), 3), np.float32)
+    take = bind(_compact, usable, offset.origins, offset.welded.axes, origins, axes, index)
+    run_blocks(len(usable), _BLOCK, take, thread_count(None))
+    return Points(origins, axes, np.arange(len(usable), dtype=np.uint32)), usable, index
 
 
 @kernel
