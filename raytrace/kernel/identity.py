@@ -43,7 +43,12 @@ def results_identity() -> str:
     """Hash of every source that results may depend on, and of NumPy's and Python's versions: 16 hex digits."""
     paths = [path.relative_to(ROOT).as_posix() for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
     deciding = (path for path in sorted(paths) if not path.startswith(_NO_RESULTS))
-    return _digest([np.__version__, sys.version, *(path + _source(path) for path in deciding)])
+    return _digest([np.__version__, sys.version, sources_identity(deciding)])
+
+
+def sources_identity(paths: Iterable[str]) -> str:
+    """Hash of source files, by their paths below `ROOT`, as their code objects have them: 16 hex digits."""
+    return _digest(path + _source(path) for path in paths)
 
 
 def kernel_identity(function: Any) -> str:

@@ -5,14 +5,13 @@ kernels call a pointer, which is set when that function is there.
 """
 
 import ctypes
-import hashlib
 import platform
 from functools import cache
 from importlib import import_module
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 
-from .identity import ROOT, kernel_identity
+from .identity import ROOT, kernel_identity, sources_identity
 
 _X86 = {
     "x86-64-v4": ("AVX512F", "AVX512BW", "AVX512CD", "AVX512DQ", "AVX512VL"),
@@ -27,7 +26,7 @@ POINTER = "pointer_to_"
 """Beginning of the name of a pointer."""
 BUILT = "built_by"
 _HOW_TO_BUILD = "in the source folder `python -m pip install .`, or `make install`, builds them"
-_COMPILER = ("compiler.py", "words.py", "lanes.py")
+_COMPILER = tuple(f"raytrace/kernel/{name}.py" for name in ("compiler", "words", "lanes"))
 _pointers: dict[str, ctypes.c_void_p] = {}
 _compares = [(ROOT / "pyproject.toml").is_file()]  # whether sources may be others than the library was built of
 
@@ -99,8 +98,7 @@ def identity_of(function: object) -> str:
 @cache
 def _compiler_identity() -> str:
     """Hash of the sources of ours that decide what code is made of a kernel: 16 hex digits."""
-    sources = b"".join(Path(__file__).with_name(name).read_bytes() for name in _COMPILER)
-    return hashlib.sha256(sources).hexdigest()[:16]
+    return sources_identity(_COMPILER)
 
 
 def built_by() -> str:

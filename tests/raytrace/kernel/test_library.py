@@ -112,6 +112,8 @@ def project(built, tmp_path):
             "ONE = 1\n@inline\ndef constant():\n    return ONE",
             "1 1 True",
         ),
+        ("kernel/lanes.py", '"""Numba\'s side', '"""# A docstring.\nNumba\'s side', "1 0 False"),
+        ("kernel/compiler.py", "def shared_object_file", "# a comment\n\ndef shared_object_file", "1 0 False"),
         ("kernel/lanes.py", "INDEX = ir.IntType(32)", "INDEX = ir.IntType(64)", "1 1 True"),
     ],
 )
