@@ -9,7 +9,7 @@ from raytrace.types import Float64s, Int64s
 from ..rays.directions import BATCHES
 
 _TYPICAL = 0.2  # part of their mean in each expected squared error
-_USUAL, _DOUBT = 1.0, 0.3  # factor by which expected squared errors are off, and its standard deviation
+_USUAL, _DEVIATION = 1.0, 0.3  # factor by which expected squared errors are off, and its standard deviation
 
 
 class CalibrationGroup(NamedTuple):
@@ -30,6 +30,7 @@ class Calibration(NamedTuple):
     weight: Float64s  # how many points of the mesh each stands for
 
     def whole(self) -> CalibrationGroup:
+        """All the points as one group."""
         return self._group(slice(None))
 
     def groups(self, count: int = 5) -> list[CalibrationGroup]:
@@ -40,11 +41,13 @@ class Calibration(NamedTuple):
         return [self._group(group) for group in groups]
 
     def _group(self, members: Int64s | slice) -> CalibrationGroup:
+        """Some of the points as one group."""
         measured = self.measured[members]
         weight = self.weight[members] / max(float(np.sum(self.weight[members])), 1e-300)
         mean = float(weight @ measured)
-        doubt = float(np.sqrt(weight**2 @ measured**2))
-        squares = float(weight @ self.estimated[members]), mean, mean - doubt, mean + doubt
+        standard_error = float(np.sqrt(weight**2 @ measured**2))
+        estimated = float(weight @ self.estimated[members])
+        squares = estimated, mean, mean - standard_error, mean + standard_error
         return CalibrationGroup(len(measured), *(float(np.sqrt(max(square, 0.0))) for square in squares))
 
 
@@ -59,7 +62,7 @@ def calibration_factor(expected: Float64s, squared: Float64s, everywhere: Float6
         return 1.0
     uneven = float(mean_square(everywhere) / np.mean(everywhere) ** 2)
     scatter = (float(np.var(squared)) / mean**2 + 2 * uneven) / len(squared)
-    return float(np.clip(_USUAL + (float(np.mean(squared)) / mean - _USUAL) / (1 + scatter / _DOUBT**2), 1 / 3, 3))
+    return float(np.clip(_USUAL + (float(np.mean(squared)) / mean - _USUAL) / (1 + scatter / _DEVIATION**2), 1 / 3, 3))
 
 
 def mean_square(values: Float64s) -> float:
