@@ -69,9 +69,9 @@ def mean_square(values: Float64s) -> float:
     return float(np.einsum("i,i", values, values)) / max(len(values), 1)
 
 
-def shrunk_to_mean(squared: Float64s, typical: float = _TYPICAL) -> Float64s:
+def shrunk_to_mean(squared: Float64s) -> Float64s:
     """Expected squared errors (k,) shrunk towards their mean, for they are uncertain themselves."""
-    return squared + typical * (np.mean(squared) - squared) if len(squared) else squared
+    return squared + _TYPICAL * (np.mean(squared) - squared) if len(squared) else squared
 
 
 def variance_line(typical: float, level: float) -> tuple[float, float]:
@@ -80,12 +80,10 @@ def variance_line(typical: float, level: float) -> tuple[float, float]:
     return level * freedom / (max(typical, 1e-300) * (freedom + 1)), level / (freedom + 1)
 
 
-def distribute_variance(spread: Float64s, level: float, typical: float | None = None) -> Float64s:
+def distribute_variance(spread: Float64s, level: float) -> Float64s:
     """Variances (k,) of mean `level`, distributed as the `spread` (k,) between each point's batches.
 
-    It is shrunk to its mean, `typical`, by one degree of freedom: lucky agreement never reads as certainty.
+    It is shrunk to its mean by one degree of freedom: lucky agreement never reads as certainty.
     """
-    if typical is None:
-        typical = float(np.mean(spread)) if len(spread) else 0.0
-    slope, at_zero = variance_line(typical, level)
+    slope, at_zero = variance_line(float(np.mean(spread)) if len(spread) else 0.0, level)
     return slope * spread + at_zero
