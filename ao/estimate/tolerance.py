@@ -3,7 +3,7 @@
 Every point gets some rays, so that no jump of w stays unseen; values are denoised over all scales, and the error that
 is left at each point says how many more rays it gets: rate allocation by a Lagrange multiplier (Shoham & Gersho 1988).
 `Probes` measure the error by rays that are no part of any estimate. Of many points, a pilot sample (Cochran 1977) says
-how many rays all of them get at first: one lattice of rays is more even than two of half as many.
+how many rays all get at first, as one lattice is more even than two of half as many rays.
 """
 
 import warnings
@@ -35,8 +35,10 @@ _AIM = 0.83  # times the goal is aimed at: another round for few rays takes as l
 _FARTHEST = 20.0  # times that the squared error may have to fall for the rays to be foreseen; else some come before
 _NEAR, _UNEVEN = 2.0, 8.0  # the same at jumps of w, where squared errors' mean square is so many times their mean²
 _ROUNDS = 8  # of adding rays, at most
+_SALT = 16  # of the keys of rounds
 _WORST = 8.0  # times the tolerance that a point may be expected to err
 _SHARERS = 4  # of many points, so many share a lattice at first, so that denoising averages what is even
+_ENOUGH = 32  # rays from which each point has a lattice of its own, which is more even than a share of a larger one
 _PILOTED, _PILOT_SHARE = 1 << 17, 16  # points that are worth a pilot sample, and one in how many is in it
 _PATCH = 80  # points of each patch of it: as wide as most of denoising reaches
 _ALIKE = 9.0  # times that the squared error may have to fall for all points to get as many rays at first
@@ -96,20 +98,22 @@ def estimate_to(
         probes = Probes(tracer, points, tolerance, max_samples, key)
         goal = tolerance**2 / (1 + probes.margin)
         traced = _Traced(tracer, points)
-        first = min(first_rays(tolerance, len(points)), max_samples)
+        few = min(first_rays(tolerance, len(points)), max_samples)
+        first = few
         if len(points) >= _PILOTED:
-            first = min(_rays_by_pilot(traced, neighbours, neighbours_of, probes, first, goal, key), max_samples)
+            first = min(_rays_by_pilot(traced, neighbours, neighbours_of, probes, few, goal, key), max_samples)
         more = first - traced.rays
+        salt = _SALT if first == few else _SALT + 1  # `few` rays of all points are lattices together with the pilot's
         for turn in range(_ROUNDS):
             rounds = list[_Round]()  # lets go of the last round's arrays
             tracer.stage = f"rays, round {turn + 1}"
-            traced.add(more, derive(key, 16 + turn), _SHARERS if turn == 0 and len(points) >= FEW_POINTS else 1)
+            traced.add(more, derive(key, salt + turn), shared=turn == 0 and len(points) >= FEW_POINTS)
             rounds = [_Round.of(traced, neighbours, probes, column) for column in range(tracer.columns)]
             if max(round_.mean for round_ in rounds) <= goal:  # points expected to be far off get rays of their own
                 worst = [round_.errs_by_more(_WORST * tolerance, neighbours) for round_ in rounds]
                 enough = np.clip(rays_alone(tolerance), traced.rays, max_samples)
                 more = np.where(np.any(worst, axis=0), enough - traced.rays, 0)
-                traced.add(more, derive(key, 16 + _ROUNDS + turn))
+                traced.add(more, derive(key, 2 * _SALT + turn), shared=False)
                 rounds = [round_.by_own_rays(np.flatnonzero(more), traced, probes) for round_ in rounds]
             if max(round_.mean for round_ in rounds) <= goal or (traced.rays >= max_samples).all():
                 break
@@ -145,7 +149,7 @@ def _rays_by_pilot(
     more = np.zeros(count, np.int64)
     more[point_rows] = rays
     traced.tracer.stage = "rays, pilot sample"
-    traced.add(more, derive(key, 15), _SHARERS)
+    traced.add(more, derive(key, _SALT), shared=True)
     patches = neighbours_of(point_rows)
     probed = probes.only(centres, point_rows)
     needed = rays
@@ -172,13 +176,17 @@ class _Traced:
         self.worth = np.zeros(len(points))
         self.gathered = [np.zeros((len(points), COLUMNS), np.float32) for _ in range(tracer.columns)]
 
-    def add(self, more: Int64s, key: np.uint32, leap: int = 1) -> None:
-        """Trace `more` rays (k,) at the points. Args: leap: see `DirectionTable`; where most neighbours get as many."""
+    def add(self, more: Int64s, key: np.uint32, shared: bool) -> None:
+        """Trace `more` rays (k,) at the points.
+
+        Args: shared: neighbours share lattices; most of them are to get as many rays.
+        """
         tracer = self.tracer
         tracer.expected = tracer.rays + int(more.sum())
         for count in (np.flatnonzero(np.bincount(more)[1:]) + 1).tolist():
             which = np.flatnonzero(more == count)
             is_all = len(which) == len(self.points)
+            leap = _SHARERS if shared and count < _ENOUGH else 1
             subset = self.points if is_all else self.points[which]
 
             def added() -> Float64s:
