@@ -21,7 +21,7 @@ from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, BENT, VALUES, W
 from .calibration import Calibration, calibration_factor, distribute_variance, shrunk_to_mean
 from .cells import Cells, nearest_baked
-from .one_ring import Neighbours
+from .one_ring import Neighbours, NeighboursOf
 from .sampling_error import derive, rays_alone, sampling_variance
 from .scales import denoise_over_scales
 from .tolerance import Estimate, estimate_to
@@ -32,7 +32,6 @@ _CALIBRATION_SHARE = 32
 _CALIBRATION_LEAST = 128
 _CORNER_SHARE = 8  # of a point's rays, for each of some 18 corner samples, whose mean errs as much as a point's w
 _CORNER_SHARE_DENOISED = 3  # where the points are denoised
-NeighboursOf = Callable[[Int64s], Neighbours]  # neighbours among the points of rows (k,), ascending
 
 
 def traced_twice(
@@ -143,11 +142,14 @@ def estimate(
         baked = estimated(neighbours_of(ordinary_rows) if options.denoise else None)
         at_corners = estimated_corners(None) if estimated_corners else None
     elif len(ordinary_rows):
-        baked = estimate_to(tracer, ordinary, neighbours_of(ordinary_rows), tolerance, most, key)
+        baked = estimate_to(tracer, ordinary, lambda rows: neighbours_of(ordinary_rows[rows]), tolerance, most, key)
         if len(corners):
             at_corners = traced_twice(tracer, folded, rays_per_corner_sample(baked.mean_samples, True), key)(None)
     else:  # rays can be planned by corner samples alone, of which the mean of some 18 is asked for
-        alone = Neighbours.of(np.zeros((0, 3), np.int64), folded.normals, tracer.threads)
+
+        def alone(point_rows: Int64s) -> Neighbours:
+            return Neighbours.of(np.zeros((0, 3), np.int64), folded.normals[point_rows], tracer.threads)
+
         at_corners = estimate_to(tracer, folded, alone, min(2 * tolerance, 1.0), most, key)
         baked = Estimate(np.zeros((0, 4)), np.zeros(0), at_corners.samples)
     if at_corners is None:

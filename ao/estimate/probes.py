@@ -4,6 +4,9 @@ Where w jumps, few points have most of the squared error. So the points are a st
 (Neyman 1934): most are spread over all points, the others over those where the largest errors are expected.
 """
 
+from copy import copy
+from typing import Self
+
 import numpy as np
 
 from raytrace.types import Float32s, Float64s, Int64s
@@ -49,6 +52,18 @@ class Probes:
             return here[:, W], elsewhere[:, W]
 
         return self._tracer.each_column(lambda: (traced(4), traced(5)))
+
+    def only(self, probed_rows: Int64s, kept_rows: Int64s) -> Self:
+        """Those of the first probes that are at points `probed_rows` (i,), where points `kept_rows` (k,) are the only
+        ones; both ascending."""
+        kept = np.searchsorted(self.point_rows, probed_rows)
+        some = copy(self)
+        some.point_rows = np.searchsorted(kept_rows, probed_rows)
+        some._spread = len(kept)
+        some._weights = np.full(len(kept), 1 / len(kept))
+        some._here = [(one[kept], other[kept]) for one, other in self._here]
+        some._elsewhere = [(one[kept], other[kept]) for one, other in self._elsewhere]
+        return some
 
     def add_where_error_is_largest(self, error: Float64s) -> None:
         """Once, probe points of the largest squared errors (k,) expected, too."""
