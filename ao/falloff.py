@@ -50,7 +50,10 @@ def is_length(value: object) -> TypeGuard[Length]:
 
 
 def _resolve_finite(field: str, length: Length, like: str = ', such as 0.5 or "25%"') -> float:
-    """`length` in mesh units, or in percent."""
+    """A length in mesh units from one or from "P%" of 100. Args: like: examples, for the message.
+
+    Raises: OptionError: it is not above 0, infinite or no length.
+    """
     value = resolve_length(field, length, 100.0)
     if math.isinf(value):
         raise OptionError(field, f"a finite length{like}", repr(length))

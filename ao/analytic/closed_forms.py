@@ -174,6 +174,7 @@ def trench(left: float, right: float, height: float, tau: Rate = None, max_dista
     _require(min(left, right, height) > 0, f"left, right, height: expected > 0, got {left}, {right}, {height}")
 
     def one(d: float, t: float, limit: float, n: int) -> float:
+        """What a wall at distance d takes away."""
         if d >= limit:
             return 0.0
         if t == 0.0 and isinf(limit):
@@ -205,8 +206,11 @@ def box(sides: tuple[float, float, float, float], height: float, tau: Rate = Non
         return 0.0
 
     def transform(t: float, limit: float, n: int = 0) -> float:
+        """What all walls and the top take away."""
 
         def quadrant(a: float, b: float) -> float:
+            """What a quarter of the box takes away, from the azimuth of a wall at a to that of one at b."""
+
             def to_wall(azimuth: float) -> float:
                 return min(a / max(cos(azimuth), 1e-300), b / max(sin(azimuth), 1e-300))
 

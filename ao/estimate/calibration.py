@@ -9,7 +9,7 @@ from raytrace.types import Float64s, Int64s
 from ..rays.directions import BATCHES
 
 _TYPICAL = 0.2  # part of their mean in each expected squared error
-_USUAL, _DOUBT = 1.0, 0.3  # factor by which expected squared errors are off, and its standard deviation
+_USUAL, _DEVIATION = 1.0, 0.3  # factor by which expected squared errors are off, and its standard deviation
 
 
 class CalibrationGroup(NamedTuple):
@@ -30,6 +30,7 @@ class Calibration(NamedTuple):
     weight: Float64s  # how many points of the mesh each stands for
 
     def whole(self) -> CalibrationGroup:
+        """All the points as one group."""
         return self._group(slice(None))
 
     def groups(self, count: int = 5) -> list[CalibrationGroup]:
@@ -40,11 +41,13 @@ class Calibration(NamedTuple):
         return [self._group(group) for group in groups]
 
     def _group(self, members: Int64s | slice) -> CalibrationGroup:
+        """Some of the points as one group."""
         measured = self.measured[members]
         weight = self.weight[members] / max(float(np.sum(self.weight[members])), 1e-300)
         mean = float(weight @ measured)
-        doubt = float(np.sqrt(weight**2 @ measured**2))
-        squares = float(weight @ self.estimated[members]), mean, mean - doubt, mean + doubt
+        standard_error = float(np.sqrt(weight**2 @ measured**2))
+        estimated = float(weight @ self.estimated[members])
+        squares = estimated, mean, mean - standard_error, mean + standard_error
         return CalibrationGroup(len(measured), *(float(np.sqrt(max(square, 0.0))) for square in squares))
 
 
@@ -59,16 +62,16 @@ def calibration_factor(expected: Float64s, squared: Float64s, everywhere: Float6
         return 1.0
     uneven = float(mean_square(everywhere) / np.mean(everywhere) ** 2)
     scatter = (float(np.var(squared)) / mean**2 + 2 * uneven) / len(squared)
-    return float(np.clip(_USUAL + (float(np.mean(squared)) / mean - _USUAL) / (1 + scatter / _DOUBT**2), 1 / 3, 3))
+    return float(np.clip(_USUAL + (float(np.mean(squared)) / mean - _USUAL) / (1 + scatter / _DEVIATION**2), 1 / 3, 3))
 
 
 def mean_square(values: Float64s) -> float:
     return float(np.einsum("i,i", values, values)) / max(len(values), 1)
 
 
-def shrunk_to_mean(squared: Float64s, typical: float = _TYPICAL) -> Float64s:
+def shrunk_to_mean(squared: Float64s) -> Float64s:
     """Expected squared errors (k,) shrunk towards their mean, for they are uncertain themselves."""
-    return squared + typical * (np.mean(squared) - squared) if len(squared) else squared
+    return squared + _TYPICAL * (np.mean(squared) - squared) if len(squared) else squared
 
 
 def variance_line(typical: float, level: float) -> tuple[float, float]:
@@ -77,12 +80,10 @@ def variance_line(typical: float, level: float) -> tuple[float, float]:
     return level * freedom / (max(typical, 1e-300) * (freedom + 1)), level / (freedom + 1)
 
 
-def distribute_variance(spread: Float64s, level: float, typical: float | None = None) -> Float64s:
+def distribute_variance(spread: Float64s, level: float) -> Float64s:
     """Variances (k,) of mean `level`, distributed as the `spread` (k,) between each point's batches.
 
-    It is shrunk to its mean, `typical`, by one degree of freedom: lucky agreement never reads as certainty.
+    It is shrunk to its mean by one degree of freedom: lucky agreement never reads as certainty.
     """
-    if typical is None:
-        typical = float(np.mean(spread)) if len(spread) else 0.0
-    slope, at_zero = variance_line(typical, level)
+    slope, at_zero = variance_line(float(np.mean(spread)) if len(spread) else 0.0, level)
     return slope * spread + at_zero

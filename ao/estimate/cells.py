@@ -18,18 +18,28 @@ _CELL, _STEPS = 4, 4  # points of a cell, about; edges between a point and its c
 
 def nearest_baked(neighbours: Neighbours, baked: Bools) -> Int64s:
     """The nearest of the `baked` points (k,) to each point, by number of edges; −1 where no path leads to one."""
-    nearest = np.where(baked, np.arange(len(baked)), -1)
-    queue = np.empty(len(baked), np.int64)
-    baked_points = np.flatnonzero(baked)
-    queue[: len(baked_points)] = baked_points
-    _flood(neighbours.starts, neighbours.indices, nearest, queue, len(baked_points))
-    return nearest
+    return _flooded(neighbours, np.flatnonzero(baked), len(baked))[0]
+
+
+def around(neighbours: Neighbours, centres: Int64s, count: int) -> Int64s:
+    """About `count` points, the nearest to the points `centres` (c,) by number of edges, with these; ascending."""
+    return np.sort(_flooded(neighbours, centres, count)[1])
+
+
+def _flooded(neighbours: Neighbours, sources: Int64s, enough: int) -> tuple[Int64s, Int64s]:
+    """The nearest source of each point, −1 for none; and the points reached, `enough` or all."""
+    nearest = np.full(len(neighbours.starts) - 1, -1)
+    nearest[sources] = sources
+    queue = np.empty(len(nearest), np.int64)
+    queue[: len(sources)] = sources
+    return nearest, queue[: _flood(neighbours.starts, neighbours.indices, nearest, queue, len(sources), enough)]
 
 
 @kernel
-def _flood(starts, indices, nearest, queue, tail):
+def _flood(starts, indices, nearest, queue, tail, enough):
+    """Append to the `queue` of points, of length `tail`, their neighbours, and theirs, until there are `enough`."""
     head = 0
-    while head < tail:
+    while head < tail < enough:
         i = queue[head]
         head += 1
         for k in range(starts[i], starts[i + 1]):
@@ -38,6 +48,7 @@ def _flood(starts, indices, nearest, queue, tail):
                 nearest[j] = nearest[i]
                 queue[tail] = j
                 tail += 1
+    return tail
 
 
 class Cells(NamedTuple):

@@ -21,7 +21,7 @@ from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, BENT, VALUES, W
 from .calibration import Calibration, calibration_factor, distribute_variance, shrunk_to_mean
 from .cells import Cells, nearest_baked
-from .one_ring import Neighbours
+from .one_ring import Neighbours, NeighboursOf
 from .sampling_error import derive, rays_alone, sampling_variance
 from .scales import denoise_over_scales
 from .tolerance import Estimate, estimate_to
@@ -32,7 +32,6 @@ _CALIBRATION_SHARE = 32
 _CALIBRATION_LEAST = 128
 _CORNER_SHARE = 8  # of a point's rays, for each of some 18 corner samples, whose mean errs as much as a point's w
 _CORNER_SHARE_DENOISED = 3  # where the points are denoised
-NeighboursOf = Callable[[Int64s], Neighbours]  # neighbours among the points of rows (k,), ascending
 
 
 def traced_twice(
@@ -41,43 +40,44 @@ def traced_twice(
     """Trace `points`, some twice to calibrate the error; returns a function that makes estimates of what was traced,
     denoised if it is given neighbours.
 
-    Args: later: rays that are to follow.
+    Args: later: rays that are to follow, for who watches the progress.
     """
     calibration = _calibration_subset(len(points))
     tracer.expected = tracer.rays + samples * (len(points) + len(calibration)) + later
     gathered = tracer.gather(points, samples, key)
-    twice = points[calibration]
-    other_key = hash32_array([key ^ np.uint32(0xA5A5A5A5)])[0]
-    here = tracer.gather(twice, samples, other_key)
-    again = tracer.gather_elsewhere(twice, samples, derive(other_key, 1), here)[:, W]
+    checked = points[calibration]
+    second_key = hash32_array([key ^ np.uint32(0xA5A5A5A5)])[0]
+    second = tracer.gather(checked, samples, second_key)
+    reference = tracer.gather_elsewhere(checked, samples, derive(second_key, 1), second)[:, W]
     rays = tracer.rays
     weight = np.full(len(calibration), len(points) / max(len(calibration), 1))
 
     def estimated(neighbours: Neighbours | None) -> Estimate:
         w = gathered[:, W]
         spread = gathered[:, BATCH_VARIANCE]
-        level = sampling_variance(w[calibration], here[:, W], samples)
-        within = max(sampling_variance(w[calibration], again, samples) - level, 0.0)  # what points stand for
+        level = sampling_variance(w[calibration], second[:, W], samples)
+        placement = sampling_variance(w[calibration], reference, samples) - level  # of samples in a texel or a face
+        placement = max(placement, 0.0)
         if len(points) and not spread.any() and (w == w[0]).all():  # of n rays that agree, the next may not (Laplace)
             level = min(level, rays**-2.0)
-        variance = shrunk_to_mean(distribute_variance(spread, level)) + within
-        before = (w[calibration] - again) ** 2
-        checked = Calibration(variance[calibration], before / 2, weight)
-        raw = Estimate(gathered[:, VALUES], variance, samples, calibration=checked)
+        variance = shrunk_to_mean(distribute_variance(spread, level)) + placement
+        before = (w[calibration] - reference) ** 2
+        raw_calibration = Calibration(variance[calibration], before / 2, weight)
+        raw = Estimate(gathered[:, VALUES], variance, samples, calibration=raw_calibration)
         if neighbours is None:
             return raw
 
         def risk(w: Float64s) -> float:
-            return float(np.mean((w - again) ** 2))
+            return float(np.mean((w - reference) ** 2))
 
         denoised, error = denoise_over_scales(neighbours, points, gathered.astype(np.float32), level, calibration, risk)
-        after = (denoised[calibration] - again) ** 2
+        after = (denoised[calibration] - reference) ** 2
         if float(np.sum(after - before)) >= 0:
             return raw
-        error += within
+        error += placement
         error *= calibration_factor(error[calibration], after - before / 2, error)
-        checked = Calibration(error[calibration], after - before / 2, weight)
-        return Estimate(np.column_stack([denoised, gathered[:, BENT:]]), error, samples, calibration=checked)
+        measured = Calibration(error[calibration], after - before / 2, weight)
+        return Estimate(np.column_stack([denoised, gathered[:, BENT:]]), error, samples, calibration=measured)
 
     return estimated
 
@@ -107,6 +107,7 @@ def edges_of(points: Points, of_vertex: Int64s, faces: Int64s, tracer: Tracer) -
         return kept.get(digest) or kept.setdefault(digest, made(point_rows))
 
     def made(point_rows: Int64s) -> Neighbours:
+        """The neighbours among the points of these rows."""
         row_of_point = np.full(len(points) + 1, -1, np.int32)  # the last for vertices without a point
         row_of_point[point_rows] = np.arange(len(point_rows), dtype=np.int32)
         corners = np.empty(faces.shape, np.int32)
@@ -144,11 +145,14 @@ def estimate(
         baked = estimated(neighbours_of(np.arange(count)) if options.denoise else None)
         at_corners = estimated_corners(None) if estimated_corners else None
     elif count:
-        baked = estimate_to(tracer, ordinary, neighbours_of(np.arange(count)), tolerance, most, key)
+        baked = estimate_to(tracer, ordinary, neighbours_of, tolerance, most, key)
         if len(corners):
             at_corners = traced_twice(tracer, folded, rays_per_corner_sample(baked.mean_samples, True), key)(None)
     else:  # rays can be planned by corner samples alone, of which the mean of some 18 is asked for
-        alone = Neighbours.of(np.zeros((0, 3), np.int64), folded.normals, tracer.threads)
+
+        def alone(point_rows: Int64s) -> Neighbours:
+            return Neighbours.of(np.zeros((0, 3), np.int64), folded.normals[point_rows], tracer.threads)
+
         at_corners = estimate_to(tracer, folded, alone, min(2 * tolerance, 1.0), most, key)
         baked = Estimate(np.zeros((0, 4)), np.zeros(0), at_corners.samples)
     if at_corners is None:

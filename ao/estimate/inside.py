@@ -191,18 +191,18 @@ def _mark_within(points, own_part, parts, within, start, stop):
                 around[0, axis] = min(around[0, axis], points[i, axis])
                 around[1, axis] = max(around[1, axis], points[i, axis])
         for k in range(len(numbers)):
-            if _meet(around[0], around[1], low[k], high[k]):
+            if _boxes_meet(around[0], around[1], low[k], high[k]):
                 near[count] = k
                 count += 1
         for i in range(begin, end):
             for k in near[:count]:
-                if numbers[k] != own_part[i] and _meet(points[i], points[i], low[k], high[k]):
+                if numbers[k] != own_part[i] and _boxes_meet(points[i], points[i], low[k], high[k]):
                     within[i] = True
                     break
 
 
 @inline
-def _meet(low, high, other_low, other_high):
+def _boxes_meet(low, high, other_low, other_high):
     """Whether two boxes have a point in common."""
     x = low[0] <= other_high[0] and high[0] >= other_low[0]
     y = low[1] <= other_high[1] and high[1] >= other_low[1]

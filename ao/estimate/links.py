@@ -7,8 +7,7 @@ from scipy.sparse import coo_array, csr_array
 
 from raytrace.types import AnyInts, Float32s, Int64s
 
-from .estimate import NeighboursOf
-from .one_ring import Neighbours
+from .one_ring import Neighbours, NeighboursOf
 
 
 def linked(here: AnyInts, there: AnyInts, normals: Float32s, threads: int) -> NeighboursOf:

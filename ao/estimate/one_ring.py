@@ -113,6 +113,9 @@ class Neighbours:
         return out
 
 
+NeighboursOf = Callable[[Int64s], Neighbours]  # neighbours among the points of rows (k,), ascending
+
+
 @kernel
 def _list_ends(faces, places, ends, start, stop):
     """Write the ends of edges at point i from places[i] on, or count them, without `ends`; move places[i] past them."""

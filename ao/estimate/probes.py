@@ -4,6 +4,9 @@ Where w jumps, few points have most of the squared error. So the points are a st
 (Neyman 1934): most are spread over all points, the others over those where the largest errors are expected.
 """
 
+from copy import copy
+from typing import Self
+
 import numpy as np
 
 from raytrace.types import Float32s, Float64s, Int64s
@@ -32,12 +35,12 @@ class Probes:
         # More rays would not make up for fewer probes: both err by as much.
         self._samples = min(rays_alone(tolerance), max(max_samples, BATCH))
         self.point_rows = stratified_rows(len(points), int(np.clip(len(points) // _PROBED, _FEWEST, _MOST)))
-        self._spread = len(self.point_rows)  # so many are over all points; others follow
-        self._among_largest = np.zeros(len(points), np.bool_)
-        self._weights = np.full(self._spread, 1 / max(self._spread, 1))
+        self._spread_count = len(self.point_rows)  # so many are over all points; others follow
+        self._has_large_error = np.zeros(len(points), np.bool_)
+        self._weights = np.full(self._spread_count, 1 / max(self._spread_count, 1))
         traced = self._trace(self.point_rows)
-        self._here = [(one[0], other[0]) for one, other in traced]
-        self._elsewhere = [(one[1], other[1]) for one, other in traced]
+        self._at_points = [(one[0], other[0]) for one, other in traced]
+        self._references = [(one[1], other[1]) for one, other in traced]
 
     def _trace(self, point_rows: Int64s) -> list[tuple[tuple[Float64s, Float64s], tuple[Float64s, Float64s]]]:
         """For each falloff two independent estimates at points, and elsewhere in what the points stand for."""
@@ -50,9 +53,21 @@ class Probes:
 
         return self._tracer.each_column(lambda: (traced(4), traced(5)))
 
+    def only(self, probed_rows: Int64s, kept_rows: Int64s) -> Self:
+        """Those of the first probes that are at points `probed_rows` (i,), where points `kept_rows` (k,) are the only
+        ones; both ascending."""
+        kept = np.searchsorted(self.point_rows, probed_rows)
+        some = copy(self)
+        some.point_rows = np.searchsorted(kept_rows, probed_rows)
+        some._spread_count = len(kept)
+        some._weights = np.full(len(kept), 1 / len(kept))
+        some._at_points = [(one[kept], other[kept]) for one, other in self._at_points]
+        some._references = [(one[kept], other[kept]) for one, other in self._references]
+        return some
+
     def add_where_error_is_largest(self, error: Float64s) -> None:
         """Once, probe points of the largest squared errors (k,) expected, too."""
-        if len(self.point_rows) > self._spread:
+        if len(self.point_rows) > self._spread_count:
             return
         step = max(len(error) // _SAMPLED, 1)
         largest = error > np.quantile(error[::step], 1 - _LARGEST, method="lower")  # the others import numpy.ma
@@ -61,11 +76,11 @@ class Probes:
         candidates = np.flatnonzero(unprobed)
         if not len(candidates):
             return
-        added = candidates[stratified_rows(len(candidates), round(_MORE * self._spread))]
+        added = candidates[stratified_rows(len(candidates), round(_MORE * self._spread_count))]
         for column, (one, other) in enumerate(self._trace(added)):
-            before = self._elsewhere[column]
-            self._elsewhere[column] = np.append(before[0], one[1]), np.append(before[1], other[1])
-        self._among_largest = largest
+            before = self._references[column]
+            self._references[column] = np.append(before[0], one[1]), np.append(before[1], other[1])
+        self._has_large_error = largest
         self.point_rows = np.append(self.point_rows, added)
         is_largest = largest[self.point_rows]
         share = float(np.mean(largest))
@@ -84,13 +99,13 @@ class Probes:
 
     def _squared(self, w: Float64s, column: int) -> Float64s:
         """Unbiased squared errors (j,) of `w` (j,) at the probes, as the estimates are independent."""
-        one, other = self._elsewhere[column]
+        one, other = self._references[column]
         return (w - one) * (w - other)
 
     def calibrate(self, error: Float64s, w: Float64s, column: int) -> Calibration:
         """Scale the squared errors (k,) expected of `w` (k,) to what is measured, the largest by themselves."""
         measured = self._squared(w[self.point_rows], column)
-        largest = self._among_largest
+        largest = self._has_large_error
         probed = largest[self.point_rows]
         if probed.any():
             expected = float(np.mean(error[self.point_rows[probed]]))
@@ -104,9 +119,9 @@ class Probes:
     def level(self, raw: Float32s, worth: Float64s, column: int) -> float:
         """Mean square error of values `raw` (k,) by rays alone, which are `worth` (k,): as measured, and, where there
         are few probes, as the noise of the probes' own rays lets expect."""
-        one, other = self._here[column]
+        one, other = self._at_points[column]
         probe_noise = sampling_variance(one, other, self._samples)
         expected = probe_noise * float(self._samples**RATE * np.mean(1 / worth))
-        here = raw[self.point_rows[: self._spread]]
+        here = raw[self.point_rows[: self._spread_count]]
         measured = max(float(np.sum((here - one) * (here - other))), 0.0)
         return (measured + _PRIOR * expected) / (len(here) + _PRIOR)

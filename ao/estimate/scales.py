@@ -39,7 +39,7 @@ _AVERAGED = 0.8  # of the squared errors of cells: what is left in planes fitted
 _CANCELLED = 0.1  # length of a mean normal below which it says nothing
 _BLOCK, _MOST = 1 << 11, 16  # points, and blocks at once
 Risk = Callable[[Float64s], float]  # measures the mean square error of w at the checked points, by rays of its own
-Said = tuple[Float64s, Float64s]  # w, and its squared error expected
+Denoised = tuple[Float64s, Float64s]  # w, and its squared error expected
 
 
 class _Level(NamedTuple):
@@ -63,7 +63,7 @@ _pyramids: WeakKeyDictionary[Neighbours, list[_Level]] = WeakKeyDictionary()
 
 def denoise_over_scales(
     neighbours: Neighbours, points: Points, gathered: Float32s, level: float, checked: Int64s, risk: Risk
-) -> Said:
+) -> Denoised:
     """w (k,) denoised over all scales, and the mean square error expected of each, (k,).
 
     Args: level: mean square error of w in `gathered` (k, COLUMNS). checked, risk: choose how much noise there is in
@@ -73,21 +73,21 @@ def denoise_over_scales(
     levels = _pyramid(neighbours, points) if level > 0 else []
     if not levels:
         return finest
-    said = []
+    estimates = []
     weight = np.ones(len(points), np.float32)
     line = variance_line(_mean_variance(gathered), level)
     for coarser in levels:
         gathered = coarser.means(gathered, weight, *line)
-        said.append(denoise(coarser.neighbours, coarser.points, gathered, _mean_variance(gathered)))
+        estimates.append(denoise(coarser.neighbours, coarser.points, gathered, _mean_variance(gathered)))
         weight = coarser.weight
         line = 1.0, 0.0
     del gathered
     # Cells by all amounts at once, of which the points choose one.
     amounts = np.array(_AMOUNTS if len(levels) > 1 else _AMOUNTS[:1])
-    values: AnyFloats = np.repeat(np.column_stack(said.pop()), len(amounts), axis=1)
+    values: AnyFloats = np.repeat(np.column_stack(estimates.pop()), len(amounts), axis=1)
     threads = neighbours.threads
     for fine, coarse in zip(levels[-2::-1], levels[:0:-1], strict=True):
-        values = _Detail.of(said.pop(), fine.points, coarse, values).shrunk(amounts, threads)
+        values = _Detail.of(estimates.pop(), fine.points, coarse, values).shrunk(amounts, threads)
     lowest = levels[0]
     cell = lowest.cells.cell[checked]
     predicted = upsample(points[checked], cell, lowest.neighbours, lowest.points, values).astype(np.float64)
@@ -116,13 +116,15 @@ class _Detail(NamedTuple):
     jump: Float32s  # (k,), what squared residuals are at least
 
     @classmethod
-    def of(cls, said: Said, points: Points, coarse: _Level, above: AnyFloats) -> Self:
-        """Args: said: of the `points`. above: (c, 2 a), of the cells, as `predicted`."""
+    def of(cls, estimates: Denoised, points: Points, coarse: _Level, above: AnyFloats) -> Self:
+        """Args: estimates: of the `points`. above: (c, 2 a), of the cells, as `predicted`."""
         cell = coarse.cells.cell
         predicted = upsample(points, cell, coarse.neighbours, coarse.points, above)
         around = np.zeros((len(coarse.points), SHORT), np.float32)
-        coarse.neighbours.for_blocks(bind(_compare, coarse.cells, *said, predicted, around))
-        return cls(*said, predicted, cell, coarse.neighbours.smooth(around, _REACH), np.zeros(len(points), np.float32))
+        coarse.neighbours.for_blocks(bind(_compare, coarse.cells, *estimates, predicted, around))
+        return cls(
+            *estimates, predicted, cell, coarse.neighbours.smooth(around, _REACH), np.zeros(len(points), np.float32)
+        )
 
     def with_jumps(self, neighbours: Neighbours) -> Self:
         """Where a point and its neighbours together are far beyond their noise, no wider surroundings count."""
@@ -181,12 +183,14 @@ def _compare(cells, w, error, predicted, around, start, stop):
 
 @kernel
 def _square(w, predicted, squared, start, stop):
+    """Write squared residuals of w from its prediction by the first amount."""
     for i in range(start, stop):
         squared[i] = (w[i] - predicted[i, 0]) ** 2
 
 
 @kernel
 def _beyond_noise(cell, around, nearby, start, stop):
+    """Subtract `_JUMP` times the noise expected around each point's cell from `nearby` mean squared residuals."""
     for i in range(start, stop):
         nearby[i] -= _JUMP * around[cell[i], 0]
 
@@ -216,22 +220,23 @@ def _pyramid(neighbours: Neighbours, points: Points) -> list[_Level]:
 
 
 def _cells_of_cells(graph: Neighbours, points: Points) -> Iterator[_Level]:
+    """The levels above the points, the finest first, until there are few points or cells hold little more than one."""
     weight = np.ones(len(points), np.float32)
     for _ in range(_LEVELS):
         cells = Cells.about_four(graph)
         if len(points) < _FEWEST or 2 * len(cells.centres) > len(points):
             break
         coarse = points[cells.centres]
-        heavy = np.empty(len(coarse), np.float32)
-        work = bind(_centre, cells, weight, points.arrays, coarse.arrays, heavy)
+        cell_weight = np.empty(len(coarse), np.float32)
+        work = bind(_centre, cells, weight, points.arrays, coarse.arrays, cell_weight)
         run_blocks(len(coarse), _BLOCK, work, graph.threads, most=_MOST)
-        points, weight = coarse, heavy
+        points, weight = coarse, cell_weight
         graph = cells.joined(graph, points.normals)
         yield _Level(graph, points, weight, cells)
 
 
 @kernel
-def _centre(cells, weight, points, coarse, heavy, start, stop):
+def _centre(cells, weight, points, coarse, cell_weight, start, stop):
     """Fill in the centroids, mean normals and weights of cells; a normal that means nothing stays the centre's."""
     cells = unrefcounted_view(cells)
     points = unrefcounted_view(points)
@@ -246,7 +251,7 @@ def _centre(cells, weight, points, coarse, heavy, start, stop):
             total += share
             origin = add(origin, scale(share, load(points.origins, i)))
             normal = add(normal, scale(share, load(points.normals, i)))
-        heavy[c] = total
+        cell_weight[c] = total
         store(coarse.origins, c, divide(origin, total))
         size = length(normal)
         if size > _CANCELLED * total:

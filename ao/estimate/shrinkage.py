@@ -225,6 +225,7 @@ def _lean(wider, widest, line, normals, at, leaning, start, stop):
 
 @kernel
 def _compare_leaning(leaning, mean, at, start, stop):
+    """Compare how far points lean to what is closed around with the mean of their neighbours."""
     for i in range(start, stop):
         at.unlike[i, 1] = 0.0 if np.isnan(at.prediction[i]) else leaning[i] - mean[i]
 
@@ -247,6 +248,7 @@ def _ridge_regression(at: _Fields, threads: int) -> tuple[Float64s, Float64s]:
 
 @kernel
 def _sum_moments(at, parts, start, stop):
+    """Sum the normal equations of a block of points: products of the columns of `unlike`, and with the residual."""
     at = unrefcounted_view(at)
     moments = parts[start // _SUMMED]
     for k in range(start, stop):

@@ -2,10 +2,12 @@
 
 Every point gets some rays, so that no jump of w stays unseen; values are denoised over all scales, and the error that
 is left at each point says how many more rays it gets: rate allocation by a Lagrange multiplier (Shoham & Gersho 1988).
-`Probes` measure the error by rays that are no part of any estimate.
+`Probes` measure the error by rays that are no part of any estimate. Of many points, a pilot sample (Cochran 1977) says
+how many rays all get at first, as one lattice is more even than two of half as many rays.
 """
 
 import warnings
+from functools import partial
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -21,19 +23,25 @@ from ..options import Options
 from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, BENT, COLUMNS, W
 from .calibration import Calibration, distribute_variance, mean_square
+from .cells import around
 from .inside import holes
-from .one_ring import Neighbours
+from .one_ring import Neighbours, NeighboursOf
 from .probes import Probes
 from .ray_plan import FEW_POINTS, fall_of, first_rays, rays_to_add
-from .sampling_error import RATE, TYPICAL, derive, rays_alone
+from .sampling_error import BATCH, RATE, TYPICAL, derive, rays_alone, stratified_rows
 from .scales import denoise_over_scales
 
 _AIM = 0.83  # times the goal is aimed at: another round for few rays takes as long as many rays now
 _FARTHEST = 20.0  # times that the squared error may have to fall for the rays to be foreseen; else some come before
 _NEAR, _UNEVEN = 2.0, 8.0  # the same at jumps of w, where squared errors' mean square is so many times their mean²
 _ROUNDS = 8  # of adding rays, at most
+_SALT = 16  # of the keys of rounds
 _WORST = 8.0  # times the tolerance that a point may be expected to err
 _SHARERS = 4  # of many points, so many share a lattice at first, so that denoising averages what is even
+_ENOUGH = 32  # rays from which each point has a lattice of its own, which is more even than a share of a larger one
+_PILOTED, _PILOT_SHARE = 1 << 17, 16  # points that are worth a pilot sample, and one in how many is in it
+_PATCH = 80  # points of each patch of it: as wide as most of denoising reaches
+_ALIKE = 9.0  # times that the squared error may have to fall for all points to get as many rays at first
 _BLOCK = 1 << 12  # points
 
 
@@ -79,27 +87,33 @@ class Estimate(NamedTuple):
 
 
 def estimate_to(
-    tracer: Tracer, points: Points, neighbours: Neighbours, tolerance: float, max_samples: int, key: np.uint32
+    tracer: Tracer, points: Points, neighbours_of: NeighboursOf, tolerance: float, max_samples: int, key: np.uint32
 ) -> Estimate:
     """Estimates whose root mean square error over all points is `tolerance`, if `max_samples` rays a point allow it.
 
     Of several falloffs all meet it, by the same rays.
     """
     if not tracer.planned:
+        neighbours = neighbours_of(np.arange(len(points)))
         probes = Probes(tracer, points, tolerance, max_samples, key)
         goal = tolerance**2 / (1 + probes.margin)
         traced = _Traced(tracer, points)
-        more = np.full(len(points), min(first_rays(tolerance, len(points)), max_samples))
+        few = min(first_rays(tolerance, len(points)), max_samples)
+        first = few
+        if len(points) >= _PILOTED:
+            first = min(_rays_by_pilot(traced, neighbours, neighbours_of, probes, few, goal, key), max_samples)
+        more = first - traced.rays
+        salt = _SALT if first == few else _SALT + 1  # `few` rays of all points are lattices together with the pilot's
         for turn in range(_ROUNDS):
             rounds = list[_Round]()  # lets go of the last round's arrays
             tracer.stage = f"rays, round {turn + 1}"
-            traced.add(more, derive(key, 16 + turn))
+            traced.add(more, derive(key, salt + turn), shared=turn == 0 and len(points) >= FEW_POINTS)
             rounds = [_Round.of(traced, neighbours, probes, column) for column in range(tracer.columns)]
             if max(round_.mean for round_ in rounds) <= goal:  # points expected to be far off get rays of their own
                 worst = [round_.errs_by_more(_WORST * tolerance, neighbours) for round_ in rounds]
                 enough = np.clip(rays_alone(tolerance), traced.rays, max_samples)
                 more = np.where(np.any(worst, axis=0), enough - traced.rays, 0)
-                traced.add(more, derive(key, 16 + _ROUNDS + turn))
+                traced.add(more, derive(key, 2 * _SALT + turn), shared=False)
                 rounds = [round_.by_own_rays(np.flatnonzero(more), traced, probes) for round_ in rounds]
             if max(round_.mean for round_ in rounds) <= goal or (traced.rays >= max_samples).all():
                 break
@@ -116,25 +130,64 @@ def estimate_to(
     return planned[tracer.column]
 
 
+def _rays_by_pilot(
+    traced: "_Traced",
+    neighbours: Neighbours,
+    neighbours_of: NeighboursOf,
+    probes: Probes,
+    rays: int,
+    goal: float,
+    key: np.uint32,
+) -> int:
+    """Rays of each point by which the mean square error should become the `goal`: `rays` or more.
+
+    The pilot sample is patches around some of the probes, denoised alone; its error is measured at the probes.
+    """
+    count = len(traced.points)
+    centres = probes.point_rows[stratified_rows(len(probes.point_rows), count // (_PILOT_SHARE * _PATCH))]
+    point_rows = around(neighbours, centres, count // _PILOT_SHARE)
+    more = np.zeros(count, np.int64)
+    more[point_rows] = rays
+    traced.tracer.stage = "rays, pilot sample"
+    traced.add(more, derive(key, _SALT), shared=True)
+    patches = neighbours_of(point_rows)
+    probed = probes.only(centres, point_rows)
+    needed = rays
+    for column, all_gathered in enumerate(traced.gathered):
+        gathered = all_gathered[point_rows]
+        level = probed.level(gathered[:, W], traced.worth[point_rows], column)
+        risk = partial(probed.mean_squared, column=column)
+        w, error = denoise_over_scales(patches, traced.points[point_rows], gathered, level, probed.point_rows, risk)
+        mean = risk(w[probed.point_rows])
+        if goal < mean < _ALIKE * goal and mean_square(error) < _UNEVEN * np.mean(error) ** 2:
+            aim = _AIM * goal
+            fall = fall_of(patches, np.ascontiguousarray(gathered[:, W]), level, mean, aim)
+            needed = max(needed, BATCH * round(rays * (mean / aim) ** (1 / fall) / BATCH))
+    return needed
+
+
 class _Traced:
     """Rays traced at k points: how many each has, what they are worth, and what is gathered by each falloff."""
 
     def __init__(self, tracer: Tracer, points: Points) -> None:
-        self._tracer = tracer
+        self.tracer = tracer
         self.points = points
         self.rays = np.zeros(len(points), np.int64)
         self.worth = np.zeros(len(points))
         self.gathered = [np.zeros((len(points), COLUMNS), np.float32) for _ in range(tracer.columns)]
 
-    def add(self, more: Int64s, key: np.uint32) -> None:
-        """Trace `more` rays (k,) at the points."""
-        tracer = self._tracer
+    def add(self, more: Int64s, key: np.uint32, shared: bool) -> None:
+        """Trace `more` rays (k,) at the points.
+
+        Args: shared: neighbours share lattices; most of them are to get as many rays.
+        """
+        tracer = self.tracer
         tracer.expected = tracer.rays + int(more.sum())
         for count in (np.flatnonzero(np.bincount(more)[1:]) + 1).tolist():
             which = np.flatnonzero(more == count)
             is_all = len(which) == len(self.points)
+            leap = _SHARERS if shared and count < _ENOUGH else 1
             subset = self.points if is_all else self.points[which]
-            leap = _SHARERS if is_all and len(which) >= FEW_POINTS else 1  # without gaps between them
 
             def added() -> Float64s:
                 return tracer.gather(subset, count, key, leap)  # noqa: B023

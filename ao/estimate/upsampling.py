@@ -104,8 +104,8 @@ def extrapolate(points: Points, cells: Cells, graph: Neighbours, values: Float64
 
 
 @kernel
-def _upsample(points, cell, nodes, plain, samples, out):
-    """Write values at the points, sixteen at once; the columns from `plain` on are variances."""
+def _upsample(points, cell, nodes, first_variance, samples, out):
+    """Write values at the points, sixteen at once; the columns from `first_variance` on are variances."""
     points = unrefcounted_view(points)
     nodes = unrefcounted_view(nodes)
     cell = unrefcounted_view(cell)
@@ -122,17 +122,19 @@ def _upsample(points, cell, nodes, plain, samples, out):
         own_values = columns * load_row(samples.cells, 0)
         for column in range(columns):
             centre = gather(nodes.values, own_values + column)
-            total = centre if column < plain else own_weight * own_weight * centre
+            is_variance = column >= first_variance
+            total = own_weight * own_weight * centre if is_variance else centre
             for k in range(1, count):
                 value = gather(nodes.values, columns * load_row(samples.cells, k) + column)
-                q = load_row(samples.placed, 4 * k + 3)
-                total += q * (value - centre) if column < plain else q * q * value
+                weight = load_row(samples.placed, 4 * k + 3)
+                total += weight * weight * value if is_variance else weight * (value - centre)
             for lane in range(min(WIDE, len(cell) - begin)):
                 out[begin + lane, column] = pick(total, lane)
 
 
 @inline
 def _triples(array, point_rows):
+    """Rows of an array (k, 3), a number of each in a lane, as a triple of lanes."""
     return gather(array, 3 * point_rows), gather(array, 3 * point_rows + 1), gather(array, 3 * point_rows + 2)
 
 

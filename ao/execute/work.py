@@ -11,8 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.embree import library as embree
-from raytrace.kernel.identity import results_identity
-from raytrace.kernel.library import built_by, cpu_features
+from raytrace.kernel.library import built_by, cpu_features, results_identity
 from raytrace.system.processor import model
 from raytrace.system.threads import granted, run_blocks, shares
 

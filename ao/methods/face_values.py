@@ -8,9 +8,10 @@ from raytrace.mesh.normals import face_normals
 from raytrace.sampling.sequences import hash32_array
 from raytrace.types import Bools, Float32s, Float64s, Int64s
 
-from ..estimate.estimate import NeighboursOf, estimate_outside
+from ..estimate.estimate import estimate_outside
 from ..estimate.inside import inside_solids
 from ..estimate.links import linked
+from ..estimate.one_ring import NeighboursOf
 from ..estimate.sampling_error import derive
 from ..estimate.tolerance import Estimate
 from ..execute.checkpoint import Checkpoint

@@ -55,37 +55,39 @@ class DirectionTable(NamedTuple):
         Args: cone: sin² of the largest angle to +z.
         """
         lattices = min(max(_TABLE_POINTS // (samples * leap), 8), max(points // (_SHARERS * leap), 8), 256)
-        sets = lattices * leap
+        count = lattices * leap
         step = GOLDEN if leap == 1 else LEAPED
 
-        def apart(numbers: Float64s) -> Float64s:
-            return numbers.reshape(-1, samples, leap).swapaxes(1, 2).reshape(-1, samples)
+        def by_set(coordinates: Float64s) -> Float64s:
+            """Coordinates (s, samples) of sets from those of their lattices, (s / leap, samples·leap)."""
+            return coordinates.reshape(-1, samples, leap).swapaxes(1, 2).reshape(-1, samples)
 
-        def hemispheres(start: int, stop: int) -> Float64s:
+        def directions_of(start: int, stop: int) -> Float64s:
+            """The sets (s, 3, samples) of the lattices from `start` to `stop`, as the lattices order them."""
             u, v = jittered_lattice(lattices, samples * leap, key, step, slice(start, stop))
             v -= step * (np.arange(samples * leap) % leap)  # parts that are alike: `choose` turns them back
-            return cosine_hemisphere(apart(u) * cone, apart(v))  # u = sin²θ
+            return cosine_hemisphere(by_set(u) * cone, by_set(v))  # u = sin²θ
 
         # Directions that lie together stand together, so that cones about blocks of them are narrow.
-        order = _in_blocks(*hemispheres(0, 1)[0, :2])
-        directions = aligned((sets, 3, samples + -samples % WIDE), np.float32, zeroed=False)
+        order = _in_blocks(*directions_of(0, 1)[0, :2])
+        directions = aligned((count, 3, samples + -samples % WIDE), np.float32, zeroed=False)
         blocks = directions.shape[2] // WIDE
-        cones = aligned((sets, 5, blocks + -blocks % WIDE), np.float32, zeroed=False)
-        mean = np.empty((sets, 3))
-        lowest = np.empty(sets, np.float32)
+        cones = aligned((count, 5, blocks + -blocks % WIDE), np.float32, zeroed=False)
+        mean = np.empty((count, 3))
+        lowest = np.empty(count, np.float32)
 
-        def fill(start: int, stop: int) -> None:
-            lattice = hemispheres(start, stop)[:, :, order]
-            start = start * leap
-            stop = stop * leap
-            some = directions[start:stop]
-            some[:, :, :samples], some[:, :, samples:] = lattice, lattice[:, :, -1:]
-            mean[start:stop] = lattice.mean(axis=2)
-            lowest[start:stop] = some[:, 2].min(axis=1)
-            _write_cones(some, cones[start:stop])
+        def write_sets(start: int, stop: int) -> None:
+            """Write the sets of the lattices from `start` to `stop`."""
+            exact = directions_of(start, stop)[:, :, order]
+            sets = slice(start * leap, stop * leap)
+            rounded = directions[sets]
+            rounded[:, :, :samples], rounded[:, :, samples:] = exact, exact[:, :, -1:]
+            mean[sets] = exact.mean(axis=2)
+            lowest[sets] = rounded[:, 2].min(axis=1)
+            _write_cones(rounded, cones[sets])
 
         # All sets, and which batch each direction belongs to.
-        run_blocks(lattices, max(_BLOCK // (samples * leap), 1), fill, thread_count(None), most=_MOST)
+        run_blocks(lattices, max(_BLOCK // (samples * leap), 1), write_sets, thread_count(None), most=_MOST)
         batches = (order % BATCHES).astype(np.uint8)
         sizes = np.bincount(batches, minlength=BATCHES).astype(np.float64)
         return cls(directions, batches, sizes, mean, lowest, cones, key, np.int64(leap), np.float64(step))

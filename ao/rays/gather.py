@@ -61,13 +61,13 @@ def gather_hemispheres(packet, points, table, falloff, t_max, out):
             aim(rays, local, first_ray, t, b, n, t_max)
             trace(packet, fading, falloff, t_max, alpha_rows)
             for lane in range(lanes):
-                if _lost_by_lane(rays, lane, fading, falloff, falloff.columns, alpha_rows, occlusion):
+                if _write_lane_occlusion(rays, lane, fading, falloff, falloff.columns, alpha_rows, occlusion):
                     _add(occlusion, table.batches[first_ray + lane], local, first_ray + lane, sums)
         _write(out[i], sums, table, chosen, (t, b, n))
 
 
 @inline
-def _lost_by_lane(rays, lane, fading, falloff, columns, alpha_rows, occlusion):
+def _write_lane_occlusion(rays, lane, fading, falloff, columns, alpha_rows, occlusion):
     """Write 1 − μ of a ray of a packet by each falloff; returns whether any is above 0."""
     if columns is None:
         occlusion[0] = 1.0 - mu_of(rays, lane, fading, falloff, alpha_rows)
@@ -117,6 +117,7 @@ def gather_streams(tree, rays, state, points, table, falloff, t_max, out):
 
 @inline
 def _add(occlusion, batch, directions, ray, sums):
+    """Add a ray's 1 − μ by each falloff to the sum of its batch, and (1 − μ)·direction to those of all rays."""
     x = directions[0, ray]
     y = directions[1, ray]
     z = directions[2, ray]

@@ -49,6 +49,7 @@ class AlphaHits(NamedTuple):
 
 @inline
 def clear(layers):
+    """Begin with a point, whose rays have passed nothing."""
     if layers is not None:
         layers.counts[:] = 0
 
@@ -151,6 +152,7 @@ def write_occlusion(layers, rays, ray, falloff, columns, occlusion):
 
 @inline
 def _accumulate_at(distance, share, falloff, columns, occlusion):
+    """Add 1 − μ of the share of a ray that ends at a distance, by a `KernelMu` or by each of its `columns`."""
     if columns is not None:
         accumulate_occlusion(columns, distance, share, occlusion)
     else:

@@ -106,6 +106,7 @@ def backface_share(rays, lane, alpha_rows):
 
 @inline
 def _mu_at(distance, falloff):
+    """μ of a hit, also of one just beyond the falloff's limit, which Embree may find."""
     if distance >= falloff.limit:
         return 1.0
     return attenuation(distance, falloff) if depends_on_distance(falloff) else 0.0
@@ -113,6 +114,7 @@ def _mu_at(distance, falloff):
 
 @inline
 def _is_back(rays, lane):
+    """Whether a ray has hit the back of a face."""
     x = rays[packets.DIR_X, lane]
     y = rays[packets.DIR_Y, lane]
     z = rays[packets.DIR_Z, lane]
@@ -121,6 +123,7 @@ def _is_back(rays, lane):
 
 @inline
 def _trace_through(packet, falloff, t_max, alpha_rows):
+    """Trace the valid rays, again and again from behind their last hits, until all have ended or left the scene."""
     rays, valid = packet.rays, packet.valid
     ids = rays.view(np.uint32)
     valid_rays = active_rays = 0
@@ -137,7 +140,7 @@ def _trace_through(packet, falloff, t_max, alpha_rows):
             if valid[lane] == 0:
                 continue
             if ids[packets.GEOM_ID, lane] != packets.INVALID:
-                _meet(packet.opacity, falloff, rays, lane, alpha_rows)
+                _blend_hit(packet.opacity, falloff, rays, lane, alpha_rows)
                 rays[packets.TNEAR, lane] = max(rays[TFAR, lane] * _FARTHER, _LEAST_T)
                 rays[TFAR, lane] = t_max
             if ids[packets.GEOM_ID, lane] == packets.INVALID or alpha_rows[_TRANSMITTANCE, lane] <= LEAST:
@@ -149,7 +152,7 @@ def _trace_through(packet, falloff, t_max, alpha_rows):
 
 
 @inline
-def _meet(opacity, falloff, rays, lane, alpha_rows):
+def _blend_hit(opacity, falloff, rays, lane, alpha_rows):
     """Let a part of a ray end at its hit, by the alpha there."""
     face = np.int64(rays.view(np.uint32)[packets.PRIM_ID, lane])
     if face == alpha_rows[_LAST, lane] or (opacity.one_sided != 0 and _is_back(rays, lane)):

@@ -65,6 +65,7 @@ class TraversalState(NamedTuple):
 
     @classmethod
     def of(cls, tree: BVH16, layers: AlphaHits | None = None) -> TraversalState:
+        """Room to traverse a tree."""
         entries = np.zeros((_ENTRIES, 4), np.int64)
         bounds = np.zeros((_ENTRIES, 5), np.float32)
         listed = np.zeros((len(tree.starts) + 1) * WIDE * _LISTED, np.int64)
@@ -132,7 +133,7 @@ def traverse(tree, state, rays, origin, normal, lowest_sine, closest, t_max):
 def _push(state, opened, waiting, child, level, first_listed, listed):
     """Put `opened` children, bits, on the stack, the nearest on top; returns how many nodes wait now.
 
-    Args: child: the first child. first: where the rays of the children begin in `TraversalState.listed` if `listed`.
+    Args: child: the first child. first_listed: where the children's rays begin in `TraversalState.listed`, if `listed`.
     """
     entries, bounds = state.entries, state.bounds
     bottom = waiting
@@ -267,4 +268,5 @@ def embree_below(traversal: Traversal, layered: bool, normals: Float32s, reach: 
 
 
 def sample_rows(count: int) -> Int64s:
+    """Rows, evenly spread over `count` points, whose normals `embree_below` looks at."""
     return np.arange(min(count, _TRIED)) * count // max(min(count, _TRIED), 1)

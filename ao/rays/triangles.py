@@ -98,6 +98,7 @@ def _normal(ab, bc, ca):
 
 @inline
 def store_triple(array, row, v):
+    """Write a triple of lanes to three rows that follow one another."""
     store_row(array, row, v[0])
     store_row(array, row + 1, v[1])
     store_row(array, row + 2, v[2])

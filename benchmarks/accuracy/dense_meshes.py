@@ -28,10 +28,16 @@ def waves(seed: int, places: Floats, lowest: float, octaves: int, gain: float) -
 
 
 def subdivided(mesh: Mesh, times: int = 2) -> Mesh:
-    """In 4^`times` times as many faces, smoothed by Loop's scheme; three faces must not share an edge."""
+    """In 4^`times` times as many faces, smoothed by Loop's scheme; flat where three faces share an edge."""
     used, corners = np.unique(mesh.faces, return_inverse=True)
-    vertices, faces = trimesh.remesh.subdivide_loop(mesh.vertices[used], corners.reshape(-1, 3), iterations=times)
-    return Mesh(vertices, faces, source=f"{mesh.source}, Loop")
+    vertices, faces = mesh.vertices[used], corners.reshape(-1, 3)
+    try:
+        smoothed = trimesh.remesh.subdivide_loop(vertices, faces, iterations=times)
+    except ValueError:  # Loop's scheme has no rule for such an edge
+        for _ in range(times):
+            vertices, faces = trimesh.remesh.subdivide(vertices, faces)
+        return Mesh(vertices, faces, source=f"{mesh.source}, subdivided")
+    return Mesh(*smoothed, source=f"{mesh.source}, Loop")
 
 
 def grid(height: Callable[[Floats, Floats], Floats], side: int, source: str) -> Mesh:

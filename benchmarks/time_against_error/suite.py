@@ -29,7 +29,7 @@ class Specimen:
     """A mesh of the suite, made when its turn comes.
 
     Attributes:
-        surface: of what it is a subdivision, by Loop's scheme: specimens of one surface differ in density.
+        surface: of what it is a subdivision, see `subdivided`: specimens of one surface differ in density.
         dense: whether it is baked with the binary falloff only, to save time.
     """
 

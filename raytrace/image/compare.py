@@ -103,6 +103,7 @@ def _colour(path: PathName) -> Float32s:
 
 
 def _buffer(pixels: Float32s) -> Any:
+    """An image (height, width, 3) of linear colours as OpenImageIO takes it."""
     import OpenImageIO as oiio
 
     buffer = oiio.ImageBuf(pixels)

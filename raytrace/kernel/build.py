@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from . import jit
 from .identity import PACKAGES
 from .jit import Kernel
-from .library import ABOUT, BUILT, POINTER, identity_of
+from .library import ABOUT, BUILT, POINTER, SOURCES, identity_of
 from .signature import Signature, example
 
 LIST = Path(__file__).with_name("kernels.txt")
@@ -100,7 +100,7 @@ def objects(folder: Path, levels: Sequence[str], progress: Progress) -> Objects:
             file.unlink()
     symbols = [entry.signature.symbol for entry in built]
     names = [*symbols, *(symbol + ABOUT for symbol in symbols)]
-    names += [BUILT, *(POINTER + name for name in jit.externals)]
+    names += [BUILT, SOURCES, *(POINTER + name for name in jit.externals)]
     return Objects(files, names, [entry.signature.line for entry in listed if entry not in built])
 
 

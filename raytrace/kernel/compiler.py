@@ -26,7 +26,7 @@ from numba.core.runtime import rtsys
 
 from . import lanes as lanes  # Numba knows the type and its operators from then on
 from .jit import types
-from .library import ABOUT, ARM, BUILT, POINTER, levels
+from .library import ABOUT, ARM, BUILT, POINTER, SOURCES, identities_of_sources, levels
 from .signature import Signature
 from .words import load_argument, store_results, type_of_value
 
@@ -171,13 +171,14 @@ def object_files(
 
 
 def shared_object_file(names: Iterable[str], level: str) -> bytes:
-    """What a library has once: pointers to the C functions `names`, and by what it was built."""
+    """What a library has once: pointers to the C functions `names`, by what it was built and of which sources."""
     module = ir.Module("shared")
     module.triple = llvm.get_process_triple()
     for name in names:
         pointer = ir.GlobalVariable(module, _POINTER, POINTER + name)
         pointer.initializer = _POINTER(None)
     _text(module, BUILT, f"Numba {numba.__version__}, LLVM {'.'.join(map(str, llvm.llvm_version_info))}")
+    _text(module, SOURCES, identities_of_sources())
     code: bytes = machine_of(level).emit_object(llvm.parse_assembly(str(module)))
     return code
 

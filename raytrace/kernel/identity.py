@@ -7,7 +7,6 @@ does what the kernel does not refer to.
 
 import dis
 import hashlib
-import sys
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache, cached_property
 from pathlib import Path
@@ -38,12 +37,15 @@ class Called:
         return self.make_type()
 
 
-@cache
-def results_identity() -> str:
-    """Hash of every source that results may depend on, and of NumPy's and Python's versions: 16 hex digits."""
+def result_sources() -> list[str]:
+    """Paths below `ROOT` of the sources that w or the colour of a pixel may depend on, in order."""
     paths = [path.relative_to(ROOT).as_posix() for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
-    deciding = (path for path in sorted(paths) if not path.startswith(_NO_RESULTS))
-    return _digest([np.__version__, sys.version, *(path + _source(path) for path in deciding)])
+    return [path for path in sorted(paths) if not path.startswith(_NO_RESULTS)]
+
+
+def source_identity(text: str) -> str:
+    """Hash of a source file's text as its code objects have it, without docstrings: 16 hex digits."""
+    return digest([_code(compile(text, "", "exec", dont_inherit=True, optimize=2))])
 
 
 def kernel_identity(function: Any) -> str:
@@ -55,20 +57,15 @@ def kernel_identity(function: Any) -> str:
         if latest not in reached:
             reached[latest], others = _parts(latest)
             waiting += others
-    return _digest(reached.values())
+    return digest(reached.values())
 
 
-def _digest(texts: Iterable[str]) -> str:
+def digest(texts: Iterable[str]) -> str:
     """Hash of texts in order: 16 hex digits."""
     digest = hashlib.sha256()
     for text in texts:
         digest.update(text.encode() + b"\0")
     return digest.hexdigest()[:16]
-
-
-def _source(path: str) -> str:
-    """A source file as its code objects have it, without docstrings."""
-    return _code(compile((ROOT / path).read_bytes(), path, "exec", dont_inherit=True, optimize=2))
 
 
 def _code(code: CodeType, docstring: str | None = None) -> str:

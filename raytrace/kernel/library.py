@@ -1,18 +1,22 @@
 """The library of kernels that was built with the package, one for each level of processors.
 
 It holds, for each kernel and types of arguments, the machine code and a text about it; and for each C function that
-kernels call a pointer, which is set when that function is there.
+kernels call a pointer, which is set when that function is there. It also has the identities of the sources that it was
+built with, which take half a second to make.
 """
 
 import ctypes
-import hashlib
 import platform
+import sys
+from collections.abc import Iterable
 from functools import cache
 from importlib import import_module
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 
-from .identity import ROOT, kernel_identity
+import numpy as np
+
+from .identity import ROOT, digest, kernel_identity, result_sources, source_identity
 
 _X86 = {
     "x86-64-v4": ("AVX512F", "AVX512BW", "AVX512CD", "AVX512DQ", "AVX512VL"),
@@ -26,8 +30,9 @@ ABOUT = "_about"
 POINTER = "pointer_to_"
 """Beginning of the name of a pointer."""
 BUILT = "built_by"
+SOURCES = "sources"
 _HOW_TO_BUILD = "in the source folder `python -m pip install .`, or `make install`, builds them"
-_COMPILER = ("compiler.py", "words.py", "lanes.py")
+_COMPILER = tuple(f"raytrace/kernel/{name}.py" for name in ("compiler", "words", "lanes"))
 _pointers: dict[str, ctypes.c_void_p] = {}
 _compares = [(ROOT / "pyproject.toml").is_file()]  # whether sources may be others than the library was built of
 
@@ -99,15 +104,45 @@ def identity_of(function: object) -> str:
 @cache
 def _compiler_identity() -> str:
     """Hash of the sources of ours that decide what code is made of a kernel: 16 hex digits."""
-    sources = b"".join(Path(__file__).with_name(name).read_bytes() for name in _COMPILER)
-    return hashlib.sha256(sources).hexdigest()[:16]
+    return digest(_identities(_COMPILER))
+
+
+@cache
+def results_identity() -> str:
+    """Hash of every source that results may depend on, and of NumPy's and Python's versions: 16 hex digits."""
+    paths = result_sources()
+    return digest([np.__version__, sys.version, *paths, *_identities(paths)])
+
+
+def _identities(paths: Iterable[str]) -> list[str]:
+    """`source_identity` of source files, of which only those are made that the library has not."""
+    known = dict(line.split() for line in _text(SOURCES).splitlines())
+    texts = map(_source, paths)
+    return [known.get(digest([text])) or source_identity(text) for text in texts]
+
+
+def identities_of_sources() -> str:
+    """A line for each source that results may depend on: the hash of its text, `source_identity`."""
+    paths = result_sources()
+    hashes = [digest([_source(path)]) for path in paths]
+    return "\n".join(map(" ".join, zip(hashes, _identities(paths), strict=True)))
+
+
+def _source(path: str) -> str:
+    return (ROOT / path).read_text(encoding="utf-8")
 
 
 def built_by() -> str:
     """The library's level, and what compiled it, such as "x86-64-v3 by Numba 0.68.1, LLVM 20.1.8"."""
+    return f"{level()} by {_text(BUILT) or 'none'}"
+
+
+def _text(name: str) -> str:
+    """A text of the library, empty where it has none of this name."""
     library = _library()
-    compiler = ctypes.string_at(ctypes.addressof(ctypes.c_char.in_dll(library, BUILT))) if library else b"none"
-    return f"{level()} by {compiler.decode()}"
+    if library is None or not hasattr(library, name):
+        return ""
+    return ctypes.string_at(ctypes.addressof(ctypes.c_char.in_dll(library, name))).decode()
 
 
 def provide(name: str, address: int) -> None:

@@ -66,6 +66,7 @@ def run_bench(
 
 
 def bench_table(measured: Sequence[Row]) -> str:
+    """The rows as a text table."""
     head = ("samples", "seconds", "Mrays/s", "RMSE", "p99", "max", "estimated")
     cells = [
         (str(row.samples), f"{median(row.seconds):.3f}", f"{row.rays / median(row.seconds) / 1e6:.1f}",

@@ -85,6 +85,8 @@ class TableCommand(click.Command):
         self._rows = rows
         self._sections = {row.name: row.section for row in rows}
         self._long = {row.short: row.flags[0] for row in rows}
+        options = [row for row in rows if not row.is_argument]
+        self._is_switch = {flag: row.element is bool for row in options for flag in row.flags[0].split("/")}
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         """The parameters, as Click asks for them; made of the rows when the command is called."""
@@ -92,17 +94,20 @@ class TableCommand(click.Command):
         return super().get_params(ctx)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse the words, with short names written out; those of options that are gone are refused with what
-        replaces them."""
+        """Parse the words, with short names written out. Raises: OptionError: an option is gone, or stands where the
+        value of another is wanted."""
         ctx.meta[_WHOLE] = args[-1:] == ["all"]
         bare = [word == "--colors" and not after.isalpha() for word, after in pairwise([*args, ""])]
         words = [f"{word}=rgb" if is_bare else word for word, is_bare in zip(args, bare, strict=True)]
         if "--" not in words:  # after which a word is a file's name
             words = [self._long.get(word, word) for word in words]  # or Click looks for long names like a short one
+            for (option, value), typed in zip(pairwise(words), args[1:], strict=True):
+                if value in self._is_switch and not self._is_switch.get(option, True):
+                    raise OptionError(option, "a value", typed)
         for word in words:
             name = word.partition("=")[0]
             if name in _GONE:
-                raise OptionError(name.removeprefix("--"), _GONE[name], f"{name}, which is no more")
+                raise OptionError(name, _GONE[name], f"{name}, which is no more")
         return super().parse_args(ctx, words)
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

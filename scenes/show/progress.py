@@ -94,6 +94,7 @@ def _bars() -> Iterator[Show]:
         bars.update(tasks[label], completed=done, total=total, text=text)
 
     def fill() -> None:
+        """Show all bars as full, then hide them."""
         for task in tasks.values():
             bars.update(task, completed=bars.tasks[task].total)
             bars.refresh()

@@ -136,8 +136,9 @@ def _seen_from_within(weight: Callable[[float, float], float], radius: float, in
 
         def reached(angle: float) -> float:
             """The share that hits at `angle` to the normal take away, 0 where the hull is beyond the circle."""
-            within = inner**2 - (radius * sin(angle)) ** 2
-            return weight(angle, float(tau) * (radius * cos(angle) + sqrt(within) if within > 0 else 0.0))
+            squared_half_chord = inner**2 - (radius * sin(angle)) ** 2
+            chord = radius * cos(angle) + sqrt(squared_half_chord) if squared_half_chord > 0 else 0.0
+            return weight(angle, float(tau) * chord)
 
         edge = asin(inner / radius)
         within: float = quad(reached, 0, edge, epsabs=1e-11)[0]

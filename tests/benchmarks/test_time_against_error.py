@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+import trimesh
 
 import ao
 from benchmarks.peers.process import FOLDER, PeerFailed, Process
@@ -194,6 +195,15 @@ def test_denser_meshes_are_smoothed_by_loops_scheme():
     edges = np.unique(sums[(sums**2).sum(axis=1) == 2], axis=0)
     assert np.unique(dense.vertices, axis=0) == pytest.approx(np.unique([*corners * 33 / 64, *edges * 3 / 8], axis=0))
     assert len(dense.faces) == 4 * 8
+
+
+def test_denser_meshes_with_three_faces_at_an_edge_stay_flat():
+    """Three triangles about the z axis: Loop's scheme has no rule for their common edge."""
+    vertices = np.array([[0, 0, 0], [0, 0, 1], [1, 0, 0], [-1, 1, 0], [-1, -1, 0]], float)
+    faces = np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4]])
+    dense = subdivided(Mesh(vertices, faces), 2)
+    assert len(dense.faces) == 16 * 3
+    assert trimesh.Trimesh(dense.vertices, dense.faces).area == pytest.approx(0.5 + 2**0.5)
 
 
 def test_a_folder_gives_its_meshes_and_the_largest_one_subdivided(tmp_path):

@@ -183,6 +183,19 @@ def test_the_wheel_runs_in_an_environment_of_its_own(installed, tmp_path):
         assert (tmp_path / made).stat().st_size > 500
 
 
+KNOWN = """
+from raytrace.kernel import library
+library.source_identity = None
+print(library.results_identity())
+"""
+
+
+@pytest.mark.slow
+def test_the_library_of_a_wheel_has_the_identities_of_all_its_sources(installed, tmp_path):
+    done = run(installed / "python", "-c", KNOWN, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.slow
 def test_every_level_that_this_processor_has_bakes_alike(installed, tmp_path):
     """Fused products are rounded alike; what differs is where sums of lanes are added up."""

@@ -119,7 +119,7 @@ def encoded(mesh: Mesh, bakes: Sequence[Values], base: BaseColour | None = None)
         "bakes": described,
         "draws": _runs(shown),
         "base": base and base.put(columns, like),
-        "differenceShown": _nice(np.abs(bakes[-1].w - bakes[0].w)),
+        "differenceShown": _scale_end(np.abs(bakes[-1].w - bakes[0].w)),
         "columns": [[name, column.itemsize, column.size] for name, column in columns.items()],
     }
     planes = [np.ascontiguousarray(column).reshape(-1, 1).view(np.uint8).T.tobytes() for column in columns.values()]
@@ -137,7 +137,7 @@ def _bake_columns(bake: Values, number: int, columns: dict[str, npt.NDArray[Any]
     if bake.bent_normals is not None:
         columns[f"bent{number}"] = _octahedral(bake.bent_normals, 255).astype("u1")
     rmse = 0.0 if bake.error is None else float(np.sqrt(np.mean(bake.error**2)))
-    described = {"name": bake.name, "rmse": rmse, "errorTop": largest, "errorShown": _nice(bake.error)}
+    described = {"name": bake.name, "rmse": rmse, "errorTop": largest, "errorShown": _scale_end(bake.error)}
     if bake.textures:
         return described | _texture_columns(bake.textures, number, columns)
     if bake.profile:
@@ -204,7 +204,7 @@ def _octahedral(vectors: AnyFloats, most: int) -> Float64s:
     return np.where(unit.any(axis=1), np.rint((folded + 1) / 2 * (most - 1)) + 1, 0)
 
 
-def _nice(error: AnyFloats | None) -> float:
+def _scale_end(error: AnyFloats | None) -> float:
     """The upper end of the error's scale: the 99th percentile, rounded up to 1, 2 or 5 times a power of ten."""
     reached = 0.0 if error is None or not len(error) else float(np.quantile(error, 0.99))
     if reached < 1e-6:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from meshes import hills
 
-from ao.estimate.cells import Cells
+from ao.estimate.cells import Cells, around
 from ao.estimate.one_ring import Neighbours
 from ao.points.receivers import find_receivers
 from raytrace import Mesh
@@ -28,6 +28,20 @@ def rings(neighbours: Neighbours) -> list[set[int]]:
 @pytest.fixture(scope="module")
 def cells() -> Cells:
     return Cells.about_four(graph(1))
+
+
+def test_points_around_others_are_the_nearest() -> None:
+    neighbours = graph(1)
+    ringed = rings(neighbours)
+    centres = np.array([40, 4000, 4040])
+    nearest = around(neighbours, centres, 500)
+    within, reached = [], set(centres.tolist())
+    while len(reached) < len(nearest):
+        within = sorted(reached)
+        reached |= {j for i in within for j in ringed[i]}
+    assert 500 <= len(nearest) < 510
+    assert set(within) <= set(nearest.tolist()) <= reached
+    assert (np.diff(nearest) > 0).all()
 
 
 def test_every_point_is_in_the_cell_of_a_nearest_centre(cells: Cells) -> None:
@@ -52,8 +66,8 @@ def test_members_are_the_points_of_a_cell(cells: Cells) -> None:
 def test_cells_are_neighbours_where_points_of_theirs_are(cells: Cells) -> None:
     joined = rings(cells.joined(graph(1), np.tile(np.float32([0, 0, 1]), (len(cells.centres), 1))))
     expected = [set[int]() for _ in joined]
-    for i, around in enumerate(rings(graph(1))):
-        expected[cells.cell[i]] |= {int(cells.cell[j]) for j in around} - {int(cells.cell[i])}
+    for i, ring in enumerate(rings(graph(1))):
+        expected[cells.cell[i]] |= {int(cells.cell[j]) for j in ring} - {int(cells.cell[i])}
     assert joined == expected
 
 

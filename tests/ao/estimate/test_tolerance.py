@@ -87,7 +87,7 @@ def test_the_first_rays_of_neighbours_are_even_together() -> None:
     tracer = Tracer(scene, 0, mu, placement.diagonal, 1, len(points))
     truth = tracer.gather(points, 256, np.uint32(9))[:, 0]
     traced = _Traced(tracer, points)
-    traced.add(np.full(len(points), 8), np.uint32(1))
+    traced.add(np.full(len(points), 8), np.uint32(1), shared=True)
     error = (traced.gathered[0][:, 0] - truth)[: len(truth) // 4 * 4].reshape(-1, 4)
     assert rms(error.mean(axis=1)) < 0.42 * rms(error)
 
@@ -97,6 +97,17 @@ def test_few_rounds_of_rays_are_enough() -> None:
     stages = set[str]()
     ao.bake(JUMPS["sharp creases"](3), ao.Binary(), tolerance=0.01, progress=lambda *now: stages.add(now[2]))
     assert sum(stage.startswith("rays, round") for stage in stages) <= 3
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_pilot_sample_says_how_many_rays_meet_the_tolerance(seed: int) -> None:
+    """Many times as many as at first, but by one round, of which little too much."""
+    stages = set[str]()
+    mesh = JUMPS["bumpy height field"](seed)
+    baked = ao.bake(mesh, ao.Binary(), tolerance=0.006, progress=lambda *now: stages.add(now[2]))
+    assert {stage for stage in stages if stage.startswith("rays,")} == {"rays, pilot sample", "rays, round 1"}
+    assert 20 * len(mesh.vertices) < baked.rays
+    assert 0.7 * 0.006 < baked.rmse <= 0.006
 
 
 def test_a_dense_mesh_costs_what_its_shape_does() -> None:

@@ -62,6 +62,8 @@ COMMANDS = [
     ("bake a.ply --output-dir out --format stl", "bake --format: expected one of npy, npz, ply, glb", "got stl"),
     ("bake a.ply --output-dir out --samples 0", "bake --samples"),
     ("bake a.ply -o", "bake --output: expected a value, got nothing"),
+    ("bake a.ply -o -q", "bake --output: expected a value, got -q; see obscurance bake --help"),
+    ("bake a.ply --samples --no-denoise -o w.npy", "bake --samples: expected a value, got --no-denoise"),
     (
         "bake a.ply -o w",
         "bake --output: expected a name ending in .glb,",

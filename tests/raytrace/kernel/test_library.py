@@ -112,6 +112,8 @@ def project(built, tmp_path):
             "ONE = 1\n@inline\ndef constant():\n    return ONE",
             "1 1 True",
         ),
+        ("kernel/lanes.py", '"""Numba\'s side', '"""# A docstring.\nNumba\'s side', "1 0 False"),
+        ("kernel/compiler.py", "def shared_object_file", "# a comment\n\ndef shared_object_file", "1 0 False"),
         ("kernel/lanes.py", "INDEX = ir.IntType(32)", "INDEX = ir.IntType(64)", "1 1 True"),
     ],
 )
@@ -210,14 +212,37 @@ def test_constants_that_a_kernel_refers_to_are_part_of_its_identity():
     assert kernel_identity(names["f"]) == found[-1]
 
 
+RESULTS = "from raytrace.kernel.library import results_identity; print(results_identity())"
+
+
 def test_an_edit_of_what_reads_and_writes_files_leaves_the_identity_of_results(project):
     """Docstrings and readers are edited, then a constant that decides bits."""
-    code = "from raytrace.kernel.identity import results_identity; print(results_identity())"
     (project / "raytrace" / "text").mkdir()
     (project / "raytrace" / "text" / "lines.py").write_text("SEPARATOR = 1\n")
-    before = run(project, code)
+    before = run(project, RESULTS)
     (project / "raytrace" / "text" / "lines.py").write_text("SEPARATOR = 2\n")
     (project / "raytrace" / "loop.py").write_text('"""Docstring."""\n' + KERNEL)
-    assert run(project, code) == before
+    assert run(project, RESULTS) == before
     (project / "ao" / "estimate.py").write_text("RAYS = 2\n")
-    assert run(project, code) != before
+    assert run(project, RESULTS) != before
+
+
+COMPILED = """
+from raytrace.kernel import library
+made = []
+library.source_identity = lambda text, make=library.source_identity: made.append(text) or make(text)
+print(library.results_identity(), len(made))
+"""
+
+
+def test_the_identity_of_results_is_made_of_edited_sources_alone(project):
+    """Sources are compiled that the library was not built with; without a library, all, with the same result."""
+    identity, made = run(project, COMPILED).split()
+    assert made == "0"
+    comment = project / "raytrace" / "helper.py"
+    comment.write_text("# a comment\r\n" + comment.read_text())
+    assert run(project, COMPILED) == f"{identity} 1"
+    (project / library.file_of(library.level()).relative_to(ROOT)).unlink()
+    unknown, made = run(project, COMPILED).split()
+    assert unknown == identity
+    assert int(made) == len(list((project / "raytrace").rglob("*.py")))
