@@ -83,6 +83,8 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     # The bake, and later the error between its vertices, of large meshes at once.
     build = prepared.receivers.tree_seconds
     baked = assemble(prepared, mesh, elements or baked_vertices(prepared, len(mesh.vertices)), values)
+    samples = values.samples
+    del values  # as large as `baked`
     if at_vertices and (only is None or options.denoise):
         measure = partial(_measure_between, prepared, baked)
         if len(mesh.vertices) >= _LARGE:
@@ -96,7 +98,7 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
         below = call_checked(bake, options, mesh.reversed(), both_sides=False, checkpoint=None)
         baked.seconds["bake"] += sum(below.seconds.values())
         baked = replace(baked, below=below, rays=baked.rays + below.rays)
-    return replace(baked, shortfalls=shortfalls(options, max(baked.rmses), values.samples, element, solid, vertices))
+    return replace(baked, shortfalls=shortfalls(options, max(baked.rmses), samples, element, solid, vertices))
 
 
 def _measure_between(prepared: Prepared, baked: Bake) -> Interpolation:

@@ -6,8 +6,8 @@ spheres, loose triangles, an STL's unshared vertices. Threads and rays add next 
 
 _BASE = 32 << 20  # kernels, Embree, threads
 _TABLE, _DIRECTION = 1 << 18, 100  # directions in a table, and bytes for each while it is made
-_VERTEX, _POINT, _FACE = 84, 340, 132
-TRACED = 240  # of `_POINT`, what is taken once the vertices are welded
+_VERTEX, _POINT, _FACE = 40, 190, 100
+TRACED = 190  # of a point, what is taken once the vertices are welded
 _CORNER, _COLUMN = 450, 80
 _SURFACE, _SURFACE_VERTEX, _SURFACE_FACE = 64 << 20, 72, 750  # the first is what waits for the journal, and SciPy
 _LAYOUT, _TEXTURED_FACE = 730, 390  # a face on the page while seams are sought; while texels are traced

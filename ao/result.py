@@ -203,7 +203,7 @@ class PointValues(NamedTuple):
     others: tuple[Float64s, ...] = ()  # w and its standard error (k, j) by j falloffs more, if there are any
 
     @classmethod
-    def of(cls, columns: Sequence[tuple[Estimate, int]], rays: int, displaced: Float64s | float = 0.0) -> PointValues:
+    def of(cls, columns: Sequence[tuple[Estimate, int]], rays: int, displaced: AnyFloats | float = 0.0) -> PointValues:
         """Values at points from the estimates by each falloff, the first being that of w.
 
         Args:

@@ -127,9 +127,12 @@ def _look_up(row_of_vertex, faces, corners, start, stop):
 def estimate(
     tracer: Tracer, points: Points, corners: CornerSamples, neighbours_of: NeighboursOf, options: Options
 ) -> Estimate:
-    """Estimates at all `points` (k,), with the number of rays each that `options` give, or that meets the tolerance."""
-    ordinary_rows = np.delete(np.arange(len(points)), corners.point_rows)
-    ordinary, folded = points[ordinary_rows] if len(corners) else points, corners.points
+    """Estimates at all `points` (k,), with the number of rays each that `options` give, or that meets the tolerance.
+
+    Args: corners: of the last of the points.
+    """
+    count = len(points) - len(corners)
+    ordinary, folded = points[:count], corners.points
     most, tolerance, key = options.rays, options.tolerance, seed_key(options.seed)
     at_corners = None
     if tolerance is None or not len(points):
@@ -139,10 +142,10 @@ def estimate(
         estimated_corners = traced_twice(tracer, folded, samples, key) if len(corners) else None
         tracer.checkpoint.all_traced()
         tracer.scene.embree.cache_clear()  # type: ignore[attr-defined]  # who needs it afterwards builds it anew
-        baked = estimated(neighbours_of(ordinary_rows) if options.denoise else None)
+        baked = estimated(neighbours_of(np.arange(count)) if options.denoise else None)
         at_corners = estimated_corners(None) if estimated_corners else None
-    elif len(ordinary_rows):
-        baked = estimate_to(tracer, ordinary, lambda rows: neighbours_of(ordinary_rows[rows]), tolerance, most, key)
+    elif count:
+        baked = estimate_to(tracer, ordinary, neighbours_of, tolerance, most, key)
         if len(corners):
             at_corners = traced_twice(tracer, folded, rays_per_corner_sample(baked.mean_samples, True), key)(None)
     else:  # rays can be planned by corner samples alone, of which the mean of some 18 is asked for
@@ -154,12 +157,9 @@ def estimate(
         baked = Estimate(np.zeros((0, 4)), np.zeros(0), at_corners.samples)
     if at_corners is None:
         return baked
-    values = np.empty((len(points), 4))
-    variance = np.empty(len(points))
-    values[ordinary_rows], variance[ordinary_rows] = baked.values, baked.variance
-    values[corners.point_rows, :1] = corners.mean(at_corners.values[:, :1])
-    values[corners.point_rows, 1:] = corners.mean_direction(at_corners.values[:, 1:])
-    variance[corners.point_rows] = corners.variance(at_corners.variance)
+    means = corners.mean(at_corners.values[:, :1]), corners.mean_direction(at_corners.values[:, 1:])
+    values = np.concatenate([baked.values, np.column_stack(means)])
+    variance = np.append(baked.variance, corners.variance(at_corners.variance))
     return baked._replace(values=values, variance=variance)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from raytrace.kernel.arrays import aligned
 from raytrace.kernel.jit import bind, kernel
-from raytrace.kernel.simd import WIDE, load_row, multiply_add, select, store_row
+from raytrace.kernel.simd import WIDE, load_row, load_short_row, multiply_add, select, store_short_row
 from raytrace.system.threads import run_blocks, run_ranges
 from raytrace.types import AnyInts, Float32s, Int32s, Int64s
 
@@ -101,14 +101,14 @@ class Neighbours:
     ) -> Float32s:
         """Weighted means over the neighbours, NaN without any, in one pass over the points.
 
-        Args: values: (k,), or (k, 16) as `aligned` makes it. self_weight: of a point's own value, or sixteen weights.
+        Args: values: (k,), or (k, SHORT). self_weight: of a point's own value, or one for each lane.
             out: what the means are written to. then: makes of the means what is called on blocks once their means are
             written.
         """
-        out = aligned(values.shape, np.float32, zeroed=False) if out is None else out
+        out = np.empty_like(values) if out is None else out
         weight = aligned((WIDE,), np.float32)
         weight[:] = self_weight
-        kernel = _mean if values.ndim == 1 else _mean_lanes
+        kernel = _mean if values.ndim == 1 else _mean_rows
         self.for_blocks(bind(kernel, *self.ring, values, weight, out), *([then(out)] if then else []))
         return out
 
@@ -197,14 +197,14 @@ def _mean(starts, indices, weights, values, self_weight, out, start, stop):
 
 
 @kernel
-def _mean_lanes(starts, indices, weights, values, self_weight, out, start, stop):
-    """`_mean` of rows of sixteen."""
+def _mean_rows(starts, indices, weights, values, self_weight, out, start, stop):
+    """`_mean` of short rows."""
     for i in range(start, stop):
         weight = load_row(self_weight, 0)
-        centre = load_row(values, i)
+        centre = load_short_row(values, i)
         difference = centre - centre
         for k in range(np.uint64(starts[i]), np.uint64(starts[i + 1])):
             weight += weights[k]
-            difference = multiply_add(weights[k], load_row(values, indices[k]) - centre, difference)
+            difference = multiply_add(weights[k], load_short_row(values, indices[k]) - centre, difference)
         share = select(weight > _NOTHING, np.float32(1.0) / weight, np.float32(np.nan))
-        store_row(out, i, multiply_add(share, difference, centre))
+        store_short_row(out, i, multiply_add(share, difference, centre))

@@ -14,9 +14,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from raytrace.kernel.arrays import aligned, unrefcounted_view
+from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import bind, kernel
-from raytrace.kernel.simd import WIDE
+from raytrace.kernel.simd import SHORT
 from raytrace.kernel.vector import add, divide, length, load, scale, store
 from raytrace.system.threads import run_blocks
 from raytrace.types import AnyFloats, Float32s, Float64s, Int32s, Int64s
@@ -112,7 +112,7 @@ class _Detail(NamedTuple):
     error: Float64s  # (k,), its squared error expected
     predicted: Float32s  # (k, 2 a), w by each amount, then their squared errors expected
     cell: Int32s  # (k,)
-    around: Float32s  # (c, WIDE), means around each cell: the noise expected, then squared residuals by each amount
+    around: Float32s  # (c, SHORT), means around each cell: the noise expected, then squared residuals by each amount
     jump: Float32s  # (k,), what squared residuals are at least
 
     @classmethod
@@ -120,7 +120,7 @@ class _Detail(NamedTuple):
         """Args: estimates: of the `points`. above: (c, 2 a), of the cells, as `predicted`."""
         cell = coarse.cells.cell
         predicted = upsample(points, cell, coarse.neighbours, coarse.points, above)
-        around = aligned((len(coarse.points), WIDE), np.float32)
+        around = np.zeros((len(coarse.points), SHORT), np.float32)
         coarse.neighbours.for_blocks(bind(_compare, coarse.cells, *estimates, predicted, around))
         return cls(
             *estimates, predicted, cell, coarse.neighbours.smooth(around, _REACH), np.zeros(len(points), np.float32)

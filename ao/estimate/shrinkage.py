@@ -17,9 +17,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from raytrace.kernel.arrays import aligned, unrefcounted_view
+from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import bind, kernel
-from raytrace.kernel.simd import WIDE, load_row, store_row
+from raytrace.kernel.simd import SHORT, WIDE, load_short_row, store_short_row
 from raytrace.kernel.vector import add, cross, dot, load, scale, store
 from raytrace.system.threads import run_blocks
 from raytrace.types import Float32s, Float64s
@@ -73,8 +73,8 @@ def denoise(neighbours: Neighbours, points: Points, gathered: Float32s, level: f
         mean square error of w in it.
     """
     at = _empty(_Fields, len(points))
-    around = aligned((len(points), WIDE), np.float32)
-    spare = aligned((len(points), WIDE), np.float32)
+    around = np.zeros((len(points), SHORT), np.float32)
+    spare = np.empty_like(around)
     _compare_with_neighbours(neighbours, points, gathered, level, at, around, spare)
     coefficients, size = _ridge_regression(at, neighbours.threads)
     neighbours.for_blocks(bind(_normal_equations, coefficients, size, at, around))
@@ -97,7 +97,7 @@ def _compare_with_neighbours(
 ) -> None:
     """Fill in all fields of points but `excess` and `part`, predictions by means alone.
 
-    Args: around, spare: (k, WIDE), overwritten: columns of means over ever wider surroundings.
+    Args: around, spare: (k, SHORT), overwritten: columns of means over ever wider surroundings.
     """
     means, normals, shape = neighbours.means, points.normals, shape_of(neighbours, points)
     neighbours.for_blocks(bind(_begin, gathered, normals, at, around))
@@ -189,7 +189,7 @@ def _compare(shape, around, mean, at, start, stop):
         alone = np.isnan(mean[i, _MEAN])
         at.prediction[i] = mean[i, _MEAN]
         if alone:
-            store_row(mean, i, load_row(around, i))
+            store_short_row(mean, i, load_short_row(around, i))
         at.residual[i] = at.w[i] - mean[i, _MEAN]
         at.unlike[i, 2] = 0.0 if alone else shape.rise[i]
         mean[i, _SQUARED] = at.residual[i] ** 2
@@ -273,7 +273,7 @@ def _normal_equations(coefficients, size, at, out, start, stop):
         c = u[2] / size[2]
         store(at.unlike, i, (a, b, c))
         values = a * a, a * b, a * c, b * b, b * c, c * c, a * target, b * target, c * target
-        for k in range(9):
+        for k in range(SHORT):
             out[i, k] = at.weight[i] * values[k]
 
 

@@ -31,7 +31,7 @@ class CornerSamples:
     """Corner samples of folded vertices; such a vertex's w is their mean.
 
     Attributes:
-        point_rows: int64 (j,), ascending: the vertices' points.
+        point_rows: int64 (j,), ascending: the vertices' points, the last of all.
         starts: int64 (j + 1,): the samples of point point_rows[i] are starts[i] to starts[i + 1] of k.
         points: the k samples, near the vertices, in their faces. weights: float64 (k,), of sum 1 for each of the rows.
     """

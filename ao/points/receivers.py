@@ -7,13 +7,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import IntFlag
 from functools import cache, partial
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
 from raytrace.embree.scene import TriangleScene
 from raytrace.errors import MeshError
+from raytrace.kernel.counting_sort import counting_sort
 from raytrace.kernel.jit import bind, kernel
 from raytrace.mesh.mesh import Mesh, corner_mask
 from raytrace.mesh.morton import morton_order
@@ -25,7 +26,7 @@ from raytrace.ray_origins.origins import WeldedPoints, weld_points
 from raytrace.ray_origins.surface import Surface
 from raytrace.system.checks import check_memory
 from raytrace.system.threads import run_blocks, thread_count
-from raytrace.types import Bools, Float32s, Float64s, Int64s, UInt8s
+from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s, UInt8s
 
 from ..memory import corner_bytes
 from ..options import Normals, Weighting
@@ -54,13 +55,14 @@ class Receivers:
     """The points to bake, and the vertices they belong to.
 
     Attributes:
-        points: one for every group of coincident vertices, numbered along a curve that keeps neighbours together.
+        points: one for every group of coincident vertices, numbered along a curve that keeps neighbours together; those
+            with corner samples are the last.
         corners: corner samples of points that are folded or opposed.
         of_vertex: int64 (n,), the row of each vertex in `points`, −1 for none.
         flags: uint8 (n,), `Flag`s of each vertex.
         faces: int64 (m', 3), the faces that are not degenerate. tree: over these.
         tree_seconds: how long it took to build.
-        displaced: float64 (k,), standard error of w that stems from origins away from their points, in sharp folds.
+        displaced: float32 (k,), standard error of w that stems from origins away from their points, in sharp folds.
         embree: the faces in Embree, built when it is first called, which must not be on two threads at once.
         opacity: of the faces, None if all are opaque.
     """
@@ -72,7 +74,7 @@ class Receivers:
     faces: Int64s
     tree: BVH16
     tree_seconds: float
-    displaced: Float64s
+    displaced: Float32s
     embree: Callable[[], TriangleScene]
     opacity: PackedOpacity | None
 
@@ -129,11 +131,12 @@ def offset_points(placed: Float32s, faces: Int64s, weighting: Weighting, own_axe
         welded = welded._replace(axes=axes[welded.first_vertex])
     else:
         welded = weld_points(vertices, faces, weighting)
-        folded = (welded.clearance <= 0) | nonzero(welded.axes != welded.normals)
+        folded = (welded.clearance <= 0) | welded.moved
     # Where rays start: beside the faces, and on which side of those that the point touches.
     surface = welded.surface(vertices)
     start = time.perf_counter()
     tree = BVH16.of(placed, welded.faces)
+    del placed
     tree_seconds = time.perf_counter() - start
     origins, ambiguous = welded.ray_origins(tree, surface)
 
@@ -164,37 +167,79 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
         own_axes = np.tile(np.asarray(UP[up_axis(mesh)], np.float64), (len(mesh.vertices), 1))
     else:
         weighting = normals
-    offset = offset_points(placement.vertices, mesh.faces, weighting, own_axes)
-    # Points that have a hemisphere, in Morton order.
-    welded, usable = offset.welded, np.flatnonzero(offset.usable)
-    few = len(usable) < len(offset.usable)
-    order = morton_order(offset.origins.take(usable, axis=0) if few else offset.origins)
-    usable = usable[order] if few else order
+    curve = _Curve.through(placement.vertices, mesh.faces)
+    own_axes = None if own_axes is None else own_axes[curve.vertices]
+    offset = offset_points(placement.vertices[curve.vertices], curve.faces, weighting, own_axes)
+    points, usable, index = _compacted(offset)
+    # How far rays start from the surface.
+    welded, surface, tree = offset.welded, offset.surface, offset.tree
+    displaced = np.minimum(_DISPLACED * welded.displacement(surface, offset.origins), 0.5).astype(np.float32)
+    displaced[offset.split] = 0.0
+    displaced = displaced[usable]
+    # Samples of corners where faces share no hemisphere, once what points were found by is let go.
+    of_vertex, flags = index[welded.group][curve.place], offset.flags[curve.place]
+    tree_seconds, face_points = offset.tree_seconds, welded.face_points
+    split = np.flatnonzero(offset.split[face_points]) if offset.split.any() else np.zeros(0, np.int64)
+    del offset, welded, usable
+    corners = CornerSamples.none()
+    if len(split):
+        check_memory(mesh.source, corner_bytes(len(split)), f"for the {len(split):,} corners of folded vertices")
+        corners = find_corner_samples(tree, surface, split, index[face_points.ravel()[split]], len(points))
+    # What rays meet: faces in the order of the mesh.
+    faces, number = mesh.faces, curve.order
+    opacity = mesh.opacity.packed() if mesh.opacity else None
+    if len(face_points) < len(faces):
+        with_area = face_normals(placement.vertices.astype(np.float64), faces)[1] > 0
+        faces = faces[with_area]
+        number = (np.cumsum(with_area) - 1)[number[with_area[number]]]
+        opacity = opacity and opacity.only(with_area)
+    tree = tree._replace(leaf_faces=np.append(number, -1).astype(np.int32)[tree.leaf_faces])
+    embree = cache(partial(TriangleScene, placement.vertices, faces))
+    return Receivers(points, corners, of_vertex, flags, faces, tree, tree_seconds, displaced, embree, opacity)
+
+
+class _Curve(NamedTuple):
+    """A mesh of n vertices and m faces along a curve, so that what meets in space lies together in memory."""
+
+    vertices: Int32s  # (n,), in Morton order, those that no face uses at the end
+    place: Int32s  # (n,), of each vertex among these
+    order: Int32s  # (m,), the faces, by the place of their first corners
+    faces: Int64s  # (m, 3), in this order, of places
+
+    @classmethod
+    def through(cls, placed: Float32s, faces: Int64s) -> Self:
+        """Args: placed: (n, 3), in render space."""
+        is_used = corner_mask(faces, len(placed))
+        used = np.flatnonzero(is_used)
+        along_curve = used[morton_order(placed.take(used, axis=0))]
+        vertices = np.append(along_curve, np.flatnonzero(~is_used)).astype(np.int32)
+        place = np.empty(len(placed), np.int32)
+        place[vertices] = np.arange(len(placed), dtype=np.int32)
+        order = counting_sort(place[faces[:, 0]], len(placed))[0].astype(np.int32)
+        along = np.empty(faces.shape, np.int64)
+        run_blocks(len(faces), _BLOCK, bind(_renumber, faces, order, place, along), thread_count(None))
+        return cls(vertices, place, order, along)
+
+
+@kernel
+def _renumber(faces, order, place, along, start, stop):
+    """Write the faces in an order, their corners being places."""
+    for k in range(start, stop):
+        for corner in range(3):
+            along[k, corner] = place[faces[order[k], corner]]
+
+
+def _compacted(offset: OffsetPoints) -> tuple[Points, Int64s, Int64s]:
+    """The points that have a hemisphere, split ones last; which these are, and where each point is."""
+    usable = np.flatnonzero(offset.usable)
+    if offset.split.any():
+        usable = usable[np.argsort(offset.split[usable], kind="stable")]
     index = np.full(len(offset.usable), -1)
     origins = np.empty((len(usable), 3), np.float32)
     axes = np.empty((len(usable), 3), np.float32)
-    points = Points(origins, axes, np.arange(len(usable), dtype=np.uint32))
-    take = bind(_compact, usable, offset.origins, welded.axes, origins, axes, index)
+    take = bind(_compact, usable, offset.origins, offset.welded.axes, origins, axes, index)
     run_blocks(len(usable), _BLOCK, take, thread_count(None))
-    # How far rays start from the surface, and samples of corners where faces share no hemisphere.
-    displaced = np.minimum(_DISPLACED * welded.displacement(offset.surface, offset.origins), 0.5)
-    displaced[offset.split] = 0.0
-    corners, faces = CornerSamples.none(), welded.faces
-    if offset.split.any():
-        split = np.flatnonzero(offset.split[welded.face_points])
-        needed = corner_bytes(len(split))
-        check_memory(mesh.source, needed, f"for the {len(split):,} corners of folded vertices")
-        numbered = index[welded.face_points.ravel()[split]]
-        corners = find_corner_samples(offset.tree, offset.surface, split, numbered, len(usable))
-    # What rays meet.
-    embree = cache(partial(TriangleScene, placement.vertices, faces))
-    of_vertex, flags = index[welded.group], offset.flags
-    opacity = mesh.opacity.packed() if mesh.opacity else None
-    if opacity:
-        opacity = opacity.only(face_normals(placement.vertices.astype(np.float64), mesh.faces)[1] > 0)
-    return Receivers(
-        points, corners, of_vertex, flags, faces, offset.tree, offset.tree_seconds, displaced[usable], embree, opacity
-    )
+    return Points(origins, axes, np.arange(len(usable), dtype=np.uint32)), usable, index
 
 
 @kernel

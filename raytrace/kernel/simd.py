@@ -9,7 +9,8 @@ itself is in `raytrace.kernel.lanes`.
 from .jit import arrayobj, intrinsic, ir, lanes, types
 
 WIDE = 16
-_FOUR = 4
+SHORT = 9  # numbers of a short row
+_FOUR, _EIGHT = 4, 8
 
 
 @intrinsic(lambda condition, a, b: lanes.selection(condition, a, b))
@@ -139,6 +140,31 @@ def store_row(context, builder, signature, array, row, value):
         value = builder.sext(value, lanes.llvm_type(target))
     value = lanes.widened(context, builder, value, kind, lanes.Lanes(target.dtype))
     builder.store(value, _row(context, builder, target, array, row), align=64)
+    return context.get_dummy_value()
+
+
+def _short_row(context, builder, kind, array, row):
+    """Addresses of the first eight numbers of a short row, and of the ninth."""
+    start = builder.mul(row, ir.IntType(64)(SHORT))
+    first = _pointer(context, builder, kind, array, start, ir.VectorType(ir.FloatType(), _EIGHT))
+    return first, _pointer(context, builder, kind, array, builder.add(start, ir.IntType(64)(_EIGHT)), ir.FloatType())
+
+
+@intrinsic(lambda array, row: lanes.SINGLE(array, types.int64))
+def load_short_row(context, builder, signature, array, row):
+    """Row `row` of a C-contiguous float32 array (…, SHORT) in the first lanes; the others are 0."""
+    first, ninth = _short_row(context, builder, signature.args[0], array, row)
+    eight = builder.load(first, align=4)
+    wide = _shuffle(builder, eight, ir.Constant(eight.type, None), list(range(WIDE)))
+    return builder.insert_element(wide, builder.load(ninth), lanes.INDEX(_EIGHT))
+
+
+@intrinsic(lambda array, row, value: types.void(array, types.int64, lanes.SINGLE))
+def store_short_row(context, builder, signature, array, row, value):
+    """Write the first lanes to where `load_short_row` reads them."""
+    first, ninth = _short_row(context, builder, signature.args[0], array, row)
+    builder.store(_shuffle(builder, value, value, list(range(_EIGHT))), first, align=4)
+    builder.store(builder.extract_element(value, lanes.INDEX(_EIGHT)), ninth)
     return context.get_dummy_value()
 
 

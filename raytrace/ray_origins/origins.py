@@ -145,8 +145,9 @@ class WeldedPoints(NamedTuple):
     Attributes:
         group: int64 (n,), the point of each vertex. first_vertex: int64 (k,), of each point.
         faces: int64 (m, 3), face_normals: float64 (m, 3), unit, face_points: int64 (m, 3), the point at each corner.
-        normals: float64 (k, 3), mean of the faces' normals, unit or zero.
-        axes: float64 (k, 3), these, moved in front of all the point's faces where there is a way.
+        axes: float64 (k, 3), means of the faces' normals, unit or zero, moved in front of all the point's faces where
+            there is a way.
+        moved: bool (k,), those that are.
         directions: float64 (k, 3), to offset ray origins along, see `raytrace.ray_origins.clearance`.
         clearance: float64 (k,), least cosine between the direction and the faces' normals.
     """
@@ -156,8 +157,8 @@ class WeldedPoints(NamedTuple):
     faces: Int64s
     face_normals: Float64s
     face_points: Int64s
-    normals: Float64s
     axes: Float64s
+    moved: Bools
     directions: Float64s
     clearance: Float64s
 
@@ -216,6 +217,7 @@ def weld_points(
         face_points = group.take(faces)
         mean = normalize(sum_groups(group, sums))
     axes, directions, clearance = outermost_normals(mean, face_points, face_normal)
+    moved = nonzero(axes != mean)
     if normals is not None:
         own_normals = normals[first_vertices]
         behind = np.einsum("ij,ij->i", directions, own_normals)[:, None] < 0
@@ -225,4 +227,4 @@ def weld_points(
         is_in_front = (clear > SHARP) & nonzero(own_normals)
         directions[is_in_front] = own_normals[is_in_front]
         clearance[is_in_front] = clear[is_in_front]
-    return WeldedPoints(group, first_vertices, faces, face_normal, face_points, mean, axes, directions, clearance)
+    return WeldedPoints(group, first_vertices, faces, face_normal, face_points, axes, moved, directions, clearance)

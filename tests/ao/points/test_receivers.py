@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from meshes import crumpled
 
 import ao
 from ao import Flag
@@ -111,3 +112,28 @@ def test_no_ray_hits_the_faces_it_starts_on(offset):
     own = (found.of_vertex[found.faces[hits.face]] == chosen[:, None]).any(axis=1) & (hits.face >= 0)
     in_front = np.einsum("ij,ij->i", geometric, direction) > 0
     assert np.count_nonzero(own & in_front) == 0
+
+
+def test_faces_and_vertices_of_any_order_keep_their_numbers():
+    chance = np.random.default_rng(3)
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    vertices, faces = crumpled((ball.vertices, ball.faces), 0.45, 3)
+    unused, flat = np.full((5, 3), 0.5), chance.integers(0, len(vertices), (40, 1)).repeat(3, axis=1)
+    order = chance.permutation(len(vertices) + len(unused))
+    place = np.argsort(order)
+    faces = chance.permutation(place[np.concatenate([faces, flat])])
+    mesh = Mesh(np.concatenate([vertices, unused])[order], faces)
+    placement, found = Placement.of(mesh), receivers(mesh)
+
+    assert found.faces.tolist() == [face for face in faces.tolist() if len(set(face)) == 3]
+    there = found.tree.leaf_faces >= 0
+    corners = found.tree.triangles.reshape(-1, 3, 3, 16).transpose(0, 3, 1, 2)[there]
+    assert (corners == placement.vertices[found.faces[found.tree.leaf_faces[there]]]).all()
+    used = found.of_vertex >= 0
+    assert np.flatnonzero(found.flags & Flag.UNREFERENCED).tolist() == np.flatnonzero(~used).tolist()
+    away = found.points.origins[found.of_vertex[used]] - placement.vertices[used]
+    assert np.abs(away).max() < 1e-3
+    split = (found.flags & (Flag.FOLDED | Flag.OPPOSED)) != 0
+    assert found.corners.point_rows.tolist() == np.unique(found.of_vertex[split]).tolist()
+    assert found.corners.point_rows.tolist() == list(range(len(found.points) - len(found.corners), len(found.points)))
+    assert len(found.corners) > 10

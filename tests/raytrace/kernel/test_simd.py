@@ -8,6 +8,7 @@ import pytest
 from raytrace.kernel.arrays import aligned
 from raytrace.kernel.jit import kernel
 from raytrace.kernel.simd import (
+    SHORT,
     WIDE,
     bits,
     count,
@@ -17,6 +18,7 @@ from raytrace.kernel.simd import (
     highest,
     lane_numbers,
     load_row,
+    load_short_row,
     lowest,
     lowest_bit,
     pick,
@@ -26,6 +28,7 @@ from raytrace.kernel.simd import (
     single,
     some,
     store_row,
+    store_short_row,
 )
 from raytrace.kernel.vector import cross, dot, unit
 
@@ -67,6 +70,18 @@ def test_arithmetic(values):
         np.full(WIDE, 5),
     ]
     np.testing.assert_allclose(out, expected, rtol=1e-6)
+
+
+@kernel
+def halved_short_row(a, out):
+    store_short_row(out, 1, load_short_row(a, 2) * 0.5)
+
+
+def test_short_rows():
+    rows, out = np.random.default_rng(0).normal(size=(3, SHORT)).astype(np.float32), np.ones((3, SHORT), np.float32)
+    halved_short_row(rows, out)
+    assert (out[1] == rows[2] / 2).all()
+    assert (out[[0, 2]] == 1).all()
 
 
 @kernel
