@@ -32,6 +32,7 @@ from .sampling_error import BATCH, RATE, TYPICAL, derive, rays_alone, stratified
 from .scales import denoise_over_scales
 
 _AIM = 0.83  # times the goal is aimed at: another round for few rays takes as long as many rays now
+_NEARLY = 0.97  # the same where little is missing, which is foreseen well
 _FARTHEST = 20.0  # times that the squared error may have to fall for the rays to be foreseen; else some come before
 _NEAR, _UNEVEN = 2.0, 8.0  # the same at jumps of w, where squared errors' mean square is so many times their mean²
 _ROUNDS = 8  # of adding rays, at most
@@ -41,7 +42,8 @@ _SHARERS = 4  # of many points, so many share a lattice at first, so that denois
 _ENOUGH = 32  # rays from which each point has a lattice of its own, which is more even than a share of a larger one
 _PILOTED, _PILOT_SHARE = 1 << 17, 16  # points that are worth a pilot sample, and one in how many is in it
 _PATCH = 80  # points of each patch of it: as wide as most of denoising reaches
-_ALIKE = 9.0  # times that the squared error may have to fall for all points to get as many rays at first
+_ALIKE = 40.0  # times that the squared error may have to fall for all points to get as many rays at first
+_AGAIN = 4  # times as many rays as at first are tried on the pilot sample, too
 _BLOCK = 1 << 12  # points
 
 
@@ -101,8 +103,8 @@ def estimate_to(
         few = min(first_rays(tolerance, len(points)), max_samples)
         first = few
         if len(points) >= _PILOTED:
-            first = min(_rays_by_pilot(traced, neighbours, neighbours_of, probes, few, goal, key), max_samples)
-        more = first - traced.rays
+            first = _rays_by_pilot(traced, neighbours, neighbours_of, probes, few, goal, max_samples, key)
+        more = np.maximum(first - traced.rays, 0)
         salt = _SALT if first == few else _SALT + 1  # `few` rays of all points are lattices together with the pilot's
         for turn in range(_ROUNDS):
             rounds = list[_Round]()  # lets go of the last round's arrays
@@ -113,7 +115,7 @@ def estimate_to(
                 worst = [round_.errs_by_more(_WORST * tolerance, neighbours) for round_ in rounds]
                 enough = np.clip(rays_alone(tolerance), traced.rays, max_samples)
                 more = np.where(np.any(worst, axis=0), enough - traced.rays, 0)
-                traced.add(more, derive(key, 2 * _SALT + turn), shared=False)
+                traced.add(more, derive(key, 3 * _SALT + turn), shared=False)
                 rounds = [round_.by_own_rays(np.flatnonzero(more), traced, probes) for round_ in rounds]
             if max(round_.mean for round_ in rounds) <= goal or (traced.rays >= max_samples).all():
                 break
@@ -135,35 +137,49 @@ def _rays_by_pilot(
     neighbours: Neighbours,
     neighbours_of: NeighboursOf,
     probes: Probes,
-    rays: int,
+    few: int,
     goal: float,
+    max_samples: int,
     key: np.uint32,
 ) -> int:
-    """Rays of each point by which the mean square error should become the `goal`: `rays` or more.
+    """Rays of each point by which the mean square error should become the `goal`: `few` or more.
 
-    The pilot sample is patches around some of the probes, denoised alone; its error is measured at the probes.
+    The pilot sample is patches around some of the probes, denoised alone; its error is measured at these probes, by
+    `few` rays and, if many more seem to be needed, by as many.
     """
     count = len(traced.points)
     centres = probes.point_rows[stratified_rows(len(probes.point_rows), count // (_PILOT_SHARE * _PATCH))]
     point_rows = around(neighbours, centres, count // _PILOT_SHARE)
-    more = np.zeros(count, np.int64)
-    more[point_rows] = rays
-    traced.tracer.stage = "rays, pilot sample"
-    traced.add(more, derive(key, _SALT), shared=True)
     patches = neighbours_of(point_rows)
     probed = probes.only(centres, point_rows)
-    needed = rays
-    for column, all_gathered in enumerate(traced.gathered):
-        gathered = all_gathered[point_rows]
-        level = probed.level(gathered[:, W], traced.worth[point_rows], column)
-        risk = partial(probed.mean_squared, column=column)
-        w, error = denoise_over_scales(patches, traced.points[point_rows], gathered, level, probed.point_rows, risk)
-        mean = risk(w[probed.point_rows])
-        if goal < mean < _ALIKE * goal and mean_square(error) < _UNEVEN * np.mean(error) ** 2:
-            aim = _AIM * goal
-            fall = fall_of(patches, np.ascontiguousarray(gathered[:, W]), level, mean, aim)
-            needed = max(needed, BATCH * round(rays * (mean / aim) ** (1 / fall) / BATCH))
-    return needed
+    traced.tracer.stage = "rays, pilot sample"
+    rays = few
+    for turn in range(2):
+        more = np.zeros(count, np.int64)
+        more[point_rows] = rays - traced.rays[point_rows]
+        traced.add(more, derive(key, _SALT * (1 + turn)), shared=True)
+        by_column = (_pilot_error(traced, point_rows, patches, probed, c) for c in range(len(traced.gathered)))
+        error, unevenness = max(by_column)
+        beyond = error / (_AIM * goal)
+        if turn == 1:
+            return min(BATCH * round(rays * float(np.clip(beyond, 0.5, 2.0)) / BATCH), max_samples)
+        if not goal < error < _ALIKE * goal or unevenness > _UNEVEN:
+            break
+        rays = min(BATCH * round(rays * beyond / BATCH), max_samples)
+        if rays < _AGAIN * few:
+            break
+    return rays
+
+
+def _pilot_error(
+    traced: "_Traced", point_rows: Int64s, patches: Neighbours, probed: Probes, column: int
+) -> tuple[float, float]:
+    """The mean square error of a pilot sample by one falloff, and its expected errors' mean square to mean²."""
+    gathered = traced.gathered[column][point_rows]
+    level = probed.level(gathered[:, W], traced.worth[point_rows], column)
+    risk = partial(probed.mean_squared, column=column)
+    w, error = denoise_over_scales(patches, traced.points[point_rows], gathered, level, probed.point_rows, risk)
+    return risk(w[probed.point_rows]), mean_square(error) / float(np.mean(error)) ** 2
 
 
 class _Traced:
@@ -263,7 +279,7 @@ def _more_rays(rounds: list[_Round], traced: _Traced, neighbours: Neighbours, go
             error = np.maximum(error, round_.error * (most.mean / max(round_.mean, 1e-30)))
     beyond = most.mean / goal
     farthest = _FARTHEST if mean_square(error) < _UNEVEN * np.mean(error) ** 2 else _NEAR
-    aim = goal * (_AIM if beyond < farthest else beyond ** (2 / 3))
+    aim = goal * (max(_AIM, _NEARLY / np.sqrt(beyond)) if beyond < farthest else beyond ** (2 / 3))
     fall = fall_of(neighbours, np.ascontiguousarray(most.gathered[:, W]), most.level, most.mean, aim)
     more = rays_to_add(error, traced.worth, max_samples, aim, fall, neighbours.threads)
     return np.minimum(more, max_samples - traced.rays)
