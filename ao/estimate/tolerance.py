@@ -44,6 +44,7 @@ _PILOTED, _PILOT_SHARE = 1 << 17, 16  # points that are worth a pilot sample, an
 _PATCH = 80  # points of each patch of it: as wide as most of denoising reaches
 _ALIKE = 40.0  # times that the squared error may have to fall for all points to get as many rays at first
 _AGAIN = 4  # times as many rays as at first are tried on the pilot sample, too
+_CORRECTED = 0.5, 1.25  # times that these may become by what the try says, which is misled upwards by few large errors
 _BLOCK = 1 << 12  # points
 
 
@@ -162,7 +163,7 @@ def _rays_by_pilot(
         error, unevenness = max(by_column)
         beyond = error / (_AIM * goal)
         if turn == 1:
-            return min(BATCH * round(rays * float(np.clip(beyond, 0.5, 2.0)) / BATCH), max_samples)
+            return min(BATCH * round(rays * float(np.clip(beyond, *_CORRECTED)) / BATCH), max_samples)
         if not goal < error < _ALIKE * goal or unevenness > _UNEVEN:
             break
         rays = min(BATCH * round(rays * beyond / BATCH), max_samples)
