@@ -29,7 +29,7 @@ class SampleMeans(NamedTuple):
     elsewhere: Callable[[Int64s, np.uint32], SurfaceSamples] | None = None  # of some groups (j,) others, by a key
     enough: int = 8  # rays of a sample, so that more samples are worth their time; less where w varies among them
 
-    def moved(self, points: Points, key: np.uint32) -> SampleMeans | None:
+    def resampled(self, points: Points, key: np.uint32) -> SampleMeans | None:
         """The same groups with other samples, for a second estimate at some `points`; None if groups have no others."""
         if self.elsewhere is None:
             return None

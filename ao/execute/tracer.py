@@ -106,7 +106,7 @@ class Means(Protocol):
     def rows(self, tracer: "Tracer", points: Points, rays: int, key: np.uint32) -> Float64s:
         """Rows (k, …, COLUMNS) of what the points stand for, by about so many `rays` each."""
 
-    def moved(self, points: Points, key: np.uint32) -> "Means | None":
+    def resampled(self, points: Points, key: np.uint32) -> "Means | None":
         """The same with other samples of what some `points` stand for, if there are others, chosen by a key."""
 
 
@@ -159,10 +159,10 @@ class Tracer:
         Args: here: rows of the points themselves by independent rays, which are what vertices have elsewhere, too.
         """
         means = self.means
-        moved = means and means.moved(points, key)
-        if moved is None:
+        resampled = means and means.resampled(points, key)
+        if resampled is None:
             return here
-        self.means = moved
+        self.means = resampled
         values = self.gather(points, samples, key)
         self.means = means
         return values
