@@ -145,14 +145,11 @@ def estimate(
         baked = estimated(neighbours_of(np.arange(count)) if options.denoise else None)
         at_corners = estimated_corners(None) if estimated_corners else None
     elif count:
-        baked = estimate_to(tracer, ordinary, neighbours_of, tolerance, most, key)
+        baked = estimate_to(tracer, ordinary, neighbours_of(np.arange(count)), tolerance, most, key)
         if len(corners):
             at_corners = traced_twice(tracer, folded, rays_per_corner_sample(baked.mean_samples, True), key)(None)
     else:  # rays can be planned by corner samples alone, of which the mean of some 18 is asked for
-
-        def alone(point_rows: Int64s) -> Neighbours:
-            return Neighbours.of(np.zeros((0, 3), np.int64), folded.normals[point_rows], tracer.threads)
-
+        alone = Neighbours.of(np.zeros((0, 3), np.int64), folded.normals, tracer.threads)
         at_corners = estimate_to(tracer, folded, alone, min(2 * tolerance, 1.0), most, key)
         baked = Estimate(np.zeros((0, 4)), np.zeros(0), at_corners.samples)
     if at_corners is None:

@@ -63,6 +63,22 @@ class Neighbours:
         rings.for_blocks(bind(_weigh_by_normals, starts, indices, normals, weights))
         return rings
 
+    def among(self, point_rows: Int64s) -> Self:
+        """The one-rings of some points (j,), ascending, of the neighbours that are among them."""
+        if len(point_rows) == len(self.starts) - 1:
+            return self
+        row_of_point = np.full(len(self.starts) - 1, -1, np.int32)
+        row_of_point[point_rows] = np.arange(len(point_rows), dtype=np.int32)
+        counts = np.diff(self.starts)[point_rows]
+        before = np.cumsum(counts) - counts
+        owner = np.repeat(np.arange(len(point_rows)), counts)
+        entries = np.arange(len(owner)) + (self.starts[point_rows] - before)[owner]
+        indices = row_of_point[self.indices[entries]]
+        inside = indices >= 0
+        starts = np.zeros(len(point_rows) + 1, np.int64)
+        np.cumsum(np.bincount(owner[inside], minlength=len(point_rows)), out=starts[1:])
+        return type(self)(starts, indices[inside], self.weights[entries[inside]], self.threads)
+
     def for_blocks(self, *works: Block) -> None:
         """Call all `works` with the start and the stop of blocks of points, on threads."""
         count = len(self.starts) - 1

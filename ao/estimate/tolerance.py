@@ -25,7 +25,7 @@ from ..rays.gather import BATCH_VARIANCE, BENT, COLUMNS, W
 from .calibration import Calibration, distribute_variance, mean_square
 from .cells import around
 from .inside import holes
-from .one_ring import Neighbours, NeighboursOf
+from .one_ring import Neighbours
 from .probes import Probes
 from .ray_plan import FEW_POINTS, fall_of, first_rays, rays_to_add
 from .sampling_error import BATCH, RATE, TYPICAL, derive, rays_alone, stratified_rows
@@ -90,21 +90,20 @@ class Estimate(NamedTuple):
 
 
 def estimate_to(
-    tracer: Tracer, points: Points, neighbours_of: NeighboursOf, tolerance: float, max_samples: int, key: np.uint32
+    tracer: Tracer, points: Points, neighbours: Neighbours, tolerance: float, max_samples: int, key: np.uint32
 ) -> Estimate:
     """Estimates whose root mean square error over all points is `tolerance`, if `max_samples` rays a point allow it.
 
     Of several falloffs all meet it, by the same rays.
     """
     if not tracer.planned:
-        neighbours = neighbours_of(np.arange(len(points)))
         probes = Probes(tracer, points, tolerance, max_samples, key)
         goal = tolerance**2 / (1 + probes.margin)
         traced = _Traced(tracer, points)
         few = min(first_rays(tolerance, len(points)), max_samples)
         first = few
         if len(points) >= _PILOTED:
-            first = _rays_by_pilot(traced, neighbours, neighbours_of, probes, few, goal, max_samples, key)
+            first = _rays_by_pilot(traced, neighbours, probes, few, goal, max_samples, key)
         more = np.maximum(first - traced.rays, 0)
         salt = _SALT if first == few else _SALT + 1  # `few` rays of all points are lattices together with the pilot's
         for turn in range(_ROUNDS):
@@ -136,7 +135,6 @@ def estimate_to(
 def _rays_by_pilot(
     traced: "_Traced",
     neighbours: Neighbours,
-    neighbours_of: NeighboursOf,
     probes: Probes,
     few: int,
     goal: float,
@@ -151,7 +149,7 @@ def _rays_by_pilot(
     count = len(traced.points)
     centres = probes.point_rows[stratified_rows(len(probes.point_rows), count // (_PILOT_SHARE * _PATCH))]
     point_rows = around(neighbours, centres, count // _PILOT_SHARE)
-    patches = neighbours_of(point_rows)
+    patches = neighbours.among(point_rows)
     probed = probes.only(centres, point_rows)
     traced.tracer.stage = "rays, pilot sample"
     rays = few

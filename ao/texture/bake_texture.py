@@ -203,7 +203,7 @@ def _estimates(tracer: Tracer, surface: UVSurface, texels: Texels, prepared: Pre
 
     def by_falloff() -> Estimate:
         """Estimates at all texels, by one falloff."""
-        baked = estimate(tracer, points, CornerSamples.none(), lambda _: cells(), prepared.options)
+        baked = estimate(tracer, points, CornerSamples.none(), lambda rows: cells().among(rows), prepared.options)
         return _predicted(baked, texels, cells) if len(texels) > len(points) else baked
 
     return tracer.each_column(by_falloff)

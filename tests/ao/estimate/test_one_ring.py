@@ -34,3 +34,22 @@ def test_one_rings_are_those_of_the_edges_of_faces(threads):
     assert np.array_equal(np.diff(found.starts), [len(ring) for ring in expected])
     assert found.indices.tolist() == [j for ring in expected for j in ring]
     assert found.weights.tolist() == [weight for ring in expected for weight in ring.values()]
+
+
+def test_one_rings_among_some_points_are_of_these_alone():
+    random = np.random.default_rng(5)
+    normals = np.tile(np.float32([0, 0, 1]), (POINTS, 1))
+    neighbours = Neighbours.of(random.integers(-1, POINTS, (12000, 3)), normals, 2)
+    kept = np.flatnonzero(random.random(POINTS) < 0.3)
+    kept_set = set(kept.tolist())
+    among = neighbours.among(kept)
+    rings = [slice(*neighbours.starts[i : i + 2]) for i in kept.tolist()]
+    expected = [
+        (row, i, weight)
+        for row, ring in enumerate(rings)
+        for i, weight in zip(neighbours.indices[ring].tolist(), neighbours.weights[ring].tolist(), strict=True)
+        if i in kept_set
+    ]
+    owner = np.repeat(np.arange(len(kept)), np.diff(among.starts))
+    listed_among = list(zip(owner.tolist(), kept[among.indices].tolist(), among.weights.tolist(), strict=True))
+    assert listed_among == expected
