@@ -12,7 +12,7 @@ _CORNER, _COLUMN = 450, 80
 _SURFACE, _SURFACE_VERTEX, _SURFACE_FACE = 64 << 20, 72, 750  # the first is what waits for the journal, and SciPy
 _LAYOUT, _TEXTURED_FACE = 730, 390  # a face on the page while seams are sought; while texels are traced
 _TEXEL, _COVERED_TEXEL = 40, 130
-TRACED_TEXEL = 400  # beside that, of each to trace rays at
+TRACED_TEXEL = 300  # beside that, of each to trace rays at
 _TRACED_SHARE = 0.15  # of the covered texels, where one may stand for several
 
 
