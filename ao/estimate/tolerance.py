@@ -152,22 +152,25 @@ def _rays_by_pilot(
     patches = neighbours.among(point_rows)
     probed = probes.only(centres, point_rows)
     traced.tracer.stage = "rays, pilot sample"
-    rays = few
-    for turn in range(2):
+
+    def measured(rays: int, salt: int) -> tuple[float, float]:
+        """The mean square error by `rays`, and how uneven it is, of the falloff that errs most."""
         more = np.zeros(count, np.int64)
         more[point_rows] = rays - traced.rays[point_rows]
-        traced.add(more, derive(key, _SALT * (1 + turn)), shared=True)
-        by_column = (_pilot_error(traced, point_rows, patches, probed, c) for c in range(len(traced.gathered)))
-        error, unevenness = max(by_column)
-        beyond = error / (_AIM * goal)
-        if turn == 1:
-            return min(BATCH * round(rays * float(np.clip(beyond, *_CORRECTED)) / BATCH), max_samples)
-        if not goal < error < _ALIKE * goal or unevenness > _UNEVEN:
-            break
-        rays = min(BATCH * round(rays * beyond / BATCH), max_samples)
-        if rays < _AGAIN * few:
-            break
-    return rays
+        traced.add(more, derive(key, salt), shared=True)
+        return max(_pilot_error(traced, point_rows, patches, probed, c) for c in range(len(traced.gathered)))
+
+    def needed(rays: int, times: float) -> int:
+        return min(BATCH * round(rays * times / BATCH), max_samples)
+
+    error, unevenness = measured(few, _SALT)
+    if not goal < error < _ALIKE * goal or unevenness > _UNEVEN:
+        return few
+    rays = needed(few, error / (_AIM * goal))
+    if rays < _AGAIN * few:
+        return rays
+    error, _ = measured(rays, 2 * _SALT)
+    return needed(rays, float(np.clip(error / (_AIM * goal), *_CORRECTED)))
 
 
 def _pilot_error(

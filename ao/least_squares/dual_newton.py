@@ -69,7 +69,8 @@ class _Dual(NamedTuple):
             solution += length * direction
             residual -= length * image
             toward = solve(residual)
-            before, left = left, dot(residual, toward)
+            before = left
+            left = dot(residual, toward)
             if left <= _SOLVED * first:
                 return solution
             direction = toward + left / before * direction
@@ -87,19 +88,20 @@ def least_change(differences: csr_array, values: Float64s, stay: Float64s, pull:
     order = np.argsort(first.perm_c)  # minimum degree, sought once
     ordered = differences[order]
     dual = _Dual(ordered, ordered.T.tocsr(), values, stay, pull)
+
+    def solve_unbounded(right: Float64s) -> Float64s:
+        """Solve for Newton's matrix with all values within their bounds."""
+        return np.asarray(first.solve(right[first.perm_c])[order])
+
     multipliers, wanted = np.zeros(len(order)), values
-    is_like = True
+    is_like = True  # of Newton's matrix, to that without bounds
     height, gradient, x = dual.at(multipliers, wanted)
     for _ in range(_STEPS):
         if np.abs(gradient).max() < _NEAR:
             break
         # Newton's step, with the unknowns that are within their bounds.
         weight = np.where((wanted > 0) & (wanted < 1), 1 / stay, 0.0)
-        step = (
-            dual.solve_like(lambda right: first.solve(right[first.perm_c])[order], weight, gradient)
-            if is_like
-            else None
-        )
+        step = dual.solve_like(solve_unbounded, weight, gradient) if is_like else None
         is_like = step is not None
         if step is None:
             step = dual.factors(weight).solve(gradient)
