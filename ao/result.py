@@ -17,7 +17,7 @@ from raytrace.kernel.vector import dot, load, store
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import normalized
 from raytrace.system.threads import run_blocks
-from raytrace.types import AnyFloats, Float32s, Float64s, Int64s, UInt8s
+from raytrace.types import AnyFloats, Float32Rows, Float32s, Float64Rows, Float64s, Int64s, UInt8s
 
 from .estimate.calibration import Calibration
 from .estimate.tolerance import Estimate
@@ -251,7 +251,9 @@ def assemble(prepared: Prepared, mesh: Mesh, elements: BakedElements, values: Po
     wanted = elements.wanted
     count = len(point)
     bent = np.zeros((count, 3))
-    run_blocks(count, _BLOCK, bind(_bent_normals, point, values.bent, normals, bent), prepared.threads)
+    run_blocks(
+        count, _BLOCK, bind(_bent_normals, point, np.ascontiguousarray(values.bent), normals, bent), prepared.threads
+    )
     error = np.append(values.error, 0.0)[point]  # −1, for no point, is the last row
     spread = [
         np.append(values_of, np.full((1, values_of.shape[1]), outside), axis=0)[point]
@@ -285,7 +287,9 @@ def assemble(prepared: Prepared, mesh: Mesh, elements: BakedElements, values: Po
 
 
 @kernel
-def _bent_normals(point, bent, normals, out, start, stop):
+def _bent_normals(
+    point: Int64s, bent: Float64Rows, normals: Float32Rows, out: Float64Rows, start: int, stop: int
+) -> None:
     """Write the unit bent normals of elements, their points' normal where the mean open direction cancels."""
     for i in range(start, stop):
         if point[i] >= 0:

@@ -4,7 +4,6 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.counting_sort import counting_sort
 from raytrace.kernel.jit import bind, kernel
 from raytrace.system.threads import run_blocks
@@ -36,7 +35,7 @@ def _flooded(neighbours: Neighbours, sources: Int64s, enough: int) -> tuple[Int6
 
 
 @kernel
-def _flood(starts, indices, nearest, queue, tail, enough):
+def _flood(starts: Int64s, indices: Int32s, nearest: Int64s, queue: Int64s, tail: int, enough: int) -> int:
     """Append to the `queue` of points, of length `tail`, their neighbours, and theirs, until there are `enough`."""
     head = 0
     while head < tail < enough:
@@ -96,7 +95,9 @@ class Cells(NamedTuple):
 
 
 @kernel
-def _step(starts, indices, weights, before, nearest, start, stop):
+def _step(
+    starts: Int64s, indices: Int32s, weights: Float32s, before: Int32s, nearest: Int32s, start: int, stop: int
+) -> None:
     """Give points without a centre the centre that their most similar neighbour had `before`, the least of several."""
     for i in range(start, stop):
         most = np.float32(-1.0)
@@ -109,9 +110,10 @@ def _step(starts, indices, weights, before, nearest, start, stop):
 
 
 @kernel
-def _list_links(starts, indices, cells, listed, ends, start, stop):
+def _list_links(
+    starts: Int64s, indices: Int32s, cells: Cells, listed: Int64s, ends: Int32s | None, start: int, stop: int
+) -> None:
     """List the cell beyond each link out of a cell from listed[c] on, or count the links: listed[c + 1]."""
-    cells = unrefcounted_view(cells)
     for c in range(start, stop):
         count = 0
         for member in range(cells.starts[c], cells.starts[c + 1]):

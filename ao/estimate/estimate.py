@@ -12,7 +12,7 @@ import numpy as np
 from raytrace.kernel.jit import bind, kernel
 from raytrace.sampling.sequences import hash32_array, seed_key
 from raytrace.system.threads import run_blocks
-from raytrace.types import Bools, Float64s, Int64s
+from raytrace.types import Bools, Float64s, Int32Rows, Int32s, Int64Rows, Int64s
 
 from ..execute.tracer import Tracer
 from ..options import Options
@@ -118,7 +118,7 @@ def edges_of(points: Points, of_vertex: Int64s, faces: Int64s, tracer: Tracer) -
 
 
 @kernel
-def _look_up(row_of_vertex, faces, corners, start, stop):
+def _look_up(row_of_vertex: Int32s, faces: Int64Rows, corners: Int32Rows, start: int, stop: int) -> None:
     for f in range(start, stop):
         for k in range(3):
             corners[f, k] = row_of_vertex[faces[f, k]]

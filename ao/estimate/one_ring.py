@@ -10,7 +10,7 @@ from raytrace.kernel.arrays import aligned
 from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.simd import WIDE, load_row, load_short_row, multiply_add, select, store_short_row
 from raytrace.system.threads import run_blocks, run_ranges
-from raytrace.types import AnyInts, Float32s, Int32s, Int64s
+from raytrace.types import AnyInts, Float32Rows, Float32s, Int32Rows, Int32s, Int64Rows, Int64s
 
 Block = Callable[[int, int], None]
 _NOTHING = np.float32(1e-6)  # of weight
@@ -133,7 +133,7 @@ NeighboursOf = Callable[[Int64s], Neighbours]  # neighbours among the points of 
 
 
 @kernel
-def _list_ends(faces, places, ends, start, stop):
+def _list_ends(faces: Int32Rows | Int64Rows, places: Int64s, ends: Int32s | None, start: int, stop: int) -> None:
     """Write the ends of edges at point i from places[i] on, or count them, without `ends`; move places[i] past them."""
     for f in range(len(faces)):
         for k in range(3):
@@ -147,7 +147,7 @@ def _list_ends(faces, places, ends, start, stop):
 
 
 @kernel
-def _merge_edges(listed, ends, weights, counts, start, stop):
+def _merge_edges(listed: Int64s, ends: Int32s, weights: Float32s, counts: Int64s, start: int, stop: int) -> None:
     """List every neighbour once, weighted by half the number of faces at the edge to it; their number: counts[i + 1].
     A neighbour is sought among the neighbours listed before it, at points with very many by a hash table."""
     most = 0
@@ -184,7 +184,16 @@ def _merge_edges(listed, ends, weights, counts, start, stop):
 
 
 @kernel
-def _pack(listed, ends, weights, starts, indices, merged, start, stop):
+def _pack(
+    listed: Int64s,
+    ends: Int32s,
+    weights: Float32s,
+    starts: Int64s,
+    indices: Int32s,
+    merged: Float32s,
+    start: int,
+    stop: int,
+) -> None:
     for i in range(start, stop):
         for k in range(starts[i + 1] - starts[i]):
             indices[starts[i] + k] = ends[listed[i] + k]
@@ -192,7 +201,9 @@ def _pack(listed, ends, weights, starts, indices, merged, start, stop):
 
 
 @kernel
-def _weigh_by_normals(starts, indices, normals, weights, start, stop):
+def _weigh_by_normals(
+    starts: Int64s, indices: Int32s, normals: Float32Rows, weights: Float32s, start: int, stop: int
+) -> None:
     for i in range(start, stop):
         for k in range(starts[i], starts[i + 1]):
             cosine = np.float32(0.0)
@@ -202,7 +213,16 @@ def _weigh_by_normals(starts, indices, normals, weights, start, stop):
 
 
 @kernel
-def _mean(starts, indices, weights, values, self_weight, out, start, stop):
+def _mean(
+    starts: Int64s,
+    indices: Int32s,
+    weights: Float32s,
+    values: Float32s,
+    self_weight: Float32s,
+    out: Float32s,
+    start: int,
+    stop: int,
+) -> None:
     """Ring means, the point's value weighted by `self_weight`, of differences: equal values stay equal to the bit."""
     for i in range(start, stop):
         weight, difference, centre = self_weight[0], np.float32(0.0), values[i]
@@ -213,7 +233,16 @@ def _mean(starts, indices, weights, values, self_weight, out, start, stop):
 
 
 @kernel
-def _mean_rows(starts, indices, weights, values, self_weight, out, start, stop):
+def _mean_rows(
+    starts: Int64s,
+    indices: Int32s,
+    weights: Float32s,
+    values: Float32Rows,
+    self_weight: Float32s,
+    out: Float32Rows,
+    start: int,
+    stop: int,
+) -> None:
     """`_mean` of short rows."""
     for i in range(start, stop):
         weight = load_row(self_weight, 0)

@@ -70,7 +70,15 @@ def rays_to_add(error: Float64s, worth: Float64s, most: int, goal: float, fall: 
 
 
 @kernel
-def _plan(error, worth, powers, limits, step, start, stop):
+def _plan(
+    error: Float64s,
+    worth: Float64s,
+    powers: tuple[float, float, float],
+    limits: Float64s,
+    step: Int64s,
+    start: int,
+    stop: int,
+) -> None:
     """The `step` of `_STEPS` by which what each point's rays are worth comes nearest to what is wanted."""
     fall, rate, factor = powers
     for i in range(start, stop):

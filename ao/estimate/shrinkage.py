@@ -17,12 +17,11 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.simd import SHORT, WIDE, load_short_row, store_short_row
 from raytrace.kernel.vector import add, cross, dot, load, scale, store
 from raytrace.system.threads import run_blocks
-from raytrace.types import Float32s, Float64s
+from raytrace.types import Float32Rows, Float32s, Float64Grid, Float64s, Int32s, Int64s
 
 from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, BENT, W
@@ -58,7 +57,7 @@ class _Fields(NamedTuple):
     w: Float32s  # estimates
     variance: Float32s  # of w
     spread: Float32s  # between the batches of the points around
-    unlike: Float32s  # differences from the neighbours: of the surroundings, of leaning and of rise
+    unlike: Float32Rows  # differences from the neighbours: of the surroundings, of leaning and of rise
     prediction: Float32s  # of w by the neighbours, NaN without any
     residual: Float32s  # of w from its prediction, 0 without any
     excess: Float32s  # the residual's square less the variance
@@ -127,12 +126,16 @@ def shape_of(neighbours: Neighbours, points: Points) -> _Shape:
 
 
 @kernel
-def _measure(ring, origins, normals, shape, start, stop):
+def _measure(
+    ring: tuple[Int64s, Int32s, Float32s],
+    origins: Float32Rows,
+    normals: Float32Rows,
+    shape: _Shape,
+    start: int,
+    stop: int,
+) -> None:
     """Fill in `self_weight`, and `rise` of points alone, where a neighbour below counts as 0."""
-    starts, indices, weights = unrefcounted_view(ring)
-    origins = unrefcounted_view(origins)
-    normals = unrefcounted_view(normals)
-    shape = unrefcounted_view(shape)
+    starts, indices, weights = ring
     for i in range(start, stop):
         whole, rise = 1.0, 0.0
         for k in range(starts[i], starts[i + 1]):
@@ -149,10 +152,11 @@ def _measure(ring, origins, normals, shape, start, stop):
 
 
 @kernel
-def _compare_shapes(ring, shape, mean, start, stop):
+def _compare_shapes(
+    ring: tuple[Int64s, Int32s, Float32s], shape: _Shape, mean: Float32s, start: int, stop: int
+) -> None:
     """Fill in `leverage`, and turn the neighbours' mean `rise` into what the point's own has beyond it."""
-    starts, indices, weights = unrefcounted_view(ring)
-    shape = unrefcounted_view(shape)
+    starts, indices, weights = ring
     for i in range(start, stop):
         leverage = 0.0
         for k in range(starts[i], starts[i + 1]):
@@ -164,12 +168,10 @@ def _compare_shapes(ring, shape, mean, start, stop):
 
 
 @kernel
-def _begin(gathered, normals, at, around, start, stop):
+def _begin(
+    gathered: Float32Rows, normals: Float32Rows, at: _Fields, around: Float32Rows, start: int, stop: int
+) -> None:
     """Fill in `w`, and what surroundings are means of."""
-    gathered = unrefcounted_view(gathered)
-    normals = unrefcounted_view(normals)
-    at = unrefcounted_view(at)
-    around = unrefcounted_view(around)
     for i in range(start, stop):
         at.w[i] = gathered[i, W]
         around[i, _MEAN] = gathered[i, W]
@@ -179,12 +181,8 @@ def _begin(gathered, normals, at, around, start, stop):
 
 
 @kernel
-def _compare(shape, around, mean, at, start, stop):
+def _compare(shape: _Shape, around: Float32Rows, mean: Float32Rows, at: _Fields, start: int, stop: int) -> None:
     """Compare points with the means of their neighbours' `w` and `rise`; a point alone is its own surroundings."""
-    shape = unrefcounted_view(shape)
-    around = unrefcounted_view(around)
-    mean = unrefcounted_view(mean)
-    at = unrefcounted_view(at)
     for i in range(start, stop):
         alone = np.isnan(mean[i, _MEAN])
         at.prediction[i] = mean[i, _MEAN]
@@ -196,12 +194,8 @@ def _compare(shape, around, mean, at, start, stop):
 
 
 @kernel
-def _compare_wide(shape, near, wide, at, start, stop):
+def _compare_wide(shape: _Shape, near: Float32Rows, wide: Float32Rows, at: _Fields, start: int, stop: int) -> None:
     """Compare the neighbours' mean with their neighbours' mean, `wide`, less the point's own part in it."""
-    shape = unrefcounted_view(shape)
-    near = unrefcounted_view(near)
-    wide = unrefcounted_view(wide)
-    at = unrefcounted_view(at)
     for i in range(start, stop):
         leverage = shape.leverage[i]
         beside = (wide[i, _MEAN] - leverage * at.w[i]) / (1.0 - leverage) - near[i, _MEAN]
@@ -209,12 +203,18 @@ def _compare_wide(shape, near, wide, at, start, stop):
 
 
 @kernel
-def _lean(wider, widest, line, normals, at, leaning, start, stop):
+def _lean(
+    wider: Float32Rows,
+    widest: Float32Rows,
+    line: tuple[float, float],
+    normals: Float32Rows,
+    at: _Fields,
+    leaning: Float32s,
+    start: int,
+    stop: int,
+) -> None:
     """Fill in how far normals lean to what is closed around, `variance`, `spread` and `weight`."""
     slope, at_zero = line
-    wider = unrefcounted_view(wider)
-    widest = unrefcounted_view(widest)
-    at = unrefcounted_view(at)
     for i in range(start, stop):
         leaning[i] = dot(load(widest, i), load(normals, i))
         at.spread[i] = wider[i, _SPREAD]
@@ -224,7 +224,7 @@ def _lean(wider, widest, line, normals, at, leaning, start, stop):
 
 
 @kernel
-def _compare_leaning(leaning, mean, at, start, stop):
+def _compare_leaning(leaning: Float32s, mean: Float32s, at: _Fields, start: int, stop: int) -> None:
     """Compare how far points lean to what is closed around with the mean of their neighbours."""
     for i in range(start, stop):
         at.unlike[i, 1] = 0.0 if np.isnan(at.prediction[i]) else leaning[i] - mean[i]
@@ -247,9 +247,8 @@ def _ridge_regression(at: _Fields, threads: int) -> tuple[Float64s, Float64s]:
 
 
 @kernel
-def _sum_moments(at, parts, start, stop):
+def _sum_moments(at: _Fields, parts: Float64Grid, start: int, stop: int) -> None:
     """Sum the normal equations of a block of points: products of the columns of `unlike`, and with the residual."""
-    at = unrefcounted_view(at)
     moments = parts[start // _SUMMED]
     for k in range(start, stop):
         for i in range(3):
@@ -260,9 +259,10 @@ def _sum_moments(at, parts, start, stop):
 
 
 @kernel
-def _normal_equations(coefficients, size, at, out, start, stop):
+def _normal_equations(
+    coefficients: Float64s, size: Float64s, at: _Fields, out: Float32Rows, start: int, stop: int
+) -> None:
     """The moments of least squares around a point, of what the `coefficients` leave, in columns scaled by `size`."""
-    at = unrefcounted_view(at)
     for i in range(start, stop):
         u, c = load(at.unlike, i), coefficients
         everywhere = u[0] * c[0] + u[2] * c[2] + u[1] * c[1]
@@ -278,9 +278,8 @@ def _normal_equations(coefficients, size, at, out, start, stop):
 
 
 @kernel
-def _local_fits(shape, moments, at, start, stop):
+def _local_fits(shape: _Shape, moments: Float32Rows, at: _Fields, start: int, stop: int) -> None:
     """Correct predictions by fits around each point, shrunk to 0 as if typical surroundings came to 0."""
-    at = unrefcounted_view(at)
     for i in range(start, stop):
         m = moments[i]
         x = (1.0 + m[0], m[1], m[2])
@@ -299,9 +298,10 @@ def _local_fits(shape, moments, at, start, stop):
 
 
 @kernel
-def _shrink(gathered, beyond, at, w, errors, start, stop):
+def _shrink(
+    gathered: Float32Rows, beyond: Float32s, at: _Fields, w: Float64s, errors: Float64s, start: int, stop: int
+) -> None:
     """Write w, shrunk, and the mean square errors expected."""
-    at = unrefcounted_view(at)
     for i in range(start, stop):
         variance = np.float64(at.variance[i])
         residual = np.float64(at.residual[i])

@@ -16,7 +16,7 @@ from raytrace.kernel.jit import bind, kernel
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.solids import inward_warnings
 from raytrace.system.threads import run_blocks
-from raytrace.types import Bools, Float32s, Float64s, Int64s
+from raytrace.types import Bools, Float32Rows, Float32s, Float64Rows, Float64s, Int64s
 
 from ..execute.tracer import Tracer
 from ..options import Options
@@ -218,7 +218,9 @@ class _Traced:
 
 
 @kernel
-def _combine(which, worth, more, new, gathered, start, stop):
+def _combine(
+    which: Int64s, worth: Float64s, more: float, new: Float64Rows, gathered: Float32Rows, start: int, stop: int
+) -> None:
     """Average what is `gathered` with `new` values, worth `more`, in proportion to what both are worth."""
     for k in range(start, stop):
         i = which[k]

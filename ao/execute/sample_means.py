@@ -10,7 +10,7 @@ import numpy as np
 
 from raytrace.kernel.jit import bind, kernel
 from raytrace.system.threads import run_blocks
-from raytrace.types import Float64s, Int64s
+from raytrace.types import Float64Rows, Float64s, Int64s, UInt32s
 
 from ..points.points import Points
 from ..points.surface_samples import SurfaceSamples
@@ -77,13 +77,17 @@ class SampleMeans(NamedTuple):
             for falloff in range(by_falloff.shape[1]):
                 column = np.ascontiguousarray(by_falloff[block, falloff])
                 leave_out_below(arrays, normals, table, column)
-                _average(column, samples, to[1][start:stop], out[:, falloff])
+                means = np.ascontiguousarray(out[:, falloff])  # prototype: of all rows
+                _average(column, samples, to[1][start:stop], means)
+                out[to[1][start:stop], falloff] = means[to[1][start:stop]]
 
         run_blocks(len(groups), _BLOCK, average, tracer.threads, most=_SHARE)
 
 
 @kernel
-def _pick(groups, samples, starts, chance, source, numbers, start, stop):
+def _pick(
+    groups: Int64s, samples: int, starts: Int64s, chance: int, source: Int64s, numbers: UInt32s, start: int, stop: int
+) -> None:
     """Write which samples of each group are taken, one of its runs of so many by `chance`, and their numbers."""
     for i in range(start, stop):
         begin = starts[groups[i]]
@@ -95,7 +99,7 @@ def _pick(groups, samples, starts, chance, source, numbers, start, stop):
 
 
 @kernel
-def _average(values, samples, point_rows, out):
+def _average(values: Float64Rows, samples: int, point_rows: Int64s, out: Float64Rows) -> None:
     """Write means of every `samples` consecutive `values` (k, COLUMNS) to the rows `point_rows` of `out`."""
     for i in range(len(point_rows)):
         for column in range(COLUMNS):

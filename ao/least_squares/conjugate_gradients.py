@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 
 from raytrace.kernel.jit import bind, kernel
 from raytrace.system.threads import run_blocks
-from raytrace.types import Bools, Float64s, UInt32s
+from raytrace.types import Bools, Float64Rows, Float64s, UInt32s
 
 FINE, COARSE = 1e-8, 1e-3  # of x, whose bounds are 0 and 1
 _STAGES = 1e-2, COARSE, 1e-4, 1e-5, 1e-6, FINE
@@ -48,7 +48,9 @@ def _run_rows(count: int, block: int, work: Callable[[int, int], None], threads:
 
 
 @kernel
-def _invert(starts, columns, values, free, inverse, start, stop):
+def _invert(
+    starts: UInt32s, columns: UInt32s, values: Float64s, free: Bools, inverse: Float64Rows, start: int, stop: int
+) -> None:
     """The matrix's blocks of `_GROUP` rows on the diagonal, inverted by sweeps, and 0 for unknowns that are fixed."""
     diagonal = np.zeros(_GROUP)
     for begin in range(start, stop, _GROUP):
@@ -77,7 +79,16 @@ def _invert(starts, columns, values, free, inverse, start, stop):
 
 
 @kernel
-def _descend(step, inverse, x, residual, image, length, start, stop):
+def _descend(
+    step: Float64s,
+    inverse: Float64Rows,
+    x: Float64s,
+    residual: Float64s,
+    image: Float64s,
+    length: float,
+    start: int,
+    stop: int,
+) -> None:
     """Step along the search direction: x and the residual change by `length` times `step` and its image.
 
     The preconditioned residual takes the place of the image.
@@ -98,14 +109,16 @@ def _descend(step, inverse, x, residual, image, length, start, stop):
 
 
 @kernel
-def _next_step(step, scaled, ratio, start, stop):
+def _next_step(step: Float64s, scaled: Float64s, ratio: float, start: int, stop: int) -> None:
     """The next direction of descent: the preconditioned residual, conjugate to the step before."""
     for i in range(start, stop):
         step[i] = step[i] * ratio + scaled[i]
 
 
 @kernel
-def _multiply(starts, columns, values, x, out, start, stop):
+def _multiply(
+    starts: UInt32s, columns: UInt32s, values: Float64s, x: Float64s, out: Float64s, start: int, stop: int
+) -> None:
     """Write rows of the sparse matrix times x to `out`."""
     for i in range(start, stop):
         total = 0.0

@@ -26,7 +26,7 @@ from raytrace.ray_origins.origins import WeldedPoints, weld_points
 from raytrace.ray_origins.surface import Surface
 from raytrace.system.checks import check_memory
 from raytrace.system.threads import run_blocks, thread_count
-from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s, UInt8s
+from raytrace.types import Bools, Float32Rows, Float32s, Float64Rows, Float64s, Int32s, Int64Rows, Int64s, UInt8s
 
 from ..memory import corner_bytes
 from ..options import Normals, Weighting
@@ -222,7 +222,7 @@ class _Curve(NamedTuple):
 
 
 @kernel
-def _renumber(faces, order, place, along, start, stop):
+def _renumber(faces: Int64Rows, order: Int32s, place: Int32s, along: Int64Rows, start: int, stop: int) -> None:
     """Write the faces in an order, their corners being places."""
     for k in range(start, stop):
         for corner in range(3):
@@ -243,7 +243,16 @@ def _compacted(offset: OffsetPoints) -> tuple[Points, Int64s, Int64s]:
 
 
 @kernel
-def _compact(usable, origins, axes, own_origins, own_axes, index, start, stop):
+def _compact(
+    usable: Int64s,
+    origins: Float64Rows,
+    axes: Float64Rows,
+    own_origins: Float32Rows,
+    own_axes: Float32Rows,
+    index: Int64s,
+    start: int,
+    stop: int,
+) -> None:
     """Write the origins and axes of usable points one after another, and where each point's are into `index`."""
     for k in range(start, stop):
         index[usable[k]] = k

@@ -5,13 +5,12 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import bind, inline, kernel
 from raytrace.kernel.vector import add, dot, load, load_triangle, scale, store
 from raytrace.mesh.normals import face_normals
 from raytrace.ray_origins.surface import Surface
 from raytrace.system.threads import run_blocks
-from raytrace.types import AnyInts, Float32s, Float64s, Int32s, Int64s
+from raytrace.types import AnyInts, Float32Rows, Float32s, Float64Rows, Float64s, Int32s, Int64Rows, Int64s
 
 from .receivers import Receivers
 
@@ -31,7 +30,7 @@ class PointGroups(NamedTuple):
 
     starts: Int64s  # (k + 1,)
     face: Int32s  # (p,)
-    barycentric: Float32s  # (p, 3)
+    barycentric: Float32Rows  # (p, 3)
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
@@ -72,7 +71,15 @@ class SmoothSurface(NamedTuple):
 
 
 @kernel
-def _interpolate(face, barycentric, vertices, faces, positions, start, stop):
+def _interpolate(
+    face: Int32s,
+    barycentric: Float32Rows,
+    vertices: Float64Rows,
+    faces: Int64Rows,
+    positions: Float32Rows,
+    start: int,
+    stop: int,
+) -> None:
     """Write the positions of points on faces, by their barycentric coordinates."""
     for i in range(start, stop):
         a, b, c = load_triangle(vertices, faces, face[i])
@@ -108,10 +115,17 @@ def point_on(surface, axes, f, barycentric):
 
 
 @kernel
-def _locate(face, barycentric, surface, axes, out, start, stop):
+def _locate(
+    face: Int32s | Int64s,
+    barycentric: Float32Rows,
+    surface: Surface,
+    axes: Float64Rows,
+    out: tuple[Float64Rows, Float64Rows, Float64Rows],
+    start: int,
+    stop: int,
+) -> None:
     """Write `point_on` for points: positions, normals and axes of hemispheres."""
-    surface = unrefcounted_view(surface)
-    positions, normals, hemispheres = unrefcounted_view(out)
+    positions, normals, hemispheres = out
     for i in range(start, stop):
         position, normal, axis = point_on(surface, axes, face[i], barycentric[i])
         store(positions, i, position)

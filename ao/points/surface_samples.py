@@ -143,7 +143,9 @@ def with_alpha(normals: AnyFloats, opacity: PackedOpacity | None, face: AnyInts,
 
 
 @kernel
-def _replace(groups, starts, hidden, new_starts, source, start, stop):
+def _replace(
+    groups: Int64s, starts: Int64s, hidden: Bools, new_starts: Int64s, source: Int64s, start: int, stop: int
+) -> None:
     """Write which samples of the `groups` are not `hidden`, over and over, until each group has as many as before."""
     for i in range(start, stop):
         begin = starts[groups[i]]

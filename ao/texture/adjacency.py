@@ -5,7 +5,7 @@ import numpy as np
 from raytrace.kernel.jit import bind, kernel
 from raytrace.mesh.weld import connected_components
 from raytrace.system.threads import run_blocks
-from raytrace.types import Float64s, Int32s, Int64s
+from raytrace.types import Float32Rows, Float32s, Float64s, Int32Rows, Int32s, Int64s
 
 from ..estimate.one_ring import Neighbours
 from .texels import Texels
@@ -70,7 +70,15 @@ def _texel_sizes(uv: Float64s, vertices: Float64s, faces: Int64s, most: float) -
 
 
 @kernel
-def _find_beside(texels, page, surface, beside, starts, start, stop):
+def _find_beside(
+    texels: Int64s,
+    page: tuple[Int32s, int, bool],
+    surface: tuple[Int32s, Float32s, Float32Rows],
+    beside: Int32Rows,
+    starts: Int64s,
+    start: int,
+    stop: int,
+) -> None:
     """Write the four neighbours of each texel, −1 for none, and how many there are into starts[i + 1]."""
     (row_of, width, wraps), (chart, size, origins) = page, surface
     height = len(row_of) // width
@@ -97,7 +105,9 @@ def _find_beside(texels, page, surface, beside, starts, start, stop):
 
 
 @kernel
-def _write_neighbours(starts, beside, seam_starts, seam_texels, indices, start, stop):
+def _write_neighbours(
+    starts: Int64s, beside: Int32Rows, seam_starts: Int64s, seam_texels: Int64s, indices: Int32s, start: int, stop: int
+) -> None:
     """Write the neighbours of each texel: the texels `beside` it, then there[across[i] : across[i + 1]]."""
     for i in range(start, stop):
         entry = starts[i]

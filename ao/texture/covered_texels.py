@@ -8,11 +8,10 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import bind, inline, kernel
 from raytrace.sampling.sequences import hash32_array
 from raytrace.system.threads import run_blocks
-from raytrace.types import Bools, Float64s, Int32s, Int64s
+from raytrace.types import Bools, Float64Grid, Float64s, Int32Rows, Int32s, Int64s
 
 from ..points.smooth_surface import PointGroups
 from .partial_texels import MOST
@@ -50,9 +49,9 @@ class PagePoints(NamedTuple):
     """The points of k texels on a page, as kernels take them: of `Coverage` and its layout."""
 
     texels: Int64s
-    triangle: Int32s
-    points: Float64s
-    corners: Float64s
+    triangle: Int32Rows
+    points: Float64Grid
+    corners: Float64Grid
     face: Int64s
     width: int
 
@@ -130,11 +129,16 @@ def locate(points, row, k, known_triangle, edges, out):
 
 
 @kernel
-def _write_samples(order, by_centre, points, listed, samples, start, stop):
+def _write_samples(
+    order: Int64s,
+    by_centre: Bools,
+    points: PagePoints,
+    listed: PointGroups,
+    samples: PointGroups,
+    start: int,
+    stop: int,
+) -> None:
     """Write samples of texels in order, as `Coverage.samples` has them."""
-    points = unrefcounted_view(points)
-    listed = unrefcounted_view(listed)
-    samples = unrefcounted_view(samples)
     edges = np.empty((3, EDGE))
     for i in range(start, stop):
         row = order[i]

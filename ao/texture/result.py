@@ -9,13 +9,12 @@ import numpy as np
 
 from raytrace.image.encode import linear_png
 from raytrace.image.fill import fill_holes
-from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.vector import dot, load, store
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import normalized
 from raytrace.system.threads import run_blocks
-from raytrace.types import Bools, Float32s, Float64s
+from raytrace.types import BoolRows, Bools, Float32Rows, Float32s, Float64Grid, Float64Rows, Float64s, Int64s
 
 from ..estimate.calibration import Calibration
 from ..estimate.tolerance import Estimate
@@ -119,7 +118,7 @@ class PageAssembly:
         error = np.zeros(shape, np.float32)
         bent = np.zeros((*shape, 3), np.float32)
         covered = np.zeros(shape, np.bool_)
-        values = estimate.values, estimate.variance, self.texels.points.normals
+        values = np.ascontiguousarray(estimate.values), estimate.variance, self.texels.points.normals
         flat = w.ravel(), error.ravel(), bent.reshape(-1, 3), covered.ravel()
         spread = bind(_spread, self.texels.texels, values, frames, flat)
         run_blocks(len(self.texels), _BLOCK, spread, self.threads, most=_SHARE)
@@ -145,16 +144,22 @@ class PageAssembly:
 
 
 @kernel
-def _spread(texels, estimated, frames, pages, start, stop):
+def _spread(
+    texels: Int64s,
+    estimated: tuple[Float64Rows, Float64s, Float32Rows],
+    frames: Float64Grid | None,
+    pages: tuple[Float64s, Float32s, Float32Rows, Bools],
+    start: int,
+    stop: int,
+) -> None:
     """Write w, its error and bent normals of texels to flat `pages`.
 
     Args:
         estimated: rows of estimates, variances, and axes of the hemispheres.
         frames: as of `assemble`.
     """
-    values, variance, axes = unrefcounted_view(estimated)
-    w, error, bent, covered = unrefcounted_view(pages)
-    turned = unrefcounted_view(frames)
+    values, variance, axes = estimated
+    w, error, bent, covered = pages
     for i in range(start, stop):
         to = texels[i]
         covered[to] = True
@@ -163,7 +168,7 @@ def _spread(texels, estimated, frames, pages, start, stop):
         direction = (values[i, 1], values[i, 2], values[i, 3])
         direction = normalized(direction) if dot(direction, direction) > _CLEAR else load(axes, i)
         if frames is not None:
-            frame = turned[i]
+            frame = frames[i]
             direction = (
                 dot(load(frame, 0), direction), dot(load(frame, 1), direction), dot(load(frame, 2), direction)
             )  # fmt: skip
@@ -171,14 +176,14 @@ def _spread(texels, estimated, frames, pages, start, stop):
 
 
 @kernel
-def _normalize(vectors, start, stop):
+def _normalize(vectors: Float32Rows, start: int, stop: int) -> None:
     """Make vectors unit ones in place."""
     for i in range(start, stop):
         store(vectors, i, normalized(load(vectors, i)))
 
 
 @kernel
-def _extend(page, covered, wraps, beside, start, stop):
+def _extend(page: Float64Rows, covered: BoolRows, wraps: bool, beside: BoolRows, start: int, stop: int) -> None:
     """Give texels of some rows next to covered ones the covered neighbours' mean, in place, and mark them `beside`."""
     height, width = page.shape
     for row in range(start, stop):

@@ -8,15 +8,15 @@ import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
 from raytrace.bvh.closest import begin, closest_on_triangle, new_stack, next_leaf
-from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import inline, kernel
 from raytrace.kernel.simd import lowest_bit
 from raytrace.kernel.vector import dot, length, load, load_triangle, subtract
+from raytrace.ray_origins.surface import Surface
 from raytrace.system.threads import run_blocks
-from raytrace.types import Bools, Int64s
+from raytrace.types import Bools, Float64Rows, Int32s, Int64Rows, Int64s
 
 from ..points.smooth_surface import SmoothSurface, point_on
-from .covered_texels import Coverage, locate
+from .covered_texels import Coverage, PagePoints, locate
 from .raster import EDGE, SLOTS
 
 _AROUND = 7.0  # times the way from a cell's centre to its points, in which nothing may rise
@@ -51,16 +51,21 @@ def smooth_cells(
 
 
 @kernel
-def _find_smooth(tree, stack, faces, points, most, page, out):
+def _find_smooth(
+    tree: BVH16,
+    stack: Int64Rows,
+    faces: tuple[Surface, Float64Rows],
+    points: PagePoints,
+    most: float,
+    page: tuple[Int32s, int, int],
+    out: tuple[Bools, Int64s],
+) -> None:
     """`smooth_cells` of some rows of the page, the largest blocks first.
 
     Args: points: PagePoints. page: rows of texels up to the last one, the first row, side of the largest blocks.
     """
-    tree = unrefcounted_view(tree)
-    faces = unrefcounted_view(faces)
-    points = unrefcounted_view(points)
     row_of, first_row, size = page
-    by_centre, cell = unrefcounted_view(out)
+    by_centre, cell = out
     width = points.width
     stop_row = len(row_of) // width
     edges = np.empty((3, EDGE))

@@ -10,7 +10,7 @@ from ..kernel.arrays import aligned
 from ..kernel.jit import bind, kernel
 from ..kernel.simd import WIDE
 from ..system.threads import run_blocks, thread_count
-from ..types import Float32s, Int32s, Int64s
+from ..types import Float32Grid, Float32Rows, Float32s, Int32Rows, Int32s, Int64Rows, Int64s
 from .median_splits import median_order
 from .oriented import orient
 
@@ -30,11 +30,11 @@ class BVH16(NamedTuple):
         axes: float32 (nodes, 9, 16), three unit vectors, along which the boxes' sides are; None if all are aligned.
     """
 
-    triangles: Float32s
-    leaf_faces: Int32s
-    boxes: Float32s
+    triangles: Float32Grid
+    leaf_faces: Int32Rows
+    boxes: Float32Grid
     starts: Int64s
-    axes: Float32s | None
+    axes: Float32Grid | None
 
     @classmethod
     def of(cls, vertices: Float32s, faces: Int64s) -> BVH16:
@@ -61,7 +61,15 @@ class BVH16(NamedTuple):
 
 
 @kernel
-def _fill_leaves(vertices, faces, order, triangles, bounds, start, stop):
+def _fill_leaves(
+    vertices: Float32Rows,
+    faces: Int64Rows,
+    order: Int32s,
+    triangles: Float32Grid,
+    bounds: Float32Rows,
+    start: int,
+    stop: int,
+) -> None:
     """Write triangles into leaves, and the low and high corners of the boxes around these into `bounds` (leaves, 6)."""
     for leaf in range(start, stop):
         triangles[leaf] = np.nan

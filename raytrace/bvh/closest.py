@@ -14,12 +14,11 @@ Source: Ericson, Real-Time Collision Detection, 5.1.5.
 
 import numpy as np
 
-from ..kernel.arrays import unrefcounted_view
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, bits, load_row, lowest_bit
 from ..kernel.vector import add, cross, dot, length, load, load_triangle, scale, subtract
 from ..system.threads import run_blocks
-from ..types import Float32s, Float64s, Int64s
+from ..types import Float32Rows, Float32s, Float64Rows, Float64s, Int64Rows, Int64s
 from .bvh16 import BVH16
 from .oriented import box_offsets
 
@@ -107,9 +106,17 @@ def closest_on_triangle(p, a, b, c):
 
 
 @kernel
-def _search(tree, stack, surface, points, radius, match, face, weights):
+def _search(
+    tree: BVH16,
+    stack: Int64Rows,
+    surface: tuple[Float64Rows, Int64Rows],
+    points: Float64Rows,
+    radius: float,
+    match: tuple[Int64s, Int64s],
+    face: Int64s,
+    weights: Float32Rows,
+) -> None:
     """Write the closest point to each of `points` on a face of its group. Args: radius: how far to look at first."""
-    tree = unrefcounted_view(tree)
     vertices, faces = surface
     group, of_face = match
     for i in range(len(points)):

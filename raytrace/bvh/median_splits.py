@@ -14,7 +14,7 @@ from ..kernel.jit import bind, inline, kernel
 from ..kernel.simd import WIDE, load_row, pick
 from ..kernel.vector import load_triangle
 from ..system.threads import run_blocks, thread_count
-from ..types import Float32s, Int32s, Int64s
+from ..types import Float32Rows, Float32s, Int32Rows, Int32s, Int64Rows, Int64s
 
 _LEAST, _PARTS = 1 << 12, 16  # triangles of a part that one thread orders, and how many parts there are at least
 _STACK = 1 << 7
@@ -65,7 +65,9 @@ _middle_of = inline(_middle)
 
 
 @kernel
-def _find_centroids(vertices, faces, records, numbers, start, stop):
+def _find_centroids(
+    vertices: Float32Rows, faces: Int64Rows, records: Float32Rows, numbers: Int32Rows, start: int, stop: int
+) -> None:
     """Write three times the centroid of each face, and its number."""
     for f in range(start, stop):
         a, b, c = load_triangle(vertices, faces, f)
@@ -75,15 +77,15 @@ def _find_centroids(vertices, faces, records, numbers, start, stop):
 
 
 @kernel
-def _halve(records, numbers, start, stop):
+def _halve(records: Float32Rows, numbers: Int32Rows, start: int, stop: int) -> int:
     """Reorder records[start:stop] so that all before the index that is returned lie below all after it."""
-    middle = _middle_of(start, stop)
+    middle: int = _middle_of(start, stop)
     _partition(records, numbers, start, stop, middle, _longest_axis(records, start, stop))
     return middle
 
 
 @kernel
-def _split(records, numbers, start, stop):
+def _split(records: Float32Rows, numbers: Int32Rows, start: int, stop: int) -> None:
     """Reorder records[start:stop] by halves of halves until parts have at most sixteen triangles."""
     firsts = np.empty(_STACK, np.int64)
     lasts = np.empty(_STACK, np.int64)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..kernel.jit import bind, kernel
 from ..system.threads import run_blocks, thread_count
-from ..types import Bools, Float32s
+from ..types import BoolRows, Bools, Float32Grid, Float32s
 
 _BLOCK = 1 << 15  # values
 
@@ -44,7 +44,7 @@ def fill_holes(pixels: Float32s, known: Bools, threads: int | None = None) -> Fl
 
 
 @kernel
-def _pull(fine, known, out, out_known, start, stop):
+def _pull(fine: Float32Grid, known: BoolRows, out: Float32Grid, out_known: BoolRows, start: int, stop: int) -> None:
     """Write the coarser level: means of the known pixels of each 2×2."""
     for i in range(start, stop):
         for j in range(out.shape[1]):
@@ -60,7 +60,7 @@ def _pull(fine, known, out, out_known, start, stop):
 
 
 @kernel
-def _push(coarse, fine, known, start, stop):
+def _push(coarse: Float32Grid, fine: Float32Grid, known: BoolRows, start: int, stop: int) -> None:
     """Fill unknown pixels of the `fine` level by bilinear lookups in the `coarse` one."""
     for y in range(start, stop):
         row = y // 2

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from ..errors import InputError, OptionError
 from ..system.checks import check_memory
-from ..types import Float32s, Float64s, Int64s, UInt8s, UInt16s
+from ..types import Float32Rows, Float32s, Float64s, Int64Rows, Int64s, UInt8s, UInt16s
 from .read import check_pixels, decoding_table, open_image, row_blocks, stored_type
 
 MAX_SIDE = 16384
@@ -70,11 +70,11 @@ def wrap_modes(given: Any) -> tuple[Wrap, Wrap]:
 class PackedTextures(NamedTuple):
     """Textures as kernels read them (`raytrace.image.texture_lookup`): pyramids of images halved down to one texel."""
 
-    texels: Float32s  # (n, 3), linear RGB; levels one after the other, rows from the top
-    levels: Int64s  # (m, 3): first texel, width, height of each level; finest first
+    texels: Float32Rows  # (n, 3), linear RGB; levels one after the other, rows from the top
+    levels: Int64Rows  # (m, 3): first texel, width, height of each level; finest first
     first_level: Int64s  # (t,): each texture's finest level
     depth: Int64s  # (t,): each texture's number of levels, 0 before it is read
-    wrap: Int64s  # (t, 2): its modes along u and v, places in `WRAPS`
+    wrap: Int64Rows  # (t, 2): its modes along u and v, places in `WRAPS`
 
 
 class LazyTextures:

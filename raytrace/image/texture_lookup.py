@@ -8,6 +8,8 @@ from math import log2
 import numpy as np
 
 from ..kernel.jit import inline, kernel
+from ..types import Float64Rows
+from .texture import PackedTextures
 
 REPEAT, MIRRORED_REPEAT, CLAMP_TO_EDGE = range(3)  # places in `raytrace.image.texture.WRAPS`
 
@@ -40,7 +42,7 @@ def sample_texture(textures, number, u, v, footprint):
 
 
 @kernel
-def sample_points(textures, number, uv, out):
+def sample_points(textures: PackedTextures, number: int, uv: Float64Rows, out: Float64Rows) -> None:
     """Write the linear RGB (n, 3) of a texture at places uv (n, 2), by its finest level."""
     for row in range(len(uv)):
         out[row, 0], out[row, 1], out[row, 2] = sample_texture(textures, number, uv[row, 0], uv[row, 1], 0.0)

@@ -144,8 +144,8 @@ def object_files(
     """
     symbol, path = signature.symbol, signature.path
     with _compiling():
-        argument_types = tuple(map(type_of_value, arguments))
-        dispatcher = _Dispatcher(function, False)
+        argument_types = tuple(lanes.view_type(type_of_value(argument)) for argument in arguments)
+        dispatcher = _Dispatcher(function, True)
         dispatcher.compile(argument_types)
         compiled = dispatcher.overloads[argument_types]
         # The entry: the words of the arguments, found by `path` from the first address.

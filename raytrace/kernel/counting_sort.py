@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..types import AnyInts, Int64s
+from ..types import AnyInts, Int32s, Int64s
 from .jit import kernel
 
 
@@ -18,7 +18,7 @@ def counting_sort(keys: AnyInts, count: int) -> tuple[Int64s, Int64s]:
 
 
 @kernel
-def _sort(keys, starts, places):
+def _sort(keys: Int32s | Int64s, starts: Int64s, places: Int64s) -> None:
     """Write `counting_sort`. Args: starts: zeros (count + 2,)."""
     for k in range(len(keys)):
         if keys[k] >= 0:

@@ -4,9 +4,8 @@ import itertools
 
 import numpy as np
 
-from ..kernel.jit import bind, kernel
-from ..system.threads import run_blocks, thread_count
-from ..types import Float64s
+from ..system.parallel import parallel
+from ..types import Bools, Float64Rows, Float64s
 
 _ROUNDING = 1e-12  # of squared lengths, relative to the largest extent's
 _SAMPLE = 4096
@@ -30,15 +29,23 @@ def smallest_ball(points: Float64s) -> tuple[Float64s, float]:
     while True:
         before = square
         centre, square, carriers = _pivot(sampled, carriers)
-        work = bind(_look_outside, points, size, centre, square + _ROUNDING, outside, largest)
-        run_blocks(len(points), _BLOCK, work, thread_count(None))
+        _look_outside(points, size, centre, square + _ROUNDING, outside, largest)
         if not outside.any() or square <= before:
             return points[0] + size * centre, size * float(np.sqrt(largest.max()))
         sampled = (points[outside] - points[0]) / size
 
 
-@kernel
-def _look_outside(points, size, centre, square, outside, largest, start, stop):
+@parallel("points", _BLOCK, most=1)
+def _look_outside(
+    points: Float64Rows,
+    size: float,
+    centre: Float64s,
+    square: float,
+    outside: Bools,
+    largest: Float64s,
+    start: int,
+    stop: int,
+) -> None:
     """Which points are outside of a ball, in units of `size` from the first of them; the largest square of a block."""
     most = 0.0
     for i in range(start, stop):

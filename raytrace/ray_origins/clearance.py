@@ -6,7 +6,7 @@ from ..kernel.counting_sort import counting_sort
 from ..kernel.jit import bind, inline, kernel
 from ..kernel.vector import add, divide, dot, length, load, store
 from ..system.threads import run_ranges, thread_count
-from ..types import Float64s, Int64s
+from ..types import Float64Rows, Float64s, Int64Rows, Int64s
 
 SHARP, ENOUGH = 0.1, 0.3  # clearances: of folds, and with which a search for a better direction ends
 MANY = 1 << 10  # faces at a point; of more, some stand for all where each is compared with each
@@ -42,7 +42,9 @@ def outermost_normals(
 
 
 @kernel
-def _least_cosines(normals, face_points, face_normals, clearance, start, stop):
+def _least_cosines(
+    normals: Float64Rows, face_points: Int64Rows, face_normals: Float64Rows, clearance: Float64s, start: int, stop: int
+) -> None:
     """Lower `clearance` to the least cosine between a point's normal and those of its faces."""
     for f in range(len(face_points)):
         for corner in range(face_points.shape[1]):
@@ -52,7 +54,14 @@ def _least_cosines(normals, face_points, face_normals, clearance, start, stop):
 
 
 @kernel
-def _outermost(normals, directions, clearance, sharp, starts, faces):
+def _outermost(
+    normals: Float64Rows,
+    directions: Float64Rows,
+    clearance: Float64s,
+    sharp: Int64s,
+    starts: Int64s,
+    faces: Float64Rows,
+) -> None:
     """Move normals of `sharp` points in front of their faces, and directions further, and write the clearance of
     these.
 

@@ -11,14 +11,14 @@ import numpy as np
 
 from ..bvh.bvh16 import BVH16
 from ..bvh.closest import closest_on_triangle
-from ..kernel.arrays import product, unrefcounted_view
+from ..kernel.arrays import product
 from ..kernel.jit import bind, inline, kernel
 from ..kernel.vector import add, dot, load, load_triangle, scale, subtract
 from ..mesh.normals import Weighting, face_normals, nonzero, normalize, vertex_sums
 from ..mesh.placement import LEAST, TOUCHING, ULP
 from ..mesh.weld import CREASE, sum_groups, weld
 from ..system.threads import run_blocks, thread_count
-from ..types import Bools, Float64s, Int64s
+from ..types import Bools, Float64Rows, Float64s, Int64s
 from .clearance import SHARP, outermost_normals
 from .direction import resolve_contacts
 from .surface import Contacts, Surface, find_contacts
@@ -95,7 +95,15 @@ def offsets_and_reaches(
 
 
 @kernel
-def _offsets_and_reaches(points, directions, magnitude, clearance, lengths, start, stop):
+def _offsets_and_reaches(
+    points: Float64Rows,
+    directions: Float64Rows,
+    magnitude: Float64s,
+    clearance: Float64s,
+    lengths: Float64Rows,
+    start: int,
+    stop: int,
+) -> None:
     """Write `offsets_and_reaches`. Args: lengths: the three arrays (k,) that it returns."""
     offset, touching, reach = lengths
     for i in range(start, stop):
@@ -115,14 +123,14 @@ def _span(v):
 
 
 @kernel
-def stop_short(offset, points, directions, touching, near, surface):
+def stop_short(
+    offset: Float64s, points: Float64Rows, directions: Float64Rows, touching: Float64s, near: Contacts, surface: Surface
+) -> None:
     """Cut each offset to half the way to the first face that twice of it would pass, those nearer than `touching`
     left out.
 
     Args: near: Contacts.
     """
-    near = unrefcounted_view(near)
-    surface = unrefcounted_view(surface)
     for i in range(len(near.point)):
         row = near.point[i]
         f = near.face[i]

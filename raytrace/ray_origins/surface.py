@@ -12,13 +12,12 @@ import numpy as np
 
 from ..bvh.bvh16 import BVH16
 from ..bvh.closest import begin, closest_on_triangle, new_stack, next_leaf
-from ..kernel.arrays import unrefcounted_view
 from ..kernel.jit import bind, inline, kernel
 from ..kernel.simd import lowest_bit
 from ..kernel.vector import cross, length, load, load_triangle, subtract
 from ..mesh.placement import NEAR, TOUCHING, ULP
 from ..system.threads import run_blocks, run_ranges, thread_count
-from ..types import Bools, Float64s, Int32s, Int64s
+from ..types import Bools, Float64Rows, Float64s, Int32s, Int64Rows, Int64s
 
 FLAT = 1.0 / 16.0
 _BLOCK, _MOST = 1 << 11, 32  # faces, and blocks at once
@@ -44,9 +43,9 @@ class Surface(NamedTuple):
         rounding: float64 (m,), how far from a face a point may be that touches it.
     """
 
-    vertices: Float64s
-    faces: Int64s
-    normals: Float64s
+    vertices: Float64Rows
+    faces: Int64Rows
+    normals: Float64Rows
     extent: Float64s
     flat: Float64s
     rounding: Float64s
@@ -88,9 +87,8 @@ class Surface(NamedTuple):
 
 
 @kernel
-def _measure(surface, start, stop):
+def _measure(surface: Surface, start: int, stop: int) -> None:
     """Fill in the attributes `extent`, `flat` and `rounding` of some faces, see `Surface`."""
-    surface = unrefcounted_view(surface)
     for f in range(start, stop):
         a, b, c = load_triangle(surface.vertices, surface.faces, f)
         across = 0.0
@@ -114,7 +112,7 @@ def _largest(p):
 
 
 @kernel
-def _spread_flat(flat, face_points, around, start, stop):
+def _spread_flat(flat: Float64s, face_points: Int64Rows, around: Float64s, start: int, stop: int) -> None:
     """The largest `flat` of the faces of each point."""
     for f in range(len(face_points)):
         for corner in range(3):
@@ -124,7 +122,9 @@ def _spread_flat(flat, face_points, around, start, stop):
 
 
 @kernel
-def _magnitudes(extent, face_points, around, magnitude, start, stop):
+def _magnitudes(
+    extent: Float64s, face_points: Int64Rows, around: Float64s, magnitude: Float64s, start: int, stop: int
+) -> None:
     """The largest `extent` of a point's faces, and `flat` of these and of its neighbours' faces, which rays pass by."""
     for f in range(len(face_points)):
         a = face_points[f, 0]
@@ -223,12 +223,18 @@ def _is_farther(p, reach, a, b, c):
 
 
 @kernel
-def _search(tree, stack, surface, around, most, start, stop, contacts):
+def _search(
+    tree: BVH16,
+    stack: Int64Rows,
+    surface: Surface,
+    around: tuple[Float64Rows, Float64s, Int64Rows, Int64s],
+    most: float,
+    start: int,
+    stop: int,
+    contacts: Contacts,
+) -> int:
     """Write the contacts of points from `start` to `stop` into `contacts` as far as they fit; returns their number."""
-    tree = unrefcounted_view(tree)
-    surface = unrefcounted_view(surface)
-    contacts = unrefcounted_view(contacts)
-    points, reach, corners, numbers = unrefcounted_view(around)
+    points, reach, corners, numbers = around
     count = 0
     kept = np.empty(_MOST_CONTACTS, np.int64)
     distances = np.empty(_MOST_CONTACTS)
