@@ -6,11 +6,12 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from raytrace.embree.packets import DIR_X, GEOM_ID, INVALID, LANES, NG_X, PRIM_ID, intersect8
-from raytrace.kernel.jit import bind, inline, kernel
+from raytrace.kernel.jit import inline, kernel
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import Placement
 from raytrace.mesh.solids import closed_parts
 from raytrace.mesh.weld import coincident, connected_components
+from raytrace.system.parallel import parallel
 from raytrace.system.threads import run_blocks
 from raytrace.types import AnyInts, Bools, Float32Rows, Float32s, Int64s
 
@@ -160,8 +161,7 @@ def _inside_boxes(
     _bound(vertices, part, low, high)
     numbers = np.flatnonzero(closed)
     within = np.zeros(len(points), np.bool_)
-    work = bind(_mark_within, points, own_part, (numbers, low[numbers], high[numbers]), within)
-    run_blocks(len(points), _NEAR, work, threads, most=_MOST)
+    _mark_within.on(threads)(points, own_part, (numbers, low[numbers], high[numbers]), within)
     return np.flatnonzero(within)
 
 
@@ -174,14 +174,14 @@ def _bound(vertices: Float32Rows, part: Int64s, low: Float32Rows, high: Float32R
             high[part[i], axis] = max(high[part[i], axis], vertices[i, axis])
 
 
-@kernel
+@parallel("points", _NEAR)
 def _mark_within(
+    start: int,
+    stop: int,
     points: Float32Rows,
     own_part: Int64s,
     parts: tuple[Int64s, Float32Rows, Float32Rows],
     within: Bools,
-    start: int,
-    stop: int,
 ) -> None:
     """Set `within` of points in a box of `parts`, by numbers, low and high corners, other than their `own_part`."""
     numbers, low, high = parts

@@ -51,7 +51,7 @@ class _Level(NamedTuple):
         """Rows (c, COLUMNS) from rows (k, COLUMNS) of the points below; variances of the means, from `slope` times
         the points' variances and `offset`. Args: weight: (k,), of the points below."""
         out = np.empty((len(self.points), COLUMNS), np.float32)
-        _average(self.cells, weight, gathered, slope, offset, out, threads=self.neighbours.threads)
+        _average.on(self.neighbours.threads)(self.cells, weight, gathered, slope, offset, out)
         return out
 
 
@@ -118,7 +118,7 @@ class _Detail(NamedTuple):
         cell = coarse.cells.cell
         predicted = upsample(points, cell, coarse.neighbours, coarse.points, above)
         around = np.zeros((len(coarse.points), SHORT), np.float32)
-        _compare(coarse.cells, *estimates, predicted, around, threads=coarse.neighbours.threads)
+        _compare.on(coarse.neighbours.threads)(coarse.cells, *estimates, predicted, around)
         return cls(
             *estimates, predicted, cell, coarse.neighbours.smooth(around, _REACH), np.zeros(len(points), np.float32)
         )
@@ -126,8 +126,8 @@ class _Detail(NamedTuple):
     def with_jumps(self, neighbours: Neighbours) -> Self:
         """Where a point and its neighbours together are far beyond their noise, no wider surroundings count."""
         squared = np.empty(len(self.w), np.float32)
-        _square(self.w, self.predicted, squared, threads=neighbours.threads)
-        jump = neighbours.means(squared, 1.0, then=partial(_beyond_noise.bound, self.cell, self.around))
+        _square.on(neighbours.threads)(self.w, self.predicted, squared)
+        jump = neighbours.means(squared, 1.0, then=partial(_beyond_noise.for_rows, self.cell, self.around))
         return self._replace(jump=jump)
 
     def at(self, point_rows: Int64s) -> Self:
@@ -138,7 +138,7 @@ class _Detail(NamedTuple):
     def shrunk(self, amounts: Float64s, threads: int) -> Float32s:
         """w by each of the `amounts` (a,) of noise in residuals, and its squared errors expected: (k, 2 a)."""
         out = np.empty_like(self.predicted)
-        _shrink(self, amounts, out, threads=threads)
+        _shrink.on(threads)(self, amounts, out)
         return out
 
 
@@ -216,7 +216,7 @@ def _cells_of_cells(graph: Neighbours, points: Points) -> Iterator[_Level]:
             break
         coarse = points[cells.centres]
         cell_weight = np.empty(len(coarse), np.float32)
-        _centre(cells, weight, points.arrays, coarse.arrays, cell_weight, threads=graph.threads)
+        _centre.on(graph.threads)(cells, weight, points.arrays, coarse.arrays, cell_weight)
         points, weight = coarse, cell_weight
         graph = cells.joined(graph, points.normals)
         yield _Level(graph, points, weight, cells)

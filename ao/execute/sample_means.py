@@ -77,9 +77,9 @@ class SampleMeans(NamedTuple):
             for falloff in range(by_falloff.shape[1]):
                 column = np.ascontiguousarray(by_falloff[block, falloff])
                 leave_out_below(arrays, normals, table, column)
-                means = np.ascontiguousarray(out[:, falloff])  # prototype: of all rows
-                _average(column, samples, to[1][start:stop], means)
-                out[to[1][start:stop], falloff] = means[to[1][start:stop]]
+                means = np.empty((stop - start, COLUMNS))
+                _average(column, samples, means)
+                out[to[1][start:stop], falloff] = means
 
         run_blocks(len(groups), _BLOCK, average, tracer.threads, most=_SHARE)
 
@@ -99,12 +99,12 @@ def _pick(
 
 
 @kernel
-def _average(values: Float64Rows, samples: int, point_rows: Int64s, out: Float64Rows) -> None:
-    """Write means of every `samples` consecutive `values` (k, COLUMNS) to the rows `point_rows` of `out`."""
-    for i in range(len(point_rows)):
+def _average(values: Float64Rows, samples: int, out: Float64Rows) -> None:
+    """Write means of every `samples` consecutive `values` (k, COLUMNS) to the rows of `out`."""
+    for i in range(len(out)):
         for column in range(COLUMNS):
             total = 0.0
             for k in range(samples):
                 total += values[samples * i + k, column]
-            out[point_rows[i], column] = total / samples
-        out[point_rows[i], BATCH_VARIANCE] *= samples**-1.5  # as if of all rays at once: they share a leaped lattice
+            out[i, column] = total / samples
+        out[i, BATCH_VARIANCE] *= samples**-1.5  # as if of all rays at once: they share a leaped lattice

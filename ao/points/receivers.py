@@ -15,7 +15,6 @@ from raytrace.bvh.bvh16 import BVH16
 from raytrace.embree.scene import TriangleScene
 from raytrace.errors import MeshError
 from raytrace.kernel.counting_sort import counting_sort
-from raytrace.kernel.jit import bind, kernel
 from raytrace.mesh.mesh import Mesh, corner_mask
 from raytrace.mesh.morton import morton_order
 from raytrace.mesh.normals import face_normals, nonzero, normalize
@@ -25,7 +24,7 @@ from raytrace.mesh.up import UP, up_axis
 from raytrace.ray_origins.origins import WeldedPoints, weld_points
 from raytrace.ray_origins.surface import Surface
 from raytrace.system.checks import check_memory
-from raytrace.system.threads import run_blocks, thread_count
+from raytrace.system.parallel import each
 from raytrace.types import Bools, Float32Rows, Float32s, Float64Rows, Float64s, Int32s, Int64Rows, Int64s, UInt8s
 
 from ..memory import corner_bytes
@@ -34,7 +33,6 @@ from .corners import CornerSamples, find_corner_samples
 from .points import Points
 
 SAME = 1.0 - 1e-9
-_BLOCK = 1 << 12  # points
 _DISPLACED = 0.3  # error of w, root mean square over rough surfaces, of an origin one shortest edge away
 
 
@@ -217,16 +215,15 @@ class _Curve(NamedTuple):
         place[vertices] = np.arange(len(placed), dtype=np.int32)
         order = counting_sort(place[faces[:, 0]], len(placed))[0].astype(np.int32)
         along = np.empty(faces.shape, np.int64)
-        run_blocks(len(faces), _BLOCK, bind(_renumber, faces, order, place, along), thread_count(None))
+        _renumber(faces, order, place, along)
         return cls(vertices, place, order, along)
 
 
-@kernel
-def _renumber(faces: Int64Rows, order: Int32s, place: Int32s, along: Int64Rows, start: int, stop: int) -> None:
+@each("along")
+def _renumber(k: int, faces: Int64Rows, order: Int32s, place: Int32s, along: Int64Rows) -> None:
     """Write the faces in an order, their corners being places."""
-    for k in range(start, stop):
-        for corner in range(3):
-            along[k, corner] = place[faces[order[k], corner]]
+    for corner in range(3):
+        along[k, corner] = place[faces[order[k], corner]]
 
 
 def _compacted(offset: OffsetPoints) -> tuple[Points, Int64s, Int64s]:
@@ -237,25 +234,22 @@ def _compacted(offset: OffsetPoints) -> tuple[Points, Int64s, Int64s]:
     index = np.full(len(offset.usable), -1)
     origins = np.empty((len(usable), 3), np.float32)
     axes = np.empty((len(usable), 3), np.float32)
-    take = bind(_compact, usable, offset.origins, offset.welded.axes, origins, axes, index)
-    run_blocks(len(usable), _BLOCK, take, thread_count(None))
+    _compact(usable, offset.origins, offset.welded.axes, origins, axes, index)
     return Points(origins, axes, np.arange(len(usable), dtype=np.uint32)), usable, index
 
 
-@kernel
+@each("usable")
 def _compact(
+    k: int,
     usable: Int64s,
     origins: Float64Rows,
     axes: Float64Rows,
     own_origins: Float32Rows,
     own_axes: Float32Rows,
     index: Int64s,
-    start: int,
-    stop: int,
 ) -> None:
     """Write the origins and axes of usable points one after another, and where each point's are into `index`."""
-    for k in range(start, stop):
-        index[usable[k]] = k
-        for axis in range(3):
-            own_origins[k, axis] = origins[usable[k], axis]
-            own_axes[k, axis] = axes[usable[k], axis]
+    index[usable[k]] = k
+    for axis in range(3):
+        own_origins[k, axis] = origins[usable[k], axis]
+        own_axes[k, axis] = axes[usable[k], axis]

@@ -5,17 +5,16 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from raytrace.kernel.jit import bind, inline, kernel
+from raytrace.kernel.jit import inline
 from raytrace.kernel.vector import add, dot, load, load_triangle, scale, store
 from raytrace.mesh.normals import face_normals
 from raytrace.ray_origins.surface import Surface
-from raytrace.system.threads import run_blocks
-from raytrace.types import AnyInts, Float32Rows, Float32s, Float64Rows, Float64s, Int32s, Int64Rows, Int64s
+from raytrace.system.parallel import each
+from raytrace.types import Float32Rows, Float32s, Float64Rows, Float64s, Int32s, Int64Rows, Int64s
 
 from .receivers import Receivers
 
 _LEAST_COSINE = 0.2  # between an interpolated normal and its face's, which is used below that
-_BLOCK, _SHARE = 1 << 10, 16  # points, and blocks at once
 
 
 class SurfacePoints(NamedTuple):
@@ -54,37 +53,35 @@ class SmoothSurface(NamedTuple):
         normals = face_normals(vertices, receivers.faces)[0]
         return cls(axes.astype(np.float64), Surface.of(vertices, receivers.faces, normals))
 
-    def positions_at(self, face: AnyInts, barycentric: Float32s, threads: int) -> Float32s:
+    def positions_at(self, face: Int32s, barycentric: Float32s, threads: int) -> Float32s:
         """Positions (k, 3) of points on faces (k,)."""
         positions = np.empty((len(face), 3), np.float32)
-        work = bind(_interpolate, face, barycentric, self.surface.vertices, self.surface.faces, positions)
-        run_blocks(len(face), _BLOCK, work, threads, most=_SHARE)
+        _interpolate.on(threads)(face, barycentric, self.surface.vertices, self.surface.faces, positions)
         return positions
 
-    def points_at(self, face: AnyInts, barycentric: Float32s, threads: int) -> tuple[Float64s, Float64s, Float64s]:
+    def points_at(
+        self, face: Int32s | Int64s, barycentric: Float32s, threads: int
+    ) -> tuple[Float64s, Float64s, Float64s]:
         """Positions (k, 3) of points on faces (k,), their faces' normals on the hemispheres' side, and the axes of
         the hemispheres: the interpolated normals, or the faces' own where these are far from them."""
         positions, normals, axes = np.empty((3, len(face), 3))
-        work = bind(_locate, face, barycentric, self.surface, self.axes, (positions, normals, axes))
-        run_blocks(len(face), _BLOCK, work, threads, most=_SHARE)
+        _locate.on(threads)(face, barycentric, self.surface, self.axes, (positions, normals, axes))
         return positions, normals, axes
 
 
-@kernel
+@each("face", 1 << 10)
 def _interpolate(
+    i: int,
     face: Int32s,
     barycentric: Float32Rows,
     vertices: Float64Rows,
     faces: Int64Rows,
     positions: Float32Rows,
-    start: int,
-    stop: int,
 ) -> None:
     """Write the positions of points on faces, by their barycentric coordinates."""
-    for i in range(start, stop):
-        a, b, c = load_triangle(vertices, faces, face[i])
-        u, v, w = load(barycentric, i)
-        store(positions, i, add(add(scale(u, a), scale(v, b)), scale(w, c)))
+    a, b, c = load_triangle(vertices, faces, face[i])
+    u, v, w = load(barycentric, i)
+    store(positions, i, add(add(scale(u, a), scale(v, b)), scale(w, c)))
 
 
 @inline
@@ -114,20 +111,18 @@ def point_on(surface, axes, f, barycentric):
     return (x, y, z), normal, normal if flat else scale(1.0 / size, axis)
 
 
-@kernel
+@each("face", 1 << 10)
 def _locate(
+    i: int,
     face: Int32s | Int64s,
     barycentric: Float32Rows,
     surface: Surface,
     axes: Float64Rows,
     out: tuple[Float64Rows, Float64Rows, Float64Rows],
-    start: int,
-    stop: int,
 ) -> None:
     """Write `point_on` for points: positions, normals and axes of hemispheres."""
     positions, normals, hemispheres = out
-    for i in range(start, stop):
-        position, normal, axis = point_on(surface, axes, face[i], barycentric[i])
-        store(positions, i, position)
-        store(normals, i, normal)
-        store(hemispheres, i, axis)
+    position, normal, axis = point_on(surface, axes, face[i], barycentric[i])
+    store(positions, i, position)
+    store(normals, i, normal)
+    store(hemispheres, i, axis)

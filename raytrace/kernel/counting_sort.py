@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from ..types import AnyInts, Int32s, Int64s
+from ..types import Int32s, Int64s
 from .jit import kernel
 
 
-def counting_sort(keys: AnyInts, count: int) -> tuple[Int64s, Int64s]:
+def counting_sort(keys: Int32s | Int64s, count: int) -> tuple[Int64s, Int64s]:
     """Places in the flattened keys, below `count`, by key, ascending among equal keys; negative ones are left out.
 
     Returns: places int64 (k,), and starts int64 (count + 1,): places[starts[i] : starts[i + 1]] have key i.

@@ -14,7 +14,7 @@ from functools import cached_property
 from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -25,6 +25,8 @@ from .identity import Called
 from .library import POINTER
 from .signature import LAYOUT, SIGNED, Signature
 
+P = ParamSpec("P")
+R = TypeVar("R")
 ndarray = np.ndarray
 _BRACKETS = str.maketrans("", "", "()")
 _ENTRY = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_char_p, ctypes.c_void_p)
@@ -82,6 +84,11 @@ class Kernel(Called):
 
     def __call__(self, *arguments: Any) -> Any:
         return self._run(arguments, *_flatten(arguments, [], []))
+
+    def for_rows(self, *arguments: Any) -> Callable[[int, int], Any]:
+        """A call f(start, stop, …) for any rows with the same `arguments`, which are looked through once."""
+        kinds, words = _flatten(arguments, [int, int], [])
+        return lambda start, stop: self._run((start, stop, *arguments), kinds, [start, stop, *words])
 
     def _run(self, arguments: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> Any:
         """Call the machine code for these types.
@@ -153,9 +160,9 @@ def _check_types(signature: Signature, function: Callable[..., Any], arguments: 
             raise KernelError(f"{kernel}: {parameter}: expected {' or '.join(expected)}, got {got}")
 
 
-def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Decorator: compile a hot loop to machine code without Python objects and without the GIL."""
-    return Kernel(function)
+    return Kernel(function)  # type: ignore[return-value]
 
 
 def called_back(*path: int) -> Callable[[Callable[..., Any]], Kernel]:

@@ -6,8 +6,8 @@ Morton 1966, A computer oriented geodetic data base and a new technique in file 
 import numpy as np
 
 from ..kernel.jit import inline, kernel
-from ..system.parallel import parallel
-from ..types import AnyFloats, AnyInts, Float32Rows, Float64Rows, Float64s, Int64Rows, Int64s, UInt32s, UInt64s
+from ..system.parallel import each
+from ..types import AnyFloats, Float32Rows, Float64Rows, Float64s, Int64Rows, Int64s, UInt32s, UInt64s
 from .placement import NEAR
 
 _COARSE, _FINE = 10, 21  # bits an axis
@@ -62,7 +62,7 @@ def _codes(points: Float32Rows | Float64Rows, low: Float64s, scale: float, codes
         codes[i] = code
 
 
-def radix_order(keys: AnyInts, bits: int) -> Int64s:
+def radix_order(keys: UInt32s | UInt64s, bits: int) -> Int64s:
     """The order (n,) that sorts unsigned `keys` (n,) of so many bits, stable (radix sort from the last digit)."""
     count = len(keys)
     order = np.arange(count)
@@ -77,24 +77,22 @@ def radix_order(keys: AnyInts, bits: int) -> Int64s:
     return order
 
 
-@parallel("keys", _BLOCK, most=1)
-def _count_digits(
-    keys: UInt32s | UInt64s, order: Int64s, shift: int, digit_counts: Int64Rows, start: int, stop: int
-) -> None:
+@each("digit_counts", 1)
+def _count_digits(block: int, keys: UInt32s | UInt64s, order: Int64s, shift: int, digit_counts: Int64Rows) -> None:
     """Count the digits of keys in a block, in `digit_counts` (blocks, radix)."""
-    counts = digit_counts[start // _BLOCK]
+    counts = digit_counts[block]
     counts[:] = 0
-    for k in range(start, stop):
+    for k in range(block * _BLOCK, min((block + 1) * _BLOCK, len(keys))):
         counts[np.int64(keys[order[k]] >> shift) & (len(counts) - 1)] += 1
 
 
-@parallel("keys", _BLOCK, most=1)
+@each("digit_counts", 1)
 def _place_by_digit(
-    keys: UInt32s | UInt64s, order: Int64s, shift: int, digit_counts: Int64Rows, out: Int64s, start: int, stop: int
+    block: int, keys: UInt32s | UInt64s, order: Int64s, shift: int, digit_counts: Int64Rows, out: Int64s
 ) -> None:
     """Write a block's rows to where its keys' digits belong, and move these places on in `digit_counts`."""
-    next_slots = digit_counts[start // _BLOCK]
-    for k in range(start, stop):
+    next_slots = digit_counts[block]
+    for k in range(block * _BLOCK, min((block + 1) * _BLOCK, len(keys))):
         digit = np.int64(keys[order[k]] >> shift) & (len(next_slots) - 1)
         out[next_slots[digit]] = order[k]
         next_slots[digit] += 1

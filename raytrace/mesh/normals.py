@@ -46,8 +46,7 @@ def face_normals(vertices: Float64s, faces: AnyInts) -> tuple[Float64s, Float64s
     normals = np.zeros((len(faces), 3))
     areas = np.zeros(len(faces))
     vertices = np.ascontiguousarray(vertices, np.float64)
-    faces = np.ascontiguousarray(faces, np.int64)
-    _face_normals(vertices, faces, normals, areas)
+    _face_normals(vertices, np.ascontiguousarray(faces, np.int64), normals, areas)
     return normals, areas
 
 
@@ -60,8 +59,8 @@ def vertex_sums(
     """
     sums = np.zeros((len(vertices), 3))
     vertices = np.ascontiguousarray(vertices, np.float64)
-    faces = np.ascontiguousarray(faces, np.int64)
-    _vertex_sums(vertices, faces, normals, areas, ("angle", "area", "equal").index(weighting), sums)
+    corners = np.ascontiguousarray(faces, np.int64)
+    _vertex_sums(vertices, corners, normals, areas, ("angle", "area", "equal").index(weighting), sums)
     return sums
 
 
@@ -110,14 +109,14 @@ def _face_normals(f: int, vertices: Float64Rows, faces: Int64Rows, normals: Floa
 
 @parallel("sums", alone=True)
 def _vertex_sums(
+    start: int,
+    stop: int,
     vertices: Float64Rows,
     faces: Int64Rows,
     normals: Float64Rows,
     areas: Float64s,
     weighting: int,
     sums: Float64Rows,
-    start: int,
-    stop: int,
 ) -> None:
     """Write `vertex_sums` of the vertices from `start` to `stop`; rounding is judged by the sum of the weights."""
     magnitude = np.zeros(stop - start)

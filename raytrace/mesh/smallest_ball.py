@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 
-from ..system.parallel import parallel
+from ..system.parallel import each
 from ..types import Bools, Float64Rows, Float64s
 
 _ROUNDING = 1e-12  # of squared lengths, relative to the largest extent's
@@ -35,26 +35,25 @@ def smallest_ball(points: Float64s) -> tuple[Float64s, float]:
         sampled = (points[outside] - points[0]) / size
 
 
-@parallel("points", _BLOCK, most=1)
+@each("largest", 1)
 def _look_outside(
+    block: int,
     points: Float64Rows,
     size: float,
     centre: Float64s,
     square: float,
     outside: Bools,
     largest: Float64s,
-    start: int,
-    stop: int,
 ) -> None:
     """Which points are outside of a ball, in units of `size` from the first of them; the largest square of a block."""
     most = 0.0
-    for i in range(start, stop):
+    for i in range(block * _BLOCK, min((block + 1) * _BLOCK, len(points))):
         total = 0.0
         for axis in range(3):
             total += ((points[i, axis] - points[0, axis]) / size - centre[axis]) ** 2
         outside[i] = total > square
         most = max(most, total)
-    largest[start // _BLOCK] = most
+    largest[block] = most
 
 
 def _pivot(points: Float64s, carriers: Float64s) -> tuple[Float64s, float, Float64s]:

@@ -27,7 +27,7 @@ _EDGE = 1.0 / 32.0  # of a cell: more than the largest contact radius
 _FINE = 16.0  # contact radii; vertices all whose edges are shorter are welded only where they are equal
 
 
-def connected_components(links: AnyInts, count: int) -> Int64s:
+def connected_components(links: Int64s, count: int) -> Int64s:
     """The component (count,) of each member, which the rows of `links` connect; numbered in order of first members."""
     parent = np.arange(count)
     join(links, parent)
@@ -109,7 +109,7 @@ def coincident(positions: Float32s, faces: Int64s) -> Int64s:
     if len(distinct):
         distinct = distinct[np.lexsort(positions[distinct].T[::-1])]
         pairs = distinct[_near(positions, faces, distinct)]
-        join(pairs, representative, threads=1)
+        join.on(1)(pairs, representative)
     renumber_components(representative)
     return representative
 
@@ -126,7 +126,7 @@ def first_alike(values: npt.NDArray[Any]) -> Int64s:
 
 @parallel("table", _SLOTS, alone=True)
 def _find_first(
-    words: UInt32Rows, key: np.uint64, table: UInt32s, representative: Int64s, start: int, stop: int
+    start: int, stop: int, words: UInt32Rows, key: np.uint64, table: UInt32s, representative: Int64s
 ) -> None:
     """Fill in the `representative` row (n,) of `words` (n, any) that is equal to each one with a hash in a range.
 
