@@ -72,7 +72,7 @@ def test_it_vanishes_as_samples_grow() -> None:
 def test_equal_values_stay_equal_to_the_bit() -> None:
     near, points = rings(SCENES["hills"])
     for value in (1.0, 0.0, 0.3):
-        values = np.full(len(points), value)
+        values = np.full(len(points), value, np.float32)
         denoised, _ = denoise(near, points, rows(values, points), 1e-2)
         np.testing.assert_array_equal(denoised, values)
 
