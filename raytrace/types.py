@@ -23,11 +23,10 @@ Float32Rows = Annotated[Float32s, 2]
 Int64Rows = Annotated[Int64s, 2]
 Int32Rows = Annotated[Int32s, 2]
 UInt32Rows = Annotated[UInt32s, 2]
+BoolRows = Annotated[Bools, 2]
 
 Float64Grid = Annotated[Float64s, 3]
 Float32Grid = Annotated[Float32s, 3]
 
 AnyFloats = npt.NDArray[np.floating[Any]]
 AnyInts = npt.NDArray[np.integer[Any]]
-BoolRows = Annotated[Bools, 2]
-Float32Grid4 = Annotated[Float32s, 4]

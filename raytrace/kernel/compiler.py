@@ -139,6 +139,9 @@ def object_files(
     array's Python object. To a second address it writes the results, a word each. It returns 0, or 1 if it ran out of
     memory. Its text holds the formats of the results, as `struct` has them, a tuple's in brackets.
 
+    Arguments outlive the call, so that their arrays own nothing in it: no member or slice of them counts references,
+    which would be atomic.
+
     A `Kernel.callback` takes one address, its first argument, and finds the words from there. Args: identity: for the
         text, by which `raytrace.kernel.library` knows what the code is made of.
     """

@@ -174,7 +174,10 @@ register_model(RecordView)(models.OpaqueModel)
 
 
 def view_type(kind: Any) -> Any:
-    """The type of an argument as its kernel has it: of a named tuple, its address."""
+    """The type of an argument as its kernel has it: of a named tuple, its address.
+
+    Functions that it is passed to are small to compile: only `value.name` is left of it.
+    """
     if isinstance(kind, BaseNamedTuple):
         return RecordView(kind)
     if isinstance(kind, BaseTuple):

@@ -63,9 +63,7 @@ class PackedOpacity(NamedTuple):
     factor: Float64s = np.zeros(0)  # (s,) of the surfaces
     cutoff: Float64s = np.zeros(0)  # (s,), below 0 where there is none
     texels: Float32Rows = np.zeros((0, 1), np.float32)  # (t, 1), the images' alpha, rows from the top
-    images: Int64Rows = np.zeros(
-        (0, 5), np.int64
-    )  # (s, 5): first texel, width, height (0: no image), modes along u and v
+    images: Int64Rows = np.zeros((0, 5), np.int64)  # (s, 5): first texel, width, height, 0: no image; modes along u, v
     one_sided: np.int64 = np.int64(0)  # whether rays pass the backs of all faces, 0 or 1
 
     def only(self, mask: Bools) -> PackedOpacity | None:

@@ -4,7 +4,7 @@ A packet is a float32 array (WIDTH, 16) of sixteen points; its first `FILM` rows
 `raytrace.image.encode`. Positions are in render space. Shapes: o objects, v vertices and f faces of their shapes.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -14,8 +14,8 @@ from ..kernel.simd import load_row, select, store_row
 from ..types import (
     Bools,
     Float32Grid,
-    Float32Grid4,
     Float32Rows,
+    Float32s,
     Float64Grid,
     Float64Rows,
     Float64s,
@@ -121,7 +121,7 @@ class Lights(NamedTuple):
     ambient: Float64s  # (3,), the sum of ambient lights
     skies: Float64Rows  # (s, SKY_WIDTH), gradients
     harmonics: Float64Rows  # (9, 3), of an image, or (0, 3)
-    maps: Float32Grid4  # (MAPS, MAP_HEIGHT, MAP_WIDTH, 3), or none
+    maps: Annotated[Float32s, 4]  # (MAPS, MAP_HEIGHT, MAP_WIDTH, 3), or none
     frame: Float64Rows  # (3, 3), rows right, front and up of the maps
 
 
@@ -133,9 +133,7 @@ class SceneArrays(NamedTuple):
     bent: Float32Rows  # (n, 3), bent normals there, zero for none; (0, 3) where no light asks for them
     lights: Lights
     textures: PackedTextures
-    lit_vertices: (
-        Float64Rows  # of Gouraud shading, (n, LIGHTING), and n rows for backs that may reflect light; else none
-    )
+    lit_vertices: Float64Rows  # of Gouraud shading, (n, LIGHTING), n more for backs that may reflect light; else none
 
 
 class Style(NamedTuple):
@@ -166,7 +164,7 @@ class Scratch(NamedTuple):
     active: Int64s  # (lights,), lights that can matter
     hidden: Bools  # (lights,), whether something may stand between an active light and the points
     layers: (
-        Float32Grid  # (packets, COVER + 1, 16), what each viewing ray, by its number, has seen; none if all is opaque
+        Float32Grid  # (packets, COVER + 1, 16), what viewing rays, by their numbers, have seen; none if all is opaque
     )
     active_rays: Int32Rows  # (packets, 16), numbers of the rays that are traced, −1 for none: few see further layers
     missing: Int64s  # (textures,), 1 for textures that a ray has met before they were read
