@@ -61,7 +61,7 @@ def traced_twice(
         variance = shrunk_to_mean(distribute_variance(spread, level)) + placement
         before = (w[calibration] - reference) ** 2
         raw_calibration = Calibration(variance[calibration], before / 2, weight)
-        raw = Estimate(gathered[:, VALUES], variance, samples, calibration=raw_calibration)
+        raw = Estimate(gathered.take(VALUES, axis=1), variance, samples, calibration=raw_calibration)
         if neighbours is None:
             return raw
 

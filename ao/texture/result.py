@@ -9,11 +9,10 @@ import numpy as np
 
 from raytrace.image.encode import linear_png
 from raytrace.image.fill import fill_holes
-from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.vector import dot, load, store
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import normalized
-from raytrace.system.threads import run_blocks
+from raytrace.system.parallel import each
 from raytrace.types import BoolRows, Bools, Float32Rows, Float32s, Float64Grid, Float64Rows, Float64s, Int64s
 
 from ..estimate.calibration import Calibration
@@ -26,7 +25,6 @@ from .uv_layout import UVLayout
 if TYPE_CHECKING:
     from .seams import Seams
 
-_BLOCK, _SHARE = 1 << 12, 16  # texels, and blocks at once
 _ROWS = 1 << 4  # of the page
 _CLEAR = 1e-18  # least square of a mean direction that is one
 
@@ -120,22 +118,20 @@ class PageAssembly:
         covered = np.zeros(shape, np.bool_)
         values = np.ascontiguousarray(estimate.values), estimate.variance, self.texels.points.normals
         flat = w.ravel(), error.ravel(), bent.reshape(-1, 3), covered.ravel()
-        spread = bind(_spread, self.texels.texels, values, frames, flat)
-        run_blocks(len(self.texels), _BLOCK, spread, self.threads, most=_SHARE)
+        _spread.on(self.threads)(self.texels.texels, values, frames, flat)
         # Seams closed, and the rest of the page filled from what is covered.
         w, known, jump_before = self._closed(w, covered)
         page = fill_holes(w.astype(np.float32)[:, :, None], known, self.threads)[:, :, 0].clip(0.0, 1.0)
         jump = self.seams.jump(page.ravel())
         bent = fill_holes(bent, covered, self.threads)
-        run_blocks(w.size, _BLOCK, bind(_normalize, bent.reshape(-1, 3)), self.threads, most=_SHARE)
+        _normalize.on(self.threads)(bent.reshape(-1, 3))
         return Pages(page, error, bent, covered, jump, jump_before)
 
     def _closed(self, w: Float64s, covered: Bools) -> tuple[Float64s, Bools, float]:
         """The page of w with closed seams, if seams are to be closed; which texels are known; the largest jump
         before."""
         beside = np.zeros(w.shape, np.bool_)
-        extend = bind(_extend, w, covered, self.layout.wraps, beside)
-        run_blocks(self.layout.height, _ROWS, extend, self.threads)
+        _extend.on(self.threads)(w, covered, self.layout.wraps, beside)
         seams = self.seams.within((covered | beside).ravel())
         before = seams.jump(w.ravel())
         if not self.close:
@@ -143,14 +139,13 @@ class PageAssembly:
         return seams.close(w.ravel(), covered.ravel(), self.threads).reshape(w.shape), covered | beside, before
 
 
-@kernel
+@each("texels")
 def _spread(
+    i: int,
     texels: Int64s,
     estimated: tuple[Float64Rows, Float64s, Float32Rows],
     frames: Float64Grid | None,
     pages: tuple[Float64s, Float32s, Float32Rows, Bools],
-    start: int,
-    stop: int,
 ) -> None:
     """Write w, its error and bent normals of texels to flat `pages`.
 
@@ -160,47 +155,44 @@ def _spread(
     """
     values, variance, axes = estimated
     w, error, bent, covered = pages
-    for i in range(start, stop):
-        to = texels[i]
-        covered[to] = True
-        w[to] = min(max(values[i, 0], 0.0), 1.0)
-        error[to] = np.sqrt(variance[i])
-        direction = (values[i, 1], values[i, 2], values[i, 3])
-        direction = normalized(direction) if dot(direction, direction) > _CLEAR else load(axes, i)
-        if frames is not None:
-            frame = frames[i]
-            direction = (
-                dot(load(frame, 0), direction), dot(load(frame, 1), direction), dot(load(frame, 2), direction)
-            )  # fmt: skip
-        store(bent, to, direction)
+    to = texels[i]
+    covered[to] = True
+    w[to] = min(max(values[i, 0], 0.0), 1.0)
+    error[to] = np.sqrt(variance[i])
+    direction = (values[i, 1], values[i, 2], values[i, 3])
+    direction = normalized(direction) if dot(direction, direction) > _CLEAR else load(axes, i)
+    if frames is not None:
+        frame = frames[i]
+        direction = (
+            dot(load(frame, 0), direction), dot(load(frame, 1), direction), dot(load(frame, 2), direction)
+        )  # fmt: skip
+    store(bent, to, direction)
 
 
-@kernel
-def _normalize(vectors: Float32Rows, start: int, stop: int) -> None:
+@each("vectors")
+def _normalize(i: int, vectors: Float32Rows) -> None:
     """Make vectors unit ones in place."""
-    for i in range(start, stop):
-        store(vectors, i, normalized(load(vectors, i)))
+    store(vectors, i, normalized(load(vectors, i)))
 
 
-@kernel
-def _extend(page: Float64Rows, covered: BoolRows, wraps: bool, beside: BoolRows, start: int, stop: int) -> None:
+@each("page", _ROWS)
+def _extend(row: int, page: Float64Rows, covered: BoolRows, wraps: bool, beside: BoolRows) -> None:
     """Give texels of some rows next to covered ones the covered neighbours' mean, in place, and mark them `beside`."""
     height, width = page.shape
-    for row in range(start, stop):
-        for column in range(width):
-            if covered[row, column]:
+    for column in range(width):
+        if covered[row, column]:
+            continue
+        total, count = 0.0, 0
+        for k in range(9):
+            y = row + 1 - k // 3
+            x = column + 1 - k % 3
+            if wraps:
+                y = y % height
+                x = x % width
+            elif y < 0 or x < 0 or y >= height or x >= width:
                 continue
-            total, count = 0.0, 0
-            for k in range(9):
-                y = row + 1 - k // 3
-                x = column + 1 - k % 3
-                if wraps:
-                    y = y % height
-                    x = x % width
-                elif y < 0 or x < 0 or y >= height or x >= width:
-                    continue
-                if covered[y, x]:
-                    total = total + page[y, x]
-                    count = count + 1
-            if count:
-                page[row, column], beside[row, column] = total / count, True
+            if covered[y, x]:
+                total = total + page[y, x]
+                count = count + 1
+        if count:
+            page[row, column], beside[row, column] = total / count, True

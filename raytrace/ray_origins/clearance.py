@@ -3,9 +3,9 @@
 import numpy as np
 
 from ..kernel.counting_sort import counting_sort
-from ..kernel.jit import bind, inline, kernel
+from ..kernel.jit import inline, kernel
 from ..kernel.vector import add, divide, dot, length, load, store
-from ..system.threads import run_ranges, thread_count
+from ..system.parallel import parallel
 from ..types import Float64Rows, Float64s, Int64Rows, Int64s
 
 SHARP, ENOUGH = 0.1, 0.3  # clearances: of folds, and with which a search for a better direction ends
@@ -29,8 +29,7 @@ def outermost_normals(
     moved = normals.copy()
     directions = normals.copy()
     clearance = np.ones(len(normals))
-    work = bind(_least_cosines, moved, face_points, face_normals, clearance)
-    run_ranges(len(moved), _LEAST, work, thread_count(None))
+    _least_cosines(moved, face_points, face_normals, clearance)
     is_sharp = clearance <= SHARP
     sharp = np.flatnonzero(is_sharp)
     if len(sharp):
@@ -41,9 +40,9 @@ def outermost_normals(
     return moved, directions, clearance
 
 
-@kernel
+@parallel("normals", _LEAST, alone=True)
 def _least_cosines(
-    normals: Float64Rows, face_points: Int64Rows, face_normals: Float64Rows, clearance: Float64s, start: int, stop: int
+    start: int, stop: int, normals: Float64Rows, face_points: Int64Rows, face_normals: Float64Rows, clearance: Float64s
 ) -> None:
     """Lower `clearance` to the least cosine between a point's normal and those of its faces."""
     for f in range(len(face_points)):
