@@ -124,7 +124,9 @@ class TexelSampler:
         noise = options.tolerance or _NOISE * (_RAYS / options.rays) ** 0.75
         most_bent = _BENT * min(noise / _NOISE, 1.0)  # so that noise is more than what a texel's only sample misses
         largest = _LARGEST if options.tolerance and not receivers.opacity else 1
-        return smooth_cells(coverage, self.surface.smooth, receivers.tree, most_bent, largest, self.prepared.threads)
+        tangent = min(float(np.tan(np.radians(options.spread / 2))), 1.0)
+        smooth, threads = self.surface.smooth, self.prepared.threads
+        return smooth_cells(coverage, smooth, receivers.tree, most_bent, tangent, largest, threads)
 
     def _place(self, coverage: Coverage, order: Int64s, by_centre: Bools) -> tuple[SurfaceSamples, int]:
         """Samples of texels in an `order`, and how many samples the cage misses.
