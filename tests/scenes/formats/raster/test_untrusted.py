@@ -1,4 +1,4 @@
-"""Rasters that name other files or addresses, or claim more cells than they hold, are refused before anything is read."""
+"""Rasters that name other files or addresses, or claim more cells than they hold, are refused before they are read."""
 
 import threading
 import warnings
@@ -47,7 +47,7 @@ def server():
             asked.append(self.path)
             self.send_error(404)
 
-        do_HEAD = do_GET  # noqa: N815
+        do_HEAD = do_GET
 
         def log_message(self, *_):
             pass
