@@ -8,9 +8,10 @@ import numpy as np
 
 from ao.texture.result import BakedTexture
 from ao.texture.uv_layout import on_page
+from raytrace.errors import MeshError
 from raytrace.types import AnyFloats, Float64s, Int64s
 
-from ..load import MeshFile
+from ..load import MeshFile, parser_errors
 from ..primitive_groups import primitive_groups
 from .accessors import flipped, normalized, triangles, values
 from .asset import Gltf
@@ -23,6 +24,7 @@ from .records import Primitive
 from .write import document, write_ramp
 
 _SAME = 1e-6  # of texture coordinates that float32 has rounded
+_VECTORS = "SCALAR", "VEC2", "VEC3", "VEC4"
 _RESTART = 65535  # in indices of 16 bits, no vertex (section 3.7.2.1)
 
 
@@ -86,6 +88,28 @@ def textured_glb(
     return builder.encode(), lines
 
 
+def check_vertices(mesh_file: MeshFile) -> None:
+    """Read all attributes of the vertices that a glTF draws, which `take_vertices` reads after a bake.
+
+    Raises: MeshError: one is malformed, has not a row for each vertex, or a number that is not finite.
+    """
+    asset = mesh_file.gltf
+    if not asset:
+        return
+    with parser_errors(asset.path):
+        for drawn in {(drawn.mesh, drawn.primitive_number): drawn for drawn in asset.drawn}.values():
+            attributes = drawn.primitive.attributes
+            count = asset.geometry.accessors[attributes["POSITION"]].count
+            for table in (attributes, *drawn.primitive.targets):
+                for name, number in table.items():
+                    stored = values(asset, number, *_VECTORS)
+                    field = f"meshes[{drawn.mesh}].primitives[{drawn.primitive_number}].{name}"
+                    if len(stored) != count:
+                        raise MeshError(asset.path, field, f"{count} rows", len(stored))
+                    if stored.dtype.kind == "f" and not np.isfinite(stored).all():
+                        raise MeshError(asset.path, field, "finite numbers", "others")
+
+
 def _by_page(
     builder: GlbBuilder, primitive: dict[str, Any], page_of: Int64s
 ) -> Iterator[tuple[int, Int64s, dict[str, Any]]]:
@@ -145,7 +169,7 @@ def take_vertices(builder: GlbBuilder, asset: Gltf, primitive: dict[str, Any], t
 def _taken_accessor(builder: GlbBuilder, asset: Gltf, number: int, taken_rows: Int64s) -> int:
     """Index of a new accessor of some rows of another."""
     old = asset.header["accessors"][number]
-    taken = np.ascontiguousarray(values(asset, number, "SCALAR", "VEC2", "VEC3", "VEC4")[taken_rows])
+    taken = np.ascontiguousarray(values(asset, number, *_VECTORS)[taken_rows])
     data = taken.view(np.uint8)
     padding = -data.shape[1] % 4
     strided = {"byteStride": data.shape[1] + padding} if padding else {}
