@@ -140,4 +140,4 @@ def _points_at(prepared: Prepared, points: Float64s, axes: Float64s, lifts: Floa
     largest = np.maximum(np.abs(placed).max(axis=1), np.abs(prepared.placement.vertices).max())
     offset = np.maximum(ray_offset(axes, largest, np.ones(len(points))), lifts * prepared.placement.scale)
     origins = placed + offset[:, None] * axes
-    return Points(origins.astype(np.float32), axes.astype(np.float32), np.arange(len(points), dtype=np.uint32))
+    return Points.lifted(placed, origins, axes)
