@@ -9,7 +9,7 @@ import numpy as np
 from ..mesh.weld import coincident, connected_components
 from ..types import AnyInts, Bools, Float64s, Int64s
 
-_AWAY = -0.5  # mean cosine between a patch's normals and its axes, below which it is wound the wrong way round
+AWAY = -0.5  # mean cosine between normals and axes, below which faces are wound the wrong way round
 
 
 def wound_away(
@@ -27,7 +27,7 @@ def wound_away(
         return np.zeros(len(faces), np.bool_)
     patch = connected_components(_facing_pairs(coincident(vertices.astype(np.float32), faces)[faces]), len(faces))
     weights = areas * corner_axes.any(axis=2).sum(axis=1)
-    away = np.bincount(patch, along) < _AWAY * np.bincount(patch, weights)
+    away = np.bincount(patch, along) < AWAY * np.bincount(patch, weights)
     return np.asarray(away[patch])
 
 

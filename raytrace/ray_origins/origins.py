@@ -21,7 +21,7 @@ from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Float64s, Int64s
 from .clearance import SHARP, least_cosines, outermost_normals
 from .direction import resolve_contacts
-from .fronts import wound_away
+from .fronts import AWAY, wound_away
 from .surface import Contacts, Surface, find_contacts
 
 OFFSET_ULPS = 16.0  # 4 were enough in 20,000 trials
@@ -74,6 +74,28 @@ def ray_origins(
         offset[sharp] = np.clip(near_edge, _LEAST * offset[sharp], offset[sharp])
     stop_short(offset, points, directions, touching, near, surface)
     return points + offset[:, None] * directions, ambiguous
+
+
+def directions_in_front(points: Float64s, axes: Float64s, tree: BVH16, surface: Surface) -> tuple[Float64s, Float64s]:
+    """Directions (k, 3) in front of the faces that hold `points` (k, 3), or touch them, and their clearance (k,).
+
+    They are the `axes` (k, 3), unit, unless these lie in such faces or behind; a face is seen from its back where an
+    axis is far behind it. Args: tree: over the faces of `surface`.
+    """
+    count = len(surface.faces)
+    apart = np.repeat(np.arange(count)[:, None], 3, axis=1), np.full(len(points), count)  # points are no corners
+    _, touching, _ = offsets_and_reaches(points, axes, np.zeros(len(points)), np.ones(len(points)))
+    held = find_contacts(tree, surface, points, touching, *apart)
+    normals = surface.normals[held.face]
+    normals[np.einsum("ij,ij->i", normals, axes[held.point]) < AWAY] *= -1.0
+    rows = held.point[:, None].astype(np.int64)
+    sums = np.zeros_like(points)
+    np.add.at(sums, held.point, normals)
+    _, directions, clearance = outermost_normals(normalize(sums), rows, normals)
+    clear = least_cosines(axes, rows, normals)
+    is_in_front = clear > SHARP
+    directions[is_in_front] = axes[is_in_front]
+    return directions, np.where(is_in_front, clear, clearance)
 
 
 def ray_offset(directions: Float64s, magnitude: Float64s, clearance: Float64s) -> Float64s:
