@@ -53,7 +53,7 @@ def bake_points(
         mesh: what occludes, in any form that `ao.bake` takes. None: the points are samples of a surface and occlude
             each other, each as a disc that reaches to its sixth neighbour; lengths in per cent are of these discs.
         points: (k, 3), in the unit of `mesh`; those on a face are taken to lie on its front, or on its back if their
-            normal is more than 30° behind it. Directions below the face are closed.
+            normal is more than 45° behind it. Directions below the face are closed.
         normals: (k, 3), axes of the hemispheres, of any length; where one is zero or NaN, w is 1.
         occluders: as `ao.bake` takes them. progress: likewise.
         options: of `ao.bake`, those in `TAKEN`: `falloff`, `samples`, `tolerance`, `denoise`, `spread`, `back_faces`,

@@ -9,7 +9,7 @@ import numpy as np
 from ..mesh.weld import coincident, connected_components
 from ..types import AnyInts, Bools, Float64s, Int64s
 
-AWAY = -0.5  # mean cosine between normals and axes, below which faces are wound the wrong way round
+AWAY = -0.7  # mean cosine between normals and axes, below which faces are wound the wrong way round
 
 
 def wound_away(
