@@ -98,7 +98,7 @@ def _is_smooth(tree, stack, faces, points, bounds, block, scratch):
         return False
     triangle = locate(points, middle, SLOTS, -1, edges, weights)
     # The centre, and then the other points: how far they are, and how much normals differ.
-    p, side, axis = point_on(surface, axes, points.face[triangle], weights)
+    p, side, axis, _ = point_on(surface, axes, points.face[triangle], weights)
     reach, bent = 0.0, 0.0
     step = 1
     if size > 1 and _is_on_one_face(points, block):
@@ -112,7 +112,7 @@ def _is_smooth(tree, stack, faces, points, bounds, block, scratch):
         if row < 0 or points.triangle[row, point] < 0:
             return False
         triangle = locate(points, row, point, triangle, edges, weights)
-        q, other_side, other_axis = point_on(surface, axes, points.face[triangle], weights)
+        q, other_side, other_axis, _ = point_on(surface, axes, points.face[triangle], weights)
         reach = max(reach, length(subtract(q, p)))
         bent = max(bent, length(subtract(other_side, side)), length(subtract(other_axis, axis)))
         if bent >= most * tangent:

@@ -84,8 +84,10 @@ class TexelSampler:
         coverage_rows = np.append(order, predicted)
         single = coverage.samples(coverage_rows, by_centre, threads, most=1)
         between = slice(len(order), None)
-        positions, _, axes = smooth.points_at(single.face[between], single.barycentric[between], threads)
-        points = samples.first_points.followed_by(positions, axes)
+        located = smooth.points_at(single.face[between], single.barycentric[between], threads)
+        points = samples.first_points.followed_by(
+            Points.lifted(located.positions, located.positions, located.axes)
+        )
         texels = Texels(
             coverage.texels[coverage_rows], samples, baked_cell[coverage_rows], points, single.face, single.barycentric
         )
@@ -146,7 +148,7 @@ class TexelSampler:
     def _project(self, on_page: PointGroups, cage: Cage) -> tuple[SurfacePoints, Int64s]:
         """Points of the page's surface on the fine mesh, and which of them the cage misses."""
         prepared, surface = self.prepared, self.surface
-        positions, _, axes = surface.smooth.points_at(on_page.face, on_page.barycentric, prepared.threads)
+        located = surface.smooth.points_at(on_page.face, on_page.barycentric, prepared.threads)
         corners = surface.receivers.faces[on_page.face]
         reach: float | Float64s = (
             cage.reach
@@ -155,7 +157,7 @@ class TexelSampler:
         )
         groups = cage.groups and (np.asarray(cage.groups[0])[corners[:, 0]], cage.groups[1])
         fine = FineMesh(prepared.mesh.source, prepared.placement, prepared.receivers, prepared.threads)
-        return fine.project(positions, axes, reach, groups)
+        return fine.project(located.positions, located.axes, reach, groups)
 
     def _inside(self, samples: SurfaceSamples) -> Bools:
         """The samples (p,) that are inside of solids."""

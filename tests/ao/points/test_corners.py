@@ -216,7 +216,7 @@ def test_places_lie_inside_their_faces_and_weights_sum_to_one(noisy):
 
 
 def test_means_keep_equal_values_and_combine_variances():
-    points = Points(np.zeros((5, 3), np.float32), np.zeros((5, 3), np.float32), np.arange(5, dtype=np.uint32))
+    points = Points.lifted(*np.zeros((3, 5, 3)))
     corners = CornerSamples(np.array([2, 7]), np.array([0, 3, 5]), points, np.array([0.2, 0.3, 0.5, 0.1, 0.9]))
     assert corners.mean(np.full((5, 1), 0.1)).tolist() == [[0.1], [0.1]]
     np.testing.assert_allclose(corners.mean(np.arange(5.0)[:, None])[:, 0], [1.3, 3.9])
