@@ -13,12 +13,11 @@ import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
 from raytrace.embree.scene import TriangleScene
-from raytrace.errors import MeshError
 from raytrace.kernel.counting_sort import counting_sort
 from raytrace.kernel.jit import bind, kernel
 from raytrace.mesh.mesh import Mesh, corner_mask
 from raytrace.mesh.morton import morton_order
-from raytrace.mesh.normals import face_normals, nonzero, normalize
+from raytrace.mesh.normals import face_normals, nonzero, normalize, own_vertex_normals, smooth_normals
 from raytrace.mesh.opacity import PackedOpacity
 from raytrace.mesh.placement import Placement
 from raytrace.mesh.up import UP, up_axis
@@ -42,7 +41,7 @@ class Flag(IntFlag):
     """Why a vertex is not ordinary; unreferenced and degenerate vertices get w = 1."""
 
     UNREFERENCED = 1  #: no face uses it
-    DEGENERATE = 2  #: every face that uses it has zero area, or its own normal was asked for and is missing
+    DEGENERATE = 2  #: every face that uses it has zero area
     OPPOSED = 4  #: no direction sees the front of all its faces; w is the mean over corner samples
     HIDDEN = 8  #: it is inside a solid, as most of what it sees is backs of faces
     FOLDED = 16  #: its normal lies behind one of its faces; w is the mean over corner samples
@@ -121,14 +120,18 @@ class OffsetPoints(NamedTuple):
 def offset_points(placed: Float32s, faces: Int64s, weighting: Weighting, own_axes: Float64s | None) -> OffsetPoints:
     """Weld vertices `placed` (n, 3) in render space; the points' axes, and origins offset from the surface.
 
-    Args: weighting: of the faces' normals. own_axes: (n, 3), axes of any length in the place of these.
+    Args: weighting: of the faces' normals. own_axes: (n, 3), axes of any length, zero where faces' normals give them.
     """
     vertices = placed.astype(np.float64)
     if own_axes is not None:
         axes = normalize(own_axes)
+        is_own = nonzero(axes)
+        if not is_own.all():
+            axes = np.where(is_own[:, None], axes, smooth_normals(placed, faces, weighting))
         welded = weld_points(vertices, faces, weighting, axes, SAME)
-        folded = np.zeros(len(welded.first_vertex), np.bool_)
-        welded = welded._replace(axes=axes[welded.first_vertex])
+        is_own = is_own[welded.first_vertex]
+        folded = ~is_own & ((welded.clearance <= 0) | welded.moved)
+        welded = welded._replace(axes=np.where(is_own[:, None], axes[welded.first_vertex], welded.axes))
     else:
         welded = weld_points(vertices, faces, weighting)
         folded = (welded.clearance <= 0) | welded.moved
@@ -149,20 +152,17 @@ def offset_points(placed: Float32s, faces: Int64s, weighting: Weighting, own_axe
     return OffsetPoints(welded, surface, origins, usable, usable & folded, flags, tree, tree_seconds)
 
 
-def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle") -> Receivers:
+def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "file") -> Receivers:
     """The points of the vertices of `mesh`.
 
     Raises:
         InputError: an image of its alpha cannot be read.
-        MeshError: `normals` is "file" for a mesh that has none.
         MemoryLimitError: the corners of folded vertices would not fit into memory.
     """
     own_axes = None
     weighting: Weighting = "angle"
     if normals == "file":
-        own_axes = mesh.normals
-        if own_axes is None:
-            raise MeshError(mesh.source, "normals", "vertex normals in the mesh", "none")
+        own_axes = own_vertex_normals(mesh)
     elif normals == "up":
         own_axes = np.tile(np.asarray(UP[up_axis(mesh)], np.float64), (len(mesh.vertices), 1))
     else:

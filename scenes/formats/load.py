@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from raytrace.errors import InputError, MeshError, ObscuranceError, OptionError, printable
+from raytrace.mesh.corners import split_creases
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.system.checks import check_memory, check_regular
 from raytrace.types import Float64s
@@ -78,6 +79,14 @@ class MeshFile(NamedTuple):
         return tuple(names[number] or self.parts[0].name for number in np.unique(held.object_of))
 
     @property
+    def split(self) -> Mesh:
+        """The mesh with a vertex for each normal that corners of one have, the mesh's own first, in their order.
+
+        A bake of it in place of `mesh` has w of each side of hard edges, for outputs that can hold it.
+        """
+        return split_creases(self.mesh).mesh
+
+    @property
     def held(self) -> SourceAttributes:
         """The file's `attributes`, or where it has none those of the bare triangles."""
         return self.attributes or triangle_attributes(self.mesh.faces)
@@ -125,7 +134,8 @@ def load(
     """Read a mesh file in the format of its ending.
 
     Polygons are cut into triangles. Point clouds, lines and cameras beside meshes are left out. A file's own
-    normals fill `mesh.normals` (PLY `nx ny nz`, OBJ `vn` with one normal a vertex, glTF `NORMAL`). Materials,
+    normals fill `mesh.normals` (PLY `nx ny nz`, OBJ `vn`, glTF `NORMAL`), or `mesh.corner_normals` where a
+    vertex has several. Materials,
     textures and the like are read for a target only, but for the alpha of faces (`mesh.opacity`). Files that a file
     refers to are read only from its own folder or below.
 

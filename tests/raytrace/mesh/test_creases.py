@@ -5,7 +5,7 @@ import pytest
 from uv_meshes import icosphere
 
 from raytrace import Mesh
-from raytrace.mesh.normals import creased_normals, face_normals, vertex_normals
+from raytrace.mesh.normals import corner_normals, face_normals, vertex_normals
 
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
 SIDES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
@@ -19,7 +19,7 @@ def kinds(mesh, of):
 
 def test_sides_of_a_cube_have_their_own_normals():
     mesh = Mesh(CUBE, TRIANGLES)
-    normals, of = creased_normals(mesh)
+    normals, of = corner_normals(mesh)
     across, _ = face_normals(mesh.vertices, mesh.faces)
     np.testing.assert_allclose(normals[of], np.repeat(across[:, None], 3, axis=1), atol=1e-15)
     assert kinds(mesh, of) == 24
@@ -27,7 +27,7 @@ def test_sides_of_a_cube_have_their_own_normals():
 
 def test_a_round_surface_has_no_creases():
     mesh = icosphere(3)[0]
-    normals, of = creased_normals(mesh)
+    normals, of = corner_normals(mesh)
     assert kinds(mesh, of) == len(mesh.vertices)
     np.testing.assert_allclose(normals[of], vertex_normals(mesh.vertices, mesh.faces)[mesh.faces], atol=1e-6)
 
@@ -39,7 +39,7 @@ def test_an_edge_is_a_crease_beyond_thirty_degrees_however_it_is_stored(degrees,
     vertices = np.array([[0, 0, 0], [0, 1, 0], [-1, 0, 0], [np.cos(angle), 0, -np.sin(angle)]])
     faces = np.array([[0, 1, 2], [1, 0, 3]])
     mesh = Mesh(vertices[faces].reshape(-1, 3), np.arange(6).reshape(2, 3)) if apart else Mesh(vertices, faces)
-    normals, of = creased_normals(mesh)
+    normals, of = corner_normals(mesh)
     ridge = normals[of][[0, 0, 1, 1], [0, 1, 1, 0]]
     np.testing.assert_allclose(np.arccos(ridge[0] @ ridge[2]), angle if creased else 0, atol=1e-6)
 
@@ -49,7 +49,7 @@ def test_a_crease_that_ends_within_the_surface_splits_only_its_other_end():
     rim = np.arange(8) * np.pi / 4
     corners = np.vstack([np.zeros(3), np.stack([np.cos(rim), np.sin(rim), 0.35 * (rim == 0)], axis=1)])
     faces = np.array([[0, k + 1, (k + 1) % 8 + 1] for k in range(8)])
-    _, of = creased_normals(Mesh(corners, faces))
+    _, of = corner_normals(Mesh(corners, faces))
     across, _ = face_normals(corners, faces)
     assert across[0] @ across[7] < np.cos(np.radians(30)) < across[0] @ across[1]
     assert len(np.unique(of[:, 0])) == 1
@@ -60,7 +60,7 @@ def test_faces_without_area_split_nothing_and_have_normals():
     sphere = icosphere(2)[0]
     vertices = np.vstack([sphere.vertices, [[5, 0, 0]]])
     faces = np.vstack([sphere.faces, [[0, 0, 1], [len(sphere.vertices)] * 3]])
-    normals, of = creased_normals(Mesh(vertices, faces))
+    normals, of = corner_normals(Mesh(vertices, faces))
     assert normals[of[:-1]].any(axis=2).all()
     assert not normals[of[-1]].any()
     assert kinds(Mesh(vertices, faces[:-1]), of[:-1]) == len(vertices) - 1
@@ -70,7 +70,7 @@ def test_normals_of_a_mesh_stay_and_missing_ones_are_those_of_faces():
     given = np.tile([0, 0, 2.0], (8, 1))
     given[3] = 0
     mesh = Mesh(CUBE, TRIANGLES, given)
-    normals, of = creased_normals(mesh)
+    normals, of = corner_normals(mesh)
     across, _ = face_normals(mesh.vertices, mesh.faces)
     expected = np.where((mesh.faces == 3)[..., None], across[:, None], [0, 0, 1])
     np.testing.assert_array_equal(normals[of], expected)

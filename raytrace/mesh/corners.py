@@ -1,28 +1,14 @@
-"""Values of polygons' corners, and vertices that are repeated where their corners differ."""
+"""Vertices that are repeated where their corners differ."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from raytrace import Mesh
-from raytrace.mesh.normals import creased_normals
-from raytrace.mesh.weld import first_alike
-from raytrace.types import Float64s, Int64s
-
-
-class PerCorner(NamedTuple):
-    """Values of the polygons' corners: `values` (k, w), and for each corner (c,) which of them it has."""
-
-    values: Float64s
-    of: Int64s
-
-    def at_vertices(self, corners: Int64s, count: int, elsewhere: float = 0.0) -> Float64s | None:
-        """The values by vertex (count, w), `elsewhere` where no corner is; None if some vertex has several."""
-        at_corners = self.values[self.of]
-        by_vertex = np.full((count, self.values.shape[1]), elsewhere)
-        by_vertex[corners] = at_corners
-        return by_vertex if np.array_equal(by_vertex[corners], at_corners, equal_nan=True) else None
+from ..types import Int64s
+from .mesh import Mesh, PerCorner
+from .normals import corner_normals
+from .weld import first_alike
 
 
 def unique_rows(columns: Sequence[Int64s]) -> tuple[Int64s, Int64s]:
@@ -58,13 +44,35 @@ def split_corners(
     return whole, slots[inverse].reshape(-1, 3), like
 
 
-def split_creases(mesh: Mesh, more: Sequence[PerCorner] = ()) -> tuple[Int64s, Int64s, Float64s, Int64s]:
-    """A mesh with a vertex for each normal that `raytrace.mesh.normals` gives, and for `more` that corners have.
+class SplitMesh(NamedTuple):
+    """A mesh that has a vertex for each normal of a vertex.
 
-    Returns: vertices (k,), the mesh's first, faces (m, 3), normals (k, 3), and a corner like each vertex (k,).
+    Attributes:
+        mesh: with the given mesh's vertices first, in their order, and one normal each.
+        vertices: (k,), the given mesh's vertex that each one is. like: (k,), one of the corners that each one has.
     """
-    normals = PerCorner(*creased_normals(mesh))
-    normals = normals._replace(of=normals.of.ravel())
-    corners = np.arange(normals.of.size).reshape(-1, 3)
-    vertices, faces, like = split_corners(mesh.faces.ravel(), corners, [normals, *more], len(mesh.vertices))
-    return vertices, faces, normals.values[normals.of[like]], like
+
+    mesh: Mesh
+    vertices: Int64s
+    like: Int64s
+
+
+def split_creases(mesh: Mesh, more: Sequence[PerCorner] = (), own: bool = True) -> SplitMesh:
+    """A mesh with a vertex for each of its `corner_normals`, and for `more` that corners have.
+
+    Args: own: whether the mesh's own normals are asked for.
+    """
+    normals = corner_normals(mesh, own)
+    of = normals.of.ravel()
+    corners = np.arange(of.size).reshape(-1, 3)
+    several = [PerCorner(normals.values, of), *more]
+    vertices, faces, like = split_corners(mesh.faces.ravel(), corners, several, len(mesh.vertices))
+    facts = {"source": mesh.source, "up": mesh.up, "opacity": mesh.opacity, "polygons": mesh.polygons}
+    return SplitMesh(Mesh(mesh.vertices[vertices], faces, normals.values[of[like]], **facts), vertices, like)
+
+
+def with_hard_edges(mesh: Mesh, own: bool = True) -> Mesh:
+    """The mesh of `split_creases`; itself where each vertex has one normal anyway."""
+    split = split_creases(mesh, own=own)
+    is_whole = len(split.vertices) == len(mesh.vertices) and mesh.corner_normals is None
+    return mesh if is_whole else split.mesh
