@@ -195,6 +195,7 @@ class Scene:
         """All objects as one mesh in world space, in order: what a bake of the whole scene takes."""
         vertices = []
         faces = []
+        normals = []
         opacities = []
         start = 0
         for item in self.objects:
@@ -202,11 +203,14 @@ class Scene:
             vertices.append(product(mesh.vertices, linear.T) + item.transform[:3, 3])
             mirrored = np.linalg.det(linear) < 0
             faces.append((mesh.faces[:, ::-1] if mirrored else mesh.faces) + start)
+            own = np.full(mesh.vertices.shape, np.nan) if mesh.normals is None else mesh.normals
+            normals.append(product(own, np.linalg.inv(linear)))
             opacity = item.shape.opacity
             opacities.append(opacity.reversed() if opacity and mirrored else opacity)
             start += len(mesh.vertices)
         opacity = Opacity.joined(opacities, [len(triangles) for triangles in faces])
-        return Mesh(np.concatenate(vertices), np.concatenate(faces), source="scene", opacity=opacity)
+        own_normals = None if all(item.shape.mesh.normals is None for item in self.objects) else np.concatenate(normals)
+        return Mesh(np.concatenate(vertices), np.concatenate(faces), own_normals, source="scene", opacity=opacity)
 
     def without_occlusion(self) -> Scene:
         """The same scene without occlusion textures; objects that shared a shape share one still."""

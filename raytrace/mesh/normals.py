@@ -158,6 +158,12 @@ def corner_normals(mesh: Mesh, own: bool = True) -> PerCorner:
     return PerCorner(np.concatenate([normals.values, ours.values]), np.where(is_useful, normals.of, count + ours.of))
 
 
+def useless_normals(mesh: Mesh) -> int:
+    """At how many corners the mesh's own normals are of no use; 0 without any."""
+    own = own_normals(mesh)
+    return 0 if own is None else int(np.count_nonzero(~own[1]))
+
+
 def own_vertex_normals(mesh: Mesh) -> Float64s | None:
     """A mesh's own unit normals (n, 3) by vertex, zero where it has several or one of no use; None without any."""
     own = own_normals(mesh)

@@ -83,13 +83,13 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
         def pictures() -> list[list[Picture]]:
             from ..show.report.pictures import pictures_of_vertices
 
-            return [pictures_of_vertices(inputs.source.mesh, baked.w, baked.error)]
+            return [pictures_of_vertices(inputs.source.baked_mesh(len(baked.w)), baked.w, baked.error)]
 
         write_bake_report(plan, report(baked, plan.described(), seconds, warnings), hashes, pictures)
     if options.debug_image:
         from ..show.report.pictures import write_marked
 
-        write_marked(options.debug_image, inputs.source.mesh, baked)
+        write_marked(options.debug_image, inputs.source.baked_mesh(len(baked.w)), baked)
     yield OutputSummary(bake_summary(baked, plan.output) + inputs.alpha, warnings)
 
 

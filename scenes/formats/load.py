@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from raytrace.errors import InputError, MeshError, ObscuranceError, OptionError, printable
-from raytrace.mesh.corners import split_creases
+from raytrace.mesh.corners import with_hard_edges
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.system.checks import check_memory, check_regular
 from raytrace.types import Float64s
@@ -84,7 +84,14 @@ class MeshFile(NamedTuple):
 
         A bake of it in place of `mesh` has w of each side of hard edges, for outputs that can hold it.
         """
-        return split_creases(self.mesh).mesh
+        return with_hard_edges(self.mesh)
+
+    def baked_mesh(self, count: int) -> Mesh:
+        """What a bake of `count` vertices is of, `mesh` or `split`. Raises: OptionError: neither."""
+        mesh = self.mesh if count == len(self.mesh.vertices) else self.split
+        if count != len(mesh.vertices):
+            raise OptionError("bake", f"w of the {len(self.mesh.vertices):,} vertices of {self.path}", f"{count:,}")
+        return mesh
 
     @property
     def held(self) -> SourceAttributes:
@@ -174,6 +181,9 @@ def load(
     notes = tuple(printable(f"{path}: {note}") for instance in instances for note in instance.notes)
     with np.errstate(invalid="ignore"):  # signalling NaNs, which are no w
         stored = [np.asarray(instance.w, np.float64) for instance in instances if instance.w is not None]
+    if useless := useless_normals(mesh):
+        of = f"{useless:,} of {mesh.faces.size:,} corners have no normal, or one that is zero, not finite or behind its face"
+        notes += (printable(f"{path}: {of}: in its place stands one of the faces around"),)
     w = np.concatenate(stored) if len(stored) == len(instances) else None
     if flip:
         if asset and aim.ending == ".glb":

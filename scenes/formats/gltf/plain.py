@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from raytrace.errors import OptionError
 from raytrace.image.srgb import decode_srgb
-from raytrace.mesh.corners import split_corners
+from raytrace.mesh.corners import split_corners, split_creases
 from raytrace.mesh.mesh import Mesh, PerCorner
 from raytrace.mesh.normals import nonzero
 from raytrace.types import Float64s, Int64s
@@ -54,7 +54,7 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
     groups_of_part = Counter(group.part for group in groups)
     origins = [part_origin(mesh.vertices[part.vertices]) for part in mesh_file.parts]
     uv = source.of_triangles(source.uv) if source.uv else None
-    split = mesh_file.split
+    split = split_creases(mesh).mesh
     split_by = [*([uv] if uv else []), PerCorner(split.vertices, split.faces.ravel())]
     of_vertices = _vertex_columns(source, colors)
     drawn: list[Drawn] = []
