@@ -1,11 +1,11 @@
 """Vertices that are repeated where their corners differ."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..types import Int64s
+from ..types import Float64s, Int64s
 from .mesh import Mesh, PerCorner
 from .normals import corner_normals
 from .weld import first_alike
@@ -48,11 +48,12 @@ class SplitMesh(NamedTuple):
     """A mesh that has a vertex for each normal of a vertex.
 
     Attributes:
-        mesh: with the given mesh's vertices first, in their order, and one normal each.
+        mesh: with the given mesh's vertices first, in their order. normals: (k, 3), its own, one each.
         vertices: (k,), the given mesh's vertex that each one is. like: (k,), one of the corners that each one has.
     """
 
     mesh: Mesh
+    normals: Float64s
     vertices: Int64s
     like: Int64s
 
@@ -62,17 +63,38 @@ def split_creases(mesh: Mesh, more: Sequence[PerCorner] = (), own: bool = True) 
 
     Args: own: whether the mesh's own normals are asked for.
     """
+    return _split(mesh, corner_normals(mesh, own), more)
+
+
+def with_hard_edges(mesh: Mesh, own: bool = True) -> Mesh:
+    """The mesh of `split_creases`; the mesh itself where each vertex has one normal anyway."""
     normals = corner_normals(mesh, own)
+    is_whole = mesh.corner_normals is None and not len(_of_several(mesh, normals))
+    return mesh if is_whole else _split(mesh, normals).mesh
+
+
+def on_hard_edges(mesh: Mesh) -> Int64s:
+    """The vertices (k,) whose corners differ in their `corner_normals`."""
+    return _of_several(mesh, corner_normals(mesh))
+
+
+def _of_several(mesh: Mesh, normals: PerCorner) -> Int64s:
+    """The vertices (k,) of which some corners have other `normals` than others."""
+    corners, of = mesh.faces.ravel(), normals.of.ravel()
+    of_vertex = np.zeros(len(mesh.vertices), np.int64)
+    of_vertex[corners] = of
+    doubtful = np.flatnonzero(of_vertex[corners] != of)
+    values = normals.values
+    differs = (values[of_vertex[corners[doubtful]]] != values[of[doubtful]]).any(axis=1)
+    return np.unique(corners[doubtful[differs]])
+
+
+def _split(mesh: Mesh, normals: PerCorner, more: Sequence[PerCorner] = ()) -> SplitMesh:
+    """A mesh with a vertex for each of its `normals` at corners, and for `more` that corners have."""
     of = normals.of.ravel()
     corners = np.arange(of.size).reshape(-1, 3)
     several = [PerCorner(normals.values, of), *more]
     vertices, faces, like = split_corners(mesh.faces.ravel(), corners, several, len(mesh.vertices))
-    facts = {"source": mesh.source, "up": mesh.up, "opacity": mesh.opacity, "polygons": mesh.polygons}
-    return SplitMesh(Mesh(mesh.vertices[vertices], faces, normals.values[of[like]], **facts), vertices, like)
-
-
-def with_hard_edges(mesh: Mesh, own: bool = True) -> Mesh:
-    """The mesh of `split_creases`; itself where each vertex has one normal anyway."""
-    split = split_creases(mesh, own=own)
-    is_whole = len(split.vertices) == len(mesh.vertices) and mesh.corner_normals is None
-    return mesh if is_whole else split.mesh
+    facts: dict[str, Any] = {"source": mesh.source, "up": mesh.up, "opacity": mesh.opacity, "polygons": mesh.polygons}
+    at_vertices = normals.values[of[like]]
+    return SplitMesh(Mesh(mesh.vertices[vertices], faces, at_vertices, **facts), at_vertices, vertices, like)

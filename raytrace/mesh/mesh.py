@@ -154,10 +154,15 @@ class Mesh:
         """The same surface with its inner side outwards: corners of faces in reverse order, normals negated."""
         normals = None if self.normals is None else -self.normals
         opacity = self.opacity and self.opacity.reversed()
-        more = {"source": self.source, "up": self.up, "opacity": opacity, "polygons": self.polygons}
-        if self.corner_normals:
-            more["corner_normals"] = PerCorner(-self.corner_normals.values, self.corner_normals.of[:, ::-1])
-        return Mesh(self.vertices, self.faces[:, ::-1], normals, **more)  # type: ignore[arg-type]
+        own = self.corner_normals
+        facts: dict[str, Any] = {
+            "source": self.source,
+            "up": self.up,
+            "opacity": opacity,
+            "polygons": self.polygons,
+            "corner_normals": own and PerCorner(-own.values, own.of[:, ::-1]),
+        }
+        return Mesh(self.vertices, self.faces[:, ::-1], normals, **facts)
 
     @cached_property
     def used(self) -> Float64s:

@@ -106,8 +106,8 @@ class Plan(NamedTuple):
     def has_sides(self) -> bool:
         """Whether w of each side of hard edges is baked, for an output that repeats vertices there."""
         options = self.options
-        of_vertices = self.kind == "vertices" and options.at == "vertices" and not (options.points or options.high)
-        return of_vertices and self.ending in (".glb", ".html") and not self.merged
+        has_several = options.at == "vertices" and not (options.points or options.high) and options.normals != "up"
+        return self.kind == "vertices" and has_several and self.ending in (".glb", ".html") and not self.merged
 
     @property
     def images(self) -> dict[str, Path]:

@@ -230,7 +230,7 @@ def _shape(
     with located(path, f"materials[{primitive.material}]"):
         colours = vertex_colours(asset, primitive, placed.w)
         material = materials.of(primitive, colours is not None)
-        split, of, _ = split_creases(mesh)
+        split, _, of, _ = split_creases(mesh)
         is_whole = len(of) == len(mesh.vertices)
         uv, colours = (values if values is None else values[of] for values in (uv, colours))
         shown = occlusion and Occlusion(occlusion[0][of], *occlusion[1:])

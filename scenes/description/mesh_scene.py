@@ -59,7 +59,7 @@ def _shapes(source: MeshFile) -> Iterator[tuple[Shape, Origin | None]]:
     several = [held.of_triangles(held.uv)] if held.uv and has_textures else []
 
     # Vertices with one normal and one place in the texture each.
-    mesh, of, corner_like = split_creases(mesh, several)
+    mesh, _, of, corner_like = split_creases(mesh, several)
     origin = Origin(of, total)
     if colours is not None:
         colours = colours[of]

@@ -17,6 +17,7 @@ import numpy as np
 from raytrace.errors import InputError, MeshError, ObscuranceError, OptionError, printable
 from raytrace.mesh.corners import with_hard_edges
 from raytrace.mesh.mesh import Mesh, mesh_of
+from raytrace.mesh.normals import useless_normals
 from raytrace.system.checks import check_memory, check_regular
 from raytrace.types import Float64s
 
@@ -182,8 +183,8 @@ def load(
     with np.errstate(invalid="ignore"):  # signalling NaNs, which are no w
         stored = [np.asarray(instance.w, np.float64) for instance in instances if instance.w is not None]
     if useless := useless_normals(mesh):
-        of = f"{useless:,} of {mesh.faces.size:,} corners have no normal, or one that is zero, not finite or behind its face"
-        notes += (printable(f"{path}: {of}: in its place stands one of the faces around"),)
+        of = f"{useless:,} of {mesh.faces.size:,} normals at corners are missing, zero, not finite or behind their face"
+        notes += (printable(f"{path}: {of}; those of the faces take their place"),)
     w = np.concatenate(stored) if len(stored) == len(instances) else None
     if flip:
         if asset and aim.ending == ".glb":

@@ -79,7 +79,7 @@ class ObjectSelection(NamedTuple):
                 vertices, corners = np.unique(mesh.faces[face_rows], return_inverse=True)
                 normals = None if mesh.normals is None else mesh.normals[vertices]
                 of_corners = mesh.corner_normals
-                facts = {
+                facts: dict[str, Any] = {
                     "opacity": mesh.opacity and mesh.opacity.only(face_rows),
                     "polygons": None if mesh.polygons is None else mesh.polygons[face_rows],
                     "corner_normals": of_corners and of_corners._replace(of=of_corners.of[face_rows]),

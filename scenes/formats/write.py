@@ -75,8 +75,7 @@ def write(
     Args:
         path: the target, replaced if it exists.
         bake: per vertex of `mesh_file.mesh`, for a .glb or .html also of `mesh_file.split`; or a texture of its faces.
-            For a .glb also a list of textures of
-            different faces; a bake per vertex among them is for faces on none.
+            For a .glb also a list of textures of different faces; a bake per vertex among them is for faces on none.
         mesh_file: what was baked, with what else it holds: of `load` for this target, or the file's path; or a mesh in
             any form that `ao.bake` takes; None: the mesh of the bake alone.
         colors: "rgb": give a .glb the vertex colours `COLOR_0` = w, and a .ply the grey, in place of the

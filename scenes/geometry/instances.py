@@ -84,8 +84,8 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Sub
     up = instances[0].up
     if len(instances) == 1 and instances[0].matrix is None:
         only = instances[0]
-        facts = {"opacity": only.opacity, "polygons": only.polygons, "corner_normals": only.corner_normals}
-        return Mesh(only.vertices, only.faces, only.normals, source=source, up=up, **facts), parts
+        facts: dict[str, Any] = {"polygons": only.polygons, "corner_normals": only.corner_normals}
+        return Mesh(only.vertices, only.faces, only.normals, source=source, opacity=only.opacity, up=up, **facts), parts
     # Each instance in its place.
     vertices = np.empty((parts[-1].vertices.stop, 3))
     faces = np.empty((parts[-1].faces.stop, 3), np.int64)

@@ -50,7 +50,7 @@ def clay_scene(mesh: Mesh, w: AnyFloats, camera: Camera, scheme: Scheme = "dark"
     to_right, upwards, to_viewer = TOWARDS_KEY
     travels = forward * to_viewer - right * to_right - above * upwards
     key = DirectionalLight(direction=travels.tolist(), intensity=(pi * KEY,) * 3)  # Lambert's reflects 1/π of it
-    drawn, vertices, _ = split_creases(mesh)
+    drawn, _, vertices, _ = split_creases(mesh)
     clay = Object(Shape(drawn, Lambert(albedo=CLAY, two_sided="viewer")), w=np.asarray(w, np.float64)[vertices])
     return Scene((clay,), (key, AmbientLight(intensity=(AMBIENT,) * 3)), BACKGROUND[scheme])
 

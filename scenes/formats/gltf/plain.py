@@ -54,8 +54,9 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
     groups_of_part = Counter(group.part for group in groups)
     origins = [part_origin(mesh.vertices[part.vertices]) for part in mesh_file.parts]
     uv = source.of_triangles(source.uv) if source.uv else None
-    split = split_creases(mesh).mesh
-    split_by = [*([uv] if uv else []), PerCorner(split.vertices, split.faces.ravel())]
+    split = split_creases(mesh)
+    rows_of = split.mesh.faces.ravel()
+    split_by = [*([uv] if uv else []), PerCorner(split.normals, rows_of)]
     of_vertices = _vertex_columns(source, colors)
     drawn: list[Drawn] = []
     before = None
@@ -68,8 +69,8 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
         part = mesh_file.parts[group.part]
         vertices, faces, like = _group_vertices(mesh, part, group.faces, split_by, groups_of_part[group.part] == 1)
         attributes = {"POSITION": _add_positions(builder, mesh.vertices[vertices], origin)}
-        rows = split.faces.ravel()[like]
-        columns = _corner_columns(np.asarray(split.normals)[rows], uv.values[uv.of[like]] if uv else None)
+        rows = rows_of[like]
+        columns = _corner_columns(split.normals[rows], uv.values[uv.of[like]] if uv else None)
         columns |= {name: values[vertices] for name, values in of_vertices.items()}
         attributes |= {name: builder.accessor(values.astype("<f4")) for name, values in columns.items()}
         indices = builder.accessor(faces.astype("<u4").ravel(), ELEMENT_ARRAY_BUFFER)

@@ -93,13 +93,13 @@ def encoded(mesh: Mesh, bakes: Sequence[Values], base: BaseColour | None = None)
     order = _sorted(mesh.faces, base.of if base else None)
     faces = mesh.faces.ravel()[order]
     # Vertices at creases, stored again.
-    split, _, like = split_creases(mesh, base.several() if base else ())
+    split, normals, _, like = split_creases(mesh, base.several() if base else ())
     drawn = split.faces.ravel()[order.ravel()]
     again = np.flatnonzero(drawn >= len(mesh.vertices))  # corners whose normal is not the first of their vertex
     columns: dict[str, npt.NDArray[Any]] = {
         "faces": _differences(faces).astype("<u4"),
         "positions": np.clip(steps, 0, MOST).astype("<u2"),
-        "normals": _octahedral(split.normals, MOST).astype("<u2"),
+        "normals": _octahedral(normals, MOST).astype("<u2"),
         "again": np.diff(again, prepend=0).astype("<u4"),
         "further": (drawn[again] - len(mesh.vertices)).astype("<u4"),
     }

@@ -4,8 +4,15 @@ import numpy as np
 import pytest
 from uv_meshes import icosphere
 
-from raytrace import Mesh
-from raytrace.mesh.normals import corner_normals, face_normals, vertex_normals
+from raytrace import Mesh, MeshError
+from raytrace.mesh.corners import on_hard_edges, split_creases
+from raytrace.mesh.normals import (
+    corner_normals,
+    face_normals,
+    own_vertex_normals,
+    useless_normals,
+    vertex_normals,
+)
 
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
 SIDES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
@@ -66,11 +73,51 @@ def test_faces_without_area_split_nothing_and_have_normals():
     assert kinds(Mesh(vertices, faces[:-1]), of[:-1]) == len(vertices) - 1
 
 
-def test_normals_of_a_mesh_stay_and_missing_ones_are_those_of_faces():
+def test_normals_of_a_mesh_stay_and_those_of_no_use_are_ours():
+    """Zero ones, and those behind a face; one that lies in its face stays."""
     given = np.tile([0, 0, 2.0], (8, 1))
     given[3] = 0
     mesh = Mesh(CUBE, TRIANGLES, given)
     normals, of = corner_normals(mesh)
     across, _ = face_normals(mesh.vertices, mesh.faces)
-    expected = np.where((mesh.faces == 3)[..., None], across[:, None], [0, 0, 1])
-    np.testing.assert_array_equal(normals[of], expected)
+    is_useless = (mesh.faces == 3) | (across[:, 2] < 0)[:, None]
+    expected = np.where(is_useless[..., None], across[:, None], [0, 0, 1])
+    np.testing.assert_allclose(normals[of], expected, atol=1e-15)
+    assert useless_normals(mesh) == is_useless.sum()
+    np.testing.assert_allclose(
+        corner_normals(mesh, own=False)[0][corner_normals(mesh, own=False)[1]], across[:, None].repeat(3, 1)
+    )
+    own = own_vertex_normals(mesh)
+    touches_below = np.isin(np.arange(8), mesh.faces[across[:, 2] < 0]) | (np.arange(8) == 3)
+    np.testing.assert_array_equal(own, np.where(touches_below[:, None], 0, [0, 0, 1]))
+
+
+def test_normals_at_corners_split_their_vertices_and_no_others():
+    rng = np.random.default_rng(3)
+    across, _ = face_normals(CUBE, TRIANGLES)
+    values = np.concatenate([across + rng.normal(size=across.shape) / 8, [[0, 0, 0]]])
+    of = np.repeat(np.arange(12), 3).reshape(12, 3)
+    of[4] = 12
+    mesh = Mesh(CUBE, TRIANGLES, corner_normals=(values, of))
+    split, at_vertices, vertices, like = split_creases(mesh)
+    unit = values[:12] / np.linalg.norm(values[:12], axis=1, keepdims=True)
+    unit[4] = across[4]
+    np.testing.assert_allclose(at_vertices[split.faces], unit[:, None].repeat(3, 1), atol=1e-12)
+    np.testing.assert_array_equal(vertices[split.faces], TRIANGLES)
+    np.testing.assert_array_equal(TRIANGLES.ravel()[like], vertices)
+    assert len(vertices) == 36
+    assert len(on_hard_edges(mesh)) == 8
+    assert not len(on_hard_edges(split))
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"corner_normals": ([[0, 0, 1]], np.full((12, 3), 1))}, "indices from 0 to 0"),
+        ({"corner_normals": ([[0, 0, 1]], np.zeros((11, 3), int))}, r"shape \(11, 3\)"),
+        ({"corner_normals": ([[0, 0, 1]], np.zeros((12, 3), int)), "normals": CUBE}, "no normals of vertices besides"),
+    ],
+)
+def test_normals_at_corners_are_checked(given, words):
+    with pytest.raises(MeshError, match=f"corner_normals: expected .*{words}"):
+        Mesh(CUBE, TRIANGLES, **given)
