@@ -66,11 +66,17 @@ def split_creases(mesh: Mesh, more: Sequence[PerCorner] = (), own: bool = True) 
     return _split(mesh, corner_normals(mesh, own), more)
 
 
-def with_hard_edges(mesh: Mesh, own: bool = True) -> Mesh:
-    """The mesh of `split_creases`; the mesh itself where each vertex has one normal anyway."""
+def split_hard_edges(mesh: Mesh, own: bool = True) -> SplitMesh | None:
+    """As `split_creases`; None where each vertex has one normal anyway."""
     normals = corner_normals(mesh, own)
     is_whole = mesh.corner_normals is None and not len(_of_several(mesh, normals))
-    return mesh if is_whole else _split(mesh, normals).mesh
+    return None if is_whole else _split(mesh, normals)
+
+
+def with_hard_edges(mesh: Mesh, own: bool = True) -> Mesh:
+    """The mesh of `split_hard_edges`, or the mesh itself."""
+    split = split_hard_edges(mesh, own)
+    return split.mesh if split else mesh
 
 
 def on_hard_edges(mesh: Mesh) -> Int64s:

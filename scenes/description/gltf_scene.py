@@ -53,7 +53,6 @@ from raytrace.errors import InputError, printable
 from raytrace.image.texture import texture_mean
 from raytrace.lights.sources import BaseLight
 from raytrace.materials.presets import eta_from_reflectance
-from raytrace.mesh.corners import split_creases
 from raytrace.mesh.normals import normalize
 from raytrace.text.field_errors import located
 from raytrace.types import Float64s
@@ -230,14 +229,11 @@ def _shape(
     with located(path, f"materials[{primitive.material}]"):
         colours = vertex_colours(asset, primitive, placed.w)
         material = materials.of(primitive, colours is not None)
-        split, _, of, _ = split_creases(mesh)
-        is_whole = len(of) == len(mesh.vertices)
-        uv, colours = (values if values is None else values[of] for values in (uv, colours))
-        shown = occlusion and Occlusion(occlusion[0][of], *occlusion[1:])
-        shape = Shape(
-            mesh if is_whole and mesh.normals is None else split, material, uv, texture, shown, colours=colours
-        )
-        return shape, None if is_whole else Origin(of, len(mesh.vertices))
+        shape = Shape(mesh, material, uv, texture, occlusion and Occlusion(*occlusion), colours=colours)
+        if shape.split is None:
+            return shape, None
+        split, of = shape.split
+        return split, Origin(of, len(mesh.vertices))
 
 
 def _placed(

@@ -24,7 +24,7 @@ def exact(side, u, v):
 @pytest.mark.parametrize("form", ["shared", "apart", "corners", "zero", "behind", "nan"])
 @pytest.mark.parametrize("normals", ["file", "angle"])
 def test_an_open_box_is_right_however_it_is_stored(form, normals):
-    """Its vertices shared or not, with normals at corners, or with some of no use: w is the part of the opening seen."""
+    """Vertices shared or not, with normals at corners, or with some of no use: w is the part of the opening seen."""
     mesh = box(form)
     texture = ao.bake_texture(mesh, charts(CELLS), 4 * CELLS, ao.Binary(), samples=1024, seed=7, normals=normals)
     assert 0 < texture.rmse < 0.01
