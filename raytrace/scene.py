@@ -125,8 +125,10 @@ class Shape:
 
     @cached_property
     def split(self) -> tuple[Shape, Int64s] | None:
-        """The shape with a vertex for each side of hard edges (`split_hard_edges`), and which (k,) of its own each one is;
-        None without hard edges."""
+        """The shape with a vertex for each side of hard edges (`split_hard_edges`), and which of its own each is, (k,).
+
+        None without hard edges.
+        """
         split = split_hard_edges(self.mesh)
         if split is None:
             return None
