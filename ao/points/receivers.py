@@ -13,13 +13,12 @@ import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
 from raytrace.embree.scene import TriangleScene
-from raytrace.errors import MeshError
 from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.counting_sort import counting_sort
 from raytrace.kernel.jit import bind, kernel
 from raytrace.mesh.mesh import Mesh, corner_mask
 from raytrace.mesh.morton import morton_order
-from raytrace.mesh.normals import face_normals, nonzero, normalize
+from raytrace.mesh.normals import face_normals, nonzero, normalize, own_vertex_normals, smooth_normals
 from raytrace.mesh.opacity import PackedOpacity
 from raytrace.mesh.placement import Placement
 from raytrace.mesh.up import UP, up_axis
@@ -43,7 +42,7 @@ class Flag(IntFlag):
     """Why a vertex is not ordinary; unreferenced and degenerate vertices get w = 1."""
 
     UNREFERENCED = 1  #: no face uses it
-    DEGENERATE = 2  #: every face that uses it has zero area, or its own normal was asked for and is missing
+    DEGENERATE = 2  #: every face that uses it has zero area
     OPPOSED = 4  #: no direction sees the front of all its faces; w is the mean over corner samples
     HIDDEN = 8  #: it is inside a solid, as most of what it sees is backs of faces
     FOLDED = 16  #: its normal lies behind one of its faces; w is the mean over corner samples
@@ -140,16 +139,23 @@ class OffsetPoints(NamedTuple):
 def offset_points(placed: Float32s, faces: Int64s, weighting: Weighting, own_axes: Float64s | None) -> OffsetPoints:
     """Weld vertices `placed` (n, 3) in render space; the points' axes, and origins offset from the surface.
 
-    Args: weighting: of the faces' normals. own_axes: (n, 3), axes of any length in the place of these.
+    Args: weighting: of the faces' normals. own_axes: (n, 3), axes of any length, zero where faces' normals give them.
     """
     vertices = placed.astype(np.float64)
     if own_axes is not None:
         axes = normalize(own_axes)
+        is_own = nonzero(axes)
+        if not is_own.all():
+            axes = np.where(is_own[:, None], axes, smooth_normals(placed, faces, weighting))
         welded = weld_points(vertices, faces, weighting, axes, SAME)
-        axes = axes[welded.first_vertex]
-        folded = (welded.clearance <= 0) & (welded.clearance > -1)  # of a sheet's sides, an axis has chosen one
+        is_own = is_own[welded.first_vertex]
+        axes = np.where(is_own[:, None], axes[welded.first_vertex], welded.axes)
+        behind_some = welded.clearance <= 0
+        of_one_side = welded.clearance > -1  # of a sheet's sides, an axis has chosen one
+        folded = np.where(is_own, behind_some & of_one_side, behind_some | welded.moved)
     else:
         welded = weld_points(vertices, faces, weighting)
+        is_own = np.False_
         axes = welded.axes
         folded = (welded.clearance <= 0) | welded.moved
     # Where rays start: beside the faces, and on which side of those that the point touches.
@@ -162,28 +168,24 @@ def offset_points(placed: Float32s, faces: Int64s, weighting: Weighting, own_axe
 
     # What is special about points, and about vertices of no face.
     usable = nonzero(welded.directions) & nonzero(axes)
-    computed = own_axes is None  # a hemisphere that is asked for is baked, folded or not
-    split = np.where(welded.clearance <= 0, np.uint8(Flag.OPPOSED), np.uint8(Flag.FOLDED) * (folded & computed))
+    split = np.where(welded.clearance <= 0, np.uint8(Flag.OPPOSED), np.uint8(Flag.FOLDED) * (folded & ~is_own))
     special = np.where(usable, split | np.uint8(Flag.CONTACT) * ambiguous, np.uint8(Flag.DEGENERATE))
     flags = special[welded.group]
     flags[~corner_mask(faces, len(vertices))] = Flag.UNREFERENCED
     return OffsetPoints(welded, surface, axes, origins, usable, usable & folded, flags, tree, tree_seconds)
 
 
-def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle") -> Receivers:
+def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "file") -> Receivers:
     """The points of the vertices of `mesh`.
 
     Raises:
         InputError: an image of its alpha cannot be read.
-        MeshError: `normals` is "file" for a mesh that has none.
         MemoryLimitError: the corners of folded vertices would not fit into memory.
     """
     own_axes = None
     weighting: Weighting = "angle"
     if normals == "file":
-        own_axes = mesh.normals
-        if own_axes is None:
-            raise MeshError(mesh.source, "normals", "vertex normals in the mesh", "none")
+        own_axes = own_vertex_normals(mesh)
     elif normals == "up":
         own_axes = np.tile(np.asarray(UP[up_axis(mesh)], np.float64), (len(mesh.vertices), 1))
     else:

@@ -19,7 +19,6 @@ from .builder import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, GlbBuilder
 from .occlusion import OcclusionTextures, add_coordinates, free_set
 from .orm import OrmTextures
 from .parse import parse
-from .plain import Drawn
 from .records import Primitive
 from .write import document, write_ramp
 
@@ -52,10 +51,10 @@ def textured_glb(
     asset = Gltf(mesh_file.path, builder.header, [bytes(builder.binary)])
     textures = OrmTextures(builder, replace, asset=mesh_file.gltf) if orm else OcclusionTextures(builder, replace)
     numbers = [textures.add_page(page.w) for page in pages]
-    on_no_page: list[Drawn] = []
+    on_no_page: list[tuple[dict[str, Any], Int64s]] = []
     kept = 0
     # Each primitive: kept, on no page, or divided by its pages.
-    for (primitive, vertices), group in zip(drawn, primitive_groups(mesh_file), strict=True):
+    for (primitive, vertices, _), group in zip(drawn, primitive_groups(mesh_file), strict=True):
         on_pages = np.array([on_page(page.uv[group.faces]) for page in pages])
         if not textures.materials(primitive):
             kept += 1
