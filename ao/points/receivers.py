@@ -168,6 +168,7 @@ def offset_points(placed: Float32s, faces: Int64s, weighting: Weighting, own_axe
 
     # What is special about points, and about vertices of no face.
     usable = nonzero(welded.directions) & nonzero(axes)
+    # A hemisphere that is asked for is baked, folded or not.
     split = np.where(welded.clearance <= 0, np.uint8(Flag.OPPOSED), np.uint8(Flag.FOLDED) * (folded & ~is_own))
     special = np.where(usable, split | np.uint8(Flag.CONTACT) * ambiguous, np.uint8(Flag.DEGENERATE))
     flags = special[welded.group]

@@ -5,15 +5,10 @@ The reference traces rays of its own, in double precision, from just in front of
 
 import numpy as np
 import pytest
-from meshes import crumpled
 from scipy.spatial.transform import Rotation
 
 import ao
-from ao.analytic import closed_forms
-from ao.points.receivers import find_receivers
 from raytrace import Mesh
-from raytrace.mesh.placement import Placement
-from scenes.geometry.polyhedra import icosphere
 
 CELLS = 4
 PIXELS = 10  # texels along a patch
@@ -63,7 +58,7 @@ SHAPES = {
 
 
 class Scene:
-    """Patches of a shape, placed anywhere, with `up` as the axis of all, or axes of the file's that are turned along."""
+    """Patches of a shape, placed anywhere, with `up` as the axis of all, or the file's axes, turned along."""
 
     def __init__(self, shape, seed, normals):
         random = np.random.default_rng(seed)
