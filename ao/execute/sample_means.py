@@ -76,7 +76,7 @@ class SampleMeans(NamedTuple):
             normals = self.samples.geometric_normals.take(source[block], axis=0)
             for falloff in range(by_falloff.shape[1]):
                 column = np.ascontiguousarray(by_falloff[block, falloff])
-                leave_out_below(arrays, normals, table, column)
+                leave_out_below(arrays, normals, table, tracer.scene.cone, column)
                 means = np.empty((stop - start, COLUMNS))
                 _average(column, samples, means)
                 out[to[1][start:stop], falloff] = means

@@ -7,13 +7,10 @@ import signal
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 from mesh_files import obj, ply, stl
 from meshes import hills, two_boxes
 from project import ROOT
-
-from raytrace.mesh.normals import normalize
 
 COMMAND = """
 import json, sys, cli
@@ -36,27 +33,12 @@ def run(*arguments, **environment):
     return json.loads(result.stdout.splitlines()[-1])
 
 
-def hair(count=3000, cells=55):
-    """Slivers side by side, nearly parallel, a chart each: boxes around them are oriented."""
-    random = np.random.default_rng(5)
-    roots = random.uniform(-0.05, 0.05, (count, 3))
-    along = np.array([0.3, 1.0, 0.2]) + random.normal(0, 0.002, (count, 3))
-    aside = 5e-4 * normalize(np.cross(along, random.normal(size=(count, 3))))
-    corners = np.stack([roots, roots + aside, roots + along], axis=1).reshape(-1, 3)
-    cell = np.stack(np.divmod(np.arange(count), cells), axis=1)[:, None]
-    uv = ((cell + np.array([[0.1, 0.1], [0.9, 0.1], [0.1, 0.9]])) / cells).reshape(-1, 2)
-    lines = [f"v {x} {y} {z}" for x, y, z in corners.tolist()] + [f"vt {u} {v}" for u, v in uv.tolist()]
-    lines += ["f " + " ".join(f"{i}/{i}" for i in range(3 * f + 1, 3 * f + 4)) for f in range(count)]
-    return "\n".join(lines)
-
-
 @pytest.fixture
 def meshes(tmp_path):
     (tmp_path / "hills.obj").write_bytes(obj(*hills(12)))
     (tmp_path / "hills.ply").write_bytes(ply(*hills(12)))
     flat = obj(*hills(12)).replace(b"\nf", b"\nvt 0 0\nvt 1 0\nvt 0 1\nf", 1)
     (tmp_path / "textured.obj").write_bytes(re.sub(rb"f (\d+) (\d+) (\d+)", rb"f \1/1 \2/2 \3/3", flat))
-    (tmp_path / "hair.obj").write_text(hair())
     vertices, faces = two_boxes()
     (tmp_path / "boxes.stl").write_bytes(stl(vertices[faces]))
     return tmp_path
@@ -69,7 +51,6 @@ COMMANDS = {
     "bake to a tolerance": ("bake hills.obj -o w.npy --tolerance 0.01", []),
     "bake to a page": ("bake hills.obj -o w.html --samples 64 --report r.json", ["pydantic"]),
     "bake a texture": ("bake textured.obj -o w.png --size 16 --samples 16", ["scipy", "OpenImageIO"]),
-    "bake a texture of hair": ("bake hair.obj -o w.png --size 96 --samples 16", ["scipy", "OpenImageIO"]),
     "fit": ("bake hills.obj -o w.ply --method surface --samples 64", ["scipy"]),
     "render": (
         "render hills.obj -o w.png --width 32 --height 32 --samples 4",
