@@ -242,7 +242,9 @@ def test_a_forked_process_has_threads_of_its_own():
 
 
 def test_an_interrupt_while_threads_are_asked_for_help_is_that_interrupt(monkeypatch):
-    def interrupted(*_):
+    def interrupted(call, _):
+        call.helping = 1  # a thread that has come already
+        threading.Timer(0.1, call.help).start()
         raise KeyboardInterrupt
 
     monkeypatch.setattr(threads_module._team, "ask", interrupted)
