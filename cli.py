@@ -286,13 +286,14 @@ def demo(output: Path, quiet: bool) -> None:
 
 def main() -> None:
     """Run the command. Exit status: 0 done, 2 the user's input, 1 anything else, 130 interrupted, 143 by SIGTERM."""
+    status: Any
     try:
         status = _run()
     except KeyboardInterrupt:
-        status = 130
-    if status == 130:
         print("interrupted; no file is half-written", file=sys.stderr)
         status = interrupts.exit_status()
+    except SystemExit as end:  # a batch, which has said what is baked
+        status = interrupts.exit_status() if end.code == 130 else end.code
     if "OpenImageIO" not in sys.modules:  # which complains of what is left
         gc.freeze()  # or the interpreter, as it ends, looks for garbage in what was imported
     sys.exit(status)

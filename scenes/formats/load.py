@@ -21,7 +21,7 @@ from raytrace.mesh.normals import useless_normals
 from raytrace.system.checks import check_memory, check_regular
 from raytrace.types import Float64s
 
-from ..geometry.attributes import SourceAttributes, reversed_attributes, triangle_attributes
+from ..geometry.attributes import FLOAT, SourceAttributes, reversed_attributes, triangle_attributes
 from ..geometry.instances import Instance, Submesh, flatten, joined_attributes
 from .table import MeshInput, endings, format_of, formats, sniffed_format
 
@@ -172,6 +172,8 @@ def load(
     with parser_errors(path):
         mesh, parts = flatten(instances, str(path))
         attributes = joined_attributes(instances)
+        if attributes and attributes.uv and (np.abs(attributes.uv.values) > FLOAT).any():
+            raise MeshError(path, "texture coordinates", f"numbers to {FLOAT:g}, for float32", "larger ones")
         unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
         if asset and "source" in aim.holds:
             _ = asset.materials  # to find what is malformed
