@@ -129,7 +129,7 @@ class Seams:
         return float(np.abs(left - right).max(initial=0.0))
 
     def close(self, page: Float64s, shown: Lookups, share: Float64s, threads: int) -> Float64s:
-        """The flat `page`, in [0, 1], changed beside seams so that both sides agree.
+        """The flat `page`, in [0, 1], changed beside seams so that both sides agree, or as it is if the largest jump grew.
 
         Args: shown: lookups (p,) at points that texels near seams show. share: (p,), what each counts.
         """
@@ -148,7 +148,7 @@ class Seams:
         values = page[texels]
         closed = page.copy()
         closed[texels] = solve_within(matrix, stay @ values, values, _NEAR, threads, mean=True)
-        return closed
+        return closed if self.jump(closed) <= self.jump(page) else page
 
     def _firmness(self, page: Float64s) -> Float64s:
         """How much the squared jump at each sample (s,) counts, by how much the texels of its lookups vary."""
