@@ -27,6 +27,7 @@ _SAME = 1e-4  # texels that places may be apart and be one
 _ROUGH = 0.006  # standard deviation of the texels of a lookup, at which a jump counts as a change of a lookup elsewhere
 _FIRMEST = 1000.0  # times that, a jump counts at most
 _FREE = 0.01  # how much the movement of a texel itself counts
+_INSIDE, _LEAST = 0.1, 1e-3  # of the texels away from seams: where fewer are, jumps count less, down to a hundredth
 _NEAR = 1e-5  # of texels to the minimum, in the mean
 
 
@@ -57,7 +58,7 @@ class Shown(NamedTuple):
 
     texels: Int64s  # (k,)
     points: PointGroups  # of each texel, on faces of `UVLayout.uv`
-    share: Float64s  # (p,), of the surface that each point stands for, in that of a mean texel
+    share: Float64s  # (p,), what each counts: the surface that it stands for, in that of a mean texel
 
     @classmethod
     def near(cls, seams: Seams, coverage: Coverage, areas: Float64s, threads: int) -> Self:
@@ -77,7 +78,9 @@ class Shown(NamedTuple):
         mean = areas[on_page > 0].sum() / on_page.sum()
         counts = np.diff(points.starts)
         stretch = areas[points.face] / (mean * on_page[points.face])
-        return cls(coverage.texels[rows], points, np.maximum(stretch, 1.0) / np.repeat(counts, counts))
+        inside = 1 - len(rows) / len(coverage.texels)  # of charts: next to none where they are hardly wider than texels
+        weight = np.maximum(stretch, 1.0) * max(1.0, _INSIDE / max(inside, _LEAST))
+        return cls(coverage.texels[rows], points, weight / np.repeat(counts, counts))
 
     def lookups(self, layout: UVLayout, covered: Bools) -> tuple[Lookups, Float64s]:
         """Lookups (p,) at the points of those texels that are `covered` (h · w,), and the share (p,) of each in its
@@ -129,7 +132,7 @@ class Seams:
         return float(np.abs(left - right).max(initial=0.0))
 
     def close(self, page: Float64s, shown: Lookups, share: Float64s, threads: int) -> Float64s:
-        """The flat `page`, in [0, 1], changed beside seams so that both sides agree, or as it is if the largest jump grew.
+        """The flat `page` in [0, 1], changed beside seams to make both sides agree; as it is if the largest jump grew.
 
         Args: shown: lookups (p,) at points that texels near seams show. share: (p,), what each counts.
         """

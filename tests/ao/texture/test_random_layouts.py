@@ -28,7 +28,7 @@ def checked(vertices, faces, uv, size, w, note):
     assert one.facts.seam_jump <= one.facts.seam_jump_before + 1e-6, note
     if w is not None:
         curved = np.ptp(vertices[:, 2]) > 0  # about smooth normals 16 rays see only roughly what lies below faces
-        np.testing.assert_allclose(one.w[one.covered].mean(), w, atol=0.15 if curved else 1e-6, err_msg=note)
+        np.testing.assert_allclose(one.w[one.covered].mean(), w, atol=0.25 if curved else 1e-6, err_msg=note)
         assert curved or one.w.min() > 1 - 1e-6, note
     return one
 
