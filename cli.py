@@ -19,7 +19,7 @@ import click
 
 from ao.declared import Option
 from raytrace.errors import InputError, ObscuranceError, OptionError, OutputError
-from scenes.bake.console import columns, note, output_failed, readable_output, reopen_streams
+from scenes.bake.console import columns, note, output_failed, readable_output, reopen_streams, unforeseen
 from scenes.bake.options import BAKE, MERGE, RENDER, BakeOptions, Metric, RenderOptions, Up, named, of_bake, plain
 from scenes.commands.parameters import TableCommand
 
@@ -316,6 +316,11 @@ def _run() -> int:
             status = 2
         except OSError as failure:
             status = output_failed(failure)
+        except Exception as fault:
+            if sys.flags.dev_mode:  # python -X dev
+                raise
+            note(unforeseen(fault))
+            status = 1
     return status
 
 

@@ -7,6 +7,7 @@ import io
 import os
 import sys
 import threading
+import traceback
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -76,6 +77,14 @@ def output_failed(failure: OSError) -> int:
     if not isinstance(failure, BrokenPipeError):
         note(f"{failure.filename or 'standard output'}: {failure.strerror or failure}")
     return 1
+
+
+def unforeseen(fault: Exception) -> str:
+    """A fault of the program in one line: what it is, and where it came up."""
+    file, line, _, _ = traceback.extract_tb(fault.__traceback__)[-1]
+    what = f"{type(fault).__name__}: {fault}" if str(fault) else type(fault).__name__
+    place = "/".join(Path(file).parts[-3:])
+    return f"{what} ({place}, line {line}): a fault of the program, to be reported; no file is half-written"
 
 
 _silent = threading.local()  # its `on`: whether warnings on this thread are printed by the caller
