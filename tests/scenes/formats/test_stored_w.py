@@ -12,23 +12,25 @@ from gltf_samples import occluded
 from mesh_files import ply
 from PIL import Image
 
+import ao
+import scenes
 from raytrace.image.read import read_image
 from scenes.formats.load import load
 
 SIZE = ("--width", 48, "--height", 32, "--samples", 4)
-CORNER = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [1, 0, 1], [0, 0, 1]], float)[:, [1, 2, 0]]
+CORNER = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [1, 0, 1], [0, 0, 1]], float)
 FACES = np.array([[0, 1, 2], [0, 2, 3], [0, 5, 4], [0, 4, 1]])
 PLAIN = '[[objects]]\nmesh = "{mesh}"\n[obscurance]\nbaked = "{baked}"\n'
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A corner of two squares, and w of it baked to every format, about one axis for both sides of the edge."""
+    """A corner of two squares, and w of it in every format, one value a vertex for both sides of the edge."""
     monkeypatch.chdir(tmp_path)
     trimesh.Trimesh(CORNER, FACES, process=False).export(tmp_path / "corner.ply")
-    for target in ("w.npy", "w.npz", "w.ply", "w.glb"):
-        options = "--samples", 64, "--seed", 3, "--normals", "up"
-        assert obscurance("bake", "corner.ply", "-o", target, *options).returncode == 0
+    for target in ("w.npy", "w.npz", "w.ply"):
+        assert obscurance("bake", "corner.ply", "-o", target, "--samples", 64, "--seed", 3).returncode == 0
+    scenes.write("w.glb", ao.bake(load("corner.ply").mesh, samples=64, seed=3), "corner.ply")
     return tmp_path
 
 
