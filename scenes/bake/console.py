@@ -114,6 +114,7 @@ def quietly(quiet: bool) -> Iterator[None]:
 
 
 COARSE = "between the vertices w, the openness, errs by"  # how a warning about a result begins, in its second part
+HARD = "vertices lie on hard edges"
 
 
 def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff | None = None) -> list[str]:
@@ -129,7 +130,7 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff
         warnings += outlier_warnings(list(distinct)[-1])
     warnings += list(dict.fromkeys(others))
     printed = [] if getattr(_silent, "on", False) else warnings
-    for warning in (line for line in printed if not (_quiet and COARSE in line)):
+    for warning in (line for line in printed if not (_quiet and (COARSE in line or HARD in line))):
         kind = "note" if any(words in warning for words in (": not kept from ", ": in the pose ")) else "warning"
         print(f"{kind}: {printable(warning, LINE)}", file=sys.stderr)
     return warnings

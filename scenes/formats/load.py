@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from raytrace.errors import InputError, MeshError, ObscuranceError, OptionError, printable
-from raytrace.mesh.corners import with_hard_edges
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.normals import useless_normals
 from raytrace.system.checks import check_memory, check_regular
@@ -85,6 +84,8 @@ class MeshFile(NamedTuple):
 
         A bake of it in place of `mesh` has w of each side of hard edges, for outputs that can hold it.
         """
+        from raytrace.mesh.corners import with_hard_edges
+
         return with_hard_edges(self.mesh)
 
     def baked_mesh(self, count: int) -> Mesh:
