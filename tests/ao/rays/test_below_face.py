@@ -44,7 +44,7 @@ def test_few_rays_a_place_are_right_in_the_mean(cone):
     count = 1 << 15
     place = np.zeros((count, 3))
     axis = np.array([-0.6, 0.0, 0.8])
-    points = Points.lifted(place, place + [0, 0, 1e-5], np.tile(axis, (count, 1)))
+    points = Points.lifted(place, place + np.array([0, 0, 1e-5]), np.tile(axis, (count, 1)))
     faced = np.tile(np.array([0, 0, 1, 1, 1], np.float32), (count, 1))  # opaque, of a surface across the axis
 
     def mean(rays, key):

@@ -9,7 +9,6 @@ from meshes import crumpled
 from scipy.spatial.transform import Rotation
 
 import ao
-from ao.analytic import closed_forms
 from ao.points.receivers import find_receivers
 from raytrace import Mesh
 from raytrace.mesh.placement import Placement
@@ -63,7 +62,7 @@ SHAPES = {
 
 
 class Scene:
-    """Patches of a shape, placed anywhere, with `up` as the axis of all, or axes of the file's that are turned along."""
+    """Patches of a shape, placed anywhere, with `up` as the axis of all, or axes of the file's, turned along."""
 
     def __init__(self, shape, seed, normals):
         random = np.random.default_rng(seed)
