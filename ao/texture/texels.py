@@ -85,9 +85,7 @@ class TexelSampler:
         single = coverage.samples(coverage_rows, by_centre, threads, most=1)
         between = slice(len(order), None)
         located = smooth.points_at(single.face[between], single.barycentric[between], threads)
-        points = samples.first_points.followed_by(
-            Points.lifted(located.positions, located.positions, located.axes)
-        )
+        points = samples.first_points.followed_by(Points.lifted(located.positions, located.positions, located.axes))
         texels = Texels(
             coverage.texels[coverage_rows], samples, baked_cell[coverage_rows], points, single.face, single.barycentric
         )

@@ -12,9 +12,7 @@ from ..types import AnyInts, Bools, Float64s, Int64s
 AWAY = -0.7  # mean cosine between normals and axes, below which faces are wound the wrong way round
 
 
-def wound_away(
-    vertices: Float64s, faces: Int64s, normals: Float64s, areas: Float64s, axes: Float64s
-) -> Bools:
+def wound_away(vertices: Float64s, faces: Int64s, normals: Float64s, areas: Float64s, axes: Float64s) -> Bools:
     """Which faces (m,) are of patches whose normals look away from the `axes` (n, 3), unit or zero, of their vertices.
 
     A patch hangs together by edges that two faces run along in opposite ways, wherever their vertices are stored.
