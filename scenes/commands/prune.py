@@ -16,6 +16,7 @@ from raytrace.system.checks import check_outputs
 from raytrace.types import Bools
 
 from ..formats.load import MeshFile, load
+from ..show.progress import progress
 
 if TYPE_CHECKING:
     from ..formats.gltf.asset import Gltf
@@ -26,7 +27,7 @@ _ENDINGS = ".glb", ".ply", ".obj", ".stl", ".off"
 _ZERO = {"componentType": 5121, "count": 1, "type": "SCALAR"}  # an accessor of a zero takes no bytes
 
 
-def prune(source: Path, output: Path, seed: int, threads: int | None) -> str:
+def prune(source: Path, output: Path, seed: int, threads: int | None, quiet: bool) -> str:
     """Write the mesh file without its unseen faces, a .glb with all else that it has; return a line about it.
 
     Raises: OptionError: of the output's ending, or nothing would be left. MeshError: the file cannot be read.
@@ -43,7 +44,8 @@ def prune(source: Path, output: Path, seed: int, threads: int | None) -> str:
         from ..formats.gltf.write import document
 
         mesh_file = load(source.with_suffix(".glb"), output, document(mesh_file, None)[0].encode())
-    unseen = unseen_faces(mesh_file.mesh, seed, threads)
+    with progress(quiet, "rays") as (advance,):
+        unseen = unseen_faces(mesh_file.mesh, seed, threads, advance)
     if unseen.faces.all():
         raise OptionError("mesh", "faces that something outside sees", f"{source}, without any: is it a room?")
     if ending == ".glb":
