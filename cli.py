@@ -136,7 +136,7 @@ def prune(mesh: Path, output: Path, seed: int, threads: int | None, quiet: bool)
     """Drop the faces that nothing outside sees."""
     from scenes.commands.prune import prune as prune_file
 
-    summary = prune_file(mesh, output, seed, threads)
+    summary = prune_file(mesh, output, seed, threads, quiet)
     if not quiet:
         print(summary)
 

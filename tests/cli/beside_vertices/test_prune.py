@@ -18,10 +18,10 @@ def traced_once():
     """What nobody sees of a mesh is found once, whatever it is written to."""
     found = {}
 
-    def unseen(mesh, *options):
-        key = pickle.dumps((mesh, options))
+    def unseen(mesh, seed, threads, progress):
+        key = pickle.dumps((mesh, seed))
         if key not in found:
-            found[key] = unseen_faces(mesh, *options)
+            found[key] = unseen_faces(mesh, seed, threads, progress)
         return found[key]
 
     with pytest.MonkeyPatch.context() as patch:
