@@ -5,11 +5,14 @@ The reference traces rays of its own, in double precision, from just in front of
 
 import numpy as np
 import pytest
+from meshes import crumpled
 from scipy.spatial.transform import Rotation
 
 import ao
 from ao.points.receivers import find_receivers
 from raytrace import Mesh
+from raytrace.mesh.placement import Placement
+from scenes.geometry.polyhedra import icosphere
 
 CELLS = 4
 PIXELS = 10  # texels along a patch
