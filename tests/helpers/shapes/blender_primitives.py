@@ -17,7 +17,6 @@ PRIMITIVES = {
     "cylinder": lambda: ADD.primitive_cylinder_add(),
     "torus": lambda: ADD.primitive_torus_add(),
     "grid": lambda: ADD.primitive_grid_add(),
-    "suzanne": lambda: ADD.primitive_monkey_add(),
 }
 
 arrays = {}
