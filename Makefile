@@ -3,7 +3,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 BUILT  := $(VENV)/.kernels
 TOOLS  := $(VENV)/.tools
-SOURCES = $(shell find raytrace ao scenes setup.py -name '*.py' -o -name kernels.txt 2>/dev/null)
+SOURCES = $(shell find raytrace ao scenes setup.py -name '*.py' 2>/dev/null)
 SUITABLE := import sys, ensurepip, venv; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))
 PYTHON ?= $(shell for python in $(BIN)/python python3.14 python3.13 python3.12 python3.11 python3 python; do \
 	$$python -c '$(SUITABLE)' >/dev/null 2>&1 && { echo $$python; break; }; done)
@@ -11,7 +11,7 @@ PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4
 
 .DEFAULT_GOAL := help
-.PHONY: help install kernels wheel demo test test-all lint bench bench-peers peers viewers pictures site clean
+.PHONY: help install wheel demo test test-all lint bench bench-peers peers viewers pictures site clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -35,12 +35,6 @@ $(BUILT): $(STAMP) $(SOURCES)
 	@touch $@
 
 install: $(BUILT) $(TOOLS) ## create .venv, install the project and all its extras into it and build its kernels
-
-kernels: install ## list anew which kernels the default tests use, the documents' commands among them, and build those
-	rm -f build/loaded.txt
-	-OBSCURANCE_KERNELS=$(CURDIR)/build/loaded.txt $(PYTEST) -m 'not slow'
-	$(BIN)/python -m raytrace.kernel.build build/loaded.txt
-	$(MAKE) --no-print-directory $(BUILT)
 
 wheel: $(STAMP) ## a wheel with the kernels of every level of processors, in dist/
 	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir dist .

@@ -27,8 +27,6 @@ class BuildKernels(build_ext):
         levels = (library.level(),) if self.inplace else library.levels()
         folder = ROOT if self.inplace else Path(self.build_lib)
         objects = build.objects(Path(self.build_temp).resolve(), levels, _show)
-        if objects.stale:
-            print(f"kernels: {len(objects.stale)} of the list are stale: run `make kernels`", file=sys.stderr)
         for level, files in objects.files.items():
             target = folder / library.file_of(level).relative_to(ROOT)
             self._link(list(map(str, files)), str(target), objects.names)

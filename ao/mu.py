@@ -60,7 +60,7 @@ class KernelMu(NamedTuple):
 
 
 @inline
-def depends_on_distance(falloff):
+def depends_on_distance(falloff: KernelMu) -> bool:
     """Whether a `KernelMu` depends on the distance of what is hit: not if it is binary."""
     return falloff.tau > 0.0 or len(falloff.values) > 0 or falloff.columns is not None
 

@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from raytrace.errors import OptionError
-from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.vector import dot, load, store
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import normalized
-from raytrace.system.threads import run_blocks
-from raytrace.types import AnyFloats, Float32s, Float64s, Int64s, UInt8s
+from raytrace.system.parallel import each
+from raytrace.types import AnyFloats, Float32Rows, Float32s, Float64Rows, Float64s, Int64s, UInt8s
 
 from .estimate.calibration import Calibration
 from .estimate.tolerance import Estimate
@@ -29,7 +28,6 @@ from .prepared import Prepared
 if TYPE_CHECKING:
     from .profile import Profile
 
-_BLOCK = 1 << 12  # vertices
 _VISIBLE = 0.1  # 5 of 100 in the lightness of greys, twice what is noticed beside the right value
 _TIMES_RMSE = 3.0
 _REASONS = "duplicate", "no_normal", "not_wanted", "below_face", "predicted", "hidden"
@@ -251,7 +249,7 @@ def assemble(prepared: Prepared, mesh: Mesh, elements: BakedElements, values: Po
     wanted = elements.wanted
     count = len(point)
     bent = np.zeros((count, 3))
-    run_blocks(count, _BLOCK, bind(_bent_normals, point, values.bent, normals, bent), prepared.threads)
+    _bent_normals.on(prepared.threads)(point, np.ascontiguousarray(values.bent), normals, bent)
     error = np.append(values.error, 0.0)[point]  # −1, for no point, is the last row
     spread = [
         np.append(values_of, np.full((1, values_of.shape[1]), outside), axis=0)[point]
@@ -284,14 +282,13 @@ def assemble(prepared: Prepared, mesh: Mesh, elements: BakedElements, values: Po
     )
 
 
-@kernel
-def _bent_normals(point, bent, normals, out, start, stop):
+@each("point")
+def _bent_normals(i: int, point: Int64s, bent: Float64Rows, normals: Float32Rows, out: Float64Rows) -> None:
     """Write the unit bent normals of elements, their points' normal where the mean open direction cancels."""
-    for i in range(start, stop):
-        if point[i] >= 0:
-            direction = load(bent, point[i])
-            clear = dot(direction, direction) > 1e-18
-            store(out, i, normalized(direction) if clear else load(normals, point[i]))
+    if point[i] >= 0:
+        direction = load(bent, point[i])
+        clear = dot(direction, direction) > 1e-18
+        store(out, i, normalized(direction) if clear else load(normals, point[i]))
 
 
 def of_columns(prepared: Prepared, columns: Sequence[AnyFloats]) -> dict[str, Any]:

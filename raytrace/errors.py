@@ -181,7 +181,8 @@ class EmbreeError(ObscuranceError, RuntimeError):
 
 
 class KernelError(ObscuranceError, RuntimeError):
-    """There is no machine code of a kernel for this machine, and the message says how to build it."""
+    """There is no machine code of a kernel for this machine, and the message says how to build it, or for these types
+    of arguments."""
 
 
 class ClusterError(ObscuranceError, RuntimeError):

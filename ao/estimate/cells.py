@@ -4,15 +4,13 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.counting_sort import counting_sort
-from raytrace.kernel.jit import bind, kernel
-from raytrace.system.threads import run_blocks
+from raytrace.kernel.jit import kernel
+from raytrace.system.parallel import each
 from raytrace.types import AnyInts, Bools, Float32s, Int32s, Int64s
 
 from .one_ring import Neighbours
 
-_BLOCK, _MOST = 1 << 10, 16  # cells, and blocks at once
 _CELL, _STEPS = 4, 4  # points of a cell, about; edges between a point and its centre, at most
 
 
@@ -36,7 +34,7 @@ def _flooded(neighbours: Neighbours, sources: Int64s, enough: int) -> tuple[Int6
 
 
 @kernel
-def _flood(starts, indices, nearest, queue, tail, enough):
+def _flood(starts: Int64s, indices: Int32s, nearest: Int64s, queue: Int64s, tail: int, enough: int) -> int:
     """Append to the `queue` of points, of length `tail`, their neighbours, and theirs, until there are `enough`."""
     head = 0
     while head < tail < enough:
@@ -76,7 +74,7 @@ class Cells(NamedTuple):
         nearest = np.where(points % _CELL == 0, points, np.int32(-1))
         for _ in range(_STEPS):
             before = nearest.copy()
-            neighbours.for_blocks(bind(_step, *neighbours.ring, before, nearest))
+            _step.on(neighbours.threads)(*neighbours.ring, before, nearest)
         return cls.of(np.where(nearest < 0, points, nearest))
 
     def joined(self, neighbours: Neighbours, normals: Float32s) -> Neighbours:
@@ -86,41 +84,38 @@ class Cells(NamedTuple):
         links = neighbours.starts, neighbours.indices, self
         listed = np.zeros(len(self.starts), np.int64)
         threads = neighbours.threads
-        run_blocks(len(self.centres), _BLOCK, bind(_list_links, *links, listed, None), threads, most=_MOST)
+        _list_links.on(threads)(*links, listed[1:], None)
         np.cumsum(listed, out=listed)
         ends = np.empty(listed[-1], np.int32)
-        run_blocks(len(self.centres), _BLOCK, bind(_list_links, *links, listed, ends), threads, most=_MOST)
+        _list_links.on(threads)(*links, listed[:-1], ends)
         merged = Neighbours.merged(listed, ends, threads)
         alike = np.ones(len(merged.indices), np.float32)
         return Neighbours.weighted(merged.starts, merged.indices, alike, normals, threads)
 
 
-@kernel
-def _step(starts, indices, weights, before, nearest, start, stop):
+@each("nearest")
+def _step(i: int, starts: Int64s, indices: Int32s, weights: Float32s, before: Int32s, nearest: Int32s) -> None:
     """Give points without a centre the centre that their most similar neighbour had `before`, the least of several."""
-    for i in range(start, stop):
-        most = np.float32(-1.0)
+    most = np.float32(-1.0)
+    for k in range(starts[i], starts[i + 1]):
+        centre = before[indices[k]]
+        if before[i] >= 0 or centre < 0 or weights[k] < most or (weights[k] == most and centre > nearest[i]):
+            continue
+        nearest[i] = centre
+        most = weights[k]
+
+
+@each("places")
+def _list_links(c: int, starts: Int64s, indices: Int32s, cells: Cells, places: Int64s, ends: Int32s | None) -> None:
+    """List the cell beyond each link out of a cell from places[c] on, or count the links, without `ends`: places[c]."""
+    count = 0
+    for member in range(cells.starts[c], cells.starts[c + 1]):
+        i = cells.members[member]
         for k in range(starts[i], starts[i + 1]):
-            centre = before[indices[k]]
-            if before[i] >= 0 or centre < 0 or weights[k] < most or (weights[k] == most and centre > nearest[i]):
-                continue
-            nearest[i] = centre
-            most = weights[k]
-
-
-@kernel
-def _list_links(starts, indices, cells, listed, ends, start, stop):
-    """List the cell beyond each link out of a cell from listed[c] on, or count the links: listed[c + 1]."""
-    cells = unrefcounted_view(cells)
-    for c in range(start, stop):
-        count = 0
-        for member in range(cells.starts[c], cells.starts[c + 1]):
-            i = cells.members[member]
-            for k in range(starts[i], starts[i + 1]):
-                other = cells.cell[indices[k]]
-                if other != c:
-                    if ends is not None:
-                        ends[listed[c] + count] = other
-                    count += 1
-        if ends is None:
-            listed[c + 1] = count
+            other = cells.cell[indices[k]]
+            if other != c:
+                if ends is not None:
+                    ends[places[c] + count] = other
+                count += 1
+    if ends is None:
+        places[c] = count

@@ -9,10 +9,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from raytrace.kernel.jit import bind, kernel
 from raytrace.sampling.sequences import hash32_array, seed_key
-from raytrace.system.threads import run_blocks
-from raytrace.types import Bools, Float64s, Int64s
+from raytrace.system.parallel import each
+from raytrace.types import Bools, Float64s, Int32Rows, Int32s, Int64Rows, Int64s
 
 from ..execute.tracer import Tracer
 from ..options import Options
@@ -27,7 +26,6 @@ from .scales import denoise_over_scales
 from .tolerance import Estimate, estimate_to
 from .upsampling import extrapolate
 
-_BLOCK = 1 << 14  # faces
 _CALIBRATION_SHARE = 32
 _CALIBRATION_LEAST = 128
 _CORNER_SHARE = 8  # of a point's rays, for each of some 18 corner samples, whose mean errs as much as a point's w
@@ -63,7 +61,7 @@ def traced_twice(
         variance = shrunk_to_mean(distribute_variance(spread, level)) + placement
         before = (w[calibration] - reference) ** 2
         raw_calibration = Calibration(variance[calibration], before / 2, weight)
-        raw = Estimate(gathered[:, VALUES], variance, samples, calibration=raw_calibration)
+        raw = Estimate(gathered.take(VALUES, axis=1), variance, samples, calibration=raw_calibration)
         if neighbours is None:
             return raw
 
@@ -111,17 +109,16 @@ def edges_of(points: Points, of_vertex: Int64s, faces: Int64s, tracer: Tracer) -
         row_of_point = np.full(len(points) + 1, -1, np.int32)  # the last for vertices without a point
         row_of_point[point_rows] = np.arange(len(point_rows), dtype=np.int32)
         corners = np.empty(faces.shape, np.int32)
-        run_blocks(len(faces), _BLOCK, bind(_look_up, row_of_point[of_vertex], faces, corners), tracer.threads)
+        _look_up.on(tracer.threads)(row_of_point[of_vertex], faces, corners)
         return Neighbours.of(corners, points.normals[point_rows], tracer.threads)
 
     return among
 
 
-@kernel
-def _look_up(row_of_vertex, faces, corners, start, stop):
-    for f in range(start, stop):
-        for k in range(3):
-            corners[f, k] = row_of_vertex[faces[f, k]]
+@each("faces")
+def _look_up(f: int, row_of_vertex: Int32s, faces: Int64Rows, corners: Int32Rows) -> None:
+    for k in range(3):
+        corners[f, k] = row_of_vertex[faces[f, k]]
 
 
 def estimate(

@@ -6,17 +6,17 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from raytrace.embree.packets import DIR_X, GEOM_ID, INVALID, LANES, NG_X, PRIM_ID, intersect8
-from raytrace.kernel.arrays import unrefcounted_view
-from raytrace.kernel.jit import bind, inline, kernel
+from raytrace.kernel.jit import inline, kernel
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.placement import Placement
 from raytrace.mesh.solids import closed_parts
 from raytrace.mesh.weld import coincident, connected_components
+from raytrace.system.parallel import parallel
 from raytrace.system.threads import run_blocks
-from raytrace.types import AnyInts, Bools, Float32s, Int64s
+from raytrace.types import AnyInts, Bools, Float32Rows, Float32s, Int64s
 
 from ..options import Interior
-from ..points.points import Points
+from ..points.points import PointArrays, Points
 from ..points.receivers import Receivers
 from ..rays.directions import DirectionTable, choose, turned_frame
 from ..rays.ray_packet import RayPacket, aim, start_from
@@ -92,17 +92,15 @@ def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Boo
 
 
 @kernel
-def _find_hidden(packet, points, table, solids, hidden):
+def _find_hidden(
+    packet: RayPacket, points: PointArrays, table: DirectionTable, solids: tuple[Int64s, Int64s, float], hidden: Bools
+) -> None:
     """Whether over half of each point's rays end on the back of a face, bool (k,); no more are traced than decide.
 
     Args: solids: the part (m,) that each face bounds, −1 for none; the part (k,) of each point, whose faces do not
         hide it; the rays' length.
     """
-    packet = unrefcounted_view(packet)
-    points = unrefcounted_view(points)
-    table = unrefcounted_view(table)
-    hidden = unrefcounted_view(hidden)
-    of_face, of_point, reach = unrefcounted_view(solids)
+    of_face, of_point, reach = solids
     rays, directions = packet.rays, table.directions
     samples = directions.shape[2]
     ids = rays.view(np.uint32)
@@ -163,13 +161,12 @@ def _inside_boxes(
     _bound(vertices, part, low, high)
     numbers = np.flatnonzero(closed)
     within = np.zeros(len(points), np.bool_)
-    work = bind(_mark_within, points, own_part, (numbers, low[numbers], high[numbers]), within)
-    run_blocks(len(points), _NEAR, work, threads, most=_MOST)
+    _mark_within.on(threads)(points, own_part, (numbers, low[numbers], high[numbers]), within)
     return np.flatnonzero(within)
 
 
 @kernel
-def _bound(vertices, part, low, high):
+def _bound(vertices: Float32Rows, part: Int64s, low: Float32Rows, high: Float32Rows) -> None:
     """Grow the bounding box of each part to hold its vertices."""
     for i in range(len(vertices)):
         for axis in range(3):
@@ -177,8 +174,15 @@ def _bound(vertices, part, low, high):
             high[part[i], axis] = max(high[part[i], axis], vertices[i, axis])
 
 
-@kernel
-def _mark_within(points, own_part, parts, within, start, stop):
+@parallel("points", _NEAR)
+def _mark_within(
+    start: int,
+    stop: int,
+    points: Float32Rows,
+    own_part: Int64s,
+    parts: tuple[Int64s, Float32Rows, Float32Rows],
+    within: Bools,
+) -> None:
     """Set `within` of points in a box of `parts`, by numbers, low and high corners, other than their `own_part`."""
     numbers, low, high = parts
     near = np.empty(len(numbers), np.int64)

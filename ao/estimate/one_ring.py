@@ -7,17 +7,16 @@ from typing import Self
 import numpy as np
 
 from raytrace.kernel.arrays import aligned
-from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.simd import WIDE, load_row, load_short_row, multiply_add, select, store_short_row
-from raytrace.system.threads import run_blocks, run_ranges
-from raytrace.types import AnyInts, Float32s, Int32s, Int64s
+from raytrace.system.parallel import each, parallel
+from raytrace.system.threads import run_blocks
+from raytrace.types import Float32Rows, Float32s, Int32Rows, Int32s, Int64Rows, Int64s
 
 Block = Callable[[int, int], None]
 _NOTHING = np.float32(1e-6)  # of weight
 _CREASE = 16  # power of n·n' by which a neighbour counts less
-_BLOCK, _MOST = 1 << 11, 16  # points, and blocks at once
+_BLOCK, _MOST = 1 << 11, 16  # points, and blocks at once; to wake a thread for fewer takes longer than their work
 _FEW = 32  # ends of edges at a point that are looked through
-_PART = 1 << 11  # points for each thread: to wake a thread for fewer takes longer than their work
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,17 +29,14 @@ class Neighbours:
     threads: int
 
     @classmethod
-    def of(cls, faces: AnyInts, normals: Float32s, threads: int) -> Self:
+    def of(cls, faces: Int32s | Int64s, normals: Float32s, threads: int) -> Self:
         """Args: faces: (m, 3), rows of points, −1 for a corner without a point. normals: float32 (k, 3), unit."""
-        count = len(normals)
-        listed = np.zeros(count + 1, np.int64)
-        ends = np.zeros(count, np.int64)
-        run_ranges(count, _PART, bind(_list_ends, faces, listed[1:], None), threads)
+        listed = np.zeros(len(normals) + 1, np.int64)
+        _list_ends.on(threads)(faces, listed[1:], None)
         np.cumsum(listed, out=listed)
-        ends[:] = listed[:-1]
-        listed_ends = np.empty(listed[-1], np.int32)
-        run_ranges(count, _PART, bind(_list_ends, faces, ends, listed_ends), threads)
-        return cls.weighted(*cls.merged(listed, listed_ends, threads).ring, normals, threads)
+        ends = np.empty(listed[-1], np.int32)
+        _list_ends.on(threads)(faces, listed[:-1].copy(), ends)
+        return cls.weighted(*cls.merged(listed, ends, threads).ring, normals, threads)
 
     @classmethod
     def merged(cls, listed: Int64s, ends: Int32s, threads: int) -> Self:
@@ -48,20 +44,18 @@ class Neighbours:
         overwritten."""
         weights = np.empty(len(ends), np.float32)
         starts = np.zeros(len(listed), np.int64)
-        rings = cls(starts, ends, weights, threads)
-        rings.for_blocks(bind(_merge_edges, listed, ends, weights, starts))
+        _merge_edges.on(threads)(listed, ends, weights, starts[1:])
         np.cumsum(starts, out=starts)
         indices = np.empty(starts[-1], np.int32)
         merged = np.empty(starts[-1], np.float32)
-        rings.for_blocks(bind(_pack, listed, ends, weights, starts, indices, merged))
+        _pack.on(threads)(listed[:-1], ends, weights, starts, indices, merged)
         return cls(starts, indices, merged, threads)
 
     @classmethod
     def weighted(cls, starts: Int64s, indices: Int32s, weights: Float32s, normals: Float32s, threads: int) -> Self:
         """One-rings whose `weights` are lowered where the points' `normals`, float32 (k, 3), disagree."""
-        rings = cls(starts, indices, weights, threads)
-        rings.for_blocks(bind(_weigh_by_normals, starts, indices, normals, weights))
-        return rings
+        _weigh_by_normals.on(threads)(starts, indices, normals, weights)
+        return cls(starts, indices, weights, threads)
 
     def among(self, point_rows: Int64s) -> Self:
         """The one-rings of some points (j,), ascending, of the neighbours that are among them."""
@@ -78,16 +72,6 @@ class Neighbours:
         starts = np.zeros(len(point_rows) + 1, np.int64)
         np.cumsum(np.bincount(owner[inside], minlength=len(point_rows)), out=starts[1:])
         return type(self)(starts, indices[inside], self.weights[entries[inside]], self.threads)
-
-    def for_blocks(self, *works: Block) -> None:
-        """Call all `works` with the start and the stop of blocks of points, on threads."""
-        count = len(self.starts) - 1
-
-        def run(start: int, stop: int) -> None:
-            for work in works:
-                work(start, stop)
-
-        run_blocks(count, _BLOCK, run, min(self.threads, count // _PART or 1), most=_MOST)
 
     @property
     def ring(self) -> tuple[Int64s, Int32s, Float32s]:
@@ -124,16 +108,23 @@ class Neighbours:
         out = np.empty_like(values) if out is None else out
         weight = aligned((WIDE,), np.float32)
         weight[:] = self_weight
-        kernel = _mean if values.ndim == 1 else _mean_rows
-        self.for_blocks(bind(kernel, *self.ring, values, weight, out), *([then(out)] if then else []))
+        mean = (_mean if values.ndim == 1 else _mean_rows).for_rows(*self.ring, values, weight, out)
+        use = then(out) if then else None
+
+        def run(start: int, stop: int) -> None:
+            mean(start, stop)
+            if use:
+                use(start, stop)
+
+        run_blocks(len(out), _BLOCK, run, min(self.threads, len(out) // _BLOCK or 1), most=_MOST)
         return out
 
 
 NeighboursOf = Callable[[Int64s], Neighbours]  # neighbours among the points of rows (k,), ascending
 
 
-@kernel
-def _list_ends(faces, places, ends, start, stop):
+@parallel("places", alone=True)
+def _list_ends(start: int, stop: int, faces: Int32Rows | Int64Rows, places: Int64s, ends: Int32s | None) -> None:
     """Write the ends of edges at point i from places[i] on, or count them, without `ends`; move places[i] past them."""
     for f in range(len(faces)):
         for k in range(3):
@@ -146,9 +137,9 @@ def _list_ends(faces, places, ends, start, stop):
                 places[i] += 2
 
 
-@kernel
-def _merge_edges(listed, ends, weights, counts, start, stop):
-    """List every neighbour once, weighted by half the number of faces at the edge to it; their number: counts[i + 1].
+@parallel("counts")
+def _merge_edges(start: int, stop: int, listed: Int64s, ends: Int32s, weights: Float32s, counts: Int64s) -> None:
+    """List every neighbour once, weighted by half the number of faces at the edge to it; their number: counts[i].
     A neighbour is sought among the neighbours listed before it, at points with very many by a hash table."""
     most = 0
     for i in range(start, stop):
@@ -180,47 +171,67 @@ def _merge_edges(listed, ends, weights, counts, start, stop):
                 ends[end], weights[end] = j, 0.0
                 end += 1
             weights[at] += np.float32(0.5)
-        counts[i + 1] = end - begin
+        counts[i] = end - begin
 
 
-@kernel
-def _pack(listed, ends, weights, starts, indices, merged, start, stop):
-    for i in range(start, stop):
-        for k in range(starts[i + 1] - starts[i]):
-            indices[starts[i] + k] = ends[listed[i] + k]
-            merged[starts[i] + k] = weights[listed[i] + k]
+@each("listed")
+def _pack(
+    i: int,
+    listed: Int64s,
+    ends: Int32s,
+    weights: Float32s,
+    starts: Int64s,
+    indices: Int32s,
+    merged: Float32s,
+) -> None:
+    for k in range(starts[i + 1] - starts[i]):
+        indices[starts[i] + k] = ends[listed[i] + k]
+        merged[starts[i] + k] = weights[listed[i] + k]
 
 
-@kernel
-def _weigh_by_normals(starts, indices, normals, weights, start, stop):
-    for i in range(start, stop):
-        for k in range(starts[i], starts[i + 1]):
-            cosine = np.float32(0.0)
-            for axis in range(3):
-                cosine += normals[i, axis] * normals[indices[k], axis]
-            weights[k] *= max(cosine, np.float32(0.0)) ** _CREASE
+@each("normals")
+def _weigh_by_normals(i: int, starts: Int64s, indices: Int32s, normals: Float32Rows, weights: Float32s) -> None:
+    for k in range(starts[i], starts[i + 1]):
+        cosine = np.float32(0.0)
+        for axis in range(3):
+            cosine += normals[i, axis] * normals[indices[k], axis]
+        weights[k] *= max(cosine, np.float32(0.0)) ** _CREASE
 
 
-@kernel
-def _mean(starts, indices, weights, values, self_weight, out, start, stop):
+@each("out")
+def _mean(
+    i: int,
+    starts: Int64s,
+    indices: Int32s,
+    weights: Float32s,
+    values: Float32s,
+    self_weight: Float32s,
+    out: Float32s,
+) -> None:
     """Ring means, the point's value weighted by `self_weight`, of differences: equal values stay equal to the bit."""
-    for i in range(start, stop):
-        weight, difference, centre = self_weight[0], np.float32(0.0), values[i]
-        for k in range(np.uint64(starts[i]), np.uint64(starts[i + 1])):  # unsigned: nothing is counted from the end
-            weight += weights[k]
-            difference += weights[k] * (values[np.uint32(indices[k])] - centre)
-        out[i] = centre + difference / weight if weight > _NOTHING else np.float32(np.nan)
+    weight, difference, centre = self_weight[0], np.float32(0.0), values[i]
+    for k in range(np.uint64(starts[i]), np.uint64(starts[i + 1])):  # unsigned: nothing is counted from the end
+        weight += weights[k]
+        difference += weights[k] * (values[np.uint32(indices[k])] - centre)
+    out[i] = centre + difference / weight if weight > _NOTHING else np.float32(np.nan)
 
 
-@kernel
-def _mean_rows(starts, indices, weights, values, self_weight, out, start, stop):
+@each("out")
+def _mean_rows(
+    i: int,
+    starts: Int64s,
+    indices: Int32s,
+    weights: Float32s,
+    values: Float32Rows,
+    self_weight: Float32s,
+    out: Float32Rows,
+) -> None:
     """`_mean` of short rows."""
-    for i in range(start, stop):
-        weight = load_row(self_weight, 0)
-        centre = load_short_row(values, i)
-        difference = centre - centre
-        for k in range(np.uint64(starts[i]), np.uint64(starts[i + 1])):
-            weight += weights[k]
-            difference = multiply_add(weights[k], load_short_row(values, indices[k]) - centre, difference)
-        share = select(weight > _NOTHING, np.float32(1.0) / weight, np.float32(np.nan))
-        store_short_row(out, i, multiply_add(share, difference, centre))
+    weight = load_row(self_weight, 0)
+    centre = load_short_row(values, i)
+    difference = centre - centre
+    for k in range(np.uint64(starts[i]), np.uint64(starts[i + 1])):
+        weight += weights[k]
+        difference = multiply_add(weights[k], load_short_row(values, indices[k]) - centre, difference)
+    share = select(weight > _NOTHING, np.float32(1.0) / weight, np.float32(np.nan))
+    store_short_row(out, i, multiply_add(share, difference, centre))

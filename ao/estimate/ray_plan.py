@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from raytrace.kernel.jit import bind, kernel
-from raytrace.system.threads import run_blocks
+from raytrace.system.parallel import each
 from raytrace.types import Float32s, Float64s, Int64s
 
 from .one_ring import Neighbours
@@ -19,7 +18,6 @@ _WORK = 0.6  # the time that n rays of a point take grows as n^.6, for the rays 
 _STEPS = np.array([0, 1, *(k << power for power in range(16) for k in (2, 3))])  # batches that a round may add
 _SAMPLED = 1 << 14  # points by which rays are planned
 _LEAST = 1e-12  # of squared errors that rays are planned for
-_BLOCK = 1 << 12  # points
 
 
 def first_rays(tolerance: float, count: int) -> int:
@@ -65,14 +63,20 @@ def rays_to_add(error: Float64s, worth: Float64s, most: int, goal: float, fall: 
     more = np.empty(len(worth), np.int64)
     limits = (BATCH * (_STEPS[1:] + _STEPS[:-1]) / 2) ** RATE
     powers = fall / RATE, RATE / (fall + _WORK), high**RATE
-    run_blocks(len(worth), _BLOCK, bind(_plan, error, worth, powers, limits, more), threads)
+    _plan.on(threads)(error, worth, powers, limits, more)
     return BATCH * _STEPS[more]
 
 
-@kernel
-def _plan(error, worth, powers, limits, step, start, stop):
+@each("worth")
+def _plan(
+    i: int,
+    error: Float64s,
+    worth: Float64s,
+    powers: tuple[float, float, float],
+    limits: Float64s,
+    step: Int64s,
+) -> None:
     """The `step` of `_STEPS` by which what each point's rays are worth comes nearest to what is wanted."""
     fall, rate, factor = powers
-    for i in range(start, stop):
-        wanted = factor * (max(error[i], _LEAST) * worth[i] ** fall) ** rate - worth[i]
-        step[i] = np.searchsorted(limits, wanted)
+    wanted = factor * (max(error[i], _LEAST) * worth[i] ** fall) ** rate - worth[i]
+    step[i] = np.searchsorted(limits, wanted)

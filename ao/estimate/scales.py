@@ -14,14 +14,12 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from raytrace.kernel.arrays import unrefcounted_view
-from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.simd import SHORT
 from raytrace.kernel.vector import add, divide, length, load, scale, store
-from raytrace.system.threads import run_blocks
-from raytrace.types import AnyFloats, Float32s, Float64s, Int32s, Int64s
+from raytrace.system.parallel import each
+from raytrace.types import AnyFloats, Float32Rows, Float32s, Float64s, Int32s, Int64s
 
-from ..points.points import Points
+from ..points.points import PointArrays, Points
 from ..rays.gather import BATCH_VARIANCE, COLUMNS
 from .calibration import shrunk_to_mean, variance_line
 from .cells import Cells
@@ -37,7 +35,6 @@ _JUMP = 3.0  # times the noise may be in the mean squared residual of a point an
 _OUTLIER = 16.0  # times the noise may be in a squared residual; what is beyond, shrinking makes an error
 _AVERAGED = 0.8  # of the squared errors of cells: what is left in planes fitted to several cells
 _CANCELLED = 0.1  # length of a mean normal below which it says nothing
-_BLOCK, _MOST = 1 << 11, 16  # points, and blocks at once
 Risk = Callable[[Float64s], float]  # measures the mean square error of w at the checked points, by rays of its own
 Denoised = tuple[Float64s, Float64s]  # w, and its squared error expected
 
@@ -54,7 +51,7 @@ class _Level(NamedTuple):
         """Rows (c, COLUMNS) from rows (k, COLUMNS) of the points below; variances of the means, from `slope` times
         the points' variances and `offset`. Args: weight: (k,), of the points below."""
         out = np.empty((len(self.points), COLUMNS), np.float32)
-        self.neighbours.for_blocks(bind(_average, self.cells, weight, gathered, slope, offset, out))
+        _average.on(self.neighbours.threads)(self.cells, weight, gathered, slope, offset, out)
         return out
 
 
@@ -110,9 +107,9 @@ class _Detail(NamedTuple):
 
     w: Float64s  # (k,), as the level says it
     error: Float64s  # (k,), its squared error expected
-    predicted: Float32s  # (k, 2 a), w by each amount, then their squared errors expected
+    predicted: Float32Rows  # (k, 2 a), w by each amount, then their squared errors expected
     cell: Int32s  # (k,)
-    around: Float32s  # (c, SHORT), means around each cell: the noise expected, then squared residuals by each amount
+    around: Float32Rows  # (c, SHORT), means around each cell: the noise expected, then squared residuals by each amount
     jump: Float32s  # (k,), what squared residuals are at least
 
     @classmethod
@@ -121,7 +118,7 @@ class _Detail(NamedTuple):
         cell = coarse.cells.cell
         predicted = upsample(points, cell, coarse.neighbours, coarse.points, above)
         around = np.zeros((len(coarse.points), SHORT), np.float32)
-        coarse.neighbours.for_blocks(bind(_compare, coarse.cells, *estimates, predicted, around))
+        _compare.on(coarse.neighbours.threads)(coarse.cells, *estimates, predicted, around)
         return cls(
             *estimates, predicted, cell, coarse.neighbours.smooth(around, _REACH), np.zeros(len(points), np.float32)
         )
@@ -129,9 +126,8 @@ class _Detail(NamedTuple):
     def with_jumps(self, neighbours: Neighbours) -> Self:
         """Where a point and its neighbours together are far beyond their noise, no wider surroundings count."""
         squared = np.empty(len(self.w), np.float32)
-        neighbours.for_blocks(bind(_square, self.w, self.predicted, squared))
-        noise = bind(_beyond_noise, self.cell, self.around)
-        jump = neighbours.means(squared, 1.0, then=lambda nearby: partial(noise, nearby))
+        _square.on(neighbours.threads)(self.w, self.predicted, squared)
+        jump = neighbours.means(squared, 1.0, then=partial(_beyond_noise.for_rows, self.cell, self.around))
         return self._replace(jump=jump)
 
     def at(self, point_rows: Int64s) -> Self:
@@ -142,74 +138,66 @@ class _Detail(NamedTuple):
     def shrunk(self, amounts: Float64s, threads: int) -> Float32s:
         """w by each of the `amounts` (a,) of noise in residuals, and its squared errors expected: (k, 2 a)."""
         out = np.empty_like(self.predicted)
-        run_blocks(len(out), _BLOCK, bind(_shrink, self, amounts, out), threads, most=_MOST)
+        _shrink.on(threads)(self, amounts, out)
         return out
 
 
-@kernel
-def _average(cells, weight, gathered, slope, offset, out, start, stop):
+@each("out")
+def _average(
+    c: int, cells: Cells, weight: Float32s, gathered: Float32Rows, slope: float, offset: float, out: Float32Rows
+) -> None:
     """Fill in `_Level.means`."""
-    cells = unrefcounted_view(cells)
-    gathered = unrefcounted_view(gathered)
-    for c in range(start, stop):
-        total = 0.0
-        out[c] = 0.0
-        for k in range(cells.starts[c], cells.starts[c + 1]):
-            i = cells.members[k]
-            share = np.float64(weight[i])
-            total += share
-            for column in range(COLUMNS):
-                if column == BATCH_VARIANCE:
-                    out[c, column] += share * share * (slope * gathered[i, column] + offset)
-                else:
-                    out[c, column] += share * gathered[i, column]
+    total = 0.0
+    out[c] = 0.0
+    for k in range(cells.starts[c], cells.starts[c + 1]):
+        i = cells.members[k]
+        share = np.float64(weight[i])
+        total += share
         for column in range(COLUMNS):
-            out[c, column] /= total * total if column == BATCH_VARIANCE else total
+            if column == BATCH_VARIANCE:
+                out[c, column] += share * share * (slope * gathered[i, column] + offset)
+            else:
+                out[c, column] += share * gathered[i, column]
+    for column in range(COLUMNS):
+        out[c, column] /= total * total if column == BATCH_VARIANCE else total
 
 
-@kernel
-def _compare(cells, w, error, predicted, around, start, stop):
+@each("around")
+def _compare(c: int, cells: Cells, w: Float64s, error: Float64s, predicted: Float32Rows, around: Float32Rows) -> None:
     """Fill in the first columns of `around` with means over each cell."""
-    cells = unrefcounted_view(cells)
-    predicted = unrefcounted_view(predicted)
-    for c in range(start, stop):
-        size = np.float32(cells.starts[c + 1] - cells.starts[c])
-        for k in range(cells.starts[c], cells.starts[c + 1]):
-            i = cells.members[k]
-            around[c, 0] += error[i] / size
-            for a in range(predicted.shape[1] // 2):
-                around[c, 1 + a] += (w[i] - predicted[i, a]) ** 2 / size
+    size = np.float32(cells.starts[c + 1] - cells.starts[c])
+    for k in range(cells.starts[c], cells.starts[c + 1]):
+        i = cells.members[k]
+        around[c, 0] += error[i] / size
+        for a in range(predicted.shape[1] // 2):
+            around[c, 1 + a] += (w[i] - predicted[i, a]) ** 2 / size
 
 
-@kernel
-def _square(w, predicted, squared, start, stop):
+@each("w")
+def _square(i: int, w: Float64s, predicted: Float32Rows, squared: Float32s) -> None:
     """Write squared residuals of w from its prediction by the first amount."""
-    for i in range(start, stop):
-        squared[i] = (w[i] - predicted[i, 0]) ** 2
+    squared[i] = (w[i] - predicted[i, 0]) ** 2
 
 
-@kernel
-def _beyond_noise(cell, around, nearby, start, stop):
+@each("cell")
+def _beyond_noise(i: int, cell: Int32s, around: Float32Rows, nearby: Float32s) -> None:
     """Subtract `_JUMP` times the noise expected around each point's cell from `nearby` mean squared residuals."""
-    for i in range(start, stop):
-        nearby[i] -= _JUMP * around[cell[i], 0]
+    nearby[i] -= _JUMP * around[cell[i], 0]
 
 
-@kernel
-def _shrink(detail, amounts, out, start, stop):
+@each("out")
+def _shrink(i: int, detail: _Detail, amounts: Float64s, out: Float32Rows) -> None:
     """Fill in `_Detail.shrunk`; one prediction serves all amounts."""
-    detail = unrefcounted_view(detail)
-    for i in range(start, stop):
-        noise = np.float64(detail.around[detail.cell[i], 0])
-        for a in range(len(amounts)):
-            squared = max(detail.around[detail.cell[i], 1 + a], detail.jump[i], 1e-12)
-            share = min(max(1.0 - amounts[a] * noise / squared, 0.0), 1.0)
-            predicted = detail.predicted[i, a]
-            error = _AVERAGED * max(detail.predicted[i, len(amounts) + a], 0.0)
-            residual = detail.w[i] - predicted
-            unexplained = max(residual * residual - _OUTLIER * noise, 0.0)
-            out[i, a] = predicted + share * residual
-            out[i, len(amounts) + a] = error + share * max(noise - error, 0.0) + (1.0 - share) ** 2 * unexplained
+    noise = np.float64(detail.around[detail.cell[i], 0])
+    for a in range(len(amounts)):
+        squared = max(detail.around[detail.cell[i], 1 + a], detail.jump[i], 1e-12)
+        share = min(max(1.0 - amounts[a] * noise / squared, 0.0), 1.0)
+        predicted = detail.predicted[i, a]
+        error = _AVERAGED * max(detail.predicted[i, len(amounts) + a], 0.0)
+        residual = detail.w[i] - predicted
+        unexplained = max(residual * residual - _OUTLIER * noise, 0.0)
+        out[i, a] = predicted + share * residual
+        out[i, len(amounts) + a] = error + share * max(noise - error, 0.0) + (1.0 - share) ** 2 * unexplained
 
 
 def _pyramid(neighbours: Neighbours, points: Points) -> list[_Level]:
@@ -228,31 +216,28 @@ def _cells_of_cells(graph: Neighbours, points: Points) -> Iterator[_Level]:
             break
         coarse = points[cells.centres]
         cell_weight = np.empty(len(coarse), np.float32)
-        work = bind(_centre, cells, weight, points.arrays, coarse.arrays, cell_weight)
-        run_blocks(len(coarse), _BLOCK, work, graph.threads, most=_MOST)
+        _centre.on(graph.threads)(cells, weight, points.arrays, coarse.arrays, cell_weight)
         points, weight = coarse, cell_weight
         graph = cells.joined(graph, points.normals)
         yield _Level(graph, points, weight, cells)
 
 
-@kernel
-def _centre(cells, weight, points, coarse, cell_weight, start, stop):
+@each("cell_weight")
+def _centre(
+    c: int, cells: Cells, weight: Float32s, points: PointArrays, coarse: PointArrays, cell_weight: Float32s
+) -> None:
     """Fill in the centroids, mean normals and weights of cells; a normal that means nothing stays the centre's."""
-    cells = unrefcounted_view(cells)
-    points = unrefcounted_view(points)
-    coarse = unrefcounted_view(coarse)
-    for c in range(start, stop):
-        total = 0.0
-        origin = (0.0, 0.0, 0.0)
-        normal = (0.0, 0.0, 0.0)
-        for k in range(cells.starts[c], cells.starts[c + 1]):
-            i = cells.members[k]
-            share = np.float64(weight[i])
-            total += share
-            origin = add(origin, scale(share, load(points.origins, i)))
-            normal = add(normal, scale(share, load(points.normals, i)))
-        cell_weight[c] = total
-        store(coarse.origins, c, divide(origin, total))
-        size = length(normal)
-        if size > _CANCELLED * total:
-            store(coarse.normals, c, divide(normal, size))
+    total = 0.0
+    origin = (0.0, 0.0, 0.0)
+    normal = (0.0, 0.0, 0.0)
+    for k in range(cells.starts[c], cells.starts[c + 1]):
+        i = cells.members[k]
+        share = np.float64(weight[i])
+        total += share
+        origin = add(origin, scale(share, load(points.origins, i)))
+        normal = add(normal, scale(share, load(points.normals, i)))
+    cell_weight[c] = total
+    store(coarse.origins, c, divide(origin, total))
+    size = length(normal)
+    if size > _CANCELLED * total:
+        store(coarse.normals, c, divide(normal, size))

@@ -17,12 +17,10 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from raytrace.kernel.arrays import unrefcounted_view
-from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.simd import SHORT, WIDE, load_short_row, store_short_row
 from raytrace.kernel.vector import add, cross, dot, load, scale, store
-from raytrace.system.threads import run_blocks
-from raytrace.types import Float32s, Float64s
+from raytrace.system.parallel import each
+from raytrace.types import Float32Rows, Float32s, Float64Grid, Float64s, Int32s, Int64s
 
 from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, BENT, W
@@ -58,7 +56,7 @@ class _Fields(NamedTuple):
     w: Float32s  # estimates
     variance: Float32s  # of w
     spread: Float32s  # between the batches of the points around
-    unlike: Float32s  # differences from the neighbours: of the surroundings, of leaning and of rise
+    unlike: Float32Rows  # differences from the neighbours: of the surroundings, of leaning and of rise
     prediction: Float32s  # of w by the neighbours, NaN without any
     residual: Float32s  # of w from its prediction, 0 without any
     excess: Float32s  # the residual's square less the variance
@@ -77,12 +75,12 @@ def denoise(neighbours: Neighbours, points: Points, gathered: Float32s, level: f
     spare = np.empty_like(around)
     _compare_with_neighbours(neighbours, points, gathered, level, at, around, spare)
     coefficients, size = _ridge_regression(at, neighbours.threads)
-    neighbours.for_blocks(bind(_normal_equations, coefficients, size, at, around))
+    _normal_equations.on(neighbours.threads)(coefficients, size, at, around)
     shape = shape_of(neighbours, points)
-    neighbours.smooth(around, _FIT_REACH, spare, lambda moments: bind(_local_fits, shape, moments, at))
+    neighbours.smooth(around, _FIT_REACH, spare, lambda moments: _local_fits.for_rows(shape, moments, at))
     del around, spare
     w, error = np.empty((2, len(points)))
-    neighbours.smooth(at.excess, _REACH, then=lambda beyond: bind(_shrink, gathered, beyond, at, w, error))
+    neighbours.smooth(at.excess, _REACH, then=lambda beyond: _shrink.for_rows(gathered, beyond, at, w, error))
     return w, shrunk_to_mean(error)
 
 
@@ -100,14 +98,14 @@ def _compare_with_neighbours(
     Args: around, spare: (k, SHORT), overwritten: columns of means over ever wider surroundings.
     """
     means, normals, shape = neighbours.means, points.normals, shape_of(neighbours, points)
-    neighbours.for_blocks(bind(_begin, gathered, normals, at, around))
-    near = means(around, _OTHERS, spare, lambda mean: bind(_compare, shape, around, mean, at))
-    wide = means(near, 1.0, around, lambda wide: bind(_compare_wide, shape, near, wide, at))
+    _begin.on(neighbours.threads)(gathered, normals, at, around)
+    near = means(around, _OTHERS, spare, lambda mean: _compare.for_rows(shape, around, mean, at))
+    wide = means(near, 1.0, around, lambda wide: _compare_wide.for_rows(shape, near, wide, at))
     wider = means(wide, 1.0, near)
     line = variance_line(float(np.mean(wider[:, _SPREAD], dtype=np.float64)) if len(points) else 0.0, level)
     leaning = np.empty(len(points), np.float32)
-    means(wider, _ROUGHNESS, wide, lambda widest: bind(_lean, wider, widest, line, normals, at, leaning))
-    means(leaning, 0.0, then=lambda mean: bind(_compare_leaning, leaning, mean, at))
+    means(wider, _ROUGHNESS, wide, lambda widest: _lean.for_rows(wider, widest, line, normals, at, leaning))
+    means(leaning, 0.0, then=lambda mean: _compare_leaning.for_rows(leaning, mean, at))
 
 
 def _empty(kind: Callable[..., Named], count: int) -> Named:
@@ -120,114 +118,102 @@ def shape_of(neighbours: Neighbours, points: Points) -> _Shape:
     """Where points lie among their neighbours, measured once for the same neighbours."""
     if neighbours not in _shapes:
         ring, shape = neighbours.ring, _empty(_Shape, len(points))
-        neighbours.for_blocks(bind(_measure, ring, points.origins, points.normals, shape))
-        rise = neighbours.means(shape.rise, 0.0, then=lambda mean: bind(_compare_shapes, ring, shape, mean))
+        _measure.on(neighbours.threads)(ring, points.origins, points.normals, shape)
+        rise = neighbours.means(shape.rise, 0.0, then=lambda mean: _compare_shapes.for_rows(ring, shape, mean))
         _shapes[neighbours] = shape._replace(rise=rise)
     return _shapes[neighbours]
 
 
-@kernel
-def _measure(ring, origins, normals, shape, start, stop):
+@each("origins")
+def _measure(
+    i: int,
+    ring: tuple[Int64s, Int32s, Float32s],
+    origins: Float32Rows,
+    normals: Float32Rows,
+    shape: _Shape,
+) -> None:
     """Fill in `self_weight`, and `rise` of points alone, where a neighbour below counts as 0."""
-    starts, indices, weights = unrefcounted_view(ring)
-    origins = unrefcounted_view(origins)
-    normals = unrefcounted_view(normals)
-    shape = unrefcounted_view(shape)
-    for i in range(start, stop):
-        whole, rise = 1.0, 0.0
-        for k in range(starts[i], starts[i + 1]):
-            height = squared = 0.0
-            for axis in range(3):
-                d = np.float64(origins[indices[k], axis]) - origins[i, axis]
-                height += d * normals[i, axis]
-                squared += d * d
-            if height > 0.0:
-                rise += height / np.sqrt(squared)
-            whole += weights[k]
-        shape.rise[i] = rise / max(starts[i + 1] - starts[i], 1)
-        shape.self_weight[i] = 1.0 / whole
-
-
-@kernel
-def _compare_shapes(ring, shape, mean, start, stop):
-    """Fill in `leverage`, and turn the neighbours' mean `rise` into what the point's own has beyond it."""
-    starts, indices, weights = unrefcounted_view(ring)
-    shape = unrefcounted_view(shape)
-    for i in range(start, stop):
-        leverage = 0.0
-        for k in range(starts[i], starts[i + 1]):
-            whole = 1.0 / shape.self_weight[indices[k]] - 1.0
-            if whole > 1e-6:
-                leverage += weights[k] * weights[k] / whole
-        shape.leverage[i] = leverage / (1.0 / shape.self_weight[i] - 1.0 + 1.0)
-        mean[i] = shape.rise[i] - mean[i]
-
-
-@kernel
-def _begin(gathered, normals, at, around, start, stop):
-    """Fill in `w`, and what surroundings are means of."""
-    gathered = unrefcounted_view(gathered)
-    normals = unrefcounted_view(normals)
-    at = unrefcounted_view(at)
-    around = unrefcounted_view(around)
-    for i in range(start, stop):
-        at.w[i] = gathered[i, W]
-        around[i, _MEAN] = gathered[i, W]
-        around[i, _SPREAD] = gathered[i, BATCH_VARIANCE]
+    starts, indices, weights = ring
+    whole, rise = 1.0, 0.0
+    for k in range(starts[i], starts[i + 1]):
+        height = squared = 0.0
         for axis in range(3):
-            around[i, _CLOSED + axis] = 2.0 / 3.0 * normals[i, axis] - gathered[i, BENT + axis]
+            d = np.float64(origins[indices[k], axis]) - origins[i, axis]
+            height += d * normals[i, axis]
+            squared += d * d
+        if height > 0.0:
+            rise += height / np.sqrt(squared)
+        whole += weights[k]
+    shape.rise[i] = rise / max(starts[i + 1] - starts[i], 1)
+    shape.self_weight[i] = 1.0 / whole
 
 
-@kernel
-def _compare(shape, around, mean, at, start, stop):
+@each("mean")
+def _compare_shapes(i: int, ring: tuple[Int64s, Int32s, Float32s], shape: _Shape, mean: Float32s) -> None:
+    """Fill in `leverage`, and turn the neighbours' mean `rise` into what the point's own has beyond it."""
+    starts, indices, weights = ring
+    leverage = 0.0
+    for k in range(starts[i], starts[i + 1]):
+        whole = 1.0 / shape.self_weight[indices[k]] - 1.0
+        if whole > 1e-6:
+            leverage += weights[k] * weights[k] / whole
+    shape.leverage[i] = leverage / (1.0 / shape.self_weight[i] - 1.0 + 1.0)
+    mean[i] = shape.rise[i] - mean[i]
+
+
+@each("gathered")
+def _begin(i: int, gathered: Float32Rows, normals: Float32Rows, at: _Fields, around: Float32Rows) -> None:
+    """Fill in `w`, and what surroundings are means of."""
+    at.w[i] = gathered[i, W]
+    around[i, _MEAN] = gathered[i, W]
+    around[i, _SPREAD] = gathered[i, BATCH_VARIANCE]
+    for axis in range(3):
+        around[i, _CLOSED + axis] = 2.0 / 3.0 * normals[i, axis] - gathered[i, BENT + axis]
+
+
+@each("around")
+def _compare(i: int, shape: _Shape, around: Float32Rows, mean: Float32Rows, at: _Fields) -> None:
     """Compare points with the means of their neighbours' `w` and `rise`; a point alone is its own surroundings."""
-    shape = unrefcounted_view(shape)
-    around = unrefcounted_view(around)
-    mean = unrefcounted_view(mean)
-    at = unrefcounted_view(at)
-    for i in range(start, stop):
-        alone = np.isnan(mean[i, _MEAN])
-        at.prediction[i] = mean[i, _MEAN]
-        if alone:
-            store_short_row(mean, i, load_short_row(around, i))
-        at.residual[i] = at.w[i] - mean[i, _MEAN]
-        at.unlike[i, 2] = 0.0 if alone else shape.rise[i]
-        mean[i, _SQUARED] = at.residual[i] ** 2
+    alone = np.isnan(mean[i, _MEAN])
+    at.prediction[i] = mean[i, _MEAN]
+    if alone:
+        store_short_row(mean, i, load_short_row(around, i))
+    at.residual[i] = at.w[i] - mean[i, _MEAN]
+    at.unlike[i, 2] = 0.0 if alone else shape.rise[i]
+    mean[i, _SQUARED] = at.residual[i] ** 2
 
 
-@kernel
-def _compare_wide(shape, near, wide, at, start, stop):
+@each("near")
+def _compare_wide(i: int, shape: _Shape, near: Float32Rows, wide: Float32Rows, at: _Fields) -> None:
     """Compare the neighbours' mean with their neighbours' mean, `wide`, less the point's own part in it."""
-    shape = unrefcounted_view(shape)
-    near = unrefcounted_view(near)
-    wide = unrefcounted_view(wide)
-    at = unrefcounted_view(at)
-    for i in range(start, stop):
-        leverage = shape.leverage[i]
-        beside = (wide[i, _MEAN] - leverage * at.w[i]) / (1.0 - leverage) - near[i, _MEAN]
-        at.unlike[i, 0] = 0.0 if np.isnan(at.prediction[i]) else beside
+    leverage = shape.leverage[i]
+    beside = (wide[i, _MEAN] - leverage * at.w[i]) / (1.0 - leverage) - near[i, _MEAN]
+    at.unlike[i, 0] = 0.0 if np.isnan(at.prediction[i]) else beside
 
 
-@kernel
-def _lean(wider, widest, line, normals, at, leaning, start, stop):
+@each("leaning")
+def _lean(
+    i: int,
+    wider: Float32Rows,
+    widest: Float32Rows,
+    line: tuple[float, float],
+    normals: Float32Rows,
+    at: _Fields,
+    leaning: Float32s,
+) -> None:
     """Fill in how far normals lean to what is closed around, `variance`, `spread` and `weight`."""
     slope, at_zero = line
-    wider = unrefcounted_view(wider)
-    widest = unrefcounted_view(widest)
-    at = unrefcounted_view(at)
-    for i in range(start, stop):
-        leaning[i] = dot(load(widest, i), load(normals, i))
-        at.spread[i] = wider[i, _SPREAD]
-        at.variance[i] = slope * wider[i, _SPREAD] + at_zero
-        squared = widest[i, _SQUARED]
-        at.weight[i] = 1.0 / max(at.variance[i] if np.isnan(squared) else max(at.variance[i], squared), 1e-12)
+    leaning[i] = dot(load(widest, i), load(normals, i))
+    at.spread[i] = wider[i, _SPREAD]
+    at.variance[i] = slope * wider[i, _SPREAD] + at_zero
+    squared = widest[i, _SQUARED]
+    at.weight[i] = 1.0 / max(at.variance[i] if np.isnan(squared) else max(at.variance[i], squared), 1e-12)
 
 
-@kernel
-def _compare_leaning(leaning, mean, at, start, stop):
+@each("leaning")
+def _compare_leaning(i: int, leaning: Float32s, mean: Float32s, at: _Fields) -> None:
     """Compare how far points lean to what is closed around with the mean of their neighbours."""
-    for i in range(start, stop):
-        at.unlike[i, 1] = 0.0 if np.isnan(at.prediction[i]) else leaning[i] - mean[i]
+    at.unlike[i, 1] = 0.0 if np.isnan(at.prediction[i]) else leaning[i] - mean[i]
 
 
 def _ridge_regression(at: _Fields, threads: int) -> tuple[Float64s, Float64s]:
@@ -235,7 +221,7 @@ def _ridge_regression(at: _Fields, threads: int) -> tuple[Float64s, Float64s]:
     like columns leave them open; and root mean squares (3,) of the columns."""
     count = max(len(at.w), 1)
     parts = np.zeros((-(-count // _SUMMED), 3, 4))
-    run_blocks(len(at.w), _SUMMED, bind(_sum_moments, at, parts), threads)
+    _sum_moments.on(threads)(at, parts)
     moments = parts.sum(axis=0)
     matrix, right = moments[:, :3], moments[:, 3]  # normal equations, to be solved in columns of size 1
     size = np.sqrt(np.diag(matrix))
@@ -246,12 +232,11 @@ def _ridge_regression(at: _Fields, threads: int) -> tuple[Float64s, Float64s]:
     return np.where(used, np.linalg.solve(scaled, right / size) / size, 0.0), np.where(mean > 0, mean, 1.0)
 
 
-@kernel
-def _sum_moments(at, parts, start, stop):
-    """Sum the normal equations of a block of points: products of the columns of `unlike`, and with the residual."""
-    at = unrefcounted_view(at)
-    moments = parts[start // _SUMMED]
-    for k in range(start, stop):
+@each("parts", 1)
+def _sum_moments(part: int, at: _Fields, parts: Float64Grid) -> None:
+    """Sum the normal equations of some points: products of the columns of `unlike`, and with the residual."""
+    moments = parts[part]
+    for k in range(part * _SUMMED, min((part + 1) * _SUMMED, len(at.w))):
         for i in range(3):
             weighted = at.unlike[k, i] * at.weight[k]
             for j in range(3):
@@ -259,54 +244,48 @@ def _sum_moments(at, parts, start, stop):
             moments[i, 3] += weighted * at.residual[k]
 
 
-@kernel
-def _normal_equations(coefficients, size, at, out, start, stop):
+@each("out")
+def _normal_equations(i: int, coefficients: Float64s, size: Float64s, at: _Fields, out: Float32Rows) -> None:
     """The moments of least squares around a point, of what the `coefficients` leave, in columns scaled by `size`."""
-    at = unrefcounted_view(at)
-    for i in range(start, stop):
-        u, c = load(at.unlike, i), coefficients
-        everywhere = u[0] * c[0] + u[2] * c[2] + u[1] * c[1]
-        target = at.residual[i] - everywhere
-        at.prediction[i] += everywhere
-        a = u[0] / size[0]
-        b = u[1] / size[1]
-        c = u[2] / size[2]
-        store(at.unlike, i, (a, b, c))
-        values = a * a, a * b, a * c, b * b, b * c, c * c, a * target, b * target, c * target
-        for k in range(SHORT):
-            out[i, k] = at.weight[i] * values[k]
+    u, c = load(at.unlike, i), coefficients
+    everywhere = u[0] * c[0] + u[2] * c[2] + u[1] * c[1]
+    target = at.residual[i] - everywhere
+    at.prediction[i] += everywhere
+    a = u[0] / size[0]
+    b = u[1] / size[1]
+    c = u[2] / size[2]
+    store(at.unlike, i, (a, b, c))
+    values = a * a, a * b, a * c, b * b, b * c, c * c, a * target, b * target, c * target
+    for k in range(SHORT):
+        out[i, k] = at.weight[i] * values[k]
 
 
-@kernel
-def _local_fits(shape, moments, at, start, stop):
+@each("moments")
+def _local_fits(i: int, shape: _Shape, moments: Float32Rows, at: _Fields) -> None:
     """Correct predictions by fits around each point, shrunk to 0 as if typical surroundings came to 0."""
-    at = unrefcounted_view(at)
-    for i in range(start, stop):
-        m = moments[i]
-        x = (1.0 + m[0], m[1], m[2])
-        y = (m[1], 1.0 + m[3], m[4])
-        z = (m[2], m[4], 1.0 + m[5])
-        yz, zx, xy = cross(y, z), cross(z, x), cross(x, y)  # columns of the inverse, times the determinant
-        row = load(at.unlike, i)
-        determinant = dot(x, yz)
-        solved = add(add(scale(row[0], yz), scale(row[1], zx)), scale(row[2], xy))
-        at.prediction[i] += dot(solved, (m[6], m[7], m[8])) / determinant
-        share = shape.self_weight[i]
-        share *= (1.0 + share) / 2.0  # about, of four rounds of `smooth`, for valences from 1 to 8
-        at.part[i] = min(dot(solved, row) / determinant * at.weight[i] * share, 0.5)
-        at.residual[i] = 0.0 if np.isnan(at.prediction[i]) else at.w[i] - at.prediction[i]
-        at.excess[i] = at.residual[i] ** 2 - at.variance[i]
+    m = moments[i]
+    x = (1.0 + m[0], m[1], m[2])
+    y = (m[1], 1.0 + m[3], m[4])
+    z = (m[2], m[4], 1.0 + m[5])
+    yz, zx, xy = cross(y, z), cross(z, x), cross(x, y)  # columns of the inverse, times the determinant
+    row = load(at.unlike, i)
+    determinant = dot(x, yz)
+    solved = add(add(scale(row[0], yz), scale(row[1], zx)), scale(row[2], xy))
+    at.prediction[i] += dot(solved, (m[6], m[7], m[8])) / determinant
+    share = shape.self_weight[i]
+    share *= (1.0 + share) / 2.0  # about, of four rounds of `smooth`, for valences from 1 to 8
+    at.part[i] = min(dot(solved, row) / determinant * at.weight[i] * share, 0.5)
+    at.residual[i] = 0.0 if np.isnan(at.prediction[i]) else at.w[i] - at.prediction[i]
+    at.excess[i] = at.residual[i] ** 2 - at.variance[i]
 
 
-@kernel
-def _shrink(gathered, beyond, at, w, errors, start, stop):
+@each("w")
+def _shrink(i: int, gathered: Float32Rows, beyond: Float32s, at: _Fields, w: Float64s, errors: Float64s) -> None:
     """Write w, shrunk, and the mean square errors expected."""
-    at = unrefcounted_view(at)
-    for i in range(start, stop):
-        variance = np.float64(at.variance[i])
-        residual = np.float64(at.residual[i])
-        error = max(max(beyond[i], residual * residual - _OUTLIER * variance), 0.01 * variance)
-        usable = not np.isnan(at.prediction[i]) and variance > 0.0 and at.spread[i] > 0.0
-        share = variance / (variance + error) if usable else 0.0
-        w[i] = gathered[i, W] - share * residual
-        errors[i] = variance * (1.0 - share * (1.0 - 2.0 * at.part[i]))
+    variance = np.float64(at.variance[i])
+    residual = np.float64(at.residual[i])
+    error = max(max(beyond[i], residual * residual - _OUTLIER * variance), 0.01 * variance)
+    usable = not np.isnan(at.prediction[i]) and variance > 0.0 and at.spread[i] > 0.0
+    share = variance / (variance + error) if usable else 0.0
+    w[i] = gathered[i, W] - share * residual
+    errors[i] = variance * (1.0 - share * (1.0 - 2.0 * at.part[i]))

@@ -12,11 +12,10 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from raytrace.kernel.jit import bind, kernel
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.solids import inward_warnings
-from raytrace.system.threads import run_blocks
-from raytrace.types import Bools, Float32s, Float64s, Int64s
+from raytrace.system.parallel import each
+from raytrace.types import Bools, Float32Rows, Float32s, Float64Rows, Float64s, Int64s
 
 from ..execute.tracer import Tracer
 from ..options import Options
@@ -45,7 +44,6 @@ _PATCH = 80  # points of each patch of it: as wide as most of denoising reaches
 _ALIKE = 40.0  # times that the squared error may have to fall for all points to get as many rays at first
 _AGAIN = 4  # times as many rays as at first are tried on the pilot sample, too
 _CORRECTED = 0.5, 1.25  # times that these may become by what the try says, which is misled upwards by few large errors
-_BLOCK = 1 << 12  # points
 
 
 class ToleranceWarning(UserWarning):
@@ -211,23 +209,21 @@ class _Traced:
                 return tracer.gather(subset, count, key, leap)  # noqa: B023
 
             for gathered, new in zip(self.gathered, tracer.each_column(added), strict=True):
-                combine = bind(_combine, which, self.worth, float(count) ** RATE, new, gathered)
-                run_blocks(len(which), _BLOCK, combine, tracer.threads)
+                _combine.on(tracer.threads)(which, self.worth, float(count) ** RATE, new, gathered)
             self.rays[which] += count
             self.worth[which] += float(count) ** RATE
 
 
-@kernel
-def _combine(which, worth, more, new, gathered, start, stop):
+@each("which")
+def _combine(k: int, which: Int64s, worth: Float64s, more: float, new: Float64Rows, gathered: Float32Rows) -> None:
     """Average what is `gathered` with `new` values, worth `more`, in proportion to what both are worth."""
-    for k in range(start, stop):
-        i = which[k]
-        kept = worth[i] / (worth[i] + more)
-        for column in range(COLUMNS):
-            if column == BATCH_VARIANCE:
-                gathered[i, column] = kept**2 * gathered[i, column] + (1.0 - kept) ** 2 * new[k, column]
-            else:
-                gathered[i, column] = new[k, column] + kept * (gathered[i, column] - new[k, column])
+    i = which[k]
+    kept = worth[i] / (worth[i] + more)
+    for column in range(COLUMNS):
+        if column == BATCH_VARIANCE:
+            gathered[i, column] = kept**2 * gathered[i, column] + (1.0 - kept) ** 2 * new[k, column]
+        else:
+            gathered[i, column] = new[k, column] + kept * (gathered[i, column] - new[k, column])
 
 
 class _Round(NamedTuple):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.kernel.arrays import aligned, unrefcounted_view
+from raytrace.kernel.arrays import aligned
 from raytrace.kernel.jit import inline, kernel
 from raytrace.kernel.simd import (
     WIDE,
@@ -24,9 +24,9 @@ from raytrace.kernel.simd import (
 )
 from raytrace.kernel.vector import dot, scale, subtract, tangents
 from raytrace.system.threads import run_blocks
-from raytrace.types import AnyFloats, Float32s, Float64s, Int32s
+from raytrace.types import AnyFloats, Float32Rows, Float32s, Float64s, Int32Rows, Int32s
 
-from ..points.points import Points
+from ..points.points import PointArrays, Points
 from ..rays.ray_blocks import ONE, ZERO
 from .cells import Cells
 from .one_ring import Neighbours
@@ -62,18 +62,18 @@ def upsample(
 class _Nodes(NamedTuple):
     """The centres of b cells, their one-rings, and values (b, c)."""
 
-    origins: Float32s
-    normals: Float32s
+    origins: Float32Rows
+    normals: Float32Rows
     starts: Int32s
     indices: Int32s
-    values: Float32s
+    values: Float32Rows
 
 
 class _Samples(NamedTuple):
     """What sixteen points look at: their own cells, then neighbours of the cells; missing ones have weight 0."""
 
-    cells: Int32s  # (_MOST, WIDE)
-    placed: Float32s  # (4 _MOST, WIDE), for each cell its position relative to the points, and its weight
+    cells: Int32Rows  # (_MOST, WIDE)
+    placed: Float32Rows  # (4 _MOST, WIDE), for each cell its position relative to the points, and its weight
 
 
 def extrapolate(points: Points, cells: Cells, graph: Neighbours, values: Float64s) -> Float64s:
@@ -104,13 +104,10 @@ def extrapolate(points: Points, cells: Cells, graph: Neighbours, values: Float64
 
 
 @kernel
-def _upsample(points, cell, nodes, first_variance, samples, out):
+def _upsample(
+    points: PointArrays, cell: Int32s, nodes: _Nodes, first_variance: int, samples: _Samples, out: Float32Rows
+) -> None:
     """Write values at the points, sixteen at once; the columns from `first_variance` on are variances."""
-    points = unrefcounted_view(points)
-    nodes = unrefcounted_view(nodes)
-    cell = unrefcounted_view(cell)
-    samples = unrefcounted_view(samples)
-    out = unrefcounted_view(out)
     columns = nodes.values.shape[1]
     for begin in range(0, len(cell), WIDE):
         point_rows = min(lane_numbers() + begin, len(cell) - 1)

@@ -10,7 +10,7 @@ import numpy as np
 
 from raytrace.kernel.jit import bind, kernel
 from raytrace.system.threads import run_blocks
-from raytrace.types import Float64s, Int64s
+from raytrace.types import Float64Rows, Float64s, Int64s, UInt32s
 
 from ..points.points import Points
 from ..points.surface_samples import SurfaceSamples
@@ -77,13 +77,17 @@ class SampleMeans(NamedTuple):
             for falloff in range(by_falloff.shape[1]):
                 column = np.ascontiguousarray(by_falloff[block, falloff])
                 leave_out_below(arrays, normals, table, tracer.scene.cone, column)
-                _average(column, samples, to[1][start:stop], out[:, falloff])
+                means = np.empty((stop - start, COLUMNS))
+                _average(column, samples, means)
+                out[to[1][start:stop], falloff] = means
 
         run_blocks(len(groups), _BLOCK, average, tracer.threads, most=_SHARE)
 
 
 @kernel
-def _pick(groups, samples, starts, chance, source, numbers, start, stop):
+def _pick(
+    groups: Int64s, samples: int, starts: Int64s, chance: int, source: Int64s, numbers: UInt32s, start: int, stop: int
+) -> None:
     """Write which samples of each group are taken, one of its runs of so many by `chance`, and their numbers."""
     for i in range(start, stop):
         begin = starts[groups[i]]
@@ -95,12 +99,12 @@ def _pick(groups, samples, starts, chance, source, numbers, start, stop):
 
 
 @kernel
-def _average(values, samples, point_rows, out):
-    """Write means of every `samples` consecutive `values` (k, COLUMNS) to the rows `point_rows` of `out`."""
-    for i in range(len(point_rows)):
+def _average(values: Float64Rows, samples: int, out: Float64Rows) -> None:
+    """Write means of every `samples` consecutive `values` (k, COLUMNS) to the rows of `out`."""
+    for i in range(len(out)):
         for column in range(COLUMNS):
             total = 0.0
             for k in range(samples):
                 total += values[samples * i + k, column]
-            out[point_rows[i], column] = total / samples
-        out[point_rows[i], BATCH_VARIANCE] *= samples**-1.5  # as if of all rays at once: they share a leaped lattice
+            out[i, column] = total / samples
+        out[i, BATCH_VARIANCE] *= samples**-1.5  # as if of all rays at once: they share a leaped lattice

@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 from scipy.sparse import csr_array
 
-from raytrace.kernel.jit import bind, kernel
+from raytrace.system.parallel import each, parallel
 from raytrace.system.threads import run_blocks
-from raytrace.types import Bools, Float64s, UInt32s
+from raytrace.types import Bools, Float64Rows, Float64s, UInt32s
 
 FINE, COARSE = 1e-8, 1e-3  # of x, whose bounds are 0 and 1
 _STAGES = 1e-2, COARSE, 1e-4, 1e-5, 1e-6, FINE
@@ -18,8 +18,7 @@ _STEPS = 10_000
 _ROUNDS, _STEADY = 50, 4
 _GROUP = 8  # consecutive unknowns that the preconditioner solves for exactly
 _FLOOR = 1e-12  # of a pivot, as a part of the diagonal
-_BLOCK, _MOST = 1 << 14, 4  # rows, and blocks at once
-_STEPPED = 1 << 17  # rows, of which to wake a thread for fewer takes longer
+_BLOCK, _MOST = 1 << 14, 4  # rows, and blocks at once; to wake a thread for fewer takes longer than their work
 
 
 def dot(a: Float64s, b: Float64s) -> float:
@@ -30,7 +29,7 @@ def dot(a: Float64s, b: Float64s) -> float:
 def multiply(matrix: csr_array, x: Float64s, threads: int) -> Float64s:
     """matrix · x, (n,)."""
     out = np.empty(len(x))
-    _run_rows(len(x), _BLOCK, bind(_multiply, *_arrays(matrix), x, out), threads)
+    _multiply.on(threads)(*_arrays(matrix), x, out)
     return out
 
 
@@ -39,16 +38,10 @@ def _arrays(matrix: csr_array) -> tuple[UInt32s, UInt32s, Float64s]:
     return matrix.indptr.view(np.uint32), matrix.indices.view(np.uint32), matrix.data  # no sign to be minded
 
 
-def _run_rows(count: int, block: int, work: Callable[[int, int], None], threads: int) -> None:
-    """`run_blocks` of rows, unless there are few: a product of a small mesh takes as long as handing it over."""
-    if threads == 1 or count <= block:
-        work(0, count)
-    else:
-        run_blocks(count, block, work, threads, most=_MOST)
-
-
-@kernel
-def _invert(starts, columns, values, free, inverse, start, stop):
+@parallel("inverse", _BLOCK)
+def _invert(
+    start: int, stop: int, starts: UInt32s, columns: UInt32s, values: Float64s, free: Bools, inverse: Float64Rows
+) -> None:
     """The matrix's blocks of `_GROUP` rows on the diagonal, inverted by sweeps, and 0 for unknowns that are fixed."""
     diagonal = np.zeros(_GROUP)
     for begin in range(start, stop, _GROUP):
@@ -76,8 +69,17 @@ def _invert(starts, columns, values, free, inverse, start, stop):
             block[k, k] = scale
 
 
-@kernel
-def _descend(step, inverse, x, residual, image, length, start, stop):
+@parallel("x", _BLOCK)
+def _descend(
+    start: int,
+    stop: int,
+    step: Float64s,
+    inverse: Float64Rows,
+    x: Float64s,
+    residual: Float64s,
+    image: Float64s,
+    length: float,
+) -> None:
     """Step along the search direction: x and the residual change by `length` times `step` and its image.
 
     The preconditioned residual takes the place of the image.
@@ -97,21 +99,19 @@ def _descend(step, inverse, x, residual, image, length, start, stop):
             image[i] = sums[i - begin]
 
 
-@kernel
-def _next_step(step, scaled, ratio, start, stop):
+@each("step", 1 << 17)
+def _next_step(i: int, step: Float64s, scaled: Float64s, ratio: float) -> None:
     """The next direction of descent: the preconditioned residual, conjugate to the step before."""
-    for i in range(start, stop):
-        step[i] = step[i] * ratio + scaled[i]
+    step[i] = step[i] * ratio + scaled[i]
 
 
-@kernel
-def _multiply(starts, columns, values, x, out, start, stop):
+@each("out", _BLOCK)
+def _multiply(i: int, starts: UInt32s, columns: UInt32s, values: Float64s, x: Float64s, out: Float64s) -> None:
     """Write rows of the sparse matrix times x to `out`."""
-    for i in range(start, stop):
-        total = 0.0
-        for k in range(starts[i], starts[i + 1]):
-            total += values[k] * x[columns[k]]
-        out[i] = total
+    total = 0.0
+    for k in range(starts[i], starts[i + 1]):
+        total += values[k] * x[columns[k]]
+    out[i] = total
 
 
 def solve(
@@ -134,14 +134,13 @@ def solve(
     x = start.copy()
     free = np.ones(len(x), np.bool_) if free is None else free
     inverse = np.empty((len(x), _GROUP))
-    _run_rows(len(x), _BLOCK, bind(_invert, *_arrays(matrix), free, inverse), threads)
+    _invert.on(threads)(*_arrays(matrix), free, inverse)
     # Kernels over the rows, which share these arrays.
     residual = right - multiply(matrix, x, threads)
     step = np.zeros(len(x))
     image = np.zeros(len(x))  # of the step by the matrix, then the preconditioned residual
-    product = bind(_multiply, *_arrays(matrix), step, image)
-    descend = bind(_descend, step, inverse, x, residual, image)
-    next_step = bind(_next_step, step, image)
+    product = _multiply.for_rows(*_arrays(matrix), step, image)
+    descend = partial(_descend.for_rows, step, inverse, x, residual, image)
     sums = [0.0] * -(-len(x) // _BLOCK)
 
     def dot_after(work: Callable[[int, int], None], a: Float64s, b: Float64s) -> float:
@@ -154,11 +153,11 @@ def solve(
                 end = min(begin + _BLOCK, stop)
                 sums[begin // _BLOCK] = dot(a[begin:end], b[begin:end])
 
-        _run_rows(len(x), _BLOCK, work_and_add, threads)
+        run_blocks(len(x), _BLOCK, work_and_add, min(threads, len(x) // _BLOCK or 1), most=_MOST)
         return math.fsum(sums)
 
     # Steps along conjugate directions until the preconditioned residual is small.
-    size = dot_after(partial(descend, 0.0), residual, image)
+    size = dot_after(descend(0.0), residual, image)
     step += image
     most = (1 if mean else _GROUP) * near**2 * float(matrix.diagonal().sum())
     for _ in range(_STEPS):
@@ -169,8 +168,8 @@ def solve(
             break
         length = size / curvature
         before = size
-        size = dot_after(partial(descend, length), residual, image)
-        _run_rows(len(x), _STEPPED, partial(next_step, size / before), threads)
+        size = dot_after(descend(length), residual, image)
+        _next_step.on(threads)(step, image, size / before)
     return x
 
 

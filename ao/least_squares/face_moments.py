@@ -9,18 +9,18 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from raytrace.embree.packets import DIR_X, DIR_Y, DIR_Z, LANES
-from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import inline, kernel
 from raytrace.kernel.vector import add, divide, dot, length, load, scale
 from raytrace.mesh.placement import ULP
 from raytrace.ray_origins.origins import OFFSET_ULPS
 from raytrace.sampling.sequences import cosine_hemisphere, hash32
-from raytrace.types import Float32s, Float64s, Int64s
+from raytrace.types import Float32Grid, Float32s, Float64Grid, Float64Rows, Float64s, Int64Rows, Int64s
 
+from ..mu import KernelMu
 from ..points.smooth_surface import leaning
 from ..rays.below_face import share_below
 from ..rays.directions import turned_frame
-from ..rays.ray_packet import aim, backface_share, mu_of, new_alpha_rows, start_from, trace
+from ..rays.ray_packet import RayPacket, aim, backface_share, mu_of, new_alpha_rows, start_from, trace
 
 HIDDEN = 1e-4  # weight of a sample that sees backs of faces; not 0, so that hidden faces have a value too
 _MOSTLY = 0.5
@@ -112,7 +112,16 @@ def _interpolated(vectors, b):
 
 
 @kernel
-def gather_faces(packet, faces, samples, drawn, falloff, reach, moments, counts):
+def gather_faces(
+    packet: RayPacket,
+    faces: tuple[Float64Grid, Float64Rows, Float32Grid, Float32Grid],
+    samples: Samples,
+    drawn: tuple[Float32Grid, np.uint32, float],
+    falloff: KernelMu,
+    reach: float,
+    moments: Float64Rows,
+    counts: Int64Rows,
+) -> None:
     """Gather the moments of n faces.
 
     Args:
@@ -122,13 +131,7 @@ def gather_faces(packet, faces, samples, drawn, falloff, reach, moments, counts)
             Σ b bᵀ, and Σ b y; for all Σ b ȳ_x, Σ b ȳ_y, Σ b ȳ_z, with ȳ the mean of μ·direction; weighted.
         counts: (n, 3), added to: rays traced, rays below the face, samples that are not hidden.
     """
-    packet = unrefcounted_view(packet)
-    samples = unrefcounted_view(samples)
-    corners, normals, axes, smooth = unrefcounted_view(faces)
-    drawn = unrefcounted_view(drawn)
-    falloff = unrefcounted_view(falloff)
-    moments = unrefcounted_view(moments)
-    counts = unrefcounted_view(counts)
+    corners, normals, axes, smooth = faces
     cone = drawn[2]
     alpha_rows = new_alpha_rows(packet.opacity)
     values = np.zeros(4)

@@ -147,7 +147,7 @@ def _build_problem(patch: Patch, moments: Float64s, laplacian: Float64s, threads
 
 def _normal_equations(stencil: Stencil, moments: Float64s) -> NormalEquations:
     """The equations of half of the samples. Args: moments: (m, HALF), of each face."""
-    matrix = stencil.sum(add_faces, moments[:, MATRIX:RIGHT])
+    matrix = stencil.sum(add_faces, np.ascontiguousarray(moments[:, MATRIX:RIGHT]))
     return NormalEquations(matrix, right_side(stencil, moments[:, RIGHT:]), float(moments[:, SQUARES].sum()))
 
 

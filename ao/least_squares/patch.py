@@ -127,7 +127,7 @@ class Patch:
 class Moments:
     """The moments and ray counts of faces as a `KeptRowTask`, which any process can do; see `gather_faces`."""
 
-    faces: Outputs  # corners, normals, axes and smooth normals of m faces, as `Patch` has them
+    faces: tuple[Float64s, Float64s, Float32s, Float32s]  # `Patch`'s corners, normals, axes and smooth normals
     samples: Samples
     points: Int32s  # (m, 3), unknowns, which identify the faces
     rays_of_sample: int
@@ -142,11 +142,11 @@ class Moments:
 
     def __getitem__(self, rows: slice) -> Moments:
         start, stop, _ = rows.indices(len(self))
+        corners, normals, axes, smooth = self.faces
         shift, ends, starts, weights = self.samples
         samples = Samples(shift, ends[start : stop + 1], starts[start : stop + 1], weights[rows])
-        return replace(
-            self, faces=tuple(column[rows] for column in self.faces), samples=samples, points=self.points[rows]
-        )
+        faces = corners[rows], normals[rows], axes[rows], smooth[rows]
+        return replace(self, faces=faces, samples=samples, points=self.points[rows])
 
     @property
     def name(self) -> bytes:

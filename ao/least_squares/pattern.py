@@ -6,16 +6,15 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.counting_sort import counting_sort
 from raytrace.kernel.jit import inline, kernel
-from raytrace.types import AnyInts, Float64s, Int32s, Int64s
+from raytrace.types import AnyInts, Float64Grid, Float64Rows, Float64s, Int32Rows, Int32s, Int64s
 
 
 class Stencil(NamedTuple):
     """The pairs of unknowns that meet, in one face or opposite each other at a hinge."""
 
-    face_points: Int32s  # (m, 3), the unknown at each corner of each face
+    face_points: Int32Rows  # (m, 3), the unknown at each corner of each face
     starts: Int32s  # (n + 1,), indptr of a `scipy.sparse.csr_array`
     indices: Int32s  # (z,), of the same: unknowns that meet each, itself among them, ascending
 
@@ -81,9 +80,8 @@ def right_side(stencil: Stencil, entries: Float64s) -> Float64s:
 
 
 @kernel
-def add_faces(stencil, entries, values):
+def add_faces(stencil: Stencil, entries: Float64Rows, values: Float64s) -> None:
     """Add Σ b bᵀ, from the upper triangles `entries` (m, 6) of each face's part."""
-    stencil = unrefcounted_view(stencil)
     face_points, starts, indices = stencil.face_points, stencil.starts, stencil.indices
     for f in range(len(face_points)):
         for a in range(3):
@@ -93,9 +91,8 @@ def add_faces(stencil, entries, values):
 
 
 @kernel
-def add_laplacian(stencil, weights, values):
+def add_laplacian(stencil: Stencil, weights: Float64s, values: Float64s) -> None:
     """Add the graph Laplacian Σ_faces weight Σ_edges (x_i − x_j)², so that vertices without samples get neighbours'."""
-    stencil = unrefcounted_view(stencil)
     face_points, starts, indices = stencil.face_points, stencil.starts, stencil.indices
     for f in range(len(face_points)):
         for a in range(3):
@@ -108,13 +105,12 @@ def add_laplacian(stencil, weights, values):
 
 
 @kernel
-def add_jumps(stencil, hinges, corners, areas, values):
+def add_jumps(stencil: Stencil, hinges: Int32Rows, corners: Float64Grid, areas: Float64s, values: Float64s) -> None:
     """Add R = Σ_hinges (A₁ + A₂) (∂x/∂m₁ + ∂x/∂m₂)²: how much the slope jumps at edges of two faces.
 
     m is the direction within a face square to the edge, away from it: the bracket is |∇₁ − ∇₂| of the faces unfolded
     into one plane.
     """
-    stencil = unrefcounted_view(stencil)
     face_points, starts, indices = stencil.face_points, stencil.starts, stencil.indices
     points = np.empty(6, np.int32)  # of the two faces, and by how much the slope changes with the value at each
     slope = np.empty(6)

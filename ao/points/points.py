@@ -9,16 +9,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.types import AnyFloats, Float32s, UInt32s
+from raytrace.types import AnyFloats, Float32Rows, Float32s, UInt32s
 
 
 class PointArrays(NamedTuple):
     """`Points` as kernels take them."""
 
-    origins: Float32s
-    normals: Float32s
+    origins: Float32Rows
+    normals: Float32Rows
     numbers: UInt32s
-    lifts: Float32s
+    lifts: Float32Rows
 
 
 @dataclass(eq=False)

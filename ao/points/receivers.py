@@ -13,9 +13,7 @@ import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
 from raytrace.embree.scene import TriangleScene
-from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.counting_sort import counting_sort
-from raytrace.kernel.jit import bind, kernel
 from raytrace.mesh.mesh import Mesh, corner_mask
 from raytrace.mesh.morton import morton_order
 from raytrace.mesh.normals import face_normals, nonzero, normalize, own_vertex_normals, smooth_normals
@@ -25,8 +23,8 @@ from raytrace.mesh.up import UP, up_axis
 from raytrace.ray_origins.origins import WeldedPoints, weld_points
 from raytrace.ray_origins.surface import Surface
 from raytrace.system.checks import check_memory
-from raytrace.system.threads import run_blocks, thread_count
-from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s, UInt8s
+from raytrace.system.parallel import each
+from raytrace.types import Bools, Float32Rows, Float32s, Float64Rows, Float64s, Int32s, Int64Rows, Int64s, UInt8s
 
 from ..memory import corner_bytes
 from ..options import Normals, Weighting
@@ -34,7 +32,6 @@ from .corners import CornerSamples, find_corner_samples
 from .points import Points
 
 SAME = 1.0 - 1e-9
-_BLOCK = 1 << 12  # points
 _DISPLACED = 0.3  # error of w, root mean square over rough surfaces, of an origin one shortest edge away
 
 
@@ -155,7 +152,7 @@ def offset_points(placed: Float32s, faces: Int64s, weighting: Weighting, own_axe
         folded = np.where(is_own, behind_some & of_one_side, behind_some | welded.moved)
     else:
         welded = weld_points(vertices, faces, weighting)
-        is_own = np.False_
+        is_own = np.zeros(len(welded.moved), np.bool_)
         axes = welded.axes
         folded = (welded.clearance <= 0) | welded.moved
     # Where rays start: beside the faces, and on which side of those that the point touches.
@@ -253,16 +250,15 @@ class _Curve(NamedTuple):
         place[vertices] = np.arange(len(placed), dtype=np.int32)
         order = counting_sort(place[faces[:, 0]], len(placed))[0].astype(np.int32)
         along = np.empty(faces.shape, np.int64)
-        run_blocks(len(faces), _BLOCK, bind(_renumber, faces, order, place, along), thread_count(None))
+        _renumber(faces, order, place, along)
         return cls(vertices, place, order, along)
 
 
-@kernel
-def _renumber(faces, order, place, along, start, stop):
+@each("along")
+def _renumber(k: int, faces: Int64Rows, order: Int32s, place: Int32s, along: Int64Rows) -> None:
     """Write the faces in an order, their corners being places."""
-    for k in range(start, stop):
-        for corner in range(3):
-            along[k, corner] = place[faces[order[k], corner]]
+    for corner in range(3):
+        along[k, corner] = place[faces[order[k], corner]]
 
 
 def _compacted(offset: OffsetPoints) -> tuple[Points, Int64s, Int64s]:
@@ -275,24 +271,27 @@ def _compacted(offset: OffsetPoints) -> tuple[Points, Int64s, Int64s]:
     axes = np.empty((len(usable), 3), np.float32)
     lifts = np.empty((len(usable), 3), np.float32)
     places = offset.surface.vertices, offset.welded.first_vertex
-    take = bind(_compact, usable, places, (offset.origins, offset.axes), (origins, axes, lifts), index)
-    run_blocks(len(usable), _BLOCK, take, thread_count(None))
+    _compact(usable, places, (offset.origins, offset.axes), (origins, axes, lifts), index)
     return Points(origins, axes, np.arange(len(usable), dtype=np.uint32), lifts), usable, index
 
 
-@kernel
-def _compact(usable, places, of_all, out, index, start, stop):
+@each("usable")
+def _compact(
+    k: int,
+    usable: Int64s,
+    places: tuple[Float64Rows, Int64s],
+    of_all: tuple[Float64Rows, Float64Rows],
+    out: tuple[Float32Rows, Float32Rows, Float32Rows],
+    index: Int64s,
+) -> None:
     """Write the origins, axes and lifts of usable points one after another, and where each point's are into `index`.
 
     Args: places: vertices (n, 3), and the first vertex (k,) of each point. of_all: origins and axes (k, 3).
     """
-    vertices, first_vertex = unrefcounted_view(places)
-    all_origins, all_axes = unrefcounted_view(of_all)
-    origins, axes, lifts = unrefcounted_view(out)
-    for k in range(start, stop):
-        point = usable[k]
-        index[point] = k
-        for axis in range(3):
-            origins[k, axis] = all_origins[point, axis]
-            axes[k, axis] = all_axes[point, axis]
-            lifts[k, axis] = origins[k, axis] - vertices[first_vertex[point], axis]
+    (vertices, first_vertex), (all_origins, all_axes), (origins, axes, lifts) = places, of_all, out
+    point = usable[k]
+    index[point] = k
+    for axis in range(3):
+        origins[k, axis] = all_origins[point, axis]
+        axes[k, axis] = all_axes[point, axis]
+        lifts[k, axis] = origins[k, axis] - vertices[first_vertex[point], axis]

@@ -5,18 +5,16 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from raytrace.kernel.arrays import unrefcounted_view
-from raytrace.kernel.jit import bind, inline, kernel
+from raytrace.kernel.jit import inline
 from raytrace.kernel.vector import add, dot, length, load, load_triangle, scale, store, subtract, unit
 from raytrace.mesh.weld import CREASE
 from raytrace.ray_origins.surface import Surface
-from raytrace.system.threads import run_blocks
-from raytrace.types import AnyInts, Float32s, Float64s, Int32s, Int64s
+from raytrace.system.parallel import each
+from raytrace.types import Float32Rows, Float32s, Float64Rows, Float64s, Int32s, Int64Rows, Int64s
 
 from .receivers import Receivers
 
 _LEAST_COSINE = 0.2  # between an interpolated normal and its face's, which is used below that
-_BLOCK, _SHARE = 1 << 10, 16  # points, and blocks at once
 
 
 class SurfacePoints(NamedTuple):
@@ -31,7 +29,7 @@ class PointGroups(NamedTuple):
 
     starts: Int64s  # (k + 1,)
     face: Int32s  # (p,)
-    barycentric: Float32s  # (p, 3)
+    barycentric: Float32Rows  # (p, 3)
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
@@ -51,17 +49,17 @@ class LocatedPoints(NamedTuple):
         cosines: float64 (k,), between each axis and the normal of the surface, below which directions are closed.
     """
 
-    positions: Float64s
-    normals: Float64s
-    axes: Float64s
+    positions: Float64Rows
+    normals: Float64Rows
+    axes: Float64Rows
     cosines: Float64s
 
 
 class VertexAxes(NamedTuple):
     """Axes of hemispheres (n, 3) at vertices, and the normals (n, 3) of the smooth surface, unit or zero."""
 
-    axes: Float64s
-    normals: Float64s
+    axes: Float64Rows
+    normals: Float64Rows
 
 
 class SmoothSurface(NamedTuple):
@@ -81,29 +79,33 @@ class SmoothSurface(NamedTuple):
         )
         return cls(axes, Surface.of(vertices, receivers.faces, receivers.face_normals(vertices)[0]))
 
-    def positions_at(self, face: AnyInts, barycentric: Float32s, threads: int) -> Float32s:
+    def positions_at(self, face: Int32s, barycentric: Float32s, threads: int) -> Float32s:
         """Positions (k, 3) of points on faces (k,)."""
         positions = np.empty((len(face), 3), np.float32)
-        work = bind(_interpolate, face, barycentric, self.surface.vertices, self.surface.faces, positions)
-        run_blocks(len(face), _BLOCK, work, threads, most=_SHARE)
+        _interpolate.on(threads)(face, barycentric, self.surface.vertices, self.surface.faces, positions)
         return positions
 
-    def points_at(self, face: AnyInts, barycentric: Float32s, threads: int) -> LocatedPoints:
+    def points_at(self, face: Int32s | Int64s, barycentric: Float32s, threads: int) -> LocatedPoints:
         """Points on faces (k,)."""
         positions, normals, axes = np.empty((3, len(face), 3))
         located = LocatedPoints(positions, normals, axes, np.empty(len(face)))
-        work = bind(_locate, face, barycentric, self.surface, self.axes, located)
-        run_blocks(len(face), _BLOCK, work, threads, most=_SHARE)
+        _locate.on(threads)(face, barycentric, self.surface, self.axes, located)
         return located
 
 
-@kernel
-def _interpolate(face, barycentric, vertices, faces, positions, start, stop):
+@each("face", 1 << 10)
+def _interpolate(
+    i: int,
+    face: Int32s,
+    barycentric: Float32Rows,
+    vertices: Float64Rows,
+    faces: Int64Rows,
+    positions: Float32Rows,
+) -> None:
     """Write the positions of points on faces, by their barycentric coordinates."""
-    for i in range(start, stop):
-        a, b, c = load_triangle(vertices, faces, face[i])
-        u, v, w = load(barycentric, i)
-        store(positions, i, add(add(scale(u, a), scale(v, b)), scale(w, c)))
+    a, b, c = load_triangle(vertices, faces, face[i])
+    u, v, w = load(barycentric, i)
+    store(positions, i, add(add(scale(u, a), scale(v, b)), scale(w, c)))
 
 
 @inline
@@ -160,15 +162,18 @@ def leaning(axis, normal, smooth):
     return np.sqrt(cosine**2 + dot(axis, aside) ** 2)
 
 
-@kernel
-def _locate(face, barycentric, surface, vertex_axes, out, start, stop):
+@each("face", 1 << 10)
+def _locate(
+    i: int,
+    face: Int32s | Int64s,
+    barycentric: Float32Rows,
+    surface: Surface,
+    vertex_axes: VertexAxes,
+    out: LocatedPoints,
+) -> None:
     """Write `point_on` for points, `LocatedPoints`."""
-    surface = unrefcounted_view(surface)
-    vertex_axes = unrefcounted_view(vertex_axes)
-    out = unrefcounted_view(out)
-    for i in range(start, stop):
-        position, normal, axis, cosine = point_on(surface, vertex_axes, face[i], barycentric[i])
-        store(out.positions, i, position)
-        store(out.normals, i, normal)
-        store(out.axes, i, axis)
-        out.cosines[i] = cosine
+    position, normal, axis, cosine = point_on(surface, vertex_axes, face[i], barycentric[i])
+    store(out.positions, i, position)
+    store(out.normals, i, normal)
+    store(out.axes, i, axis)
+    out.cosines[i] = cosine

@@ -10,11 +10,11 @@ from functools import cached_property
 
 import numpy as np
 
-from raytrace.kernel.jit import bind, kernel
 from raytrace.mesh.opacity import PackedOpacity, alphas
 from raytrace.ray_origins.origins import ray_origins
+from raytrace.system.parallel import each
 from raytrace.system.threads import run_blocks
-from raytrace.types import AnyInts, Bools, Float32s, Int32s, Int64s
+from raytrace.types import Bools, Float32s, Int32s, Int64s
 
 from .points import Points
 from .receivers import Receivers
@@ -23,7 +23,6 @@ from .smooth_surface import LocatedPoints, PointGroups, SmoothSurface
 _PLACED = 1 << 14  # samples whose origins are found together, and at most
 _MOST_PLACED = 1 << 18
 _FEW = 1 << 16  # faces, of which every thread may make tables
-_BLOCK, _SHARE = 1 << 11, 16  # groups, and blocks at once
 
 
 @dataclass(eq=False)
@@ -97,8 +96,7 @@ class SurfaceSamples:
         groups = self.groups_outside(hidden)
         starts = np.concatenate([[0], np.cumsum(self.counts[groups])])
         source = np.empty(starts[-1], np.int64)
-        replace_hidden = bind(_replace, groups, self.starts, hidden, starts, source)
-        run_blocks(len(groups), _BLOCK, replace_hidden, threads, most=_SHARE)
+        _replace.on(threads)(groups, self.starts, hidden, starts, source)
         return self.rearranged(starts, source, self.all_count[groups])
 
     def rearranged(self, starts: Int64s, source: Int64s, all_count: Bools) -> SurfaceSamples:
@@ -146,15 +144,14 @@ def with_alpha(located: LocatedPoints, opacity: PackedOpacity | None, face: AnyI
     return packed
 
 
-@kernel
-def _replace(groups, starts, hidden, new_starts, source, start, stop):
+@each("groups")
+def _replace(i: int, groups: Int64s, starts: Int64s, hidden: Bools, new_starts: Int64s, source: Int64s) -> None:
     """Write which samples of the `groups` are not `hidden`, over and over, until each group has as many as before."""
-    for i in range(start, stop):
-        begin = starts[groups[i]]
-        end = starts[groups[i] + 1]
-        sample = begin
-        for k in range(new_starts[i], new_starts[i + 1]):
-            while hidden[sample]:
-                sample = sample + 1 if sample + 1 < end else begin
-            source[k] = sample
+    begin = starts[groups[i]]
+    end = starts[groups[i] + 1]
+    sample = begin
+    for k in range(new_starts[i], new_starts[i + 1]):
+        while hidden[sample]:
             sample = sample + 1 if sample + 1 < end else begin
+        source[k] = sample
+        sample = sample + 1 if sample + 1 < end else begin

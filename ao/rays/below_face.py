@@ -9,18 +9,21 @@ Where the face has an alpha, that part of them ends there; the rest counts as ot
 
 import numpy as np
 
-from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import inline, kernel
 from raytrace.kernel.vector import dot
+from raytrace.types import Float32Rows, Float64Rows
 
-from .directions import choose, turned_frame
+from ..points.points import PointArrays
+from .directions import DirectionTable, choose, turned_frame
 from .gather import BATCH_VARIANCE, BENT, COLUMNS, W
 
 _NOTHING = 1e-9  # of the rays lost: rounding
 
 
 @kernel
-def leave_out_below(points, geometric_normals, table, cone, out):
+def leave_out_below(
+    points: PointArrays, geometric_normals: Float32Rows, table: DirectionTable, cone: float, out: Float64Rows
+) -> None:
     """Correct estimates for rays below the face.
 
     Args:
@@ -30,10 +33,6 @@ def leave_out_below(points, geometric_normals, table, cone, out):
         cone: of the table's directions, sin² of the largest angle to the axis.
         out: float64 (n, COLUMNS), of `Tracer.gather`, changed in place.
     """
-    points = unrefcounted_view(points)
-    table = unrefcounted_view(table)
-    geometric_normals = unrefcounted_view(geometric_normals)
-    out = unrefcounted_view(out)
     directions, samples = table.directions, len(table.batches)
     for i in range(len(points.normals)):
         n = points.normals[i]

@@ -13,7 +13,7 @@ from raytrace.kernel.simd import WIDE
 from raytrace.kernel.vector import tangents
 from raytrace.sampling.sequences import GOLDEN, LEAPED, cosine_hemisphere, hash32, jittered_lattice
 from raytrace.system.threads import run_blocks, thread_count
-from raytrace.types import Float32s, Float64s, Int64s, UInt8s
+from raytrace.types import Float32Grid, Float32s, Float64Rows, Float64s, Int64s, UInt8s
 
 BATCHES = 6  # the lattice steps by 6 × golden ratio = .708 within a part, as irrational as one can wish
 _TABLE_POINTS = 1 << 18
@@ -38,12 +38,12 @@ class DirectionTable(NamedTuple):
             (leaped lattice), so that their mean is as even as the whole lattice. step: the lattice's.
     """
 
-    directions: Float32s
+    directions: Float32Grid
     batches: UInt8s
     batch_sizes: Float64s
-    mean: Float64s
+    mean: Float64Rows
     lowest: Float32s
-    cones: Float32s
+    cones: Float32Grid
     key: np.uint32
     leap: np.int64
     step: np.float64

@@ -7,18 +7,20 @@ falloffs rays and closest hits are the same, and a hit adds its loss by each fal
 
 import numpy as np
 
+from raytrace.bvh.bvh16 import BVH16
 from raytrace.embree.packets import GEOM_ID, INVALID, LANES
-from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import inline, kernel
 from raytrace.kernel.simd import WIDE, lowest_bit
 from raytrace.kernel.vector import load
+from raytrace.types import Float64Grid
 
-from ..mu import accumulate_occlusion, depends_on_distance
-from .directions import BATCHES, choose, turned_frame
+from ..mu import KernelMu, accumulate_occlusion, depends_on_distance
+from ..points.points import PointArrays
+from .directions import BATCHES, DirectionTable, choose, turned_frame
 from .layers import clear, hit_mask, write_occlusion
-from .ray_blocks import init_rays
-from .ray_packet import aim, distance_of, mu_of, new_alpha_rows, start_from, trace
-from .traverse import traverse
+from .ray_blocks import Rays, init_rays
+from .ray_packet import RayPacket, aim, distance_of, mu_of, new_alpha_rows, start_from, trace
+from .traverse import TraversalState, traverse
 
 W, BATCH_VARIANCE, BENT = range(3)  # columns of rows: w, the variance between batches, the mean of μ·direction
 COLUMNS = BENT + 3
@@ -27,25 +29,20 @@ _SUMS = BATCHES + 3  # rows: 1 − μ by batches of directions, (1 − μ)·dire
 
 
 @kernel
-def gather_hemispheres(packet, points, table, falloff, t_max, out):
+def gather_hemispheres(
+    packet: RayPacket, points: PointArrays, table: DirectionTable, falloff: KernelMu, t_max: float, out: Float64Grid
+) -> None:
     """Estimate the obscurance of n points by Embree.
 
     Args:
-        packet: RayPacket, of opaque faces if there are columns. points: PointArrays. table: DirectionTable.
-        falloff: KernelMu, of k columns or k = 1. t_max: length of every ray, at most falloff.limit.
-        out: float64 (n, k, COLUMNS), written.
+        packet: of opaque faces if there are columns. falloff: of k columns or k = 1.
+        t_max: length of every ray, at most falloff.limit. out: (n, k, COLUMNS), written.
     """
-    packet = unrefcounted_view(packet)
-    points = unrefcounted_view(points)
-    table = unrefcounted_view(table)
-    out = unrefcounted_view(out)
     rays, valid, origins = packet.rays, packet.valid, points.origins
     samples = len(table.batches)
     alpha_rows = new_alpha_rows(packet.opacity)
-    falloff = unrefcounted_view(falloff)
-    closest = (
-        depends_on_distance(falloff) or t_max >= falloff.limit
-    )  # distances count from the place, see `distance_of`
+    # Distances count from the place, see `distance_of`.
+    closest = depends_on_distance(falloff) or t_max >= falloff.limit
     sums = np.zeros((_SUMS, out.shape[1]))
     occlusion = np.zeros(out.shape[1])
     for i in range(len(origins)):
@@ -83,16 +80,18 @@ def _write_lane_occlusion(rays, lane, lift, closest, falloff, columns, alpha_row
 
 
 @kernel
-def gather_streams(tree, rays, state, points, table, falloff, t_max, out):
-    """`gather_hemispheres` by a BVH16, in Rays and a TraversalState, whose layers are None where all is opaque."""
-    tree = unrefcounted_view(tree)
-    rays = unrefcounted_view(rays)
-    state = unrefcounted_view(state)
-    points = unrefcounted_view(points)
-    table = unrefcounted_view(table)
-    out = unrefcounted_view(out)
-    falloff = unrefcounted_view(falloff)
-    t_max = np.float32(t_max)
+def gather_streams(
+    tree: BVH16,
+    rays: Rays,
+    state: TraversalState,
+    points: PointArrays,
+    table: DirectionTable,
+    falloff: KernelMu,
+    t_max: float,
+    out: Float64Grid,
+) -> None:
+    """`gather_hemispheres` by a BVH16."""
+    reach = np.float32(t_max)
     samples = len(table.batches)
     fading = depends_on_distance(falloff)
     sums = np.zeros((_SUMS, out.shape[1]))
@@ -102,10 +101,10 @@ def gather_streams(tree, rays, state, points, table, falloff, t_max, out):
         chosen, turn = choose(points.numbers[i], table)
         t, b = turned_frame(normal, turn)
         # All rays of the point through the tree together.
-        init_rays(rays, table.directions, table.cones, chosen, samples, (t, b, normal), t_max)
+        init_rays(rays, table.directions, table.cones, chosen, samples, (t, b, normal), reach)
         clear(state.layers)
         start = load(points.origins, i)
-        traverse(tree, state, rays, start, load(points.lifts, i), normal, table.lowest[chosen], fading, t_max)
+        traverse(tree, state, rays, start, load(points.lifts, i), normal, table.lowest[chosen], fading, reach)
         # The 1 − μ of the rays that met something.
         sums[:] = 0.0
         for k in range(len(rays.t_hit)):

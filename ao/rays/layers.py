@@ -16,7 +16,7 @@ from raytrace.kernel.jit import inline
 from raytrace.kernel.simd import WIDE, bits, load_row
 from raytrace.kernel.vector import column, cross, dot, subtract
 from raytrace.mesh.opacity import PackedOpacity, alpha
-from raytrace.types import Float32s, Int64s
+from raytrace.types import Float32Rows, Int64s
 
 from ..mu import KernelMu, accumulate_occlusion, attenuation, depends_on_distance
 from .ray_blocks import T_MISS, deactivate, is_active, shrink_t_max
@@ -35,8 +35,8 @@ class AlphaHits(NamedTuple):
 
     opacity: PackedOpacity
     counts: Int64s
-    distances: Float32s
-    alphas: Float32s
+    distances: Float32Rows
+    alphas: Float32Rows
 
     @classmethod
     def of(cls, opacity: PackedOpacity | None, rays: int, falloff: KernelMu) -> AlphaHits | None:

@@ -23,7 +23,7 @@ from raytrace.kernel.simd import (
     store_row,
 )
 from raytrace.kernel.vector import dot, scale
-from raytrace.types import Float32s, Int64s
+from raytrace.types import Float32Rows, Float32s, Int64s
 
 from .directions import DirectionTable
 
@@ -48,12 +48,12 @@ class Rays(NamedTuple):
         t_max: float32 (b,), how far the rays of a block still matter.
     """
 
-    directions: Float32s
-    reciprocals: Float32s
-    cones: Float32s
+    directions: Float32Rows
+    reciprocals: Float32Rows
+    cones: Float32Rows
     active: Int64s
     groups: Int64s
-    t_hit: Float32s
+    t_hit: Float32Rows
     t_max: Float32s
 
     @classmethod

@@ -15,7 +15,7 @@ from raytrace.embree.packets import LANES, TFAR
 from raytrace.embree.scene import EmbreeScene
 from raytrace.kernel.jit import inline
 from raytrace.mesh.opacity import PackedOpacity, alpha
-from raytrace.types import Float32s, Int32s
+from raytrace.types import Float32Rows, Int32s
 
 from ..mu import attenuation, depends_on_distance
 
@@ -34,7 +34,7 @@ class RayPacket(NamedTuple):
     """
 
     scene: np.uint64
-    rays: Float32s
+    rays: Float32Rows
     valid: Int32s
     opacity: PackedOpacity | None
 

@@ -23,7 +23,7 @@ from raytrace.kernel.jit import inline
 from raytrace.kernel.simd import WIDE, bits, lowest_bit, select, store_row
 from raytrace.kernel.vector import column, dot, subtract
 from raytrace.system.processor import lanes
-from raytrace.types import Float32s, Int64s
+from raytrace.types import Float32Rows, Float32s, Int64Rows, Int64s
 
 from ..mu import KernelMu, depends_on_distance
 from ..options import MAX_SAMPLES, Traversal
@@ -54,13 +54,13 @@ class TraversalState(NamedTuple):
         layers: what rays pass, or None where all faces are opaque.
     """
 
-    entries: Int64s
-    bounds: Float32s
+    entries: Int64Rows
+    bounds: Float32Rows
     listed: Int64s
-    child_rays: Int64s
+    child_rays: Int64Rows
     child_counts: Int64s
-    children: Float32s
-    planes: Float32s
+    children: Float32Rows
+    planes: Float32Rows
     layers: AlphaHits | None
 
     @classmethod

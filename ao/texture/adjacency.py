@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from raytrace.kernel.jit import bind, kernel
 from raytrace.mesh.weld import connected_components
-from raytrace.system.threads import run_blocks
-from raytrace.types import Float64s, Int32s, Int64s
+from raytrace.system.parallel import each
+from raytrace.types import Float32Rows, Float32s, Float64s, Int32Rows, Int32s, Int64s
 
 from ..estimate.one_ring import Neighbours
 from .texels import Texels
@@ -13,7 +12,6 @@ from .uv_layout import doubled_areas
 from .uv_surface import UVSurface, corner_places
 
 _NEAR = 3.0  # times the size of a texel on the surface that a neighbour may be away: more is another part of the chart
-_BLOCK, _SHARE = 1 << 12, 16  # texels, and blocks at once
 
 
 def texel_neighbours(surface: UVSurface, texels: Texels, most: float, threads: int) -> Neighbours:
@@ -28,7 +26,7 @@ def texel_neighbours(surface: UVSurface, texels: Texels, most: float, threads: i
     starts = np.zeros(count + 1, np.int64)
     page = row_of, layout.width, layout.wraps
     places = charts, sizes.astype(np.float32), points.origins
-    run_blocks(count, _BLOCK, bind(_find_beside, texels.texels, page, places, beside, starts), threads, most=_SHARE)
+    _find_beside.on(threads)(texels.texels, page, places, beside, starts)
     # Neighbours across seams.
     texels_at_seams, seam_texels = _across_seams(surface, row_of, count)
     across = np.zeros(count + 1, np.int64)
@@ -36,9 +34,7 @@ def texel_neighbours(surface: UVSurface, texels: Texels, most: float, threads: i
     # Both in one list.
     starts = np.cumsum(starts) + across
     indices = np.empty(starts[-1], np.int32)
-    run_blocks(
-        count, _BLOCK, bind(_write_neighbours, starts, beside, across, seam_texels, indices), threads, most=_SHARE
-    )
+    _write_neighbours.on(threads)(starts, beside, across, seam_texels, indices)
     return Neighbours.weighted(starts, indices, np.ones(len(indices), np.float32), points.normals, threads)
 
 
@@ -69,42 +65,49 @@ def _texel_sizes(uv: Float64s, vertices: Float64s, faces: Int64s, most: float) -
     return np.asarray(np.sqrt(surface / np.maximum(np.abs(doubled_areas(uv)), surface / most**2)))
 
 
-@kernel
-def _find_beside(texels, page, surface, beside, starts, start, stop):
+@each("texels")
+def _find_beside(
+    i: int,
+    texels: Int64s,
+    page: tuple[Int32s, int, bool],
+    surface: tuple[Int32s, Float32s, Float32Rows],
+    beside: Int32Rows,
+    starts: Int64s,
+) -> None:
     """Write the four neighbours of each texel, −1 for none, and how many there are into starts[i + 1]."""
     (row_of, width, wraps), (chart, size, origins) = page, surface
     height = len(row_of) // width
-    for i in range(start, stop):
-        row, column = divmod(texels[i], width)
-        for k in range(4):
-            y = row + (k == 0) - (k == 1)
-            x = column + (k == 2) - (k == 3)
-            beside[i, k] = -1
-            if wraps:
-                x = x % width
-                y = y % height
-            elif x < 0 or y < 0 or x >= width or y >= height:
-                continue
-            j = row_of[y * width + x]
-            if j < 0 or j == i or chart[j] != chart[i]:
-                continue
-            squared = np.float32(0.0)
-            for axis in range(3):
-                squared += (origins[i, axis] - origins[j, axis]) ** 2
-            if squared <= (_NEAR * max(size[i], size[j])) ** 2:
-                beside[i, k] = j
-                starts[i + 1] += 1
+    row, column = divmod(texels[i], width)
+    for k in range(4):
+        y = row + (k == 0) - (k == 1)
+        x = column + (k == 2) - (k == 3)
+        beside[i, k] = -1
+        if wraps:
+            x = x % width
+            y = y % height
+        elif x < 0 or y < 0 or x >= width or y >= height:
+            continue
+        j = row_of[y * width + x]
+        if j < 0 or j == i or chart[j] != chart[i]:
+            continue
+        squared = np.float32(0.0)
+        for axis in range(3):
+            squared += (origins[i, axis] - origins[j, axis]) ** 2
+        if squared <= (_NEAR * max(size[i], size[j])) ** 2:
+            beside[i, k] = j
+            starts[i + 1] += 1
 
 
-@kernel
-def _write_neighbours(starts, beside, seam_starts, seam_texels, indices, start, stop):
+@each("beside")
+def _write_neighbours(
+    i: int, starts: Int64s, beside: Int32Rows, seam_starts: Int64s, seam_texels: Int64s, indices: Int32s
+) -> None:
     """Write the neighbours of each texel: the texels `beside` it, then there[across[i] : across[i + 1]]."""
-    for i in range(start, stop):
-        entry = starts[i]
-        for k in range(4):
-            if beside[i, k] >= 0:
-                indices[entry] = beside[i, k]
-                entry += 1
-        for k in range(seam_starts[i], seam_starts[i + 1]):
-            indices[entry] = seam_texels[k]
+    entry = starts[i]
+    for k in range(4):
+        if beside[i, k] >= 0:
+            indices[entry] = beside[i, k]
             entry += 1
+    for k in range(seam_starts[i], seam_starts[i + 1]):
+        indices[entry] = seam_texels[k]
+        entry += 1

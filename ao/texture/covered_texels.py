@@ -8,18 +8,15 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from raytrace.kernel.arrays import unrefcounted_view
-from raytrace.kernel.jit import bind, inline, kernel
+from raytrace.kernel.jit import inline
 from raytrace.sampling.sequences import hash32_array
-from raytrace.system.threads import run_blocks
-from raytrace.types import Bools, Float64s, Int32s, Int64s
+from raytrace.system.parallel import parallel
+from raytrace.types import Bools, Float64Grid, Float64s, Int32Rows, Int32s, Int64s
 
 from ..points.smooth_surface import PointGroups
 from .partial_texels import MOST
 from .raster import EDGE, GRID, POINTS, SLOTS, set_up_edges, store_barycentric
 from .uv_layout import UVLayout
-
-_BLOCK, _SHARE = 1 << 12, 16  # texels, and blocks at once
 
 
 class Places(NamedTuple):
@@ -50,9 +47,9 @@ class PagePoints(NamedTuple):
     """The points of k texels on a page, as kernels take them: of `Coverage` and its layout."""
 
     texels: Int64s
-    triangle: Int32s
-    points: Float64s
-    corners: Float64s
+    triangle: Int32Rows
+    points: Float64Grid
+    corners: Float64Grid
     face: Int64s
     width: int
 
@@ -103,8 +100,7 @@ class Coverage:
         counts[by_centre] = 1
         starts = np.concatenate([[0], np.cumsum(np.minimum(counts[order], most))])
         samples = PointGroups(starts, np.empty(starts[-1], np.int32), np.empty((starts[-1], 3), np.float32))
-        work = bind(_write_samples, order, by_centre, self.points, self.listed, samples)
-        run_blocks(len(order), _BLOCK, work, threads, most=_SHARE)
+        _write_samples.on(threads)(order, by_centre, self.points, self.listed, samples)
         return samples
 
     def every_sample(self, threads: int) -> PointGroups:
@@ -129,12 +125,17 @@ def locate(points, row, k, known_triangle, edges, out):
     return triangle
 
 
-@kernel
-def _write_samples(order, by_centre, points, listed, samples, start, stop):
+@parallel("order")
+def _write_samples(
+    start: int,
+    stop: int,
+    order: Int64s,
+    by_centre: Bools,
+    points: PagePoints,
+    listed: PointGroups,
+    samples: PointGroups,
+) -> None:
     """Write samples of texels in order, as `Coverage.samples` has them."""
-    points = unrefcounted_view(points)
-    listed = unrefcounted_view(listed)
-    samples = unrefcounted_view(samples)
     edges = np.empty((3, EDGE))
     for i in range(start, stop):
         row = order[i]

@@ -8,13 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import inline, kernel
 from raytrace.sampling.sequences import hash32
-from raytrace.types import Float64s, Int64s
+from raytrace.types import Float32Grid, Float64Grid, Float64Rows, Float64s, Int32Rows, Int64s
 
 from .clipping import CORNERS, area_of_fan, clip_to_texel, point_in_fan
-from .raster import EDGE, INSIDE, POINTS, SLOTS, least_edge, set_up_edges, store_barycentric
+from .raster import EDGE, INSIDE, POINTS, SLOTS, Lists, Marks, least_edge, set_up_edges, store_barycentric
 
 MOST = 64  # samples of a texel; of more triangles over one another, as many have one, evenly spaced
 NOT_SOUGHT, AREA, LAYERS = -1, 0, 1  # samples are spread over area, or over all triangles at points
@@ -32,19 +31,18 @@ class PartialTexels(NamedTuple):
 
     texels: Int64s  # (h,), row · width + column
     how: Int64s  # (h,), AREA or LAYERS
-    points: Float64s  # (h, POINTS, 2) or (1, POINTS, 2), in the texel
-    offsets: Float64s  # (h, 2) or (1, 2), from 0 to 1, where the first sample lies in its part of the area
+    points: Float64Grid  # (h, POINTS, 2) or (1, POINTS, 2), in the texel
+    offsets: Float64Rows  # (h, 2) or (1, 2), from 0 to 1, where the first sample lies in its part of the area
 
 
 @kernel
-def find_partial(marks, crowding, layered, how):
+def find_partial(marks: Marks, crowding: Float64s, layered: bool, how: Int64s) -> None:
     """Write how samples of each texel are sought, int64 (n,), NOT_SOUGHT where its points will do or no triangle is.
 
     Texels with a point in no triangle lose their triangles in `Marks`, and overlaps the triangle at their centre.
 
     Args: crowding: (t,). layered: whether all triangles share a texel.
     """
-    marks = unrefcounted_view(marks)
     for i in range(len(how)):
         hits, most_crowding, overlapping = 0, 0.0, marks.overlapping[i]
         for k in range(SLOTS):
@@ -62,7 +60,14 @@ def find_partial(marks, crowding, layered, how):
 
 
 @kernel
-def sample_partial(triangles, width, layered, partial, lists, out):
+def sample_partial(
+    triangles: tuple[Float64Grid, Float64s],
+    width: int,
+    layered: bool,
+    partial: PartialTexels,
+    lists: Lists,
+    out: tuple[Int64s, Int32Rows, Float32Grid],
+) -> None:
     """Find samples of `PartialTexels`, none of a texel in which no triangle has an area.
 
     Args:
@@ -70,10 +75,8 @@ def sample_partial(triangles, width, layered, partial, lists, out):
         layered: whether all triangles share a texel, or hide the triangles that are listed after them.
         out: how many samples (h,), their triangles (h, MOST) and barycentrics (h, MOST, 3), to be written.
     """
-    corners, crowding = unrefcounted_view(triangles)
-    counts, triangle, barycentric = unrefcounted_view(out)
-    partial = unrefcounted_view(partial)
-    lists = unrefcounted_view(lists)
+    corners, crowding = triangles
+    counts, triangle, barycentric = out
     edges = np.empty((3, EDGE))
     clipped = np.empty((2, CORNERS, 2))
     for i in range(len(counts)):

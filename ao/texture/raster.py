@@ -9,9 +9,8 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import inline, kernel
-from raytrace.types import Bools, Int32s, Int64s, UInt8s
+from raytrace.types import Bools, Float64Grid, Int32Rows, Int32s, Int64s, UInt8s
 
 SLOTS = 4  # points of a texel
 POINTS = SLOTS + 1  # and its centre
@@ -27,7 +26,7 @@ _SLACK = 1e-6  # texels, by which rows' ends are taken farther out, before the e
 class Marks(NamedTuple):
     """What triangles leave at each of n texels."""
 
-    triangle: Int32s  # (n, POINTS), the first one at each point, −1 for none
+    triangle: Int32Rows  # (n, POINTS), the first one at each point, −1 for none
     inside: UInt8s  # (n,), a bit for each of the SLOTS points that is inside of a triangle
     overlapping: Bools  # (n,), whether two triangles have one of these points inside
     reaching: Int32s  # (n,), how many reach into the texel
@@ -48,7 +47,7 @@ class Lists(NamedTuple):
 
 
 @kernel
-def count_bands(corners, height, band_rows, counts):
+def count_bands(corners: Float64Grid, height: int, band_rows: int, counts: Int64s) -> None:
     """Add to `counts` how many triangles reach into each band of `band_rows` rows of a page."""
     for t in range(len(corners)):
         start, stop = _rows(corners[t], 0, height)
@@ -58,7 +57,7 @@ def count_bands(corners, height, band_rows, counts):
 
 
 @kernel
-def list_bands(corners, height, band_rows, places, listed):
+def list_bands(corners: Float64Grid, height: int, band_rows: int, places: Int64s, listed: Int64s) -> None:
     """List the triangles of each band, ascending, from places[band] on, which is moved past them."""
     for t in range(len(corners)):
         start, stop = _rows(corners[t], 0, height)
@@ -69,7 +68,15 @@ def list_bands(corners, height, band_rows, places, listed):
 
 
 @kernel
-def scan_convert(triangles, corners, texels, width, points, marks, lists):
+def scan_convert(
+    triangles: Int64s,
+    corners: Float64Grid,
+    texels: Int64s,
+    width: int,
+    points: Float64Grid,
+    marks: Marks | None,
+    lists: Lists | None,
+) -> None:
     """Visit those of n `texels` of a page, ascending, that triangles reach into, one triangle after another.
 
     Args:
@@ -77,10 +84,6 @@ def scan_convert(triangles, corners, texels, width, points, marks, lists):
         points: (n, POINTS, 2) or (1, POINTS, 2) in the texels. marks: `Marks` to be made, or None. lists: `Lists` to be
             filled, or None.
     """
-    corners = unrefcounted_view(corners)
-    points = unrefcounted_view(points)
-    marked = unrefcounted_view(marks)
-    listing = unrefcounted_view(lists)
     edges = np.empty((3, EDGE))
     if len(texels) == 0:
         return
@@ -97,10 +100,10 @@ def scan_convert(triangles, corners, texels, width, points, marks, lists):
                     continue
                 if marks is not None:
                     sample_points = points[i if len(points) > 1 else 0]
-                    _mark(marked, i, t, edges, corner, sample_points, area, within > INSIDE * area)
+                    _mark(marks, i, t, edges, corner, sample_points, area, within > INSIDE * area)
                 if lists is not None:
-                    listing.triangle[listing.starts[i] + listing.filled[i]] = t
-                    listing.filled[i] += 1
+                    lists.triangle[lists.starts[i] + lists.filled[i]] = t
+                    lists.filled[i] += 1
 
 
 @inline

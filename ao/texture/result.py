@@ -9,13 +9,11 @@ import numpy as np
 
 from raytrace.image.encode import linear_png
 from raytrace.image.fill import fill_holes
-from raytrace.kernel.arrays import unrefcounted_view
-from raytrace.kernel.jit import bind, kernel
 from raytrace.kernel.vector import dot, load, store
 from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import normalized
-from raytrace.system.threads import run_blocks
-from raytrace.types import Bools, Float32s, Float64s
+from raytrace.system.parallel import each
+from raytrace.types import BoolRows, Bools, Float32Rows, Float32s, Float64Grid, Float64Rows, Float64s, Int64s
 
 from ..estimate.calibration import Calibration
 from ..estimate.tolerance import Estimate
@@ -27,7 +25,6 @@ from .uv_layout import UVLayout
 if TYPE_CHECKING:
     from .seams import Seams, Shown
 
-_BLOCK, _SHARE = 1 << 12, 16  # texels, and blocks at once
 _ROWS = 1 << 4  # of the page
 _CLEAR = 1e-18  # least square of a mean direction that is one
 
@@ -119,13 +116,12 @@ class PageAssembly:
         error = np.zeros(shape, np.float32)
         bent = np.zeros((*shape, 3), np.float32)
         covered = np.zeros(shape, np.bool_)
-        values = estimate.values, estimate.variance, self.texels.points.normals
+        values = np.ascontiguousarray(estimate.values), estimate.variance, self.texels.points.normals
         flat = w.ravel(), error.ravel(), bent.reshape(-1, 3), covered.ravel()
-        spread = bind(_spread, self.texels.texels, values, frames, flat)
-        run_blocks(len(self.texels), _BLOCK, spread, self.threads, most=_SHARE)
+        _spread.on(self.threads)(self.texels.texels, values, frames, flat)
         # Seams closed, and the rest of the page filled from what is covered and what is next to that.
         beside = np.zeros(shape, np.bool_)
-        run_blocks(shape[0], _ROWS, bind(_extend, w, covered, self.layout.wraps, beside), self.threads)
+        _extend.on(self.threads)(w, covered, self.layout.wraps, beside)
         known = covered | beside
         seams = self.seams.within(known.ravel())
         jump_before = seams.jump(w.ravel())
@@ -135,62 +131,64 @@ class PageAssembly:
         page = fill_holes(w.astype(np.float32)[:, :, None], known, self.threads)[:, :, 0].clip(0.0, 1.0)
         jump = seams.jump(page.ravel())
         bent = fill_holes(bent, covered, self.threads)
-        run_blocks(w.size, _BLOCK, bind(_normalize, bent.reshape(-1, 3)), self.threads, most=_SHARE)
+        _normalize.on(self.threads)(bent.reshape(-1, 3))
         return Pages(page, error, bent, covered, jump, jump_before)
 
 
-@kernel
-def _spread(texels, estimated, frames, pages, start, stop):
+@each("texels")
+def _spread(
+    i: int,
+    texels: Int64s,
+    estimated: tuple[Float64Rows, Float64s, Float32Rows],
+    frames: Float64Grid | None,
+    pages: tuple[Float64s, Float32s, Float32Rows, Bools],
+) -> None:
     """Write w, its error and bent normals of texels to flat `pages`.
 
     Args:
         estimated: rows of estimates, variances, and axes of the hemispheres.
         frames: as of `assemble`.
     """
-    values, variance, axes = unrefcounted_view(estimated)
-    w, error, bent, covered = unrefcounted_view(pages)
-    turned = unrefcounted_view(frames)
-    for i in range(start, stop):
-        to = texels[i]
-        covered[to] = True
-        w[to] = min(max(values[i, 0], 0.0), 1.0)
-        error[to] = np.sqrt(variance[i])
-        direction = (values[i, 1], values[i, 2], values[i, 3])
-        direction = normalized(direction) if dot(direction, direction) > _CLEAR else load(axes, i)
-        if frames is not None:
-            frame = turned[i]
-            direction = (
-                dot(load(frame, 0), direction), dot(load(frame, 1), direction), dot(load(frame, 2), direction)
-            )  # fmt: skip
-        store(bent, to, direction)
+    values, variance, axes = estimated
+    w, error, bent, covered = pages
+    to = texels[i]
+    covered[to] = True
+    w[to] = min(max(values[i, 0], 0.0), 1.0)
+    error[to] = np.sqrt(variance[i])
+    direction = (values[i, 1], values[i, 2], values[i, 3])
+    direction = normalized(direction) if dot(direction, direction) > _CLEAR else load(axes, i)
+    if frames is not None:
+        frame = frames[i]
+        direction = (
+            dot(load(frame, 0), direction), dot(load(frame, 1), direction), dot(load(frame, 2), direction)
+        )  # fmt: skip
+    store(bent, to, direction)
 
 
-@kernel
-def _normalize(vectors, start, stop):
+@each("vectors")
+def _normalize(i: int, vectors: Float32Rows) -> None:
     """Make vectors unit ones in place."""
-    for i in range(start, stop):
-        store(vectors, i, normalized(load(vectors, i)))
+    store(vectors, i, normalized(load(vectors, i)))
 
 
-@kernel
-def _extend(page, covered, wraps, beside, start, stop):
+@each("page", _ROWS)
+def _extend(row: int, page: Float64Rows, covered: BoolRows, wraps: bool, beside: BoolRows) -> None:
     """Give texels of some rows next to covered ones the covered neighbours' mean, in place, and mark them `beside`."""
     height, width = page.shape
-    for row in range(start, stop):
-        for column in range(width):
-            if covered[row, column]:
+    for column in range(width):
+        if covered[row, column]:
+            continue
+        total, count = 0.0, 0
+        for k in range(9):
+            y = row + 1 - k // 3
+            x = column + 1 - k % 3
+            if wraps:
+                y = y % height
+                x = x % width
+            elif y < 0 or x < 0 or y >= height or x >= width:
                 continue
-            total, count = 0.0, 0
-            for k in range(9):
-                y = row + 1 - k // 3
-                x = column + 1 - k % 3
-                if wraps:
-                    y = y % height
-                    x = x % width
-                elif y < 0 or x < 0 or y >= height or x >= width:
-                    continue
-                if covered[y, x]:
-                    total = total + page[y, x]
-                    count = count + 1
-            if count:
-                page[row, column], beside[row, column] = total / count, True
+            if covered[y, x]:
+                total = total + page[y, x]
+                count = count + 1
+        if count:
+            page[row, column], beside[row, column] = total / count, True

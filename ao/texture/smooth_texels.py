@@ -8,15 +8,15 @@ import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
 from raytrace.bvh.closest import new_stack
-from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import inline, kernel
 from raytrace.kernel.vector import length, subtract
+from raytrace.ray_origins.surface import Surface
 from raytrace.system.threads import run_blocks
-from raytrace.types import Bools, Int64s
+from raytrace.types import Bools, Int32s, Int64Rows, Int64s
 
 from ..points.near_faces import LISTED, has_near_faces
-from ..points.smooth_surface import SmoothSurface, point_on
-from .covered_texels import Coverage, locate
+from ..points.smooth_surface import SmoothSurface, VertexAxes, point_on
+from .covered_texels import Coverage, PagePoints, locate
 from .raster import EDGE, SLOTS
 
 _SLOPE = 2.0  # times what normals may differ by: what rises by more of its distance, rises
@@ -53,17 +53,22 @@ def smooth_cells(
 
 
 @kernel
-def _find_smooth(tree, stack, faces, points, bounds, page, out):
+def _find_smooth(
+    tree: BVH16,
+    stack: Int64Rows,
+    faces: tuple[Surface, VertexAxes],
+    points: PagePoints,
+    bounds: tuple[float, float],
+    page: tuple[Int32s, int, int],
+    out: tuple[Bools, Int64s],
+) -> None:
     """`smooth_cells` of some rows of the page, the largest blocks first.
 
     Args: points: PagePoints. bounds: `most` and `tangent`. page: rows of texels up to the last one, the first row, side
         of the largest blocks.
     """
-    tree = unrefcounted_view(tree)
-    faces = unrefcounted_view(faces)
-    points = unrefcounted_view(points)
     row_of, first_row, size = page
-    by_centre, cell = unrefcounted_view(out)
+    by_centre, cell = out
     width = points.width
     stop_row = len(row_of) // width
     edges = np.empty((3, EDGE))

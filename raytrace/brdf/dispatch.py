@@ -16,6 +16,7 @@ import numpy as np
 from ..kernel.jit import Late, inline, kernel
 from ..kernel.simd import WIDE, pick, replace
 from ..kernel.vector import add, choose, dot, load, scale, triple
+from ..types import Float64Rows, Float64s
 from .layout import GRAIN, TO_LIGHT, TO_VIEWER, TWO_SIDED
 from .registry import in_lanes, reflection_models
 
@@ -123,7 +124,9 @@ def evaluate(kind, row, n, l, v, tangent):
 
 
 @kernel
-def reflect_rows(kind, row, n, l, v, tangent, out):
+def reflect_rows(
+    kind: int, row: Float64s, n: Float64Rows, l: Float64Rows, v: Float64Rows, tangent: Float64Rows, out: Float64Rows
+) -> None:
     """Fill `out` (k, 3) with the reflected RGB of one packed material for unit vectors n, l, v, tangent (k, 3)."""
     for i in range(len(out)):
         out[i, 0], out[i, 1], out[i, 2] = evaluate(kind, row, load(n, i), load(l, i), load(v, i), load(tangent, i))

@@ -7,14 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ..kernel.arrays import aligned
-from ..kernel.jit import bind, kernel
 from ..kernel.simd import WIDE
-from ..system.threads import run_blocks, thread_count
-from ..types import Float32s, Int32s, Int64s
+from ..system.parallel import each
+from ..types import Float32Grid, Float32Rows, Float32s, Int32Rows, Int32s, Int64Rows, Int64s
 from .median_splits import median_order
 from .oriented import orient
 
-_BLOCK, _MOST = 1 << 7, 16  # leaves, and blocks at once
 _GROWN = np.float32(1.0 + 2.0**-20)  # half sides, for their rounding
 
 
@@ -30,11 +28,11 @@ class BVH16(NamedTuple):
         axes: float32 (nodes, 9, 16), three unit vectors, along which the boxes' sides are; None if all are aligned.
     """
 
-    triangles: Float32s
-    leaf_faces: Int32s
-    boxes: Float32s
+    triangles: Float32Grid
+    leaf_faces: Int32Rows
+    boxes: Float32Grid
     starts: Int64s
-    axes: Float32s | None
+    axes: Float32Grid | None
 
     @classmethod
     def of(cls, vertices: Float32s, faces: Int64s) -> BVH16:
@@ -43,8 +41,7 @@ class BVH16(NamedTuple):
         leaves = max(-(-len(faces) // WIDE), 1)
         triangles = aligned((leaves, 9, WIDE), np.float32)
         bounds = np.empty((leaves, 6), np.float32)
-        work = bind(_fill_leaves, vertices, faces, order, triangles, bounds)
-        run_blocks(leaves, _BLOCK, work, thread_count(None), most=_MOST)
+        _fill_leaves(vertices, faces, order, triangles, bounds)
         levels = []
         starts = [0]
         while True:
@@ -60,20 +57,26 @@ class BVH16(NamedTuple):
         return cls(triangles, leaf_faces, *orient(triangles, boxes, np.array(starts)))
 
 
-@kernel
-def _fill_leaves(vertices, faces, order, triangles, bounds, start, stop):
+@each("triangles", 1 << 7)
+def _fill_leaves(
+    leaf: int,
+    vertices: Float32Rows,
+    faces: Int64Rows,
+    order: Int32s,
+    triangles: Float32Grid,
+    bounds: Float32Rows,
+) -> None:
     """Write triangles into leaves, and the low and high corners of the boxes around these into `bounds` (leaves, 6)."""
-    for leaf in range(start, stop):
-        triangles[leaf] = np.nan
-        bounds[leaf, :3], bounds[leaf, 3:] = np.inf, -np.inf
-        for lane in range(min(WIDE, len(order) - leaf * WIDE)):
-            corners = faces[order[leaf * WIDE + lane]]
-            for corner in range(3):
-                for axis in range(3):
-                    x = vertices[corners[corner], axis]
-                    triangles[leaf, 3 * corner + axis, lane] = x
-                    bounds[leaf, axis] = min(bounds[leaf, axis], x)
-                    bounds[leaf, 3 + axis] = max(bounds[leaf, 3 + axis], x)
+    triangles[leaf] = np.nan
+    bounds[leaf, :3], bounds[leaf, 3:] = np.inf, -np.inf
+    for lane in range(min(WIDE, len(order) - leaf * WIDE)):
+        corners = faces[order[leaf * WIDE + lane]]
+        for corner in range(3):
+            for axis in range(3):
+                x = vertices[corners[corner], axis]
+                triangles[leaf, 3 * corner + axis, lane] = x
+                bounds[leaf, axis] = min(bounds[leaf, axis], x)
+                bounds[leaf, 3 + axis] = max(bounds[leaf, 3 + axis], x)
 
 
 def _level_around(bounds: Float32s) -> tuple[Float32s, Float32s]:

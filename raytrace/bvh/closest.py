@@ -16,12 +16,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..kernel.arrays import unrefcounted_view
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, bits, load_row, lowest_bit
 from ..kernel.vector import add, cross, dot, length, load, load_triangle, scale, subtract
 from ..system.threads import run_blocks
-from ..types import Float32s, Float64s, Int64s
+from ..types import Float32Rows, Float32s, Float64Rows, Float64s, Int64Rows, Int64s
 from .bvh16 import BVH16
 from .oriented import box_offsets
 
@@ -112,10 +111,18 @@ def closest_on_triangle(p, a, b, c):
 
 
 @kernel
-def _search(tree, stack, surface, points, radius, farther, match, out):
+def _search(
+    tree: BVH16,
+    stack: Int64Rows,
+    surface: tuple[Float64Rows, Int64Rows],
+    points: Float64Rows,
+    radius: float,
+    farther: bool,
+    match: tuple[Int64s, Int64s],
+    out: tuple[Int64s, Float32Rows],
+) -> None:
     """Write the closest point to each of `points` on a face of its group. Args: radius: how far to look at first.
     farther: whether to look farther, too. out: faces and weights."""
-    tree = unrefcounted_view(tree)
     vertices, faces = surface
     group, of_face = match
     face, weights = out

@@ -10,11 +10,12 @@ from threading import Event
 import numpy as np
 
 from ..kernel.arrays import aligned
-from ..kernel.jit import bind, inline, kernel
+from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, load_row, pick
 from ..kernel.vector import load_triangle
+from ..system.parallel import each
 from ..system.threads import run_blocks, thread_count
-from ..types import Float32s, Int32s, Int64s
+from ..types import Float32Rows, Float32s, Int32Rows, Int32s, Int64Rows, Int64s
 
 _LEAST, _PARTS = 1 << 12, 16  # triangles of a part that one thread orders, and how many parts there are at least
 _STACK = 1 << 7
@@ -28,8 +29,7 @@ def median_order(vertices: Float32s, faces: Int64s) -> Int32s:
     records = aligned((-(-len(faces) // _ROW) * _ROW, 4), np.float32)
     records[len(faces) :] = np.nan
     numbers = records.view(np.int32)
-    threads = thread_count(None)
-    run_blocks(len(faces), _LEAST, bind(_find_centroids, vertices, faces, records, numbers), threads)
+    _find_centroids(vertices, faces, records, numbers)
 
     parts = [(0, len(faces), -1)]
     most = max(_LEAST, len(faces) // _PARTS)
@@ -49,7 +49,7 @@ def median_order(vertices: Float32s, faces: Int64s) -> Int32s:
         finally:
             ordered[number].set()
 
-    run_blocks(len(parts), 1, divide, threads)
+    run_blocks(len(parts), 1, divide, thread_count(None))
     return numbers[: len(faces), 3].copy()
 
 
@@ -64,26 +64,25 @@ def _middle(start: int, stop: int) -> int:
 _middle_of = inline(_middle)
 
 
-@kernel
-def _find_centroids(vertices, faces, records, numbers, start, stop):
+@each("faces")
+def _find_centroids(f: int, vertices: Float32Rows, faces: Int64Rows, records: Float32Rows, numbers: Int32Rows) -> None:
     """Write three times the centroid of each face, and its number."""
-    for f in range(start, stop):
-        a, b, c = load_triangle(vertices, faces, f)
-        for axis in range(3):
-            records[f, axis] = a[axis] + b[axis] + c[axis]
-        numbers[f, 3] = f
+    a, b, c = load_triangle(vertices, faces, f)
+    for axis in range(3):
+        records[f, axis] = a[axis] + b[axis] + c[axis]
+    numbers[f, 3] = f
 
 
 @kernel
-def _halve(records, numbers, start, stop):
+def _halve(records: Float32Rows, numbers: Int32Rows, start: int, stop: int) -> int:
     """Reorder records[start:stop] so that all before the index that is returned lie below all after it."""
-    middle = _middle_of(start, stop)
+    middle: int = _middle_of(start, stop)
     _partition(records, numbers, start, stop, middle, _longest_axis(records, start, stop))
     return middle
 
 
 @kernel
-def _split(records, numbers, start, stop):
+def _split(records: Float32Rows, numbers: Int32Rows, start: int, stop: int) -> None:
     """Reorder records[start:stop] by halves of halves until parts have at most sixteen triangles."""
     firsts = np.empty(_STACK, np.int64)
     lasts = np.empty(_STACK, np.int64)

@@ -14,7 +14,7 @@ from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, count, load_row
 from ..kernel.vector import dot, subtract
 from ..system.threads import run_blocks, thread_count
-from ..types import Float32s, Int64s
+from ..types import Float32Grid, Float32Rows, Float32s, Float64Grid, Int64s
 
 _OVERLAPPING = 8.0  # boxes of leaves around the middle of a triangle, from which on others are tried
 _GAIN = 2.0  # how many times fewer oriented boxes must be around it
@@ -61,7 +61,7 @@ def _overlap(triangles: Float32s, boxes: Float32s, axes: Float32s | None) -> flo
 
 
 @kernel
-def _count_around(points, boxes, axes):
+def _count_around(points: Float32Rows, boxes: Float32Grid, axes: Float32Grid | None) -> int:
     """How many of the boxes are around each of the `points`, added up."""
     total = 0
     for node in range(len(boxes)):
@@ -72,7 +72,7 @@ def _count_around(points, boxes, axes):
 
 
 @kernel
-def _covariances(triangles, span, first_child, out):
+def _covariances(triangles: Float32Grid, span: int, first_child: int, out: Float64Grid) -> None:
     """Write the covariances, up to a factor, of the corners in `span` leaves of each child, from `first_child` on."""
     for row in range(len(out)):
         k = first_child + row
@@ -98,7 +98,7 @@ def _covariances(triangles, span, first_child, out):
 
 
 @kernel
-def _enclose(triangles, span, axes, boxes, start, stop):
+def _enclose(triangles: Float32Grid, span: int, axes: Float32Grid, boxes: Float32Grid, start: int, stop: int) -> None:
     """Write boxes (nodes, 6, 16) along `axes` (nodes, 9, 16), of children, each around `span` leaves."""
     for k in range(start, stop):
         node = k // WIDE

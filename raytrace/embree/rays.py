@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import OptionError
 from ..kernel.jit import kernel
 from ..system.threads import run_blocks, thread_count
-from ..types import Float32s, Int64s
+from ..types import Float32Rows, Float32s, Int32s, Int64s
 from .packets import DIR_X, GEOM_ID, INVALID, LANES, ORG_X, PRIM_ID, TFAR, U, V, intersect8, new_packet
 from .scene import TriangleScene
 
@@ -28,7 +28,14 @@ class Hits:
 
 
 @kernel
-def _closest(scene, traced, rays, hits, begin, end):
+def _closest(
+    scene: np.uint64,
+    traced: tuple[Float32Rows, Int32s],
+    rays: tuple[Float32Rows, Float32Rows, Float32s],
+    hits: tuple[Float32s, Int64s, Float32Rows],
+    begin: int,
+    end: int,
+) -> None:
     """Trace the rays from `begin` to `end` in packets of eight, and write what they hit.
 
     Args:

@@ -3,16 +3,12 @@
 Not by OpenImageIO's push–pull, which takes fourteen times the processor time.
 """
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 
-from ..kernel.jit import bind, kernel
-from ..system.threads import run_blocks, thread_count
-from ..types import Bools, Float32s
+from ..system.parallel import each
+from ..types import BoolRows, Bools, Float32Grid, Float32s
 
-_BLOCK = 1 << 15  # values
+_ROWS = 1 << 5
 
 
 def fill_holes(pixels: Float32s, known: Bools, threads: int | None = None) -> Float32s:
@@ -24,53 +20,44 @@ def fill_holes(pixels: Float32s, known: Bools, threads: int | None = None) -> Fl
     if known.all() or not known.any():
         return pixels.copy()
     levels = [(pixels.copy(), known.copy())]
-
-    def each_row(work: Callable[..., None], *arrays: Any) -> None:
-        """Run a kernel over rows of the level that was made last, on threads."""
-        height, columns, channels = levels[-1][0].shape
-        block = max(_BLOCK // (columns * channels), 1)
-        run_blocks(height, block, bind(work, *arrays), thread_count(threads))
-
     while not levels[-1][1].all():
         fine = levels[-1]
         shape = (fine[1].shape[0] + 1) // 2, (fine[1].shape[1] + 1) // 2
         levels.append((np.empty((*shape, pixels.shape[2]), np.float32), np.empty(shape, np.bool_)))
-        each_row(_pull, *fine, *levels[-1])
+        _pull.on(threads)(*fine, *levels[-1])
     coarse = levels.pop()[0]
     while levels:
-        each_row(_push, coarse, *levels[-1])
+        _push.on(threads)(coarse, *levels[-1])
         coarse = levels.pop()[0]
     return coarse
 
 
-@kernel
-def _pull(fine, known, out, out_known, start, stop):
+@each("out", _ROWS)
+def _pull(i: int, fine: Float32Grid, known: BoolRows, out: Float32Grid, out_known: BoolRows) -> None:
     """Write the coarser level: means of the known pixels of each 2×2."""
-    for i in range(start, stop):
-        for j in range(out.shape[1]):
-            count = 0
-            out[i, j] = np.float32(0.0)
-            for y in range(2 * i, min(2 * i + 2, len(fine))):
-                for x in range(2 * j, min(2 * j + 2, fine.shape[1])):
-                    if known[y, x]:
-                        count += 1
-                        for c in range(fine.shape[2]):
-                            out[i, j, c] += (fine[y, x, c] - out[i, j, c]) / np.float32(count)
-            out_known[i, j] = count > 0
+    for j in range(out.shape[1]):
+        count = 0
+        out[i, j] = np.float32(0.0)
+        for y in range(2 * i, min(2 * i + 2, len(fine))):
+            for x in range(2 * j, min(2 * j + 2, fine.shape[1])):
+                if known[y, x]:
+                    count += 1
+                    for c in range(fine.shape[2]):
+                        out[i, j, c] += (fine[y, x, c] - out[i, j, c]) / np.float32(count)
+        out_known[i, j] = count > 0
 
 
-@kernel
-def _push(coarse, fine, known, start, stop):
+@each("fine", _ROWS)
+def _push(y: int, coarse: Float32Grid, fine: Float32Grid, known: BoolRows) -> None:
     """Fill unknown pixels of the `fine` level by bilinear lookups in the `coarse` one."""
-    for y in range(start, stop):
-        row = y // 2
-        above = min(max(y // 2 + 2 * (y % 2) - 1, 0), len(coarse) - 1)
-        for x in range(fine.shape[1]):
-            if known[y, x]:
-                continue
-            column = x // 2
-            aside = min(max(x // 2 + 2 * (x % 2) - 1, 0), coarse.shape[1] - 1)
-            for c in range(fine.shape[2]):
-                near = coarse[row, column, c] + (coarse[row, aside, c] - coarse[row, column, c]) * np.float32(0.25)
-                far = coarse[above, column, c] + (coarse[above, aside, c] - coarse[above, column, c]) * np.float32(0.25)
-                fine[y, x, c] = near + (far - near) * np.float32(0.25)
+    row = y // 2
+    above = min(max(y // 2 + 2 * (y % 2) - 1, 0), len(coarse) - 1)
+    for x in range(fine.shape[1]):
+        if known[y, x]:
+            continue
+        column = x // 2
+        aside = min(max(x // 2 + 2 * (x % 2) - 1, 0), coarse.shape[1] - 1)
+        for c in range(fine.shape[2]):
+            near = coarse[row, column, c] + (coarse[row, aside, c] - coarse[row, column, c]) * np.float32(0.25)
+            far = coarse[above, column, c] + (coarse[above, aside, c] - coarse[above, column, c]) * np.float32(0.25)
+            fine[y, x, c] = near + (far - near) * np.float32(0.25)

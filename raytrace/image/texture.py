@@ -9,16 +9,17 @@ from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from ..errors import InputError, OptionError
 from ..system.checks import check_memory
-from ..types import Float32s, Float64s, Int64s, UInt8s, UInt16s
+from ..types import Float32s, Float64s, UInt8s, UInt16s
 from .openimageio import openimageio
 from .read import check_pixels, decoding_table, open_image, row_blocks, stored_type
+from .texture_lookup import PackedTextures
 
 MAX_SIDE = 16384
 _TEXEL = 16  # bytes of a texel with its share of the coarser levels
@@ -66,16 +67,6 @@ def wrap_modes(given: Any) -> tuple[Wrap, Wrap]:
     if len(modes) != 2 or not all(isinstance(mode, str) and mode in WRAPS for mode in modes):
         raise OptionError("wrap", "one or two of " + ", ".join(WRAPS), given, "texture")
     return modes
-
-
-class PackedTextures(NamedTuple):
-    """Textures as kernels read them (`raytrace.image.texture_lookup`): pyramids of images halved down to one texel."""
-
-    texels: Float32s  # (n, 3), linear RGB; levels one after the other, rows from the top
-    levels: Int64s  # (m, 3): first texel, width, height of each level; finest first
-    first_level: Int64s  # (t,): each texture's finest level
-    depth: Int64s  # (t,): each texture's number of levels, 0 before it is read
-    wrap: Int64s  # (t, 2): its modes along u and v, places in `WRAPS`
 
 
 class LazyTextures:

@@ -4,12 +4,24 @@ Beyond the image a wrap mode holds along each axis, as in glTF: Khronos glTF 2.0
 """
 
 from math import log2
+from typing import NamedTuple
 
 import numpy as np
 
 from ..kernel.jit import inline, kernel
+from ..types import Float32Rows, Float64Rows, Int64Rows, Int64s
 
 REPEAT, MIRRORED_REPEAT, CLAMP_TO_EDGE = range(3)  # places in `raytrace.image.texture.WRAPS`
+
+
+class PackedTextures(NamedTuple):
+    """Textures as kernels read them: pyramids of images halved down to one texel."""
+
+    texels: Float32Rows  # (n, 3), linear RGB; levels one after the other, rows from the top
+    levels: Int64Rows  # (m, 3): first texel, width, height of each level; finest first
+    first_level: Int64s  # (t,): each texture's finest level
+    depth: Int64s  # (t,): each texture's number of levels, 0 before it is read
+    wrap: Int64Rows  # (t, 2): its modes along u and v, places in `WRAPS`
 
 
 @inline
@@ -40,7 +52,7 @@ def sample_texture(textures, number, u, v, footprint):
 
 
 @kernel
-def sample_points(textures, number, uv, out):
+def sample_points(textures: PackedTextures, number: int, uv: Float64Rows, out: Float64Rows) -> None:
     """Write the linear RGB (n, 3) of a texture at places uv (n, 2), by its finest level."""
     for row in range(len(uv)):
         out[row, 0], out[row, 1], out[row, 2] = sample_texture(textures, number, uv[row, 0], uv[row, 1], 0.0)

@@ -1,50 +1,36 @@
-"""Building the library of kernels: each kernel of a recorded list becomes an object file, by several processes.
+"""Building the library of kernels: each becomes, for the types that its annotations name, object files, by several
+processes.
 
-The list, `kernels.txt`, has what the documents' commands and the tests load: they append it to a file that the variable
-`OBSCURANCE_KERNELS` names, and `python -m raytrace.kernel.build FILE` makes the list of it, with all combinations of
-the types that arguments were seen to have. Object files stay in a folder of the build, by names that hold what they are
-made of, so that only what was edited is compiled again.
+These stay in a folder of the build, by names that hold what they are made of, so that only what was edited is
+compiled again.
 """
 
-import sys
-from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+import re
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import suppress
-from itertools import groupby, product
+from importlib import import_module
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from . import jit
-from .identity import PACKAGES
+from .declared import examples
+from .identity import PACKAGES, ROOT
 from .jit import Kernel
 from .library import ABOUT, BUILT, POINTER, SOURCES, identity_of
-from .signature import Signature, example
+from .signature import Signature
 
-LIST = Path(__file__).with_name("kernels.txt")
-_OURS = tuple(f"{package}." for package in (*PACKAGES, "scenes"))
+_DECORATOR = re.compile(r"^@(kernel|called_back|parallel|each|inline)\b", re.MULTILINE)
 Progress = Callable[[int, int], None]
 
 
 class Entry(NamedTuple):
-    """A line of the list, and what it stands for in the sources as they are."""
+    """A kernel for arguments of certain types."""
 
     signature: Signature
     identity: str
     function: Callable[..., Any]
     arguments: tuple[Any, ...]
-
-    @classmethod
-    def of(cls, line: str) -> "Entry":
-        """What a line of the list stands for.
-
-        Raises: LookupError, AttributeError, ImportError, TypeError, ValueError: nothing.
-        """
-        kernel, path, arguments = example(line)
-        if not isinstance(kernel, Kernel):
-            raise TypeError(f"{line}: expected a kernel")
-        function = kernel.function
-        return cls(kernel.signature(arguments, path), identity_of(function), function, arguments)
 
     def file(self, folder: Path, level: str) -> Path:
         """The path of its object file for a level."""
@@ -53,36 +39,30 @@ class Entry(NamedTuple):
         return folder / f"{self.signature.symbol}.{self.identity}.{numba.__version__}.{level}.o"
 
 
-def entries() -> list[Entry]:
-    """The entries of the list `kernels.txt`, without kernels that the sources no longer have."""
-    return [entry for line in LIST.read_text().splitlines() if (entry := _entry(line))]
+def modules() -> list[str]:
+    """Names of the project's modules that have kernels or helpers of kernels."""
+    paths = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
+    found = [path for path in paths if _DECORATOR.search(path.read_text(encoding="utf-8"))]
+    return [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in found]
 
 
-def _entry(line: str) -> Entry | None:
-    """What a line stands for; None if the sources have no longer the kernel, or a type of its arguments.
-
-    Raises: ModuleNotFoundError: a library that the sources import is not there.
-    """
-    try:
-        return Entry.of(line)
-    except ModuleNotFoundError as missing:
-        if not f"{missing.name}.".startswith(_OURS):
-            raise
-    except (LookupError, AttributeError, ImportError, TypeError, ValueError):
-        pass
-    return None
+def entries(module: str) -> list[Entry]:
+    """The annotated kernels of a module, for each of their types."""
+    return [
+        Entry(kernel.signature(arguments), identity_of(kernel.function), kernel.function, arguments)
+        for kernel in vars(import_module(module)).values()
+        if isinstance(kernel, Kernel) and kernel.__module__ == module and kernel.function.__annotations__
+        for arguments in product(*examples(kernel.function).values())
+    ]
 
 
 class Objects(NamedTuple):
-    """The object files that libraries are linked of, the names of C functions that they want, and how many were
-    stale."""
+    """The object files that libraries are linked of."""
 
     files: dict[str, list[Path]]
     """The object files of each level."""
     names: list[str]
     """What a library shows."""
-    stale: list[str]
-    """Lines of the list whose types the sources do not compile for any more."""
 
 
 def objects(folder: Path, levels: Sequence[str], progress: Progress) -> Objects:
@@ -90,9 +70,9 @@ def objects(folder: Path, levels: Sequence[str], progress: Progress) -> Objects:
     from .compiler import shared_object_file
 
     folder.mkdir(parents=True, exist_ok=True)
-    listed = entries()
-    _compile([entry for entry in listed if not _is_built(entry, folder, levels)], folder, levels, progress)
-    built = [entry for entry in listed if _is_built(entry, folder, levels)]
+    by_module = {module: entries(module) for module in modules()}
+    _compile(by_module, folder, levels, progress)
+    built = [entry for group in by_module.values() for entry in group]
     files: dict[str, list[Path]] = {}
     for level in levels:
         shared = folder / f"shared.{level}.o"
@@ -102,89 +82,38 @@ def objects(folder: Path, levels: Sequence[str], progress: Progress) -> Objects:
             file.unlink()
     symbols = [entry.signature.symbol for entry in built]
     names = [*symbols, *(symbol + ABOUT for symbol in symbols)]
-    names += [BUILT, SOURCES, *(POINTER + name for name in jit.externals)]
-    return Objects(files, names, [entry.signature.line for entry in listed if entry not in built])
+    return Objects(files, [*names, BUILT, SOURCES, *(POINTER + name for name in jit.externals)])
+
+
+def _compile(by_module: dict[str, list[Entry]], folder: Path, levels: Sequence[str], progress: Progress) -> None:
+    """Make the object files of kernels, in as many processes as there are cores, each module's in one: they share much
+    of what is compiled into them. Those with most arguments come before: they take longest."""
+    lines = {
+        module: [entry.signature.line for entry in group if not _is_built(entry, folder, levels)]
+        for module, group in by_module.items()
+    }
+    longest = sorted(filter(lines.get, lines), key=lambda module: sum(map(len, lines[module])), reverse=True)
+    done = 0
+    with ProcessPoolExecutor() as pool:
+        for work in as_completed([pool.submit(_compile_module, module, folder, levels) for module in longest]):
+            done += work.result()
+            progress(done, sum(map(len, lines.values())))
 
 
 def _is_built(entry: Entry, folder: Path, levels: Sequence[str]) -> bool:
     return all(entry.file(folder, level).exists() for level in levels)
 
 
-def _compile(listed: list[Entry], folder: Path, levels: Sequence[str], progress: Progress) -> None:
-    """Make the object files of kernels, in as many processes as there are cores, each module's in one: they share much
-    of what is compiled into them. The longest lines come before: much is compiled for arguments of many types."""
-    lines = [entry.signature.line for entry in listed]
-    modules = [list(group) for _, group in groupby(lines, lambda line: line.split(" ")[0].rpartition(".")[0])]
-    done = 0
-    with ProcessPoolExecutor() as pool:
-        longest = sorted(modules, key=lambda group: sum(map(len, group)), reverse=True)
-        for work in as_completed([pool.submit(_compile_module, group, folder, levels) for group in longest]):
-            done += work.result()
-            progress(done, len(lines))
-
-
-def _compile_module(lines: list[str], folder: Path, levels: Sequence[str]) -> int:
-    """Make the object files of some kernels, but of none that Numba refuses. Returns: how many were to be made."""
-    from numba.core.errors import NumbaError
-
+def _compile_module(module: str, folder: Path, levels: Sequence[str]) -> int:
+    """Make the object files of a module's kernels that are not there yet. Returns: how many."""
     from .compiler import object_files
 
-    for entry in map(Entry.of, lines):
-        codes: list[bytes] = []
-        with suppress(NumbaError, TypeError):
-            codes = object_files(entry.signature, entry.function, entry.arguments, levels, entry.identity)
-        for level, code in zip(levels, codes, strict=False):
+    missing = [entry for entry in entries(module) if not _is_built(entry, folder, levels)]
+    for entry in missing:
+        codes = object_files(entry.signature, entry.function, entry.arguments, levels, entry.identity)
+        for level, code in zip(levels, codes, strict=True):
             target = entry.file(folder, level)
             partial = target.with_suffix(".partial")
             partial.write_bytes(code)
             partial.replace(target)
-    return len(lines)
-
-
-def completed(lines: Iterable[str]) -> list[str]:
-    """Lines of a list, and those of all combinations of their arguments' types, sorted.
-
-    An argument may have each type that it has in some line of its kernel; a record, those of all kernels.
-    """
-    rows: dict[tuple[str, int], list[list[str]]] = defaultdict(list)
-    types: dict[str, set[str]] = defaultdict(set)
-    for line in lines:
-        name, *arguments = _split(line)
-        rows[name, len(arguments)].append(arguments)
-        for argument in arguments:
-            types[_record_of(argument)].add(argument)
-    every: list[str] = []
-    for (name, _), kernel_rows in rows.items():
-        columns = zip(*kernel_rows, strict=True)
-        choices = (set().union(*(types[_record_of(argument)] for argument in column)) for column in columns)
-        every += (" ".join((name, *arguments)) for arguments in product(*choices))
-    return sorted(every)
-
-
-def _split(line: str) -> list[str]:
-    """The kernel's name and the types of its arguments, each with what is in its brackets."""
-    parts: list[str] = []
-    depth = 0
-    for word in line.split():
-        if depth:
-            parts[-1] += f" {word}"
-        else:
-            parts.append(word)
-        depth += word.endswith("(") - (word == ")")
-    return parts
-
-
-def _record_of(argument: str) -> str:
-    """What arguments have in common whose types replace one another: a record's name, or all of another type."""
-    name = argument.partition(" ")[0]
-    return argument if name == "(" else name
-
-
-def _record(loaded: Path) -> None:
-    """Write the list `kernels.txt` anew, of the kernels that were loaded, without those outside of the package."""
-    lines = [line for line in set(loaded.read_text().splitlines()) if line.startswith(_OURS) and _entry(line)]
-    LIST.write_text("".join(f"{line}\n" for line in completed(lines)))
-
-
-if __name__ == "__main__":
-    _record(Path(sys.argv[1]))
+    return len(missing)

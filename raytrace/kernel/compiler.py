@@ -139,13 +139,16 @@ def object_files(
     array's Python object. To a second address it writes the results, a word each. It returns 0, or 1 if it ran out of
     memory. Its text holds the formats of the results, as `struct` has them, a tuple's in brackets.
 
+    Arguments outlive the call, so that their arrays own nothing in it: no member or slice of them counts references,
+    which would be atomic.
+
     A `Kernel.callback` takes one address, its first argument, and finds the words from there. Args: identity: for the
         text, by which `raytrace.kernel.library` knows what the code is made of.
     """
     symbol, path = signature.symbol, signature.path
     with _compiling():
-        argument_types = tuple(map(type_of_value, arguments))
-        dispatcher = _Dispatcher(function, False)
+        argument_types = tuple(lanes.view_type(type_of_value(argument)) for argument in arguments)
+        dispatcher = _Dispatcher(function, True)
         dispatcher.compile(argument_types)
         compiled = dispatcher.overloads[argument_types]
         # The entry: the words of the arguments, found by `path` from the first address.

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from ..types import AnyInts, Int64s
+from ..types import Int32s, Int64s
 from .jit import kernel
 
 
-def counting_sort(keys: AnyInts, count: int) -> tuple[Int64s, Int64s]:
+def counting_sort(keys: Int32s | Int64s, count: int) -> tuple[Int64s, Int64s]:
     """Places in the flattened keys, below `count`, by key, ascending among equal keys; negative ones are left out.
 
     Returns: places int64 (k,), and starts int64 (count + 1,): places[starts[i] : starts[i + 1]] have key i.
@@ -18,7 +18,7 @@ def counting_sort(keys: AnyInts, count: int) -> tuple[Int64s, Int64s]:
 
 
 @kernel
-def _sort(keys, starts, places):
+def _sort(keys: Int32s | Int64s, starts: Int64s, places: Int64s) -> None:
     """Write `counting_sort`. Args: starts: zeros (count + 2,)."""
     for k in range(len(keys)):
         if keys[k] >= 0:

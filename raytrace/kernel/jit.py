@@ -1,12 +1,12 @@
 """Hot loops as machine code: decorators for kernels, and for the helpers, C functions and intrinsics that these call.
 
-A kernel for arguments of certain types comes from the library that was built with the package
-(`raytrace.kernel.library`). What the library has not, as an edit in a source tree, is compiled when it is first called,
-if Numba is there.
+A kernel comes from the library that was built with the package (`raytrace.kernel.library`), for the types of arguments
+that its annotations name, and for no others (`raytrace.kernel.declared`). What the library has not, as an edit in a
+source tree, is compiled when it is first called, if Numba is there; so are kernels without annotations, for any types.
 """
 
 import ctypes
-import os
+import inspect
 import struct
 import threading
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from functools import cached_property
 from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -25,12 +25,12 @@ from .identity import Called
 from .library import POINTER
 from .signature import LAYOUT, SIGNED, Signature
 
+P = ParamSpec("P")
+R = TypeVar("R")
 ndarray = np.ndarray
 _BRACKETS = str.maketrans("", "", "()")
 _ENTRY = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_char_p, ctypes.c_void_p)
 _lock = threading.RLock()
-RECORD = "OBSCURANCE_KERNELS"
-"""Variable of the environment: a file to which every kernel that is loaded is appended, for `raytrace.kernel.build`."""
 loaded: list[str] = []
 """The kernels that this process has loaded, in this order."""
 compiled: list[str] = []
@@ -48,7 +48,6 @@ class _Deferred(ModuleType):
 
 ir = _Deferred("llvmlite.ir")
 types = _Deferred("numba.core.types")
-cgutils = _Deferred("numba.core.cgutils")
 arrayobj = _Deferred("numba.np.arrayobj")
 lanes = _Deferred("raytrace.kernel.lanes")
 compiler = _Deferred("raytrace.kernel.compiler")
@@ -72,11 +71,12 @@ class Kernel(Called):
     kernel must write to none but its results.
 
     Raises: TypeError: other arguments or results. MemoryError: an array that it makes does not fit.
+        KernelError: it is annotated, and not for arguments of these types.
     """
 
-    def __init__(self, function: Callable[..., Any], inlined: bool = False) -> None:
+    def __init__(self, function: Callable[..., Any], inlined: bool = False, path: tuple[int, ...] = ()) -> None:
         super().__init__(lambda: compiler.type_of(function, inlined))
-        self.function = function
+        self.function, self.path = function, path
         self._for_types: dict[tuple[Any, ...], _Loaded] = {}
         self._by_symbol: dict[str, _Loaded] = {}
         self._name = f"{function.__module__}.{function.__name__}"
@@ -84,6 +84,11 @@ class Kernel(Called):
 
     def __call__(self, *arguments: Any) -> Any:
         return self._run(arguments, *_flatten(arguments, [], []))
+
+    def for_rows(self, *arguments: Any) -> Callable[[int, int], Any]:
+        """A call f(start, stop, …) for any rows with the same `arguments`, which are looked through once."""
+        kinds, words = _flatten(arguments, [int, int], [])
+        return lambda start, stop: self._run((start, stop, *arguments), kinds, [start, stop, *words])
 
     def _run(self, arguments: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> Any:
         """Call the machine code for these types.
@@ -97,26 +102,23 @@ class Kernel(Called):
             raise MemoryError(f"{self.__name__}: no memory for its arrays")
         return _nested(code.nesting, code.results.unpack(results)) if results else None
 
-    def callback(self, path: tuple[int, ...], *arguments: Any) -> tuple[int, Int64s]:
-        """Address of a C function that calls this with the address it is given and `arguments`, and their words.
-
-        Args: path: places of pointers, counted in words, that lead from what it is given to the words.
-        """
+    def callback(self, *arguments: Any) -> tuple[int, Int64s]:
+        """Address of a C function that calls this with the address it is given and `arguments`, and their words."""
         kinds, words = _flatten((0, *arguments), [], [])
-        code = self._load(tuple(kinds), (0, *arguments), path)
+        code = self._load(tuple(kinds), (0, *arguments))
         packed = np.frombuffer(code.arguments.pack(*words), np.int64)
         return ctypes.cast(code.call, ctypes.c_void_p).value or 0, packed
 
-    def signature(self, arguments: tuple[Any, ...], path: tuple[int, ...]) -> Signature:
-        """The signature of a call with these arguments, or of a `callback` with this path."""
-        return Signature.of(self._name, tuple(_flatten(arguments, [], [])[0]), path)
+    def signature(self, arguments: tuple[Any, ...]) -> Signature:
+        """The signature of a call with these arguments."""
+        return Signature.of(self._name, tuple(_flatten(arguments, [], [])[0]), self.path)
 
-    def _load(self, key: tuple[Any, ...], arguments: tuple[Any, ...], path: tuple[int, ...] = ()) -> _Loaded:
-        """The machine code for the types `key`, from the library or compiled; `path` as of `callback`.
+    def _load(self, key: tuple[Any, ...], arguments: tuple[Any, ...]) -> _Loaded:
+        """The machine code for the types `key`, from the library or compiled.
 
         Raises: KernelError.
         """
-        signature = Signature.of(self._name, key, path)
+        signature = Signature.of(self._name, key, self.path)
         with _lock:
             if signature.symbol not in self._by_symbol:
                 formats, address = _code(signature, self.function, arguments)
@@ -133,11 +135,9 @@ class Kernel(Called):
 def _code(signature: Signature, function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str, int]:
     """The formats of a kernel's results, and the address of its code. Raises: KernelError."""
     loaded.append(signature.line)
-    if RECORD in os.environ:
-        with open(os.environ[RECORD], "a") as file:
-            file.write(signature.line + "\n")
     formats_and_address = library.find(signature.symbol, function)
     if formats_and_address is None:
+        _check_types(signature, function, arguments)
         if not find_spec("numba"):
             raise KernelError(library.what_is_missing(signature.line))
         import logging
@@ -148,9 +148,29 @@ def _code(signature: Signature, function: Callable[..., Any], arguments: tuple[A
     return formats_and_address
 
 
-def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+def _check_types(signature: Signature, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+    """Raises: KernelError: the annotations of a parameter, if there are any, do not name the type of its argument."""
+    from .declared import examples
+
+    given = inspect.signature(function).bind(*arguments).arguments
+    for parameter, allowed in examples(function).items():
+        got, *expected = (_type(value) for value in (given[parameter], *allowed))
+        if got not in expected:
+            kernel, _, _ = signature.line.partition(" ")
+            raise KernelError(f"{kernel}: {parameter}: expected {' or '.join(expected)}, got {got}")
+
+
+def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Decorator: compile a hot loop to machine code without Python objects and without the GIL."""
-    return Kernel(function)
+    return Kernel(function)  # type: ignore[return-value]
+
+
+def called_back(*path: int) -> Callable[[Callable[..., Any]], Kernel]:
+    """Decorator: a kernel that C functions call, `Kernel.callback`; its first argument is the address they give it.
+
+    Args: path: places of pointers, counted in words, that lead from that address to the words of the other arguments.
+    """
+    return lambda function: Kernel(function, path=path)
 
 
 def bind(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
@@ -214,6 +234,11 @@ def _flatten(values: tuple[Any, ...], kinds: list[Any], words: list[Any]) -> tup
             kinds.append(np.uint64 if kind is int and value >= SIGNED else kind)
             words.append(int(value) if kind is np.bool_ else value)
     return kinds, words
+
+
+def _type(value: Any) -> str:
+    """The text of a value's type in a signature."""
+    return Signature.of("", tuple(_flatten((value,), [], [])[0]), ()).line.lstrip()
 
 
 def _nested(nesting: str, values: tuple[Any, ...]) -> Any:

@@ -1,4 +1,4 @@
-"""Numba's side of `raytrace.kernel.simd`, sixteen numbers as LLVM's vectors, and of `unrefcounted_view`."""
+"""Numba's side of `raytrace.kernel.simd`, sixteen numbers as LLVM's vectors, and records as kernels have them."""
 
 import math
 import operator
@@ -9,7 +9,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.imputils import lower_getattr_generic
 from numba.core.registry import cpu_target
-from numba.core.types.containers import BaseNamedTuple
+from numba.core.types.containers import BaseNamedTuple, BaseTuple
 from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.extending import lower_builtin, models, register_model, type_callable
 
@@ -174,8 +174,15 @@ register_model(RecordView)(models.OpaqueModel)
 
 
 def view_type(kind: Any) -> Any:
-    """The type of an unrefcounted view of a value: of a record, its address."""
-    return RecordView(kind) if isinstance(kind, BaseNamedTuple) else kind
+    """The type of an argument as its kernel has it: of a named tuple, its address.
+
+    Functions that it is passed to are small to compile: only `value.name` is left of it.
+    """
+    if isinstance(kind, BaseNamedTuple):
+        return RecordView(kind)
+    if isinstance(kind, BaseTuple):
+        return BaseTuple.from_types(tuple(map(view_type, kind.types)))
+    return kind
 
 
 @infer_getattr

@@ -159,7 +159,7 @@ def pointers() -> dict[str, int]:
 
 
 def what_is_missing(kernel: str) -> str:
-    """The message where the library has no code of a kernel, a line of the list, and nothing compiles it."""
+    """The message where the library has no code of a kernel, a signature's line, and nothing compiles it."""
     if _library():
         advice = "Numba compiles what is not in it: `python -m pip install 'obscurance[develop]'`"
         return f"{kernel}: expected a kernel of the library that was built with the package; {advice}"

@@ -1,13 +1,12 @@
-"""The types of a kernel's arguments: as text for the list of kernels that a library is built of, and as its symbol.
+"""The types of a kernel's arguments: as a line of text, and as the symbol of its machine code.
 
-A line of the list has the kernel's name and its arguments' types, such as raytrace.f |b1 <f8:2C ( None ): numbers and
+A line has the kernel's name and its arguments' types, such as raytrace.f |b1 <f8:2C ( None ): numbers and
 arrays by NumPy's names, an array's with the number of its axes and C, F or A (any) for its layout, tuples in
 brackets, after the type's name if they have one of their own. A callback's name has its path, `f@2@1`.
 """
 
 from collections.abc import Iterator
 from hashlib import sha256
-from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,14 +15,13 @@ _C, _FORTRAN, _ALIGNED = 0x1, 0x2, 0x100  # NumPy's flags
 LAYOUT = _C | _FORTRAN | _ALIGNED
 SIGNED = 1 << 63
 _WORDS = {"b": "q", "i": "q", "u": "Q", "f": "d"}
-_ENTRIES = 4  # of an example's axes
 
 
 class Signature(NamedTuple):
     """A kernel and the types of its arguments."""
 
     line: str
-    """As the list has it."""
+    """The name and the types as text."""
     symbol: str
     """The name of its machine code, which depends on names of tuples' members, too."""
     words: str
@@ -79,48 +77,3 @@ def _describe(kind: Any, kinds: Iterator[Any], texts: list[str], members: list[s
 def _name(kind: np.dtype[Any]) -> str:
     """The text of a dtype in a signature."""
     return kind.str if kind.names is None else repr(kind).replace(" ", "")
-
-
-def example(line: str) -> tuple[Any, tuple[int, ...], tuple[Any, ...]]:
-    """What a line of the list stands for: the kernel, its path, and example arguments of its types.
-
-    Raises: LookupError, AttributeError, ImportError, TypeError, ValueError: the sources have it no longer.
-    """
-    name, *texts = line.split()
-    dotted_name, *path = name.split("@")
-    return _named(dotted_name), tuple(map(int, path)), tuple(_values(iter(texts)))
-
-
-def _named(name: str) -> Any:
-    """The object with a dotted name, its module imported."""
-    module, _, member = name.rpartition(".")
-    return getattr(import_module(module), member)
-
-
-def _values(texts: Iterator[str]) -> list[Any]:
-    """Values of the types up to a closing bracket."""
-    values: list[Any] = []
-    for text in texts:
-        if text == ")":
-            break
-        if text == "None":
-            values.append(None)
-        elif text == "(":
-            values.append(tuple(_values(texts)))
-        elif text.endswith("("):
-            values.append(_named(text[:-1])(*_values(texts)))
-        elif ":" in text:
-            values.append(_array(*text.split(":")))
-        else:
-            values.append(np.dtype(text).type(1))
-    return values
-
-
-def _array(kind: str, layout: str) -> Any:
-    """An example array of a dtype.
-
-    Args: layout: number of axes and order, "2C" for instance; "A" is neither C nor F.
-    """
-    axes = int(layout[:-1])
-    array = np.zeros((_ENTRIES,) * axes, kind, order="F" if layout[-1] == "F" else "C")
-    return array[(slice(None, None, 2),) * axes] if layout[-1] == "A" else array

@@ -10,6 +10,7 @@ from numba.core.registry import cpu_target
 from numba.np.arrayobj import make_array, populate_array
 
 from .jit import types
+from .lanes import RecordView
 
 _WORD = ir.IntType(64)
 _HEAD = object.__basicsize__ // 8  # words before an array's own: data, number of axes, lengths, strides
@@ -29,6 +30,9 @@ def type_of_value(value: Any) -> Any:
 
 def load_argument(builder: Any, words: Any, word_numbers: Iterator[int], kind: Any) -> Any:
     """LLVM's code that makes a value of a Numba type of the next words."""
+    if isinstance(kind, RecordView):
+        record = load_argument(builder, words, word_numbers, kind.record)
+        return builder.bitcast(cgutils.alloca_once_value(builder, record), cgutils.voidptr_t)
     if isinstance(kind, types.BaseTuple):
         members = [load_argument(builder, words, word_numbers, member) for member in kind.types]
         return _context.make_tuple(builder, kind, members)

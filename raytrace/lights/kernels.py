@@ -1,10 +1,12 @@
 """Light that arrives at a point, and a conservative test for lights that bring nothing to a whole box."""
 
 from math import acos, asin, inf, sqrt
+from typing import Any
 
 from ..kernel.jit import inline
 from ..kernel.simd import select
 from ..kernel.vector import add, dot, scale, subtract, tangents, triple, unit
+from ..types import Float64s
 from . import layout
 
 FLOOR = 1e-30  # of the attenuation's denominator: finite at the light itself
@@ -51,7 +53,7 @@ def towards_disc(kind, row, towards_centre, x, y):
 
 
 @inline
-def incident(kind, row, point):
+def incident(kind: int, row: Float64s, point: tuple[float, float, float]) -> Any:
     """(l, distance, RGB): `towards` the light, and what arrives of it unshadowed. Add k_a I_a for ambient light."""
     intensity = triple(row, layout.INTENSITY)
     l, distance = towards(kind, row, point)

@@ -7,10 +7,10 @@ light through by its material, so that a share 1 − alpha · (opacity of the ma
 import numpy as np
 
 from ..brdf.layout import ALPHA
-from ..embree.packets import END, GEOM_ID, ID, INST_ID, NG_X, PRIM_ID, ROOM, TFAR, U, V, filtered
-from ..kernel.arrays import unrefcounted_view
-from ..kernel.jit import inline, kernel
-from ..mesh.opacity import alpha
+from ..embree.packets import END, FILTER_PATH, GEOM_ID, ID, INST_ID, NG_X, PRIM_ID, ROOM, TFAR, U, V, filtered
+from ..kernel.jit import called_back, inline
+from ..mesh.opacity import PackedOpacity, alpha
+from ..types import Float64Rows, Int64s
 
 STEP = np.float32(2.0**-17)  # in render space: 32 times what Embree's distances can be off
 LEAST = 2.0**-16  # of the light: where less is left, nothing is
@@ -19,13 +19,10 @@ LEAST = 2.0**-16  # of the light: where less is left, nothing is
 TRANSMITTANCE, MET_ALPHA, STOPPED, COUNT, LAYERS = range(ROOM, ROOM + 5)
 
 
-@kernel
-def filter_hits(call, opacity, first_face, materials):
+@called_back(*FILTER_PATH)
+def filter_hits(call: int, opacity: PackedOpacity, first_face: Int64s, materials: Float64Rows) -> None:
     """Embree's filter, as `filtered` has it. Args: as in `raytrace.shade.layout.Geometry`."""
     valid, rays, hits, packet = filtered(call)
-    opacity = unrefcounted_view(opacity)
-    first_face = unrefcounted_view(first_face)
-    materials = unrefcounted_view(materials)
     ids = hits.view(np.int32)
     for k in range(len(valid)):
         if valid[k] != 0:

@@ -12,14 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import MeshError
-from ..kernel.jit import bind, kernel
-from ..system.threads import run_blocks, thread_count
-from ..types import Bools, Float64s, Int64s
+from ..system.parallel import each
+from ..types import Bools, Float64s, Int64Rows, Int64s
 from .opacity import Opacity
 from .smallest_ball import smallest_ball
 from .up import UP
 
-_BLOCK = 1 << 14  # faces
 LARGEST = 5e153  # squares of coordinates and their differences don't overflow
 
 
@@ -191,16 +189,15 @@ class Mesh:
 def corner_mask(faces: Int64s, count: int) -> Bools:
     """Which of `count` vertices are corners of `faces` (m, 3)."""
     mask = np.zeros(count, np.bool_)
-    run_blocks(len(faces), _BLOCK, bind(_mark_corners, faces, mask), thread_count(None))
+    _mark_corners(faces, mask)
     return mask
 
 
-@kernel
-def _mark_corners(faces, mask, start, stop):
+@each("faces")
+def _mark_corners(f: int, faces: Int64Rows, mask: Bools) -> None:
     """Set `mask` (n,) at the corners of the faces from `start` to `stop`."""
-    for f in range(start, stop):
-        for k in range(3):
-            mask[faces[f, k]] = True
+    for k in range(3):
+        mask[faces[f, k]] = True
 
 
 def mesh_of(given: Mesh | Any, source: str) -> Mesh:

@@ -5,9 +5,9 @@ Morton 1966, A computer oriented geodetic data base and a new technique in file 
 
 import numpy as np
 
-from ..kernel.jit import bind, inline, kernel
-from ..system.threads import run_blocks, thread_count
-from ..types import AnyFloats, AnyInts, Float64s, Int64s, UInt32s
+from ..kernel.jit import inline, kernel
+from ..system.parallel import each
+from ..types import AnyFloats, Float32Rows, Float64Rows, Float64s, Int64Rows, Int64s, UInt32s, UInt64s
 from .placement import NEAR
 
 _COARSE, _FINE = 10, 21  # bits an axis
@@ -37,7 +37,7 @@ def morton_codes(points: AnyFloats, low: Float64s, high: Float64s) -> UInt32s:
 def fine_morton_order(points: AnyFloats) -> Int64s:
     """`morton_order` of points in [−1, 1], with 2^21 cells a side of that cube."""
     codes = np.empty(len(points), np.uint64)
-    _codes(points[:, ::-1], np.full(3, -1.0), 2.0 ** (_FINE - 1), codes)
+    _codes(np.ascontiguousarray(points[:, ::-1]), np.full(3, -1.0), 2.0 ** (_FINE - 1), codes)
     return radix_order(codes, 3 * _FINE)
 
 
@@ -52,7 +52,7 @@ def _interleaved(x):
 
 
 @kernel
-def _codes(points, low, scale, codes):
+def _codes(points: Float32Rows | Float64Rows, low: Float64s, scale: float, codes: UInt32s | UInt64s) -> None:
     """Write Morton codes of 3 × 21 bits (n,) of `points` (n, 3), in cells of 1/scale from `low` on."""
     for i in range(len(points)):
         code = np.uint64(0)
@@ -62,36 +62,37 @@ def _codes(points, low, scale, codes):
         codes[i] = code
 
 
-def radix_order(keys: AnyInts, bits: int) -> Int64s:
+def radix_order(keys: UInt32s | UInt64s, bits: int) -> Int64s:
     """The order (n,) that sorts unsigned `keys` (n,) of so many bits, stable (radix sort from the last digit)."""
     count = len(keys)
-    threads = thread_count(None)
     order = np.arange(count)
     sorted_ = np.empty(count, np.int64)
     digit_counts = np.empty((-(-count // _BLOCK), 1 << _DIGIT), np.int64)
     for shift in range(0, bits, _DIGIT):
-        run_blocks(count, _BLOCK, bind(_count_digits, keys, order, shift, digit_counts), threads)
+        _count_digits(keys, order, shift, digit_counts)
         before = np.cumsum(digit_counts.T).reshape(digit_counts.T.shape) - digit_counts.T
         digit_counts[:] = before.T
-        run_blocks(count, _BLOCK, bind(_place_by_digit, keys, order, shift, digit_counts, sorted_), threads)
+        _place_by_digit(keys, order, shift, digit_counts, sorted_)
         order, sorted_ = sorted_, order
     return order
 
 
-@kernel
-def _count_digits(keys, order, shift, digit_counts, start, stop):
+@each("digit_counts", 1)
+def _count_digits(block: int, keys: UInt32s | UInt64s, order: Int64s, shift: int, digit_counts: Int64Rows) -> None:
     """Count the digits of keys in a block, in `digit_counts` (blocks, radix)."""
-    counts = digit_counts[start // _BLOCK]
+    counts = digit_counts[block]
     counts[:] = 0
-    for k in range(start, stop):
+    for k in range(block * _BLOCK, min((block + 1) * _BLOCK, len(keys))):
         counts[np.int64(keys[order[k]] >> shift) & (len(counts) - 1)] += 1
 
 
-@kernel
-def _place_by_digit(keys, order, shift, digit_counts, out, start, stop):
+@each("digit_counts", 1)
+def _place_by_digit(
+    block: int, keys: UInt32s | UInt64s, order: Int64s, shift: int, digit_counts: Int64Rows, out: Int64s
+) -> None:
     """Write a block's rows to where its keys' digits belong, and move these places on in `digit_counts`."""
-    next_slots = digit_counts[start // _BLOCK]
-    for k in range(start, stop):
+    next_slots = digit_counts[block]
+    for k in range(block * _BLOCK, min((block + 1) * _BLOCK, len(keys))):
         digit = np.int64(keys[order[k]] >> shift) & (len(next_slots) - 1)
         out[next_slots[digit]] = order[k]
         next_slots[digit] += 1

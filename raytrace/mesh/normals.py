@@ -13,16 +13,14 @@ from typing import Literal
 import numpy as np
 
 from ..kernel.counting_sort import counting_sort
-from ..kernel.jit import bind, inline, kernel
+from ..kernel.jit import inline, kernel
 from ..kernel.vector import cross, divide, dot, length, load, load_triangle, store, subtract
-from ..system.threads import run_blocks, run_ranges, thread_count
-from ..types import AnyInts, Bools, Float32s, Float64s, Int64s
+from ..system.parallel import each, parallel
+from ..types import AnyInts, Bools, Float32s, Float64Rows, Float64s, Int64Rows, Int64s
 from .mesh import Mesh, PerCorner
 from .placement import Placement
 from .weld import CREASE, connect, cosine, renumber_components, sum_groups, weld
 
-_BLOCK, _MOST = 1 << 11, 32  # faces or vectors, and blocks at once
-_VERTICES = 1 << 11  # of a thread that looks at all faces
 _ROUNDED = 0.01  # of normals that files store in bytes: a normal that lies in its face is not behind it
 EPSILON = float(np.finfo(np.float64).eps)
 Weighting = Literal["angle", "area", "equal"]
@@ -32,7 +30,7 @@ def normalize(vectors: Float64s) -> Float64s:
     """Unit vectors along `vectors` (…, 3); zero, and what is not finite, becomes zero."""
     result = np.ascontiguousarray(vectors, np.float64).reshape(-1, 3)
     out = np.empty(result.shape)
-    run_blocks(len(result), _BLOCK, bind(_normalize, result, out), thread_count(None), most=_MOST)
+    _normalize(result, out)
     return out.reshape(np.shape(vectors))
 
 
@@ -50,8 +48,7 @@ def face_normals(vertices: Float64s, faces: AnyInts) -> tuple[Float64s, Float64s
     normals = np.zeros((len(faces), 3))
     areas = np.zeros(len(faces))
     vertices = np.ascontiguousarray(vertices, np.float64)
-    faces = np.ascontiguousarray(faces, np.int64)
-    run_blocks(len(faces), _BLOCK, bind(_face_normals, vertices, faces, normals, areas), thread_count(None), most=_MOST)
+    _face_normals(vertices, np.ascontiguousarray(faces, np.int64), normals, areas)
     return normals, areas
 
 
@@ -64,13 +61,8 @@ def vertex_sums(
     """
     sums = np.zeros((len(vertices), 3))
     vertices = np.ascontiguousarray(vertices, np.float64)
-    faces = np.ascontiguousarray(faces, np.int64)
-    run_ranges(
-        len(sums),
-        _VERTICES,
-        bind(_vertex_sums, vertices, faces, normals, areas, ("angle", "area", "equal").index(weighting), sums),
-        thread_count(None),
-    )
+    corners = np.ascontiguousarray(faces, np.int64)
+    _vertex_sums(vertices, corners, normals, areas, ("angle", "area", "equal").index(weighting), sums)
     return sums
 
 
@@ -82,11 +74,10 @@ def vertex_normals(vertices: Float64s, faces: AnyInts, weighting: Weighting = "a
     return normalize(vertex_sums(vertices, faces, *face_normals(vertices, faces), weighting))
 
 
-@kernel
-def _normalize(vectors, out, start, stop):
+@each("vectors")
+def _normalize(i: int, vectors: Float64Rows, out: Float64Rows) -> None:
     """Write `normalized` rows of `vectors` (n, 3) to `out`."""
-    for i in range(start, stop):
-        store(out, i, normalized(load(vectors, i)))
+    store(out, i, normalized(load(vectors, i)))
 
 
 @inline
@@ -99,28 +90,36 @@ def normalized(v):
     return 0.0, 0.0, 0.0
 
 
-@kernel
-def _face_normals(vertices, faces, normals, areas, start, stop):
+@each("faces")
+def _face_normals(f: int, vertices: Float64Rows, faces: Int64Rows, normals: Float64Rows, areas: Float64s) -> None:
     """Write `face_normals` of the faces from `start` to `stop`; rows of degenerate ones stay zero."""
-    for f in range(start, stop):
-        i, j, k = load_triangle(vertices, faces, f)
-        a = subtract(j, i)
-        b = subtract(k, j)
-        c = subtract(i, k)
-        normal = cross(a, b)
-        double_area = length(normal)
-        aa = dot(a, a)
-        bb = dot(b, b)
-        cc = dot(c, c)
-        shortest = min(aa, bb, cc)
-        longest_two = np.sqrt(aa * bb if shortest == cc else (bb * cc if shortest == aa else cc * aa))
-        if double_area > 4.0 * EPSILON * longest_two:
-            areas[f] = 0.5 * double_area
-            store(normals, f, divide(normal, double_area))
+    i, j, k = load_triangle(vertices, faces, f)
+    a = subtract(j, i)
+    b = subtract(k, j)
+    c = subtract(i, k)
+    normal = cross(a, b)
+    double_area = length(normal)
+    aa = dot(a, a)
+    bb = dot(b, b)
+    cc = dot(c, c)
+    shortest = min(aa, bb, cc)
+    longest_two = np.sqrt(aa * bb if shortest == cc else (bb * cc if shortest == aa else cc * aa))
+    if double_area > 4.0 * EPSILON * longest_two:
+        areas[f] = 0.5 * double_area
+        store(normals, f, divide(normal, double_area))
 
 
-@kernel
-def _vertex_sums(vertices, faces, normals, areas, weighting, sums, start, stop):
+@parallel("sums", alone=True)
+def _vertex_sums(
+    start: int,
+    stop: int,
+    vertices: Float64Rows,
+    faces: Int64Rows,
+    normals: Float64Rows,
+    areas: Float64s,
+    weighting: int,
+    sums: Float64Rows,
+) -> None:
     """Write `vertex_sums` of the vertices from `start` to `stop`; rounding is judged by the sum of the weights."""
     magnitude = np.zeros(stop - start)
     for f in range(len(faces)):
@@ -232,7 +231,7 @@ def _fan_normals(mesh: Mesh) -> PerCorner:
 
 
 @kernel
-def _join_smooth(corner_points, normals, edges, starts, fan):
+def _join_smooth(corner_points: Int64s, normals: Float64Rows, edges: Int64s, starts: Int64s, fan: Int64s) -> None:
     """Connect corners at one end of a smooth edge, which two faces share that run along it in opposite ways.
 
     Args: corner_points: (3 m,), a number for each corner's place. fan: (3 m,), a forest of corners.

@@ -16,7 +16,7 @@ import numpy as np
 from ..errors import OptionError, check_type, numbers
 from ..image.texture_lookup import blend, four_texels
 from ..kernel.jit import inline, kernel
-from ..types import Bools, Float32s, Float64s, Int64s
+from ..types import Bools, Float32Rows, Float64Grid, Float64Rows, Float64s, Int64Rows, Int64s
 
 if TYPE_CHECKING:
     from ..image.texture import Texture
@@ -58,12 +58,12 @@ class PackedOpacity(NamedTuple):
     """`Opacity` as kernels read it."""
 
     of: Int64s  # (m,), the surface of each face, −1 where it is opaque
-    uv: Float64s = np.zeros((0, 3, 2))  # (m, 3, 2), or no rows
-    corners: Float64s = np.zeros((0, 3))  # (m, 3), factors, or no rows
+    uv: Float64Grid = np.zeros((0, 3, 2))  # (m, 3, 2), or no rows
+    corners: Float64Rows = np.zeros((0, 3))  # (m, 3), factors, or no rows
     factor: Float64s = np.zeros(0)  # (s,) of the surfaces
     cutoff: Float64s = np.zeros(0)  # (s,), below 0 where there is none
-    texels: Float32s = np.zeros((0, 1), np.float32)  # (t, 1), the images' alpha, rows from the top
-    images: Int64s = np.zeros((0, 5), np.int64)  # (s, 5): first texel, width, height (0: no image), modes along u and v
+    texels: Float32Rows = np.zeros((0, 1), np.float32)  # (t, 1), the images' alpha, rows from the top
+    images: Int64Rows = np.zeros((0, 5), np.int64)  # (s, 5): first texel, width, height, 0: no image; modes along u, v
     one_sided: np.int64 = np.int64(0)  # whether rays pass the backs of all faces, 0 or 1
 
     def only(self, mask: Bools) -> PackedOpacity | None:
@@ -234,7 +234,7 @@ def alpha(opacity, face, u, v):
 
 
 @kernel
-def alphas(opacity, faces, barycentric, out):
+def alphas(opacity: PackedOpacity, faces: Int64s, barycentric: Float64Rows, out: Float64s) -> None:
     """Write the opacity (k,) at barycentric places (k, 2) of faces (k,)."""
     for row in range(len(faces)):
         out[row] = alpha(opacity, faces[row], barycentric[row, 0], barycentric[row, 1])

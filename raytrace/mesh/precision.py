@@ -8,16 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernel.jit import bind, inline, kernel
+from ..kernel.jit import inline, kernel
 from ..kernel.vector import cross, dot, length, load_triangle, subtract
-from ..system.threads import run_blocks, thread_count
-from ..types import Float64s
+from ..system.parallel import each
+from ..types import Bools, Float64Rows, Float64s, Int64Rows
 from .mesh import Mesh
 from .placement import Placement, near_box, sample
 
 TILT = 0.01
 _NO_AREA = 1e-15  # times the square of the longest edge: faces without area from the start
-_BLOCK = 1 << 12  # faces
 
 
 class Coarseness(NamedTuple):
@@ -79,19 +78,17 @@ def _may_tilt(mesh: Mesh) -> bool:
     """Whether a face would be tilted by more than `TILT` if all coordinates were as coarse as the largest float32."""
     spacing = float(_spacing(2 * np.array(mesh.bounds), np.float32).max())  # twice: from the centre of the mesh
     is_tilted = np.zeros(1, np.bool_)
-    work = bind(_find_tilted, mesh.vertices, mesh.faces, spacing, is_tilted)
-    run_blocks(len(mesh.faces), _BLOCK, work, thread_count(None))
+    _find_tilted(mesh.vertices, mesh.faces, spacing, is_tilted)
     return bool(is_tilted[0])
 
 
-@kernel
-def _find_tilted(vertices, faces, spacing, is_tilted, start, stop):
+@each("faces")
+def _find_tilted(f: int, vertices: Float64Rows, faces: Int64Rows, spacing: float, is_tilted: Bools) -> None:
     """Set is_tilted[0] if a face may be tilted by more than `TILT`, its corners being off by half of `spacing`."""
-    for f in range(start, stop):
-        a, b, c = load_triangle(vertices, faces, f)
-        double, longest = _doubled_area_and_longest_edge(a, b, c)
-        if double > _NO_AREA * longest * longest and 0.5 * spacing * longest > TILT * double:
-            is_tilted[0] = True
+    a, b, c = load_triangle(vertices, faces, f)
+    double, longest = _doubled_area_and_longest_edge(a, b, c)
+    if double > _NO_AREA * longest * longest and 0.5 * spacing * longest > TILT * double:
+        is_tilted[0] = True
 
 
 @inline
@@ -121,7 +118,9 @@ def _spacing(vertices: Float64s, kind: type[np.floating]) -> Float64s:
 
 
 @kernel
-def _tilts(vertices, faces, spacing, tilt, weight, widest):
+def _tilts(
+    vertices: Float64Rows, faces: Int64Rows, spacing: Float64s, tilt: Float64s, weight: Float64s, widest: Float64s
+) -> None:
     """Sum δ/h of each vertex's faces, weighted by their angles there, and the largest spacing among their corners."""
     for f in range(len(faces)):
         a, b, c = load_triangle(vertices, faces, f)

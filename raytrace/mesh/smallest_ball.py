@@ -4,9 +4,8 @@ import itertools
 
 import numpy as np
 
-from ..kernel.jit import bind, kernel
-from ..system.threads import run_blocks, thread_count
-from ..types import Float64s
+from ..system.parallel import each
+from ..types import Bools, Float64Rows, Float64s
 
 _ROUNDING = 1e-12  # of squared lengths, relative to the largest extent's
 _SAMPLE = 4096
@@ -30,24 +29,31 @@ def smallest_ball(points: Float64s) -> tuple[Float64s, float]:
     while True:
         before = square
         centre, square, carriers = _pivot(sampled, carriers)
-        work = bind(_look_outside, points, size, centre, square + _ROUNDING, outside, largest)
-        run_blocks(len(points), _BLOCK, work, thread_count(None))
+        _look_outside(points, size, centre, square + _ROUNDING, outside, largest)
         if not outside.any() or square <= before:
             return points[0] + size * centre, size * float(np.sqrt(largest.max()))
         sampled = (points[outside] - points[0]) / size
 
 
-@kernel
-def _look_outside(points, size, centre, square, outside, largest, start, stop):
+@each("largest", 1)
+def _look_outside(
+    block: int,
+    points: Float64Rows,
+    size: float,
+    centre: Float64s,
+    square: float,
+    outside: Bools,
+    largest: Float64s,
+) -> None:
     """Which points are outside of a ball, in units of `size` from the first of them; the largest square of a block."""
     most = 0.0
-    for i in range(start, stop):
+    for i in range(block * _BLOCK, min((block + 1) * _BLOCK, len(points))):
         total = 0.0
         for axis in range(3):
             total += ((points[i, axis] - points[0, axis]) / size - centre[axis]) ** 2
         outside[i] = total > square
         most = max(most, total)
-    largest[start // _BLOCK] = most
+    largest[block] = most
 
 
 def _pivot(points: Float64s, carriers: Float64s) -> tuple[Float64s, float, Float64s]:

@@ -3,16 +3,15 @@
 import numpy as np
 
 from ..kernel.counting_sort import counting_sort
-from ..kernel.jit import bind, kernel
+from ..kernel.jit import kernel
 from ..kernel.vector import cross, dot, length, load_triangle, subtract
-from ..system.threads import run_blocks, thread_count
-from ..types import Bools, Float32s, Float64s, Int64s
+from ..system.parallel import each
+from ..types import Bools, Float32Rows, Float32s, Float64s, Int64Rows, Int64s
 from .mesh import Mesh
 from .normals import face_normals
 from .placement import Placement
 from .weld import coincident, connected_components
 
-_BLOCK = 1 << 14  # faces
 _MOST_WORK = 1 << 27  # solid angles of faces; where it would take more, what a box encloses counts as enclosed
 
 
@@ -93,7 +92,7 @@ def _are_enclosed(vertices: Float32s, faces: Int64s, of_face: Int64s, volume: Fl
 
 
 @kernel
-def _winding(vertices, faces, point):
+def _winding(vertices: Float32Rows, faces: Int64Rows, point: Float64s) -> float:
     """How often faces wind about a point: the sum of their solid angles over 4π (van Oosterom and Strackee 1983)."""
     total = 0.0
     at = (point[0], point[1], point[2])
@@ -113,22 +112,21 @@ def _winding(vertices, faces, point):
 def _volumes(vertices: Float32s, faces: Int64s, part: Int64s) -> Float64s:
     """Six times the volume (p,) that the faces of each part bound. Args: part: (n,), of each vertex."""
     of_face = np.empty(len(faces))
-    run_blocks(len(faces), _BLOCK, bind(_add_volumes, vertices, faces, of_face), thread_count(None))
+    _add_volumes(vertices, faces, of_face)
     if not part.any():
         return np.full(1, of_face.sum())
     return np.bincount(part[faces[:, 0]], of_face, int(part.max()) + 1).astype(np.float64, copy=False)
 
 
-@kernel
-def _add_volumes(vertices, faces, volume, start, stop):
+@each("faces")
+def _add_volumes(f: int, vertices: Float32Rows, faces: Int64Rows, volume: Float64s) -> None:
     """Write six times the signed volume of the tetrahedron that each face spans with the origin."""
-    for f in range(start, stop):
-        a, b, c = load_triangle(vertices, faces, f)
-        volume[f] = dot(a, cross(b, c))
+    a, b, c = load_triangle(vertices, faces, f)
+    volume[f] = dot(a, cross(b, c))
 
 
 @kernel
-def _strike_open(corners, edges, starts, part, closed):
+def _strike_open(corners: Int64Rows, edges: Int64s, starts: Int64s, part: Int64s, closed: Bools) -> None:
     """Unset `closed` of the parts (p,) that have an edge along which more faces run one way than the other.
 
     Args:

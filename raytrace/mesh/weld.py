@@ -13,26 +13,24 @@ import numpy as np
 import numpy.typing as npt
 
 from ..kernel.counting_sort import counting_sort
-from ..kernel.jit import bind, inline, kernel
+from ..kernel.jit import inline, kernel
 from ..kernel.simd import compare_and_swap
-from ..system.threads import run_blocks, run_ranges, thread_count
-from ..types import AnyInts, Float32s, Float64s, Int64s
+from ..system.parallel import each, parallel
+from ..types import AnyInts, Bools, Float32Rows, Float32s, Float64Rows, Float64s, Int64Rows, Int64s, UInt32Rows, UInt32s
 from .placement import contact_radius
 
-_BLOCK, _MOST = 1 << 11, 32  # links, and blocks at once
 CREASE = float(np.cos(np.radians(30.0)))  # coincident vertices whose faces differ by more stay apart: a hard edge
 _NEIGHBOURS = 64
 _SLOTS = 1 << 13  # of a hash table for each thread, at least
-_PLACED = 1 << 13  # positions
 _CELLS = 2.0**15  # of a grid, along a unit of render space
 _EDGE = 1.0 / 32.0  # of a cell: more than the largest contact radius
 _FINE = 16.0  # contact radii; vertices all whose edges are shorter are welded only where they are equal
 
 
-def connected_components(links: AnyInts, count: int) -> Int64s:
+def connected_components(links: Int64s, count: int) -> Int64s:
     """The component (count,) of each member, which the rows of `links` connect; numbered in order of first members."""
     parent = np.arange(count)
-    run_blocks(len(links), _BLOCK, bind(join, links, parent), thread_count(None), most=_MOST)
+    join(links, parent)
     renumber_components(parent)
     return parent
 
@@ -59,16 +57,15 @@ def connect(parent, a, b):
             break
 
 
-@kernel
-def join(links, parent, start, stop):
+@each("links")
+def join(row: int, links: Int64Rows, parent: Int64s) -> None:
     """Connect the members in each row of links[first:last], (m, any), in the forest `parent`, as `connect` does two."""
-    for row in range(start, stop):
-        for k in range(1, links.shape[1]):
-            connect(parent, links[row, 0], links[row, k])
+    for k in range(1, links.shape[1]):
+        connect(parent, links[row, 0], links[row, k])
 
 
 @kernel
-def renumber_components(parent):
+def renumber_components(parent: Int64s) -> None:
     """Write the number of each member's component in place of its parent."""
     count = 0
     for i in range(len(parent)):  # parents come before their children
@@ -112,7 +109,7 @@ def coincident(positions: Float32s, faces: Int64s) -> Int64s:
     if len(distinct):
         distinct = distinct[np.lexsort(positions[distinct].T[::-1])]
         pairs = distinct[_near(positions, faces, distinct)]
-        join(pairs, representative, 0, len(pairs))
+        join.on(1)(pairs, representative)
     renumber_components(representative)
     return representative
 
@@ -123,12 +120,14 @@ def first_alike(values: npt.NDArray[Any]) -> Int64s:
     table = np.zeros(2 << len(values).bit_length(), np.uint32)
     key = np.frombuffer(os.urandom(8), np.uint64)[0]  # so that no file is made of positions that collide
     words = np.ascontiguousarray(values).view(np.uint32)
-    run_ranges(len(table), _SLOTS, bind(_find_first, words, key, table, representative), thread_count(None))
+    _find_first(words, key, table, representative)
     return representative
 
 
-@kernel
-def _find_first(words, key, table, representative, start, stop):
+@parallel("table", _SLOTS, alone=True)
+def _find_first(
+    start: int, stop: int, words: UInt32Rows, key: np.uint64, table: UInt32s, representative: Int64s
+) -> None:
     """Fill in the `representative` row (n,) of `words` (n, any) that is equal to each one with a hash in a range.
 
     Args: table: of zeros, a power of two and more than n; filled with rows, from 1 on, by hash.
@@ -139,7 +138,7 @@ def _find_first(words, key, table, representative, start, stop):
         for k in range(words.shape[1]):
             hashed = (hashed ^ np.uint64(words[i, k])) * np.uint64(0x9E3779B97F4A7C15)
             hashed ^= hashed >> np.uint64(32)
-        at = np.int64(hashed) & slot_mask
+        at = int(np.int64(hashed)) & slot_mask
         if not start <= at < stop:
             continue
         row = np.int64(0)
@@ -165,7 +164,7 @@ def cosine(normals, a, b):
 
 
 @kernel
-def _join_agreeing(order, starts, normals, agreement, group):
+def _join_agreeing(order: Int64s, starts: Int64s, normals: Float64Rows, agreement: float, group: Int64s) -> None:
     """Connect vertices order[starts[k] : starts[k + 1]], which are at one place, up to 64 apart, if their normals
     agree."""
     for k in range(len(starts) - 1):
@@ -186,27 +185,25 @@ def grids(positions: Float32s) -> Iterator[tuple[Int64s, Int64s]]:
         subset = positions[rows] if quarter else positions
         keys = np.empty(len(rows), np.int64)
         beside = np.empty(len(rows), np.bool_)
-        locate = bind(_locate, subset, quarter / 4 + 0.1, keys, beside)  # no border is at 0, where many coordinates are
-        run_blocks(len(rows), _PLACED, locate, thread_count(None))
+        _locate(subset, quarter / 4 + 0.1, keys, beside)  # no border is at 0, where many coordinates are
         yield rows, keys
         rows = rows[beside]
 
 
-@kernel
-def _locate(positions, shift, keys, beside, start, stop):
+@each("positions")
+def _locate(i: int, positions: Float32Rows, shift: float, keys: Int64s, beside: Bools) -> None:
     """Write the key (n,) of each position's cell, and into `beside` whether it is near a border of that."""
-    for i in range(start, stop):
-        key, near = 0, False
-        for axis in range(3):
-            size, steps = np.float64(abs(positions[i, axis])), 0.0
-            while size > 2.0:  # the same number of cells from 2 to 4 and from 4 to 8 as from 1 to 2
-                size = 0.5 * size
-                steps = steps + 1.0
-            at = math.copysign(size + steps, positions[i, axis]) * _CELLS + shift
-            cell = np.floor(at)
-            key = key << 21 | (int(cell) & 0x1FFFFF)
-            near |= not _EDGE <= at - cell <= 1.0 - _EDGE
-        keys[i], beside[i] = key, near
+    key, near = 0, False
+    for axis in range(3):
+        size, steps = np.float64(abs(positions[i, axis])), 0.0
+        while size > 2.0:  # the same number of cells from 2 to 4 and from 4 to 8 as from 1 to 2
+            size = 0.5 * size
+            steps = steps + 1.0
+        at = math.copysign(size + steps, positions[i, axis]) * _CELLS + shift
+        cell = np.floor(at)
+        key = key << 21 | (int(cell) & 0x1FFFFF)
+        near |= not _EDGE <= at - cell <= 1.0 - _EDGE
+    keys[i], beside[i] = key, near
 
 
 def sum_groups(group: Int64s, values: Float64s) -> Float64s:

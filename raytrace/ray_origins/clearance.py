@@ -3,10 +3,10 @@
 import numpy as np
 
 from ..kernel.counting_sort import counting_sort
-from ..kernel.jit import bind, inline, kernel
+from ..kernel.jit import inline, kernel
 from ..kernel.vector import add, divide, dot, length, load, store
-from ..system.threads import run_ranges, thread_count
-from ..types import Float64s, Int64s
+from ..system.parallel import parallel
+from ..types import Float64Rows, Float64s, Int64Rows, Int64s
 
 SHARP, ENOUGH = 0.1, 0.3  # clearances: of folds, and with which a search for a better direction ends
 MANY = 1 << 10  # faces at a point; of more, some stand for all where each is compared with each
@@ -43,13 +43,14 @@ def least_cosines(normals: Float64s, face_points: Int64s, face_normals: Float64s
     """The least cosine (k,) between each of the `normals` and those of its faces, 1 without any; as `outermost_normals`
     takes them."""
     cosines = np.ones(len(normals))
-    work = bind(_least_cosines, normals, face_points, face_normals, cosines)
-    run_ranges(len(normals), _LEAST, work, thread_count(None))
+    _least_cosines(normals, face_points, face_normals, cosines)
     return cosines
 
 
-@kernel
-def _least_cosines(normals, face_points, face_normals, clearance, start, stop):
+@parallel("normals", _LEAST, alone=True)
+def _least_cosines(
+    start: int, stop: int, normals: Float64Rows, face_points: Int64Rows, face_normals: Float64Rows, clearance: Float64s
+) -> None:
     """Lower `clearance` to the least cosine between a point's normal and those of its faces."""
     for f in range(len(face_points)):
         for corner in range(face_points.shape[1]):
@@ -59,7 +60,14 @@ def _least_cosines(normals, face_points, face_normals, clearance, start, stop):
 
 
 @kernel
-def _outermost(normals, directions, clearance, sharp, starts, faces):
+def _outermost(
+    normals: Float64Rows,
+    directions: Float64Rows,
+    clearance: Float64s,
+    sharp: Int64s,
+    starts: Int64s,
+    faces: Float64Rows,
+) -> None:
     """Move normals of `sharp` points in front of their faces, and directions further, and write the clearance of
     these.
 

@@ -10,25 +10,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernel.arrays import unrefcounted_view
 from ..kernel.counting_sort import counting_sort
-from ..kernel.jit import bind, inline, kernel
+from ..kernel.jit import inline
 from ..kernel.vector import add, angle_between, cross, divide, dot, length, load, scale, store, subtract
 from ..mesh.placement import NEAR, ULP
-from ..system.threads import run_blocks, thread_count
-from ..types import AnyInts, Bools, Float64s, Int64s
+from ..system.parallel import parallel
+from ..types import Bools, Float64Rows, Float64s, Int32s, Int64s
 from .clearance import MANY, outermost_normal
 from .surface import Contacts, Surface
 
 _SAME_PLANE = 0.9999
 _RISE = 1e-3
-_BLOCK, _MOST = 1 << 7, 16  # points, and blocks at once
 
 
 class PointFaces(NamedTuple):
     """Faces at each of k points: faces[starts[i] : ends[i]] of point i."""
 
-    faces: AnyInts  # of all points one after another, ascending at each
+    faces: Int32s | Int64s  # of all points one after another, ascending at each
     starts: Int64s  # (k,), where those of a point begin, and where they end
     ends: Int64s
 
@@ -56,18 +54,22 @@ def resolve_contacts(
     at = packed_rows[numbers[point_rows]]
     own_faces = PointFaces(corners // 3, starts[at], starts[at + 1])
     touched_faces = PointFaces(touched.face, first_contact, np.append(first_contact, len(touched.point))[1:])
-    work = bind(_turn, surface, points, results, point_rows, own_faces, touched_faces)
-    run_blocks(len(point_rows), _BLOCK, work, thread_count(None), most=_MOST)
+    _turn(surface, points, results, point_rows, own_faces, touched_faces)
 
 
-@kernel
-def _turn(surface, points, results, point_rows, own_faces, touched_faces, start, stop):
+@parallel("point_rows", 1 << 7)
+def _turn(
+    start: int,
+    stop: int,
+    surface: Surface,
+    points: Float64Rows,
+    results: tuple[Float64Rows, Float64s, Bools],
+    point_rows: Int32s,
+    own_faces: PointFaces,
+    touched_faces: PointFaces,
+) -> None:
     """`resolve_contacts` of the points `point_rows[start:stop]`, from the faces that they are a corner of, or touch."""
-    surface = unrefcounted_view(surface)
-    directions, clearance, ambiguous = unrefcounted_view(results)
-    point_rows = unrefcounted_view(point_rows)
-    own_faces = unrefcounted_view(own_faces)
-    touched_faces = unrefcounted_view(touched_faces)
+    directions, clearance, ambiguous = results
     largest = 0
     for k in range(start, stop):
         own_count = own_faces.ends[k] - own_faces.starts[k]

@@ -7,7 +7,7 @@ front of its inside because an axis is up. But a whole patch that looks away fro
 import numpy as np
 
 from ..mesh.weld import coincident, connected_components
-from ..types import AnyInts, Bools, Float64s, Int64s
+from ..types import Bools, Float64s, Int64s
 
 AWAY = -0.7  # mean cosine between normals and axes, below which faces are wound the wrong way round
 
@@ -29,7 +29,7 @@ def wound_away(vertices: Float64s, faces: Int64s, normals: Float64s, areas: Floa
     return np.asarray(away[patch])
 
 
-def _facing_pairs(corners: AnyInts) -> AnyInts:
+def _facing_pairs(corners: Int64s) -> Int64s:
     """Pairs (j, 2) that connect the faces (m, 3) at each edge along which some run one way and some the other."""
     starts = corners.ravel()
     ends = corners[:, [1, 2, 0]].ravel()

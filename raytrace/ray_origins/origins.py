@@ -11,14 +11,14 @@ import numpy as np
 
 from ..bvh.bvh16 import BVH16
 from ..bvh.closest import closest_on_triangle
-from ..kernel.arrays import product, unrefcounted_view
-from ..kernel.jit import bind, inline, kernel
+from ..kernel.arrays import product
+from ..kernel.jit import inline, kernel
 from ..kernel.vector import add, dot, load, load_triangle, scale, subtract
 from ..mesh.normals import Weighting, face_normals, nonzero, normalize, vertex_sums
 from ..mesh.placement import LEAST, TOUCHING, ULP
 from ..mesh.weld import CREASE, sum_groups, weld
-from ..system.threads import run_blocks, thread_count
-from ..types import Bools, Float64s, Int64s
+from ..system.parallel import each
+from ..types import Bools, Float64Rows, Float64s, Int64s
 from .clearance import SHARP, least_cosines, outermost_normals
 from .direction import resolve_contacts
 from .fronts import AWAY, wound_away
@@ -26,7 +26,6 @@ from .surface import Contacts, Surface, find_contacts
 
 OFFSET_ULPS = 16.0  # 4 were enough in 20,000 trials
 _BLURRED = 5.0  # offsets within which rounding has a say in what a point sees of a face, and where faces are looked for
-_BLOCK = 1 << 13  # points
 _LEAST, _NEAR = 0.25, 1.0 / 64.0  # of an offset and of the shortest edge, to which offsets in folds are cut
 
 
@@ -112,23 +111,28 @@ def offsets_and_reaches(
 ) -> tuple[Float64s, Float64s, Float64s]:
     """`ray_offset`, how near a face is touched, and within what distance to look for faces, −1 without a direction."""
     lengths = np.empty((3, len(points)))
-    work = bind(_offsets_and_reaches, points, directions, magnitude, clearance, lengths)
-    run_blocks(len(points), _BLOCK, work, thread_count(None))
+    _offsets_and_reaches(points, directions, magnitude, clearance, lengths)
     return lengths[0], lengths[1], lengths[2]
 
 
-@kernel
-def _offsets_and_reaches(points, directions, magnitude, clearance, lengths, start, stop):
+@each("points")
+def _offsets_and_reaches(
+    i: int,
+    points: Float64Rows,
+    directions: Float64Rows,
+    magnitude: Float64s,
+    clearance: Float64s,
+    lengths: Float64Rows,
+) -> None:
     """Write `offsets_and_reaches`. Args: lengths: the three arrays (k,) that it returns."""
     offset, touching, reach = lengths
-    for i in range(start, stop):
-        direction = load(directions, i)
-        point = load(points, i)
-        offset[i] = OFFSET_ULPS * ULP * _span(direction) * magnitude[i] / max(clearance[i], 0.01)
-        touching[i] = TOUCHING * ULP * max(_span(point), LEAST)
-        reach[i] = max(_BLURRED * offset[i], touching[i])  # so far that turning a direction seldom asks for more
-        if direction == (0.0, 0.0, 0.0):
-            reach[i] = -1.0
+    direction = load(directions, i)
+    point = load(points, i)
+    offset[i] = OFFSET_ULPS * ULP * _span(direction) * magnitude[i] / max(clearance[i], 0.01)
+    touching[i] = TOUCHING * ULP * max(_span(point), LEAST)
+    reach[i] = max(_BLURRED * offset[i], touching[i])  # so far that turning a direction seldom asks for more
+    if direction == (0.0, 0.0, 0.0):
+        reach[i] = -1.0
 
 
 @inline
@@ -138,14 +142,14 @@ def _span(v):
 
 
 @kernel
-def stop_short(offset, points, directions, touching, near, surface):
+def stop_short(
+    offset: Float64s, points: Float64Rows, directions: Float64Rows, touching: Float64s, near: Contacts, surface: Surface
+) -> None:
     """Cut each offset to half the way to the first face that twice of it would pass, those nearer than `touching`
     left out.
 
     Args: near: Contacts.
     """
-    near = unrefcounted_view(near)
-    surface = unrefcounted_view(surface)
     for i in range(len(near.point)):
         row = near.point[i]
         f = near.face[i]

@@ -6,22 +6,22 @@ The latter are seams, T-junctions, feet on floors, plates almost in contact.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from ..bvh.bvh16 import BVH16
 from ..bvh.closest import begin, closest_on_triangle, new_stack, next_leaf
-from ..kernel.arrays import unrefcounted_view
-from ..kernel.jit import bind, inline, kernel
+from ..kernel.jit import inline, kernel
 from ..kernel.simd import lowest_bit
 from ..kernel.vector import cross, length, load, load_triangle, subtract
 from ..mesh.placement import NEAR, TOUCHING, ULP
-from ..system.threads import run_blocks, run_ranges, thread_count
-from ..types import Bools, Float64s, Int32s, Int64s
+from ..system.parallel import each, parallel
+from ..system.threads import run_blocks, thread_count
+from ..types import Bools, Float64Rows, Float64s, Int32s, Int64Rows, Int64s
 
 FLAT = 1.0 / 16.0
-_BLOCK, _MOST = 1 << 11, 32  # faces, and blocks at once
 _POINTS = 1 << 12  # of a thread that looks at all faces
 _SEARCHED = 1 << 10  # points of a block, around which faces are looked for
 _USUAL = 4  # contacts of a point that there are places for at first; coarse boxes on end have 2.5
@@ -44,9 +44,9 @@ class Surface(NamedTuple):
         rounding: float64 (m,), how far from a face a point may be that touches it.
     """
 
-    vertices: Float64s
-    faces: Int64s
-    normals: Float64s
+    vertices: Float64Rows
+    faces: Int64Rows
+    normals: Float64Rows
     extent: Float64s
     flat: Float64s
     rounding: Float64s
@@ -54,9 +54,9 @@ class Surface(NamedTuple):
     @classmethod
     def of(cls, vertices: Float64s, faces: Int64s, normals: Float64s) -> Surface:
         """Faces with their extents, flatness and rounding measured; arguments as the attributes."""
-        surface = cls(vertices, faces, normals, *(np.zeros(len(faces)) for _ in range(3)))
-        run_blocks(len(faces), _BLOCK, bind(_measure, surface), thread_count(None), most=_MOST)
-        return surface
+        measures = np.zeros(len(faces)), np.zeros(len(faces)), np.zeros(len(faces))
+        _measure(vertices, faces, normals, measures)
+        return cls(vertices, faces, normals, *measures)
 
     def reversed(self) -> Surface:
         """The same faces, seen from behind."""
@@ -81,30 +81,30 @@ class Surface(NamedTuple):
         """
         around = np.zeros(count)
         magnitude = np.zeros(count)
-        threads = thread_count(None)
-        run_ranges(count, _POINTS, bind(_spread_flat, self.flat, face_points, around), threads)
-        run_ranges(count, _POINTS, bind(_magnitudes, self.extent, face_points, around, magnitude), threads)
+        _spread_flat(self.flat, face_points, around)
+        _magnitudes(self.extent, face_points, around, magnitude)
         return magnitude
 
 
-@kernel
-def _measure(surface, start, stop):
-    """Fill in the attributes `extent`, `flat` and `rounding` of some faces, see `Surface`."""
-    surface = unrefcounted_view(surface)
-    for f in range(start, stop):
-        a, b, c = load_triangle(surface.vertices, surface.faces, f)
-        across = 0.0
-        for axis in range(3):
-            largest = max(abs(a[axis]), abs(b[axis]), abs(c[axis]))
-            surface.extent[f] = max(surface.extent[f], largest)
-            across += abs(surface.normals[f, axis]) * largest
-        surface.extent[f] = min(surface.extent[f], max(NEAR, across))
-        surface.rounding[f] = TOUCHING * ULP * across
-        ab = subtract(b, a)
-        bc = subtract(c, b)
-        ca = subtract(a, c)
-        slender = length(ab) * length(bc) * length(ca) / max(length(cross(ab, bc)), 1e-150)  # longest edge/sine
-        surface.flat[f] = min(FLAT * slender, max(NEAR, min(_largest(a), _largest(b), _largest(c))))
+@each("faces")
+def _measure(
+    f: int, vertices: Float64Rows, faces: Int64Rows, normals: Float64Rows, measures: tuple[Float64s, Float64s, Float64s]
+) -> None:
+    """Write the attributes `extent`, `flat` and `rounding` of a `Surface`, which are zeros."""
+    extent, flat, rounding = measures
+    a, b, c = load_triangle(vertices, faces, f)
+    across = 0.0
+    for axis in range(3):
+        largest = max(abs(a[axis]), abs(b[axis]), abs(c[axis]))
+        extent[f] = max(extent[f], largest)
+        across += abs(normals[f, axis]) * largest
+    extent[f] = min(extent[f], max(NEAR, across))
+    rounding[f] = TOUCHING * ULP * across
+    ab = subtract(b, a)
+    bc = subtract(c, b)
+    ca = subtract(a, c)
+    slender = length(ab) * length(bc) * length(ca) / max(length(cross(ab, bc)), 1e-150)  # longest edge/sine
+    flat[f] = min(FLAT * slender, max(NEAR, min(_largest(a), _largest(b), _largest(c))))
 
 
 @inline
@@ -113,8 +113,8 @@ def _largest(p):
     return max(abs(p[0]), abs(p[1]), abs(p[2]))
 
 
-@kernel
-def _spread_flat(flat, face_points, around, start, stop):
+@parallel("around", _POINTS, alone=True)
+def _spread_flat(start: int, stop: int, flat: Float64s, face_points: Int64Rows, around: Float64s) -> None:
     """The largest `flat` of the faces of each point."""
     for f in range(len(face_points)):
         for corner in range(3):
@@ -123,8 +123,10 @@ def _spread_flat(flat, face_points, around, start, stop):
                 around[point] = flat[f]
 
 
-@kernel
-def _magnitudes(extent, face_points, around, magnitude, start, stop):
+@parallel("magnitude", _POINTS, alone=True)
+def _magnitudes(
+    start: int, stop: int, extent: Float64s, face_points: Int64Rows, around: Float64s, magnitude: Float64s
+) -> None:
     """The largest `extent` of a point's faces, and `flat` of these and of its neighbours' faces, which rays pass by."""
     for f in range(len(face_points)):
         a = face_points[f, 0]
@@ -200,11 +202,11 @@ def _contacts_with_tree(tree: BVH16, surface: Surface, around: _Points, most: fl
         """Find the contacts of the points from `start` to `stop`, again with enough room if they were more than
         usual."""
         contacts = _empty(_USUAL * _SEARCHED)
-        fill = bind(_search, tree, new_stack(), surface, around, most)
-        size = fill(start, stop, contacts)
+        fill = partial(_search, tree, new_stack(), surface, around, most, start, stop)
+        size = fill(contacts)
         if size > len(contacts.point):
             contacts = _empty(size)
-            fill(start, stop, contacts)
+            fill(contacts)
         parts[start // _SEARCHED] = contacts.only(np.arange(size))  # copies, so that the rest is let go
 
     run_blocks(count, _SEARCHED, search, thread_count(None))
@@ -223,12 +225,18 @@ def _is_farther(p, reach, a, b, c):
 
 
 @kernel
-def _search(tree, stack, surface, around, most, start, stop, contacts):
+def _search(
+    tree: BVH16,
+    stack: Int64Rows,
+    surface: Surface,
+    around: tuple[Float64Rows, Float64s, Int64Rows, Int64s],
+    most: float,
+    start: int,
+    stop: int,
+    contacts: Contacts,
+) -> int:
     """Write the contacts of points from `start` to `stop` into `contacts` as far as they fit; returns their number."""
-    tree = unrefcounted_view(tree)
-    surface = unrefcounted_view(surface)
-    contacts = unrefcounted_view(contacts)
-    points, reach, corners, numbers = unrefcounted_view(around)
+    points, reach, corners, numbers = around
     count = 0
     kept = np.empty(_MOST_CONTACTS, np.int64)
     distances = np.empty(_MOST_CONTACTS)

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -12,11 +12,9 @@ import numpy.typing as npt
 from ..brdf.layout import ALPHA, TWO_SIDED
 from ..brdf.material import pack_materials
 from ..bvh.bvh16 import BVH16
-from ..embree.packets import FILTER_PATH
 from ..embree.scene import EmbreeInstance, EmbreeScene, Triangles, TriangleScene
 from ..image.texture import Texture
 from ..kernel.arrays import aligned, product
-from ..kernel.jit import Kernel
 from ..materials.alpha_filter import filter_hits
 from ..mesh.mesh import Mesh
 from ..mesh.normals import normalize, smooth_normals
@@ -65,8 +63,8 @@ class BuiltGeometry:
     @cached_property
     def hit_filter(self) -> tuple[int, Int64s] | None:
         """`raytrace.materials.alpha_filter.filter_hits` for `new_packet`, None where all is opaque."""
-        of, callback = self.arrays, cast(Kernel, filter_hits).callback
-        return self.opacity and callback(FILTER_PATH, self.opacity, of.first_face, of.materials)
+        of = self.arrays
+        return self.opacity and filter_hits.callback(self.opacity, of.first_face, of.materials)
 
 
 _built: WeakValueDictionary[Any, BuiltGeometry] = WeakValueDictionary()

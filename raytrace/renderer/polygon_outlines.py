@@ -8,7 +8,7 @@ from ..kernel.counting_sort import counting_sort
 from ..kernel.jit import inline, kernel
 from ..kernel.vector import add, cross, dot, load, load_triangle, scale, store, subtract, unit
 from ..sampling.sequences import hash32
-from ..types import Float32s, Float64s, Int32s, Int64s
+from ..types import Float32Rows, Float32s, Float64Rows, Int32Rows, Int32s, Int64Rows, Int64s
 
 _TURNED = 1e-5  # of twice a polygon's area: a triangle turned over by more than this is one of a fold
 
@@ -17,9 +17,9 @@ class Polygons(NamedTuple):
     """Polygons of a mesh whose triangles all face the way of the Newell normal."""
 
     of: Int32s  # (m,), the polygon of each face, −1 for none
-    centres: Float64s  # (p, 3), mean of the corners
-    normals: Float64s  # (p, 3), unit Newell normals
-    edges: Int32s  # (e, 2), vertices of the outlines' edges, polygon after polygon
+    centres: Float64Rows  # (p, 3), mean of the corners
+    normals: Float64Rows  # (p, 3), unit Newell normals
+    edges: Int32Rows  # (e, 2), vertices of the outlines' edges, polygon after polygon
     counts: Int32s  # (p,), edges of each
 
 
@@ -39,7 +39,7 @@ def mesh_polygons(vertices: Float32s, faces: Int64s, polygon_of: Int64s | None) 
 
 
 @inline
-def _slots(faces):
+def _slots(faces: int) -> int:
     """Places of a hash table for the edges of a polygon of so many faces: a power of two, half of them free."""
     size = 8
     while size < 6 * faces:
@@ -48,7 +48,9 @@ def _slots(faces):
 
 
 @kernel
-def _find_polygons(vertices, faces, order, starts, slots, out):
+def _find_polygons(
+    vertices: Float32Rows, faces: Int64Rows, order: Int64s, starts: Int64s, slots: Int64Rows, out: Polygons
+) -> tuple[int, int]:
     """Fill `out`; returns the number of polygons and of edges.
 
     Args: order, starts: of `counting_sort`, the faces by polygon. slots: int64 (2, …), scratch for the largest.

@@ -1,6 +1,6 @@
 """Viewing rays: a camera in render space, and its packets of sixteen rays."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from ..kernel.simd import WIDE, double, pick, replace, single, store_row
 from ..kernel.vector import add, dot, scale, triple, unit
 from ..sampling.sequences import hash32, hash32_array, owen_sobol, seed_key, shuffled_owen_sobol
 from ..settings import Settings
-from ..types import Float64s
+from ..types import Float64Grid, Float64s
 from .layout import DISC
 
 _SETS = 256
@@ -31,8 +31,8 @@ class View(NamedTuple):
     focus: float  # distance of what is sharp
     width: int  # of the whole picture
     height: int
-    offsets: Float64s  # (sets, 6, samples), from the pixel's centre, on the unit lens and on lights; no sets: all 0
-    key: Any  # uint32
+    offsets: Float64Grid  # (sets, 6, samples), from the pixel's centre, on the unit lens and on lights; no sets: all 0
+    key: np.uint32
 
 
 def place_camera(camera: Camera, settings: Settings, centre: Float64s, scale: float) -> View:

@@ -6,29 +6,28 @@ around vertices just over the horizon, whose normals point away from the viewer.
 
 import numpy as np
 
-from ..kernel.arrays import unrefcounted_view
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, gather, gather3, lane_numbers, load_row, select, single, store_row
 from ..kernel.vector import add, dot, multiply, scale
+from ..types import Float32Rows, Int64s
 from . import layout
+from .camera_rays import View
 from .film import PACKETS
 from .interaction import between, corner, corner_rows, lights_seen, polygon_light, towards_viewer, vertex_normal
-from .layout import BOOK, OFF, lighting_column, load3, store1, store3
+from .layout import BOOK, OFF, SceneArrays, Scratch, Style, lighting_column, load3, store1, store3
 from .lighting import light_packets
 
 GROUP = PACKETS * WIDE  # vertices lit together
 
 
 @kernel
-def light_vertices(scene, view, style, scratch, origins, groups):
+def light_vertices(
+    scene: SceneArrays, view: View, style: Style, scratch: Scratch, origins: Float32Rows, groups: Int64s
+) -> None:
     """Gouraud 1971, first step: light rows of `scene.lit_vertices`, one side of one object at a time.
 
     Args: origins: as `write_vertices` has them; groups: int64 (k,), where `GROUP` rows begin, or the last of an object.
     """
-    scene = unrefcounted_view(scene)
-    view = unrefcounted_view(view)
-    scratch = unrefcounted_view(scratch)
-    origins = unrefcounted_view(origins)
     geometry, out = scene.geometry, scene.lit_vertices
     for begin in groups:
         seen_from_behind = begin >= len(scene.w)

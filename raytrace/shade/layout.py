@@ -4,14 +4,25 @@ A packet is a float32 array (WIDTH, 16) of sixteen points; its first `FILM` rows
 `raytrace.image.encode`. Positions are in render space. Shapes: o objects, v vertices and f faces of their shapes.
 """
 
-from typing import Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..image.texture import PackedTextures
+from ..image.texture_lookup import PackedTextures
 from ..kernel.jit import inline
 from ..kernel.simd import load_row, select, store_row
-from ..types import Bools, Float32s, Float64s, Int32s, Int64s
+from ..types import (
+    Bools,
+    Float32Grid,
+    Float32Rows,
+    Float32s,
+    Float64Grid,
+    Float64Rows,
+    Float64s,
+    Int32Rows,
+    Int32s,
+    Int64s,
+)
 
 # Numba compiles a function anew for every constant of Python's that it is given, but only once for NumPy's.
 BEAUTY, ALPHA = np.array([0, 3])  # RGB, the sum of the next four, and opacity
@@ -72,22 +83,22 @@ def lighting_column(number):
 class Geometry(NamedTuple):
     """Shapes and objects in render space."""
 
-    handle: Any  # Embree scene
+    handle: np.uint64  # Embree scene
     farthest: float  # longer than anything in render space
-    vertices: Float32s  # (v, 3), each shape's in its own frame; behind them the centre of each polygon
-    normals: Float32s  # of `vertices`; of a polygon Newell's
-    faces: Int32s  # (f, 3), rows of `vertices`
-    uv: Float32s  # (v, 2)
-    occlusion_uv: Float32s  # (v, 2), or (0, 2) if no shape has any
-    colours: Float32s  # (v, 3), linear RGB, or (0, 3) if no shape has any
+    vertices: Float32Rows  # (v, 3), each shape's in its own frame; behind them the centre of each polygon
+    normals: Float32Rows  # of `vertices`; of a polygon Newell's
+    faces: Int32Rows  # (f, 3), rows of `vertices`
+    uv: Float32Rows  # (v, 2)
+    occlusion_uv: Float32Rows  # (v, 2), or (0, 2) if no shape has any
+    colours: Float32Rows  # (v, 3), linear RGB, or (0, 3) if no shape has any
     polygons: Int32s  # (f,), row of each face's polygon in `vertices`, −1 for a face of its own; (0,) without polygons
-    edges: Int32s  # (e, 2), vertices of the polygons' outlines
+    edges: Int32Rows  # (e, 2), vertices of the polygons' outlines
     first_edge: Int32s  # (p + 1,), of each polygon
     first_vertex: Int64s  # (o,), of each object's shape
     first_face: Int64s
     first_w: Int64s  # (o + 1,), the first row of each object in w, and the number of rows
-    to_render: Float64s  # (o, 3, 4), from the frame of `vertices`
-    normal_to_render: Float64s  # (o, 3, 3)
+    to_render: Float64Grid  # (o, 3, 4), from the frame of `vertices`
+    normal_to_render: Float64Grid  # (o, 3, 3)
     mirrored: Float64s  # (o,), −1 where the object's transform mirrors, else 1
     placed: Bools  # (o,), whether `vertices` are in render space already
     authored: Bools  # (o,), whether the normals are the source's own
@@ -97,8 +108,8 @@ class Geometry(NamedTuple):
     grain: Int64s
     strength: Float64s  # (o,), of `occlusion`
     kinds: Int64s  # (o,), of materials packed as `raytrace.brdf.layout` has them
-    materials: Float64s  # (o, …), see `raytrace.brdf.layout`
-    boxes: Float32s  # around all that casts shadows, of `raytrace.shade.shaft_culling.pack_boxes`
+    materials: Float64Rows  # (o, …), see `raytrace.brdf.layout`
+    boxes: Float32Grid  # around all that casts shadows, of `raytrace.shade.shaft_culling.pack_boxes`
     layered: bool  # whether light passes some of the surfaces
 
 
@@ -106,12 +117,12 @@ class Lights(NamedTuple):
     """Packed lights in render space."""
 
     kinds: Int64s  # (k,), of lights that come from somewhere
-    parameters: Float64s  # (k, …), see `raytrace.lights.layout`
+    parameters: Float64Rows  # (k, …), see `raytrace.lights.layout`
     ambient: Float64s  # (3,), the sum of ambient lights
-    skies: Float64s  # (s, SKY_WIDTH), gradients
-    harmonics: Float64s  # (9, 3), of an image, or (0, 3)
-    maps: Float32s  # (MAPS, MAP_HEIGHT, MAP_WIDTH, 3), or none
-    frame: Float64s  # (3, 3), rows right, front and up of the maps
+    skies: Float64Rows  # (s, SKY_WIDTH), gradients
+    harmonics: Float64Rows  # (9, 3), of an image, or (0, 3)
+    maps: Annotated[Float32s, 4]  # (MAPS, MAP_HEIGHT, MAP_WIDTH, 3), or none
+    frame: Float64Rows  # (3, 3), rows right, front and up of the maps
 
 
 class SceneArrays(NamedTuple):
@@ -119,10 +130,10 @@ class SceneArrays(NamedTuple):
 
     geometry: Geometry
     w: Float64s  # (n,), obscurance at every vertex of every object
-    bent: Float32s  # (n, 3), bent normals there, zero for none; (0, 3) where no light asks for them
+    bent: Float32Rows  # (n, 3), bent normals there, zero for none; (0, 3) where no light asks for them
     lights: Lights
     textures: PackedTextures
-    lit_vertices: Float64s  # of Gouraud shading, (n, LIGHTING), and n rows for backs that may reflect light; else none
+    lit_vertices: Float64Rows  # of Gouraud shading, (n, LIGHTING), n more for backs that may reflect light; else none
 
 
 class Style(NamedTuple):
@@ -141,19 +152,21 @@ class Style(NamedTuple):
 class Scratch(NamedTuple):
     """Memory that one thread works with."""
 
-    rays: Float32s  # sixteen rays, of `raytrace.embree.packets.new_packet`
+    rays: Float32Rows  # sixteen rays, of `raytrace.embree.packets.new_packet`
     valid: Int32s
-    points: Float32s  # (packets, WIDTH, 16), points to be lit
-    items: Int32s  # (packets, 16), rows of their objects, −1 for none
-    sums: Float64s  # (pixels, …), a tile's film
-    cells: Float32s  # (cells, RANGE), a tile's, ranges of the samples in them
+    points: Float32Grid  # (packets, WIDTH, 16), points to be lit
+    items: Int32Rows  # (packets, 16), rows of their objects, −1 for none
+    sums: Float64Rows  # (pixels, …), a tile's film
+    cells: Float32Rows  # (cells, RANGE), a tile's, ranges of the samples in them
     retired: Bools  # (pixels,), a tile's pixels that get no more samples
     order: Int32s  # (pixels,), a tile's pixels so that sixteen on end are neighbours
     todo: Int32s  # (pixels + 16,), pixels that want more samples
     active: Int64s  # (lights,), lights that can matter
     hidden: Bools  # (lights,), whether something may stand between an active light and the points
-    layers: Float32s  # (packets, COVER + 1, 16), what each viewing ray, by its number, has seen; none if all is opaque
-    active_rays: Int32s  # (packets, 16), numbers of the rays that are traced, −1 for none: few see further layers
+    layers: (
+        Float32Grid  # (packets, COVER + 1, 16), what viewing rays, by their numbers, have seen; none if all is opaque
+    )
+    active_rays: Int32Rows  # (packets, 16), numbers of the rays that are traced, −1 for none: few see further layers
     missing: Int64s  # (textures,), 1 for textures that a ray has met before they were read
     counts: Int64s  # (COUNTERS,)
 
@@ -161,8 +174,8 @@ class Scratch(NamedTuple):
 class Film(NamedTuple):
     """The pixels that tiles are rendered to."""
 
-    pixels: Float32s  # (height, width, 4 or FILM), whole tiles
+    pixels: Float32Grid  # (height, width, 4 or FILM), whole tiles
     left: int  # place of its first pixel in the picture
     top: int
-    edges: Float32s  # (tiles, EDGES), what tiles know of one another; none where no pixel is retired early
+    edges: Float32Rows  # (tiles, EDGES), what tiles know of one another; none where no pixel is retired early
     scale: float  # of render space; depths are divided by it

@@ -18,7 +18,7 @@ from ..kernel.simd import WIDE, load_row, select, some
 from ..kernel.vector import add, scale, subtract, triple
 from ..lights.layout import DIRECTION, DIRECTIONAL, POSITION, RADIUS
 from ..mesh.placement import NEAR
-from ..types import Float32s, Float64s, Int64s
+from ..types import Float32Grid, Float32Rows, Float32s, Float64s, Int64Rows, Int64s
 
 SLACK = 2.0**-18  # of the largest coordinate: sixteen times what Embree's edge tests can be off
 ROUNDED = np.float32(2.0**-20)  # relative error of a place on the way, and more
@@ -47,7 +47,9 @@ def cluster(vertices: Float32s, faces: Int64s, objects: int) -> Float64s:
 
 
 @kernel
-def _enclose(vertices, faces, low, per_length, cells, boxes):
+def _enclose(
+    vertices: Float32Rows, faces: Int64Rows, low: Float32s, per_length: np.float32, cells: Int64s, boxes: Float32Grid
+) -> None:
     """Grow the box of the grid's cell that a face's centre lies in around the face."""
     for f in range(len(faces)):
         cell = 0

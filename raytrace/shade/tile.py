@@ -9,14 +9,14 @@ import numpy as np
 
 from ..brdf.layout import ALPHA, MODEL
 from ..embree.packets import DIR_X, TNEAR
-from ..kernel.arrays import unrefcounted_view
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, count, double, gather, lane_numbers, load_row, pick, select, single, some, store_row
 from ..kernel.vector import multiply, scale, triple
 from ..lights.layout import RADIUS
 from ..materials.alpha_filter import MET_ALPHA, STEP
+from ..types import Bools
 from . import layout
-from .camera_rays import aim, write_discs
+from .camera_rays import View, aim, write_discs
 from .film import (
     BITS,
     FIRST,
@@ -34,14 +34,36 @@ from .film import (
 )
 from .gouraud import interpolate_lit
 from .interaction import GOURAUD, PacketHits, next_object, write_hits, write_polygons
-from .layout import BACKGROUND, BEGIN, COVER, NEXT, PRIMARY, RETIRED, load3, store1, store3
+from .layout import (
+    BACKGROUND,
+    BEGIN,
+    COVER,
+    NEXT,
+    PRIMARY,
+    RETIRED,
+    Film,
+    SceneArrays,
+    Scratch,
+    Style,
+    load3,
+    store1,
+    store3,
+)
 from .lighting import light_packets
 from .texturing import map_albedo, map_grain, map_occlusion
 from .transparency import begin_layers, closest_hits, composite
 
 
 @kernel
-def render_tiles(scene, view, style, film, scratch, span, reopened_only):
+def render_tiles(
+    scene: SceneArrays,
+    view: View,
+    style: Style,
+    film: Film,
+    scratch: Scratch,
+    span: tuple[int, int],
+    reopened_only: bool,
+) -> None:
     """Render the tiles [span[0], span[1]), counted along the rows of the film: a few samples of all pixels of a
     tile, then more of the pixels about which samples disagree.
 
@@ -51,10 +73,6 @@ def render_tiles(scene, view, style, film, scratch, span, reopened_only):
         reopened_only: render only the pixels that need all samples after all, by the `edges` that a first call for all
             tiles wrote; the pixels that are retired then are written there.
     """
-    scene = unrefcounted_view(scene)
-    view = unrefcounted_view(view)
-    film = unrefcounted_view(film)
-    scratch = unrefcounted_view(scratch)
     columns = -(-film.pixels.shape[1] // TILE)
     few = min(FIRST, style.samples)
     skipped = style.samples - few  # samples of a retired pixel
@@ -92,11 +110,8 @@ def render_tiles(scene, view, style, film, scratch, span, reopened_only):
 
 
 @kernel
-def mark_reopened(film, scratch, marks):
+def mark_reopened(film: Film, scratch: Scratch, marks: Bools) -> None:
     """Mark the tiles of which `render_tiles` would render some pixels again: `marks`, bool (tiles,)."""
-    film = unrefcounted_view(film)
-    scratch = unrefcounted_view(scratch)
-    marks = unrefcounted_view(marks)
     for tile in range(len(film.edges)):
         clear(scratch.sums, scratch.cells)
         load_edges(film.edges, tile, -(-film.pixels.shape[1] // TILE), scratch.cells, scratch.retired)

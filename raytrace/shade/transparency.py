@@ -12,9 +12,10 @@ from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, count, lane_numbers, load_row, pick, select, some, store_row
 from ..materials import alpha_filter
 from ..materials.alpha_filter import LEAST, STEP
+from ..types import Bools, Float32Rows, Int32s
 from . import layout
-from .camera_rays import aim
-from .layout import BEGIN, COVER, NEXT, SHADOW_RAYS, TRANSMITTANCE
+from .camera_rays import View, aim
+from .layout import BEGIN, COVER, NEXT, SHADOW_RAYS, TRANSMITTANCE, Geometry
 
 HALF = 0.5
 SHORT = 1.0 - 1e-5  # of the way to a light: what touches the light itself is no obstacle
@@ -117,7 +118,16 @@ def composite_ray(scratch, e, lane, accumulated, ray, layers):
 
 
 @kernel
-def mark_seen(geometry, view, columns, pixel_rows, rays, valid, seen, whole_polygons):
+def mark_seen(
+    geometry: Geometry,
+    view: View,
+    columns: tuple[int, int],
+    pixel_rows: tuple[int, int],
+    rays: Float32Rows,
+    valid: Int32s,
+    seen: Bools,
+    whole_polygons: bool,
+) -> None:
     """Set `seen`, bool (w,), for the vertices of all faces that a sample of some pixels meets.
 
     Args:

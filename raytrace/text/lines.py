@@ -11,6 +11,7 @@ rounded (Ziv 1991).
 import numpy as np
 
 from ..kernel.jit import inline, kernel
+from ..types import Float64Rows, Float64s, Int64Rows, Int64s, UInt8s
 
 NUMBERED = "v", "vt", "vn"
 V, VT, VN, F, REST, NOTHING = range(6)
@@ -160,7 +161,7 @@ def _parse_word(text, i):
 
 
 @kernel
-def read_rows(text, begin, end, numbers, counts):
+def read_rows(text: UInt8s, begin: int, end: int, numbers: Float64s, counts: Int64s) -> int:
     """Read the numbers of all lines that have words, one after another, and write how many each line has.
 
     Words become what `_parse_word` makes of them. Returns how many lines there are.
@@ -181,7 +182,7 @@ def read_rows(text, begin, end, numbers, counts):
 
 
 @kernel
-def survey(text, begin, end, tally, other_runs):
+def survey(text: UInt8s, begin: int, end: int, tally: Int64Rows, other_runs: Int64Rows) -> int:
     """Count the lines of each kind, and find runs of other statements; returns how many runs there are.
 
     Args:
@@ -223,7 +224,7 @@ def survey(text, begin, end, tally, other_runs):
 
 
 @kernel
-def read_numbers(text, begin, end, wanted_kind, values):
+def read_numbers(text: UInt8s, begin: int, end: int, wanted_kind: int, values: Float64Rows) -> None:
     """Read the first numbers of lines of one kind into `values` (lines, numbers). Lines that lack words are left
     out."""
     row, i = 0, begin
@@ -243,7 +244,7 @@ def read_numbers(text, begin, end, wanted_kind, values):
 
 
 @kernel
-def read_faces(text, begin, end, before, sizes, indices):
+def read_faces(text: UInt8s, begin: int, end: int, before: Int64Rows, sizes: Int64s, indices: Int64Rows) -> bool:
     """The faces; returns whether all words are indices.
 
     Args: before: (4, 6), the sum of the tallies of all lines before these. sizes: int64 (p,), of all faces.

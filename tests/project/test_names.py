@@ -22,7 +22,7 @@ QUOTED = re.compile(r"(?<!`)`([^`]+)`(?!`)")
 NAME = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*")
 FILE = re.compile(rf"(?:(?:{'|'.join(PACKAGES)}|tests|benchmarks|docs)/[\w./]*|\w+\.pyi?)")
 MOST_PARAMETERS = 8
-KERNELS = {"kernel", "inline", "intrinsic"}
+HELPERS = {"inline", "intrinsic"}
 WRITES_LLVM = "raytrace.kernel.simd"
 
 
@@ -164,23 +164,23 @@ def without_annotations(module):
                 yield node
 
 
-def is_kernel(function):
+def is_helper(function):
     names = (node.func if isinstance(node, ast.Call) else node for node in function.decorator_list)
-    return any(isinstance(name, ast.Name) and name.id in KERNELS for name in names)
+    return any(isinstance(name, ast.Name) and name.id in HELPERS for name in names)
 
 
-def test_functions_without_annotations_are_kernels():
+def test_functions_without_annotations_are_helpers_of_kernels():
     other = [
         f"{module}.{function.name}"
         for module in FILES
         if module != WRITES_LLVM
         for function in without_annotations(module)
-        if not is_kernel(function)
+        if not is_helper(function)
     ]
     assert not other
 
 
-def test_only_modules_with_kernels_are_excused():
+def test_only_modules_with_such_helpers_are_excused():
     tables = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["mypy"]["overrides"]
     (patterns,) = (table["module"] for table in tables if table.get("disallow_untyped_defs") is False)
     excused = {pattern: [module for module in FILES if fnmatch(module, pattern)] for pattern in patterns}

@@ -31,10 +31,9 @@ np.testing.assert_allclose(reflect(matt, turned, light, viewer), expected_at(tur
 """
 IN_LANES = """
 from raytrace.brdf.dispatch import terms_in_lanes
-from raytrace.kernel import library
+from raytrace.kernel import build, library
 from raytrace.kernel.arrays import aligned
 from raytrace.kernel.jit import kernel
-from raytrace.kernel.signature import example
 from raytrace.kernel.simd import load_row, store_row
 
 
@@ -57,10 +56,8 @@ lit = turned @ light > 0
 assert 4 < lit.sum() < 12
 np.testing.assert_allclose(out[:3, lit].T, expected_at(turned)[lit], rtol=1e-3, atol=1e-4)
 assert not out[3:, lit].any()
-for line in open(library.__file__.replace("library.py", "kernels.txt")):
-    if line.startswith("raytrace.shade.tile.render_tiles "):
-        kernel, path, arguments = example(line)
-        assert library.find(kernel.signature(arguments, path).symbol, kernel.function) is None
+for entry in build.entries("raytrace.shade.tile"):
+    assert library.find(entry.signature.symbol, entry.function) is None or "render_tiles" not in entry.signature.line
 """
 RENDERED = """
 from raytrace import Camera, DirectionalLight, Object, Scene, Settings, Shape, render

@@ -11,7 +11,6 @@ from project import ROOT
 
 from raytrace.kernel import build, library
 from raytrace.kernel.identity import kernel_identity
-from raytrace.kernel.signature import example
 
 HELPER = """
 from .kernel.jit import inline
@@ -29,7 +28,7 @@ from .helper import constant
 from .kernel.jit import kernel
 
 @kernel
-def answer():
+def answer() -> int:
     return constant()
 """
 ANSWER = """
@@ -43,8 +42,6 @@ except KernelError as missing:
     print(missing)
 """
 PROJECT = '[project]\nname = "small"\nversion = "1"\n[tool.setuptools]\npackages = []\n'
-GONE = ("raytrace.loop.gone <i8", "raytrace.no_module.f", "raytrace.loop.answer raytrace.loop.Gone( )")
-LISTED = "\n".join(("raytrace.loop.answer", *GONE))
 
 
 def run(folder, code, **environment):
@@ -65,13 +62,12 @@ def project_in(folder):
     package.mkdir()
     (folder / "ao").mkdir()
     (package / "__init__.py").touch()
-    left_out = shutil.ignore_patterns("vector.py", "*.so", "*.pyd", "__pycache__")
+    left_out = shutil.ignore_patterns("vector.py", "counting_sort.py", "*.so", "*.pyd", "__pycache__")
     shutil.copytree(ROOT / "raytrace" / "kernel", package / "kernel", ignore=left_out)
     for name in ("types.py", "errors.py"):
         shutil.copy(ROOT / "raytrace" / name, package)
     shutil.copy(ROOT / "setup.py", folder)
     (folder / "pyproject.toml").write_text(PROJECT)
-    (package / "kernel" / "kernels.txt").write_text(LISTED)
     (package / "helper.py").write_text(HELPER.format(value=1))
     (package / "loop.py").write_text(KERNEL)
     return folder
@@ -101,7 +97,7 @@ def project(built, tmp_path):
     ("file", "before", "after", "runs"),
     [
         ("loop.py", "@kernel", "@kernel", "1 0 False"),
-        ("loop.py", "def answer():", 'def answer() -> int:\n    """A docstring."""', "1 0 False"),
+        ("loop.py", "def answer() -> int:", 'def answer() -> float:\n    """A docstring."""', "1 0 False"),
         ("loop.py", "@kernel", "# a comment\n\n@kernel", "1 0 False"),
         ("helper.py", "return 3", "return 4", "1 0 False"),
         ("helper.py", "return 1", "return 2", "2 1 True"),
@@ -133,16 +129,43 @@ def test_building_again_compiles_what_was_edited_alone(project):
     assert len(list((project / "build").rglob("*answer*.o"))) == 1
 
 
-def test_a_line_of_the_list_that_does_not_compile_any_more_is_left_out(project):
-    """Types that a kernel was called with before it was edited."""
-    loop = project / "raytrace" / "loop.py"
-    loop.write_text(KERNEL + "\n@kernel\ndef length(pair):\n    return pair[2]\n")
-    with (project / "raytrace" / "kernel" / "kernels.txt").open("a") as file:
-        file.write("\nraytrace.loop.length ( <f8 <f8 )\nraytrace.loop.length ( <f8 <f8 <f8 )\n")
-    said = build_in(project)
-    assert "kernels: 1 of the list are stale: run `make kernels`" in said
-    assert run(project, "from raytrace.loop import length" + ANSWER) == "1 0 False"
-    assert run(project, ANSWER + "from raytrace.loop import length; print(length((1.0, 2.0, 3.0)))").endswith("3.0")
+TYPED = (
+    KERNEL
+    + """
+from .types import Float64s
+
+@kernel
+def double(values: Float64s | None, factor: float) -> float:
+    return factor if values is None else values[0] * factor
+"""
+)
+CALL = """
+import numpy as np
+from raytrace.errors import KernelError
+from raytrace.kernel.jit import compiled
+from raytrace.loop import double
+try:
+    print(double({}, 2.0), len(compiled))
+except KernelError as refused:
+    print(refused)
+"""
+
+
+@pytest.mark.parametrize("builds", [True, False])
+@pytest.mark.parametrize("installed", [True, False])
+def test_a_kernel_is_built_for_the_types_it_is_annotated_with_and_refuses_others(project, builds, installed):
+    """In a source tree, where it may be compiled when it is called, as where it is installed."""
+    (project / "raytrace" / "loop.py").write_text(TYPED)
+    if builds:
+        assert "kernels: 2 built" in build_in(project)
+    if installed:
+        (project / "pyproject.toml").unlink()
+    for value, result in (("np.full(1, 3.0)", 6.0), ("None", 2.0)):
+        assert run(project, CALL.format(value)) == f"{result} {0 if builds else 1}"
+    for value, got in (("np.full(1, 3)", "<i8:1C"), ("np.zeros((2, 2))", "<f8:2C"), ("np.ones(4)[::2]", "<f8:1A")):
+        refused = f"raytrace.loop.double: values: expected <f8:1C or None, got {got}"
+        assert run(project, CALL.format(value)) == refused
+        assert run(project, NO_NUMBA + CALL.format(value)) == refused
 
 
 def test_what_is_installed_is_not_compared_with_its_sources(project):
@@ -187,16 +210,12 @@ def test_the_level_is_the_best_that_a_processor_has_all_of(monkeypatch):
         assert library.level.__wrapped__() == level
 
 
-def test_the_library_of_this_tree_has_what_the_list_has():
+def test_the_library_of_this_tree_has_all_kernels():
     """Kernels that were edited since are compiled whenever they are used."""
-    stale = [e.signature.line for e in build.entries() if library.find(e.signature.symbol, e.function) is None]
-    assert not stale, f"run `make kernels`: {stale}"
-
-
-def test_a_line_of_the_list_stands_for_the_types_that_it_was_made_of():
-    for line in build.LIST.read_text().splitlines():
-        kernel, path, arguments = example(line)
-        assert kernel.signature(arguments, path).line == line
+    entries = [entry for module in build.modules() for entry in build.entries(module)]
+    assert len(entries) > 100
+    stale = [e.signature.line for e in entries if library.find(e.signature.symbol, e.function) is None]
+    assert not stale, f"run `make install`: {stale}"
 
 
 def test_constants_that_a_kernel_refers_to_are_part_of_its_identity():
@@ -246,16 +265,6 @@ def test_the_identity_of_results_is_made_of_edited_sources_alone(project):
     unknown, made = run(project, COMPILED).split()
     assert unknown == identity
     assert int(made) == len(list((project / "raytrace").rglob("*.py")))
-
-
-def test_the_list_has_every_combination_of_types():
-    """What tests happen to run has alternatives of records and None one by one."""
-    lines = build.LIST.read_text().splitlines()
-    assert lines == build.completed(lines)
-    record, other = "a.R( <f8:1C None )", "a.R( <f8:1C b.S( <i8 ) )"
-    seen = [f"k {record} <i4:1C <f8", f"k {other} <i8:1C <f8", f"m ( <f8 ) {record}"]
-    missing = [f"k {record} <i8:1C <f8", f"k {other} <i4:1C <f8", f"m ( <f8 ) {other}"]
-    assert build.completed(seen) == sorted(seen + missing)
 
 
 HAIR = """

@@ -22,7 +22,7 @@ def png(path, alpha, mode="RGBA"):
 
 def found(opacity, places=PLACES):
     out = np.empty(len(places))
-    alphas(opacity.packed(), np.zeros(len(places), np.int64), places, out)
+    alphas(opacity.packed(), np.zeros(len(places), np.int64), np.ascontiguousarray(places), out)
     return out
 
 
