@@ -131,7 +131,7 @@ class SurfaceSamples:
         return replace(self, starts=np.concatenate([[0], np.cumsum(counts)]), all_count=all_count)
 
 
-def with_alpha(located: LocatedPoints, opacity: PackedOpacity | None, face: AnyInts, barycentric: Float32s) -> Float32s:
+def with_alpha(located: LocatedPoints, opacity: PackedOpacity | None, face: Int64s, barycentric: Float32s) -> Float32s:
     """What `leave_out_below` takes of points at `barycentric` (k, 3) on faces (k,): normals, alpha, cosines (k, 5)."""
     packed = np.empty((len(face), 5), np.float32)
     packed[:, :3] = located.normals
