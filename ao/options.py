@@ -60,7 +60,7 @@ class Options:
         "Number of threads, by default all cores; results are the same.")] = None
     normals: Annotated[Normals, Option(help=
         "Normals: the file's own at corners, and where it has none of use, as with angle; those of faces around, "
-        "weighted by angle, by area or equally, smooth across edges of up to 30°; or up.", python_help=
+        "weighted by angle, by area or equally, smooth across edges of up to 30 degrees; or up.", python_help=
         "They are the axes of hemispheres.")] = "file"
     _: KW_ONLY
     tolerance: Annotated[float | None, Option(bounds=(1e-5, 1), bake_kinds="vertices texture batch", help=

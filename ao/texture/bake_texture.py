@@ -90,6 +90,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
         raise OptionError("overlap", expected, f"{overlapping:,} texels with several", scene.mesh.source)
     # The samples of the texels, and rays from them.
     texels, filled, missed = sampler.find(coverage)
+    shown = surface.shown_near_seams(coverage, prepared.threads) if options.close_seams else None
     del coverage
     needed = TRACED_TEXEL * len(texels.samples)
     if needed > NEGLIGIBLE:
@@ -101,7 +102,7 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     estimates = _estimates(tracer, surface, texels, prepared)
     # The pages, seams closed and the rest filled.
     watch(0, 1, "seams")
-    assembly = PageAssembly(surface.layout, texels, surface.seams, options.close_seams, prepared.threads)
+    assembly = PageAssembly(surface.layout, texels, surface.seams, shown, prepared.threads)
     pages = assembly.assemble(estimates[0], _frames(options.bent_space, surface, texels))
     further_pages = [assembly.assemble(estimate)[:2] for estimate in estimates[1:]]
     watch(1, 1, "seams")
