@@ -7,13 +7,13 @@ import time
 from dataclasses import replace
 
 import pytest
+from ao.cluster.session import IN_FLIGHT
+from ao.execute.checkpoint import Checkpoint
+from ao.execute.journal import Journal
 from clusters import BAKES, LEFT_SOCKETS, LONG, LONG_ROWS, SMALL_BLOCKS, all_bits, bake_on, kill, scheduler, victims_of
 from command import started
 from project import environment
 
-from ao.cluster.session import IN_FLIGHT
-from ao.execute.checkpoint import Checkpoint
-from ao.execute.journal import Journal
 from raytrace.errors import ClusterError
 
 pytestmark = LEFT_SOCKETS
