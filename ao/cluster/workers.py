@@ -400,7 +400,7 @@ class Workers:
         answers = await self._client.run(declare_likeness, *arguments, workers=workers, on_error="return")
         for worker, answer in answers.items():
             if isinstance(answer, Exception):
-                self._notify(f"worker {worker} gets no work: {type(answer).__name__}: {answer}")
+                self._notify(f"worker {worker} gets no work: {str(answer) or type(answer).__name__}")
             elif answer:
                 name, expected, got = answer
                 self._notify(f"worker {worker} gets no work: {name}: expected {expected}, got {got}")

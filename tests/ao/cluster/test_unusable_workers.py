@@ -13,29 +13,31 @@ from raytrace.errors import ClusterError
 pytestmark = LEFT_SOCKETS
 
 
-def become_another():
-    from ao.execute.work import bit_environment
+def made_useless(how):
+    """A function for a worker, which is sent as it is."""
 
-    bit_environment()["test"] = "a z80"
+    def become_another():
+        from ao.execute.work import bit_environment
 
+        bit_environment()["test"] = "a z80"
 
-def forget_the_package():
-    import sys
+    def forget_the_package():
+        import sys
 
-    sys.modules["test.hidden"], sys.modules["ao.cluster.workers"] = sys.modules["ao.cluster.workers"], None
+        sys.modules["test.hidden"], sys.modules["ao.cluster.workers"] = sys.modules["ao.cluster.workers"], None
+
+    return become_another if how == "another processor" else forget_the_package
 
 
 @pytest.mark.parametrize(
-    ("function", "start", "end"),
+    ("how", "start", "end"),
     [
-        (become_another, "test: expected ", ", got a z80"),
-        (forget_the_package, "ModuleNotFoundError: ", "None in sys.modules"),
+        ("another processor", "test: expected ", ", got a z80"),
+        ("no package", "ModuleNotFoundError(", "None in sys.modules"),
     ],
 )
-def test_a_worker_unlike_the_client_is_reported_in_one_line(
-    cluster, tmp_path, medium, monkeypatch, function, start, end
-):
-    with on_one(cluster, function, tmp_path / "reported", monkeypatch) as (odd, messages, notify):
+def test_a_worker_unlike_the_client_is_reported_in_one_line(cluster, tmp_path, medium, monkeypatch, how, start, end):
+    with on_one(cluster, made_useless(how), tmp_path / "reported", monkeypatch) as (odd, messages, notify):
         baked, _ = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.npy", notify)
     assert bits(baked) == medium
     assert len(messages) == 1
@@ -87,14 +89,26 @@ ao.cluster.workers.make_on_threads = full
 
 
 def test_a_worker_that_fails_at_once_gets_no_more_work(tmp_path, medium):
-    script, failing = tmp_path / "full.py", tmp_path / "failing"
-    script.write_text(
-        f"from pathlib import Path\ntry:\n    Path({str(failing)!r}).open('x')\nexcept FileExistsError:\n"
-        f"    pass\nelse:\n    exec({FULL!r})\n"
-    )
-    messages = []
+    script, failing, reported, messages = (*(tmp_path / name for name in ("full.py", "failing", "reported")), [])
+    script.write_text(f"""
+import os
+from clusters import holding
+try:
+    os.mkdir({str(failing)!r})
+    open({str(failing / "pid")!r}, "x").write(str(os.getpid()))
+except FileExistsError:  # Dask runs it twice
+    if open({str(failing / "pid")!r}).read() != str(os.getpid()):
+        holding(0, {str(reported)!r})()
+if open({str(failing / "pid")!r}).read() == str(os.getpid()):
+    exec({FULL!r})
+""")
+
+    def notify(line):
+        messages.append(line)
+        reported.touch()
+
     with scheduler(2, [str(script)]) as cluster:
-        baked, _ = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.npy", messages.append)
+        baked, _ = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.npy", notify)
     assert bits(baked) == medium
     assert len(messages) == 1
     assert messages[0].endswith(" gets no more work: OSError: [Errno 28] No space left on device")
