@@ -175,7 +175,7 @@ def _identity(placement: Placement, receivers: Receivers, settings: tuple[object
     digest.update(repr((bit_environment(), placement.scale, placement.diagonal, settings)).encode())
     arrays: list[npt.NDArray[Any]] = [placement.vertices, receivers.faces]
     for points in (receivers.points, receivers.corners.points):
-        arrays += [points.origins, points.normals, points.numbers]
+        arrays += [points.origins, points.normals, points.numbers, points.lifts]
     arrays += map(np.asarray, receivers.opacity or ())
     for array in arrays:
         digest.update(repr((array.shape, array.dtype)).encode())

@@ -9,6 +9,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from raytrace.errors import OptionError
+from raytrace.mesh.corners import with_hard_edges
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import opacity_bytes
 from raytrace.system.checks import NEGLIGIBLE, check_memory
@@ -58,8 +59,8 @@ class TextureArguments(TextureOptions, _Layout):
 def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     """Obscurance w, as `ao.bake` has it, of every texel that shows a part of `mesh`: the mean over that part.
 
-    The hemisphere at a point of a face is about the normal interpolated between the vertices, less what lies below the
-    face. Points of a texel that are inside solids are left out of the mean.
+    The hemisphere at a point of a face is about the normal interpolated between the face's corners, each side of a hard
+    edge by its own, less what lies below the face. Points of a texel that are inside solids are left out of the mean.
 
     Raises:
         OptionError: an argument is out of range.
@@ -75,7 +76,8 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
 
     # The mesh on the page, and the texels that its faces cover.
     start = time.perf_counter()
-    prepared = Prepared.of(scene.solid, options, options.progress, None, scene.occluders, scene.mesh.radius)
+    shaded = scene.solid if options.normals == "up" else with_hard_edges(scene.solid, options.normals == "file")
+    prepared = Prepared.of(shaded, options, options.progress, None, scene.occluders, scene.mesh.radius)
     watch = prepared.progress or _unwatched
     watch(0, 1, "coverage")
     surface = _surface(scene, prepared, size, options.wrap)

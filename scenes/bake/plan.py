@@ -53,6 +53,7 @@ class Plan(NamedTuple):
         channels: where a file of vertices holds w for viewers.
         ground: the height of the ground plane, None just below the mesh.
         size: texels across and down of a texture, None if `texel_size` says so.
+        merged: whether the rays were traced in parts, for an output of any format.
     """
 
     kind: Kind
@@ -61,6 +62,7 @@ class Plan(NamedTuple):
     channels: Channels
     ground: float | None
     size: tuple[int, int] | None
+    merged: bool = False
 
     @property
     def falloff(self) -> ao.Falloff:
@@ -91,6 +93,13 @@ class Plan(NamedTuple):
         cage = [options.cage] if isinstance(options.cage, Path) else []
         tables = table_of(options.falloff)
         return [self.mesh, *(options.high or ()), *cage, *(options.occluder or ()), *tables]
+
+    @property
+    def has_sides(self) -> bool:
+        """Whether w of each side of hard edges is baked, for an output that repeats vertices there."""
+        options = self.options
+        has_several = options.at == "vertices" and not (options.points or options.high) and options.normals != "up"
+        return self.kind == "vertices" and has_several and self.ending in (".glb", ".html") and not self.merged
 
     @property
     def images(self) -> dict[str, Path]:
