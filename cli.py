@@ -20,7 +20,7 @@ import click
 from ao.declared import Option
 from raytrace.errors import InputError, ObscuranceError, OptionError, OutputError
 from scenes.bake.console import columns, note, output_failed, readable_output, reopen_streams, unforeseen
-from scenes.bake.options import BAKE, MERGE, RENDER, BakeOptions, Metric, RenderOptions, Up, named, of_bake, plain
+from scenes.bake.options import BAKE, RENDER, BakeOptions, Metric, RenderOptions, Up, named, of_bake, plain
 from scenes.commands.parameters import TableCommand
 
 interrupts.all_imported()
@@ -81,14 +81,6 @@ def bake(**options: Any) -> int:
     from scenes.commands.bake import run_bake
 
     return run_bake(BakeOptions(**options))
-
-
-@command(*MERGE)
-def merge(parts: Path, mesh: Path | None, **options: Any) -> int:
-    """Write the output of a bake, or a batch, traced in parts."""
-    from scenes.commands.bake import run_merge
-
-    return run_merge(parts, mesh, options)
 
 
 @command(

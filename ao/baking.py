@@ -38,7 +38,6 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
 
     Raises:
         OptionError: an argument is out of range, or of the other method.
-        InputError, OutputError: `checkpoint` cannot be used (`Checkpoint`).
         MeshError: `mesh` or `high` is none, `normals="file"` for a mesh without normals, or nothing of `high` is
             within the cage.
         MemoryLimitError: the bake would not fit into memory.

@@ -19,8 +19,8 @@ P = ParamSpec("P")
 R = TypeVar("R")
 T = TypeVar("T")
 Role = Literal["input", "output", "result", "run"]
-EVERY_BAKE = "vertices texture part batch"
-IMAGE = "texture part batch"
+EVERY_BAKE = "vertices texture batch"
+IMAGE = "texture batch"
 SAME: Any = object()  # as the field has it
 _EXPECTED = {bool: "true or false", int: "a whole number", float: "a number", str: "a text", Path: "a file"}
 
@@ -32,7 +32,7 @@ class Option(NamedTuple):
     kind: Any = SAME  # its type, or its choices
     default: Any = SAME  # `...` of what has to be given
     help: str = ""  # in one line
-    bake_kinds: str = EVERY_BAKE  # that take it: vertices, texture, part, merge, batch; none: Python alone
+    bake_kinds: str = EVERY_BAKE  # that take it: vertices, texture, batch; none: Python alone
     role: Role = "result"  # a file that is read, what is written, what is computed, or how that is run
     needs: Mapping[str, Any] = {}  # other options, and their value, `...` for any but the default
     excludes: tuple[str, ...] = ()  # other options

@@ -1,6 +1,6 @@
 """The options of bakes, each declared here, once: its type, bounds, default, meaning, and how the command has it.
 
-The parameters of `ao.bake` and `ao.bake_texture` and their descriptions, checks, what a journal belongs to, and options
+The parameters of `ao.bake` and `ao.bake_texture` and their descriptions, checks, what decides kept rows, and options
 of the command follow from a declaration (`ao/declared.py`). Those whose values are meshes are in `ao/prepared.py`.
 """
 
@@ -56,14 +56,14 @@ class Options:
         "and with a tolerance the most is 2²⁶ in all if that is more.")] = None
     seed: Annotated[int, Option(bounds=(0, 2**64 - 1), help="Random seed.", python_help=
         "0 to 2⁶⁴ − 1. The same seed gives the same bits for any number of threads.")] = 0
-    threads: Annotated[int | None, Option(bounds=(1, 4096), role="run", bake_kinds=f"{EVERY_BAKE} merge", help=
+    threads: Annotated[int | None, Option(bounds=(1, 4096), role="run", bake_kinds=EVERY_BAKE, help=
         "Number of threads, by default all cores; results are the same.")] = None
     normals: Annotated[Normals, Option(help=
         "Normals: the file's own at corners, and where it has none of use, as with angle; those of faces around, "
         "weighted by angle, by area or equally, smooth across edges of up to 30 degrees; or up.", python_help=
         "They are the axes of hemispheres.")] = "file"
     _: KW_ONLY
-    tolerance: Annotated[float | None, Option(bounds=(1e-5, 1), bake_kinds="vertices texture batch", help=
+    tolerance: Annotated[float | None, Option(bounds=(1e-5, 1), bake_kinds=EVERY_BAKE, help=
         "Target RMS error of w, 0.005 by default; ray counts are chosen to meet it.", python_help=
         "1e-5 to 1; over the vertices or the covered texels, by the surface method of the fitted values. None where "
         "`samples` alone is given, and without `denoise`, where each point gets 256 rays.")] = None
@@ -195,7 +195,7 @@ class VertexOptions(Options):
     only: Annotated["Bools | None", Option(bake_kinds="", help=
         "bool (n,), the vertices whose w is wanted; elsewhere w is 1. None: all. These are denoised, and hidden "
         "ones filled, from one another. The surface method fits w over their faces alone.")] = None
-    method: Annotated[Method, Option(bake_kinds="vertices part batch", help=
+    method: Annotated[Method, Option(bake_kinds="vertices batch", help=
         "Sample at the vertices, or all over the faces with a least-squares fit.", python_help=
         '"surface" fits the values whose interpolation is nearest to w all over the faces (Kavan, Bargteil & Sloan '
         "2011, Least Squares Vertex Baking).")] = "vertex"
@@ -238,7 +238,7 @@ class TextureOptions(Options):
         "whether faces outside of the unit square are taken modulo 1, or left out.")] = True
     close_seams: Annotated[bool, Option(bake_kinds="", role="output", help=
         "whether texels at charts' borders are moved until both sides of a seam agree.")] = True
-    bent_space: Annotated[BentSpace, Option(kind=BentSpace | None, default=None, bake_kinds="texture merge",
+    bent_space: Annotated[BentSpace, Option(kind=BentSpace | None, default=None, bake_kinds="texture",
         role="output", needs={"bent_normals": ...}, is_setting=False, help=
         "Of bent normals: the mesh's own (the default), or tangent: +Y, or with -directx -Y.", python_help=
         '"tangent": x along u, y along v upwards, as OpenGL and glTF have it, z the normal; "tangent-directx": with y '

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Self
 import numpy as np
 
 from raytrace.embree.scene import TriangleScene
-from raytrace.errors import ConflictError, OptionError
+from raytrace.errors import OptionError
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import PackedOpacity
 from raytrace.mesh.placement import Placement
@@ -19,7 +19,7 @@ from raytrace.system.threads import thread_count
 from raytrace.types import Bools, Int64s
 
 from .declared import Option
-from .execute.checkpoint import NOTHING_KEPT, Checkpoint
+from .execute.kept import NOTHING_KEPT, Kept
 from .execute.tracer import Progress, Tracer
 from .memory import vertex_bytes
 from .mu import Mu, in_render_space
@@ -45,7 +45,7 @@ class Inputs:
     progress: Annotated[Progress | None, Option(bake_kinds="", role="run", help=
         "Called with (rays traced, rays in all, stage) as the work goes on; a stage without rays, as \"coverage\" and "
         "\"seams\" of a texture, counts to 1.")] = None
-    checkpoint: Annotated[Checkpoint | None, Option(bake_kinds="", role="run", help=
+    checkpoint: Annotated[Kept | None, Option(bake_kinds="", role="run", help=
         "Keeps what is traced, and is asked for what an interrupted run traced; the bits are the same.")] = None
     high: Annotated[Mesh | Any | None, Option(bake_kinds="", role="input", help=
         "A finer mesh, of which w is baked instead: where it lies outwards or inwards along the smooth normals of "
@@ -116,7 +116,7 @@ class Prepared(NamedTuple):
     requested: Bools | None  # the vertices in `options.only` and none of occluders; None: all
     requested_receivers: Receivers  # those of these; the same object if all are
     progress: Progress | None
-    checkpoint: Checkpoint  # begun
+    checkpoint: Kept  # begun
 
     @classmethod
     def of(
@@ -124,21 +124,19 @@ class Prepared(NamedTuple):
         mesh: Mesh,
         options: Options,
         progress: Progress | None,
-        checkpoint: Checkpoint | None,
+        checkpoint: Kept | None,
         occluders: Sequence[Mesh] = (),
         radius: float | None = None,
     ) -> Self:
         """Place the mesh, find its receivers and begin the checkpoint. Per cent are of `radius`, or else of its own.
 
-        Raises: OptionError: `options.only` is not one truth value a vertex; as `find_receivers`, `Checkpoint.begin`.
+        Raises: OptionError: `options.only` is not one truth value a vertex; as `find_receivers`.
         """
         count = len(mesh.vertices)
         requested = options.only
         if requested is not None and (requested.shape != (count,) or requested.dtype != np.bool_):
             raise OptionError("only", f"bool ({count},)", f"{requested.dtype} {requested.shape}")
         checkpoint = checkpoint or NOTHING_KEPT
-        if checkpoint.partial and options.tolerance is not None:
-            raise ConflictError("part", "excludes", "tolerance")
         mus = options.mus(mesh.radius if radius is None else radius)
         mesh = joined([mesh, *occluders])
         if isinstance(mesh, PreparedMesh):
@@ -185,7 +183,7 @@ class Prepared(NamedTuple):
             below = 0  # to build Embree's hierarchy takes as long as it saves
         return Tracer(self.scene, below, mu, t_max, self.threads, total_points, self.progress, self.checkpoint)
 
-    def sample_tracer(self, means: "SampleMeans", kind: str, checkpoint: Checkpoint | None) -> Tracer:
+    def sample_tracer(self, means: "SampleMeans", kind: str, checkpoint: Kept | None) -> Tracer:
         """A tracer of groups of samples on the mesh, and the checkpoint begun. Args: kind: of bake."""
         points = means.samples.points
         tracer = self.tracer(len(points))

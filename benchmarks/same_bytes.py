@@ -52,14 +52,10 @@ bake hills.obj -o hills_<MATERIAL>.png --size 32 --samples 16
 bake hills.obj -o high.png --high fine.obj --cage 5% --size 32 --samples 16
 bake hills.obj -o high.npy --high fine.obj --samples 16
 bake hills.obj -o page.html --samples 16
-bake hills.obj -o resumed.ply --samples 16 --resume --threads 1
 bake hills.obj --dry-run -o none.ply --samples 16
 bake ball.obj hills.obj --output-dir batch --format ply --samples 16
-bake ball.obj --part 1/2 -o parts --samples 32
-bake ball.obj --part 2/2 -o parts --samples 32
-merge parts -o merged.ply
-bake hills.obj --part 1/1 -o page_parts --size 32 --samples 16
-merge page_parts -o merged.png
+bake ball.obj hills.obj --output-dir batch --format ply --samples 16 --resume
+bake hills.obj -o by_workers.ply --samples 4096 --cluster local
 falloff profile.glb --half-distance 3%,40% -o refaded.ply
 view ball.ply -o view.html
 view profile.glb ball.ply -o both.html
@@ -68,6 +64,7 @@ info ball.obj --json
 prune ball.obj -o pruned.glb
 scenes cornell -o cornell.toml
 render cornell.toml -o cornell.exr --width 48 --height 48 --samples 16
+render cornell.toml -o by_workers.exr --width 48 --height 48 --samples 16 --cluster local
 render cornell.toml -o cornell.png --width 48 --height 48 --samples 4 --shading gouraud --no-shadows
 scenes still_life -o still_life.toml
 render still_life.toml -o still_life.png --width 64 --height 36 --samples 8
@@ -82,7 +79,6 @@ bake ball.obj -o never.xyz
 bake ball.obj -o never.ply --samples 0
 bake ball.obj -o never.png --size 32
 bake ball.obj --bogus
-merge batch -o never.ply
 render broken.toml -o never.png
 """
 _TIMES = re.compile(
@@ -121,7 +117,7 @@ def content(path: Path) -> str:
     data = path.read_bytes()
     if path.suffix in (".json", ".html"):
         data = _TIMES.sub("TIME", data.decode().replace(str(path.parent), "")).encode()
-    return "" if "parts" in path.parent.name else hashlib.sha256(data).hexdigest()[:12]
+    return hashlib.sha256(data).hexdigest()[:12]
 
 
 def contents(folder: Path) -> dict[str, str]:

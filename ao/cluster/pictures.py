@@ -18,8 +18,8 @@ from raytrace.shade.layout import COUNTERS
 from raytrace.system.threads import thread_count
 from raytrace.types import Float32s, Int64s
 
-from ..execute.work import Outputs
-from .session import ClusterSession
+from ..execute.work import Outputs, blocks
+from .workers import Workers
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class Tiles:
 
 
 def render_on(
-    session: ClusterSession,
+    workers: Workers,
     scene: Scene,
     camera: Camera,
     settings: Settings | None = None,
@@ -68,18 +68,17 @@ def render_on(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Frame:
-    """`raytrace.render` by the workers of a session: the same bits.
+    """`raytrace.render` by workers: the same bits.
 
     The scene goes to workers with its textures. Vertices are lit for Gouraud shading here.
 
-    Raises: as `raytrace.render`, and as `ClusterSession.trace`.
+    Raises: as `raytrace.render`, and as `Workers.map`.
     """
     # The scene as workers get it, and the picture that their tiles go into.
-    workers = thread_count(threads)
     began = time.perf_counter()
     picture = prepare_picture(scene, camera, settings, layers)
     built = time.perf_counter()
-    picture.light_vertices(workers)
+    picture.light_vertices(thread_count(threads))
     film, samples, channels = picture.film(), picture.style.samples, picture.channels
 
     def render_tiles(tiles: Tiles) -> None:
@@ -87,7 +86,7 @@ def render_on(
         alone."""
         done = 0
         is_second_pass = tiles.around is not None
-        for start, stop, (pixels, edges, counts) in session.rows(tiles, picture, workers):
+        for (start, stop), (pixels, edges, counts) in workers.made(tiles, picture, blocks(tiles)):
             numbers = tiles.numbers[start:stop]
             reopened = retired_pixels(film.edges[numbers]) & ~retired_pixels(edges) if is_second_pass else None
             paste(film, numbers, pixels, reopened)

@@ -137,7 +137,6 @@ def estimate(
         later = samples * (len(folded) + len(_calibration_subset(len(folded))))
         estimated = traced_twice(tracer, ordinary, most, key, later)
         estimated_corners = traced_twice(tracer, folded, samples, key) if len(corners) else None
-        tracer.checkpoint.all_traced()
         tracer.scene.embree.cache_clear()  # type: ignore[attr-defined]  # who needs it afterwards builds it anew
         baked = estimated(neighbours_of(np.arange(count)) if options.denoise else None)
         at_corners = estimated_corners(None) if estimated_corners else None

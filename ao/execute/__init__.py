@@ -1,1 +1,1 @@
-"""Work in blocks: threads, journals to resume from, parts and their merge."""
+"""Work in blocks, on threads, whose rows are kept on disk for a bake to go on from."""

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 
 from raytrace.kernel.jit import bind, kernel
 from raytrace.system.threads import run_blocks
-from raytrace.types import Float64Rows, Float64s, Int64s, UInt32s
+from raytrace.types import Float32s, Float64Rows, Float64s, Int64s, UInt32s
 
 from ..points.points import Points
 from ..points.surface_samples import SurfaceSamples
 from ..rays.below_face import leave_out_below
 from ..rays.gather import BATCH_VARIANCE, COLUMNS
-from .tracer import Tracer
+from ..rays.ray_scene import RayScene
+from .tracer import Hemispheres, Tracer
+from .work import Outputs
 
 _GATHERED = 1 << 20  # samples
 _BLOCK, _SHARE = 1 << 9, 16  # groups, and blocks at once
@@ -47,41 +49,70 @@ class SampleMeans(NamedTuple):
             step = _GATHERED // samples
             for begin in range(0, len(alike), step):
                 block = alike[begin : begin + step]
-                self._write_means(tracer, groups[block], samples, (-(-rays // samples), key), (out, block))
+                work = self._work(tracer, groups[block], samples, (-(-rays // samples), key))
+                (out[block],) = tracer.fill(work)
         return out
 
-    def _write_means(
-        self, tracer: Tracer, groups: Int64s, samples: int, rays: tuple[int, np.uint32], to: tuple[Float64s, Int64s]
-    ) -> None:
-        """Set rows of an array, `to`, to means over so many `samples` of each of the `groups`.
-
-        Args: rays: of a sample, and the key of their directions.
-        """
-        samples_each, key = rays
-        # The samples taken of each group, as points.
+    def _work(self, tracer: Tracer, groups: Int64s, samples: int, rays: tuple[int, np.uint32]) -> MeansOfGroups:
+        """Means over so many `samples` of each of the `groups`. Args: rays: of a sample, and their directions' key."""
         source = np.empty(samples * len(groups), np.int64)
         numbers = np.empty(len(source), np.uint32)
-        pick = bind(_pick, groups, samples, self.samples.starts, int(key), source, numbers)
+        pick = bind(_pick, groups, samples, self.samples.starts, int(rays[1]), source, numbers)
         run_blocks(len(groups), _BLOCK, pick, tracer.threads, most=_SHARE)
         points = replace(self.samples.points[source], numbers=numbers)
-        # Their estimates, and means over each group.
-        table = tracer.scene.table(samples_each, tracer.total_points, key, samples)
-        values = tracer.trace(points, samples_each, key, samples)
-        by_falloff = values.reshape(len(values), -1, COLUMNS)
-        out = to[0].reshape(len(to[0]), -1, COLUMNS)
+        normals = self.samples.geometric_normals.take(source, axis=0)
+        return MeansOfGroups(tracer.hemispheres(points, *rays, leap=samples), samples, normals)
 
-        def average(start: int, stop: int) -> None:
-            block = slice(samples * start, samples * stop)
-            arrays = points[block].arrays
-            normals = self.samples.geometric_normals.take(source[block], axis=0)
-            for falloff in range(by_falloff.shape[1]):
-                column = np.ascontiguousarray(by_falloff[block, falloff])
-                leave_out_below(arrays, normals, table, tracer.scene.cone, column)
-                means = np.empty((stop - start, COLUMNS))
-                _average(column, samples, means)
-                out[to[1][start:stop], falloff] = means
 
-        run_blocks(len(groups), _BLOCK, average, tracer.threads, most=_SHARE)
+@dataclass(eq=False)
+class MeansOfGroups:
+    """Means over groups of equally many samples, to be traced; rows are as of `Hemispheres`.
+
+    Those of several falloffs are float32, as all of them are kept on disk.
+    """
+
+    hemispheres: Hemispheres  # at the samples, group after group
+    samples: int  # of a group
+    geometric_normals: Float32s  # (p, 4), of the faces under the samples
+    block_rays: ClassVar = 1 << 14
+
+    def __len__(self) -> int:
+        return len(self.hemispheres) // self.samples
+
+    def __getitem__(self, rows: slice) -> Self:
+        start, stop, _ = rows.indices(len(self))
+        part = slice(self.samples * start, self.samples * stop)
+        return replace(self, hemispheres=self.hemispheres[part], geometric_normals=self.geometric_normals[part])
+
+    @property
+    def name(self) -> bytes:
+        return self.hemispheres.name
+
+    @property
+    def rays(self) -> float:
+        return self.samples * self.hemispheres.rays
+
+    def tables(self) -> Outputs:
+        columns = self.hemispheres.mu.shape
+        return (np.zeros((len(self), *columns, COLUMNS), np.float32 if columns else np.float64),)
+
+    def writer(self, scene: RayScene, tables: Outputs) -> Callable[[int, int], None]:
+        table, gather = self.hemispheres.directions(scene), self.hemispheres.gatherer(scene)
+        out = tables[0].reshape(-1, *(self.hemispheres.mu.shape or (1,)), COLUMNS)
+
+        def write(start: int, stop: int) -> None:
+            part = slice(self.samples * start, self.samples * stop)
+            points, normals = self.hemispheres.points[part], self.geometric_normals[part]
+            gathered = np.empty((len(points), *out.shape[1:]))
+            gather(points, gathered)
+            means = np.empty((stop - start, COLUMNS))
+            for falloff in range(out.shape[1]):
+                column = np.ascontiguousarray(gathered[:, falloff])
+                leave_out_below(points.arrays, normals, table, scene.cone, column)
+                _average(column, self.samples, means)
+                out[start:stop, falloff] = means
+
+        return write
 
 
 @kernel

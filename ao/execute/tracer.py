@@ -12,18 +12,18 @@ from raytrace.types import Float64s, Int64s
 
 from ..mu import KernelMu
 from ..points.points import Points
-from ..rays.gather import BATCH_VARIANCE, COLUMNS, W, gather_hemispheres, gather_streams
+from ..rays.directions import DirectionTable
+from ..rays.gather import COLUMNS, gather_hemispheres, gather_streams
 from ..rays.layers import AlphaHits
 from ..rays.ray_blocks import Rays
 from ..rays.ray_packet import RayPacket
 from ..rays.ray_scene import RayScene
 from ..rays.traverse import TraversalState
-from .checkpoint import NOTHING_KEPT, Checkpoint
-from .work import Outputs
+from .kept import NOTHING_KEPT, Kept
+from .work import KeptRowTask, Outputs
 
 Progress = Callable[[int, int, str], None]
 T = TypeVar("T")
-_ONE = 1 + 1e-6  # by rounding
 
 
 @dataclass(eq=False)
@@ -59,42 +59,45 @@ class Hemispheres:
     def tables(self) -> Outputs:
         return (np.zeros((len(self), *self.mu.shape, COLUMNS)),)
 
-    def could_make(self, rows: Outputs) -> bool:
-        least = np.full(COLUMNS, -_ONE)
-        least[[W, BATCH_VARIANCE]] = 0.0
-        return bool(((rows[0] >= least) & (rows[0] <= _ONE)).all())
+    def directions(self, scene: RayScene) -> DirectionTable:
+        return scene.table(self.samples, self.total_points, self.key, self.leap)
 
     def writer(self, scene: RayScene, tables: Outputs) -> Callable[[int, int], None]:
-        # What all blocks share.
-        table = scene.table(self.samples, self.total_points, self.key, self.leap)
-        points, mu, t_max = self.points, self.mu, self.t_max
-        out = tables[0].reshape(-1, *(mu.shape or (1,)), COLUMNS)
+        gather, out = self.gatherer(scene), tables[0].reshape(-1, *(self.mu.shape or (1,)), COLUMNS)
+
+        def write(start: int, stop: int) -> None:
+            gather(self.points[start:stop], out[start:stop])
+
+        return write
+
+    def gatherer(self, scene: RayScene) -> Callable[[Points, Float64s], None]:
+        """A function that gathers the hemispheres at some of the points into rows (k, c, COLUMNS), from any thread."""
+        table, mu, t_max = self.directions(scene), self.mu, self.t_max
         # Few rays a point: packets of rays by Embree.
         if self.samples < self.embree_below:
             embree = scene.embree()
 
-            def by_packets(start: int, stop: int) -> None:
-                packet, subset = RayPacket.of(embree, scene.opacity), points[start:stop].arrays
+            def by_packets(points: Points, out: Float64s) -> None:
+                packet, subset = RayPacket.of(embree, scene.opacity), points.arrays
                 if mu.columns is None or scene.opacity is None:
-                    gather_hemispheres(packet, subset, table, mu, t_max, out[start:stop])
+                    gather_hemispheres(packet, subset, table, mu, t_max, out)
                 else:  # to check the other traversal, without haste
                     for column, column_mu in enumerate(mu.columns.each()):
-                        gathered = np.empty((stop - start, 1, COLUMNS))
+                        gathered = np.empty((len(points), 1, COLUMNS))
                         gather_hemispheres(packet, subset, table, column_mu, min(t_max, column_mu.limit), gathered)
-                        out[start:stop, column] = gathered[:, 0]
+                        out[:, column] = gathered[:, 0]
 
             return by_packets
         # Many rays a point: all of a point's through the tree together.
         tree, idle = scene.tree, deque[tuple[Rays, TraversalState]]()  # as many at most as threads
 
-        def by_streams(start: int, stop: int) -> None:
-            subset = points[start:stop].arrays
+        def by_streams(points: Points, out: Float64s) -> None:
             try:
                 rays, state = idle.pop()
             except IndexError:
                 rays = Rays.of(table)
                 state = TraversalState.of(tree, AlphaHits.of(scene.opacity, rays.t_hit.size, mu))
-            gather_streams(tree, rays, state, subset, table, mu, t_max, out[start:stop])
+            gather_streams(tree, rays, state, points.arrays, table, mu, t_max, out)
             idle.append((rays, state))
 
         return by_streams
@@ -121,7 +124,7 @@ class Tracer:
     threads: int
     total_points: int  # of the whole mesh, wanted or not
     progress: Progress | None = None  # called with (rays traced, rays expected in all, stage)
-    checkpoint: Checkpoint = NOTHING_KEPT
+    checkpoint: Kept = NOTHING_KEPT
     expected: int = 0  # rays in all, 0 while none are planned
     stage: str = "rays"  # of the work, for who watches its progress
     rays: int = 0  # traced
@@ -182,15 +185,21 @@ class Tracer:
         return results
 
     def _rows(self, points: Points, samples: int, key: np.uint32, leap: int) -> Float64s:
-        return self.means.rows(self, points, samples, key) if self.means else self.trace(points, samples, key, leap)
+        """Rows (k, COLUMNS), or with several falloffs (k, c, COLUMNS)."""
+        if self.means:
+            return self.means.rows(self, points, samples, key)
+        return self.fill(self.hemispheres(points, samples, key, leap))[0]
 
-    def trace(self, points: Points, samples: int, key: np.uint32, leap: int = 1) -> Float64s:
-        """Rows (k, COLUMNS), or with several falloffs (k, c, COLUMNS). Args: leap: see `DirectionTable`."""
-        work = Hemispheres(points, samples, key, self.total_points, self.mu, self.t_max, self.embree_below, leap)
+    def hemispheres(self, points: Points, samples: int, key: np.uint32, leap: int) -> Hemispheres:
+        """Work for `fill`. Args: leap: see `DirectionTable`."""
+        return Hemispheres(points, samples, key, self.total_points, self.mu, self.t_max, self.embree_below, leap)
+
+    def fill(self, work: KeptRowTask) -> Outputs:
+        """The rows of `work`, with progress."""
 
         def advance(finished: int) -> None:
-            self.rays += finished * samples
+            self.rays += round(finished * work.rays)
             if self.progress and self.expected:
                 self.progress(self.rays, max(self.rays, self.expected), self.stage)
 
-        return self.checkpoint.fill(work, self.scene, self.threads, advance)[0]
+        return self.checkpoint.fill(work, self.scene, self.threads, advance)

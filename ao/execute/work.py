@@ -3,7 +3,7 @@
 import hashlib
 import platform
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any, Protocol, Self
 
@@ -13,15 +13,19 @@ import numpy.typing as npt
 from raytrace.embree import library as embree
 from raytrace.kernel.library import built_by, cpu_features, results_identity
 from raytrace.system.processor import model
-from raytrace.system.threads import granted, run_blocks, shares
+from raytrace.system.threads import granted, run_blocks
 
 Outputs = tuple[npt.NDArray[Any], ...]
 Span = tuple[int, int]
 Advance = Callable[[int], None]
-Finished = Callable[[int, int], None]
-FillSpans = Callable[["RowTask", Any, Sequence[Span], Outputs, int, Finished], None]  # `fill_spans`, or elsewhere
-_EACH = 4  # blocks for each thread; where rows are few, blocks are smaller for that, to a quarter
-_MOST_RAYS = 1 << 17  # of blocks made at once: what Ctrl-C waits for
+Make = Callable[["RowTask", Any, Sequence[Span], Outputs, int, Advance], Iterator[Span]]
+"""`make_on_threads`, or what makes the same rows elsewhere."""
+
+_BLOCK_RAYS = 1 << 21  # about a second of one thread
+_BLOCK_BYTES = 10 << 20  # of a block, at most
+_MOST_BLOCKS = 1 << 10  # of a work; the blocks of a larger one have more rays
+_EACH = 4  # shares for each thread; where rows are few, shares are smaller for that, to a quarter
+_MOST_RAYS = 1 << 17  # of shares handed over at once: what Ctrl-C waits for
 
 
 class RowTask(Protocol):
@@ -47,42 +51,63 @@ class RowTask(Protocol):
         """A function that writes the rows from a start to a stop, to be called from any thread."""
 
 
-def fill(work: RowTask, scene: Any, threads: int) -> Outputs:
-    """Make all rows of the work, on threads; returns its tables."""
-    tables = work.tables()
-    fill_spans(work, scene, [(0, len(work))], tables, threads, lambda *_: None)
-    return tables
+def blocks(work: RowTask) -> list[Span]:
+    """The blocks in which rows are kept and sent to workers: they depend on the work alone."""
+    row_bytes = sum(table.nbytes for table in work[:1].tables())
+    wanted = max(int(_BLOCK_RAYS / max(work.rays, 1e-9)), len(work) // _MOST_BLOCKS)
+    size = max(min(wanted, _BLOCK_BYTES // max(row_bytes, 1)), 1)
+    return [(start, min(start + size, len(work))) for start in range(0, len(work), size)]
 
 
-def fill_spans(
-    work: RowTask, scene: Any, spans: Sequence[Span], tables: Outputs, threads: int, finished: Finished
-) -> None:
-    """Make the rows of `spans` on threads. Args: finished: called on this thread, with a start and a stop."""
+def packed(tables: Outputs, span: Span) -> bytes:
+    """The rows of a block as bytes, one table after the other."""
+    return b"".join(table[slice(*span)].tobytes() for table in tables)
+
+
+def unpack(content: bytes | memoryview, tables: Outputs, span: Span) -> bool:
+    """Copy rows that `packed` has packed into the tables of their work; returns whether there are as many bytes."""
+    rows = [table[slice(*span)] for table in tables]
+    if len(content) != sum(part.nbytes for part in rows):
+        return False
+    begin = 0
+    for part in rows:
+        part[...] = np.frombuffer(content, part.dtype, part.size, begin).reshape(part.shape)
+        begin += part.nbytes
+    return True
+
+
+def make_on_threads(
+    work: RowTask, scene: Any, spans: Sequence[Span], tables: Outputs, threads: int, advance: Advance = lambda _: None
+) -> Iterator[Span]:
+    """Make the rows of `spans` on threads; yields each span once its rows stand in the tables.
+
+    A share of a block goes to each thread; where threads are many, neighbouring blocks are made together.
+    """
     write = work.writer(scene, tables)
-    row_count = sum(stop - start for start, stop in spans)
     threads = granted(threads)
-    block = max(int(work.block_rays / max(work.rays, 1e-9)), 1)
-    size = max(min(block, row_count // (_EACH * threads)), -(-block // 4))
-    most = int(_MOST_RAYS / (size * max(work.rays, 1)))
-    blocks = [(start + a, start + b) for start, stop in spans for a, b in shares(stop - start, size, threads, most)]
-    finished_spans: deque[Span] = deque()
+    most = max(int(work.block_rays / max(work.rays, 1e-9)), 1)
+    left = deque(spans)
+    while left:
+        together = [left.popleft()]
+        while left and len(together) * _EACH < threads and left[0][0] == together[-1][1]:
+            together.append(left.popleft())
+        first, last = together[0][0], together[-1][1]
+        size = max(min(most, (last - first) // (_EACH * threads)), -(-most // 4))
+        shares = max(int(_MOST_RAYS / (size * max(work.rays, 1))), 1)
 
-    def make(number: int, _: int) -> None:
-        write(*blocks[number])
-        finished_spans.append(blocks[number])
+        def make(start: int, stop: int, first: int = first) -> None:
+            write(first + start, first + stop)
 
-    run_blocks(len(blocks), 1, make, threads, lambda _: finished(*finished_spans.popleft()))
+        run_blocks(last - first, size, make, threads, advance, shares)
+        yield from together
 
 
 class KeptRowTask(RowTask, Protocol):
-    """Work whose rows a journal keeps."""
+    """Work whose rows are kept."""
 
     @property
     def name(self) -> bytes:
         """16 bytes that no other work in the same bake has."""
-
-    def could_make(self, rows: Outputs) -> bool:
-        """Whether the numbers in some rows, of a file that anybody may have written, are in their ranges."""
 
 
 @cache

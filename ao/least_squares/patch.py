@@ -164,12 +164,6 @@ class Moments:
     def tables(self) -> Outputs:
         return np.zeros((len(self), MOMENTS)), np.zeros((len(self), 3), np.int64)
 
-    def could_make(self, rows: Outputs) -> bool:
-        """Whether moments and counts are in the ranges of this many samples."""
-        moments, counts = rows  # weights of all samples of a face sum up to less than 4
-        most = self.rays_of_sample * self.count
-        return bool((np.abs(moments) <= 4).all() and ((counts >= 0) & (counts <= most)).all())
-
     def writer(self, scene: RayScene, tables: Outputs) -> Callable[[int, int], None]:
         embree = scene.embree()
         drawn = lattices(self.rays_of_sample, scene.cone), self.key, scene.cone

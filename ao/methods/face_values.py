@@ -15,7 +15,7 @@ from ..estimate.links import linked
 from ..estimate.one_ring import NeighboursOf
 from ..estimate.sampling_error import derive
 from ..estimate.tolerance import Estimate
-from ..execute.checkpoint import Checkpoint
+from ..execute.kept import Kept
 from ..execute.sample_means import SampleMeans
 from ..points.corners import CornerSamples
 from ..points.receivers import Flag
@@ -30,7 +30,7 @@ _RAYS = 2  # of a sample, as w varies within long faces
 _PLACES, _JITTER = 11, 13  # salts of keys
 
 
-def sample_faces(prepared: Prepared, count: int, checkpoint: Checkpoint | None) -> tuple[BakedElements, PointValues]:
+def sample_faces(prepared: Prepared, count: int, checkpoint: Kept | None) -> tuple[BakedElements, PointValues]:
     """Estimate w at the first `count` faces of the mesh of `prepared`: those of which all vertices are wanted.
 
     By a binary falloff it is 1 − Σ F, F the form factors to all other faces.

@@ -74,7 +74,6 @@ def _fit(prepared: Prepared, rays: int) -> tuple[Fit, Int64s]:
     moments, counts = gather_moments(prepared, patch, rays)
     totals = counts.sum(axis=0)
     if prepared.options.tolerance is None:
-        checkpoint.all_traced()
         receivers.embree().release()
         receivers.embree.cache_clear()  # type: ignore[attr-defined]  # who needs it afterwards builds it anew
     problem, trial = build_problems(patch, moments, prepared.threads)

@@ -1,1 +1,1 @@
-"""`obscurance bake` and `merge`: options, one input or many, in parts, by a cluster."""
+"""`obscurance bake`: options, one input or many, by a cluster."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Sequence
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -16,15 +16,15 @@ from raytrace.system.checks import check_outputs, check_regular
 from raytrace.system.threads import run_blocks, thread_count
 
 from ..show.progress import progress
-from .cluster import Workers, cluster_checkpoint, run_remotely
+from .cluster import run_remotely, workers_of
 from .console import note, warn
 from .inputs import created_folders
-from .manifest import MANIFEST, Entry, Manifest, assign_shards, digest, part_manifest
+from .manifest import MANIFEST, Entry, Manifest, digest
 from .plan import Plan
-from .run import Outcome, run_in_batch, silence_tolerance_warnings
+from .run import Outcome, kept_by, run_in_batch, silence_tolerance_warnings
 
 if TYPE_CHECKING:
-    from ao.cluster.session import ClusterSession
+    from ao.cluster.workers import Workers
 
 _LARGE = 1 << 21  # bytes of a mesh file from which on a bake keeps all cores busy by itself
 _OF_ONE = ("mesh", "output", "threads")  # options that differ from one bake to another, or change no result
@@ -34,25 +34,23 @@ _OF_ONE = ("mesh", "output", "threads")  # options that differ from one bake to 
 class Batch:
     """Plans with the same options, one for each input.
 
-    Attributes: folder: of the outputs. workers: of a cluster. part: (K, N), to bake only the K-th of N parts.
+    Attributes: folder: of the outputs.
     """
 
     plans: Sequence[Plan]
     folder: Path
-    workers: Workers | None = None
-    part: tuple[int, int] | None = None
 
     def run(self) -> int:
         """Bake all, going on after faults, each reported in one line. Returns: the exit status, 1 for faults."""
-        if self.workers:
+        if self.plans[0].options.cluster:
             self.check_files(keep=False)  # before any are asked for
         start = time.perf_counter()
-        with self.workers.session(self.folder / MANIFEST) if self.workers else nullcontext() as session:
+        with workers_of(self.plans[0].options) as workers:
             self.check_files()
-            own_plans, manifest = self._begin()
+            manifest = self._begin()
             try:
                 with silence_tolerance_warnings():
-                    self._bake_all(own_plans, manifest, session)
+                    self._bake_all(manifest, workers)
             except KeyboardInterrupt:
                 note(f"interrupted: {self._summary(manifest)}; the same command with --resume bakes the others")
                 raise SystemExit(130) from None
@@ -60,8 +58,8 @@ class Batch:
                 manifest.write()
         if not self.plans[0].options.quiet:
             print(f"{self._summary(manifest)} in {time.perf_counter() - start:.2f} s; {printable(str(manifest.path))}")
-            if session:
-                print(session.summary())
+            if workers:
+                print(workers.summary())
         return 1 if manifest.count("failed") else 0
 
     def check_files(self, keep: bool = True) -> None:
@@ -74,8 +72,7 @@ class Batch:
 
     @property
     def manifest(self) -> Path:
-        """The file of the batch's manifest, or that of its part."""
-        return self.folder / (part_manifest(*self.part) if self.part else MANIFEST)
+        return self.folder / MANIFEST
 
     def _summary(self, manifest: Manifest) -> str:
         """The line after a batch: how many meshes are done, and have failed."""
@@ -83,34 +80,29 @@ class Batch:
         text = f"{manifest.count('done'):,} of {len(manifest.entries):,} meshes baked to {printable(str(self.folder))}"
         return text + (f", {failed:,} failed" if failed else "")
 
-    def _begin(self) -> tuple[list[Plan], Manifest]:
-        """The plans to be run here, all or those of this part, and their manifest."""
+    def _begin(self) -> Manifest:
+        """The manifest, with what is done if the batch is resumed."""
         from ao.report import versions
 
-        plans = list(self.plans)
-        options = {name: value for name, value in plans[0].described().items() if name not in _OF_ONE}
+        options = {name: value for name, value in self.plans[0].described().items() if name not in _OF_ONE}
         facts: dict[str, Any] = {"options": options, "versions": versions()}
-        if self.part:
-            number, of = self.part
-            facts["part"] = {"number": number, "of": of, "inputs": [str(plan.mesh) for plan in plans]}
-            shards = assign_shards([_identity(plan.mesh)[0] for plan in plans], of)
-            plans = [plan for plan, shard in zip(plans, shards, strict=True) if shard == number]
-        entries = [Entry(str(plan.mesh), str(plan.output), sha256=digest(_files_of(plan))) for plan in plans]
+        entries = [Entry(str(plan.mesh), str(plan.output), sha256=digest(_files_of(plan))) for plan in self.plans]
         manifest = Manifest(self.manifest, entries, facts)
-        if self.plans[0].options.resume or (self.part and self.manifest.exists()):
+        if self.plans[0].options.resume:
             manifest.resume(note)
-        return plans, manifest
+        return manifest
 
-    def _bake_all(self, plans: list[Plan], manifest: Manifest, session: ClusterSession | None) -> None:
+    def _bake_all(self, manifest: Manifest, workers: Workers | None) -> None:
         """Bake what the manifest has waiting: by workers, or small meshes on a thread each and large ones on all
         threads."""
-        options = self.plans[0].options
+        plans = self.plans
+        options = plans[0].options
         waiting = [number for number, entry in enumerate(manifest.entries) if entry.status == "waiting"]
         threads = thread_count(options.threads)
         done = len(plans) - len(waiting)
         in_vertices = [number for number in waiting if plans[number].kind == "vertices"]
         small = [number for number in in_vertices if _identity(plans[number].mesh)[0] < _LARGE]
-        status = session.status if session else str
+        status = workers.status if workers else str
         with progress(options.quiet, "meshes", form=options.progress, status=status) as (advance,):
 
             def add(finished: int) -> None:
@@ -125,9 +117,8 @@ class Batch:
                 entry = manifest.entries[number]
                 plan = plans[number]
                 before = _identity(plan.output)
-                open_checkpoint = partial(cluster_checkpoint, session, options.resume) if session else None
                 try:
-                    _note(entry, run_in_batch(plan, threads, open_checkpoint))
+                    _note(entry, run_in_batch(plan, threads, partial(kept_by, workers)))
                 except KeyboardInterrupt:
                     if _identity(plan.output) != before:  # it has been written, whole
                         entry.done()
@@ -138,8 +129,8 @@ class Batch:
                     bake_here(number, 1)
 
             # Small meshes side by side, then the others one by one, on all threads or by workers.
-            if session:
-                for row, outcome in run_remotely(session, [plans[number] for number in small], threads):
+            if workers:
+                for row, outcome in run_remotely(workers, [plans[number] for number in small]):
                     warn([], outcome.warnings)
                     _note(manifest.entries[small[row]], outcome)
                     add(1)

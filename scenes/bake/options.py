@@ -1,8 +1,8 @@
-"""THE table of the options of `bake`, `merge` and `render`: each is declared here, and acts somewhere, once.
+"""THE table of the options of `bake` and `render`: each is declared here, and acts somewhere, once.
 
 Names stand for options that `ao.bake` or `ao.bake_texture` has, too, which are declared in `ao/options.py`. The class
-`BakeOptions`, parameters of the command and sections of its help, what goes together, `--options`, what a part, a
-report and a manifest say of a bake, and the line of a report that repeats it are made from the rows.
+`BakeOptions`, parameters of the command and sections of its help, what goes together, `--options`, what a report
+and a manifest say of a bake, and the line of a report that repeats it are made from the rows.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -34,8 +34,6 @@ Format = Literal["npy", "npz", "ply", "glb", "obj", "vtp", "html", "png", "exr",
 InputFormat = Literal["ply", "obj", "stl", "off", "glb", "gltf", "3mf"]
 ProgressForm = Literal["bar", "json"]
 
-_WRITTEN = "vertices texture batch merge"
-
 _SECTIONS: dict[str, tuple[Option | str, ...]] = {
     "": (
         Option("mesh", list[Path], ..., "A mesh file: PLY, OBJ, STL, OFF, GLB, glTF, 3MF, ...; several; a pattern "
@@ -43,11 +41,11 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
         Option("output", Path | None, None, "Output file, format by ending: .npy .npz .ply .glb .obj .vtp of the "
                "vertices; .html to look at them; .png .exr .tif a texture, with <UDIM>, <MATERIAL>, <OBJECT> in the "
                "name one for each.",
-               EVERY_BAKE + " merge", "output", short="-o"),
+               EVERY_BAKE, "output", short="-o"),
         Option("output_dir", Path | None, None, "For several inputs: folder of their outputs, and of manifest.json.",
                EVERY_BAKE, "run", excludes=("output",), metavar="FOLDER"),
         Option("preset", Literal[*PRESETS] | None, None, "Options that suit a program, where they apply and are not "
-               "given here.", "vertices texture batch", "output"),
+               "given here.", EVERY_BAKE, "output"),
         "tolerance",
         Option("falloff", str, "exponential", "How occlusion fades with distance; not at all (binary: ambient "
                "occlusion); or a table of two columns, distance and what a hit there leaves open, 0 to 1: .csv .txt "
@@ -73,7 +71,7 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
         Option("points", bool, False, "The input is a cloud of points with normals, a .ply without faces: w of each, "
                "which occludes as a disc, or with --occluder not at all.", "vertices", "input",
                excludes=("high", "at", "both_sides", "receive", "cast", "exclude", "cluster", "occluded_by", "report",
-                         "debug_image", "flip", "resume", "thickness", "method")),
+                         "debug_image", "flip", "thickness", "method")),
         Option("receive", list[str] | None, None, "Only objects of this name get w, a pattern ('body*') or all others "
                "('!glass*'); several, one option for each.", EVERY_BAKE, excludes=("high",), metavar="PATTERN"),
         Option("cast", list[str] | None, None, "Only objects of this name occlude, likewise.", EVERY_BAKE,
@@ -81,8 +79,8 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
         Option("exclude", list[str] | None, None, "Objects of this name neither get w nor occlude, likewise.",
                EVERY_BAKE, excludes=("high",), metavar="PATTERN"),
         Option("occluded_by", OccludedBy, "all", "By all, the own object alone, or objects of its name: as if each "
-               "were in a file of its own, with occluders and ground.", "vertices texture batch",
-               excludes=("high", "cluster", "profile", "resume")),
+               "were in a file of its own, with occluders and ground.", EVERY_BAKE,
+               excludes=("high", "cluster", "profile")),
         Option("flip", bool, False, "Turn all faces of the input over, for meshes that look inwards; outputs have them "
                "turned."),
         "normals", "interior", "back_faces",
@@ -93,49 +91,44 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
     "What .glb and .ply show": (
         Option("colors", Literal["rgb", "r", "g", "b", "a"] | None, None, "Write w as vertex colours, COLOR_0 of .glb, "
                "replacing a .ply's own; or into one channel, where the others stay as they are in the input.",
-               "vertices batch merge", "output", metavar="[r|g|b|a]"),
+               "vertices batch", "output", metavar="[r|g|b|a]"),
         Option("ply_name", str | None, None, "A further property of .ply that holds w: quality, which MeshLab shows.",
-               "vertices batch merge", "output", metavar="NAME"),
+               "vertices batch", "output", metavar="NAME"),
         Option("occlusion", Literal["none", "ramp", "texture"] | None, None, "Occlusion texture of .glb materials, for "
-               "viewers: ramp (w of the vertices, default without --colors), texture (of texels) or none.", _WRITTEN,
+               "viewers: ramp (w of the vertices, default without --colors), texture (of texels) or none.", EVERY_BAKE,
                "output"),
         Option("replace_occlusion", bool, False, "Also where a material has an occlusion texture of its own.",
-               _WRITTEN, "output"),
+               EVERY_BAKE, "output"),
         Option("orm", bool, False, "Texture: w into R of the metallic-roughness images of a .glb, one image for both.",
-               "texture batch merge", "output"),
+               "texture batch", "output"),
     ),
     "Textures": (
         Option("texel_size", str | None, None, 'Texture: what a texel covers at most, in mesh units or "1%" of the '
                "radius; sets the size.", IMAGE, excludes=("size",), metavar="LENGTH"),
         Option("mesh_output", Path | None, None, "Texture: also write the mesh with it, and with new coordinates.",
-               "texture merge", "output", metavar="GLB"),
+               "texture", "output", metavar="GLB"),
         "overlap",
         Option("instances", Literal["mean", "first", "own"], "mean", "Texture: where several nodes of a glTF show one "
                "mesh, and so one layout: the mean of their w, that of the first, or a texture for each.", IMAGE,
                excludes=("overlap",)),
-        Option("bent_normals", Path | None, None, "Texture: also write the mean open directions.", "texture merge",
+        Option("bent_normals", Path | None, None, "Texture: also write the mean open directions.", "texture",
                "output", metavar="IMAGE"),
         "bent_space",
-        Option("error_map", Path | None, None, "Texture: also write the standard error of w.", "texture merge",
+        Option("error_map", Path | None, None, "Texture: also write the standard error of w.", "texture",
                "output", metavar="IMAGE"),
         Option("high", list[Path] | None, None, "Bake w of this finer mesh onto the input's vertices or texture; of "
                "several as one, an option for each.", EVERY_BAKE, "input", metavar="MESH"),
         "cage",
         Option("match_names", bool, False, "With --high: objects NAME_low of the input show objects NAME_high alone; "
                "all of these occlude.", EVERY_BAKE, needs={"high": ...}),
-        Option("half", bool, False, "Texture: 16-bit floats in .exr and .tif.", "texture batch merge", "output"),
+        Option("half", bool, False, "Texture: 16-bit floats in .exr and .tif.", "texture batch", "output"),
         Option("bits", Literal["8", "16"] | None, None, "Texture: of a channel of w and bent normals in .png, 16 by "
-               "default.", "texture batch merge", "output"),
+               "default.", "texture batch", "output"),
     ),
-    "More than one machine, or than its memory": (
-        Option("part", str | None, None, "Trace only the K-th of N parts, into the folder --output, for obscurance "
-               "merge; of a texture, if --size or --texel-size is given. With --output-dir: bake the K-th part of the "
-               "inputs.", EVERY_BAKE, "run", excludes=("cluster", "dry_run"), metavar="K/N"),
+    "More than one machine": (
         Option("cluster", str | None, None, "Trace by N workers on this machine, or by those of a Dask scheduler (pip "
-               "install dask distributed cryptography).", "vertices texture batch", "run", excludes=("dry_run",),
+               "install dask distributed cryptography).", EVERY_BAKE, "run", excludes=("dry_run",),
                metavar="local[:N]|tls://HOST:PORT"),
-        Option("shared", Path | None, None, "With --cluster: a folder that all workers see; that of the output.",
-               "vertices texture batch", "run", {"cluster": ...}, metavar="FOLDER"),
     ),
     "Reports, repeats, other programs": (
         Option("format", Format | None, None,
@@ -143,16 +136,17 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
                EVERY_BAKE, "run"),
         Option("input_format", InputFormat | None, None,
                "With - as INPUT: its format, if its first bytes do not tell.", EVERY_BAKE, "run"),
-        Option("quiet", bool, False, "No progress bar and no summary.", EVERY_BAKE + " merge", "run", short="-q"),
-        Option("report", Path | None, None, "Also write a report, .html to read or .json.", "vertices texture merge",
+        Option("quiet", bool, False, "No progress bar and no summary.", EVERY_BAKE, "run", short="-q"),
+        Option("report", Path | None, None, "Also write a report, .html to read or .json.", "vertices texture",
                "run"),
-        Option("debug_image", Path | None, None, "Also write an image that marks flagged vertices.", "vertices merge",
+        Option("debug_image", Path | None, None, "Also write an image that marks flagged vertices.", "vertices",
                "output"),
         Option("up", Up | None, None, "With --ground, --debug-image, .html, .ply or .glb: the up axis, by default "
-               "what the file says, or y.", _WRITTEN, "output", is_setting=False),
-        Option("resume", bool, False, "Continue an interrupted bake, or batch, to this output.", EVERY_BAKE, "run"),
+               "what the file says, or y.", EVERY_BAKE, "output", is_setting=False),
+        Option("resume", bool, False, "Continue an interrupted batch; a bake of one input goes on by itself.",
+               EVERY_BAKE, "run", {"output_dir": ...}),
         Option("dry_run", bool, False, "Write nothing; tell rays, memory, time and what would be written.",
-               "vertices texture batch", "run"),
+               EVERY_BAKE, "run"),
         Option("progress", ProgressForm, "bar",
                "A bar on a terminal, or lines of JSON on standard error for other programs.", EVERY_BAKE, "run"),
         Option("options", Path | None, None, "Options of an earlier bake, from its --report or manifest.json; those "
@@ -170,14 +164,6 @@ BAKE = tuple(
     for row in listed
 )
 ROWS = {row.name: row for row in BAKE}
-MERGE = (
-    Option("parts", Path, ..., "Where bake --part has put all parts.", metavar="FOLDER", is_argument=True),
-    Option("mesh", Path | None, None, "The mesh file, if it is elsewhere than for the parts."),
-    ROWS["output"]._replace(help="Output file, as of bake; none for parts of a batch."),
-    ROWS["high"]._replace(help="Finer mesh files, likewise."),
-    ROWS["occluder"]._replace(help="Files that only occlude, likewise."),
-    *(row for row in BAKE if "merge" in row.bake_kinds and row.name != "output"),
-)
 
 
 def of_bake(name: str, **changes: Any) -> Option:
@@ -212,7 +198,7 @@ RENDER = (
     Option("preview", bool, False, "A quarter of the width and height, few samples."),
     of_bake("half", help="16-bit floats in an .exr."),
     Option("show", bool, False, "Show the image in the terminal, too, or instead.", role="run"),
-    *(of_bake(name) for name in ("threads", "cluster", "shared", "report", "progress", "quiet")),
+    *(of_bake(name) for name in ("threads", "cluster", "report", "progress", "quiet")),
 )  # fmt: skip
 
 
@@ -237,7 +223,7 @@ class OptionValues:
 
 
 class BakeOptions(OptionValues):
-    """The options of `bake`, and of `merge` those that it has."""
+    """The options of `bake`."""
 
     table = BAKE
 

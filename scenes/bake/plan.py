@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import ao
 from ao.falloff import resolve_length
-from ao.options import DEFAULT_SAMPLES, Options, TextureOptions, VertexOptions
+from ao.options import Options, TextureOptions, VertexOptions
 from raytrace.errors import ConflictError, OptionError, Relation, Term
 from raytrace.system.checks import check_ending, check_outputs
 from raytrace.system.threads import thread_count
@@ -22,10 +22,10 @@ from ..formats.write import ENDINGS, channels, check_holds, check_target
 from .options import BAKER, PRESETS, REPORTS, ROWS, BakeOptions, absolute, check_kind, named, plain
 
 if TYPE_CHECKING:
-    from ao.execute.checkpoint import Checkpoint
+    from ao.execute.kept import Kept
 
 Kind = Literal["vertices", "texture"]
-OpenCheckpoint = Callable[[Path], AbstractContextManager["Checkpoint"]]
+OpenCheckpoint = Callable[[Path], AbstractContextManager["Kept"]]
 """From the path of an output to what keeps the rays of it, or of one page."""
 _RECORDS: dict[Kind, type[Options]] = {"vertices": VertexOptions, "texture": TextureOptions}
 _MEANT = {".stl": ".ply", ".gltf": ".glb", ".jpg": ".png", ".jpeg": ".png"}  # which can hold w
@@ -48,12 +48,11 @@ class Plan(NamedTuple):
     """One bake: of which files, into which, and how.
 
     Attributes:
-        options: those in effect, of presets too, with one `mesh`, and no `output` of a part, which writes rays alone.
+        options: those in effect, of presets too, with one `mesh`.
         arguments: the options of `ao.bake` or `ao.bake_texture`, checked.
         channels: where a file of vertices holds w for viewers.
         ground: the height of the ground plane, None just below the mesh.
         size: texels across and down of a texture, None if `texel_size` says so.
-        merged: whether the rays were traced in parts, for an output of any format.
     """
 
     kind: Kind
@@ -62,7 +61,6 @@ class Plan(NamedTuple):
     channels: Channels
     ground: float | None
     size: tuple[int, int] | None
-    merged: bool = False
 
     @property
     def falloff(self) -> ao.Falloff:
@@ -77,21 +75,13 @@ class Plan(NamedTuple):
 
     @property
     def output(self) -> Path:
-        """The file of w, of a bake that is no part."""
+        """The file of w."""
         path: Path = self.options.output
         return path
 
     @property
-    def is_part(self) -> bool:
-        """Whether the plan traces rays alone, which another run merges."""
-        return self.options.output is None
-
-    @property
     def ending(self) -> str:
-        """The output's ending, in lower case; of a part the ending of a format that holds all that its rays may be
-        merged into."""
-        if self.is_part:
-            return ".glb" if self.kind == "texture" else ".npy"
+        """The output's ending, in lower case."""
         return self.output.suffix.lower()
 
     @property
@@ -107,7 +97,7 @@ class Plan(NamedTuple):
         """Whether w of each side of hard edges is baked, for an output that repeats vertices there."""
         options = self.options
         has_several = options.at == "vertices" and not (options.points or options.high) and options.normals != "up"
-        return self.kind == "vertices" and has_several and self.ending in (".glb", ".html") and not self.merged
+        return self.kind == "vertices" and has_several and self.ending in (".glb", ".html")
 
     @property
     def images(self) -> dict[str, Path]:
@@ -123,8 +113,8 @@ class Plan(NamedTuple):
 
     @property
     def keeps_uv(self) -> bool:
-        """Whether new texture coordinates have a file to be written into, or may have when parts are merged."""
-        return self.is_part or self.glb is not None
+        """Whether new texture coordinates have a file to be written into."""
+        return self.glb is not None
 
     @property
     def outputs(self) -> dict[str, Path]:
@@ -171,25 +161,21 @@ class Plan(NamedTuple):
 
 
 def plan_bake(options: BakeOptions) -> Plan:
-    """The bake of one input, to vertices or a texture, as its output asks for; without one, a part.
+    """The bake of one input, to vertices or a texture, as its output asks for.
 
     Raises: OptionError, ConflictError: of an option; InputError: of the table of a falloff.
     """
-    # The kind of the bake: by the output's ending, or of a part by its options.
-    output: Path | None = options.output
-    ending = "" if output is None else output.suffix.lower()
-    if output is not None and ending not in (*ENDINGS, *IMAGES):
+    # The kind of the bake: by the output's ending.
+    output: Path = options.output
+    ending = output.suffix.lower()
+    if ending not in (*ENDINGS, *IMAGES):
         meant = str(output.with_suffix(_MEANT[ending])) if ending in _MEANT else None
         raise OptionError("output", "a name ending in " + ", ".join((*ENDINGS, *IMAGES)), output, nearest=meant)
     options = _with_defaults(_with_preset(options, ending), ending)
     if options.occlusion == "texture" and ending != ".glb" and ending not in IMAGES:
         raise ConflictError(("occlusion", "texture"), "needs", "a .glb output")
-    of_terrain = is_raster(output or "") and is_raster(options.mesh[0])
+    of_terrain = is_raster(output) and is_raster(options.mesh[0])
     kind: Kind = "texture" if (ending in IMAGES and not of_terrain) or options.occlusion == "texture" else "vertices"
-    if output is None:
-        options = options.replaced(samples=options.samples or DEFAULT_SAMPLES)
-        if options.size or options.texel_size:
-            kind = "texture"
     check_kind(options, kind)
     # The arguments of `ao.bake` or `ao.bake_texture`, checked by their record.
     falloff = make_falloff(options.falloff, options.tau, options.half_distance, options.max_distance)
@@ -200,7 +186,7 @@ def plan_bake(options: BakeOptions) -> Plan:
         raise OptionError("cage", "a finite length", options.cage)
     # Where the output holds w for viewers, and the size of the page.
     for_viewers = Channels()
-    if kind == "vertices" and output is not None:
+    if kind == "vertices":
         replaced = options.replace_occlusion
         for_viewers = channels(output, options.colors, options.occlusion, replaced, ply_name=options.ply_name)
     size = None if kind == "vertices" or options.texel_size else _texels(options.size or "1024")
@@ -291,11 +277,10 @@ def _texels(text: str) -> tuple[int, int]:
 def _check_vertices(plan: Plan) -> None:
     """Check options that a bake to vertices, or to this output, cannot have together. Raises: ConflictError."""
     options = plan.options
-    if not plan.is_part:
-        check_holds(plan.output, "points" if options.points else options.at, options.both_sides)
+    check_holds(plan.output, "points" if options.points else options.at, options.both_sides)
     if options.high is not None and options.method == "surface":
         raise ConflictError("high", "does not go with", ("method", "surface"))
-    if options.profile and not plan.is_part and plan.ending == ".npy":
+    if options.profile and plan.ending == ".npy":
         raise ConflictError("profile", "needs", "an output that holds one: .npz .ply .glb .html")
 
 
@@ -310,7 +295,7 @@ def _check_texture(plan: Plan) -> None:
     if options.uv not in named_layouts and not (options.uv.isdecimal() and len(options.uv) < 4):
         expected = "auto, unwrap, fill, pack or the number of a set of texture coordinates"
         raise OptionError("uv", expected, repr(options.uv))
-    for placeholder in () if plan.is_part else PLACEHOLDERS:
+    for placeholder in PLACEHOLDERS:
         if plan.ending == ".glb" and placeholder in plan.output.name:
             expected = f"{placeholder} in names of images alone: a .glb holds all textures"
             raise OptionError("output", expected, plan.output)
@@ -322,7 +307,7 @@ def _check_texture(plan: Plan) -> None:
         check_ending("mesh_output", options.mesh_output, ".glb")
     is_one_page = plan.ending != ".glb" and UDIM not in plan.output.name
     in_png = plan.ending == ".png" or (options.bent_normals and options.bent_normals.suffix.lower() == ".png")
-    holds_profile = plan.is_part or plan.ending == ".exr"
+    holds_profile = plan.ending == ".exr"
     against: Relation = "does not go with"
     conflicts: list[tuple[object, Term, Relation, Term]] = [
         (options.mesh_output and not is_one_page, "mesh_output", "needs", "an image of one page as --output"),

@@ -1,4 +1,4 @@
-"""A plan is run: its files are read, rays are traced beside a journal, and outputs written, here or in a batch."""
+"""A plan is run: its files are read, rays are traced, and outputs written, here or in a batch."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from .plan import OpenCheckpoint, Plan
 from .report import OutputSummary, WorkSize
 
 if TYPE_CHECKING:
-    from ao.execute.checkpoint import Checkpoint
+    from ao.cluster.workers import Workers
+    from ao.execute.kept import Kept
 
 
 @contextmanager
@@ -31,14 +32,24 @@ def silence_tolerance_warnings() -> Iterator[None]:
         yield
 
 
+def kept_by(workers: Workers | None, output: Path | None) -> Kept:
+    """Keeps rows beside the output, if that is a file; workers trace them, if there are any."""
+    from ao.execute.kept import Kept
+
+    target = None if output is None or is_standard_output(output) else output
+    return Kept(target, note, make=workers.make, status=workers.status) if workers else Kept(target, note)
+
+
+_kept_beside = partial(kept_by, None)
+
+
 def run(
-    plan: Plan, content: bytes | None = None, open_checkpoint: OpenCheckpoint | None = None
+    plan: Plan, content: bytes | None = None, open_checkpoint: OpenCheckpoint = _kept_beside
 ) -> Iterator[OutputSummary]:
     """Bake and write, one output after the other. Raises: as `read_inputs`, `ao.bake` and writers.
 
-    Args: content: of the input, if it is no file's. open_checkpoint: in place of a journal beside each output.
+    Args: content: of the input, if it is no file's.
     """
-    open_checkpoint = open_checkpoint or partial(open_journal, plan.options.resume)
     inputs = read_inputs(plan, content)
     if plan.kind == "vertices":
         from . import vertices
@@ -60,18 +71,6 @@ def work_size(plan: Plan, inputs: BakeInputs) -> WorkSize:
     return texture.work_size(plan, inputs)
 
 
-def journal_of(output: Path) -> Path:
-    """The path of the journal beside an output."""
-    return Path(f"{output}.partial")
-
-
-def open_journal(resume: bool, output: Path) -> Checkpoint:
-    """A checkpoint with a journal beside the output; without one for standard output."""
-    from ao.execute.checkpoint import Checkpoint
-
-    return Checkpoint(None if is_standard_output(output) else journal_of(output), resume, note)
-
-
 class Outcome(NamedTuple):
     """Attributes: as of `scenes.bake.manifest.Entry`."""
 
@@ -81,10 +80,9 @@ class Outcome(NamedTuple):
     warnings: list[str]
 
 
-def run_in_batch(plan: Plan, threads: int, open_checkpoint: OpenCheckpoint | None = None) -> Outcome:
+def run_in_batch(plan: Plan, threads: int, open_checkpoint: OpenCheckpoint = _kept_beside) -> Outcome:
     """Bake and write, or continue what was begun; errors become messages, but for a cluster's, which ends all bakes."""
-    begun = plan.options.resume and journal_of(plan.output).exists()
-    plan = plan.with_options(quiet=True, progress="bar", threads=threads, resume=begun)
+    plan = plan.with_options(quiet=True, progress="bar", threads=threads)
     start = time.perf_counter()
     try:
         summaries = list(run(plan, open_checkpoint=open_checkpoint))

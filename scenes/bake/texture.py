@@ -30,7 +30,7 @@ from .report import OutputSummary, WorkSize, hashed_inputs, write_bake_report
 from .uv import Coordinates, coordinates
 
 if TYPE_CHECKING:
-    from ao.execute.checkpoint import Checkpoint
+    from ao.execute.kept import Kept
 
     from ..show.report.pictures import Picture
     from .inputs import BakeInputs
@@ -103,12 +103,13 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
     hashes = hashed_inputs(plan, inputs) if plan.options.report else []
     warnings = layout.warn(plan, inputs)
     bakes: list[BakedPage] = []
-    with ExitStack() as journals:
+    with ExitStack() as until_written:
+        # Rows of the pages of a .glb are kept until it is written.
+        of_glb = until_written.enter_context(open_checkpoint(plan.output)) if plan.glb == plan.output else None
         for page in layout.pages:
-            # One page, by a journal of its own.
             target = page.path(plan.output)
-            journal = Path(f"{plan.output}.{len(bakes) + 1}") if page.name and bakes else target
-            baked = trace_page(plan, inputs, layout, page, journals.enter_context(open_checkpoint(journal)))
+            checkpoint = of_glb or until_written.enter_context(open_checkpoint(target))
+            baked = trace_page(plan, inputs, layout, page, checkpoint)
             title = f"{target}{f', {page.name}' if page.name else ''}"
             # Warnings that no earlier page has given.
             remarks = layout_remarks(baked, page.wraps, plan.ending != ".glb")
@@ -120,7 +121,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
             seconds = {"load": loaded, "write": time.perf_counter() - begun}
             bakes.append(BakedPage(title, baked, seconds, [*warnings, *new_warnings]))
             if not plan.glb:
-                journals.close()  # of a .glb they stay until it is written
+                until_written.close()
                 yield OutputSummary(texture_summary(baked, title) + inputs.alpha, bakes[-1].warnings)
         # A .glb is written once all of its pages are baked.
         if plan.glb:
@@ -134,7 +135,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
         _write_report(plan, bakes, hashes, inputs.source.mesh)
 
 
-def trace_page(plan: Plan, inputs: BakeInputs, layout: Layout, page: Page, checkpoint: Checkpoint) -> ao.BakedTexture:
+def trace_page(plan: Plan, inputs: BakeInputs, layout: Layout, page: Page, checkpoint: Kept) -> ao.BakedTexture:
     """Bake one page."""
     options = plan.options
     with progress(options.quiet, "rays", form=options.progress, status=checkpoint.status) as (advance,):

@@ -24,7 +24,7 @@ from .console import COARSE, HARD, bake_summary, warn
 from .report import OutputSummary, WorkSize, command_again, hashed_inputs, write_bake_report
 
 if TYPE_CHECKING:
-    from ao.execute.checkpoint import Checkpoint
+    from ao.execute.kept import Kept
     from ao.execute.tracer import Progress
 
     from ..formats.load import MeshFile
@@ -122,7 +122,7 @@ def _remedy(plan: Plan, source: MeshFile) -> str:
     return "subdivide them"
 
 
-def trace(plan: Plan, inputs: BakeInputs, checkpoint: Checkpoint) -> ao.Bake:
+def trace(plan: Plan, inputs: BakeInputs, checkpoint: Kept) -> ao.Bake:
     """Bake: all objects at once, or one group of them after the other."""
     options = plan.options
     only = inputs.chosen.only

@@ -10,7 +10,7 @@ import click
 from ao.declared import Option
 from raytrace.errors import OptionError
 
-_GONE = {"--tiles": "--part K/N, each on a machine of its own, and obscurance merge"}
+_GONE = {name: "--cluster" for name in ("--tiles", "--part", "--shared")}
 """Options that are no more, and what to do instead."""
 _WHOLE = "whole help"
 _METAVARS = {int: "N", float: "NUMBER", str: "TEXT", Path: "FILE"}

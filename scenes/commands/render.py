@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Sequence
-from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -20,10 +19,9 @@ from ..show.progress import progress
 
 if TYPE_CHECKING:
     import ao
-    from ao.cluster.session import ClusterSession
+    from ao.cluster.workers import Workers
     from raytrace import Frame, Settings
 
-    from ..bake.cluster import Workers
     from ..description.description import SceneDescription
     from ..formats.falloffs import Scales
     from ..show.progress import Advance
@@ -37,23 +35,18 @@ _PREVIEW_BAKE = 32  # and it bakes with that many rays a vertex
 def run_render(options: RenderOptions) -> None:
     """Read a scene, render it, write the image and a report, and print a summary. Raises: ObscuranceError."""
     check_together(options, RENDER)
-    workers = None
-    if options.cluster:
-        from ..bake.cluster import Workers
-
-        workers = Workers(options)
     if options.output is not None:
-        _render(options, options.output, workers)
+        _render(options, options.output)
         return
     if not options.show:
         raise OptionError("output", "an image file, or --show", "nothing")
     from tempfile import TemporaryDirectory
 
     with TemporaryDirectory() as folder:
-        _render(options.replaced(quiet=True), Path(folder) / "shown.png", workers)
+        _render(options.replaced(quiet=True), Path(folder) / "shown.png")
 
 
-def _render(options: RenderOptions, output: Path, workers: Workers | None) -> None:
+def _render(options: RenderOptions, output: Path) -> None:
     """Check the options, read the scene, bake and render it, write what is asked for, and print a line."""
     # Everything that can be wrong without the scene.
     if options.show and not sys.stdout.isatty():
@@ -68,6 +61,7 @@ def _render(options: RenderOptions, output: Path, workers: Workers | None) -> No
     layers = check_image_target(output, options.half)
     if options.report:
         check_ending("--report", options.report, *REPORTS)
+    from ..bake.cluster import workers_of
     from ..description.read import read_scene
     from ..formats.falloffs import make_scales
     from ..formats.stored_w import check_stored
@@ -83,10 +77,10 @@ def _render(options: RenderOptions, output: Path, workers: Workers | None) -> No
     inputs = hashed([options.scene, *description.files]) if options.report else []
     warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
     # Its picture.
-    with workers.session(output) if workers else nullcontext() as session:
-        status = session.status if session else str
+    with workers_of(options) as workers:
+        status = workers.status if workers else str
         with progress(options.quiet, "rays", "tiles", form=options.progress, status=status) as bars:
-            picture = _picture(options.scene, description, layers is None, threads, bars, session)
+            picture = _picture(options.scene, description, layers is None, threads, bars, workers)
             start = time.perf_counter()
             picture.frame.save(output, _metadata(options.scene, description.settings), options.half)
             picture.seconds["write"] = time.perf_counter() - start
@@ -98,8 +92,8 @@ def _render(options: RenderOptions, output: Path, workers: Workers | None) -> No
         _write_report(options, description.settings, picture, threads, inputs, warnings)
     if not options.quiet:
         print(picture.summary(output, description.settings))
-        if session:
-            print(session.summary())
+        if workers:
+            print(workers.summary())
 
 
 def _crop(text: str) -> tuple[int, int, int, int]:
@@ -173,7 +167,7 @@ class RenderedPicture(NamedTuple):
 
 def _picture(
     source: Path, description: SceneDescription, all_layers: bool, threads: int, bars: Sequence[Advance | None],
-    session: ClusterSession | None,
+    workers: Workers | None,
 ) -> RenderedPicture:  # fmt: skip
     """Bake what a described scene needs, and render it.
 
@@ -189,13 +183,13 @@ def _picture(
     settings = description.settings
     renderer = render
     checkpoint = None
-    if session:
+    if workers:
         from ao.cluster.pictures import render_on
 
-        from ..bake.cluster import cluster_checkpoint
+        from ..bake.run import kept_by
 
-        renderer = partial(render_on, session)
-        checkpoint = cluster_checkpoint(session, False, None)
+        renderer = partial(render_on, workers)
+        checkpoint = kept_by(workers, None)
     needed = rendering_bytes(description.scene, settings, all_layers, threads)
     check_memory(source, needed, describe_work(description.scene, settings))
     start = time.perf_counter()

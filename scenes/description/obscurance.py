@@ -19,7 +19,7 @@ from ..formats.stored_w import read_w
 from .description import SceneDescription
 
 if TYPE_CHECKING:
-    from ao.execute.checkpoint import Checkpoint
+    from ao.execute.kept import Kept
     from ao.execute.tracer import Progress
 
 
@@ -27,7 +27,7 @@ def with_obscurance(
     description: SceneDescription,
     threads: int | None = None,
     progress: Progress | None = None,
-    checkpoint: Checkpoint | None = None,
+    checkpoint: Kept | None = None,
 ) -> tuple[Scene, ao.Bake | None]:
     """The scene with w(p) as `description.w_from` and `description.bake` ask, and the bake if there was one.
 

@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 import trimesh
-from interrupted_bakes import Stopped, bits
+from interrupted_bakes import bake, bits, folders, interrupted
 from meshes import hills
 from uv_meshes import quads, rectangle, square
 
 import ao
 from ao.analytic import closed_forms
-from ao.execute.checkpoint import Checkpoint
 from raytrace import Mesh, MeshError, OptionError
 from scenes.geometry.polyhedra import generic_rotation
 
@@ -134,18 +133,12 @@ def test_vertices_inside_of_solids_of_the_fine_mesh(interior):
 
 
 def test_the_same_bytes_for_any_number_of_threads_and_after_an_interruption(tmp_path):
-    def stop(done, total, stage):
-        if done > 0.5 * total:
-            raise Stopped
-
-    coarse, fine, path = Mesh(*hills(40)), Mesh(*hills(80)), tmp_path / "w.partial"
+    coarse, fine, output = Mesh(*hills(40)), Mesh(*hills(80)), tmp_path / "w.npy"
     options = {"high": fine, "cage": "10%", "samples": 512}
     whole = bits(ao.bake(coarse, **options, threads=1))
-    with pytest.raises(Stopped), Checkpoint(path, after=0, every=0, notify=lambda _: None) as checkpoint:
-        ao.bake(coarse, **options, checkpoint=checkpoint, progress=stop)
-    with Checkpoint(path, resume=True, after=0, every=0, notify=lambda _: None) as checkpoint:
-        assert bits(ao.bake(coarse, **options, threads=3, checkpoint=checkpoint)) == whole
-    assert not path.exists()
+    interrupted(output, 0.5, mesh=coarse, options=options)
+    assert folders(output)
+    assert bits(bake(output, mesh=coarse, options=options | {"threads": 3})) == whole
 
 
 def test_what_does_not_go_with_it():

@@ -16,7 +16,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PAGES.remove(ROOT / "docs" / "gallery.md")  # test_docs_pictures.py runs its commands
 BLOCK = re.compile(r"```sh\n(.*?)```", re.DOTALL)
 COMMAND = re.compile(r"^(?:\.venv/bin/)?obscurance (.*)$", re.MULTILINE)
-ELSEWHERE = ("--cluster", "--part", "merge")  # need other processes
+ELSEWHERE = ("--cluster",)  # needs other processes
 INPUTS = ("chair", "table", "props/a", "scan", "m", "teapot", "duck", "robot", "shelf", "low", "body", "bolts", "cage")
 RENDER = ("--width", "24", "--height", "24", "--samples", "4")
 TEXTURES = (".png", ".exr", "texture", "godot", "unreal")  # as words end

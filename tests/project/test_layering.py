@@ -24,8 +24,8 @@ ORDER = [
 """Every folder and every file outside folders: each may import what stands before it."""
 
 DOORS = {
-    "dask": {"ao.cluster.dask_cluster"},
-    "distributed": {"ao.cluster.dask_cluster"},
+    "dask": {"ao.cluster.workers"},
+    "distributed": {"ao.cluster.workers"},
     "embreex": {"raytrace.embree.library"},
     "llvmlite": {f"raytrace.kernel.{name}" for name in ("lanes", "compiler", "words", "link")},
     "numba": {f"raytrace.kernel.{name}" for name in ("lanes", "compiler", "words", "build")},

@@ -12,8 +12,8 @@ from scenes.bake.options import BAKE
 from scenes.commands.render import RENDER
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-OPTIONS = {"bake": BAKE, "merge": BAKE, "render": RENDER}
-COMMAND = re.compile(r"obscurance[ \"',]+(bake|merge|render)\b([^|&)'\"#\n]*)")
+OPTIONS = {"bake": BAKE, "render": RENDER}
+COMMAND = re.compile(r"obscurance[ \"',]+(bake|render)\b([^|&)'\"#\n]*)")
 
 
 def blocks(kind):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from clusters import MEDIUM, left_sockets, scheduler
-from parts_of_bakes import bits
+from interrupted_bakes import bits
 
 __all__ = ["left_sockets"]
 

@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from clusters import LEFT_SOCKETS, SMALL_BLOCKS, compiled_by, killed_in_mid_block
+from clusters import LEFT_SOCKETS, compiled_by, killed_in_mid_block, workers_at
 from rendered import CAMERA, SMALL, box, still_scene
 
 from ao.cluster.pictures import render_on
-from ao.cluster.session import IN_FLIGHT, ClusterSession
 from raytrace import (
     AlphaSurface,
     EnvironmentLight,
@@ -26,9 +25,6 @@ from raytrace.image.texture import Texture
 from raytrace.image.write import write_image
 
 pytestmark = LEFT_SOCKETS
-
-
-PACE = replace(SMALL_BLOCKS, first_rays=1)  # the first blocks of each worker are one tile each
 
 
 def image(path):
@@ -79,10 +75,10 @@ PICTURES = {
 }
 
 
-def render_by(cluster, folder, *picture, **options):
-    """What workers render, and what they were handed out."""
-    with ClusterSession(cluster.scheduler_address, folder, "picture.exr", pytest.fail, pace=PACE) as session:
-        return render_on(session, *picture, **options), session.dispatch
+def render_by(cluster, *picture, **options):
+    """What workers render, in blocks of one tile, and how many there were."""
+    with workers_at(cluster.scheduler_address, block_rays=1) as workers:
+        return render_on(workers, *picture, **options), workers.blocks
 
 
 @pytest.mark.parametrize("name", PICTURES)
@@ -90,22 +86,19 @@ def test_workers_make_the_bits_of_one_process(cluster, tmp_path, name):
     make, settings = PICTURES[name]
     scene = make(image(tmp_path / "paint.png"))
     alone, done = render(scene, CAMERA, settings), []  # at first: workers load its kernels
-    frame, dispatch = render_by(cluster, tmp_path, scene, CAMERA, settings, progress=lambda *tiles: done.append(tiles))
+    frame, blocks = render_by(cluster, scene, CAMERA, settings, progress=lambda *tiles: done.append(tiles))
     for layer, values in alone.layers.items():
         assert np.array_equal(frame.layers[layer], values), layer
     assert (frame.rays, frame.rays_skipped) == (alone.rays, alone.rays_skipped)
     assert done == sorted(done)
     assert done[-1][0] == done[-1][1]
-    assert sum(dispatch.blocks.values()) > 1
-    assert (dispatch.rows_traced > done[-1][1]) == (
-        settings.samples > 4
-    )  # tiles that are rendered again for their neighbours
+    assert (blocks > done[-1][1]) == (settings.samples > 4)  # tiles that are rendered again for their neighbours
     assert [path.name for path in tmp_path.iterdir()] == ["paint.png"]
     assert set(compiled_by(cluster)) == {()}
 
 
-def test_the_beauty_alone_is_the_same(cluster, tmp_path):
-    frame, _ = render_by(cluster, tmp_path, still_scene(), CAMERA, SMALL, layers=False)
+def test_the_beauty_alone_is_the_same(cluster):
+    frame, _ = render_by(cluster, still_scene(), CAMERA, SMALL, layers=False)
     assert list(frame.layers) == ["beauty"]
     assert np.array_equal(frame.layers["beauty"], render(still_scene(), CAMERA, SMALL).layers["beauty"])
 
@@ -118,13 +111,12 @@ def test_a_texture_that_cannot_be_read_ends_the_picture_in_the_line_of_one_proce
     with pytest.raises(InputError, match=r"lost\.png: file: expected ") as alone:
         render(scene, CAMERA, SMALL)
     with pytest.raises(InputError) as ours:
-        render_by(cluster, tmp_path, scene, CAMERA, SMALL)
+        render_by(cluster, scene, CAMERA, SMALL)
     assert (str(ours.value), type(ours.value)) == (str(alone.value), type(alone.value))
     assert [path.name for path in tmp_path.iterdir()] == ["paint.png"]
 
 
 def test_a_killed_worker_loses_only_the_tiles_that_it_had(cluster, tmp_path):
     with killed_in_mid_block(cluster, tmp_path, 1):
-        frame, dispatch = render_by(cluster, tmp_path, still_scene(), CAMERA, SMALL)
+        frame, _ = render_by(cluster, still_scene(), CAMERA, SMALL)
     assert np.array_equal(frame.layers["beauty"], render(still_scene(), CAMERA, SMALL).layers["beauty"])
-    assert 1 <= dispatch.again <= IN_FLIGHT

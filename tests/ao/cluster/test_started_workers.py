@@ -3,24 +3,23 @@
 import asyncio
 import os
 import time
-from dataclasses import replace
 
 import pytest
-from clusters import BAKES, LEFT_SOCKETS, MEDIUM, SMALL_BLOCKS, bake_on, impatient, scheduler
-from parts_of_bakes import bits
+from clusters import BAKES, LEFT_SOCKETS, MEDIUM, bake_on, impatient, scheduler
+from interrupted_bakes import bits
 
-from ao.cluster.dask_cluster import LOCAL
-from ao.execute.checkpoint import Checkpoint
+from ao.cluster.workers import LOCAL, Workers
+from ao.execute.kept import Kept
 from raytrace.errors import ClusterError
 
 __all__ = ["impatient"]
 pytestmark = LEFT_SOCKETS
-BRIEF = replace(SMALL_BLOCKS, silence=3.0, patience=0.5)
 
 
-def test_workers_may_come_late_and_a_lost_scheduler_leaves_a_journal_for_one_process(tmp_path, medium):
-    messages, path, lost, script = [], tmp_path / "w.partial", tmp_path / "lost", tmp_path / "hold.py"
+def test_workers_may_come_late_and_a_lost_scheduler_leaves_rows_for_one_process(tmp_path, medium, monkeypatch):
+    messages, output, lost, script = [], tmp_path / "w.npy", tmp_path / "lost", tmp_path / "hold.py"
     script.write_text(f"from clusters import holding\nholding(1, {str(lost)!r})()")
+    monkeypatch.setattr("ao.cluster.workers._PATIENCE", 0.2)
     with scheduler(0, [str(script)]) as late:
 
         def progress(done, total, stage):
@@ -33,15 +32,17 @@ def test_workers_may_come_late_and_a_lost_scheduler_leaves_a_journal_for_one_pro
             if len(messages) == 1:
                 late.scale(1)
 
-        pace = replace(SMALL_BLOCKS, patience=0.2)
         with pytest.raises(ClusterError, match=r"tls://.*: the cluster is lost"):
-            bake_on(late.scheduler_address, MEDIUM, path, notify, progress, pace, after=0, every=0)
+            bake_on(late.scheduler_address, MEDIUM, output, notify, progress, after=0)
+    (folder,) = tmp_path.glob("w.npy.partial-*")
     assert list(dict.fromkeys(messages)) == [
         f"{late.scheduler_address}: no workers; waiting for some to join",
-        f"{path} keeps the finished part; the same command with --resume continues from it",
+        f"{folder} keeps the rows that are done: run the command again to go on from there",
     ]
-    with Checkpoint(path, resume=True, notify=pytest.fail) as checkpoint:
-        assert bits(MEDIUM(checkpoint=checkpoint)) == medium
+    assert list(folder.iterdir())
+    with Kept(output, pytest.fail) as kept:
+        assert bits(MEDIUM(checkpoint=kept)) == medium
+    assert not folder.exists()
 
 
 STOPS = """
@@ -70,26 +71,20 @@ def starting(tmp_path, monkeypatch, impatient):
     return starting
 
 
-def test_a_worker_that_is_stopped_as_it_starts_is_reported_and_others_trace(tmp_path, medium, starting):
-    stopped, reported, messages = tmp_path / "stopped", tmp_path / "reported", []
-    starting(STOPS.format(stopped=str(stopped), reported=str(reported)))
-
-    def notify(line):
-        messages.append(line)
-        if "have started" in line:
-            reported.touch()
-
-    baked, dispatch = bake_on("local:2", MEDIUM, tmp_path / "w.partial", notify, pace=BRIEF)
+def test_a_worker_that_is_stopped_as_it_starts_is_not_waited_for(tmp_path, medium, starting):
+    stopped = tmp_path / "stopped"
+    starting(STOPS.format(stopped=str(stopped), reported=str(stopped)))
+    baked, _ = bake_on("local:2", MEDIUM, tmp_path / "w.npy", lambda _: None)
     assert bits(baked) == medium
-    assert len(dispatch.blocks) == 1
-    assert "local:2: 1 of 2 workers have started within 3 s; going on without the rest" in messages
     with pytest.raises(ProcessLookupError):
         os.kill(int(stopped.read_text()), 0)
 
 
-def test_where_all_workers_are_stopped_as_they_start_the_bake_ends(tmp_path, starting):
+def test_where_all_workers_are_stopped_as_they_start_the_bake_ends(tmp_path, starting, monkeypatch):
     stopped, messages = tmp_path / "stopped", []
     starting(STOPS.format(stopped=str(stopped), reported=""))
+    monkeypatch.setattr("ao.cluster.workers._START", 6.0)
+    monkeypatch.setattr("ao.cluster.workers._PATIENCE", 0.5)
 
     def notify(line):
         messages.append(line)
@@ -97,7 +92,7 @@ def test_where_all_workers_are_stopped_as_they_start_the_bake_ends(tmp_path, sta
             time.sleep(0.05)
 
     with pytest.raises(ClusterError, match="local: no worker has started within "):
-        bake_on("local", MEDIUM, tmp_path / "w.partial", notify, pace=replace(BRIEF, start=4.0))
+        bake_on("local", MEDIUM, tmp_path / "w.npy", notify)
     assert messages == ["local: no workers; waiting for some to join"]
     with pytest.raises(ProcessLookupError):
         os.kill(int(stopped.read_text()), 0)
@@ -106,38 +101,14 @@ def test_where_all_workers_are_stopped_as_they_start_the_bake_ends(tmp_path, sta
 def test_workers_that_cannot_start_end_the_bake_at_once(tmp_path, starting, capfd):
     starting("raise RuntimeError('no worker here')")
     with pytest.raises(ClusterError, match="local: no worker has started within "):
-        bake_on("local", MEDIUM, tmp_path / "w.partial", pace=replace(SMALL_BLOCKS, patience=0.5, silence=60.0))
+        bake_on("local", MEDIUM, tmp_path / "w.npy")
     assert capfd.readouterr().err == ""
-
-
-def test_a_worker_that_is_stopped_at_work_does_not_hold_the_end(tmp_path, medium, starting):
-    stopped, messages = tmp_path / "stopped", []
-    starting(f"""
-import os, signal
-from pathlib import Path
-import ao.cluster.worker
-from ao.execute.work import fill
-def stop(*arguments):
-    try:
-        Path({str(stopped)!r}).open("x").write(str(os.getpid()))
-    except FileExistsError:
-        return fill(*arguments)
-    os.kill(os.getpid(), signal.SIGSTOP)
-ao.cluster.worker.fill = stop
-""")
-    baked, _ = bake_on("local:2", MEDIUM, tmp_path / "w.partial", messages.append, pace=BRIEF)
-    assert bits(baked) == medium
-    assert any("has not been heard of for 3 s" in line for line in messages)
-    with pytest.raises(ProcessLookupError):
-        os.kill(int(stopped.read_text()), 0)
 
 
 def test_workers_started_here_let_nobody_in_without_their_credentials():
     psutil = pytest.importorskip("psutil", reason="pip install '.[cluster]'")
     from distributed import Security
     from distributed.comm import connect
-
-    from ao.cluster.dask_cluster import DaskCluster
 
     def listening():
         here = psutil.Process()
@@ -158,9 +129,7 @@ def test_workers_started_here_let_nobody_in_without_their_credentials():
         return await asyncio.gather(*calls, return_exceptions=True)
 
     before = listening()
-    cluster = DaskCluster("local:1", 1)
-    try:
-        cluster.connect()
+    with Workers("local:1", pytest.fail, 1):
         until = time.monotonic() + 60
         while len(places := listening() - before) < 3:  # the scheduler's, the worker's, its nanny's
             assert time.monotonic() < until
@@ -168,16 +137,14 @@ def test_workers_started_here_let_nobody_in_without_their_credentials():
         assert {place.ip for place in places} == {"127.0.0.1"}
         answers = asyncio.run(attack(places))
         assert [answer for answer in answers if not isinstance(answer, OSError | TimeoutError)] == []
-    finally:
-        cluster.close()
 
 
 def test_a_scheduler_without_credentials_is_warned_of(tmp_path):
     distributed = pytest.importorskip("distributed", reason="pip install '.[cluster]'")
     messages = []
-    with distributed.LocalCluster(n_workers=1, **LOCAL | {"security": None}) as open_to_all:
+    with distributed.LocalCluster(**LOCAL | {"n_workers": 1, "security": None}) as open_to_all:
         address = open_to_all.scheduler_address
-        baked, _ = bake_on(address, BAKES["binary"], tmp_path / "w.partial", messages.append)
+        baked, _ = bake_on(address, BAKES["binary"], tmp_path / "w.npy", messages.append)
     assert bits(baked) == bits(BAKES["binary"]())
     assert messages == [
         f"{address}: whoever reaches this scheduler can run code on its workers and here; tls:// keeps others out"

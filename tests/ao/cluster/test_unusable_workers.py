@@ -2,106 +2,141 @@
 
 import os
 import signal
-from dataclasses import replace
-from functools import partial
 
 import pytest
-from clusters import LEFT_SOCKETS, MEDIUM, SMALL_BLOCKS, Attack, bake_on, on_one
-from meshes import hills
-from parts_of_bakes import bits
+from clusters import LEFT_SOCKETS, MEDIUM, Attack, bake_on, on_one, scheduler, victims_of
+from interrupted_bakes import bits
 
-import ao
 from ao.execute.work import bit_environment
-from raytrace import InputError, Mesh
+from raytrace.errors import ClusterError
 
 pytestmark = LEFT_SOCKETS
-IMPATIENT = replace(SMALL_BLOCKS, patience=0.5)
 
 
-def test_a_worker_unlike_the_client_is_reported_in_one_line(cluster, tmp_path, medium):
+def made_useless(how):
+    """A function for a worker, which is sent as it is."""
+
     def become_another():
-        import ao.cluster.worker
+        from ao.execute.work import bit_environment
 
-        was = ao.cluster.worker.bit_environment()
-        ao.cluster.worker.bit_environment = lambda: was | {"processor": "a z80"}
+        bit_environment()["test"] = "a z80"
 
-    with on_one(cluster, become_another, tmp_path / "reported") as (odd, messages, notify):
-        baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", notify)
+    def forget_the_package():
+        import sys
+
+        sys.modules["test.hidden"], sys.modules["ao.cluster.workers"] = sys.modules["ao.cluster.workers"], None
+
+    return become_another if how == "another processor" else forget_the_package
+
+
+@pytest.mark.parametrize(
+    ("how", "start", "end"),
+    [
+        ("another processor", "test: expected ", ", got a z80"),
+        ("no package", "ModuleNotFoundError(", "None in sys.modules"),
+    ],
+)
+def test_a_worker_unlike_the_client_is_reported_in_one_line(cluster, tmp_path, medium, monkeypatch, how, start, end):
+    with on_one(cluster, made_useless(how), tmp_path / "reported", monkeypatch) as (odd, messages, notify):
+        baked, _ = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.npy", notify)
     assert bits(baked) == medium
-    assert odd not in dispatch.blocks
     assert len(messages) == 1
-    assert messages[0].startswith(f"worker {odd} gets no work: processor: expected ")
-    assert messages[0].endswith(", got a z80")
+    assert messages[0].startswith(f"worker {odd} gets no work: {start}")
+    assert end in messages[0]
 
 
-def test_a_worker_whose_disk_is_full_gets_no_more_work(cluster, tmp_path, medium):
-    def fail_once_greeted():
-        import ao.cluster.worker
-
-        def full(*_):
-            raise OSError(28, "No space left on device")
-
-        ao.cluster.worker.fill = full
-
-    with on_one(cluster, fail_once_greeted, tmp_path / "reported") as (odd, messages, notify):
-        baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", notify)
-    assert bits(baked) == medium
-    assert odd not in dispatch.blocks
-    assert messages == [f"worker {odd} gets no work: OSError: [Errno 28] No space left on device"]
-
-
-def test_where_no_worker_can_be_used_the_reason_is_named(cluster, tmp_path, monkeypatch):
+def test_where_no_worker_can_be_used_one_is_waited_for(cluster, tmp_path, monkeypatch):
     monkeypatch.setitem(bit_environment(), "Embree", "4.0.0")
+    monkeypatch.setattr("ao.cluster.workers._PATIENCE", 1.0)
     messages = []
-    with pytest.raises(InputError, match=r"no worker can be used: tls://.*: Embree: expected 4.0.0, got"):
-        bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", messages.append, pace=IMPATIENT)
-    assert messages[0].startswith("worker tls://")
 
+    def notify(line):
+        messages.append(line)
+        if "waiting" in line:
+            raise KeyboardInterrupt
 
-def test_a_folder_that_workers_do_not_see_is_reported(cluster, tmp_path, monkeypatch):
-    written = ao.cluster.session.write_scene
-
-    def unshared(folder, *arguments):
-        file = written(folder, *arguments)
-        return file._replace(path=file.path.replace(str(folder), "/nowhere"))
-
-    monkeypatch.setattr("ao.cluster.session.write_scene", unshared)
-    expected = r"no worker can be used: .*: /nowhere/.*: expected a folder that all workers share, got No such file"
-    make = partial(ao.bake, Mesh(*hills(61)))
-    with pytest.raises(InputError, match=expected):
-        bake_on(cluster.scheduler_address, make, tmp_path / "w.partial", lambda _: None, pace=IMPATIENT)
-
-
-def test_a_worker_that_stands_still_is_reported_and_others_trace_its_blocks(cluster, tmp_path, medium):
-    def stop():
-        import ao.cluster.worker
-
-        ao.cluster.worker.fill = lambda *_: os.kill(os.getpid(), signal.SIGSTOP)
-
-    with on_one(cluster, stop, tmp_path / "reported", killed=True) as (odd, messages, notify):
-        baked, dispatch = bake_on(
-            cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", notify, pace=replace(SMALL_BLOCKS, silence=1.5)
-        )
-    assert bits(baked) == medium
-    assert odd not in dispatch.blocks
-    assert messages == [f"worker {odd} has not been heard of for 2 s; others get its blocks"]
+    with pytest.raises(KeyboardInterrupt):
+        bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.npy", notify)
+    assert sorted(line.partition(": ")[2].partition(",")[0] for line in messages[:2]) == ["Embree: expected 4.0.0"] * 2
+    assert messages[2:] == [f"{cluster.scheduler_address}: no workers; waiting for some to join"]
 
 
 @pytest.mark.parametrize("answer", ["code", "few"])
-def test_an_answer_that_is_no_table_is_refused_and_never_run(cluster, tmp_path, medium, answer):
+def test_an_answer_that_is_no_table_ends_the_bake_and_is_never_run(cluster, tmp_path, monkeypatch, answer):
     def lie():
-        import ao.cluster.worker
+        import ao.cluster.workers
 
-        honest = ao.cluster.worker.pack
-        ao.cluster.worker.pack = {
-            "code": lambda tables: (Attack(str(tmp_path / "attacked")),) * len(tables),
-            "few": lambda tables: [content[:-8] for content in honest(tables)],
+        honest = ao.cluster.workers.packed
+        ao.cluster.workers.packed = {
+            "code": lambda *_: Attack(str(tmp_path / "attacked")),
+            "few": lambda *arguments: honest(*arguments)[:-8],
         }[answer]
 
-    with on_one(cluster, lie, tmp_path / "reported") as (odd, messages, notify):
-        baked, dispatch = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.partial", notify)
-    assert bits(baked) == medium
-    assert odd not in dispatch.blocks
+    with on_one(cluster, lie, tmp_path / "reported", monkeypatch) as (_, messages, notify):
+        with pytest.raises(ClusterError, match="tls://"):
+            bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.npy", notify)
+        (tmp_path / "reported").touch()
     assert not (tmp_path / "attacked").exists()
+    assert messages == []
+
+
+FULL = """
+import ao.cluster.workers
+def full(*_):
+    raise OSError(28, "No space left on device")
+ao.cluster.workers.make_on_threads = full
+"""
+
+
+def test_a_worker_that_fails_at_once_gets_no_more_work(tmp_path, medium):
+    script, failing, reported, messages = (*(tmp_path / name for name in ("full.py", "failing", "reported")), [])
+    script.write_text(f"""
+import os
+from clusters import holding
+try:
+    os.mkdir({str(failing)!r})
+    open({str(failing / "pid")!r}, "x").write(str(os.getpid()))
+except FileExistsError:  # Dask runs it twice
+    if open({str(failing / "pid")!r}).read() != str(os.getpid()):
+        holding(0, {str(reported)!r})()
+if open({str(failing / "pid")!r}).read() == str(os.getpid()):
+    exec({FULL!r})
+""")
+
+    def notify(line):
+        messages.append(line)
+        reported.touch()
+
+    with scheduler(2, [str(script)]) as cluster:
+        baked, _ = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.npy", notify)
+    assert bits(baked) == medium
     assert len(messages) == 1
-    assert messages[0].startswith(f"worker {odd} gets no work: ")
+    assert messages[0].endswith(" gets no more work: OSError: [Errno 28] No space left on device")
+
+
+@pytest.mark.slow
+def test_where_all_workers_fail_the_bake_ends(tmp_path):
+    script = tmp_path / "full.py"
+    script.write_text(FULL)
+    with scheduler(1, [str(script)]) as cluster, pytest.raises(ClusterError, match="fails on every worker: OSError"):
+        bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.npy", lambda _: None)
+
+
+def test_others_trace_the_blocks_of_a_worker_that_stands_still(tmp_path, medium):
+    config = pytest.importorskip("dask").config
+
+    def stop():
+        import ao.cluster.workers
+
+        ao.cluster.workers.make_on_threads = lambda *_: os.kill(os.getpid(), signal.SIGSTOP)
+
+    def prepare(number):
+        return stop if number == 0 else int
+
+    from ao.cluster import workers
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(workers.CONFIG, "distributed.scheduler.worker-ttl", "2s")
+        with config.set({}), scheduler(2) as cluster, victims_of(cluster, 2, prepare):
+            baked, _ = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.npy", lambda _: None)
+    assert bits(baked) == medium

@@ -1,8 +1,8 @@
-"""Where an interrupted bake keeps its journal."""
+"""Where an interrupted bake keeps its rows."""
 
 import pytest
 
 
 @pytest.fixture
-def path(tmp_path):
-    return tmp_path / "w.npy.partial"
+def output(tmp_path):
+    return tmp_path / "w.npy"

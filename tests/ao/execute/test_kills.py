@@ -6,52 +6,80 @@ import signal
 import subprocess
 import sys
 import time
+from warnings import warn
 
 import pytest
-from command import obscurance, refused, started
-from interrupted_bakes import MESH
+from command import obscurance, started
+from interrupted_bakes import MESH, folders
+from killed_commands import textured
 from project import HELPERS, ROOT, environment
 
-METHODS = ("vertex", "surface")
+from ao.execute.kept import Kept
+from raytrace.errors import OutputError
+
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 
 AT_ONCE = """
 import time, warnings
-from ao.execute.checkpoint import Checkpoint
-put = Checkpoint.put
+import ao.execute.work
+from ao.execute.kept import Kept
+put = Kept._put
 def slowly(*arguments):
     put(*arguments)
     time.sleep(0.1)
-Checkpoint.put = slowly
-Checkpoint.__init__.__defaults__ = (False, warnings.warn, 0.0, 0.0, *Checkpoint.__init__.__defaults__[4:])
+Kept._put = slowly
+Kept.__init__.__defaults__ = (warnings.warn, 0.0, *Kept.__init__.__defaults__[2:])
+ao.execute.work._BLOCK_RAYS = 1 << 14
 import cli
 cli.main()
 """
 
 
-@pytest.mark.parametrize(("method", "samples"), [("vertex", 512), ("surface", 128)])
-def test_the_command_continues_after_an_interrupt(tmp_path, method, samples):
-    mesh, target, journal = tmp_path / "hills.obj", tmp_path / "w.npz", tmp_path / "w.npz.partial"
-    lines = [f"v {x} {y} {z}" for x, y, z in MESH.vertices] + [f"f {a} {b} {c}" for a, b, c in MESH.faces + 1]
-    mesh.write_text("\n".join(lines))
-    arguments = [mesh, "--samples", samples, "--quiet", "--method", method]
-    command = [sys.executable, "-c", AT_ONCE, "bake", *arguments, "-o", target]
-    assert obscurance("bake", *arguments, "-o", tmp_path / "whole.npz").returncode == 0
+@pytest.mark.parametrize(
+    ("options", "name"), [(["--samples", 512], "w.npz"), (["--size", 96, "--samples", 64], "w.png")]
+)
+def test_the_command_continues_after_an_interrupt(tmp_path, options, name):
+    mesh, target, whole = tmp_path / "hills.ply", tmp_path / name, tmp_path / f"whole-{name}"
+    mesh.write_bytes(textured(MESH.vertices, MESH.faces))
+    bake = "bake", mesh, "--quiet", *options
+    command = [sys.executable, "-c", AT_ONCE, *map(str, bake), "-o", target]
+    assert obscurance(*bake, "-o", whole).returncode == 0
     with started(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as running:
         latest = time.monotonic() + 300
-        while running.poll() is None and (not journal.exists() or journal.stat().st_size < 5000):
-            assert time.monotonic() < latest, "no checkpoint in five minutes"
+        while running.poll() is None and not any(list(folder.glob("?*.?*")) for folder in folders(target)):
+            assert time.monotonic() < latest, "no rows in five minutes"
             time.sleep(0.01)
         running.send_signal(signal.SIGINT)
         _, errors = running.communicate(timeout=60)
     assert running.returncode == 130, errors
-    assert f"{journal} keeps the finished part; the same command with --resume continues from it" in errors
+    (folder,) = folders(target)
+    assert f"{folder} keeps the rows that are done: run the command again to go on from there" in errors
     assert not target.exists()
-    assert obscurance("bake", *arguments, "-o", target, "--resume").stderr == ""
-    assert target.read_bytes() == (tmp_path / "whole.npz").read_bytes()
-    assert not journal.exists()
-    journal.write_text("mine")
-    refused(obscurance("bake", *arguments, "-o", target), "w.npz.partial", "another file")
+    assert obscurance(*bake, "-o", target).stderr == ""
+    assert target.read_bytes() == whole.read_bytes()
+    assert not folders(target)
+
+
+def test_rows_outlive_an_output_that_cannot_be_written(tmp_path, monkeypatch):
+    mesh, target = tmp_path / "hills.ply", tmp_path / "w.npz"
+    mesh.write_bytes(textured(MESH.vertices, MESH.faces))
+    bake = "bake", mesh, "--quiet", "--samples", 128, "-o", target
+
+    def full(*_):
+        raise OutputError(f"{target}: cannot write: No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Kept.__init__, "__defaults__", (warn, 0.0, *Kept.__init__.__defaults__[2:]))
+        patch.setattr("scenes.bake.vertices.write_vertices", full)
+        failed = obscurance(*bake)
+    (folder,) = folders(target)
+    assert failed.stderr.splitlines() == [
+        f"obscurance: {folder} keeps the rows that are done: run the command again to go on from there",
+        f"obscurance: {target}: cannot write: No space left on device",
+    ]
+    assert list(folder.iterdir())
+    assert obscurance(*bake).returncode == 0
+    assert not folders(target)
 
 
 def killed(tmp_path, kills, method, options):
@@ -67,7 +95,7 @@ def killed(tmp_path, kills, method, options):
     assert (seen["different"], seen["failed"]) == (0, 0)
 
 
-@pytest.mark.parametrize("method", [*METHODS, "texture"])
+@pytest.mark.parametrize("method", ["vertex", "surface", "texture"])
 def test_killed_at_random_moments_nothing_is_lost(tmp_path, method):
     killed(tmp_path, 4, method, {"samples": 128})
 
@@ -81,8 +109,10 @@ def test_killed_at_random_moments_nothing_is_lost(tmp_path, method):
         ("surface", {"samples": 256}),
         ("texture", {"samples": 256}),
         ("texture", {"tolerance": 0.005}),
+        ("texture", {"samples": 64, "profile": True}),
+        ("faces", {"samples": 256}),
     ],
     ids=str,
 )
-def test_killed_at_a_hundred_random_moments_nothing_is_lost(tmp_path, method, options):
-    killed(tmp_path, 100, method, options)
+def test_killed_at_forty_random_moments_nothing_is_lost(tmp_path, method, options):
+    killed(tmp_path, 40, method, options)

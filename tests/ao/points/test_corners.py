@@ -6,12 +6,12 @@ from functools import cache
 
 import numpy as np
 import pytest
+from interrupted_bakes import bake, folders, interrupted
 from meshes import crumpled
 from reference import corner_means, folded
 from stress.solids import grid
 
 import ao
-from ao.execute.checkpoint import Checkpoint
 from ao.execute.tracer import Tracer
 from ao.memory import corner_bytes
 from ao.points.corners import CornerSamples
@@ -119,21 +119,11 @@ def test_embrees_hierarchy_is_not_built_for_corner_samples_alone(noisy, watch, s
 
 
 def test_a_bake_interrupted_among_corners_continues_to_the_same_bits(noisy, tmp_path):
-    class Stopped(Exception):
-        pass
-
-    def stop(done, total, stage):
-        assert done <= total
-        if done > 0.9 * total:
-            raise Stopped
-
-    mesh, path = Mesh(*noisy), tmp_path / "w.partial"
-    whole = ao.bake(mesh, samples=4096)
-    with pytest.raises(Stopped), Checkpoint(path, after=0, every=0, notify=lambda _: None) as checkpoint:
-        ao.bake(mesh, samples=4096, checkpoint=checkpoint, progress=stop)
-    assert path.exists()
-    with Checkpoint(path, resume=True, after=0, every=0, notify=lambda _: None) as checkpoint:
-        again = ao.bake(mesh, samples=4096, checkpoint=checkpoint)
+    mesh, output, options = Mesh(*noisy), tmp_path / "w.npy", {"samples": 4096}
+    whole = ao.bake(mesh, **options)
+    interrupted(output, 0.9, mesh=mesh, options=options)
+    assert folders(output)
+    again = bake(output, mesh=mesh, options=options)
     for one, other in ((again.w, whole.w), (again.error, whole.error), (again.bent_normals, whole.bent_normals)):
         assert one.tobytes() == other.tobytes()
 

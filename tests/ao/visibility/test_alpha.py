@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import PIL.Image
 import pytest
+from interrupted_bakes import OPTIONS, bake, bits, interrupted
 from leaf_cards import FLOOR, FLOOR_FACES, HALVES, HEIGHT, SQUARE, UP, form_factors, leaf_codes
-from parts_of_bakes import bits, merged, trace_part
 
 import ao
 from ao.analytic.form_factor import polygon_form_factor
 from ao.options import Options
 from ao.prepared import Prepared
-from raytrace import AlphaSurface, InputError, Lambert, Mesh, Object, Opacity, Scene, Shape, Texture
+from raytrace import AlphaSurface, Lambert, Mesh, Object, Opacity, Scene, Shape, Texture
 from raytrace.sampling.sequences import GOLDEN
 
 pytestmark = pytest.mark.usefixtures("w_alone")
@@ -207,18 +207,12 @@ def test_a_solid_with_a_hole_hides_nothing():
         assert not ao.bake(replace(mesh, opacity=opacity), samples=16, interior=interior).flags.any()
 
 
-def test_parts_are_the_whole_and_of_another_alpha_are_refused(tmp_path):
-    leaf = AlphaSurface(texture=leaf_texture(tmp_path), cutoff=0.5)
+def test_rows_of_another_alpha_are_not_continued(tmp_path):
+    leaf, output = AlphaSurface(texture=leaf_texture(tmp_path), cutoff=0.5), tmp_path / "w.npy"
     mesh, other = over_floor((HEIGHT, 0.5, leaf)), over_floor((HEIGHT, 0.5, replace(leaf, cutoff=0.4)))
-
-    def make(mesh=mesh, **options):
-        return ao.bake(mesh, samples=32, **options)
-
-    for number in (1, 2):
-        trace_part(make, tmp_path / "parts", number, 2)
-    assert bits(merged(make, tmp_path / "parts")) == bits(make())
-    with pytest.raises(InputError, match="mesh"):
-        merged(make, tmp_path / "parts", mesh=other)
+    for continued in (mesh, other):
+        interrupted(output, mesh=mesh)
+        assert bits(bake(output, mesh=continued)) == bits(ao.bake(continued, **OPTIONS))
 
 
 def test_other_processes_get_the_alpha(tmp_path):

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from parts_of_bakes import bits, merged, trace_part
 
 import ao
 from ao.analytic import closed_forms as analytic
@@ -128,15 +127,6 @@ def test_it_is_the_openness_of_the_mesh_turned_over():
     assert one.w.std() > 0.02
     again = ao.bake(ao.prepare(mesh), samples=32, normals="file", thickness=True, back_faces="ignore", spread=120)
     assert np.array_equal(again.w, one.w)
-
-
-def test_part_by_part(tmp_path):
-    def make(**options):
-        return ao.bake(Mesh(*icosphere(2)), samples=32, thickness=True, **options)
-
-    for number in (1, 2):
-        trace_part(make, tmp_path / "parts", number, 2)
-    assert bits(merged(make, tmp_path / "parts")) == bits(make())
 
 
 def test_holes_are_told():

@@ -68,16 +68,11 @@ def test_several_fine_files_are_as_one(folder):
     assert json.loads((folder / "r.json").read_text())["options"]["high"] == ["left.obj", "right.obj"]
 
 
-def test_parts_and_batches_have_the_cage(folder):
+def test_batches_have_the_cage(folder):
     options = "--high", "left.obj", "--high", "right.obj", "--cage", "cage.obj"
     bake(*options, "-o", "w.npy")
-    for k in (1, 2):
-        bake(*options, "--part", f"{k}/2", "-o", "parts")
-    (folder / "elsewhere").mkdir()
-    assert obscurance("merge", "parts", "-o", "elsewhere/m.npy", "-q").returncode == 0
     bake(*options, "--output-dir", "all", "--format", "npy")
-    expected = (folder / "w.npy").read_bytes()
-    assert (folder / "elsewhere" / "m.npy").read_bytes() == (folder / "all" / "low.npy").read_bytes() == expected
+    assert (folder / "all" / "low.npy").read_bytes() == (folder / "w.npy").read_bytes()
 
 
 def test_mistakes(folder):
@@ -110,10 +105,6 @@ def test_objects_are_matched_by_name(tmp_path, monkeypatch):
             of_floor, of_lid = w[: len(w) // 2], w[len(w) // 2 :]
             assert of_lid.min() == 1
             assert of_floor.max() < 0.7 if names else of_floor.min() == 1
-    for k in (1, 2):
-        bake(*options, "--match-names", "--part", f"{k}/2", "-o", "parts")
-    assert obscurance("merge", "parts", "-o", "m.npy", "-q").returncode == 0
-    assert (tmp_path / "m.npy").read_bytes() == (tmp_path / "w.npy").read_bytes()
     lacking = obscurance("bake", "low.obj", "-o", "w.ply", "--high", "floor.obj", "--match-names")
     refused(lacking, "low.obj: match_names: expected an object of --high for each of the input, got no lid_high")
     refused(obscurance("bake", "low.obj", "-o", "w.npy", "--match-names"), "--match-names needs --high")

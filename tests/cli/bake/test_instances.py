@@ -144,18 +144,6 @@ def test_each_instance_has_its_own_copy_of_an_image_of_roughness(tmp_path):
     assert (found["below"][..., 1:] == 255).all()
 
 
-def test_the_first_instance_in_parts(tmp_path):
-    path, line = squares(tmp_path), (*FEW, "--instances", "first")
-    own = obscurance("bake", path, "-o", tmp_path / "own", "--part", "1/2", *FEW, "--instances", "own")
-    assert own.returncode == 2
-    assert "bake: --part does not go with 2 texture sets that overlap" in own.stderr
-    bake(path, "-o", tmp_path / "whole.exr", *line)
-    for part in ("1/2", "2/2"):
-        bake(path, "-o", tmp_path / "parts", "--part", part, *line)
-    assert obscurance("merge", tmp_path / "parts", "-o", tmp_path / "w.exr").returncode == 0
-    assert (tmp_path / "w.exr").read_bytes() == (tmp_path / "whole.exr").read_bytes()
-
-
 @pytest.mark.parametrize(
     ("options", "said"),
     [

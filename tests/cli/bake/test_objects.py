@@ -101,7 +101,7 @@ def test_a_ball_over_a_plane(folder):
     assert w[81:].min() < 0.75
 
 
-def test_reports_and_parts_repeat_them(folder):
+def test_reports_repeat_them(folder):
     some = "--exclude", "*_collision", "--receive", "body", "--receive", "hat", "--cast", "!body"
     w = baked(*some, "--report", "r.json")
     report = json.loads((folder / "r.json").read_text())
@@ -110,10 +110,6 @@ def test_reports_and_parts_repeat_them(folder):
         (folder / "w.npy").unlink()
         assert obscurance(*command).returncode == 0
         assert np.array_equal(np.load("w.npy"), w)
-    for part in ("2/2", "1/2"):
-        assert obscurance("bake", "m.obj", "-o", "parts", "--part", part, *FEW, *some).returncode == 0
-    assert obscurance("merge", "parts", "-o", "merged.npy").returncode == 0
-    assert np.array_equal(np.load("merged.npy"), w)
     assert "324 vertices" in baked(*some, "--dry-run", output="none.npy").stdout
 
 
@@ -198,8 +194,6 @@ def test_a_batch_excludes_where_there_is_something_to_exclude(folder):
         (["--exclude", "!bag*"], "shoe, got '!bag*'"),
         (["--exclude", "*"], "m.obj: exclude: expected patterns that leave an object to bake, got *"),
         (["--receive", "hat", "--exclude", "h*"], "m.obj: receive: expected patterns that leave an object to bake"),
-        (["--occluded-by", "object", "--resume"], "--occluded-by and --resume exclude each other"),
-        (["--occluded-by", "object", "--part", "1/2"], "--occluded-by and --part exclude each other"),
         (["--occluded-by", "object", "--occlusion", "texture", "-o", "t.glb"], "--occluded-by object does not go with "
          "textures in a .glb"),
         (["m.glb", "--occluded-by", "object"], "--occluded-by needs <OBJECT> in the name of an image"),

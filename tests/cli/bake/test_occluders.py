@@ -58,17 +58,6 @@ def test_w_is_that_of_python_and_the_report_repeats_it(folder):
         assert (folder / "w.npy").read_bytes() == before
 
 
-def test_parts_are_merged_to_the_same(folder):
-    for part in ("2/2", "1/2"):
-        assert obscurance("bake", "ball.obj", "-o", "parts", "--part", part, *FEW, *AROUND).returncode == 0
-    assert obscurance("merge", "parts", "-o", "w.npy").returncode == 0
-    assert np.array_equal(np.load("w.npy"), expected())
-    (folder / "left.obj").write_bytes((folder / "right.obj").read_bytes())
-    other = obscurance("merge", "parts", "-o", "w.npy")
-    assert other.returncode == 2
-    assert "Traceback" not in other.stderr
-
-
 def test_batches_textures_and_glb(folder):
     assert obscurance("bake", "ball.obj", "left.obj", "--output-dir", "out", *FEW, "--ground", "auto").returncode == 0
     w = scenes.load("out/ball.ply").w

@@ -117,8 +117,6 @@ def test_one_image_of_several_layouts_is_refused_unless_their_mean_is_asked_for(
     result = bake(path, "-o", made, *FEW, "--overlap", "mean")
     assert abs(image(made).mean() - (1 + W.mean()) / 2) < 0.01
     assert "overlap in 100.0%" in result.stderr
-    part = obscurance("bake", path, "-o", tmp_path / "parts", "--part", "1/2", *FEW)
-    refused(part, "bake: --part does not go with 2 texture sets that overlap, but with --overlap mean")
 
 
 def test_objects_of_a_plain_material_are_kept_apart_and_objects_of_an_image_may_overlap(tmp_path):

@@ -1,17 +1,20 @@
 """`obscurance bake --cluster`: the file of one process, and one line where it cannot be."""
 
 import os
-import shutil
+import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from clusters import LEFT_SOCKETS, impatient, left_sockets, small_blocks
-from command import obscurance, process, refused, started
+from command import obscurance, refused, started
 from mesh_files import ply
 from meshes import hills
 from project import environment
+
+from scenes.bake.cluster import _bake
+from scenes.bake.options import BakeOptions
+from scenes.bake.plan import plan_bake
 
 __all__ = ["impatient", "left_sockets", "small_blocks"]
 pytestmark = LEFT_SOCKETS
@@ -31,7 +34,7 @@ def test_workers_started_here_make_the_file_of_one_process(tmp_path, mesh):
     result = obscurance("bake", mesh, "--samples", "64", "-o", tmp_path / "w.npz", "--cluster", "local")
     assert (result.returncode, result.stderr) == (0, "")
     assert result.stdout.splitlines()[-1].startswith("local: ")
-    assert result.stdout.endswith(" blocks traced by 1 worker\n")
+    assert result.stdout.endswith(" made by workers\n")
     assert (tmp_path / "w.npz").read_bytes() == (tmp_path / "whole.npz").read_bytes()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["hills.ply", "w.npz", "whole.npz"]
 
@@ -45,7 +48,7 @@ def test_a_picture_by_workers_started_here_is_the_file_of_one_process(tmp_path):
     result = obscurance(*render, "-o", tmp_path / "picture.exr", "--cluster", "local", "--report", tmp_path / "r.json")
     assert (result.returncode, result.stderr) == (0, "")
     assert result.stdout.splitlines()[-1].startswith("local: ")
-    assert result.stdout.endswith(" blocks traced by 1 worker\n")
+    assert result.stdout.endswith(" made by workers\n")
     assert (tmp_path / "picture.exr").read_bytes() == (tmp_path / "whole.exr").read_bytes()
     found = sorted(path.name for path in tmp_path.iterdir())
     assert found == ["picture.exr", "r.json", "scene.toml", "whole.exr"]
@@ -54,8 +57,6 @@ def test_a_picture_by_workers_started_here_is_the_file_of_one_process(tmp_path):
 def test_mistakes_with_pictures_are_reported_in_a_line(tmp_path, mesh, monkeypatch):
     render = "render", mesh, "-o", tmp_path / "picture.png"
     refused(obscurance(*render, "--cluster", "here"), "render --cluster: expected local, local:N or the address")
-    refused(obscurance(*render, "--shared", tmp_path), "render: --shared needs --cluster")
-    refused(obscurance(*render, "--cluster", "local", "--shared", mesh), "render --shared: expected a folder")
     monkeypatch.setitem(sys.modules, "distributed", None)
     refused(obscurance(*render, "--cluster", "local"), "render --cluster: expected Dask")
     assert [path.name for path in tmp_path.iterdir()] == ["hills.ply"]
@@ -64,9 +65,7 @@ def test_mistakes_with_pictures_are_reported_in_a_line(tmp_path, mesh, monkeypat
 def test_mistakes_are_reported_in_a_line(tmp_path, mesh, monkeypatch):
     bake = "bake", mesh, "-o", tmp_path / "w.npz"
     refused(obscurance(*bake, "--cluster", "here"), "bake --cluster: expected local, local:N or the address", "'here'")
-    refused(obscurance(*bake, "--cluster", "local", "--part", "1/2"), "bake: --cluster and --part exclude each other")
-    refused(obscurance(*bake, "--shared", tmp_path), "bake: --shared needs --cluster")
-    refused(obscurance(*bake, "--cluster", "local", "--shared", mesh), "bake --shared: expected a folder")
+    refused(obscurance(*bake, "--cluster", "local", "--dry-run"), "bake: --cluster and --dry-run exclude each other")
     monkeypatch.setitem(sys.modules, "distributed", None)
     refused(
         obscurance(*bake, "--cluster", "local"),
@@ -87,69 +86,33 @@ def test_a_scheduler_that_does_not_answer_is_named(tmp_path, mesh):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals")
-def test_sigterm_to_a_bake_and_its_workers_is_one_line(tmp_path, mesh):
-    """As the ninth block is handed over: what Dask is asked to run is there, and nothing awaits it yet."""
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_an_interrupt_of_a_bake_and_its_workers_is_one_line_at_once(tmp_path, mesh, number, status):
+    """As the ninth block is handed over."""
     pytest.importorskip("distributed", reason="pip install '.[cluster]'")
     program = """if __name__ == "__main__":
-        import os, signal, sys
-        from ao.cluster.dask_cluster import DaskCluster
-        import ao.cluster.session
-        from clusters import SMALL_BLOCKS
+        import itertools, os, sys
+        import ao.cluster.workers, ao.execute.work
         from cli import main
-        ao.cluster.session.PACE = SMALL_BLOCKS
-        call, number = DaskCluster._call, iter(range(1000))
-        def strike(*arguments):
-            waiting = call(*arguments)
-            if next(number) == 8:
-                os.killpg(0, signal.SIGTERM)
-            return waiting
-        DaskCluster._call = strike
+        ao.execute.work._BLOCK_RAYS, ao.cluster.workers._FEW_RAYS = 1 << 14, 0
+        keys, number = iter(range(8)), int(sys.argv.pop())
+        def count():
+            yield from keys
+            os.killpg(0, number)
+            yield from itertools.count(8)
+        ao.cluster.workers.count = count
         main()
     """
     command = [sys.executable, "-c", program, "bake", mesh, "-o", tmp_path / "w.npz", "--samples", 20_000, "--quiet"]
-    command += ["--cluster", "local:2"]
+    command += ["--cluster", "local:2", int(number)]
     with started(command, env=environment(), stderr=subprocess.PIPE, text=True) as running:
         errors = running.communicate(timeout=60)[1]
-    assert (running.returncode, errors) == (143, "interrupted; no file is half-written\n")
-    assert [path.name for path in tmp_path.iterdir()] == ["hills.ply"]
+    kept, last = errors.splitlines()[:-1], errors.splitlines()[-1]
+    assert (running.returncode, last) == (status, "interrupted; no file is half-written")
+    assert len(kept) == sum(".partial-" in path.name for path in tmp_path.iterdir()) <= 1  # after ten seconds
 
 
-@pytest.mark.usefixtures("small_blocks")
-def test_a_shared_folder_that_vanishes_does_not_lose_the_bake(tmp_path, mesh, monkeypatch):
-    pytest.importorskip("distributed", reason="pip install '.[cluster]'")
-    import ao.execute.checkpoint
-
-    shared, added = tmp_path / "shared", ao.execute.checkpoint.Checkpoint.put
-    shared.mkdir()
-
-    def vanish(*arguments):
-        if shared.is_dir():
-            assert list(shared.glob(".w.npz-*.scene"))
-            shutil.rmtree(shared)
-            shared.touch()
-        added(*arguments)
-
-    monkeypatch.setattr("ao.execute.checkpoint.Checkpoint.put", vanish)
-    bake = "bake", mesh, "--samples", "64", "--quiet", "-o"
-    result = obscurance(*bake, tmp_path / "w.npz", "--cluster", "local", "--shared", shared)
-    assert (result.returncode, result.stderr) == (0, "")
-    assert shared.is_file()
-    assert obscurance(*bake, tmp_path / "whole.npz").returncode == 0
-    assert (tmp_path / "w.npz").read_bytes() == (tmp_path / "whole.npz").read_bytes()
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="limits of POSIX")
-@pytest.mark.parametrize("options", [("--cluster", "local"), ("--part", "1/2")])
-def test_a_shared_folder_that_is_full_is_reported_in_a_line(tmp_path, mesh, options):
-    pytest.importorskip("distributed", reason="pip install '.[cluster]'")
-    import resource
-
-    def confine():
-        resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
-
-    target = tmp_path / ("w.npz" if "--cluster" in options else "parts")
-    words = "bake", mesh, "--samples", "1024", "-o", target, *options
-    unwritten = environment(PYTHONDONTWRITEBYTECODE="1")  # Python leaves half of a compiled module where a disk is full
-    result = process(*words, preexec_fn=confine, env=unwritten)
-    refused(result, str(tmp_path), "File too large")
-    assert not list(Path(tmp_path).glob("*.scene"))
+def test_a_worker_that_does_not_see_the_files_of_a_batch_is_named(tmp_path):
+    plan = plan_bake(BakeOptions(mesh=[tmp_path / "gone" / "hill.obj"], output=tmp_path / "w.npz", falloff="binary"))
+    with pytest.raises(FileNotFoundError, match="gone"):
+        _bake(None, plan)

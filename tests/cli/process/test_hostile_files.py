@@ -1,7 +1,6 @@
 """Files that are damaged or that claim what they have not: one line and status 2, or the right result."""
 
 import json
-import os
 import struct
 import subprocess
 import sys
@@ -123,11 +122,3 @@ def test_a_picture_that_claims_much_is_refused_by_its_header(folder, form):
     assert int(grown) < 32 << 10
     (folder / "b.jp2").write_bytes(jpeg_2000(500)[form])
     assert obscurance("compare", "b.jp2", "b.jp2").returncode == 0
-
-
-def test_a_folder_of_parts_with_the_name_of_an_output_is_refused(folder):
-    bake = "bake", "hills.obj", "--part", "1/2", "-o", "o.npy"
-    refused(obscurance(*bake), "bake --output: expected a folder, got o.npy, the name of a file")
-    assert not os.path.exists("o.npy")
-    os.mkdir("o.npy")
-    assert obscurance(*bake).returncode == 0

@@ -11,7 +11,7 @@ from project import HELPERS, environment
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 KINDS = ("npy", "npz", "ply", "glb", "texture", "images", "textured", "batch", "textures", "falloff", "picture",
-         "parts", "page", "report")  # fmt: skip
+         "page", "report")  # fmt: skip
 
 
 def killed(folder, kills, kind):

@@ -44,7 +44,7 @@ COMMANDS = [
     ("bake a.ply -o w.npy --high a.ply --cage inf", "bake --cage: expected a finite length, got inf"),
     ("bake a.ply -o folder", "bake --output: expected a file, got folder, a folder; did you mean --output-dir?"),
     ("bake a.ply --output-dir w.ply", "expected a folder, got w.ply, the name of a file; did you mean --output?"),
-    ("bake a.ply -o - --resume", "bake: --resume does not go with -o -, standard output"),
+    ("bake a.ply -o w.ply --resume", "bake: --resume needs --output-dir"),
     ("bake a.ply --output-dir .", "expected a file that is not read, got a.ply, an input"),
     (
         "bake a.ply a.obj --output-dir out",

@@ -10,16 +10,17 @@ from functools import partial
 from itertools import count
 from pathlib import Path
 from threading import Thread
+from unittest.mock import patch
 
 import pytest
+from interrupted_bakes import SMALL_BLOCKS
 from meshes import hills, two_boxes
-from parts_of_bakes import bits, bits_of_texture
 from uv_meshes import grid_charts
 
 import ao
-from ao.cluster.dask_cluster import CONFIG, LOCAL
-from ao.cluster.session import ClusterSession, Pace
-from ao.execute.checkpoint import Checkpoint
+from ao.cluster.workers import CONFIG, LOCAL, Workers
+from ao.execute.kept import Kept
+from ao.execute.work import bit_environment
 from raytrace import Mesh
 
 HILLS = Mesh(*hills(60))
@@ -37,12 +38,9 @@ BAKES = {
 }
 
 
-def all_bits(baked):
-    return bits(baked) if isinstance(baked, ao.Bake) else bits_of_texture(baked)
-
-
 LONG = partial(ao.bake, Mesh(*hills(100)), samples=1024)
-LONG_ROWS = 100**2 + 100**2 // 32  # some are traced twice, to calibrate errors
+MEDIUM = partial(ao.bake, Mesh(*hills(100)), samples=128)
+BLOCKS = 10_000 * 128 // SMALL_BLOCKS[1]  # of `MEDIUM`, or a few more
 
 
 @contextmanager
@@ -57,21 +55,21 @@ def scheduler(workers, preload=()):
     credentials["client.cert"] = security.tls_client_cert
     config = importlib.import_module("dask").config
     config.set(CONFIG)
-    settings = LOCAL | {"security": security, "preload": [*LOCAL["preload"], *preload]}
+    settings = LOCAL | {"n_workers": workers, "security": security, "preload": [*LOCAL["preload"], *preload]}
     with (
-        distributed.LocalCluster(n_workers=workers, **settings) as cluster,
+        distributed.LocalCluster(**settings) as cluster,
         config.set({f"distributed.comm.tls.{name}": value for name, value in credentials.items()}),
     ):
         yield cluster
 
 
 def holding(after, until, mark=None):
-    """A function for a worker: traces `after` blocks, then makes a file `mark-…`, and goes on once `until` exists."""
+    """A function for a worker: makes `after` blocks, then a file `mark-…`, and goes on once `until` exists."""
 
     def hold():
-        import ao.cluster.worker
+        import ao.cluster.workers
 
-        fill, numbers = ao.cluster.worker.fill, count()
+        make, numbers = ao.cluster.workers.make_on_threads, count()
 
         def held(*arguments):
             if next(numbers) >= after:
@@ -79,10 +77,10 @@ def holding(after, until, mark=None):
                     Path(f"{mark}-{os.getpid()}").touch()
                 while not os.path.exists(until):
                     time.sleep(0.01)
-                ao.cluster.worker.fill = fill
-            return fill(*arguments)
+                ao.cluster.workers.make_on_threads = make
+            return make(*arguments)
 
-        ao.cluster.worker.fill = held
+        ao.cluster.workers.make_on_threads = held
 
     return hold
 
@@ -101,74 +99,80 @@ def left_sockets():
     gc.collect()
 
 
-SMALL_BLOCKS = Pace(few_rays=0, first_rays=1 << 12, block_seconds=0.1, least_seconds=0.02)
-
-
 @pytest.fixture
 def small_blocks(monkeypatch):
-    """Of the sessions of commands, which do not say how far they are, however slow; others have a `pace`."""
-    monkeypatch.setattr("ao.cluster.session.PACE", SMALL_BLOCKS)
+    """Of commands, which do not say how far they are, however slow."""
+    monkeypatch.setattr(*SMALL_BLOCKS)
+    monkeypatch.setattr("ao.cluster.workers._FEW_RAYS", 0)
     monkeypatch.setattr("scenes.show.progress._EVERY_LINE", float("inf"))
 
 
 @pytest.fixture
 def impatient(monkeypatch):
     """Schedulers have 0.3 s to answer, and workers of this machine a second to end."""
-    for name, seconds in {"_CONNECT": 0.3, "_END": 1.0}.items():
-        monkeypatch.setattr(f"ao.cluster.dask_cluster.{name}", seconds)
-
-
-def bake_on(address, make, path, notify=pytest.fail, progress=None, pace=SMALL_BLOCKS, **settings):
-    """What `make` makes with a cluster, and what that handed out."""
-    with (
-        ClusterSession(address, path.parent, path.stem, notify, pace=pace) as session,
-        Checkpoint(path, notify=notify, fill_spans=session.fill_spans, status=session.status, **settings) as checkpoint,
-    ):
-        return make(checkpoint=checkpoint, progress=progress), session.dispatch
-
-
-MEDIUM = partial(ao.bake, Mesh(*hills(100)), samples=128)
-MEDIUM_ROWS = 10_000 + 312  # some are traced twice, to calibrate errors
+    for name, seconds in {"_CONNECT": 0.3, "_END": 1.0, "_LOOK": 0.2}.items():
+        monkeypatch.setattr(f"ao.cluster.workers.{name}", seconds)
 
 
 @contextmanager
-def on_one(cluster, function, reported, killed=False):
-    """Run a function on one of two workers, which is as before in the end, or killed for a new one to come.
+def workers_at(address, notify=pytest.fail, block_rays=SMALL_BLOCKS[1]):
+    """Workers that get every block, however small."""
+    with (
+        patch(SMALL_BLOCKS[0], block_rays),
+        patch("ao.cluster.workers._FEW_RAYS", 0),
+        patch("ao.cluster.workers._LOOK", 0.2),
+        Workers(address, notify) as workers,
+    ):
+        yield workers
+
+
+def bake_on(address, make, output, notify=pytest.fail, progress=None, **settings):
+    """What `make` makes with a cluster, and how many blocks workers have made."""
+    with (
+        workers_at(address, notify) as workers,
+        Kept(output, notify, make=workers.make, status=workers.status, **settings) as kept,
+    ):
+        return make(checkpoint=kept, progress=progress), workers.blocks
+
+
+@contextmanager
+def on_one(cluster, function, reported, monkeypatch):
+    """Run a function on one of two workers, none of which has been asked yet what it is like; it is as before in the
+    end.
 
     Gives its address, the messages of a bake, and what to notify: the other worker traces after the first message.
     """
     from distributed import Client
 
     messages = []
+    monkeypatch.setitem(bit_environment(), "test", str(reported))
 
     def notify(line):
         messages.append(line)
         reported.touch()
 
-    def keep():
-        import ao.cluster.worker
+    def keep(name):
+        import ao.cluster.workers
+        from ao.execute.work import bit_environment
 
-        ao.cluster.worker.kept = dict(vars(ao.cluster.worker))
+        bit_environment()["test"] = name
+        ao.cluster.workers.kept = dict(vars(ao.cluster.workers))
 
     def restore():
-        import ao.cluster.worker
+        import sys
 
-        vars(ao.cluster.worker).update(ao.cluster.worker.kept)
+        module = sys.modules.pop("test.hidden", None) or sys.modules["ao.cluster.workers"]
+        sys.modules["ao.cluster.workers"] = module
+        vars(module).update(module.kept)
 
     with Client(cluster, set_as_default=False) as client:
         client.wait_for_workers(2)
         odd, other = client.nthreads()
-        (pid,) = client.run(os.getpid, workers=[odd]).values()
-        client.run(keep, workers=[odd])
+        client.run(keep, str(reported))
         client.run(function, workers=[odd])
         client.run(holding(0, reported), workers=[other])
         yield odd, messages, notify
-        if not killed:
-            client.run(restore, workers=[odd])
-            return
-        kill(pid)
-        while odd in client.nthreads():
-            time.sleep(0.05)
+        client.run(restore, workers=[odd])
 
 
 def compiled_by(cluster):

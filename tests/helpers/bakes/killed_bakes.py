@@ -1,4 +1,4 @@
-"""Bakes killed at random moments and resumed. A script: KILLS SEED METHOD OPTIONS FOLDER; prints what it saw as JSON.
+"""Bakes killed at random moments and run again. A script: KILLS SEED METHOD OPTIONS FOLDER; prints what it saw as JSON.
 
 Each bake is forked from this process, which has imported everything but touched neither Embree nor a thread.
 """
@@ -11,31 +11,22 @@ import sys
 import time
 from functools import partial
 from pathlib import Path
+from unittest.mock import patch
 
-import numpy as np
-from meshes import hills
+from interrupted_bakes import MESH, METHODS, SMALL_BLOCKS, bake_texture, bits, folders
 
-import ao
-from ao.execute.checkpoint import Checkpoint
-from raytrace.mesh.mesh import Mesh
+from ao.execute.kept import Kept
 from raytrace.system.atomic import atomic_write
 
-HEADER = 100  # bytes of a journal without rows, at most
+METHODS = METHODS | {"texture": bake_texture, "faces": partial(METHODS["vertex"], at="faces")}
 
 
-def bake_to(target, make, options, **settings):
+def bake_to(target, make, options):
     """What `obscurance bake` does, with a file that holds every bit of the result."""
-    with Checkpoint(f"{target}.partial", notify=lambda _: None, **settings) as checkpoint:
-        baked = make(Mesh(*hills(45)), threads=2, checkpoint=checkpoint, **options)
-        last = baked.covered if isinstance(baked, ao.BakedTexture) else baked.flags
+    with patch(*SMALL_BLOCKS), Kept(target, lambda _: None, after=0) as kept:
+        baked = make(MESH, threads=2, checkpoint=kept, **options)
         with atomic_write(target) as file:
-            for rows in (baked.w, baked.error, baked.bent_normals, last, np.array([baked.rays, baked.rmse])):
-                file.write(rows.tobytes())
-
-
-def bake_texture(mesh, **options):
-    """The texture of a mesh above the plane of x and y."""
-    return ao.bake_texture(mesh, 0.45 * mesh.vertices[:, :2] + 0.5, 80, **options)
+            file.writelines(bits(baked))
 
 
 def forked(work):
@@ -50,23 +41,20 @@ def forked(work):
     return child
 
 
-def size_of(path):
-    try:
-        return path.stat().st_size
-    except FileNotFoundError:
-        return 0
+def held(target):
+    """How many blocks are kept."""
+    return sum(not path.name.startswith(".") for folder in folders(target) for path in folder.iterdir())
 
 
-def wait_for_rows(journal, child):
+def wait_for_rows(target, child):
     """Wait until there is something to continue, so that some kills leave it however fast the machine is."""
-    while size_of(journal) <= HEADER and not os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT):
+    while not held(target) and not os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT):
         time.sleep(0.001)
 
 
 def main(kills, seed, make, options, folder):
     chance = random.Random(seed)
     reference, target = folder / "reference", folder / "target"
-    journal = Path(f"{target}.partial")
     for _ in range(2):  # the first may compile
         start = time.monotonic()
         assert os.waitpid(forked(lambda: bake_to(reference, make, options)), 0)[1] == 0
@@ -74,15 +62,14 @@ def main(kills, seed, make, options, folder):
     wanted = reference.read_bytes()
     seen = {"killed": 0, "finished": 0, "continued": 0, "different": 0, "failed": 0}
     while not seen["failed"] and (seen["killed"] < kills or not target.exists()):
-        held = journal.stat().st_size if journal.exists() else 0
-        child = forked(lambda: bake_to(target, make, options, resume=True, after=0, every=0))
+        seen["continued"] += held(target) > 0
+        child = forked(lambda: bake_to(target, make, options))
         if seen["killed"] < kills:
             time.sleep(chance.uniform(0, took))
             if seen["killed"] % 2:
-                wait_for_rows(journal, child)
+                wait_for_rows(target, child)
             os.kill(child, signal.SIGKILL)
         status = os.waitpid(child, 0)[1]
-        seen["continued"] += held > HEADER
         if os.WIFSIGNALED(status):
             seen["killed"] += 1
         seen["failed"] += os.WIFEXITED(status) and os.WEXITSTATUS(status) != 0
@@ -90,12 +77,11 @@ def main(kills, seed, make, options, folder):
             seen["different"] += target.read_bytes() != wanted
             if not os.WIFSIGNALED(status):
                 seen["finished"] += 1
-                seen["failed"] += journal.exists()
+                seen["failed"] += bool(folders(target))
             if seen["killed"] < kills:
                 target.unlink()
     print(json.dumps(seen))
 
 
 if __name__ == "__main__":
-    make = bake_texture if sys.argv[3] == "texture" else partial(ao.bake, method=sys.argv[3])
-    main(int(sys.argv[1]), int(sys.argv[2]), make, json.loads(sys.argv[4]), Path(sys.argv[5]))
+    main(int(sys.argv[1]), int(sys.argv[2]), METHODS[sys.argv[3]], json.loads(sys.argv[4]), Path(sys.argv[5]))

@@ -1,7 +1,7 @@
 """Commands killed at random moments and run again. A script: KILLS SEED KIND FOLDER; prints what it saw as JSON.
 
 Each command is forked from this process, which has imported everything but touched neither Embree nor a thread. After
-a kill, every file in the folder of outputs is whole, but for journals and what the next run removes.
+a kill, every file in the folder of outputs is whole, but for kept rows and what the next run removes.
 """
 
 import json
@@ -14,14 +14,15 @@ import time
 from pathlib import Path
 
 import numpy as np
+from interrupted_bakes import SMALL_BLOCKS
 from killed_bakes import forked
 from mesh_files import ply
 from meshes import hills
 
-import ao.baking  # noqa: F401
+import ao.baking
+import ao.execute.work
 import cli
 import scenes.bake.batch
-import scenes.bake.parts
 import scenes.bake.run
 import scenes.bake.texture
 import scenes.bake.vertices
@@ -30,10 +31,10 @@ import scenes.commands.falloff
 import scenes.commands.render
 import scenes.show.page.document
 import scenes.show.report.document  # noqa: F401
+from ao.execute.kept import Kept
 
 SCENE = '[render]\nwidth = 300\nheight = 200\n[[objects]]\nmesh = "hills.ply"\n'
 BAKE = ("bake", "hills.ply", "--samples", "128", "--quiet")
-RESUMED = (*BAKE, "--resume", "-o")
 BATCH = (
     "bake",
     "a.ply",
@@ -48,14 +49,14 @@ BATCH = (
     "--resume",
 )
 KINDS = {
-    "npy": [(*RESUMED, "out/w.npy")],
-    "ply": [(*RESUMED, "out/w.ply")],
-    "glb": [(*RESUMED, "out/w.glb")],
-    "texture": [(*BAKE, "--resume", "--size", "96", "-o", "out/w.png")],
+    "npy": [(*BAKE, "-o", "out/w.npy")],
+    "ply": [(*BAKE, "-o", "out/w.ply")],
+    "glb": [(*BAKE, "-o", "out/w.glb")],
+    "texture": [(*BAKE, "--size", "96", "-o", "out/w.png")],
     "textured": [(*BAKE, "--occlusion", "texture", "--size", "96", "-o", "out/w.glb")],
     "batch": [BATCH],
     "textures": [(*BATCH, "--format", "png", "--size", "64")],
-    "npz": [(*RESUMED, "out/w.npz", "--profile")],
+    "npz": [(*BAKE, "-o", "out/w.npz", "--profile")],
     "images": [(*BAKE, "--size", "64", "-o", "out/w.tif", "--bent-normals", "out/b.png", "--error-map", "out/e.exr")],
     "falloff": [
         (*BAKE, "--profile", "-o", "out/w.glb"),
@@ -63,8 +64,6 @@ KINDS = {
         ("view", "out/other.glb", "-o", "out/view.html"),
     ],
     "picture": [("render", "scene.toml", "-o", "out/p.exr", "--quiet")],
-    "parts": [(*BAKE, "--part", f"{n}/2", "-o", "out/parts") for n in (1, 2)]
-    + [("merge", "out/parts", "-o", "out/w.ply")],
     "page": [(*BAKE, "-o", "out/w.html")],
     "report": [(*BAKE, "-o", "out/w.npz", "--report", "out/report.html")],
 }
@@ -92,6 +91,8 @@ def run(commands):
     """All commands in a process of their own, which is returned running."""
 
     def work():
+        Kept.__init__.__defaults__ = (print, 0.0, *Kept.__init__.__defaults__[2:])
+        ao.execute.work._BLOCK_RAYS = SMALL_BLOCKS[1]
         with open(os.devnull, "w") as nowhere:
             os.dup2(nowhere.fileno(), 1)
         for command in commands:
@@ -115,8 +116,6 @@ def outputs():
                 content = sorted(json.loads(content))
             elif path.name == "report.html":
                 content = content.rstrip().endswith(b"</html>")
-            elif path.suffix == ".part" and not path.name.startswith("."):
-                content = None  # a journal, in the order in which threads came to an end
             found[str(path)] = content
     return found
 
@@ -144,7 +143,7 @@ def main(kills, seed, kind, folder):
             seen["killed"] += os.WIFSIGNALED(status)
             seen["finished"] += not os.WIFSIGNALED(status)
             for name, content in outputs().items():
-                on_the_way = any(part in name for part in (".part", "/parts/", "/.obscurance-"))
+                on_the_way = any(part in name for part in (".partial-", "/.obscurance-"))
                 seen["left"] += on_the_way
                 if name.endswith(".json") or on_the_way:
                     continue

@@ -1,4 +1,4 @@
-"""What stands beside a mesh in a command: tables, cages, occluders, patterns of names, parts, profiles and reports.
+"""What stands beside a mesh in a command: tables, cages, occluders, patterns of names, profiles and reports.
 
 Each is written from a sound one, right but for a few values or bytes, and goes through the commands that read it.
 """
@@ -14,9 +14,6 @@ import numpy as np
 from command import obscurance
 from fuzz_mutations import NUMBERS, damaged, mutated
 from meshes import hills
-
-from ao.execute.journal import MAGIC, Journal, record
-from ao.execute.parts import DESCRIPTION, WHOLE
 
 NAMES = ("hill_low", "hill_high", "a b", "a*", "[x]", "!no", "Größe", "", "a/b", "a" * 300)
 
@@ -39,17 +36,13 @@ def sound():
         inside = Path(folder)
         (inside / "hills.obj").write_bytes(made["hills.obj"])
         bake = ("bake", inside / "hills.obj", "--samples", "4", "--quiet")
-        for method in ("vertex", "surface"):
-            (inside / method).mkdir()
-            obscurance(*bake, "--method", method, "--part", "1/1", "-o", inside / method)
-            made[f"{method}/part-1-of-1.part"] = (inside / method / "part-1-of-1.part").read_bytes()
         for ending in ("npz", "ply", "glb"):
             obscurance(*bake, "--profile", "-o", inside / f"profile.{ending}")
             made[f"profile.{ending}"] = (inside / f"profile.{ending}").read_bytes()
         obscurance(*bake, "-o", inside / "w.npz", "--report", inside / "report.json")
         made["report.json"] = (inside / "report.json").read_bytes()
-        obscurance(*bake[:1], inside / "hills.obj", "--samples", "4", "--output-dir", inside / "out", "--part", "1/1")
-        made["batch/manifest-1-of-1.json"] = (inside / "out" / "manifest-1-of-1.json").read_bytes()
+        obscurance(*bake[:1], inside / "hills.obj", "--samples", "4", "--output-dir", inside / "out")
+        made["batch/manifest.json"] = (inside / "out" / "manifest.json").read_bytes()
     return made
 
 
@@ -105,39 +98,6 @@ def named(rng):
     return "m.obj", hills_obj([rng.choice(NAMES), rng.choice(NAMES)])
 
 
-def part(rng):
-    """A part of a bake: any bytes changed, or others with right checksums around them."""
-    name = f"{rng.choice(('vertex', 'vertex', 'surface'))}/part-1-of-1.part"
-    content = sound()[name]
-    if rng.random() < 0.3:
-        return name, damaged(content, rng)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "whole.part"
-        path.write_bytes(content)
-        journal = Journal(path, create=False)
-        blocks = {block: journal.content(block) for block in journal.blocks}
-        identity = journal.identity
-        journal.close()
-    made = b""
-    for block, held in blocks.items():
-        if rng.random() < 0.3:
-            held = _forged(block, bytes(held), rng)
-        made += record(block, held) * rng.choice((*[1] * 20, 0, 2))
-    return name, MAGIC + identity + made
-
-
-def _forged(block, held, rng):
-    if block == DESCRIPTION:
-        return json.dumps(mutated(json.loads(held), rng)).encode("utf-8", "surrogatepass")
-    if block == WHOLE or rng.random() < 0.2:
-        return damaged(held, rng)
-    rows = np.frombuffer(held, np.float64).copy() if len(held) % 8 == 0 else np.frombuffer(held, np.uint8).copy()
-    for _ in range(rng.choice((1, 1, 5))):
-        if len(rows):
-            rows[rng.randrange(len(rows))] = rng.choice((0, 1)) if rows.itemsize == 1 else number(rng) % 1e300
-    return rows.tobytes()
-
-
 def profile(rng):
     """A bake with a profile: any bytes changed, or arrays of other numbers, types and shapes."""
     name = rng.choice(("profile.npz", "profile.npz", "profile.npz", "profile.ply", "profile.glb"))
@@ -170,14 +130,14 @@ def profile(rng):
 
 
 def stored(rng):
-    """A report, or the manifest of a part of a batch, with other values."""
-    name = rng.choice(("report.json", "batch/manifest-1-of-1.json"))
+    """A report, or the manifest of a batch, with other values."""
+    name = rng.choice(("report.json", "batch/manifest.json"))
     tree = mutated(json.loads(sound()[name]), rng)
     content = json.dumps(tree).encode("utf-8", "surrogatepass")
     return name, damaged(content, rng) if rng.random() < 0.15 else content
 
 
-MAKERS = {"table": table, "beside": beside, "named": named, "part": part, "profile": profile, "stored": stored}
+MAKERS = {"table": table, "beside": beside, "named": named, "profile": profile, "stored": stored}
 OUTPUTS = (("-o", "w.npz"), ("-o", "w.npz"), ("-o", "w.glb"), ("-o", "w.ply"), ("-o", "w.png", "--size", "16"),
            ("-o", "w.npz", "--method", "surface"), ("-o", "w.npz", "--tolerance", ".05"))  # fmt: skip
 LENGTHS = ("5%", "0", "-1", "1e-320", "5e-324", "1e308", "inf", "nan", "1e-9", "100000%", "%", "", "x", "0.3", "1e-3%")
@@ -195,7 +155,7 @@ WILD = {
 
 def commands(family, path, made, rng):
     """The arguments of each command that reads the file, and the file that it is to make."""
-    inside = path.parent if path.parent.name not in ("vertex", "surface", "batch") else path.parent.parent
+    inside = path.parent if path.parent.name != "batch" else path.parent.parent
     mesh = inside / "hills.obj"
     base = ["--samples", "4", "--quiet", "--threads", "2"]
     output = [str(made / word) if word.startswith("w.") else word for word in rng.choice(OUTPUTS)]
@@ -215,14 +175,10 @@ def commands(family, path, made, rng):
                 for option in rng.sample(sorted(WILD), rng.choice((1, 1, 2, 3))):
                     words.append(f"{option}={rng.choice(WILD[option])}")
                 yield ["bake", path, "--quiet", "--threads", "2", "--samples=4", *words, *output], target
-        case "part":
-            yield ["merge", path.parent, "--mesh", mesh, "-o", made / "w.npz"], made / "w.npz"
         case "profile":
             where = ["--mesh", mesh] if path.suffix == ".npz" else []
             changed = made / f"w{path.suffix}"
             yield ["falloff", path, "--half-distance", rng.choice((*LENGTHS, *["30%"] * 20)), "-o", changed], changed
             yield ["view", path, *where, "-o", made / "page.html"], made / "page.html"
-        case "stored" if path.name == "report.json":
-            yield ["bake", mesh, "--quiet", "--samples=4", "--options", path, "-o", made / "w.npz"], made / "w.npz"
         case "stored":
-            yield ["merge", path.parent], None
+            yield ["bake", mesh, "--quiet", "--samples=4", "--options", path, "-o", made / "w.npz"], made / "w.npz"

@@ -171,7 +171,7 @@ def commanded(family, path, made, chance, opened):
                 seen = sorted(set(opened))
                 opened.clear()
                 raise Finding(f"{arguments[0]}: opened {seen}")
-            accepted |= message is None and arguments[0] in ("bake", "render", "merge", "falloff")
+            accepted |= message is None and arguments[0] in ("bake", "render", "falloff")
             first, highest, longest = first or message, max(highest, peak), max(longest, seconds)
     return None if accepted else first, highest, longest
 

@@ -46,8 +46,8 @@ def test_a_command_parses(page, words):
 
 
 def test_commands_are_found_and_wrong_ones_noticed():
-    text = "```sh\nsbatch --wrap 'obscurance bake a.ply \\\n --part $K/8 -o b' # x\n```\nso `obscurance view a.ply`"
-    assert list(calls(text)) == [["bake", "a.ply", "--part", "1/8", "-o", "b"], ["view", "a.ply"]]
+    text = "```sh\nsbatch --wrap 'obscurance bake a.ply \\\n --samples $K -o b' # x\n```\nso `obscurance view a.ply`"
+    assert list(calls(text)) == [["bake", "a.ply", "--samples", "1", "-o", "b"], ["view", "a.ply"]]
     with pytest.raises(Exception, match="No such option"):
         parse(["bake", "a.ply", "--no-such"])
     with pytest.raises(Exception, match="expected one of none, ramp, texture, got auto"):

@@ -1,6 +1,5 @@
 """The declarations of options: what is declared is in the help of the command and of Python, reports, `--options`,
-parts, batches and what workers are sent; and each option changes what a journal belongs to, or is one that changes no
-ray."""
+batches and what workers are sent; and each option changes what kept rows belong to, or is one that changes no ray."""
 
 import inspect
 import re
@@ -15,11 +14,11 @@ from project import environment
 
 import ao
 from ao.declared import options_of
-from ao.execute.checkpoint import Checkpoint, identity
+from ao.execute.kept import Kept, _identity
 from ao.options import Options, TextureOptions, VertexOptions
 from raytrace.errors import ConflictError
 from raytrace.system.threads import MAX_THREADS
-from scenes.bake.options import BAKE, BAKER, MERGE, ROWS, BakeOptions, check_kind, check_together
+from scenes.bake.options import BAKE, BAKER, ROWS, BakeOptions, check_kind, check_together
 from scenes.bake.plan import plan_bake
 from scenes.bake.run import run
 
@@ -53,9 +52,6 @@ few, oak = ("hills.obj", "--samples", "4"), ("--grain", "oak")
 run("bake", *few, *oak, "-o", "w.npy", "--report", "r.json")
 run("bake", "-o", "again.npy", "--options", "r.json", "--report", "s.json")
 found["report"], found["again"] = (json.load(open(name)) for name in ("r.json", "s.json"))
-run("bake", *few, *oak, "-o", "parts", "--part", "1/2")
-run("bake", *few, "-o", "parts", "--part", "2/2")
-found["merge"] = run("merge", "parts", "-o", "merged.npy")
 run("bake", *few, *oak, "--output-dir", "out")
 found["resume"] = run("bake", *few, "--output-dir", "out", "--resume")[1]
 from pathlib import Path
@@ -85,9 +81,6 @@ def test_an_option_that_is_declared_in_one_line_is_found_everywhere(tmp_path):
     for report in (found["report"], found["again"]):
         assert report["options"]["grain"] == "oak"
         assert " --grain oak" in report["command"]
-    status, said = found["merge"]
-    assert status == 2
-    assert ".part: grain: expected" in said
     assert "of other options or another version; starting from the beginning" in found["resume"]
     assert found["sent"] == "oak"
 
@@ -110,11 +103,11 @@ class Begun(Exception):
     """A bake that has said what it belongs to."""
 
 
-class Identity(Checkpoint):
-    """A checkpoint that says what a journal would belong to, before anything is traced."""
+class Identity(Kept):
+    """Says what kept rows would belong to, before anything is traced."""
 
     def begin(self, placement, receivers, *settings):
-        raise Begun(identity(placement, receivers, settings))
+        raise Begun(_identity(placement, receivers, settings))
 
 
 @pytest.fixture
@@ -136,11 +129,11 @@ def within(folder, value):
 
 
 def identity_of(folder, **options):
-    """What a journal of the bake with these options belongs to."""
+    """What kept rows of the bake with these options belong to."""
     given = {"mesh": folder / "hills.obj", "output": folder / "w.npy", "quiet": True} | options
     plan = plan_bake(BakeOptions(**(given | {"mesh": [given["mesh"]]})))
     with pytest.raises(Begun) as begun:
-        list(run(plan, open_checkpoint=lambda _: Identity(folder / "journal")))
+        list(run(plan, open_checkpoint=lambda _: Identity(folder / "w.npy")))
     return begun.value.args[0]
 
 
@@ -151,7 +144,7 @@ CHANGED = {
     "traversal": "embree", "profile": True, "seed": 1, "size": "32", "overlap": "first", "cage": "3%",
     "quiet": False, "threads": 1, "replace_occlusion": True, "error_map": "e.png", "half": True, "debug_image": "d.png",
     "bits": "8", "bent_space": "tangent", "resume": True, "progress": "json", "output_dir": "out", "format": "ply",
-    "input_format": "ply", "part": "1/1", "cluster": "local", "ground": "-9", "shared": ".", "options": "r.json",
+    "input_format": "ply", "cluster": "local", "ground": "-9", "options": "r.json",
     "dry_run": True, "back_faces": "ignore", "spread": 90.0, "thickness": True, "flip": True,
     "at": "faces", "both_sides": True,
     "receive": ["stone"], "cast": ["stone"], "exclude": ["glass"],
@@ -186,11 +179,11 @@ TOGETHER = {
 }
 """Of options that need others, the options of two bakes."""
 APART = {"occluded_by", "points"}
-"""Options of bakes that keep no journal."""
+"""Options of bakes that keep no rows."""
 
 
 @pytest.mark.parametrize("row", [row for row in BAKE if row.name not in APART], ids=lambda row: row.name)
-def test_every_option_changes_what_a_journal_belongs_to_or_is_one_that_changes_no_ray(folder, row):
+def test_every_option_changes_what_kept_rows_belong_to_or_is_one_that_changes_no_ray(folder, row):
     if row.name == "uv":
         pytest.importorskip("uvunwrap")
     value = CHANGED.get(row.name) or PATHS.get(row.name, CHANGED.get(row.name))
@@ -215,7 +208,7 @@ RECORDS = VertexOptions, TextureOptions
 
 
 @pytest.mark.parametrize(("record", "name"), [(record, name) for record in RECORDS for name in options_of(record)])
-def test_every_declared_option_changes_what_a_journal_belongs_to_or_is_one_that_changes_no_ray(record, name):
+def test_every_declared_option_changes_what_kept_rows_belong_to_or_is_one_that_changes_no_ray(record, name):
     row, changed = options_of(record)[name], record(**{name: IN_PYTHON[name]})
     assert (changed.identity != record().identity) == (row.role == "result")
 
@@ -249,7 +242,7 @@ def test_the_three_forms_of_conflicts():
     ]:
         with pytest.raises(ConflictError, match=f"options: {said}$"):
             check_together(BakeOptions(mesh=[], **options), BAKE)
-    for kind, said in {"part": "and part exclude each other", "texture": "does not go with a texture"}.items():
+    for kind, said in {"texture": "does not go with a texture"}.items():
         with pytest.raises(ConflictError, match=f"options: colors {said}$"):
             check_kind(BakeOptions(mesh=[], colors="rgb"), kind)
     with pytest.raises(ConflictError, match=r"^options: denoise=False does not go with tolerance$") as fault:
@@ -258,10 +251,10 @@ def test_the_three_forms_of_conflicts():
 
 
 def test_relations_name_options_of_the_table():
-    for row in (*BAKE, *MERGE):
+    for row in BAKE:
         for name in (*row.needs, *row.excludes):
             assert name in ROWS, f"{row.name} needs or excludes {name}"
-        assert set(row.bake_kinds.split()) <= {"vertices", "texture", "part", "merge", "batch"}
+        assert set(row.bake_kinds.split()) <= {"vertices", "texture", "batch"}
 
 
 def test_options_that_there_are_not_are_refused_in_python():

@@ -144,8 +144,3 @@ def test_the_command_reports_and_ignores_alpha(tmp_path):
     assert abs(np.load(tmp_path / "cut.npy") - np.load(tmp_path / "full.npy")).max() > 0.3
     path = glb(tmp_path, BLEND)
     assert "0 faces cut out, 2 blended" in obscurance("info", path).stdout
-    for number in (1, 2):
-        assert obscurance("bake", path, "-o", tmp_path / "parts", "--part", f"{number}/2", *options).returncode == 0
-    assert obscurance("merge", tmp_path / "parts", "-o", tmp_path / "merged.npy").returncode == 0
-    assert obscurance("bake", path, "-o", tmp_path / "whole.npy", *options).returncode == 0
-    assert (tmp_path / "merged.npy").read_bytes() == (tmp_path / "whole.npy").read_bytes()
