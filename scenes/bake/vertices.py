@@ -97,7 +97,7 @@ def _hard_edges(plan: Plan, inputs: BakeInputs) -> list[str]:
     """A line about vertices on hard edges, which have one value, in a file that is looked at; nothing without any."""
     mesh = inputs.chosen.mesh
     one_each = plan.ending in (".ply", ".obj", ".vtp", ".glb") and plan.options.at == "vertices"
-    if not one_each or plan.arguments.normals == "up" or plan.options.high or inputs.source.cloud or plan.merged:
+    if not one_each or plan.arguments.normals == "up" or plan.options.high or inputs.source.cloud:
         return []
     from raytrace.mesh.corners import on_hard_edges
 
