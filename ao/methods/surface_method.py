@@ -80,7 +80,7 @@ def _fit(prepared: Prepared, rays: int) -> tuple[Fit, Int64s]:
     del patch, moments, counts
 
     def cached(name: str, compute: Callable[[], Float64s]) -> Float64s:
-        """As `Checkpoint.cached`, by a name that tells fits of other numbers of rays apart."""
+        """As `Kept.cached`, by a name that tells fits of other numbers of rays apart."""
         return checkpoint.cached(f"{name}, {rays} rays", compute)
 
     return fit_values(problem, trial, cached), totals

@@ -16,12 +16,12 @@ from raytrace.system.checks import check_outputs, check_regular
 from raytrace.system.threads import run_blocks, thread_count
 
 from ..show.progress import progress
-from .cluster import run_remotely, workers_of
+from .cluster import run_remotely
 from .console import note, warn
 from .inputs import created_folders
 from .manifest import MANIFEST, Entry, Manifest, digest
 from .plan import Plan
-from .run import Outcome, kept_by, run_in_batch, silence_tolerance_warnings
+from .run import Outcome, kept_by, run_in_batch, silence_tolerance_warnings, workers_of
 
 if TYPE_CHECKING:
     from ao.cluster.workers import Workers

@@ -1,34 +1,18 @@
-"""`--cluster`: rays traced, or small meshes of a batch read, baked and written, by the workers of a Dask cluster."""
+"""`--cluster` with a batch: small meshes are read, baked and written by the workers of a Dask cluster."""
 
 from __future__ import annotations
 
 import errno
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, nullcontext
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from raytrace.errors import OptionError
-
-from .console import note, unprinted_warnings
-from .options import OptionValues
+from .console import unprinted_warnings
 from .plan import Plan
 from .run import Outcome, run_in_batch, silence_tolerance_warnings
 
 if TYPE_CHECKING:
     from ao.cluster.workers import SharedScene, Workers
-
-
-def workers_of(options: OptionValues) -> AbstractContextManager[Workers | None]:
-    """The workers that `--cluster` asks for, if it does. Raises: OptionError: there can be none."""
-    if not options.cluster:
-        return nullcontext()
-    if find_spec("distributed") is None or find_spec("cryptography") is None:
-        raise OptionError("cluster", "Dask and cryptography: pip install dask distributed cryptography", "not both")
-    from ao.cluster.workers import Workers
-
-    return Workers(options.cluster, note, options.threads)
 
 
 def run_remotely(workers: Workers, plans: Sequence[Plan]) -> Iterator[tuple[int, Outcome]]:

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
 from warnings import catch_warnings, simplefilter
 
 import ao
-from raytrace.errors import ClusterError, ObscuranceError, printable
+from raytrace.errors import ClusterError, ObscuranceError, OptionError, printable
 from raytrace.system.atomic import is_standard_output
 
 from .console import note
 from .inputs import BakeInputs, read_inputs
+from .options import OptionValues
 from .plan import OpenCheckpoint, Plan
 from .report import OutputSummary, WorkSize
 
@@ -30,6 +32,17 @@ def silence_tolerance_warnings() -> Iterator[None]:
     with catch_warnings():
         simplefilter("ignore", ao.ToleranceWarning)
         yield
+
+
+def workers_of(options: OptionValues) -> AbstractContextManager[Workers | None]:
+    """The workers that `--cluster` asks for, if it does. Raises: OptionError: there can be none."""
+    if not options.cluster:
+        return nullcontext()
+    if find_spec("distributed") is None or find_spec("cryptography") is None:
+        raise OptionError("cluster", "Dask and cryptography: pip install dask distributed cryptography", "not both")
+    from ao.cluster.workers import Workers
+
+    return Workers(options.cluster, note, options.threads)
 
 
 def kept_by(workers: Workers | None, output: Path | None) -> Kept:

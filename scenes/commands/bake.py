@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, get_args
 from raytrace.errors import ConflictError, OptionError
 from raytrace.system.atomic import is_standard_output, standard_output
 
-from ..bake.cluster import workers_of
 from ..bake.console import quietly
 from ..bake.inputs import expand, is_pattern, outputs_in
 from ..bake.options import BAKE, BakeOptions, Format, check_kind, check_together
 from ..bake.plan import OpenCheckpoint, Plan, plan_bake, preset_format
-from ..bake.run import kept_by, run, silence_tolerance_warnings
+from ..bake.run import kept_by, run, silence_tolerance_warnings, workers_of
 from ..formats.load import PIPED, STANDARD, standard_input
 
 if TYPE_CHECKING:

@@ -61,7 +61,7 @@ def _render(options: RenderOptions, output: Path) -> None:
     layers = check_image_target(output, options.half)
     if options.report:
         check_ending("--report", options.report, *REPORTS)
-    from ..bake.cluster import workers_of
+    from ..bake.run import workers_of
     from ..description.read import read_scene
     from ..formats.falloffs import make_scales
     from ..formats.stored_w import check_stored
