@@ -123,11 +123,11 @@ def run_remotely(session: ClusterSession, plans: Sequence[Plan], threads: int) -
 
 def _outcome(fields: Any) -> Outcome:
     """The `Outcome` of the fields that a worker sends, each checked for its type."""
-    from pydantic import TypeAdapter
+    from raytrace.system.records import Fault, read
 
     try:
-        return TypeAdapter(Outcome).validate_python(fields)
-    except ValueError:
+        return read(Outcome, fields)
+    except Fault:
         return Outcome("failed", 0.0, "a worker's answer is no outcome of a bake", [])
 
 

@@ -8,13 +8,12 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from threading import Lock
-from typing import Any, Literal
-
-from pydantic import TypeAdapter
+from typing import Annotated, Any, Literal
 
 from raytrace.errors import InputError
 from raytrace.system.atomic import write_json
 from raytrace.system.checks import check_regular
+from raytrace.system.records import Fault, Within, read
 from raytrace.text.strict_json import parse_json
 
 MANIFEST = "manifest.json"
@@ -92,12 +91,12 @@ class Manifest:
             stored = parse_json(self.path.read_bytes())
             version = stored["manifest_version"]
             facts = {name: stored[name] for name in self._about}
-            entries = TypeAdapter(list[Entry]).validate_python(stored["inputs"])
+            entries = read(list[Entry], stored["inputs"])
             done = {entry.input: entry for entry in entries if entry.status == "done"}
         except FileNotFoundError:
             notify(f"{self.path}: nothing to resume; starting from the beginning")
             return
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, Fault):
             version = None
             facts = {}
             done = {}
@@ -185,7 +184,7 @@ class _Part:
 class _Stored:
     """The manifest of a part."""
 
-    manifest_version: Literal[1]  # VERSION
+    manifest_version: Annotated[int, Within(1, 1)]  # VERSION
     options: dict[str, Any]
     versions: dict[str, Any]
     waiting: int
@@ -197,7 +196,7 @@ def _read(path: Path) -> _Stored:
     """The manifest of a part. Raises: InputError: it cannot be read, or is of another version."""
     try:
         check_regular(path, "the manifest of a part")
-        return TypeAdapter(_Stored).validate_python(parse_json(path.read_bytes()))
-    except (OSError, ValueError, RecursionError):
+        return read(_Stored, parse_json(path.read_bytes()))
+    except (OSError, ValueError, RecursionError, Fault):
         expected = f"the manifest of a part, of version {VERSION}"
         raise InputError(path, "manifest_version", expected, "something else") from None
