@@ -317,6 +317,8 @@ def _falloff(value: Any) -> Falloff:
     """One falloff, also by its name or function. Raises: OptionError."""
     if isinstance(value, Falloff):
         return value
+    if isinstance(value, list | tuple | np.ndarray):  # a row of faces
+        raise OptionError("mesh", "vertices and faces as a pair, bake((vertices, faces))", "two arguments", "bake")
     without_arguments: dict[Any, Callable[[], Falloff]] = {
         None: Exponential,
         "exponential": Exponential,

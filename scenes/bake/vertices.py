@@ -110,19 +110,24 @@ def _remedy(plan: Plan, source: MeshFile) -> str:
 
 
 def trace(plan: Plan, inputs: BakeInputs, checkpoint: Checkpoint) -> ao.Bake:
+    """Bake, and show how far it is."""
+    options = plan.options
+    with progress(options.quiet, "rays", form=options.progress, status=checkpoint.status) as (advance,):
+        return bake_inputs(plan, inputs, checkpoint, advance)
+
+
+def bake_inputs(plan: Plan, inputs: BakeInputs, checkpoint: Checkpoint | None, advance: Progress | None) -> ao.Bake:
     """Bake: all objects at once, or one group of them after the other."""
     options = plan.options
-    only = inputs.chosen.only
-    with progress(options.quiet, "rays", form=options.progress, status=checkpoint.status) as (advance,):
-        if options.occluded_by != "all":
-            return _bake_groups(plan, inputs)
-        if inputs.source.cloud:
-            return _bake_cloud(plan, inputs, inputs.source.cloud, advance)
-        arguments = VertexArguments.of(
-            plan.arguments, inputs.chosen.mesh, only=only, threads=options.threads, progress=advance,
-            checkpoint=checkpoint, **inputs.arguments,
-        )  # fmt: skip
-        return bake_vertices(arguments)
+    if options.occluded_by != "all":
+        return _bake_groups(plan, inputs)
+    if inputs.source.cloud:
+        return _bake_cloud(plan, inputs, inputs.source.cloud, advance)
+    chosen = {"only": inputs.chosen.only, "threads": options.threads} | inputs.arguments
+    arguments = VertexArguments.of(
+        plan.arguments, inputs.chosen.mesh, progress=advance, checkpoint=checkpoint, **chosen
+    )  # fmt: skip
+    return bake_vertices(arguments)
 
 
 def _bake_cloud(plan: Plan, inputs: BakeInputs, cloud: tuple[Float64s, Float64s], advance: Progress | None) -> ao.Bake:
