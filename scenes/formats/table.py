@@ -8,6 +8,7 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import BinaryIO, NamedTuple
 
+from raytrace.errors import OptionError
 from raytrace.system.atomic import PathName
 
 
@@ -49,9 +50,11 @@ class FileFormat(NamedTuple):
     # what else the "source" of an output holds; "w", that of "faces" and backs, "colors" of vertices, "uv" of corners,
     # a "scene", a "raster"
     holds: tuple[str, ...] = ()
+    in_metres: bool = False  # whether the format has coordinates in metres; of others the unit is not known
 
 
 _REGISTERED: dict[str, FileFormat] = {}
+_METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3}
 _LIBRARIES = FileFormat("", "", "scenes.formats.libraries:read_by_library", 22.0)
 
 
@@ -87,6 +90,24 @@ def endings(what: str) -> tuple[str, ...]:
 def is_raster(path: PathName) -> bool:
     """Whether a file is a raster of heights, by its ending: every cell gets w, in a raster."""
     return "raster" in format_of(path).holds
+
+
+def in_file_units(path: PathName, name: str, length: object) -> object:
+    """A length with a unit, "10mm" or "10 km", in the file's; anything else as it is.
+
+    Raises: OptionError: of the option `name`, where the file has none.
+    """
+    match = re.fullmatch(r"\s*([-+.\deE]+)\s*(mm|cm|m|km)\s*", str(length))
+    if not match:
+        return length
+    number, unit = match.groups()
+    if not format_of(path).in_metres:
+        expected = 'a length in the file\'s own unit, which it does not name, such as 0.5, or "25%"'
+        raise OptionError(name, expected, repr(length), path)
+    try:
+        return repr(float(number) * _METRES[unit])
+    except ValueError:
+        return length
 
 
 def sniffed_format(content: bytes | bytearray) -> str | None:

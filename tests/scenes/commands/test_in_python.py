@@ -50,9 +50,9 @@ def test_its_arguments_are_those_of_ao_and_the_options_of_the_command():
 
 
 def test_a_mesh_its_file_and_the_name_are_baked_to_the_same_bits(folder):
-    mesh = obscurance.load("hills.ply").mesh
-    w = ao.bake(mesh, **FEW).w
-    for mesh in (mesh, "hills.ply", folder / "hills.ply", obscurance.load("hills.ply"), ao.prepare(mesh)):
+    loaded = obscurance.load("hills.ply")
+    w = ao.bake(loaded.mesh, **FEW).w
+    for mesh in (loaded, loaded.mesh, ao.prepare(loaded.mesh), "hills.ply", folder / "hills.ply"):
         np.testing.assert_array_equal(obscurance.bake(mesh, **FEW).w, w)
 
 
