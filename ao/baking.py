@@ -52,7 +52,7 @@ def bake(
     samples: int | None = None,
     seed: int = 0,
     threads: int | None = None,
-    normals: Normals = "angle",
+    normals: Normals = "file",
     *,
     progress: Progress | None = None,
     checkpoint: Checkpoint | None = None,
@@ -87,8 +87,9 @@ def bake(
             with a tolerance the most is 2²⁶ in all if that is more.
         seed: Random seed. 0 to 2⁶⁴ − 1. The same seed gives the same bits for any number of threads.
         threads: Number of threads, by default all cores; results are the same.
-        normals: Vertex normals: those of faces, weighted by angle, by area or equally; the file's; or up. They are the
-            axes of hemispheres.
+        normals: Normals: the file's own at corners, and where it has none of use, as with angle; those of faces around,
+            weighted by angle, by area or equally, smooth across edges of up to 30°; or up. They are the axes of
+            hemispheres.
         progress: Called with (rays traced, rays in all, stage) as the work goes on; a stage without rays, as "coverage"
             and "seams" of a texture, counts to 1.
         checkpoint: Keeps what is traced, and is asked for what an interrupted run traced; the bits are the same.

@@ -14,7 +14,7 @@ from .estimate.inside import inside_solids
 from .estimate.sampling_error import derive
 from .execute.tracer import Tracer
 from .points.points import Points
-from .points.smooth_surface import SmoothSurface
+from .points.smooth_surface import LocatedPoints, SmoothSurface, VertexAxes
 from .points.surface_samples import with_alpha
 from .prepared import Prepared
 from .rays.below_face import leave_out_below
@@ -34,7 +34,7 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     placement = prepared.placement
     receivers = prepared.receivers
     vertices = placement.vertices.astype(np.float64)
-    normals, areas = face_normals(vertices, receivers.faces)
+    normals, areas = receivers.face_normals(vertices)
     if prepared.requested is not None:
         areas = np.where(prepared.requested[receivers.faces].all(axis=1), areas, 0.0)
     if not areas.any() or not len(receivers.points):
@@ -45,8 +45,13 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     face, weights = _spread(areas, count, derive(prepared.key, 7))
     corners = receivers.faces[face]
     corner_points = receivers.of_vertex[corners]
-    axes = np.where(corner_points[..., None] < 0, np.float32(0), receivers.points.normals[corner_points])
-    points, geometric_normals = _on_faces(vertices[corners], normals[face], axes, weights)
+    axes = VertexAxes(
+        *(
+            np.where(corner_points[..., None] < 0, 0.0, vectors[corner_points]).reshape(-1, 3)
+            for vectors in (receivers.points.normals, receivers.surface_normals)
+        )
+    )
+    points, located = _on_faces(vertices[corners], normals[face], axes, weights)
     del vertices, normals, areas
 
     # Those outside solids, estimated twice, and what w is interpolated to there.
@@ -54,7 +59,7 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     outside = ~inside_solids(points, lambda: corners[:, 0], placement, receivers, interior, prepared.threads)
     if not outside.any():
         return NOWHERE
-    geometric_normals = with_alpha(geometric_normals, receivers.opacity, face, weights)[outside]
+    geometric_normals = with_alpha(located, receivers.opacity, face, weights)[outside]
     estimates = _estimate_twice(prepared, points[outside], geometric_normals, 2 * count)
     weights64 = weights[outside].astype(np.float64)
     corners = corners[outside]
@@ -77,7 +82,8 @@ def _estimate_twice(prepared: Prepared, points: Points, geometric_normals: Float
     twice = replace(twice, numbers=np.arange(len(twice), dtype=np.uint32))
     key = derive(prepared.key, 8)
     gathered = tracer.gather(twice, _RAYS, key)
-    leave_out_below(twice.arrays, np.tile(geometric_normals, (2, 1)), tracer.scene.table(_RAYS, total, key), gathered)
+    table, cone = tracer.scene.table(_RAYS, total, key), tracer.scene.cone
+    leave_out_below(twice.arrays, np.tile(geometric_normals, (2, 1)), table, cone, gathered)
     return np.asarray(gathered[:, W].reshape(2, -1).T)
 
 
@@ -90,14 +96,14 @@ def _spread(areas: Float64s, count: int, key: np.uint32) -> tuple[Int64s, Float3
     return face, np.stack([1 - root, root * (1 - v), root * v], axis=-1).astype(np.float32)
 
 
-def _on_faces(corners: Float64s, normals: Float64s, axes: Float32s, weights: Float32s) -> tuple[Points, Float32s]:
-    """Points on faces of `corners` (k, 3, 3), whose vertices have `axes` (k, 3, 3), and the normals of the faces."""
+def _on_faces(
+    corners: Float64s, normals: Float64s, axes: VertexAxes, weights: Float32s
+) -> tuple[Points, LocatedPoints]:
+    """Points on faces of `corners` (k, 3, 3), whose vertices have `axes` (3 k, 3), lifted and as they are."""
     count = len(corners)
     numbers = np.arange(count)
     surface = Surface.of(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3), normals)
     magnitude = surface.magnitudes(np.repeat(numbers[:, None], 3, axis=1), count)
-    faces = SmoothSurface(axes.reshape(-1, 3).astype(np.float64), surface)
-    positions, geometric_normals, hemispheres = faces.points_at(numbers, weights, 1)
-    origins = positions + ray_offset(geometric_normals, magnitude, np.ones(count))[:, None] * geometric_normals
-    points = Points(origins.astype(np.float32), hemispheres.astype(np.float32), numbers.astype(np.uint32))
-    return points, geometric_normals.astype(np.float32)
+    located = SmoothSurface(axes, surface).points_at(numbers, weights, 1)
+    origins = located.positions + ray_offset(located.normals, magnitude, np.ones(count))[:, None] * located.normals
+    return Points.lifted(located.positions, origins, located.axes), located

@@ -52,7 +52,8 @@ class Options:
     threads: Annotated[int | None, Option(bounds=(1, 4096), role="run", bake_kinds=f"{EVERY_BAKE} merge", help=
         "Number of threads, by default all cores; results are the same.")] = None
     normals: Annotated[Normals, Option(help=
-        "Vertex normals: those of faces, weighted by angle, by area or equally; the file's; or up.")] = "angle"
+        "Normals: the file's own at corners, and where it has none of use, as with angle; those of faces around, "
+        "weighted by angle, by area or equally, smooth across edges of up to 30°; or up.")] = "file"
     _: KW_ONLY
     tolerance: Annotated[float | None, Option(bounds=(1e-5, 1), bake_kinds="vertices texture batch", help=
         "Target RMS error of w, 0.005 by default; ray counts are chosen to meet it.")] = None

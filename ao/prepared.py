@@ -61,7 +61,7 @@ class PreparedMesh(Mesh):
         placement: in render space. receivers: of all vertices.
     """
 
-    axes: Normals = field(default="angle", kw_only=True)
+    axes: Normals = field(default="file", kw_only=True)
     placement: Placement = field(init=False)
     receivers: Receivers = field(init=False)
 
@@ -83,7 +83,7 @@ class PreparedMesh(Mesh):
         return replace(receivers, flags=receivers.flags.copy(), embree=embree, tree_seconds=0.0)
 
 
-def prepare(mesh: Mesh | Any, normals: Normals = "angle") -> PreparedMesh:
+def prepare(mesh: Mesh | Any, normals: Normals = "file") -> PreparedMesh:
     """A mesh that `ao.bake` and `ao.bake_texture` take without placing it or building its hierarchy again.
 
     Args: mesh, normals: as `ao.bake` takes them; bakes of the result must be given the same `normals`.

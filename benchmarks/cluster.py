@@ -60,8 +60,7 @@ def measure(mesh: Path, samples: int, rounds: int, folder: Path) -> list[dict[st
 def bytes_of_points() -> tuple[float, float]:
     """Bytes that a point's work takes on its way to a worker, and its rows on their way back."""
     count = 1 << 16
-    origins, normals = np.zeros((2, count, 3), np.float32)
-    points = Points(origins.copy(), normals.copy(), np.arange(count, dtype=np.uint32))
+    points = Points.lifted(*np.zeros((3, count, 3)))
     mu = Exponential(tau=1.0).resolve(1.0).in_render_space(1.0)
     work = Hemispheres(points, 256, np.uint32(0), count, mu, 1.0, 0)
     return len(pickle.dumps(work)) / count, len(pickle.dumps(work.tables())) / count

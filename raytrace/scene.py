@@ -14,9 +14,10 @@ from .errors import OptionError, check_type, numbers
 from .image.texture import Texture
 from .kernel.arrays import product
 from .lights.sources import BaseLight
+from .mesh.corners import split_hard_edges
 from .mesh.mesh import Mesh, mesh_of
 from .mesh.opacity import AlphaSurface, Opacity
-from .types import Float64s
+from .types import Float64s, Int64s
 
 
 def _freeze(owner: object, name: str, array: Float64s) -> None:
@@ -122,6 +123,19 @@ class Shape:
         surfaces = (*(blended.get(surface, surface) for surface in opacity.surfaces), AlphaSurface(alpha))
         return replace(opacity, of=np.where(opacity.of < 0, len(opacity.surfaces), opacity.of), surfaces=surfaces)
 
+    @cached_property
+    def split(self) -> tuple[Shape, Int64s] | None:
+        """The shape with a vertex for each side of hard edges (`split_hard_edges`), and which of its own each is, (k,).
+
+        None without hard edges.
+        """
+        split = split_hard_edges(self.mesh)
+        if split is None:
+            return None
+        uv, colours = (None if values is None else values[split.vertices] for values in (self.uv, self.colours))
+        occlusion = self.occlusion and replace(self.occlusion, uv=self.occlusion.uv[split.vertices])
+        return replace(self, mesh=split.mesh, uv=uv, colours=colours, occlusion=occlusion), split.vertices
+
     def __repr__(self) -> str:
         texture = "" if self.texture is None else f", {self.texture.path.name}"
         return f"<Shape {self.mesh!r}, {self.material!r}{texture}>"
@@ -195,6 +209,7 @@ class Scene:
         """All objects as one mesh in world space, in order: what a bake of the whole scene takes."""
         vertices = []
         faces = []
+        normals = []
         opacities = []
         start = 0
         for item in self.objects:
@@ -202,11 +217,28 @@ class Scene:
             vertices.append(product(mesh.vertices, linear.T) + item.transform[:3, 3])
             mirrored = np.linalg.det(linear) < 0
             faces.append((mesh.faces[:, ::-1] if mirrored else mesh.faces) + start)
+            own = np.full(mesh.vertices.shape, np.nan) if mesh.normals is None else mesh.normals
+            normals.append(product(own, np.linalg.inv(linear)))
             opacity = item.shape.opacity
             opacities.append(opacity.reversed() if opacity and mirrored else opacity)
             start += len(mesh.vertices)
         opacity = Opacity.joined(opacities, [len(triangles) for triangles in faces])
-        return Mesh(np.concatenate(vertices), np.concatenate(faces), source="scene", opacity=opacity)
+        own_normals = None if all(item.shape.mesh.normals is None for item in self.objects) else np.concatenate(normals)
+        return Mesh(np.concatenate(vertices), np.concatenate(faces), own_normals, source="scene", opacity=opacity)
+
+    @cached_property
+    def shaded(self) -> Scene:
+        """The scene with each side of hard edges a vertex of its own, with the w of both; itself without any."""
+        if not any(item.shape.split for item in self.objects):
+            return self
+        objects = []
+        for item in self.objects:
+            if item.shape.split:
+                shape, of = item.shape.split
+                w, bent = (None if values is None else values[of] for values in (item.w, item.bent_normals))
+                item = replace(item, shape=shape, w=w, bent_normals=bent)
+            objects.append(item)
+        return replace(self, objects=tuple(objects))
 
     def without_occlusion(self) -> Scene:
         """The same scene without occlusion textures; objects that shared a shape share one still."""

@@ -32,8 +32,9 @@ class Settings(Parameters, kw_only=False, source="render"):
         terminator: move shadow rays' origins off a coarse mesh onto the smooth surface that its normals describe.
         crop: (x, y, width, height) in pixels from the upper left; only these are rendered.
         seed: of the pixel samples.
-        normals: of vertices: "file", a mesh's own where it has some and else "angle"; or means over the faces around a
-            vertex, weighted by "angle" (12.33), "area" (12.32) or "equal" (12.31), whatever the mesh has.
+        normals: of vertices: "file", a mesh's own at corners where these are of use, and else "angle" and smooth but
+            across edges of more than 30°; or means over the faces around a vertex, weighted by "angle" (12.33), "area"
+            (12.32) or "equal" (12.31), whatever the mesh has.
 
     Raises:
         OptionError: a value out of range.

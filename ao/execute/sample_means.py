@@ -76,7 +76,7 @@ class SampleMeans(NamedTuple):
             normals = self.samples.geometric_normals.take(source[block], axis=0)
             for falloff in range(by_falloff.shape[1]):
                 column = np.ascontiguousarray(by_falloff[block, falloff])
-                leave_out_below(arrays, normals, table, column)
+                leave_out_below(arrays, normals, table, tracer.scene.cone, column)
                 _average(column, samples, to[1][start:stop], out[:, falloff])
 
         run_blocks(len(groups), _BLOCK, average, tracer.threads, most=_SHARE)

@@ -1,7 +1,7 @@
 """Moments of obscurance over each face, at samples spread evenly by area, from which values at the vertices are fitted.
 
-At a point of a face the hemisphere is that of shading: about the normal interpolated between the vertices, less the
-directions below the face, in which no ray can start there.
+At a point of a face the hemisphere is that of shading: about the normal interpolated between the vertices. Directions
+below the face, in which no ray can start there, are left out or closed, see `ao.rays.below_face`.
 """
 
 from typing import NamedTuple, Self
@@ -11,12 +11,14 @@ import numpy as np
 from raytrace.embree.packets import DIR_X, DIR_Y, DIR_Z, LANES
 from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import inline, kernel
-from raytrace.kernel.vector import add, divide, length, load, scale
+from raytrace.kernel.vector import add, divide, dot, length, load, scale
 from raytrace.mesh.placement import ULP
 from raytrace.ray_origins.origins import OFFSET_ULPS
 from raytrace.sampling.sequences import cosine_hemisphere, hash32
 from raytrace.types import Float32s, Float64s, Int64s
 
+from ..points.smooth_surface import leaning
+from ..rays.below_face import share_below
 from ..rays.directions import turned_frame
 from ..rays.ray_packet import aim, backface_share, mu_of, new_alpha_rows, start_from, trace
 
@@ -84,7 +86,7 @@ def _draw_rays(k, drawn, n):
 
     Neighbours complement one another, even and odd samples are independent. Args: drawn: as of `gather_faces`.
     """
-    directions, key = drawn
+    directions, key, _ = drawn
     chance = np.uint32(key + np.uint32(k & 1))
     shift_of_lattice = hash32(chance) / 4294967296.0
     shift_of_turn = hash32(hash32(chance)) / 4294967296.0
@@ -98,9 +100,15 @@ def _draw_rays(k, drawn, n):
 @inline
 def _shading_normal(axes, b, g):
     """The unit normal interpolated between the corners' `axes` by barycentrics `b`, or the face's `g` where it is 0."""
-    n = add(add(scale(b[0], load(axes, 0)), scale(b[1], load(axes, 1))), scale(b[2], load(axes, 2)))
+    n = _interpolated(axes, b)
     size = length(n)
     return (g[0], g[1], g[2]) if size < 1e-6 else divide(n, size)
+
+
+@inline
+def _interpolated(vectors, b):
+    """The vector interpolated between those of the corners (3, 3) by barycentrics `b`."""
+    return add(add(scale(b[0], load(vectors, 0)), scale(b[1], load(vectors, 1))), scale(b[2], load(vectors, 2)))
 
 
 @kernel
@@ -108,18 +116,20 @@ def gather_faces(packet, faces, samples, drawn, falloff, reach, moments, counts)
     """Gather the moments of n faces.
 
     Args:
-        faces: `Moments.faces`. drawn: `lattices`, and the key by which samples draw them. reach: length of every ray.
+        faces: `Moments.faces`. drawn: `lattices`, the key by which samples draw them, and the lattices' cone. reach:
+            length of every ray.
         moments: (n, 29), added to: for the even and for the odd samples Σ y² of y = 1 − w, the upper triangle of
             Σ b bᵀ, and Σ b y; for all Σ b ȳ_x, Σ b ȳ_y, Σ b ȳ_z, with ȳ the mean of μ·direction; weighted.
         counts: (n, 3), added to: rays traced, rays below the face, samples that are not hidden.
     """
     packet = unrefcounted_view(packet)
     samples = unrefcounted_view(samples)
-    corners, normals, axes = unrefcounted_view(faces)
+    corners, normals, axes, smooth = unrefcounted_view(faces)
     drawn = unrefcounted_view(drawn)
     falloff = unrefcounted_view(falloff)
     moments = unrefcounted_view(moments)
     counts = unrefcounted_view(counts)
+    cone = drawn[2]
     alpha_rows = new_alpha_rows(packet.opacity)
     values = np.zeros(4)
     b = np.zeros(3)
@@ -131,18 +141,24 @@ def gather_faces(packet, faces, samples, drawn, falloff, reach, moments, counts)
             # The sample's point, lifted off the face on the side of its shading normal.
             b[0], b[1], b[2] = sample_barycentric(k, samples.shift, samples.ends[f], samples.ends[f + 1])
             n = _shading_normal(axes[f], b, g)
-            _start_on(packet.rays, corners[f], b, n, g, lift, side)
+            is_own = (axes[f] == smooth[f]).all()
+            _start_on(packet.rays, corners[f], b, -1.0 if is_own and dot(n, g) < 0.0 else 1.0, g, lift, side)
             # Its rays, less those below the face.
             local, frame = _draw_rays(k, drawn, n)
-            traced, behind = _trace_above(packet, alpha_rows, local, frame, side, falloff, reach, values)
+            traced, behind = _trace_above(packet, alpha_rows, local, frame, (side, lift), falloff, reach, values)
             counts[f, TRACED] += traced
             counts[f, BELOW] += local.shape[1] - traced
-            if traced == 0:
+            rays = np.float64(traced)
+            if not is_own:  # those that the surface closes count, too
+                closed = share_below(leaning(n, (side[0], side[1], side[2]), _interpolated(smooth[f], b)), cone)
+                rays = local.shape[1] * (1.0 - max(share_below(dot(n, side), cone) - closed, 0.0))
+                values[0] += local.shape[1] * closed
+            if rays == 0.0:
                 continue
             # What they are part of: a sample that mostly sees backs of faces is hidden, and counts for little.
             hidden = behind > _MOSTLY * traced
             counts[f, SEEN] += not hidden
-            values /= traced
+            values /= rays
             weight = samples.weights[f] * HIDDEN if hidden else samples.weights[f]
             _add_moments(moments[f], (k & 1) * HALF, weight, b, values)
 
@@ -158,9 +174,8 @@ def _offset(corners, g):
 
 
 @inline
-def _start_on(rays, corners, b, n, g, lift, side):
-    """Let rays start at barycentrics `b` of a face; `side` becomes its normal `g` on the side of `n`."""
-    front = 1.0 if n[0] * g[0] + n[1] * g[1] + n[2] * g[2] >= 0.0 else -1.0
+def _start_on(rays, corners, b, front, g, lift, side):
+    """Let rays start at barycentrics `b` of a face, lifted along `side`, which becomes `front` times its normal `g`."""
     for axis in range(3):
         side[axis] = front * g[axis]
     x = b[0] * corners[0, 0] + b[1] * corners[1, 0] + b[2] * corners[2, 0]
@@ -170,11 +185,16 @@ def _start_on(rays, corners, b, n, g, lift, side):
 
 
 @inline
-def _trace_above(packet, alpha_rows, local, frame, side, falloff, reach, values):
-    """Trace rays above a face, seen from `side`: how many, and how many hit backs; `values`: Σ 1 − μ, Σ μ·direction."""
+def _trace_above(packet, alpha_rows, local, frame, lifted, falloff, reach, values):
+    """Trace rays above a face: how many, and how many hit backs; `values`: Σ 1 − μ, Σ μ·direction.
+
+    Args: lifted: the face's normal on the side that it is seen from, and how far along this rays start.
+    """
     rays = packet.rays
     valid = packet.valid
     t, u, n = frame
+    side, away = lifted
+    lift = (away * side[0], away * side[1], away * side[2])
     values[:] = 0.0
     traced = 0
     behind = 0.0
@@ -184,12 +204,12 @@ def _trace_above(packet, alpha_rows, local, frame, side, falloff, reach, values)
             height = rays[DIR_X, lane] * side[0] + rays[DIR_Y, lane] * side[1] + rays[DIR_Z, lane] * side[2]
             valid[lane] = -1 if height > 0.0 else 0
             traced -= valid[lane]
-        trace(packet, True, falloff, reach, alpha_rows)
+        trace(packet, True, falloff, reach, lift, alpha_rows)
         for lane in range(LANES):
             if valid[lane] == 0:
                 continue
             behind += backface_share(rays, lane, alpha_rows)
-            mu = mu_of(rays, lane, True, falloff, alpha_rows)
+            mu = mu_of(rays, lane, lift, True, falloff, alpha_rows)
             values[0] += 1.0 - mu
             for axis in range(3):
                 values[1 + axis] += mu * rays[DIR_X + axis, lane]

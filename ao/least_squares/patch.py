@@ -11,7 +11,6 @@ import numpy as np
 
 from raytrace.embree.packets import LANES
 from raytrace.mesh.morton import fine_morton_order
-from raytrace.mesh.normals import face_normals
 from raytrace.mesh.placement import Placement
 from raytrace.mesh.weld import CREASE
 from raytrace.sampling.sequences import hash32_array
@@ -39,10 +38,11 @@ class Patch:
     """
 
     corners: Float64s  # (m, 3, 3)
-    normals: Float64s  # (m, 3), unit
+    normals: Float64s  # (m, 3), unit, on the faces' fronts
     areas: Float64s  # (m,), above 0
     face_points: Int32s  # (m, 3), unknowns: rows in `Receivers.points`, or behind them for vertices without a point
-    axes: Float32s  # (m, 3, 3), unit normals of the corners' points, or 0
+    axes: Float32s  # (m, 3, 3), unit axes of the corners' points, or 0
+    smooth: Float32s  # (m, 3, 3), normals of the smooth surface at these, or 0
     unknowns: int  # their number
     mesh_faces: int  # number of faces that are the mesh's
     cover: Float64s  # (m,), the share of each face's area that it stands for: half in rectangles
@@ -51,19 +51,24 @@ class Patch:
     def of(cls, placement: Placement, receivers: Receivers, requested: Bools) -> Patch:
         """The patch of all faces with a corner among the `requested` vertices, bool (n,)."""
         vertices = placement.vertices.astype(np.float64)
-        faces = receivers.faces[requested[receivers.faces].any(axis=1)]
-        faces = faces[fine_morton_order(vertices[faces].mean(axis=1))]
+        rows = np.flatnonzero(requested[receivers.faces].any(axis=1))
+        rows = rows[fine_morton_order(vertices[receivers.faces[rows]].mean(axis=1))]
+        faces = receivers.faces[rows]
+        face_normals, areas = receivers.face_normals(vertices)
         unknown = receivers.of_vertex.copy()
         normals = receivers.points.normals
         without = np.flatnonzero(unknown < 0)
         unknown[without] = len(normals) + np.arange(len(without))
-        axes = np.concatenate([normals, np.zeros((len(without), 3), np.float32)])
+        none = np.zeros((len(without), 3), np.float32)
+        axes = np.concatenate([normals, none])
         points = unknown[faces]
         patch = cls(
             vertices[faces],
-            *face_normals(vertices, faces),
+            face_normals[rows],
+            areas[rows],
             points.astype(np.int32),
             axes[points],
+            np.concatenate([receivers.surface_normals, none])[points],
             unknowns=len(axes),
             mesh_faces=len(faces),
             cover=np.broadcast_to(1.0, len(faces)),
@@ -97,6 +102,7 @@ class Patch:
             areas=np.concatenate([self.areas, self.areas[face]]),
             face_points=np.concatenate([self.face_points, self.face_points.ravel()[turned]]),
             axes=np.concatenate([self.axes, self.axes.reshape(-1, 3)[turned]]),
+            smooth=np.concatenate([self.smooth, self.smooth.reshape(-1, 3)[turned]]),
             cover=cover,
         )
 
@@ -110,6 +116,7 @@ class Patch:
             self.areas[faces],
             face_points,
             self.axes[faces],
+            self.smooth[faces],
             unknowns=len(unknowns),
             mesh_faces=len(faces),
             cover=self.cover[faces],
@@ -120,7 +127,7 @@ class Patch:
 class Moments:
     """The moments and ray counts of faces as a `KeptRowTask`, which any process can do; see `gather_faces`."""
 
-    faces: Outputs  # corners, normals and axes of m faces, as `Patch` has them
+    faces: Outputs  # corners, normals, axes and smooth normals of m faces, as `Patch` has them
     samples: Samples
     points: Int32s  # (m, 3), unknowns, which identify the faces
     rays_of_sample: int
@@ -165,7 +172,7 @@ class Moments:
 
     def writer(self, scene: RayScene, tables: Outputs) -> Callable[[int, int], None]:
         embree = scene.embree()
-        drawn = lattices(self.rays_of_sample, scene.cone), self.key
+        drawn = lattices(self.rays_of_sample, scene.cone), self.key, scene.cone
         moments, counts = tables
 
         def write(start: int, stop: int) -> None:
@@ -193,7 +200,7 @@ def gather_moments(prepared: Prepared, patch: Patch, total: int) -> tuple[Float6
     rays = int(np.clip(prepared.options.rays // 2 // LANES * LANES, LANES, _MOST_RAYS))
     count = max(total // rays, 1)
     shift = float(np.ldexp(hash32_array([key])[0], -32))
-    faces = patch.corners, patch.normals, patch.axes
+    faces = patch.corners, patch.normals, patch.axes, patch.smooth
     mu = prepared.mu.in_render_space(placement.scale)
     samples = Samples.spread(patch.areas * patch.cover, count, shift)
     work = Moments(faces, samples, patch.face_points, rays, count, key, mu, placement.diagonal)

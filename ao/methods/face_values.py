@@ -1,4 +1,5 @@
-"""w of faces: the mean over samples spread over each, whose hemispheres are about the face's own normal."""
+"""w of faces: the mean over samples spread over each, whose hemispheres are about the face's own normal, or the axes
+that were given."""
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from ..execute.checkpoint import Checkpoint
 from ..execute.sample_means import SampleMeans
 from ..points.corners import CornerSamples
 from ..points.receivers import Flag
-from ..points.smooth_surface import PointGroups, SmoothSurface
+from ..points.smooth_surface import PointGroups, SmoothSurface, VertexAxes
 from ..points.surface_samples import SurfaceSamples
 from ..prepared import Prepared
 from ..result import BakedElements, PointValues
@@ -48,13 +49,16 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Checkpoint | None) 
         raise MeshError(prepared.mesh.source, "faces", "some that have an area", "none")
     faces = faces[morton_order(vertices[receivers.faces[faces]].mean(axis=1).astype(np.float32))]
     areas = face_normals(vertices, receivers.faces[faces])[1]
-    flat = SmoothSurface(np.zeros_like(vertices), SmoothSurface.of(vertices, receivers).surface)
+    surface = SmoothSurface.of(vertices, receivers)
+    if options.normals not in ("file", "up"):
+        nothing = np.zeros_like(vertices)
+        surface = surface._replace(axes=VertexAxes(nothing, nothing))
 
     def samples_of(numbers: Int64s, key: np.uint32) -> SurfaceSamples:
         """Jittered samples on the faces `numbers`, more on larger ones."""
         on_faces = _spread(faces[numbers], areas[numbers] / areas.sum(), key)
         all_count = np.zeros(len(numbers), np.bool_)
-        return SurfaceSamples.place(on_faces, all_count, flat, receivers, threads)
+        return SurfaceSamples.place(on_faces, all_count, surface, receivers, threads)
 
     def outside(samples: SurfaceSamples) -> tuple[SurfaceSamples, Bools]:
         """The samples outside of solids, and which faces (k,) have none: all of their samples are inside."""

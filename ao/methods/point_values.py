@@ -13,7 +13,8 @@ from raytrace.errors import MeshError, OptionError
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.morton import morton_order
 from raytrace.mesh.normals import normalize
-from raytrace.ray_origins.origins import ray_offset
+from raytrace.ray_origins.origins import directions_in_front, ray_offset
+from raytrace.ray_origins.surface import Surface
 from raytrace.types import Float64s, UInt8s
 
 from ..estimate.estimate import estimate
@@ -61,7 +62,8 @@ def bake_points(
     Args:
         mesh: what occludes, in any form that `ao.bake` takes. None: the points are samples of a surface and occlude
             each other, each as a disc that reaches to its sixth neighbour; lengths in per cent are of these discs.
-        points: (k, 3), in the unit of `mesh`; those on a face are taken to lie on the side of their normal.
+        points: (k, 3), in the unit of `mesh`; those on a face are taken to lie on its front, or on its back if their
+            normal is more than 45° behind it. Directions below the face are closed.
         normals: (k, 3), axes of the hemispheres, of any length; where one is zero or NaN, w is 1.
         falloff, samples, seed, threads, progress, occluders, tolerance, denoise, spread, back_faces, traversal,
             profile: as `ao.bake` takes them.
@@ -147,7 +149,12 @@ def _in_render_space(prepared: Prepared, points: Float64s) -> Float64s:
 def _points_at(prepared: Prepared, points: Float64s, axes: Float64s, lifts: Float64s) -> Points:
     """Origins of rays above the points, in render space."""
     placed = _in_render_space(prepared, points)
-    largest = np.maximum(np.abs(placed).max(axis=1), np.abs(prepared.placement.vertices).max())
-    offset = np.maximum(ray_offset(axes, largest, np.ones(len(points))), lifts * prepared.placement.scale)
-    origins = placed + offset[:, None] * axes
-    return Points(origins.astype(np.float32), axes.astype(np.float32), np.arange(len(points), dtype=np.uint32))
+    vertices, receivers = prepared.placement.vertices.astype(np.float64), prepared.receivers
+    directions, clearance = axes, np.ones(len(points))
+    if not lifts.any():  # else each lies on its own disc
+        surface = Surface.of(vertices, receivers.faces, receivers.face_normals(vertices)[0])
+        directions, clearance = directions_in_front(placed, axes, receivers.tree, surface)
+    largest = np.maximum(np.abs(placed).max(axis=1), np.abs(vertices).max())
+    offset = np.maximum(ray_offset(directions, largest, clearance), lifts * prepared.placement.scale)
+    origins = placed + offset[:, None] * directions
+    return Points.lifted(placed, origins, axes)

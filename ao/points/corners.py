@@ -7,7 +7,7 @@ counts by its angle there, and is sampled close to the vertex with its own norma
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,7 +45,7 @@ class CornerSamples:
     def none(cls) -> CornerSamples:
         """No samples, of a mesh without folded vertices."""
         nothing = np.zeros((0, 3), np.float32)
-        return cls(np.zeros(0, np.int64), np.zeros(1, np.int64), Points(nothing, nothing, np.zeros(0, np.uint32)),
+        return cls(np.zeros(0, np.int64), np.zeros(1, np.int64), Points.lifted(nothing, nothing, nothing),
                    np.zeros(0))  # fmt: skip
 
     def __len__(self) -> int:
@@ -80,7 +80,7 @@ class CornerSamples:
 
 
 def find_corner_samples(
-    tree: BVH16, surface: Surface, corners: Int64s, points: Int64s, first_number: int
+    tree: BVH16, surface: Surface, corners: Int64s, points: Int64s, first_number: int, axes: Float64s | None
 ) -> CornerSamples:
     """Sample the face corners of folded vertices.
 
@@ -88,6 +88,7 @@ def find_corner_samples(
         tree: over the faces of `surface`.
         corners: (c,), ascending: all face corners at the points, at least one; 3 f + k is face f's k-th.
         points: (c,), the point of each corner. first_number: of the first sample.
+        axes: (c, 3), of the hemispheres at each corner; None: the faces' normals.
     """
     order = np.argsort(points, kind="stable")
     face, corner = np.divmod(corners[order], 3)
@@ -106,9 +107,9 @@ def find_corner_samples(
     normals = surface.normals[face][of]
     origins, _ = ray_origins(tree, surface, positions, normals, np.ones(len(of)), number, of, magnitude[of])
     weights = angle / np.repeat(np.add.reduceat(angle, starts[:-1]), np.diff(starts)) / SPREAD
-    samples = Points(
-        origins.astype(np.float32), normals.astype(np.float32), first_number + np.arange(len(of), dtype=np.uint32)
-    )
+    hemispheres = normals if axes is None else axes[order][of]
+    samples = Points.lifted(positions, origins, hemispheres)
+    samples = replace(samples, numbers=first_number + samples.numbers)
     return CornerSamples(point_rows, SPREAD * starts, samples, np.repeat(weights, SPREAD))
 
 

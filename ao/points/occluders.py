@@ -7,6 +7,7 @@ import numpy as np
 
 from raytrace.errors import ConflictError, OptionError
 from raytrace.mesh.mesh import Mesh, mesh_of
+from raytrace.mesh.normals import own_vertex_normals
 from raytrace.mesh.opacity import Opacity
 from raytrace.mesh.up import UP, up_axis
 
@@ -59,10 +60,11 @@ def joined(meshes: Sequence[Mesh], all_normals: bool = False) -> Mesh:
     counts = [len(mesh.faces) for mesh in meshes]
     before = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
     sources = meshes if all_normals else meshes[:1]
-    own_normals = [mesh.normals for mesh in sources if mesh.normals is not None]
-    normals = np.concatenate(own_normals) if len(own_normals) == len(sources) else None
-    if normals is not None:
-        normals = np.append(normals, np.zeros((len(vertices) - len(normals), 3)), axis=0)
+    own = [own_vertex_normals(mesh) for mesh in sources]
+    normals = np.zeros(vertices.shape) if any(each is not None for each in own) else None
+    for start, each in zip(before, own, strict=False):
+        if normals is not None and each is not None:
+            normals[start : start + len(each)] = each
     opacity = Opacity.joined([mesh.opacity for mesh in meshes], counts)
     faces += np.repeat(before, counts)[:, None]
     return Mesh(vertices, faces, normals, source=main.source, up=main.up, opacity=opacity)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -17,6 +18,7 @@ class PointArrays(NamedTuple):
     origins: Float32s
     normals: Float32s
     numbers: UInt32s
+    lifts: Float32s
 
 
 @dataclass(eq=False)
@@ -26,27 +28,43 @@ class Points:
     Attributes:
         origins, normals: float32 (k, 3), ray origins in render space and unit axes of the hemispheres.
         numbers: uint32 (k,), keys of each point's random choices.
+        lifts: float32 (k, 3), of the origins from their places on the surface, from which distances count.
     """
 
     origins: Float32s
     normals: Float32s
     numbers: UInt32s
+    lifts: Float32s
 
     def __len__(self) -> int:
         return len(self.numbers)
 
     def __getitem__(self, selection: slice | npt.NDArray[Any]) -> Points:
         if isinstance(selection, slice):
-            return Points(self.origins[selection], self.normals[selection], self.numbers[selection])
+            return self._each(lambda array: array[selection])
         rows = np.flatnonzero(selection) if selection.dtype == np.bool_ else selection
-        return Points(self.origins.take(rows, axis=0), self.normals.take(rows, axis=0), self.numbers.take(rows))
+        return self._each(lambda array: array.take(rows, axis=0))
+
+    def _each(self, change: Callable[[npt.NDArray[Any]], npt.NDArray[Any]]) -> Points:
+        """Points of which each array is changed in the same way."""
+        return Points(change(self.origins), change(self.normals), change(self.numbers), change(self.lifts))
 
     @property
     def arrays(self) -> PointArrays:
-        return PointArrays(self.origins, self.normals, self.numbers)
+        return PointArrays(self.origins, self.normals, self.numbers, self.lifts)
 
-    def followed_by(self, origins: AnyFloats, normals: AnyFloats) -> Points:
-        """These points and then others (j, 3), whose numbers go on from the last."""
-        both = np.append(self.origins, origins.astype(np.float32), axis=0)
-        axes = np.append(self.normals, normals.astype(np.float32), axis=0)
-        return Points(both, axes, np.arange(len(both), dtype=np.uint32))
+    @classmethod
+    def lifted(cls, places: AnyFloats, origins: AnyFloats, normals: AnyFloats) -> Points:
+        """Points numbered from 0. Args: places, origins, normals: (k, 3)."""
+        rounded = origins.astype(np.float32)
+        lifts = (rounded - places.astype(np.float64)).astype(np.float32)
+        return cls(rounded, normals.astype(np.float32), np.arange(len(places), dtype=np.uint32), lifts)
+
+    def followed_by(self, others: Points) -> Points:
+        """These points and then others, whose numbers go on from the last."""
+        return Points(
+            np.append(self.origins, others.origins, axis=0),
+            np.append(self.normals, others.normals, axis=0),
+            np.arange(len(self) + len(others), dtype=np.uint32),
+            np.append(self.lifts, others.lifts, axis=0),
+        )

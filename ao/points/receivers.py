@@ -13,12 +13,12 @@ import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
 from raytrace.embree.scene import TriangleScene
-from raytrace.errors import MeshError
+from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.counting_sort import counting_sort
 from raytrace.kernel.jit import bind, kernel
 from raytrace.mesh.mesh import Mesh, corner_mask
 from raytrace.mesh.morton import morton_order
-from raytrace.mesh.normals import face_normals, nonzero, normalize
+from raytrace.mesh.normals import face_normals, nonzero, normalize, own_vertex_normals, smooth_normals
 from raytrace.mesh.opacity import PackedOpacity
 from raytrace.mesh.placement import Placement
 from raytrace.mesh.up import UP, up_axis
@@ -42,7 +42,7 @@ class Flag(IntFlag):
     """Why a vertex is not ordinary; unreferenced and degenerate vertices get w = 1."""
 
     UNREFERENCED = 1  #: no face uses it
-    DEGENERATE = 2  #: every face that uses it has zero area, or its own normal was asked for and is missing
+    DEGENERATE = 2  #: every face that uses it has zero area
     OPPOSED = 4  #: no direction sees the front of all its faces; w is the mean over corner samples
     HIDDEN = 8  #: it is inside a solid, as most of what it sees is backs of faces
     FOLDED = 16  #: its normal lies behind one of its faces; w is the mean over corner samples
@@ -60,11 +60,14 @@ class Receivers:
         corners: corner samples of points that are folded or opposed.
         of_vertex: int64 (n,), the row of each vertex in `points`, −1 for none.
         flags: uint8 (n,), `Flag`s of each vertex.
-        faces: int64 (m', 3), the faces that are not degenerate. tree: over these.
+        faces: int64 (m', 3), the faces that are not degenerate. backwards: bool (m',), those whose front is not that of
+            their winding, see `wound_away`. tree: over these.
         tree_seconds: how long it took to build.
         displaced: float32 (k,), standard error of w that stems from origins away from their points, in sharp folds.
         embree: the faces in Embree, built when it is first called, which must not be on two threads at once.
         opacity: of the faces, None if all are opaque.
+        surface_normals: float32 (k, 3), of the smooth surface at the points; zero where none is meant, by axes that are
+            up: there each face is its own surface.
     """
 
     points: Points
@@ -72,11 +75,19 @@ class Receivers:
     of_vertex: Int64s
     flags: UInt8s
     faces: Int64s
+    backwards: Bools
     tree: BVH16
     tree_seconds: float
     displaced: Float32s
     embree: Callable[[], TriangleScene]
     opacity: PackedOpacity | None
+    surface_normals: Float32s
+
+    def face_normals(self, vertices: Float64s) -> tuple[Float64s, Float64s]:
+        """Unit normals (m', 3) of the faces over `vertices` (n, 3), on their fronts, and areas (m',)."""
+        normals, areas = face_normals(vertices, self.faces)
+        normals[self.backwards] *= -1.0
+        return normals, areas
 
     @property
     def first_vertex(self) -> Int64s:
@@ -94,15 +105,21 @@ class Receivers:
         needed[-1] = False  # what −1 has set
         rows = np.flatnonzero(needed)
         new_rows = np.where(needed, np.cumsum(needed) - 1, -1)
-        subset = self.points[rows], self.corners.only(rows), self.displaced[rows]
-        return replace(self, points=subset[0], corners=subset[1], displaced=subset[2], of_vertex=new_rows[of_vertex])
+        return replace(
+            self,
+            points=self.points[rows],
+            corners=self.corners.only(rows),
+            displaced=self.displaced[rows],
+            surface_normals=self.surface_normals[rows],
+            of_vertex=new_rows[of_vertex],
+        )
 
 
 class OffsetPoints(NamedTuple):
     """Points of n vertices, with ray origins, before they are numbered.
 
     Attributes:
-        welded: the points, their axes those of hemispheres. origins: float64 (k, 3), of rays.
+        welded: the points. axes: float64 (k, 3), of hemispheres. origins: float64 (k, 3), of rays.
         usable: bool (k,), points that have a hemisphere.
         split: bool (k,), those whose faces share no hemisphere: folded or opposed.
         flags: uint8 (n,). tree: over the faces of `surface`. tree_seconds: how long it took to build.
@@ -110,6 +127,7 @@ class OffsetPoints(NamedTuple):
 
     welded: WeldedPoints
     surface: Surface
+    axes: Float64s
     origins: Float64s
     usable: Bools
     split: Bools
@@ -121,16 +139,24 @@ class OffsetPoints(NamedTuple):
 def offset_points(placed: Float32s, faces: Int64s, weighting: Weighting, own_axes: Float64s | None) -> OffsetPoints:
     """Weld vertices `placed` (n, 3) in render space; the points' axes, and origins offset from the surface.
 
-    Args: weighting: of the faces' normals. own_axes: (n, 3), axes of any length in the place of these.
+    Args: weighting: of the faces' normals. own_axes: (n, 3), axes of any length, zero where faces' normals give them.
     """
     vertices = placed.astype(np.float64)
     if own_axes is not None:
         axes = normalize(own_axes)
+        is_own = nonzero(axes)
+        if not is_own.all():
+            axes = np.where(is_own[:, None], axes, smooth_normals(placed, faces, weighting))
         welded = weld_points(vertices, faces, weighting, axes, SAME)
-        folded = np.zeros(len(welded.first_vertex), np.bool_)
-        welded = welded._replace(axes=axes[welded.first_vertex])
+        is_own = is_own[welded.first_vertex]
+        axes = np.where(is_own[:, None], axes[welded.first_vertex], welded.axes)
+        behind_some = welded.clearance <= 0
+        of_one_side = welded.clearance > -1  # of a sheet's sides, an axis has chosen one
+        folded = np.where(is_own, behind_some & of_one_side, behind_some | welded.moved)
     else:
         welded = weld_points(vertices, faces, weighting)
+        is_own = np.False_
+        axes = welded.axes
         folded = (welded.clearance <= 0) | welded.moved
     # Where rays start: beside the faces, and on which side of those that the point touches.
     surface = welded.surface(vertices)
@@ -141,28 +167,26 @@ def offset_points(placed: Float32s, faces: Int64s, weighting: Weighting, own_axe
     origins, ambiguous = welded.ray_origins(tree, surface)
 
     # What is special about points, and about vertices of no face.
-    usable = nonzero(welded.directions) & nonzero(welded.axes)
-    split = np.where(welded.clearance <= 0, np.uint8(Flag.OPPOSED), np.uint8(Flag.FOLDED) * folded)
+    usable = nonzero(welded.directions) & nonzero(axes)
+    # A hemisphere that is asked for is baked, folded or not.
+    split = np.where(welded.clearance <= 0, np.uint8(Flag.OPPOSED), np.uint8(Flag.FOLDED) * (folded & ~is_own))
     special = np.where(usable, split | np.uint8(Flag.CONTACT) * ambiguous, np.uint8(Flag.DEGENERATE))
     flags = special[welded.group]
     flags[~corner_mask(faces, len(vertices))] = Flag.UNREFERENCED
-    return OffsetPoints(welded, surface, origins, usable, usable & folded, flags, tree, tree_seconds)
+    return OffsetPoints(welded, surface, axes, origins, usable, usable & folded, flags, tree, tree_seconds)
 
 
-def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle") -> Receivers:
+def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "file") -> Receivers:
     """The points of the vertices of `mesh`.
 
     Raises:
         InputError: an image of its alpha cannot be read.
-        MeshError: `normals` is "file" for a mesh that has none.
         MemoryLimitError: the corners of folded vertices would not fit into memory.
     """
     own_axes = None
     weighting: Weighting = "angle"
     if normals == "file":
-        own_axes = mesh.normals
-        if own_axes is None:
-            raise MeshError(mesh.source, "normals", "vertex normals in the mesh", "none")
+        own_axes = own_vertex_normals(mesh)
     elif normals == "up":
         own_axes = np.tile(np.asarray(UP[up_axis(mesh)], np.float64), (len(mesh.vertices), 1))
     else:
@@ -171,6 +195,11 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     own_axes = None if own_axes is None else own_axes[curve.vertices]
     offset = offset_points(placement.vertices[curve.vertices], curve.faces, weighting, own_axes)
     points, usable, index = _compacted(offset)
+    surface_normals = points.normals
+    if normals == "file":
+        surface_normals = offset.welded.axes[usable].astype(np.float32)
+    elif normals == "up":
+        surface_normals = np.zeros_like(points.normals)
     # How far rays start from the surface.
     welded, surface, tree = offset.welded, offset.surface, offset.tree
     displaced = np.minimum(_DISPLACED * welded.displacement(surface, offset.origins), 0.5).astype(np.float32)
@@ -178,13 +207,15 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
     displaced = displaced[usable]
     # Samples of corners where faces share no hemisphere, once what points were found by is let go.
     of_vertex, flags = index[welded.group][curve.place], offset.flags[curve.place]
-    tree_seconds, face_points = offset.tree_seconds, welded.face_points
+    tree_seconds, face_points, backwards = offset.tree_seconds, welded.face_points, welded.backwards
     split = np.flatnonzero(offset.split[face_points]) if offset.split.any() else np.zeros(0, np.int64)
+    corner_points = face_points.ravel()[split]
+    axes = None if own_axes is None else offset.axes[corner_points]
     del offset, welded, usable
     corners = CornerSamples.none()
     if len(split):
         check_memory(mesh.source, corner_bytes(len(split)), f"for the {len(split):,} corners of folded vertices")
-        corners = find_corner_samples(tree, surface, split, index[face_points.ravel()[split]], len(points))
+        corners = find_corner_samples(tree, surface, split, index[corner_points], len(points), axes)
     # What rays meet: faces in the order of the mesh.
     faces, number = mesh.faces, curve.order
     opacity = mesh.opacity.packed() if mesh.opacity else None
@@ -194,8 +225,13 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "angle")
         number = (np.cumsum(with_area) - 1)[number[with_area[number]]]
         opacity = opacity and opacity.only(with_area)
     tree = tree._replace(leaf_faces=np.append(number, -1).astype(np.int32)[tree.leaf_faces])
+    is_backwards = np.zeros(len(faces), np.bool_)
+    is_backwards[number[backwards]] = True
     embree = cache(partial(TriangleScene, placement.vertices, faces))
-    return Receivers(points, corners, of_vertex, flags, faces, tree, tree_seconds, displaced, embree, opacity)
+    return Receivers(
+        points, corners, of_vertex, flags, faces, is_backwards, tree, tree_seconds, displaced, embree, opacity,
+        surface_normals,
+    )  # fmt: skip
 
 
 class _Curve(NamedTuple):
@@ -237,16 +273,26 @@ def _compacted(offset: OffsetPoints) -> tuple[Points, Int64s, Int64s]:
     index = np.full(len(offset.usable), -1)
     origins = np.empty((len(usable), 3), np.float32)
     axes = np.empty((len(usable), 3), np.float32)
-    take = bind(_compact, usable, offset.origins, offset.welded.axes, origins, axes, index)
+    lifts = np.empty((len(usable), 3), np.float32)
+    places = offset.surface.vertices, offset.welded.first_vertex
+    take = bind(_compact, usable, places, (offset.origins, offset.axes), (origins, axes, lifts), index)
     run_blocks(len(usable), _BLOCK, take, thread_count(None))
-    return Points(origins, axes, np.arange(len(usable), dtype=np.uint32)), usable, index
+    return Points(origins, axes, np.arange(len(usable), dtype=np.uint32), lifts), usable, index
 
 
 @kernel
-def _compact(usable, origins, axes, own_origins, own_axes, index, start, stop):
-    """Write the origins and axes of usable points one after another, and where each point's are into `index`."""
+def _compact(usable, places, of_all, out, index, start, stop):
+    """Write the origins, axes and lifts of usable points one after another, and where each point's are into `index`.
+
+    Args: places: vertices (n, 3), and the first vertex (k,) of each point. of_all: origins and axes (k, 3).
+    """
+    vertices, first_vertex = unrefcounted_view(places)
+    all_origins, all_axes = unrefcounted_view(of_all)
+    origins, axes, lifts = unrefcounted_view(out)
     for k in range(start, stop):
-        index[usable[k]] = k
+        point = usable[k]
+        index[point] = k
         for axis in range(3):
-            own_origins[k, axis] = origins[usable[k], axis]
-            own_axes[k, axis] = axes[usable[k], axis]
+            origins[k, axis] = all_origins[point, axis]
+            axes[k, axis] = all_axes[point, axis]
+            lifts[k, axis] = origins[k, axis] - vertices[first_vertex[point], axis]

@@ -7,8 +7,8 @@ import numpy as np
 
 from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import bind, inline, kernel
-from raytrace.kernel.vector import add, dot, load, load_triangle, scale, store
-from raytrace.mesh.normals import face_normals
+from raytrace.kernel.vector import add, dot, length, load, load_triangle, scale, store, subtract, unit
+from raytrace.mesh.weld import CREASE
 from raytrace.ray_origins.surface import Surface
 from raytrace.system.threads import run_blocks
 from raytrace.types import AnyInts, Float32s, Float64s, Int32s, Int64s
@@ -42,18 +42,44 @@ class PointGroups(NamedTuple):
         return cls(np.concatenate([[0], np.cumsum(counts)]), face, barycentric)
 
 
-class SmoothSurface(NamedTuple):
-    """Faces in render space. Attributes: axes: (n, 3), smooth normals of the vertices, unit or zero."""
+class LocatedPoints(NamedTuple):
+    """k points on faces.
+
+    Attributes:
+        positions: float64 (k, 3). normals: float64 (k, 3), of the faces, on their fronts.
+        axes: float64 (k, 3), unit, of hemispheres.
+        cosines: float64 (k,), between each axis and the normal of the surface, below which directions are closed.
+    """
+
+    positions: Float64s
+    normals: Float64s
+    axes: Float64s
+    cosines: Float64s
+
+
+class VertexAxes(NamedTuple):
+    """Axes of hemispheres (n, 3) at vertices, and the normals (n, 3) of the smooth surface, unit or zero."""
 
     axes: Float64s
+    normals: Float64s
+
+
+class SmoothSurface(NamedTuple):
+    """Faces in render space, their normals on their fronts, and the axes of their vertices."""
+
+    axes: VertexAxes
     surface: Surface
 
     @classmethod
     def of(cls, vertices: Float64s, receivers: Receivers) -> Self:
         """The faces of `receivers` over `vertices` (n, 3)."""
-        axes = np.concatenate([receivers.points.normals, np.zeros((1, 3), np.float32)])[receivers.of_vertex]
-        normals = face_normals(vertices, receivers.faces)[0]
-        return cls(axes.astype(np.float64), Surface.of(vertices, receivers.faces, normals))
+        axes = VertexAxes(
+            *(
+                np.concatenate([vectors, np.zeros((1, 3), np.float32)])[receivers.of_vertex].astype(np.float64)
+                for vectors in (receivers.points.normals, receivers.surface_normals)
+            )
+        )
+        return cls(axes, Surface.of(vertices, receivers.faces, receivers.face_normals(vertices)[0]))
 
     def positions_at(self, face: AnyInts, barycentric: Float32s, threads: int) -> Float32s:
         """Positions (k, 3) of points on faces (k,)."""
@@ -62,13 +88,13 @@ class SmoothSurface(NamedTuple):
         run_blocks(len(face), _BLOCK, work, threads, most=_SHARE)
         return positions
 
-    def points_at(self, face: AnyInts, barycentric: Float32s, threads: int) -> tuple[Float64s, Float64s, Float64s]:
-        """Positions (k, 3) of points on faces (k,), their faces' normals on the hemispheres' side, and the axes of
-        the hemispheres: the interpolated normals, or the faces' own where these are far from them."""
+    def points_at(self, face: AnyInts, barycentric: Float32s, threads: int) -> LocatedPoints:
+        """Points on faces (k,)."""
         positions, normals, axes = np.empty((3, len(face), 3))
-        work = bind(_locate, face, barycentric, self.surface, self.axes, (positions, normals, axes))
+        located = LocatedPoints(positions, normals, axes, np.empty(len(face)))
+        work = bind(_locate, face, barycentric, self.surface, self.axes, located)
         run_blocks(len(face), _BLOCK, work, threads, most=_SHARE)
-        return positions, normals, axes
+        return located
 
 
 @kernel
@@ -81,39 +107,68 @@ def _interpolate(face, barycentric, vertices, faces, positions, start, stop):
 
 
 @inline
-def point_on(surface, axes, f, barycentric):
-    """A point of face `f`: its position, the face's normal on the side of its hemisphere, and the axis of this."""
-    x = y = z = nx = ny = nz = 0.0
-    for corner in range(3):
-        weight = np.float64(barycentric[corner])
-        vertex = surface.faces[f, corner]
-        p = load(surface.vertices, vertex)
-        n = load(axes, vertex)
-        x = x + weight * p[0]
-        y = y + weight * p[1]
-        z = z + weight * p[2]
-        nx = nx + weight * n[0]
-        ny = ny + weight * n[1]
-        nz = nz + weight * n[2]
-    # The face's normal on the axis' side; in place of the axis where that is none, or far from it.
+def point_on(surface, vertex_axes, f, barycentric):
+    """A point of face `f`: its position, the face's normal on its front, the axis of its hemisphere, and the cosine of
+    the angle by which this leans away from the surface.
+
+    Where normals are computed, axes are the smooth surface's own: they lean away from nothing, and the face has its
+    front on their side, or is an axis where they are none or far from it.
+    """
+    p = _interpolated(surface.vertices, surface.faces, f, barycentric)
+    axis = _interpolated(vertex_axes.axes, surface.faces, f, barycentric)
+    smooth = _interpolated(vertex_axes.normals, surface.faces, f, barycentric)
     normal = load(surface.normals, f)
-    axis = (nx, ny, nz)
-    size = np.sqrt(dot(axis, axis))
+    size = length(axis)
     cosine = dot(axis, normal)
-    if cosine < 0.0:
+    is_own = axis == smooth
+    if is_own and cosine < 0.0:
         normal = scale(-1.0, normal)
         cosine = -cosine
-    flat = size < 1e-6 or cosine < _LEAST_COSINE * size or cosine > (1.0 - 1e-12) * size
-    return (x, y, z), normal, normal if flat else scale(1.0 / size, axis)
+    far = is_own and (cosine < _LEAST_COSINE * size or cosine > (1.0 - 1e-12) * size)
+    if far or size < 1e-6:
+        return p, normal, normal, 1.0
+    axis = scale(1.0 / size, axis)
+    return p, normal, axis, 1.0 if is_own else leaning(axis, normal, smooth)
+
+
+@inline
+def _interpolated(values, faces, f, barycentric):
+    """The triple interpolated between the rows of `values` (n, 3) at the corners of a face."""
+    total = (0.0, 0.0, 0.0)
+    for corner in range(3):
+        total = add(total, scale(np.float64(barycentric[corner]), load(values, faces[f, corner])))
+    return total
+
+
+@inline
+def leaning(axis, normal, smooth):
+    """The cosine between an axis and the nearest normal on the arc from a face's to the smooth surface's, or to the
+    face's, if the axis is far from either: then it is no normal of theirs."""
+    cosine = dot(axis, normal)
+    if cosine < _LEAST_COSINE or dot(axis, smooth) < CREASE * length(smooth) or length(smooth) < 1e-6:
+        return cosine
+    smooth = unit(smooth)
+    aside = subtract(smooth, scale(dot(smooth, normal), normal))
+    if length(aside) < 1e-6:
+        return cosine
+    aside = unit(aside)
+    angle = np.arctan2(dot(axis, aside), cosine)
+    if angle <= 0.0:
+        return cosine
+    if angle >= np.arctan2(dot(smooth, aside), dot(smooth, normal)):
+        return dot(axis, smooth)
+    return np.sqrt(cosine**2 + dot(axis, aside) ** 2)
 
 
 @kernel
-def _locate(face, barycentric, surface, axes, out, start, stop):
-    """Write `point_on` for points: positions, normals and axes of hemispheres."""
+def _locate(face, barycentric, surface, vertex_axes, out, start, stop):
+    """Write `point_on` for points, `LocatedPoints`."""
     surface = unrefcounted_view(surface)
-    positions, normals, hemispheres = unrefcounted_view(out)
+    vertex_axes = unrefcounted_view(vertex_axes)
+    out = unrefcounted_view(out)
     for i in range(start, stop):
-        position, normal, axis = point_on(surface, axes, face[i], barycentric[i])
-        store(positions, i, position)
-        store(normals, i, normal)
-        store(hemispheres, i, axis)
+        position, normal, axis, cosine = point_on(surface, vertex_axes, face[i], barycentric[i])
+        store(out.positions, i, position)
+        store(out.normals, i, normal)
+        store(out.axes, i, axis)
+        out.cosines[i] = cosine

@@ -14,11 +14,11 @@ from raytrace.kernel.jit import bind, kernel
 from raytrace.mesh.opacity import PackedOpacity, alphas
 from raytrace.ray_origins.origins import ray_origins
 from raytrace.system.threads import run_blocks
-from raytrace.types import AnyFloats, AnyInts, Bools, Float32s, Int32s, Int64s
+from raytrace.types import AnyInts, Bools, Float32s, Int32s, Int64s
 
 from .points import Points
 from .receivers import Receivers
-from .smooth_surface import PointGroups, SmoothSurface
+from .smooth_surface import LocatedPoints, PointGroups, SmoothSurface
 
 _PLACED = 1 << 14  # samples whose origins are found together, and at most
 _MOST_PLACED = 1 << 18
@@ -33,7 +33,7 @@ class SurfaceSamples:
     starts: Int64s  # (k + 1,): the samples of group i are starts[i] to starts[i + 1]
     face: Int32s  # (p,), under each sample
     points: Points  # p, numbered one by one
-    geometric_normals: Float32s  # (p, 4), of the faces, on the hemispheres' side, and alpha
+    geometric_normals: Float32s  # (p, 5), of the faces, on their fronts, alpha, and `LocatedPoints.cosines`
     all_count: Bools  # (k,), whether all samples of a group are needed, however few the rays
 
     @classmethod
@@ -49,7 +49,8 @@ class SurfaceSamples:
         count = len(on_faces.face)
         origins = np.empty((count, 3), np.float32)
         axes = np.empty((count, 3), np.float32)
-        geometric_normals = np.empty((count, 4), np.float32)
+        lifts = np.empty((count, 3), np.float32)
+        geometric_normals = np.empty((count, 5), np.float32)
         faces = surface.surface
         face_points = np.repeat(np.arange(len(faces.faces))[:, None], 3, axis=1)  # each face is by itself
         magnitude = faces.magnitudes(face_points, len(faces.faces))
@@ -58,18 +59,20 @@ class SurfaceSamples:
             part = slice(start, stop)
             under = on_faces.face[part].astype(np.int64)
             weights = on_faces.barycentric[part]
-            positions, normals, axes[part] = surface.points_at(under, weights, threads)
+            located = surface.points_at(under, weights, threads)
             clear = np.ones(len(under))
             origins[part], _ = ray_origins(
-                receivers.tree, faces, positions, normals, clear, face_points, under, magnitude[under]
+                receivers.tree, faces, located.positions, located.normals, clear, face_points, under, magnitude[under]
             )
-            geometric_normals[part] = with_alpha(normals, receivers.opacity, under, weights)
+            axes[part] = located.axes
+            lifts[part] = origins[part] - located.positions
+            geometric_normals[part] = with_alpha(located, receivers.opacity, under, weights)
 
         if len(faces.faces) <= _FEW:
             run_blocks(count, max(_PLACED, len(faces.faces)), place_some, threads)
         else:  # one block after another, whose stages all threads share
             run_blocks(count, _MOST_PLACED, place_some, 1)
-        points = Points(origins, axes, np.arange(count, dtype=np.uint32))
+        points = Points(origins, axes, np.arange(count, dtype=np.uint32), lifts)
         return cls(on_faces.starts, on_faces.face, points, geometric_normals, all_count)
 
     def __len__(self) -> int:
@@ -112,7 +115,7 @@ class SurfaceSamples:
 
     def followed_by(self, others: SurfaceSamples) -> SurfaceSamples:
         """These groups and then the `others`."""
-        points = self.points.followed_by(others.points.origins, others.points.normals)
+        points = self.points.followed_by(others.points)
         return SurfaceSamples(
             np.append(self.starts, self.starts[-1] + others.starts[1:]),
             np.append(self.face, others.face),
@@ -130,11 +133,12 @@ class SurfaceSamples:
         return replace(self, starts=np.concatenate([[0], np.cumsum(counts)]), all_count=all_count)
 
 
-def with_alpha(normals: AnyFloats, opacity: PackedOpacity | None, face: AnyInts, barycentric: Float32s) -> Float32s:
-    """Normals (k, 3) of faces (k,), and alpha at `barycentric` (k, 3) on them: float32 (k, 4)."""
-    packed = np.empty((len(face), 4), np.float32)
-    packed[:, :3] = normals
+def with_alpha(located: LocatedPoints, opacity: PackedOpacity | None, face: AnyInts, barycentric: Float32s) -> Float32s:
+    """What `leave_out_below` takes of points at `barycentric` (k, 3) on faces (k,): normals, alpha, cosines (k, 5)."""
+    packed = np.empty((len(face), 5), np.float32)
+    packed[:, :3] = located.normals
     packed[:, 3] = 1.0
+    packed[:, 4] = located.cosines
     if opacity is not None:
         alpha = np.ones(len(face))
         alphas(opacity, face, barycentric[:, 1:].astype(np.float64), alpha)

@@ -1,14 +1,16 @@
-"""Rays that start below the face that they leave, where the hemisphere is about an interpolated normal.
+"""Rays that start below the face that they leave, where the hemisphere is not about its normal.
 
-They end on that face at once and say nothing of the surroundings: estimates are made of the other rays alone, as by
-the surface method (`ao.least_squares.face_moments`). So convex surfaces are open, however coarse. Where the face has an
-alpha, that part of them ends there; the rest counts as other rays do.
+They end on that face at once. Where the axis is an interpolated normal of a smooth surface, of which the face is an
+approximation, they say nothing of the surroundings: they are left out, as by the surface method
+(`ao.least_squares.face_moments`), so that convex surfaces are open, however coarse. By as much as the axis leans away
+from that surface, they are closed. What share of directions is below is known: estimates are divided by no estimate.
+Where the face has an alpha, that part of them ends there; the rest counts as other rays do.
 """
 
 import numpy as np
 
 from raytrace.kernel.arrays import unrefcounted_view
-from raytrace.kernel.jit import kernel
+from raytrace.kernel.jit import inline, kernel
 from raytrace.kernel.vector import dot
 
 from .directions import choose, turned_frame
@@ -18,12 +20,14 @@ _NOTHING = 1e-9  # of the rays lost: rounding
 
 
 @kernel
-def leave_out_below(points, geometric_normals, table, out):
+def leave_out_below(points, geometric_normals, table, cone, out):
     """Correct estimates for rays below the face.
 
     Args:
         points: PointArrays. table: DirectionTable by which `out` was gathered.
-        geometric_normals: float32 (n, 4), unit normals of the faces, on the side of the hemispheres, and alpha there.
+        geometric_normals: float32 (n, 5), unit normals of the faces on their fronts, alpha there, and the cosines
+            between the axes and the surface's normals.
+        cone: of the table's directions, sin² of the largest angle to the axis.
         out: float64 (n, COLUMNS), of `Tracer.gather`, changed in place.
     """
     points = unrefcounted_view(points)
@@ -45,15 +49,31 @@ def leave_out_below(points, geometric_normals, table, out):
         local, below = directions[chosen], 0
         for k in range(samples):
             below += x * local[0, k] + y * local[1, k] + z * local[2, k] < 0.0
-        if below == 0 or below == samples:
-            continue
-        # Rays below count as ended there, as far as the face is opaque; the others stand for all.
-        ended = below * np.float64(geometric_normal[3])
-        above = samples - ended
-        lost = (1.0 - out[i, W]) * samples - ended
-        if lost <= _NOTHING * samples:
+        # Rays below count as ended there, as far as the face is opaque: closed, or replaced by the mean of the others.
+        alpha = np.float64(geometric_normal[3])
+        closed = alpha * share_below(np.float64(geometric_normal[4]), cone)
+        standing = 1.0 - max(alpha * share_below(np.float64(z), cone) - closed, 0.0)
+        lost = closed + 1.0 - out[i, W] - alpha * below / samples
+        if lost <= _NOTHING:
             out[i, W], out[i, BATCH_VARIANCE] = 1.0, 0.0
         else:
-            out[i, W] = max(1.0 - lost / above, 0.0)
+            out[i, W] = 1.0 - lost / standing
         for column in range(BENT, COLUMNS):
-            out[i, column] *= samples / above
+            out[i, column] /= standing
+
+
+@inline
+def share_below(cosine, cone):
+    """The share of cosine-weighted directions about an axis, within a cone, that a plane through its apex has below.
+
+    Weighted by their cosine, directions are even over the disk that they project to, and the plane cuts this in an
+    ellipse (Nusselt's analogue): below is what of the disk of radius sin α is outside of x²/cos²θ + y² = 1, x < 0.
+
+    Args: cosine: cos θ, between the axis and the plane's normal. cone: sin² α, of half the cone's angle.
+    """
+    upright = min(abs(cosine), 1.0)
+    share = 0.0
+    if upright**2 < cone:  # else the plane misses the cone
+        half = np.arccos(min(upright * np.sqrt((1.0 - cone) / (cone * (1.0 - upright**2))), 1.0))
+        share = (half - upright * np.arctan(upright * np.tan(half)) / cone) / np.pi
+    return share if cosine >= 0.0 else 1.0 - share

@@ -7,7 +7,7 @@ falloffs rays and closest hits are the same, and a hit adds its loss by each fal
 
 import numpy as np
 
-from raytrace.embree.packets import GEOM_ID, INVALID, LANES, TFAR
+from raytrace.embree.packets import GEOM_ID, INVALID, LANES
 from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import inline, kernel
 from raytrace.kernel.simd import WIDE, lowest_bit
@@ -17,7 +17,7 @@ from ..mu import accumulate_occlusion, depends_on_distance
 from .directions import BATCHES, choose, turned_frame
 from .layers import clear, hit_mask, write_occlusion
 from .ray_blocks import init_rays
-from .ray_packet import aim, mu_of, new_alpha_rows, start_from, trace
+from .ray_packet import aim, distance_of, mu_of, new_alpha_rows, start_from, trace
 from .traverse import traverse
 
 W, BATCH_VARIANCE, BENT = range(3)  # columns of rows: w, the variance between batches, the mean of μ·direction
@@ -54,28 +54,29 @@ def gather_hemispheres(packet, points, table, falloff, t_max, out):
         # A packet of rays at a time: each ray's 1 − μ goes into the point's sums.
         sums[:] = 0.0
         valid[:] = -1
+        lift = points.lifts[i]
         start_from(rays, origins[i])
         for first_ray in range(0, samples, LANES):
             lanes = min(LANES, samples - first_ray)
             valid[lanes:] = 0
             aim(rays, local, first_ray, t, b, n, t_max)
-            trace(packet, fading, falloff, t_max, alpha_rows)
+            trace(packet, fading, falloff, t_max, lift, alpha_rows)
             for lane in range(lanes):
-                if _write_lane_occlusion(rays, lane, fading, falloff, falloff.columns, alpha_rows, occlusion):
+                if _write_lane_occlusion(rays, lane, lift, fading, falloff, falloff.columns, alpha_rows, occlusion):
                     _add(occlusion, table.batches[first_ray + lane], local, first_ray + lane, sums)
         _write(out[i], sums, table, chosen, (t, b, n))
 
 
 @inline
-def _write_lane_occlusion(rays, lane, fading, falloff, columns, alpha_rows, occlusion):
+def _write_lane_occlusion(rays, lane, lift, fading, falloff, columns, alpha_rows, occlusion):
     """Write 1 − μ of a ray of a packet by each falloff; returns whether any is above 0."""
     if columns is None:
-        occlusion[0] = 1.0 - mu_of(rays, lane, fading, falloff, alpha_rows)
+        occlusion[0] = 1.0 - mu_of(rays, lane, lift, fading, falloff, alpha_rows)
         return occlusion[0] != 0.0
     if rays.view(np.uint32)[GEOM_ID, lane] == INVALID:
         return False
     occlusion[:] = 0.0
-    accumulate_occlusion(columns, rays[TFAR, lane], 1.0, occlusion)
+    accumulate_occlusion(columns, distance_of(rays, lane, lift), 1.0, occlusion)
     return True
 
 
@@ -101,7 +102,8 @@ def gather_streams(tree, rays, state, points, table, falloff, t_max, out):
         # All rays of the point through the tree together.
         init_rays(rays, table.directions, table.cones, chosen, samples, (t, b, normal), t_max)
         clear(state.layers)
-        traverse(tree, state, rays, load(points.origins, i), normal, table.lowest[chosen], fading, t_max)
+        start = load(points.origins, i)
+        traverse(tree, state, rays, start, load(points.lifts, i), normal, table.lowest[chosen], fading, t_max)
         # The 1 − μ of the rays that met something.
         sums[:] = 0.0
         for k in range(len(rays.t_hit)):

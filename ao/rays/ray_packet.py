@@ -74,10 +74,13 @@ def new_alpha_rows(opacity):
 
 
 @inline
-def trace(packet, closest, falloff, t_max, alpha_rows):
-    """Trace the valid rays of a `RayPacket`. Args: closest: whether distances, or backs, matter."""
+def trace(packet, closest, falloff, t_max, lift, alpha_rows):
+    """Trace the valid rays of a `RayPacket`.
+
+    Args: closest: whether distances, or backs, matter. lift: of the origin from the place that distances count from.
+    """
     if alpha_rows is not None:
-        _trace_through(packet, falloff, t_max, alpha_rows)
+        _trace_through(packet, falloff, t_max, lift, alpha_rows)
     elif closest:
         packets.intersect8(packet.scene, packet.rays, packet.valid)
     else:
@@ -85,7 +88,7 @@ def trace(packet, closest, falloff, t_max, alpha_rows):
 
 
 @inline
-def mu_of(rays, lane, closest, falloff, alpha_rows):
+def mu_of(rays, lane, lift, closest, falloff, alpha_rows):
     """μ of a ray that was traced."""
     if alpha_rows is not None:
         return 1.0 - alpha_rows[_OCCLUSION, lane]
@@ -93,7 +96,21 @@ def mu_of(rays, lane, closest, falloff, alpha_rows):
         return 0.0 if rays[TFAR, lane] < 0.0 else 1.0
     if rays.view(np.uint32)[packets.GEOM_ID, lane] == packets.INVALID:
         return 1.0
-    return _mu_at(rays[TFAR, lane], falloff)
+    return _mu_at(distance_of(rays, lane, lift), falloff)
+
+
+@inline
+def distance_of(rays, lane, lift):
+    """How far the plane of a hit is, along the ray, from the place that its origin is lifted from; at least 0."""
+    ahead = _along_normal(rays, lane, rays[packets.DIR_X, lane], rays[packets.DIR_Y, lane], rays[packets.DIR_Z, lane])
+    lifted = _along_normal(rays, lane, lift[0], lift[1], lift[2])
+    return max(rays[TFAR, lane] + lifted / ahead, 0.0) if ahead != 0.0 else rays[TFAR, lane]
+
+
+@inline
+def _along_normal(rays, lane, x, y, z):
+    """The dot product of a vector and the normal, of any length, of what a ray has hit."""
+    return x * rays[packets.NG_X, lane] + y * rays[packets.NG_Y, lane] + z * rays[packets.NG_Z, lane]
 
 
 @inline
@@ -118,11 +135,11 @@ def _is_back(rays, lane):
     x = rays[packets.DIR_X, lane]
     y = rays[packets.DIR_Y, lane]
     z = rays[packets.DIR_Z, lane]
-    return x * rays[packets.NG_X, lane] + y * rays[packets.NG_Y, lane] + z * rays[packets.NG_Z, lane] > 0.0
+    return _along_normal(rays, lane, x, y, z) > 0.0
 
 
 @inline
-def _trace_through(packet, falloff, t_max, alpha_rows):
+def _trace_through(packet, falloff, t_max, lift, alpha_rows):
     """Trace the valid rays, again and again from behind their last hits, until all have ended or left the scene."""
     rays, valid = packet.rays, packet.valid
     ids = rays.view(np.uint32)
@@ -140,7 +157,7 @@ def _trace_through(packet, falloff, t_max, alpha_rows):
             if valid[lane] == 0:
                 continue
             if ids[packets.GEOM_ID, lane] != packets.INVALID:
-                _blend_hit(packet.opacity, falloff, rays, lane, alpha_rows)
+                _blend_hit(packet.opacity, falloff, rays, lane, lift, alpha_rows)
                 rays[packets.TNEAR, lane] = max(rays[TFAR, lane] * _FARTHER, _LEAST_T)
                 rays[TFAR, lane] = t_max
             if ids[packets.GEOM_ID, lane] == packets.INVALID or alpha_rows[_TRANSMITTANCE, lane] <= LEAST:
@@ -152,13 +169,13 @@ def _trace_through(packet, falloff, t_max, alpha_rows):
 
 
 @inline
-def _blend_hit(opacity, falloff, rays, lane, alpha_rows):
+def _blend_hit(opacity, falloff, rays, lane, lift, alpha_rows):
     """Let a part of a ray end at its hit, by the alpha there."""
     face = np.int64(rays.view(np.uint32)[packets.PRIM_ID, lane])
     if face == alpha_rows[_LAST, lane] or (opacity.one_sided != 0 and _is_back(rays, lane)):
         return
     share = alpha_rows[_TRANSMITTANCE, lane] * alpha(opacity, face, rays[packets.U, lane], rays[packets.V, lane])
     alpha_rows[_TRANSMITTANCE, lane] -= share
-    alpha_rows[_OCCLUSION, lane] += share * (1.0 - _mu_at(rays[TFAR, lane], falloff))
+    alpha_rows[_OCCLUSION, lane] += share * (1.0 - _mu_at(distance_of(rays, lane, lift), falloff))
     alpha_rows[_BACKFACES, lane] += share * _is_back(rays, lane)
     alpha_rows[_LAST, lane] = face

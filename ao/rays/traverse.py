@@ -76,10 +76,12 @@ class TraversalState(NamedTuple):
 
 
 @inline
-def traverse(tree, state, rays, origin, normal, lowest_sine, closest, t_max):
+def traverse(tree, state, rays, origin, lift, normal, lowest_sine, closest, t_max):
     """Find which rays meet something nearer than `t_max`, and with `closest` how far away.
 
-    Args: lowest_sine: of the elevation of the lowest ray over the plane of the unit `normal`.
+    Args:
+        lift: of the origin from the place that distances count from.
+        lowest_sine: of the elevation of the lowest ray over the plane of the unit `normal`.
     """
     triangles, boxes, starts = tree.triangles, tree.boxes, tree.starts
     entries, bounds = state.entries, state.bounds
@@ -108,7 +110,7 @@ def traverse(tree, state, rays, origin, normal, lowest_sine, closest, t_max):
                 continue
             # A leaf: many rays against each triangle, or each of few against all.
             if level == 0:
-                a, b, c = find_planes(triangles[node], origin, state.planes)
+                a, b, c = find_planes(triangles[node], origin, lift, state.planes)
                 leaf = leaf_of(state.layers, tree, node, origin)
                 if count < 0:
                     facing = find_cones(a, b, c, normal, lowest_sine, state.planes)

@@ -16,15 +16,18 @@ from raytrace.kernel.vector import add, choose, column, dot, scale, subtract
 from .layers import alpha_test, has_alpha
 from .ray_blocks import ONE, SLACK, T_MISS, ZERO, along, blocks_within, cone_around, deactivate, is_active, shrink_t_max
 
-PLANES = 18  # rows of sixteen: the three edges' normals, N, a·N, and a cone around each: axis, cosine, sine
+PLANES = 18  # rows of sixteen: the edges' normals, N, a·N from the place, and a cone around each: axis, cosine, sine
 _NORMAL, _VOLUME, _AXIS, _COSINE, _SINE = 9, 12, 13, 16, 17
 _FOUR = np.float32(4.0)
 _THIRD = np.float32(1.0 / 3.0)
 
 
 @inline
-def find_planes(triangles, origin, planes):
-    """Write the planes (PLANES, 16) of triangles of a `BVH16`, (9, 16), seen from a point; returns relative corners."""
+def find_planes(triangles, origin, lift, planes):
+    """Write the planes (PLANES, 16) of triangles of a `BVH16`, (9, 16), seen from an origin; returns relative corners.
+
+    Args: lift: of the origin from its place; distances are of the triangles' planes from there, not less than 0.
+    """
     a = subtract((load_row(triangles, 0), load_row(triangles, 1), load_row(triangles, 2)), origin)
     b = subtract((load_row(triangles, 3), load_row(triangles, 4), load_row(triangles, 5)), origin)
     c = subtract((load_row(triangles, 6), load_row(triangles, 7), load_row(triangles, 8)), origin)
@@ -37,9 +40,10 @@ def find_planes(triangles, origin, planes):
     store_triple(planes, 0, scale(side, _edge_plane(a, b, ab)))
     store_triple(planes, 3, scale(side, _edge_plane(b, c, bc)))
     store_triple(planes, 6, scale(side, _edge_plane(c, a, ca)))
-    store_triple(planes, _NORMAL, scale(side, n))
+    n = scale(side, n)
+    store_triple(planes, _NORMAL, n)
     volume = abs(volume)
-    store_row(planes, _VOLUME, select(volume > ZERO, volume, T_MISS))
+    store_row(planes, _VOLUME, select(volume > ZERO, max(volume + dot(n, lift), ZERO), T_MISS))
     return a, b, c
 
 

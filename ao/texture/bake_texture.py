@@ -9,6 +9,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from raytrace.errors import OptionError
+from raytrace.mesh.corners import with_hard_edges
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import opacity_bytes
 from raytrace.system.checks import NEGLIGIBLE, check_memory
@@ -59,7 +60,7 @@ def bake_texture(
     samples: int | None = None,
     seed: int = 0,
     threads: int | None = None,
-    normals: Normals = "angle",
+    normals: Normals = "file",
     *,
     progress: Progress | None = None,
     checkpoint: Checkpoint | None = None,
@@ -82,8 +83,8 @@ def bake_texture(
 ) -> BakedTexture:
     """Obscurance w, as `ao.bake` has it, of every texel that shows a part of `mesh`: the mean over that part.
 
-    The hemisphere at a point of a face is about the normal interpolated between the vertices, less what lies below the
-    face. Points of a texel that are inside solids are left out of the mean.
+    The hemisphere at a point of a face is about the normal interpolated between the face's corners, each side of a hard
+    edge by its own, less what lies below the face. Points of a texel that are inside solids are left out of the mean.
 
     Args:
         mesh: The surface, a `raytrace.Mesh`, a pair (vertices, faces), a mesh of trimesh, PyVista, meshio or Open3D, or
@@ -100,8 +101,9 @@ def bake_texture(
             with a tolerance the most is 2²⁶ in all if that is more.
         seed: Random seed. 0 to 2⁶⁴ − 1. The same seed gives the same bits for any number of threads.
         threads: Number of threads, by default all cores; results are the same.
-        normals: Vertex normals: those of faces, weighted by angle, by area or equally; the file's; or up. They are the
-            axes of hemispheres.
+        normals: Normals: the file's own at corners, and where it has none of use, as with angle; those of faces around,
+            weighted by angle, by area or equally, smooth across edges of up to 30°; or up. They are the axes of
+            hemispheres.
         progress: Called with (rays traced, rays in all, stage) as the work goes on; a stage without rays, as "coverage"
             and "seams" of a texture, counts to 1.
         checkpoint: Keeps what is traced, and is asked for what an interrupted run traced; the bits are the same.
@@ -168,7 +170,8 @@ def bake_page(options: TextureArguments) -> BakedTexture:
 
     # The mesh on the page, and the texels that its faces cover.
     start = time.perf_counter()
-    prepared = Prepared.of(scene.solid, options, options.progress, None, scene.occluders, scene.mesh.radius)
+    shaded = scene.solid if options.normals == "up" else with_hard_edges(scene.solid, options.normals == "file")
+    prepared = Prepared.of(shaded, options, options.progress, None, scene.occluders, scene.mesh.radius)
     watch = prepared.progress or _unwatched
     watch(0, 1, "coverage")
     surface = _surface(scene, prepared, size, options.wrap)

@@ -10,6 +10,7 @@ import numpy as np
 
 from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import inline, kernel
+from raytrace.sampling.sequences import hash32
 from raytrace.types import Float64s, Int64s
 
 from .clipping import CORNERS, area_of_fan, clip_to_texel, point_in_fan
@@ -79,11 +80,12 @@ def sample_partial(triangles, width, layered, partial, lists, out):
         candidates = lists.triangle[lists.starts[i] : lists.starts[i + 1]]
         texel = np.float64(partial.texels[i] % width), np.float64(partial.texels[i] // width)
         points = partial.points[i if len(partial.points) > 1 else 0]
+        offset = partial.offsets[i if len(partial.offsets) > 1 else 0]
         texel_samples = triangle[i], barycentric[i]
         if partial.how[i] == LAYERS:
-            counts[i] = _sample_layers(corners, candidates, texel, partial.texels[i], points, edges, texel_samples)
+            place = partial.texels[i], points, offset[0]
+            counts[i] = _sample_layers(corners, candidates, texel, place, edges, texel_samples)
         else:
-            offset = partial.offsets[i if len(partial.offsets) > 1 else 0]
             counts[i] = _sample_area(corners, crowding, candidates, texel, offset, (clipped, edges), texel_samples)
             if not layered:
                 _bring_to_top(corners, candidates, counts[i], edges, texel_samples)
@@ -142,8 +144,12 @@ def _is_part(area, triangle):
 
 
 @inline
-def _sample_layers(corners, candidates, texel, number, points, edges, out):
-    """Give all triangles over one another in a texel equally many samples, at its points; returns their number."""
+def _sample_layers(corners, candidates, texel, place, edges, out):
+    """Give all triangles over one another in a texel equally many samples, at its points; returns their number.
+
+    Args: place: the texel's number, its points, and from 0 to 1 where the first of thinned samples lies.
+    """
+    number, points, offset = place
     # How many triangles lie over one another at each point.
     depth = np.zeros(SLOTS, np.int64)
     for t in candidates:
@@ -151,12 +157,14 @@ def _sample_layers(corners, candidates, texel, number, points, edges, out):
         for k in range(SLOTS):
             depth[k] += least_edge(edges, texel[0] + points[k, 0], texel[1] + points[k, 1]) > INSIDE * area
     deepest = max(max(depth[0], depth[1]), max(depth[2], depth[3]))
-    # Samples are those of `_has_sample`, thinned out evenly to MOST.
+    # Samples are those of `_has_sample`, thinned out evenly to MOST from a place of the texel's own on, so that texels
+    # of many layers leave out different ones.
     sample_count = 0
     for k in range(SLOTS):
         for layer in range(depth[k]):
             sample_count += _has_sample(layer, k, number, deepest)
     placed = min(sample_count, MOST)
+    start = np.int64((hash32(number) * 2.0**-32 + offset) % 1.0 * sample_count)
     entry = 0
     depth[:] = 0
     for t in candidates:
@@ -166,8 +174,8 @@ def _sample_layers(corners, candidates, texel, number, points, edges, out):
             y = texel[1] + points[k, 1]
             if least_edge(edges, x, y) > INSIDE * area:
                 if _has_sample(depth[k], k, number, deepest):
-                    to = entry * placed // sample_count
-                    if to < (entry + 1) * placed // sample_count:
+                    to = (start + entry * placed) // sample_count
+                    if to < (start + (entry + 1) * placed) // sample_count:
                         out[0][to] = t
                         store_barycentric(edges, x, y, out[1][to])
                     entry += 1

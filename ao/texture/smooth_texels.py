@@ -7,32 +7,34 @@ texel, and one texel for a block of them, between which w is predicted.
 import numpy as np
 
 from raytrace.bvh.bvh16 import BVH16
-from raytrace.bvh.closest import begin, closest_on_triangle, new_stack, next_leaf
+from raytrace.bvh.closest import new_stack
 from raytrace.kernel.arrays import unrefcounted_view
 from raytrace.kernel.jit import inline, kernel
-from raytrace.kernel.simd import lowest_bit
-from raytrace.kernel.vector import dot, length, load, load_triangle, subtract
+from raytrace.kernel.vector import length, subtract
 from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Int64s
 
 from ..points.smooth_surface import SmoothSurface, point_on
 from .covered_texels import Coverage, locate
+from .near_faces import LISTED, has_near_faces
 from .raster import EDGE, SLOTS
 
-_AROUND = 7.0  # times the way from a cell's centre to its points, in which nothing may rise
 _SLOPE = 2.0  # times what normals may differ by: what rises by more of its distance, rises
-_OWN, _LEVEL = 0.25, 1e-3  # of the way in `_AROUND`: how far the cell reaches, and what is flat but for rounding
 _ROWS = 8  # of the page, a multiple of blocks' sizes
 
 
 def smooth_cells(
-    coverage: Coverage, smooth: SmoothSurface, tree: BVH16, most: float, largest: int, threads: int
+    coverage: Coverage, smooth: SmoothSurface, tree: BVH16, most: float, tangent: float, largest: int, threads: int
 ) -> tuple[Bools, Int64s]:
     """Whether the point at the centre can stand for all of a texel, (k,), and the row (k,) of the texel that
     stands for it: the centre of its block, or itself.
 
-    The surface is smooth there, normals differ by less than `most`, and nothing rises from it nearby. Args: largest:
-        side of the largest blocks, a power of two, 1 for none.
+    The surface is smooth there, normals differ by less than `most`, nothing rises from it nearby and nothing lies over
+    it. In a cone of rays normals differ by less than `most` times its tangent.
+
+    Args:
+        tangent: of half the angle of the cone of rays, at most 1.
+        largest: side of the largest blocks, a power of two, 1 for none.
     """
     layout, count = coverage.layout, len(coverage.texels)
     row_of = np.full(layout.width * layout.height, -1, np.int32)
@@ -44,17 +46,18 @@ def smooth_cells(
         faces = (smooth.surface, smooth.axes)
         out = (by_centre, cell)
         page = row_of[: stop * layout.width], start, largest
-        _find_smooth(tree, new_stack(), faces, coverage.points, most, page, out)
+        _find_smooth(tree, new_stack(), faces, coverage.points, (most, tangent), page, out)
 
     run_blocks(layout.height, _ROWS, work, threads)
     return by_centre, cell
 
 
 @kernel
-def _find_smooth(tree, stack, faces, points, most, page, out):
+def _find_smooth(tree, stack, faces, points, bounds, page, out):
     """`smooth_cells` of some rows of the page, the largest blocks first.
 
-    Args: points: PagePoints. page: rows of texels up to the last one, the first row, side of the largest blocks.
+    Args: points: PagePoints. bounds: `most` and `tangent`. page: rows of texels up to the last one, the first row, side
+        of the largest blocks.
     """
     tree = unrefcounted_view(tree)
     faces = unrefcounted_view(faces)
@@ -65,6 +68,7 @@ def _find_smooth(tree, stack, faces, points, most, page, out):
     stop_row = len(row_of) // width
     edges = np.empty((3, EDGE))
     weights = np.empty(3)
+    listed = np.empty((2, LISTED), np.int64)
     # Blocks of this size, aligned, whose texels no larger block has taken.
     while size > 0:
         for top in range(first_row, stop_row - size + 1, size):
@@ -73,7 +77,8 @@ def _find_smooth(tree, stack, faces, points, most, page, out):
                 if middle < 0 or by_centre[middle]:
                     continue
                 corner = top * width + left
-                if not _is_smooth(tree, stack, faces, points, most, (row_of, corner, size, middle), (edges, weights)):
+                block = row_of, corner, size, middle
+                if not _is_smooth(tree, stack, faces, points, bounds, block, (edges, weights, listed)):
                     continue
                 for k in range(size * size):
                     row = row_of[corner + k // size * width + k % size]
@@ -83,16 +88,17 @@ def _find_smooth(tree, stack, faces, points, most, page, out):
 
 
 @inline
-def _is_smooth(tree, stack, faces, points, most, block, scratch):
+def _is_smooth(tree, stack, faces, points, bounds, block, scratch):
     """Whether the centre of a texel can stand for a block around it, or for the texel if that is all of the block."""
     surface, axes = faces
     row_of, corner, size, middle = block
-    edges, weights = scratch
+    most, tangent = bounds
+    edges, weights, listed = scratch
     if points.triangle[middle, SLOTS] < 0:
         return False
     triangle = locate(points, middle, SLOTS, -1, edges, weights)
     # The centre, and then the other points: how far they are, and how much normals differ.
-    p, side, axis = point_on(surface, axes, points.face[triangle], weights)
+    p, side, axis, _ = point_on(surface, axes, points.face[triangle], weights)
     reach, bent = 0.0, 0.0
     step = 1
     if size > 1 and _is_on_one_face(points, block):
@@ -106,12 +112,12 @@ def _is_smooth(tree, stack, faces, points, most, block, scratch):
         if row < 0 or points.triangle[row, point] < 0:
             return False
         triangle = locate(points, row, point, triangle, edges, weights)
-        q, other_side, other_axis = point_on(surface, axes, points.face[triangle], weights)
+        q, other_side, other_axis, _ = point_on(surface, axes, points.face[triangle], weights)
         reach = max(reach, length(subtract(q, p)))
         bent = max(bent, length(subtract(other_side, side)), length(subtract(other_axis, axis)))
-        if bent >= most:
+        if bent >= most * tangent:
             return False
-    return not _rises(tree, stack, surface, p, side, _AROUND * reach, _SLOPE * most)
+    return not has_near_faces(tree, stack, surface, (p, side, axis, tangent), reach, _SLOPE * most, listed)
 
 
 @inline
@@ -123,30 +129,3 @@ def _is_on_one_face(points, block):
         if row < 0 or points.triangle[row, SLOTS] != points.triangle[middle, SLOTS]:
             return False
     return True
-
-
-@inline
-def _rises(tree, stack, surface, p, side, reach, slope):
-    """Whether a face not far around a point rises above the plane through it, by more than a slope."""
-    around = begin(tree, stack, p, reach)
-    leaf, near = next_leaf(tree, stack, around)
-    while near != 0:
-        while near != 0:
-            f = tree.leaf_faces[leaf, lowest_bit(near)]
-            near &= near - 1
-            a, b, c = load_triangle(surface.vertices, surface.faces, f)
-            to_a = subtract(a, p)
-            height = max(dot(to_a, side), dot(subtract(b, p), side), dot(subtract(c, p), side))
-            if height <= _LEVEL * slope * reach:
-                continue
-            distance = closest_on_triangle(p, a, b, c)[0]
-            normal = load(surface.normals, f)
-            if distance > reach:
-                continue
-            if length(subtract(normal, side)) < slope:
-                if abs(dot(to_a, normal)) > slope * max(distance, _LEVEL * reach):
-                    return True
-            elif height > slope * max(distance - _OWN * reach, 0.0):
-                return True
-        leaf, near = next_leaf(tree, stack, around)
-    return False

@@ -84,8 +84,8 @@ class TexelSampler:
         coverage_rows = np.append(order, predicted)
         single = coverage.samples(coverage_rows, by_centre, threads, most=1)
         between = slice(len(order), None)
-        positions, _, axes = smooth.points_at(single.face[between], single.barycentric[between], threads)
-        points = samples.first_points.followed_by(positions, axes)
+        located = smooth.points_at(single.face[between], single.barycentric[between], threads)
+        points = samples.first_points.followed_by(Points.lifted(located.positions, located.positions, located.axes))
         texels = Texels(
             coverage.texels[coverage_rows], samples, baked_cell[coverage_rows], points, single.face, single.barycentric
         )
@@ -124,7 +124,9 @@ class TexelSampler:
         noise = options.tolerance or _NOISE * (_RAYS / options.rays) ** 0.75
         most_bent = _BENT * min(noise / _NOISE, 1.0)  # so that noise is more than what a texel's only sample misses
         largest = _LARGEST if options.tolerance and not receivers.opacity else 1
-        return smooth_cells(coverage, self.surface.smooth, receivers.tree, most_bent, largest, self.prepared.threads)
+        tangent = min(float(np.tan(np.radians(options.spread / 2))), 1.0)
+        smooth, threads = self.surface.smooth, self.prepared.threads
+        return smooth_cells(coverage, smooth, receivers.tree, most_bent, tangent, largest, threads)
 
     def _place(self, coverage: Coverage, order: Int64s, by_centre: Bools) -> tuple[SurfaceSamples, int]:
         """Samples of texels in an `order`, and how many samples the cage misses.
@@ -144,7 +146,7 @@ class TexelSampler:
     def _project(self, on_page: PointGroups, cage: Cage) -> tuple[SurfacePoints, Int64s]:
         """Points of the page's surface on the fine mesh, and which of them the cage misses."""
         prepared, surface = self.prepared, self.surface
-        positions, _, axes = surface.smooth.points_at(on_page.face, on_page.barycentric, prepared.threads)
+        located = surface.smooth.points_at(on_page.face, on_page.barycentric, prepared.threads)
         corners = surface.receivers.faces[on_page.face]
         reach: float | Float64s = (
             cage.reach
@@ -153,7 +155,7 @@ class TexelSampler:
         )
         groups = cage.groups and (np.asarray(cage.groups[0])[corners[:, 0]], cage.groups[1])
         fine = FineMesh(prepared.mesh.source, prepared.placement, prepared.receivers, prepared.threads)
-        return fine.project(positions, axes, reach, groups)
+        return fine.project(located.positions, located.axes, reach, groups)
 
     def _inside(self, samples: SurfaceSamples) -> Bools:
         """The samples (p,) that are inside of solids."""

@@ -1,15 +1,17 @@
 """Building the library of kernels: each kernel of a recorded list becomes an object file, by several processes.
 
 The list, `kernels.txt`, has what the documents' commands and the tests load: they append it to a file that the variable
-`OBSCURANCE_KERNELS` names, and `python -m raytrace.kernel.build FILE` makes the list of it. Object files stay in
-a folder of the build, by names that hold what they are made of, so that only what was edited is compiled again.
+`OBSCURANCE_KERNELS` names, and `python -m raytrace.kernel.build FILE` makes the list of it, with all combinations of
+the types that arguments were seen to have. Object files stay in a folder of the build, by names that hold what they are
+made of, so that only what was edited is compiled again.
 """
 
 import sys
-from collections.abc import Callable, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import suppress
-from itertools import groupby
+from itertools import groupby, product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -139,10 +141,49 @@ def _compile_module(lines: list[str], folder: Path, levels: Sequence[str]) -> in
     return len(lines)
 
 
+def completed(lines: Iterable[str]) -> list[str]:
+    """Lines of a list, and those of all combinations of their arguments' types, sorted.
+
+    An argument may have each type that it has in some line of its kernel; a record, those of all kernels.
+    """
+    rows: dict[tuple[str, int], list[list[str]]] = defaultdict(list)
+    types: dict[str, set[str]] = defaultdict(set)
+    for line in lines:
+        name, *arguments = _split(line)
+        rows[name, len(arguments)].append(arguments)
+        for argument in arguments:
+            types[_record_of(argument)].add(argument)
+    every: list[str] = []
+    for (name, _), kernel_rows in rows.items():
+        columns = zip(*kernel_rows, strict=True)
+        choices = (set().union(*(types[_record_of(argument)] for argument in column)) for column in columns)
+        every += (" ".join((name, *arguments)) for arguments in product(*choices))
+    return sorted(every)
+
+
+def _split(line: str) -> list[str]:
+    """The kernel's name and the types of its arguments, each with what is in its brackets."""
+    parts: list[str] = []
+    depth = 0
+    for word in line.split():
+        if depth:
+            parts[-1] += f" {word}"
+        else:
+            parts.append(word)
+        depth += word.endswith("(") - (word == ")")
+    return parts
+
+
+def _record_of(argument: str) -> str:
+    """What arguments have in common whose types replace one another: a record's name, or all of another type."""
+    name = argument.partition(" ")[0]
+    return argument if name == "(" else name
+
+
 def _record(loaded: Path) -> None:
     """Write the list `kernels.txt` anew, of the kernels that were loaded, without those outside of the package."""
-    lines = sorted(set(loaded.read_text().splitlines()))
-    LIST.write_text("".join(f"{line}\n" for line in lines if line.startswith(_OURS) and _entry(line)))
+    lines = [line for line in set(loaded.read_text().splitlines()) if line.startswith(_OURS) and _entry(line)]
+    LIST.write_text("".join(f"{line}\n" for line in completed(lines)))
 
 
 if __name__ == "__main__":

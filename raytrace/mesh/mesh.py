@@ -6,7 +6,7 @@ Other libraries' meshes are recognised by their attributes, so that no such libr
 import os
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +23,20 @@ _BLOCK = 1 << 14  # faces
 LARGEST = 5e153  # squares of coordinates and their differences don't overflow
 
 
+class PerCorner(NamedTuple):
+    """Values (k, w) of the corners of polygons, and which of them each corner has: `of`, int64, of any shape."""
+
+    values: Float64s
+    of: Int64s
+
+    def at_vertices(self, corners: Int64s, count: int, elsewhere: float = 0.0) -> Float64s | None:
+        """The values by vertex (count, w), `elsewhere` where no corner is; None if some vertex has several."""
+        at_corners = self.values[self.of]
+        by_vertex = np.full((count, self.values.shape[1]), elsewhere)
+        by_vertex[corners] = at_corners
+        return by_vertex if np.array_equal(by_vertex[corners], at_corners, equal_nan=True) else None
+
+
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """Triangles over vertices, in the order and units they came in.
@@ -31,6 +45,8 @@ class Mesh:
         vertices: float64 (n, 3), within ±5e153, n ≥ 1. Any length unit.
         faces: int64 (m, 3), m ≥ 1, indices into `vertices`. Degenerate and doubled faces are allowed.
         normals: float64 (n, 3), the source's own vertex normals of any length (zero or NaN: none there), or None.
+        corner_normals: in their place, where corners of one vertex have several: a pair of float64 (k, 3), of any
+            length, and int64 (m, 3), which of them each corner has; or None.
         source: what to call this mesh in messages, a file name for instance.
         up: "x", "y", "z", "-x", "-y" or "-z", the axis that is up, if the source defines it; None is shown as "y".
         opacity: alpha of the faces, or None: all are opaque.
@@ -49,6 +65,7 @@ class Mesh:
     up: str | None = field(default=None, kw_only=True)
     opacity: Opacity | None = field(default=None, kw_only=True)
     polygons: Int64s | None = field(default=None, kw_only=True)
+    corner_normals: PerCorner | None = field(default=None, kw_only=True)
 
     if TYPE_CHECKING:  # what arrays are made of
 
@@ -62,6 +79,7 @@ class Mesh:
             up: str | None = None,
             opacity: Opacity | None = None,
             polygons: npt.ArrayLike | None = None,
+            corner_normals: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -75,6 +93,8 @@ class Mesh:
             if len(normals) != len(self.vertices):
                 raise MeshError(self.source, "normals", f"one per vertex ({len(self.vertices)})", len(normals))
             object.__setattr__(self, "normals", normals)
+        if self.corner_normals is not None:
+            object.__setattr__(self, "corner_normals", self._corner_normals(*self.corner_normals))
         if self.up is not None and self.up not in UP:
             raise MeshError(self.source, "up", "one of " + ", ".join(UP), repr(self.up))
         if self.opacity is not None:
@@ -119,12 +139,30 @@ class Mesh:
         array.flags.writeable = False
         return array
 
+    def _corner_normals(self, values: Any, of: Any) -> PerCorner:
+        """`corner_normals`, checked. Raises: MeshError: as the class."""
+        name = "corner_normals"
+        normals = PerCorner(self._array(name, values, np.float64), self._array(name, of, np.int64))
+        if self.normals is not None:
+            raise MeshError(self.source, name, "no normals of vertices besides", "both")
+        if normals.of.shape != self.faces.shape or not 0 <= normals.of.min() <= normals.of.max() < len(normals.values):
+            expected = f"indices from 0 to {len(normals.values) - 1} of the corners of {len(self.faces)} faces"
+            raise MeshError(self.source, name, expected, f"shape {normals.of.shape} up to {normals.of.max()}")
+        return normals
+
     def reversed(self) -> "Mesh":
         """The same surface with its inner side outwards: corners of faces in reverse order, normals negated."""
         normals = None if self.normals is None else -self.normals
         opacity = self.opacity and self.opacity.reversed()
-        more = {"source": self.source, "up": self.up, "opacity": opacity, "polygons": self.polygons}
-        return Mesh(self.vertices, self.faces[:, ::-1], normals, **more)  # type: ignore[arg-type]
+        own = self.corner_normals
+        facts: dict[str, Any] = {
+            "source": self.source,
+            "up": self.up,
+            "opacity": opacity,
+            "polygons": self.polygons,
+            "corner_normals": own and PerCorner(-own.values, own.of[:, ::-1]),
+        }
+        return Mesh(self.vertices, self.faces[:, ::-1], normals, **facts)
 
     @cached_property
     def used(self) -> Float64s:

@@ -1,6 +1,7 @@
-"""Face and vertex normals, shared by the baker and the renderer; and normals that are smooth but across creases.
+"""Face and vertex normals, and the normals at corners that a mesh is shaded with, shared by the baker and the renderer.
 
 Degenerate faces (zero area) never contribute, and nothing here returns NaN: a normal that does not exist is zero.
+A mesh is shaded with its own normals, and where it has none of use, with normals that are smooth but across creases.
 Creases are edges whose two faces lie more than 30° apart. The faces of a vertex that follow one another across smooth
 edges are a fan, as in Blender's "smooth by angle", and fans whose normals lie within 30° are one: so a crease that ends
 within the surface splits nothing, nor do T-junctions. Vertices at one place count as one.
@@ -15,13 +16,14 @@ from ..kernel.counting_sort import counting_sort
 from ..kernel.jit import bind, inline, kernel
 from ..kernel.vector import cross, divide, dot, length, load, load_triangle, store, subtract
 from ..system.threads import run_blocks, run_ranges, thread_count
-from ..types import AnyInts, Bools, Float64s, Int64s
-from .mesh import Mesh
+from ..types import AnyInts, Bools, Float32s, Float64s, Int64s
+from .mesh import Mesh, PerCorner
 from .placement import Placement
 from .weld import CREASE, connect, cosine, renumber_components, sum_groups, weld
 
 _BLOCK, _MOST = 1 << 11, 32  # faces or vectors, and blocks at once
 _VERTICES = 1 << 11  # of a thread that looks at all faces
+_ROUNDED = 0.01  # of normals that files store in bytes: a normal that lies in its face is not behind it
 EPSILON = float(np.finfo(np.float64).eps)
 Weighting = Literal["angle", "area", "equal"]
 
@@ -139,18 +141,76 @@ def _vertex_sums(vertices, faces, normals, areas, weighting, sums, start, stop):
             sums[i] = 0.0
 
 
-def creased_normals(mesh: Mesh) -> tuple[Float64s, Int64s]:
-    """Unit normals (k, 3), and which of them (m, 3) each corner of the faces has.
+def corner_normals(mesh: Mesh, own: bool = True) -> PerCorner:
+    """The unit normals (k, 3) that a mesh is shaded with, and which of them (m, 3) each corner has.
 
-    A mesh's own normals stay, with the face's where a vertex has none; else fans. Faces without area have the
-    normals of other faces at their vertices, or zero.
+    They are its own where these are of use (`own_normals`), and elsewhere those of fans. Corners of faces without area
+    have the normals of other faces at their vertices, or zero. Args: own: whether the mesh's own are asked for.
     """
+    given = own_normals(mesh) if own else None
+    if given is None:
+        return _fan_normals(mesh)
+    normals, is_useful = given
+    if is_useful.all():
+        return normals
+    ours = _fan_normals(mesh)
+    count = len(normals.values)
+    return PerCorner(np.concatenate([normals.values, ours.values]), np.where(is_useful, normals.of, count + ours.of))
+
+
+def useless_normals(mesh: Mesh) -> int:
+    """At how many corners the mesh's own normals are of no use; 0 without any."""
+    own = own_normals(mesh)
+    return 0 if own is None else int(np.count_nonzero(~own[1]))
+
+
+def own_vertex_normals(mesh: Mesh) -> Float64s | None:
+    """A mesh's own unit normals (n, 3) by vertex, zero where it has several or one of no use; None without any."""
+    own = own_normals(mesh)
+    if own is None:
+        return None
+    normals, is_useful = own
+    corners, at_corners = mesh.faces.ravel(), normals.values[normals.of.ravel()]
+    by_vertex = np.zeros(mesh.vertices.shape)
+    by_vertex[corners] = at_corners
+    by_vertex[corners[(by_vertex[corners] != at_corners).any(axis=1) | ~is_useful.ravel()]] = 0.0
+    return by_vertex
+
+
+def smooth_normals(vertices: Float32s, faces: Int64s, weighting: Weighting) -> Float64s:
+    """Unit vertex normals (n, 3), or zero, one where vertices at one place have normals within 30°.
+
+    Args: vertices: (n, 3), in render space.
+    """
+    placed = vertices.astype(np.float64)
+    sums = vertex_sums(placed, faces, *face_normals(placed, faces), weighting)
+    group = weld(vertices, faces, normalize(sums), CREASE)
+    return normalize(sum_groups(group, sums))[group]
+
+
+def own_normals(mesh: Mesh) -> tuple[PerCorner, Bools] | None:
+    """A mesh's own normals by corner, of unit length, and at which corners (m, 3) they are of use; None without any.
+
+    Of no use are those that are zero, not finite, or behind the face.
+    """
+    own = mesh.corner_normals
+    if mesh.normals is not None:
+        own = PerCorner(mesh.normals, mesh.faces)
+    if own is None:
+        return None
+    normals = PerCorner(normalize(own.values), own.of)
+    across, _ = face_normals(Placement.of(mesh).vertices.astype(np.float64), mesh.faces)
+    is_useful = nonzero(normals.values)[normals.of]
+    for corner in range(3):
+        cosines = np.einsum("ij,ij->i", normals.values[normals.of[:, corner]], across)
+        is_useful[:, corner] &= cosines >= -_ROUNDED
+    return normals, is_useful
+
+
+def _fan_normals(mesh: Mesh) -> PerCorner:
+    """Normals of fans, and which of them (m, 3) each corner has."""
     vertices, faces = Placement.of(mesh).vertices, mesh.faces
     across, areas = face_normals(vertices.astype(np.float64), faces)
-    if mesh.normals is not None:
-        own_normals = normalize(mesh.normals)
-        missing = len(own_normals) + np.arange(len(faces))[:, None]
-        return np.concatenate([own_normals, across]), np.where(nonzero(own_normals)[faces], faces, missing)
     # Fans: the corners at a point that smooth edges connect.
     corner_points = weld(vertices, faces, np.ones((len(vertices), 3)), CREASE)[faces]
     fan = np.arange(faces.size)
@@ -168,7 +228,7 @@ def creased_normals(mesh: Mesh) -> tuple[Float64s, Int64s]:
     group_at = np.full(len(vertices), -1)
     group_at[faces[~flat]] = of[~flat]
     of[flat] = np.where(group_at[faces[flat]] >= 0, group_at[faces[flat]], of[flat])
-    return normalize(sum_groups(group, sums)), of
+    return PerCorner(normalize(sum_groups(group, sums)), of)
 
 
 @kernel

@@ -28,9 +28,7 @@ def outermost_normals(
     """
     moved = normals.copy()
     directions = normals.copy()
-    clearance = np.ones(len(normals))
-    work = bind(_least_cosines, moved, face_points, face_normals, clearance)
-    run_ranges(len(moved), _LEAST, work, thread_count(None))
+    clearance = least_cosines(normals, face_points, face_normals)
     is_sharp = clearance <= SHARP
     sharp = np.flatnonzero(is_sharp)
     if len(sharp):
@@ -39,6 +37,15 @@ def outermost_normals(
         faces = face_normals[corners[order] // face_points.shape[1]]
         _outermost(moved, directions, clearance, sharp, starts, faces)
     return moved, directions, clearance
+
+
+def least_cosines(normals: Float64s, face_points: Int64s, face_normals: Float64s) -> Float64s:
+    """The least cosine (k,) between each of the `normals` and those of its faces, 1 without any; as `outermost_normals`
+    takes them."""
+    cosines = np.ones(len(normals))
+    work = bind(_least_cosines, normals, face_points, face_normals, cosines)
+    run_ranges(len(normals), _LEAST, work, thread_count(None))
+    return cosines
 
 
 @kernel

@@ -19,8 +19,9 @@ from ..mesh.placement import LEAST, TOUCHING, ULP
 from ..mesh.weld import CREASE, sum_groups, weld
 from ..system.threads import run_blocks, thread_count
 from ..types import Bools, Float64s, Int64s
-from .clearance import SHARP, outermost_normals
+from .clearance import SHARP, least_cosines, outermost_normals
 from .direction import resolve_contacts
+from .fronts import AWAY, wound_away
 from .surface import Contacts, Surface, find_contacts
 
 OFFSET_ULPS = 16.0  # 4 were enough in 20,000 trials
@@ -73,6 +74,28 @@ def ray_origins(
         offset[sharp] = np.clip(near_edge, _LEAST * offset[sharp], offset[sharp])
     stop_short(offset, points, directions, touching, near, surface)
     return points + offset[:, None] * directions, ambiguous
+
+
+def directions_in_front(points: Float64s, axes: Float64s, tree: BVH16, surface: Surface) -> tuple[Float64s, Float64s]:
+    """Directions (k, 3) in front of the faces that hold `points` (k, 3), or touch them, and their clearance (k,).
+
+    They are the `axes` (k, 3), unit, unless these lie in such faces or behind; a face is seen from its back where an
+    axis is far behind it. Args: tree: over the faces of `surface`.
+    """
+    count = len(surface.faces)
+    apart = np.repeat(np.arange(count)[:, None], 3, axis=1), np.full(len(points), count)  # points are no corners
+    _, touching, _ = offsets_and_reaches(points, axes, np.zeros(len(points)), np.ones(len(points)))
+    held = find_contacts(tree, surface, points, touching, *apart)
+    normals = surface.normals[held.face]
+    normals[np.einsum("ij,ij->i", normals, axes[held.point]) < AWAY] *= -1.0
+    rows = held.point[:, None].astype(np.int64)
+    sums = np.zeros_like(points)
+    np.add.at(sums, held.point, normals)
+    _, directions, clearance = outermost_normals(normalize(sums), rows, normals)
+    clear = least_cosines(axes, rows, normals)
+    is_in_front = clear > SHARP
+    directions[is_in_front] = axes[is_in_front]
+    return directions, np.where(is_in_front, clear, clearance)
 
 
 def ray_offset(directions: Float64s, magnitude: Float64s, clearance: Float64s) -> Float64s:
@@ -144,7 +167,9 @@ class WeldedPoints(NamedTuple):
 
     Attributes:
         group: int64 (n,), the point of each vertex. first_vertex: int64 (k,), of each point.
-        faces: int64 (m, 3), face_normals: float64 (m, 3), unit, face_points: int64 (m, 3), the point at each corner.
+        faces: int64 (m, 3), face_normals: float64 (m, 3), unit, on the faces' fronts, face_points: int64 (m, 3), the
+            point at each corner. backwards: bool (m,), faces whose front is not that of their winding, see
+            `wound_away`.
         axes: float64 (k, 3), means of the faces' normals, unit or zero, moved in front of all the point's faces where
             there is a way.
         moved: bool (k,), those that are.
@@ -157,6 +182,7 @@ class WeldedPoints(NamedTuple):
     faces: Int64s
     face_normals: Float64s
     face_points: Int64s
+    backwards: Bools
     axes: Float64s
     moved: Bools
     directions: Float64s
@@ -199,15 +225,20 @@ def weld_points(
 
     Args: vertices: (n, 3), render space. faces: int64 (m, 3); degenerate ones are left out.
         weighting: of the faces' normals in their mean, see `vertex_sums`.
-        normals: (n, 3), unit or zero, the directions where these are in front of the faces, and on whose side they are
-            elsewhere; by default the vertices' means.
+        normals: (n, 3), unit or zero, the directions where these are in front of the faces; by default the vertices'
+            means, which lie in front of the faces elsewhere, too.
         agreement: least cosine between the normals of vertices that are welded.
     """
     face_normal, area = face_normals(vertices, faces)
-    sums = vertex_sums(vertices, faces, face_normal, area, weighting)
     if not area.all():
         faces = faces[area > 0]
         face_normal = face_normal[area > 0]
+        area = area[area > 0]
+    backwards = np.zeros(len(faces), np.bool_)
+    if normals is not None:
+        backwards = wound_away(vertices, faces, face_normal, area, normals)
+        face_normal[backwards] *= -1.0
+    sums = vertex_sums(vertices, faces, face_normal, area, weighting)
     mean = normalize(sums)
     group = weld(vertices.astype(np.float32), faces, mean if normals is None else normals, agreement)
     first_vertices, face_points = group, np.ascontiguousarray(faces)
@@ -219,12 +250,14 @@ def weld_points(
     axes, directions, clearance = outermost_normals(mean, face_points, face_normal)
     moved = nonzero(axes != mean)
     if normals is not None:
+        # A given normal in front of all faces is the direction itself; of the two sides of a sheet, it chooses one.
         own_normals = normals[first_vertices]
-        behind = np.einsum("ij,ij->i", directions, own_normals)[:, None] < 0
-        directions = np.where(behind, -directions, directions)
-        # A given normal in front of all faces, or behind all of them, is the direction itself.
-        _, _, clear = outermost_normals(np.where(behind, -own_normals, own_normals), face_points, face_normal)
+        clear = least_cosines(own_normals, face_points, face_normal)
         is_in_front = (clear > SHARP) & nonzero(own_normals)
         directions[is_in_front] = own_normals[is_in_front]
         clearance[is_in_front] = clear[is_in_front]
-    return WeldedPoints(group, first_vertices, faces, face_normal, face_points, axes, moved, directions, clearance)
+        is_behind = (clearance <= 0.0) & (np.einsum("ij,ij->i", directions, own_normals) < 0.0)
+        directions[is_behind] *= -1.0
+    return WeldedPoints(
+        group, first_vertices, faces, face_normal, face_points, backwards, axes, moved, directions, clearance
+    )

@@ -19,10 +19,9 @@ from ..kernel.arrays import aligned, product
 from ..kernel.jit import Kernel
 from ..materials.alpha_filter import filter_hits
 from ..mesh.mesh import Mesh
-from ..mesh.normals import face_normals, normalize, vertex_sums
+from ..mesh.normals import normalize, smooth_normals
 from ..mesh.opacity import Opacity, PackedOpacity
 from ..mesh.placement import Placement, RenderSpace, sample, to_single
-from ..mesh.weld import CREASE, sum_groups, weld
 from ..ray_origins.origins import weld_points
 from ..scene import Object, Shape
 from ..settings import Normals
@@ -288,7 +287,7 @@ def _padded_rows(parts: list[npt.NDArray[Any]], dtype: type[np.generic]) -> npt.
 
 def _place_shape(shape: Shape, matrix: Float64s | None, weighting: Normals) -> _PlacedShape:
     """A shape in render space, where its `matrix` puts it; or if it has none, in a frame of its own for instances."""
-    mesh, normals = shape.mesh, _smooth_normals(shape.mesh, weighting)
+    mesh, normals = shape.mesh, _vertex_normals(shape.mesh, weighting)
     if matrix is not None:
         vertices = to_single(product(mesh.vertices, matrix[:3, :3].T) + matrix[:3, 3])
         normals = normalize(product(normals, np.linalg.inv(matrix[:3, :3])))
@@ -306,16 +305,11 @@ def _scaling(centre: Float64s, scale: float) -> Float64s:
     return matrix
 
 
-def _smooth_normals(mesh: Mesh, normals: Normals) -> Float64s:
+def _vertex_normals(mesh: Mesh, normals: Normals) -> Float64s:
     """Unit normals (n, 3) of vertices in the mesh's own frame; zero where there is none."""
     if normals == "file" and mesh.normals is not None:
         return normalize(mesh.normals)
-    vertices = Placement.of(mesh).vertices
-    placed = vertices.astype(np.float64)
-    weighting = "angle" if normals == "file" else normals
-    sums = vertex_sums(placed, mesh.faces, *face_normals(placed, mesh.faces), weighting)
-    group = weld(vertices, mesh.faces, normalize(sums), CREASE)
-    return normalize(sum_groups(group, sums))[group]
+    return smooth_normals(Placement.of(mesh).vertices, mesh.faces, "angle" if normals == "file" else normals)
 
 
 def _in_render_space(geometry: Geometry) -> tuple[Float64s, Int64s, Float64s]:

@@ -81,7 +81,8 @@ def prepare_picture(
     if settings.shading == "gouraud" and extended:
         raise OptionError("shading", "another one where a light has a radius or an angle", "gouraud", "render")
     check_memory("scene", rendering_bytes(scene, settings, layers, threads), describe_work(scene, settings))
-    return RenderJob(build(scene, settings.normals), camera, settings, layers)
+    shown = scene.shaded if settings.normals == "file" else scene
+    return RenderJob(build(shown, settings.normals), camera, settings, layers)
 
 
 def _render_tiles(picture: RenderJob, film: Film, threads: int, progress: Progress | None) -> None:

@@ -71,9 +71,9 @@ def run_blocks(
         return
     # Other threads take blocks beside this one, which alone reports what is finished.
     call = _Call(parts, work)
+    left, busy = count, True
     try:
         _team.ask(call, threads - 1)
-        left, busy = count, True
         while left > 0:
             busy = busy and call.work_one()
             for size in _queued(call.finished, wait=not busy):

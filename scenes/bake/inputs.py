@@ -91,7 +91,9 @@ def read_inputs(plan: Plan, content: bytes | None = None, source: MeshFile | Non
 
         fine = joined([file.mesh for file in high], all_normals=True)
     # What is baked, and what occludes it besides.
-    chosen = select_objects(source, *by_name, options.occluded_by, options.output_dir is not None)
+    has_sides = plan.has_sides and not (source.gltf and plan.ending == ".glb")  # which keeps the file's vertices
+    baked = source._replace(mesh=source.split) if has_sides else source
+    chosen = select_objects(baked, *by_name, options.occluded_by, options.output_dir is not None)
     occluders = [file.mesh for file in walls]
     if options.ground:
         occluders.append(ao.ground(chosen.mesh, plan.ground))

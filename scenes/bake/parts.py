@@ -85,4 +85,4 @@ def merged_plan(parts: list[PartFile], mesh: Path | None, options: BakeOptions) 
         raise OptionError("output", expected, output)
     for name, paths in files.items():
         values[name] = getattr(options, name) or [Path(path) for path in paths]
-    return plan_bake(options.replaced(**values, mesh=[mesh or Path(stored["mesh"])]))
+    return plan_bake(options.replaced(**values, mesh=[mesh or Path(stored["mesh"])]))._replace(merged=True)

@@ -53,6 +53,7 @@ class Plan(NamedTuple):
         channels: where a file of vertices holds w for viewers.
         ground: the height of the ground plane, None just below the mesh.
         size: texels across and down of a texture, None if `texel_size` says so.
+        merged: whether the rays were traced in parts, for an output of any format.
     """
 
     kind: Kind
@@ -61,6 +62,7 @@ class Plan(NamedTuple):
     channels: Channels
     ground: float | None
     size: tuple[int, int] | None
+    merged: bool = False
 
     @property
     def falloff(self) -> ao.Falloff:
@@ -99,6 +101,13 @@ class Plan(NamedTuple):
         cage = [options.cage] if isinstance(options.cage, Path) else []
         tables = table_of(options.falloff)
         return [self.mesh, *(options.high or ()), *cage, *(options.occluder or ()), *tables]
+
+    @property
+    def has_sides(self) -> bool:
+        """Whether w of each side of hard edges is baked, for an output that repeats vertices there."""
+        options = self.options
+        has_several = options.at == "vertices" and not (options.points or options.high) and options.normals != "up"
+        return self.kind == "vertices" and has_several and self.ending in (".glb", ".html") and not self.merged
 
     @property
     def images(self) -> dict[str, Path]:
@@ -213,7 +222,7 @@ def plan_bake(options: BakeOptions) -> Plan:
 def in_mesh_units(options: BakeOptions, mesh: Path) -> BakeOptions:
     """The options with lengths in the unit of a mesh file. Raises: OptionError: one has a unit, and the file none."""
     names = ("half_distance", "max_distance", "cage", "texel_size", "ground")
-    return options.replaced(**{name: in_file_units(mesh, name, getattr(options, name)) for name in names})
+    return options.replaced(**in_file_units(mesh, {name: getattr(options, name) for name in names}))
 
 
 def preset_format(options: BakeOptions) -> str:

@@ -63,6 +63,10 @@ class Layout:
         """
         source = inputs.source
         chosen = inputs.chosen
+        if plan.glb:
+            from ..formats.gltf.textured import check_vertices
+
+            check_vertices(source)
         of_faces = coordinates(plan, source, chosen)
         pages = pages_of(plan, source, of_faces)
         for page in pages:

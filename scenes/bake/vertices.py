@@ -14,6 +14,7 @@ import ao
 from ao.baking import VertexArguments, bake_vertices
 from ao.options import VertexOptions
 from raytrace.errors import MeshError, OptionError
+from raytrace.mesh.corners import on_hard_edges
 from raytrace.system.checks import check_outputs
 from raytrace.types import Float64s
 
@@ -57,7 +58,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
     check_outputs(plan.outputs, inputs.files)
     loaded = time.perf_counter()
     hashes = hashed_inputs(plan, inputs) if options.report else []
-    losses = unsupported_features(plan.output, inputs.source, plan.channels)
+    losses = [*unsupported_features(plan.output, inputs.source, plan.channels), *_hard_edges(plan, inputs)]
     warnings = warn(inputs.meshes, [*inputs.notes, *losses], plan.falloff)
     with open_checkpoint(plan.output) as checkpoint:
         baked = trace(plan, inputs, checkpoint)
@@ -83,14 +84,25 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
         def pictures() -> list[list[Picture]]:
             from ..show.report.pictures import pictures_of_vertices
 
-            return [pictures_of_vertices(inputs.source.mesh, baked.w, baked.error)]
+            return [pictures_of_vertices(inputs.source.baked_mesh(len(baked.w)), baked.w, baked.error)]
 
         write_bake_report(plan, report(baked, plan.described(), seconds, warnings), hashes, pictures)
     if options.debug_image:
         from ..show.report.pictures import write_marked
 
-        write_marked(options.debug_image, inputs.source.mesh, baked)
+        write_marked(options.debug_image, inputs.source.baked_mesh(len(baked.w)), baked)
     yield OutputSummary(bake_summary(baked, plan.output) + inputs.alpha, warnings)
+
+
+def _hard_edges(plan: Plan, inputs: BakeInputs) -> list[str]:
+    """A line about vertices on hard edges, which have one value, in a file that is looked at; nothing without any."""
+    mesh = inputs.chosen.mesh
+    one_each = plan.ending in (".ply", ".obj", ".vtp", ".glb") and plan.options.at == "vertices"
+    if not one_each or plan.arguments.normals == "up" or plan.options.high or inputs.source.cloud:
+        return []
+    count = len(on_hard_edges(mesh))
+    sides = "one value stands for all sides; textures have one for each"
+    return [f"{plan.output}: {count:,} of {len(mesh.vertices):,} vertices lie on hard edges: {sides}"] if count else []
 
 
 def _remedy(plan: Plan, source: MeshFile) -> str:

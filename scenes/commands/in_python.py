@@ -41,7 +41,7 @@ def bake(
     samples: int | None = None,
     seed: int = 0,
     threads: int | None = None,
-    normals: Normals = "angle",
+    normals: Normals = "file",
     *,
     half_distance: Length | None = None,
     max_distance: Length | None = None,

@@ -11,11 +11,15 @@ import numpy as np
 
 from raytrace import Mesh
 from raytrace.errors import OptionError
+from raytrace.mesh.normals import face_normals
 from raytrace.system.atomic import check_writable, write_bytes
 from raytrace.system.checks import check_outputs
-from raytrace.types import Bools
+from raytrace.types import Bools, Float64s, Int64s
 
-from ..formats.load import MeshFile, load
+from ..formats.gltf.textured import check_vertices
+from ..formats.load import MeshFile, load, parser_errors
+from ..formats.ply.write import bare_ply
+from ..formats.stl.read import TRIANGLE
 
 if TYPE_CHECKING:
     from ..formats.gltf.asset import Gltf
@@ -23,6 +27,7 @@ if TYPE_CHECKING:
     from ..geometry.instances import Submesh
 
 _ENDINGS = ".glb", ".ply", ".obj", ".stl", ".off"
+_ROUNDED = 1e-6  # of a mesh's extent, by which a vertex may move in an .stl
 _ZERO = {"componentType": 5121, "count": 1, "type": "SCALAR"}  # an accessor of a zero takes no bytes
 
 
@@ -43,27 +48,53 @@ def prune(source: Path, output: Path, seed: int, threads: int | None) -> str:
         from ..formats.gltf.write import document
 
         mesh_file = load(source.with_suffix(".glb"), output, document(mesh_file, None)[0].encode())
+    if ending == ".glb":
+        check_vertices(mesh_file)
     unseen = unseen_faces(mesh_file.mesh, seed, threads)
     if unseen.faces.all():
         raise OptionError("mesh", "faces that something outside sees", f"{source}, without any: is it a room?")
     if ending == ".glb":
-        content, face_count = _visible_glb(mesh_file, ~unseen.faces)
+        with parser_errors(source):
+            content, face_count = _visible_glb(mesh_file, ~unseen.faces)
     else:
-        content = _visible_mesh(mesh_file.mesh, ~unseen.faces, ending)
+        content = _visible_mesh(mesh_file.mesh, ~unseen.faces, output)
         face_count = int(np.count_nonzero(~unseen.faces))
     write_bytes(output, content)
     text = f"{output}: {face_count:,} faces; {len(unseen.faces) - face_count:,} that nothing outside sees are gone"
     return f"{text}. Of what one of these looks at less than {unseen.share:.2%} is open, with 95 % confidence"
 
 
-def _visible_mesh(mesh: Mesh, seen: Bools, ending: str) -> bytes:
-    """The seen faces and their vertices alone."""
-    import trimesh
+def _visible_mesh(mesh: Mesh, seen: Bools, output: Path) -> bytes:
+    """The seen faces and their vertices alone, all digits of these kept. Raises: OptionError: as `_stl`."""
+    used, corners = np.unique(mesh.faces[seen], return_inverse=True)
+    vertices, faces = mesh.vertices[used], corners.reshape(-1, 3)
+    ending = output.suffix.lower()
+    if ending == ".ply":
+        return bare_ply(Mesh(vertices, faces))
+    if ending == ".stl":
+        return _stl(vertices, faces, output)
+    coordinates = [" ".join(map(repr, row)) for row in vertices.tolist()]
+    if ending == ".obj":
+        lines = [f"v {row}" for row in coordinates] + ["f {} {} {}".format(*row) for row in (faces + 1).tolist()]
+    else:
+        head = "OFF", f"{len(vertices)} {len(faces)} 0"
+        lines = [*head, *coordinates, *("3 {} {} {}".format(*row) for row in faces.tolist())]
+    return "\n".join([*lines, ""]).encode()
 
-    submesh = trimesh.Trimesh(mesh.vertices, mesh.faces[seen], process=False)
-    submesh.remove_unreferenced_vertices()
-    exported: bytes | str = submesh.export(file_type=ending[1:])
-    return exported.encode() if isinstance(exported, str) else exported
+
+def _stl(vertices: Float64s, faces: Int64s, output: Path) -> bytes:
+    """A binary STL. Raises: OptionError: float32, which it has, moves vertices by a millionth of their extent."""
+    with np.errstate(over="ignore"):
+        rounded = vertices.astype("<f4")
+    moved = np.abs(rounded - vertices).max()
+    if moved > _ROUNDED * np.ptp(vertices, axis=0).max():
+        raise OptionError(
+            "output", "a .ply, .obj or .off, for .stl has float32", f"{output}: vertices move by {moved:.3g}"
+        )
+    table = np.zeros(len(faces), TRIANGLE)
+    table["normal"] = face_normals(vertices, faces)[0]
+    table["vertices"] = rounded[faces]
+    return bytes(80) + len(faces).to_bytes(4, "little") + table.tobytes()
 
 
 def _visible_glb(mesh_file: MeshFile, seen: Bools) -> tuple[bytes, int]:

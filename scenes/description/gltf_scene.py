@@ -64,6 +64,7 @@ from ..formats.gltf.parse import parse
 from ..formats.gltf.textures import Textures, vertex_colours
 from ..formats.load import parser_errors, read_objects
 from ..geometry.instances import Instance
+from ..geometry.primitives import Origin
 from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, three_lights
 
 _FLOAT32_RIGHT_ANGLE = 1.5707964
@@ -168,7 +169,7 @@ def read_gltf(path: Path, settings: Settings, up: str | None, view: str | None) 
 
     Raises: as `gltf_objects`. OptionError: `up`, and the file has a camera of its own.
     """
-    objects, asset, notes = gltf_objects(path)
+    objects, asset, notes, origins = gltf_objects(path)
     with parser_errors(path):
         stage = parse(records.Stage, asset.header, path)
         cameras = _placed(asset, "camera", "cameras", stage.cameras, _camera)
@@ -178,11 +179,13 @@ def read_gltf(path: Path, settings: Settings, up: str | None, view: str | None) 
             raise OptionError("--up", "a file without a camera", f"{path}, which has one")
         camera = camera or framing(Scene(objects).flattened(), up, settings.width, settings.height, view)
     scene = Scene(objects, lights or three_lights(camera), BACKGROUND)
-    return SceneDescription(scene, camera, settings, files=asset.files, notes=notes)
+    of_objects = tuple(origins.get(item.shape) for item in objects)
+    return SceneDescription(scene, camera, settings, files=asset.files, notes=notes, origins=of_objects)
 
 
-def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...]]:
-    """The drawn primitives of a file, sharing shapes by mesh and pose, the asset, and notes.
+def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...], dict[Shape, Origin]]:
+    """The drawn primitives of a file, sharing shapes by mesh and pose, the asset, notes, and origins of the vertices of
+    shapes that have some repeated.
 
     Raises: MeshError: the file cannot be read, or draws no triangles. SceneError: a texture cannot be used.
     """
@@ -193,22 +196,30 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...]]
         _ = asset.materials  # to find what is malformed
         materials = Materials(textures := Textures(asset))
         shapes: dict[Any, Shape] = {}
+        origins: dict[Shape, Origin] = {}
         objects = []
         for drawn, placed in zip(asset.drawn, instances, strict=True):
             if placed.is_flattened:  # a scale of zero hides, in glTF
                 continue
             if drawn.shape not in shapes:
-                shapes[drawn.shape] = _shape(drawn, placed, materials, textures)
+                shapes[drawn.shape], origin = _shape(drawn, placed, materials, textures)
+                if origin:
+                    origins[shapes[drawn.shape]] = origin
             matrix = np.eye(4) if placed.matrix is None else placed.matrix
             objects.append(Object(shapes[drawn.shape], matrix, placed.name))
     if not objects:
         raise MeshError(path, "nodes", "at least one triangle to see", "none")
     notes = tuple(printable(f"{path}: {note}") for placed in instances for note in placed.notes)
-    return tuple(objects), asset, notes + materials.notes()
+    return tuple(objects), asset, notes + materials.notes(), origins
 
 
-def _shape(drawn: DrawnPrimitive, placed: Instance, materials: Materials, textures: Textures) -> Shape:
-    """The shape of a drawn primitive, `placed` in the world. Raises: SceneError."""
+def _shape(
+    drawn: DrawnPrimitive, placed: Instance, materials: Materials, textures: Textures
+) -> tuple[Shape, Origin | None]:
+    """The shape of a drawn primitive, `placed` in the world, and its vertices' origin if some are repeated.
+
+    Raises: SceneError.
+    """
     asset = textures.asset
     path = textures.asset.path
     primitive = drawn.primitive
@@ -219,7 +230,11 @@ def _shape(drawn: DrawnPrimitive, placed: Instance, materials: Materials, textur
     with located(path, f"materials[{primitive.material}]"):
         colours = vertex_colours(asset, primitive, placed.w)
         material = materials.of(primitive, colours is not None)
-        return Shape(mesh, material, uv, texture, occlusion and Occlusion(*occlusion), colours=colours)
+        shape = Shape(mesh, material, uv, texture, occlusion and Occlusion(*occlusion), colours=colours)
+        if shape.split is None:
+            return shape, None
+        split, of = shape.split
+        return split, Origin(of, len(mesh.vertices))
 
 
 def _placed(

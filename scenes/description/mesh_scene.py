@@ -5,18 +5,16 @@ divided by π, as Lambert's is, for lights in physical units.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 from math import pi
 
 import numpy as np
 
-from raytrace import BlinnPhong, Lambert, Material, Mesh, Object, Scene, Settings, Shape, Texture
-from raytrace.types import Int64s
+from raytrace import BlinnPhong, Lambert, Material, Object, Scene, Settings, Shape, Texture
+from raytrace.mesh.corners import split_creases
 
 from ..formats.load import MeshFile
 from ..formats.objects import ObjectSelection
 from ..geometry.attributes import SourceMaterial
-from ..geometry.corners import PerCorner, split_corners, split_creases
 from ..geometry.primitives import Origin
 from ..geometry.standing import lying_notes
 from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, three_lights
@@ -47,26 +45,6 @@ def reflection(material: SourceMaterial) -> Material:
     )
 
 
-def _split(mesh: Mesh, several: list[PerCorner]) -> tuple[Mesh, Origin | None, Int64s]:
-    """The mesh with vertices repeated at creases and where corners have other values of `several`.
-
-    Returns:
-        The mesh, its vertices' origin, None if none is repeated, and for each vertex a corner of the given mesh that is
-        alike; or for each corner itself.
-    """
-    total = len(mesh.vertices)
-    if mesh.normals is None:
-        vertices, faces, normals, corner_like = split_creases(mesh, several)
-    elif several:
-        corners = np.arange(mesh.faces.size).reshape(-1, 3)
-        vertices, faces, corner_like = split_corners(mesh.faces.ravel(), corners, several, total)
-        normals = mesh.normals[vertices]
-    else:
-        return mesh, None, mesh.faces.ravel()
-    split = replace(mesh, vertices=mesh.vertices[vertices], faces=faces, normals=normals)
-    return split, Origin(vertices, total), corner_like
-
-
 def _shapes(source: MeshFile) -> Iterator[tuple[Shape, Origin | None]]:
     """The shapes of a mesh file, one for the faces of each material, and their origins in the file.
 
@@ -81,9 +59,10 @@ def _shapes(source: MeshFile) -> Iterator[tuple[Shape, Origin | None]]:
     several = [held.of_triangles(held.uv)] if held.uv and has_textures else []
 
     # Vertices with one normal and one place in the texture each.
-    mesh, origin, corner_like = _split(mesh, several)
-    if colours is not None and origin:
-        colours = colours[origin.of]
+    mesh, _, of, corner_like = split_creases(mesh, several)
+    origin = Origin(of, total)
+    if colours is not None:
+        colours = colours[of]
     bare = NEUTRAL if colours is None else WHITE
     if held.material_of is None:
         yield Shape(mesh, bare, colours=colours), origin
@@ -101,5 +80,5 @@ def _shapes(source: MeshFile) -> Iterator[tuple[Shape, Origin | None]]:
         own_uv = uv[vertices] if texture else None
         own_colours = None if colours is None else colours[vertices]
         shape = Shape(part, reflection(material) if material else bare, own_uv, texture, colours=own_colours)
-        yield shape, Origin(vertices if origin is None else origin.of[vertices], total)
+        yield shape, Origin(of[vertices], total)
         total = 0  # of further parts of the file

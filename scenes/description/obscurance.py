@@ -60,7 +60,7 @@ def with_obscurance(
         options.samples,
         options.seed,
         threads,
-        "angle" if description.settings.normals == "file" else description.settings.normals,
+        description.settings.normals,
         progress=progress,
         only=only,
         denoise=False,

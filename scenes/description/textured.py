@@ -5,45 +5,40 @@ that a bake has given a PLY shows w, and is no colour.
 """
 
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from raytrace.errors import printable
 from raytrace.image.srgb import decode_srgb
+from raytrace.mesh.corners import split_creases
 from raytrace.types import Float64s
 
 from ..formats.load import load
 from ..geometry.attributes import SourceAttributes
-from ..geometry.corners import split_corners
 from ..geometry.primitives import Origin, TexturedMesh
 
 _COLOURS = "colours", "texture of map_Kd", "texture of diffuse"  # how words on what is left out begin
 
 
-def read_mesh(path: Path, textured: bool) -> tuple[TexturedMesh, list[str]]:
+def read_mesh(path: Path, textured: bool, own_normals: bool = True) -> tuple[TexturedMesh, list[str]]:
     """The mesh of a file, with texture coordinates if it is to be `textured` and all corners have some; and warnings.
 
-    Every combination of a vertex with a texture coordinate, and with a normal, becomes a vertex, after the file's own.
+    Every combination of a vertex with a normal (`raytrace.mesh.normals.corner_normals`), and with a texture coordinate,
+    becomes a vertex, after the file's own. Args: own_normals: whether the file's are asked for.
     """
     file = load(path, names=True)
-    mesh = file.mesh
     notes = [*file.notes, *colours_left_out(path, file.unread)]
     attributes = file.held
     colours = linear_colours(attributes)
     uv = attributes.uv
-    if not textured or uv is None or np.isnan(uv.values[uv.of]).any():
-        return TexturedMesh(mesh, colours=colours), notes
-    split_by = [values for values in (uv, attributes.normals) if values]
-    corner_numbers = attributes.triangles.take(np.arange(len(attributes.corners)))
-    vertices, faces, like = split_corners(attributes.corners, corner_numbers, split_by, len(mesh.vertices))
-    normals = None if mesh.normals is None else mesh.normals[vertices]
-    if attributes.normals:
-        normals = attributes.normals.values[attributes.normals.of[like]]
-    split = replace(mesh, vertices=mesh.vertices[vertices], faces=faces, normals=normals)
-    origin = Origin(vertices, len(mesh.vertices))
-    return TexturedMesh(split, uv.values[uv.of[like]], origin, None if colours is None else colours[vertices]), notes
+    several = []
+    if textured and uv is not None and not np.isnan(uv.values[uv.of]).any():
+        several = [attributes.of_triangles(uv)]
+    split = split_creases(file.mesh, several, own_normals)
+    origin = Origin(split.vertices, len(file.mesh.vertices))
+    of_corners = several[0].values[several[0].of[split.like]] if several else None
+    return TexturedMesh(split.mesh, of_corners, origin, None if colours is None else colours[split.vertices]), notes
 
 
 def linear_colours(attributes: SourceAttributes) -> Float64s | None:

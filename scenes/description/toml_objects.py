@@ -52,6 +52,7 @@ class ObjectReader:
         self._materials = materials
         self._geometry: dict[Any, TexturedMesh] = {}
         self._gltf: dict[Path, tuple[Object, ...]] = {}
+        self._gltf_origins: dict[Shape, Origin] = {}
         self._shapes: dict[Any, Shape] = {}
         self._stored: dict[int, int] = {}
         self.files: list[Path] = []
@@ -119,7 +120,7 @@ class ObjectReader:
         with located(self._source, field):
             if "scene" in format_of(mesh).holds:
                 return self._gltf_pieces(mesh, table, path, material, texture)
-            key = mesh, table.textured
+            key = mesh, table.textured, table.own_normals
             if key not in self._geometry:
                 self._geometry[key], notes = read_mesh(*key)
                 self.notes += notes
@@ -145,13 +146,17 @@ class ObjectReader:
         if mesh not in self._gltf:
             from .gltf_scene import gltf_objects
 
-            self._gltf[mesh], asset, notes = gltf_objects(mesh)
+            self._gltf[mesh], asset, notes, origins = gltf_objects(mesh)
+            self._gltf_origins |= origins
             self.notes += notes
             self.files.extend(asset.files)
         pieces = []
         for item in self._gltf[mesh]:
             shape = item.shape
-            geometry = self._cached(shape, lambda shape=shape: TexturedMesh(shape.mesh, shape.uv, None, shape.colours))
+            origin = self._gltf_origins.get(shape)
+            geometry = self._cached(
+                shape, lambda shape=shape, origin=origin: TexturedMesh(shape.mesh, shape.uv, origin, shape.colours)
+            )
             # A material of the entry's own takes the place of the file's with its texture.
             used_texture = texture or (shape.texture if material is None else None)
             new_shape = self._shape(table, path, geometry, material or shape.material, used_texture)

@@ -15,10 +15,9 @@ from ..geometry.polygons import triangulate
 from .table import MeshInput
 
 _COLLADA = ("dae", "zae")
-_MESHIO = (
-    "avs", "bdf", "cgns", "dat", "dato", "e", "ele", "ex2", "exo", "f3grid", "fem", "h5m", "hmf", "inp", "mdpa", "med",
-    "mesh", "meshb", "msh", "nas", "node", "post", "su2", "tec", "ugrid", "vol", "vtk", "vtu", "wkt", "xdmf", "xmf",
-    "xml",
+_MESHIO = (  # not those by HDF5 and XDMF, which read any file that the content names
+    "avs", "bdf", "dat", "dato", "ele", "f3grid", "fem", "inp", "mdpa", "mesh", "meshb", "msh", "nas", "node", "post",
+    "su2", "tec", "ugrid", "vol", "vtk", "vtu", "wkt", "xml",
 )  # fmt: skip
 _SURFACES = ("triangle", "quad")
 
@@ -49,6 +48,8 @@ def _meshio(file: Path, path: Path) -> list[Instance]:
     """Triangles and quads. meshio prints what each of its readers has to say, and ends the process if none can."""
     import meshio
 
+    if path.suffix.lower() == ".inp" and _includes(file):
+        raise MeshError(path, "content", "all of the mesh in one file", "*INCLUDE")
     output = io.StringIO()
     with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
         try:
@@ -65,3 +66,9 @@ def _meshio(file: Path, path: Path) -> list[Instance]:
         (f"{', '.join(other_types)} cells are left out: only triangles and quads are read",) if other_types else ()
     )
     return [Instance(path.stem, content.points, cut.take(corners), notes=cut.notes + left_out)]
+
+
+def _includes(file: Path) -> bool:
+    """Whether a file of Abaqus has the keyword by which it includes any other."""
+    with file.open(errors="replace") as lines:
+        return any(line.partition(",")[0].strip().replace("*", "").upper() == "INCLUDE" for line in lines)

@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from raytrace.errors import InputError, MeshError, ObscuranceError, OptionError, first_names, printable
+from raytrace.mesh.corners import with_hard_edges
 from raytrace.mesh.mesh import Mesh, mesh_of
+from raytrace.mesh.normals import useless_normals
 from raytrace.system.checks import check_memory, check_regular
 from raytrace.types import Float64s
 
@@ -81,6 +83,21 @@ class MeshFile(NamedTuple):
         return tuple(names[number] or self.parts[0].name for number in np.unique(held.object_of))
 
     @property
+    def split(self) -> Mesh:
+        """The mesh with a vertex for each normal that corners of one have, the mesh's own first, in their order.
+
+        A bake of it in place of `mesh` has w of each side of hard edges, for outputs that can hold it.
+        """
+        return with_hard_edges(self.mesh)
+
+    def baked_mesh(self, count: int) -> Mesh:
+        """What a bake of `count` vertices is of, `mesh` or `split`. Raises: OptionError: neither."""
+        mesh = self.mesh if count == len(self.mesh.vertices) else self.split
+        if count != len(mesh.vertices):
+            raise OptionError("bake", f"w of the {len(self.mesh.vertices):,} vertices of {self.path}", f"{count:,}")
+        return mesh
+
+    @property
     def held(self) -> SourceAttributes:
         """The file's `attributes`, or where it has none those of the bare triangles."""
         return self.attributes or triangle_attributes(self.mesh.faces)
@@ -128,7 +145,8 @@ def load(
     """Read a mesh file in the format of its ending.
 
     Polygons are cut into triangles. Point clouds, lines and cameras beside meshes are left out. A file's own
-    normals fill `mesh.normals` (PLY `nx ny nz`, OBJ `vn` with one normal a vertex, glTF `NORMAL`). Materials,
+    normals fill `mesh.normals` (PLY `nx ny nz`, OBJ `vn`, glTF `NORMAL`), or `mesh.corner_normals` where a
+    vertex has several. Materials,
     textures and the like are read for a target only, but for the alpha of faces (`mesh.opacity`). Files that a file
     refers to are read only from its own folder or below.
 
@@ -167,6 +185,9 @@ def load(
     notes = tuple(printable(f"{path}: {note}") for instance in instances for note in instance.notes)
     with np.errstate(invalid="ignore"):  # signalling NaNs, which are no w
         stored = [np.asarray(instance.w, np.float64) for instance in instances if instance.w is not None]
+    if useless := useless_normals(mesh):
+        of = f"{useless:,} of {mesh.faces.size:,} normals at corners are missing, zero, not finite or behind their face"
+        notes += (printable(f"{path}: {of}; those of the faces take their place"),)
     w = np.concatenate(stored) if len(stored) == len(instances) else None
     if flip:
         if asset and aim.ending == ".glb":

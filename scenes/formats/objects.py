@@ -78,13 +78,17 @@ class ObjectSelection(NamedTuple):
             if self.receive[face_rows].any():
                 vertices, corners = np.unique(mesh.faces[face_rows], return_inverse=True)
                 normals = None if mesh.normals is None else mesh.normals[vertices]
+                of_corners = mesh.corner_normals
+                facts: dict[str, Any] = {
+                    "opacity": mesh.opacity and mesh.opacity.only(face_rows),
+                    "polygons": None if mesh.polygons is None else mesh.polygons[face_rows],
+                    "corner_normals": of_corners and of_corners._replace(of=of_corners.of[face_rows]),
+                }
                 triangles = corners.reshape(-1, 3)
-                opacity = mesh.opacity and mesh.opacity.only(face_rows)
-                part_mesh = Mesh(
-                    mesh.vertices[vertices], triangles, normals, source=mesh.source, up=mesh.up, opacity=opacity
+                yield (
+                    vertices,
+                    Mesh(mesh.vertices[vertices], triangles, normals, source=mesh.source, up=mesh.up, **facts),
                 )
-                polygons = None if mesh.polygons is None else mesh.polygons[face_rows]
-                yield vertices, replace(part_mesh, polygons=polygons)
 
 
 def select_objects(

@@ -2,11 +2,13 @@
 
 import os
 import re
+from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 from raytrace.errors import OptionError
 from raytrace.system.atomic import PathName
@@ -92,22 +94,21 @@ def is_raster(path: PathName) -> bool:
     return "raster" in format_of(path).holds
 
 
-def in_file_units(path: PathName, name: str, length: object) -> object:
-    """A length with a unit, "10mm" or "10 km", in the file's; anything else as it is.
+def in_file_units(path: PathName, lengths: Mapping[str, Any]) -> dict[str, Any]:
+    """Lengths by the names of their options, those with a unit, "10mm" or "10 km", in that of the file's coordinates.
 
-    Raises: OptionError: of the option `name`, where the file has none.
+    Raises: OptionError: one has a unit, and the file none.
     """
-    match = re.fullmatch(r"\s*([-+.\deE]+)\s*(mm|cm|m|km)\s*", str(length))
-    if not match:
-        return length
-    number, unit = match.groups()
-    if not format_of(path).in_metres:
-        expected = 'a length in the file\'s own unit, which it does not name, such as 0.5, or "25%"'
-        raise OptionError(name, expected, repr(length), path)
-    try:
-        return repr(float(number) * _METRES[unit])
-    except ValueError:
-        return length
+    found = dict(lengths)
+    for name, length in lengths.items():
+        match = re.fullmatch(r"\s*(\d[.\de+-]*|\.\d+)\s*(mm|cm|m|km)\s*", str(length))
+        if match and not format_of(path).in_metres:
+            expected = f'a length above 0 without a unit, which {path} does not name, such as 0.5 or "25%"'
+            raise OptionError(name, expected, repr(length))
+        if match:
+            with suppress(ValueError):  # whoever takes the length refuses it
+                found[name] = repr(float(match[1]) * _METRES[match[2]])
+    return found
 
 
 def sniffed_format(content: bytes | bytearray) -> str | None:

@@ -49,7 +49,7 @@ def _of_polygons(mesh_file: MeshFile, row: FileFormat, colors: str) -> Iterator[
         if not mesh_file.gltf and (len(mesh_file.parts) > 1 or (of is not None and np.ptp(of))):
             yield "its division into objects"
         yield from (words for words in mesh_file.unread if not words.startswith(MATERIAL_WORDS))
-    if attributes.normals:
+    if mesh_file.mesh.corner_normals:
         yield "normals of vertices that have several"
     if attributes.uv and "uv" in row.holds and not np.isfinite(attributes.uv.values).all():
         yield "texture coordinates, which some corners lack"

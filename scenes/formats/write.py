@@ -74,8 +74,8 @@ def write(
 
     Args:
         path: the target, replaced if it exists.
-        bake: per vertex of `mesh_file.mesh`, or a texture of its faces. For a .glb also a list of textures of
-            different faces; a bake per vertex among them is for faces on none.
+        bake: per vertex of `mesh_file.mesh`, for a .glb or .html also of `mesh_file.split`; or a texture of its faces.
+            For a .glb also a list of textures of different faces; a bake per vertex among them is for faces on none.
         mesh_file: what was baked, with what else it holds: of `load` for this target, or the file's path; or a mesh in
             any form that `ao.bake` takes; None: the mesh of the bake alone.
         colors: "rgb": give a .glb the vertex colours `COLOR_0` = w, and a .ply the grey, in place of the
@@ -107,10 +107,13 @@ def write(
         _write_textures(Path(path), several, source, replace_occlusion)
         return
     values = cast("Bake", bake)
-    count = len(source.cloud[0] if source.cloud else getattr(source.mesh, values.at))
     check_holds(path, values.at, values.below is not None)
-    if len(bake.w) != count:
-        raise OptionError("bake", f"w of the {count:,} {values.at} of {source.path}", f"{len(bake.w):,}")
+    if values.at == "vertices" and Path(path).suffix.lower() in (".glb", ".html"):
+        source.baked_mesh(len(bake.w))
+    else:
+        count = len(source.cloud[0] if source.cloud else getattr(source.mesh, values.at))
+        if len(bake.w) != count:
+            raise OptionError("bake", f"w of the {count:,} {values.at} of {source.path}", f"{len(bake.w):,}")
     where = channels(path, colors, occlusion, replace_occlusion, up, ply_name)
     write_vertices(path, values, source, where)
 

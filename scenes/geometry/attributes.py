@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import InputError, MemoryLimitError
+from raytrace.mesh.mesh import PerCorner
 from raytrace.types import Float64s, Int64s
 
-from .corners import PerCorner
 from .polygons import Triangulation
 
 
@@ -101,7 +101,6 @@ class SourceAttributes(NamedTuple):
     sizes: Int64s  # (p,) corners of each polygon
     triangles: Triangulation  # how the mesh's faces were cut from the polygons
     uv: PerCorner | None = None  # texture coordinates, v upwards, NaN at corners without, or None
-    normals: PerCorner | None = None  # where some vertex has several, or None: then `Mesh.normals` are all there are
     colors: Float64s | None = None  # (n, 3) or (n, 4), red green blue and alpha in [0, 1], sRGB-encoded, or None
     numbers: Mapping[str, Float64s] = {}  # further (n,) values of the vertices by name
     materials: tuple[SourceMaterial, ...] = ()
@@ -141,7 +140,6 @@ def reversed_attributes(attributes: SourceAttributes) -> SourceAttributes:
         corners=attributes.corners[order],
         triangles=triangles,
         uv=attributes.uv and attributes.uv._replace(of=attributes.uv.of[order]),
-        normals=attributes.normals and PerCorner(-attributes.normals.values, attributes.normals.of[order]),
         elements=tuple(_reversed_element(element, sizes, order) for element in attributes.elements),
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import InputError, MeshError
-from raytrace.mesh.mesh import Mesh
+from raytrace.mesh.mesh import Mesh, PerCorner
 from raytrace.mesh.opacity import Opacity
 from raytrace.system.checks import check_memory
 from raytrace.types import Float64s, Int64s
@@ -39,6 +39,7 @@ class Instance(NamedTuple):
     opacity: Opacity | None = None  # alpha of the faces, or None
     up: str | None = None  # the axis that is up, if the file or its format defines it (`Mesh.up`)
     polygons: Int64s | None = None  # (m,) the polygon of each face, as `raytrace.Mesh` has it, or None
+    corner_normals: PerCorner | None = None  # as `raytrace.Mesh` has them, of an object alone without a matrix; or None
 
     @property
     def volume(self) -> float:
@@ -83,10 +84,8 @@ def flatten(instances: Sequence[Instance], source: str) -> tuple[Mesh, tuple[Sub
     up = instances[0].up
     if len(instances) == 1 and instances[0].matrix is None:
         only = instances[0]
-        mesh = Mesh(
-            only.vertices, only.faces, only.normals, source=source, opacity=only.opacity, polygons=only.polygons, up=up
-        )
-        return mesh, parts
+        facts: dict[str, Any] = {"polygons": only.polygons, "corner_normals": only.corner_normals}
+        return Mesh(only.vertices, only.faces, only.normals, source=source, opacity=only.opacity, up=up, **facts), parts
     # Each instance in its place.
     vertices = np.empty((parts[-1].vertices.stop, 3))
     faces = np.empty((parts[-1].faces.stop, 3), np.int64)

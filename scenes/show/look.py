@@ -4,16 +4,14 @@ Clay is Lambert's, lit by ambient light and by one directional light that stands
 w weights both, as in (12.75). So what a page draws can be rendered, and a test compares the two.
 """
 
-from dataclasses import replace
 from math import pi
 from typing import Any, Literal
 
 import numpy as np
 
 from raytrace import AmbientLight, Camera, DirectionalLight, Lambert, Mesh, Object, Scene, Settings, Shape
+from raytrace.mesh.corners import split_creases
 from raytrace.types import AnyFloats
-
-from ..geometry.corners import split_creases
 
 Scheme = Literal["dark", "light"]
 FIELD_OF_VIEW = 35.0
@@ -52,8 +50,7 @@ def clay_scene(mesh: Mesh, w: AnyFloats, camera: Camera, scheme: Scheme = "dark"
     to_right, upwards, to_viewer = TOWARDS_KEY
     travels = forward * to_viewer - right * to_right - above * upwards
     key = DirectionalLight(direction=travels.tolist(), intensity=(pi * KEY,) * 3)  # Lambert's reflects 1/π of it
-    vertices, faces, normals, _ = split_creases(mesh)
-    drawn = replace(mesh, vertices=mesh.vertices[vertices], faces=faces, normals=normals)
+    drawn, _, vertices, _ = split_creases(mesh)
     clay = Object(Shape(drawn, Lambert(albedo=CLAY, two_sided="viewer")), w=np.asarray(w, np.float64)[vertices])
     return Scene((clay,), (key, AmbientLight(intensity=(AMBIENT,) * 3)), BACKGROUND[scheme])
 

@@ -61,6 +61,7 @@ def test_coincident_vertices_get_the_same_value(colonnade):
     doubled = Mesh(
         np.vstack([colonnade.vertices, colonnade.vertices]),
         np.vstack([colonnade.faces, colonnade.faces + len(colonnade.vertices)]),
+        np.vstack([colonnade.normals, colonnade.normals]),
     )
     again = ao.bake(doubled, ao.Binary(), samples=64, interior="ignore")
     np.testing.assert_array_equal(again.w[: len(baked.w)], again.w[len(baked.w) :])

@@ -11,10 +11,10 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from raytrace.mesh.mesh import PerCorner
 from raytrace.types import Float64s, Int64s
 
 from ...geometry.attributes import SourceAttributes, SourceMaterial, find_picture
-from ...geometry.corners import PerCorner
 from ...geometry.instances import Instance, check_copies
 from ...geometry.polygons import triangulate
 from ..table import MeshInput

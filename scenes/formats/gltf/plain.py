@@ -1,19 +1,19 @@
 """Binary glTF of meshes that were no glTF: one node an object, one primitive a material of it."""
 
 from collections import Counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from raytrace.errors import OptionError
 from raytrace.image.srgb import decode_srgb
-from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.normals import creased_normals
+from raytrace.mesh.corners import split_corners, split_creases
+from raytrace.mesh.mesh import Mesh, PerCorner
+from raytrace.mesh.normals import nonzero
 from raytrace.types import Float64s, Int64s
 
 from ...geometry.attributes import SourceAttributes
-from ...geometry.corners import PerCorner, split_corners
 from ...geometry.instances import Submesh
 from ..load import MeshFile
 from ..ply.layout import fractions, stored_colors
@@ -26,12 +26,19 @@ _LARGEST = 1e38  # of float32, and of a difference of two
 SOURCE_INDEX = "_SOURCE_INDEX"
 
 
-Drawn = tuple[dict[str, Any], Int64s]
-"""A primitive of a document, and which of the baked mesh's vertices its own are."""
+class Drawn(NamedTuple):
+    """A primitive of a document.
+
+    Attributes: vertices: which of the mesh's vertices its own are. rows: of the mesh that is split at hard edges.
+    """
+
+    primitive: dict[str, Any]
+    vertices: Int64s
+    rows: Int64s
 
 
 def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
-    """The document, without w, and its primitives, in the order of `primitive_groups`; normals if the mesh has none.
+    """The document, without w, and its primitives, in the order of `primitive_groups`, with `corner_normals`.
 
     The only primitive of a part has the part's vertices in their order, then those whose corners differ once more.
     One of several has the vertices that it uses, with their rows in the mesh as `_SOURCE_INDEX`.
@@ -47,8 +54,9 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
     groups_of_part = Counter(group.part for group in groups)
     origins = [part_origin(mesh.vertices[part.vertices]) for part in mesh_file.parts]
     uv = source.of_triangles(source.uv) if source.uv else None
-    normals = _corner_normals(mesh_file)
-    split_by = [values for values in (uv, normals) if values]
+    split = split_creases(mesh)
+    rows_of = split.mesh.faces.ravel()
+    split_by = [*([uv] if uv else []), PerCorner(split.normals, rows_of)]
     of_vertices = _vertex_columns(source, colors)
     drawn: list[Drawn] = []
     before = None
@@ -61,10 +69,8 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
         part = mesh_file.parts[group.part]
         vertices, faces, like = _group_vertices(mesh, part, group.faces, split_by, groups_of_part[group.part] == 1)
         attributes = {"POSITION": _add_positions(builder, mesh.vertices[vertices], origin)}
-        columns = _corner_columns(
-            normals.values[normals.of[like]] if normals else np.asarray(mesh.normals)[vertices],
-            uv.values[uv.of[like]] if uv else None,
-        )
+        rows = rows_of[like]
+        columns = _corner_columns(split.normals[rows], uv.values[uv.of[like]] if uv else None)
         columns |= {name: values[vertices] for name, values in of_vertices.items()}
         attributes |= {name: builder.accessor(values.astype("<f4")) for name, values in columns.items()}
         indices = builder.accessor(faces.astype("<u4").ravel(), ELEMENT_ARRAY_BUFFER)
@@ -72,7 +78,7 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
             attributes[SOURCE_INDEX] = builder.accessor(vertices.astype("<f4"))
         primitive = {"attributes": attributes, "indices": indices, "material": group.material.key}
         builder.header["meshes"][-1]["primitives"].append(primitive)
-        drawn.append((primitive, vertices))
+        drawn.append(Drawn(primitive, vertices, rows))
     return builder, drawn
 
 
@@ -105,11 +111,8 @@ def _group_vertices(
 
 
 def _corner_columns(normals: npt.NDArray[Any], uv: npt.NDArray[Any] | None) -> dict[str, npt.NDArray[Any]]:
-    """Normals, unless one has no length, for glTF allows unit ones only, and texture coordinates of vertices."""
-    columns = {}
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    if np.isfinite(length).all() and (length > 0).all():
-        columns["NORMAL"] = normals / length
+    """Unit normals, upwards of faces without area, which nothing shows, and texture coordinates of vertices."""
+    columns = {"NORMAL": np.where(nonzero(normals)[:, None], normals, (0, 0, 1))}
     if uv is not None and np.isfinite(uv).any():
         columns["TEXCOORD_0"] = flipped(np.nan_to_num(uv))
     return columns
@@ -122,18 +125,6 @@ def _add_node(builder: GlbBuilder, name: str, origin: Float64s | None) -> None:
     if origin is not None:
         node["translation"] = origin.tolist()
     builder.header["scenes"][0]["nodes"].append(builder.append("nodes", node))
-
-
-def _corner_normals(mesh_file: MeshFile) -> PerCorner | None:
-    """Normals of the triangles' corners; None where each vertex has one."""
-    source = mesh_file.held
-    if source.normals:
-        return source.of_triangles(source.normals)
-    if mesh_file.mesh.normals is not None:
-        return None
-    normals, of = creased_normals(mesh_file.mesh)
-    normals[~normals.any(axis=1)] = 0, 0, 1  # of faces without area, which nothing shows
-    return PerCorner(normals, of.ravel())
 
 
 def part_origin(vertices: Float64s) -> Float64s | None:

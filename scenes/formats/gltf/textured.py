@@ -8,9 +8,10 @@ import numpy as np
 
 from ao.texture.result import BakedTexture
 from ao.texture.uv_layout import on_page
+from raytrace.errors import MeshError
 from raytrace.types import AnyFloats, Float64s, Int64s
 
-from ..load import MeshFile
+from ..load import MeshFile, parser_errors
 from ..primitive_groups import primitive_groups
 from .accessors import flipped, normalized, triangles, values
 from .asset import Gltf
@@ -18,11 +19,11 @@ from .builder import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, GlbBuilder
 from .occlusion import OcclusionTextures, add_coordinates, free_set
 from .orm import OrmTextures
 from .parse import parse
-from .plain import Drawn
 from .records import Primitive
 from .write import document, write_ramp
 
 _SAME = 1e-6  # of texture coordinates that float32 has rounded
+_VECTORS = "SCALAR", "VEC2", "VEC3", "VEC4"
 _RESTART = 65535  # in indices of 16 bits, no vertex (section 3.7.2.1)
 
 
@@ -50,10 +51,10 @@ def textured_glb(
     asset = Gltf(mesh_file.path, builder.header, [bytes(builder.binary)])
     textures = OrmTextures(builder, replace, asset=mesh_file.gltf) if orm else OcclusionTextures(builder, replace)
     numbers = [textures.add_page(page.w) for page in pages]
-    on_no_page: list[Drawn] = []
+    on_no_page: list[tuple[dict[str, Any], Int64s]] = []
     kept = 0
     # Each primitive: kept, on no page, or divided by its pages.
-    for (primitive, vertices), group in zip(drawn, primitive_groups(mesh_file), strict=True):
+    for (primitive, vertices, _), group in zip(drawn, primitive_groups(mesh_file), strict=True):
         on_pages = np.array([on_page(page.uv[group.faces]) for page in pages])
         if not textures.materials(primitive):
             kept += 1
@@ -84,6 +85,28 @@ def textured_glb(
         reason = "which have other coordinates, are moved by KHR_texture_transform, or are neither PNG nor JPEG"
         lines.append(f"has its occlusion {apart}, {reason}")
     return builder.encode(), lines
+
+
+def check_vertices(mesh_file: MeshFile) -> None:
+    """Read all attributes of the vertices that a glTF draws, which `take_vertices` reads after a bake.
+
+    Raises: MeshError: one is malformed, has not a row for each vertex, or a number that is not finite.
+    """
+    asset = mesh_file.gltf
+    if not asset:
+        return
+    with parser_errors(asset.path):
+        for drawn in {(drawn.mesh, drawn.primitive_number): drawn for drawn in asset.drawn}.values():
+            attributes = drawn.primitive.attributes
+            count = asset.geometry.accessors[attributes["POSITION"]].count
+            for table in (attributes, *drawn.primitive.targets):
+                for name, number in table.items():
+                    stored = values(asset, number, *_VECTORS)
+                    field = f"meshes[{drawn.mesh}].primitives[{drawn.primitive_number}].{name}"
+                    if len(stored) != count:
+                        raise MeshError(asset.path, field, f"{count} rows", len(stored))
+                    if stored.dtype.kind == "f" and not np.isfinite(stored).all():
+                        raise MeshError(asset.path, field, "finite numbers", "others")
 
 
 def _by_page(
@@ -145,7 +168,7 @@ def take_vertices(builder: GlbBuilder, asset: Gltf, primitive: dict[str, Any], t
 def _taken_accessor(builder: GlbBuilder, asset: Gltf, number: int, taken_rows: Int64s) -> int:
     """Index of a new accessor of some rows of another."""
     old = asset.header["accessors"][number]
-    taken = np.ascontiguousarray(values(asset, number, "SCALAR", "VEC2", "VEC3", "VEC4")[taken_rows])
+    taken = np.ascontiguousarray(values(asset, number, *_VECTORS)[taken_rows])
     data = taken.view(np.uint8)
     padding = -data.shape[1] % 4
     strided = {"byteStride": data.shape[1] + padding} if padding else {}

@@ -17,12 +17,12 @@ from raytrace import AlphaSurface, Opacity
 from raytrace.errors import MeshError, SceneError
 from raytrace.image.srgb import encode_srgb
 from raytrace.image.texture import Texture, Wrap
+from raytrace.mesh.mesh import PerCorner
 from raytrace.text.field_errors import shown
 from raytrace.text.safe_paths import confined
 from raytrace.types import Float64s, Int64s
 
 from ...geometry.attributes import SourceAttributes, triangle_attributes
-from ...geometry.corners import PerCorner
 from ...geometry.instances import Submesh
 from .accessors import column, flipped, view_bytes
 from .asset import Gltf, entry

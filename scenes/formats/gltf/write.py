@@ -39,7 +39,9 @@ def glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     """
     builder, drawn = document(mesh_file, bake, channels)
     if channels.ramp:
-        write_ramp(builder, [(primitive, bake.w[vertices]) for primitive, vertices in drawn], channels.replace)
+        whole = len(mesh_file.mesh.vertices)
+        shown = [(of.primitive, bake.w[of.vertices if len(bake.w) == whole else of.rows]) for of in drawn]
+        write_ramp(builder, shown, channels.replace)
     return builder.encode()
 
 
@@ -50,9 +52,10 @@ def document(mesh_file: MeshFile, bake: Bake | None, channels: Channels = Channe
     stored = Gltf(mesh_file.path, builder.header, [bytes(builder.binary)]) if len(channels.colors) == 1 else None
     _add_up_axis_node(builder.header, up_axis(mesh_file.mesh, channels.up), asset)
     if bake:
-        for primitive, vertices in drawn:
+        for primitive, vertices, rows in drawn:
             colors = None if stored is None else stored_colors(stored, primitive["attributes"], len(vertices))
-            builder.annotate(primitive, bake, vertices, channels.colors, colors)
+            of = vertices if len(bake.w) == len(mesh_file.mesh.vertices) else rows
+            builder.annotate(primitive, bake, of, channels.colors, colors)
     return builder, drawn
 
 
@@ -70,7 +73,7 @@ def _stored(asset: Gltf, parts: tuple[Submesh, ...]) -> tuple[GlbBuilder, list[D
             meshes.append(copy.deepcopy(meshes[shown.mesh]))
             node["mesh"] = len(meshes) - 1
         vertices = np.arange(part.vertices.start, part.vertices.stop)
-        drawn.append((meshes[node["mesh"]]["primitives"][shown.primitive_number], vertices))
+        drawn.append(Drawn(meshes[node["mesh"]]["primitives"][shown.primitive_number], vertices, vertices))
     return builder, drawn
 
 

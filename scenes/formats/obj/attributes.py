@@ -5,7 +5,6 @@ import numpy as np
 from raytrace.mesh.opacity import AlphaSurface, Opacity
 
 from ...geometry.attributes import SourceAttributes, SourceMaterial
-from ...geometry.corners import PerCorner
 from ...geometry.polygons import Triangulation
 from .mtl import LIBRARY, OPAQUE, OPTION, Libraries
 from .text import ObjText
@@ -21,12 +20,9 @@ _TOLD = {  # of what is left out of materials, what matters to alpha
 
 
 def obj_attributes(
-    file: ObjText, libraries: Libraries, triangles: Triangulation, normals: PerCorner | None, one_each: bool
+    file: ObjText, libraries: Libraries, triangles: Triangulation
 ) -> tuple[SourceAttributes, tuple[str, ...]]:
-    """All of an OBJ file that can be kept, and the rest in words.
-
-    Args: normals: of all corners. one_each: whether no vertex has several of them.
-    """
+    """All of an OBJ file that can be kept beside its mesh, and the rest in words."""
     # Texture coordinates and colours.
     uv = file.uv()
     uv_is_finite = uv is None or np.isfinite(uv.values[uv.of[file.some("vt")]]).all()
@@ -48,7 +44,6 @@ def obj_attributes(
         (objects.kinds > MAX_OBJECTS, f"its division into {objects.kinds:,} objects"),
         (len(set(file.lines("s").split())) > 1, "smoothing groups"),
         (any(run.keyword in _OTHER for run in file.runs), "lines, points, curves and surfaces"),
-        (normals is None and file.some("vn").any(), "normals, which some corners lack"),
         (not uv_is_finite, "texture coordinates, some of which are not finite"),
         (colors is None and file.has_colors, "colours, which some vertices lack or have outside of [0, 1]"),
     )
@@ -57,7 +52,6 @@ def obj_attributes(
         file.sizes,
         triangles,
         uv=uv if uv_is_finite else None,
-        normals=None if one_each else normals,
         colors=colors,
         materials=materials,
         material_of=used.of if materials else None,

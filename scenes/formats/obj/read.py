@@ -6,6 +6,8 @@ trimesh's reader splits, repeats or drops vertices, takes index 0 for 1 and wrap
 
 import numpy as np
 
+from raytrace.mesh.mesh import PerCorner
+
 from ...geometry.instances import Instance
 from ...geometry.polygons import triangulate
 from ..table import MeshInput
@@ -17,7 +19,7 @@ from .text import ObjText
 def read_obj(mesh_input: MeshInput) -> list[Instance]:
     """All faces of the file, in its order, as triangles of one instance: no vertices are divided in OBJ.
 
-    Normals are taken where every face has them and each vertex has only one. Raises: as `ObjText`.
+    Raises: as `ObjText`.
     """
     file = ObjText(mesh_input.file.read(), mesh_input.source)
     normals = file.normals()
@@ -25,6 +27,8 @@ def read_obj(mesh_input: MeshInput) -> list[Instance]:
     triangles = triangulate(file.vertices, file.corners, file.sizes, mesh_input.source)
     notes = file.notes + triangles.notes
     instance = Instance(mesh_input.name, file.vertices, triangles.take(file.corners), vertex_normals, notes=notes)
+    if normals and vertex_normals is None:
+        instance = instance._replace(corner_normals=PerCorner(normals.values, triangles.take(normals.of)))
     libraries = (
         read_libraries(file.lines("mtllib"), mesh_input.path.parent)
         if mesh_input.keep or mesh_input.alpha
@@ -32,7 +36,7 @@ def read_obj(mesh_input: MeshInput) -> list[Instance]:
     )
     # What else the file holds, and the alpha of its materials.
     if mesh_input.keep:
-        attributes, unread = obj_attributes(file, libraries, triangles, normals, vertex_normals is not None)
+        attributes, unread = obj_attributes(file, libraries, triangles)
         instance = instance._replace(attributes=attributes, unread=unread)
     if mesh_input.alpha:
         opacity, of_alpha = obj_opacity(file, libraries, triangles)

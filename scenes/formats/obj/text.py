@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from raytrace.errors import MeshError
+from raytrace.mesh.mesh import PerCorner
 from raytrace.text import lines
 from raytrace.text.lines import COUNT, LEAST, MOST, NEEDED, NONE, NUMBERED, SLASHES, USABLE, WORDS, F, V
 from raytrace.types import Bools, Float64s, Int64s
 
-from ...geometry.corners import PerCorner
 from ..number_rows import for_blocks, line_blocks, round_left
 
 _RUN = re.compile(r"^[ \t]*(\w+)(?!\S)[^\n]*(?:\n[ \t]*\1(?!\S)[^\n]*)*+", re.MULTILINE)
@@ -141,9 +141,8 @@ class ObjText:
         return re.sub(rf"^[ \t]*{keyword}", "", re.sub(r"#[^\n]*", "", text), flags=re.MULTILINE)
 
     def normals(self) -> PerCorner | None:
-        """`vn` of all corners; None if some corner has none. Raises: as the constructor."""
-        has_normal = self.some("vn")
-        return self._per_corner("vn") if len(has_normal) and has_normal.all() else None
+        """`vn` of the corners, NaN where a corner has none; None if none has. Raises: as the constructor."""
+        return self._per_corner("vn") if self.some("vn").any() else None
 
     def uv(self) -> PerCorner | None:
         """`vt` of the corners, v upwards, NaN where a corner has none; None if none has. Raises: as the constructor."""

@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from raytrace.image.srgb import encode_srgb
+from raytrace.mesh.mesh import PerCorner
 from raytrace.mesh.up import UP
 from raytrace.types import AnyInts, Float32s, Float64s, Int64s
 
 from ...geometry.attributes import Element, Property, SourceAttributes, SourceMaterial, find_picture
-from ...geometry.corners import PerCorner
 from ...geometry.polygons import Triangulation
 
 if TYPE_CHECKING:

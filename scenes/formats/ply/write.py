@@ -9,7 +9,7 @@ from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import face_normals
 from raytrace.mesh.up import up_axis
 
-from ...geometry.attributes import Element, Property, SourceAttributes
+from ...geometry.attributes import Element, Property, SourceAttributes, triangle_attributes
 from ..load import MeshFile
 from ..table import Channels
 from . import layout
@@ -54,6 +54,12 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
         annotated = _annotate(element, values, colour_channels, further) if element.name == named else element
         fitting.append(replace(element, properties=tuple(column.fitting() for column in annotated.properties)))
     return b"".join([layout.write_header(fitting, comments), *map(_rows, fitting)])
+
+
+def bare_ply(mesh: Mesh) -> bytes:
+    """A PLY file of the vertices and faces alone, in double where float does not hold them."""
+    elements = _elements(mesh, triangle_attributes(mesh.faces))
+    return b"".join([layout.write_header(elements, []), *map(_rows, elements)])
 
 
 def has_own_colors(attributes: SourceAttributes) -> bool:

@@ -5,18 +5,27 @@ Cells are taken to metres, by the unit of the reference system, from the corner 
 
 from __future__ import annotations
 
+import os
+import re
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from raytrace.errors import MeshError
+from raytrace.system.checks import check_memory
 from raytrace.types import Bools, Float64s
 
 from ...geometry.instances import Instance
-from ..table import MeshInput
+from ..table import MeshInput, format_of
 
 if TYPE_CHECKING:
     from rasterio.io import DatasetReader
+
+_DRIVERS = {".asc": "AAIGrid", ".tif": "GTiff", ".tiff": "GTiff"}  # others of GDAL open what a content names
+_IN_MEMORY = re.compile(r"\S*[0-9a-f-]{36}\.tif:? *")  # GDAL's name of the content
+_CELL = 240  # bytes of memory a cell takes until it is a vertex and two triangles
+_PACKED, _FEW = 1100, 1 << 20  # cells that a byte of file holds at most; so many that any file may have
 
 
 def read_raster(mesh_input: MeshInput) -> list[Instance]:
@@ -51,14 +60,29 @@ def read_raster(mesh_input: MeshInput) -> list[Instance]:
 
 
 def opened(file: Any, source: str) -> DatasetReader:
-    """A raster in a file. Raises: MeshError: it is none. ModuleNotFoundError: there is no rasterio."""
+    """A raster in a file of the format that its name's ending says, by which GDAL opens no other file.
+
+    Raises:
+        MeshError: it is none, or has more cells than its bytes can hold. MemoryLimitError: its cells do not fit.
+        ModuleNotFoundError: there is no rasterio.
+    """
     import rasterio
     from rasterio.errors import RasterioError
 
     try:
-        return rasterio.open(file)
+        raster = rasterio.open(file, driver=_DRIVERS[Path(source).suffix.lower()])
     except RasterioError as reason:
-        raise MeshError(source, "content", "a raster of heights", reason) from None
+        got = "another format" if "not recognized" in str(reason) else _IN_MEMORY.sub("", str(reason))
+        raise MeshError(source, "content", f"a raster of heights, {format_of(source).name}", got) from None
+    stored = file.seek(0, os.SEEK_END)
+    cells, block = raster.width * raster.height, raster.count * int(np.prod(raster.block_shapes[0]))
+    if max(cells, block) > max(_PACKED * stored, _FEW):
+        got = f"{raster.width:,}×{raster.height:,}"
+        if block > cells:
+            got += " in tiles of {:,}×{:,}".format(*raster.block_shapes[0][::-1])
+        raise MeshError(source, "cells", f"as many as {stored:,} bytes can hold", got)
+    check_memory(source, _CELL * cells + 16 * block, f"to read {cells:,} cells")
+    return raster
 
 
 def data_mask(raster: DatasetReader) -> Bools:

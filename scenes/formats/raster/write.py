@@ -1,11 +1,13 @@
 """w of the cells of a height raster, as a raster of the same grid."""
 
+import warnings
+
 import numpy as np
 
 from ao import Bake
 from raytrace.errors import OptionError
 
-from ..load import MeshFile
+from ..load import MeshFile, parser_errors
 from ..table import is_raster
 from .read import data_mask, opened
 
@@ -20,14 +22,15 @@ def raster(bake: Bake, mesh_file: MeshFile, _: object) -> bytes:
     """
     if not is_raster(mesh_file.path):
         raise OptionError("output", "an image of a texture, or terrain as the input", mesh_file.path)
-    with mesh_file.path.open("rb") as file, opened(file, str(mesh_file.path)) as source:
+    path = mesh_file.path
+    with parser_errors(path), path.open("rb") as file, opened(file, str(path)) as source:
         has_data = data_mask(source)
         grid = {name: source.profile[name] for name in _KEPT}
     bands = {"obscurance": bake.w, "standard error": bake.error}
     known_bands = {name: values for name, values in bands.items() if values is not None}
     from rasterio.io import MemoryFile
 
-    with MemoryFile() as memory:
+    with warnings.catch_warnings(action="ignore"), MemoryFile() as memory:  # that the raster has no place
         form = {"driver": "GTiff", "dtype": "float32", "nodata": _NO_DATA, "compress": "deflate"}
         with memory.open(**grid, **form, count=len(known_bands)) as target:
             for number, (name, values) in enumerate(known_bands.items(), 1):

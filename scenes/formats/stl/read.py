@@ -14,7 +14,9 @@ from ...geometry.instances import Instance
 from ..number_rows import NumberRows
 from ..table import MeshInput
 
-_HEADER, _TRIANGLE = 84, np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
+_HEADER = 84
+TRIANGLE = np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
+"""A triangle of a binary STL."""
 _NAME = re.compile(rb"solid([^\r\n]*)", re.IGNORECASE)
 
 
@@ -25,8 +27,8 @@ def read_stl(mesh_input: MeshInput) -> list[Instance]:
     """
     data = mesh_input.file.read()
     announced = int.from_bytes(data[80:_HEADER], "little")
-    if len(data) == _HEADER + announced * _TRIANGLE.itemsize:
-        solids = [("", np.frombuffer(data, _TRIANGLE, announced, _HEADER)["vertices"].reshape(-1, 3))]
+    if len(data) == _HEADER + announced * TRIANGLE.itemsize:
+        solids = [("", np.frombuffer(data, TRIANGLE, announced, _HEADER)["vertices"].reshape(-1, 3))]
     else:
         solids = _solids(data, mesh_input.source)
     names = [name for name, _ in solids] if len(solids) > 1 else [mesh_input.name]

@@ -21,4 +21,4 @@ def html(bake: Bake | Values, mesh_file: MeshFile, channels: Channels) -> bytes:
     values = Values(
         bake.w, bake.error, bake.flags, bake.bent_normals, title, profile=bake.profile, permanent=channels.again
     )
-    return html_of_bakes(mesh_file.mesh, [values], title, channels.up, base_colour(mesh_file))
+    return html_of_bakes(mesh_file.baked_mesh(len(bake.w)), [values], title, channels.up, base_colour(mesh_file))

@@ -13,12 +13,12 @@ from raytrace.errors import InputError, printable
 from raytrace.image.encode import image_bytes, linear_png, write_picture
 from raytrace.image.srgb import decode_srgb, encode_srgb
 from raytrace.image.texture import Texture, Wrap, rgb_codes, texture_alpha, texture_codes
+from raytrace.mesh.mesh import PerCorner
 from raytrace.mesh.opacity import AlphaSurface, Opacity
 from raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
 
 from ...formats.load import MeshFile, parser_errors
 from ...geometry.attributes import SourceAttributes
-from ...geometry.corners import PerCorner
 
 if TYPE_CHECKING:
     from ...formats.gltf.asset import Gltf

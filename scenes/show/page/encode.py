@@ -20,10 +20,10 @@ import numpy.typing as npt
 from raytrace import Mesh, OptionError
 from raytrace.errors import numbers
 from raytrace.image.texture import Wrap
+from raytrace.mesh.corners import split_creases
 from raytrace.mesh.normals import normalize
 from raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
 
-from ...geometry.corners import split_creases
 from .base_colour import BaseColour, shrunk, uv_steps
 
 if TYPE_CHECKING:
@@ -93,8 +93,8 @@ def encoded(mesh: Mesh, bakes: Sequence[Values], base: BaseColour | None = None)
     order = _sorted(mesh.faces, base.of if base else None)
     faces = mesh.faces.ravel()[order]
     # Vertices at creases, stored again.
-    _, split, normals, like = split_creases(mesh, base.several() if base else ())
-    drawn = split.ravel()[order.ravel()]
+    split, normals, _, like = split_creases(mesh, base.several() if base else ())
+    drawn = split.faces.ravel()[order.ravel()]
     again = np.flatnonzero(drawn >= len(mesh.vertices))  # corners whose normal is not the first of their vertex
     columns: dict[str, npt.NDArray[Any]] = {
         "faces": _differences(faces).astype("<u4"),

@@ -8,7 +8,7 @@ from meshes import crumpled
 import ao
 from ao import Flag
 from ao.points.receivers import find_receivers
-from raytrace import Mesh, MeshError, OptionError
+from raytrace import Mesh, OptionError
 from raytrace.mesh.placement import Placement
 from raytrace.ray_origins.clearance import outermost_normals
 
@@ -60,22 +60,23 @@ def test_the_files_normals_are_taken_as_they_are():
     normals = [[0, 0, 2.0], [0.6, 0, 0.8], [np.nan, 0, 0]]
     mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], normals)
     found = receivers(mesh, "file")
-    np.testing.assert_allclose(found.points.normals, [[0, 0, 1], [0.6, 0, 0.8]], atol=1e-7)
-    assert found.flags.tolist() == [0, 0, Flag.DEGENERATE]
+    axes = found.points.normals[found.of_vertex]
+    np.testing.assert_allclose(axes, [[0, 0, 1], [0.6, 0, 0.8], [0, 0, 1]], atol=1e-7)
+    assert found.flags.tolist() == [0, 0, 0]
     assert (found.points.origins[:, 2] > 0).all()
 
 
-def test_rays_start_on_the_side_the_files_normal_points_to():
-    down = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], [[0, 0, -1.0]] * 3)
-    assert (receivers(down, "file").points.origins[:, 2] < 0).all()
+def test_a_file_normal_behind_its_face_is_of_no_use():
+    vertices, faces = [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]
+    for normal, axis in (([0, 0, -1], [0, 0, 1]), ([0.1, 0, -0.99], [0, 0, 1]), ([1, 0, -1e-4], [1, 0, -1e-4])):
+        found = receivers(Mesh(vertices, faces, [normal] * 3), "file")
+        np.testing.assert_allclose(found.points.normals, [axis] * 3, atol=1e-7)
 
 
-def test_normals_must_be_known_and_present():
+def test_normals_must_be_known():
     mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     with pytest.raises(OptionError, match="normals: expected one of angle, area, equal, file"):
         ao.bake(mesh, normals="best")
-    with pytest.raises(MeshError, match="expected vertex normals in the mesh, got none"):
-        receivers(mesh, "file")
 
 
 def test_a_normal_behind_one_of_its_faces_is_moved_in_front_of_all():

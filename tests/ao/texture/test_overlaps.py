@@ -31,3 +31,15 @@ def test_each_of_any_number_of_layers_counts_alike(size, samples):
             mesh, uv, size, falloff=ao.Binary(max_distance=9.0), samples=samples, occluders=[LID], interior="ignore"
         )
         assert np.allclose(baked.w, 1 - 1 / count, atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("count", [65, 100, 230])
+def test_texels_leave_out_different_ones_of_more_layers_than_they_have_samples(count, seed):
+    mesh, uv = one_dark_of(count)
+    falloff, size = ao.Binary(max_distance=9.0), 32
+    baked = ao.bake_texture(
+        mesh, uv, size, falloff=falloff, samples=8, occluders=[LID], interior="ignore", denoise=False, seed=seed
+    )
+    standard_error = np.sqrt((64 / count) * (1 - 64 / count)) / 64 / size
+    assert abs(np.mean(baked.w, dtype=float) - (1 - 1 / count)) < 4 * standard_error + 1e-6

@@ -246,3 +246,38 @@ def test_the_identity_of_results_is_made_of_edited_sources_alone(project):
     unknown, made = run(project, COMPILED).split()
     assert unknown == identity
     assert int(made) == len(list((project / "raytrace").rglob("*.py")))
+
+
+def test_the_list_has_every_combination_of_types():
+    """What tests happen to run has alternatives of records and None one by one."""
+    lines = build.LIST.read_text().splitlines()
+    assert lines == build.completed(lines)
+    record, other = "a.R( <f8:1C None )", "a.R( <f8:1C b.S( <i8 ) )"
+    seen = [f"k {record} <i4:1C <f8", f"k {other} <i8:1C <f8", f"m ( <f8 ) {record}"]
+    missing = [f"k {record} <i8:1C <f8", f"k {other} <i4:1C <f8", f"m ( <f8 ) {other}"]
+    assert build.completed(seen) == sorted(seen + missing)
+
+
+HAIR = """
+import numpy as np
+import ao
+from raytrace.kernel import jit
+random = np.random.default_rng(5)
+along = np.array([0.3, 1.0, 0.2]) + random.normal(0, 0.002, (600, 3))
+sides = np.cross(along, random.normal(size=(600, 3)))
+sides *= 0.0005 / np.linalg.norm(sides, axis=1)[:, None]
+roots = 0.05 * random.uniform(-1, 1, (600, 3))
+mesh = np.stack([roots, roots + sides, roots + along], 1).reshape(-1, 3), np.arange(1800).reshape(-1, 3)
+cells = np.stack(np.divmod(np.arange(600), 25), -1)[:, None]
+uv = (cells + [[0.1, 0.1], [0.9, 0.1], [0.1, 0.9]]) / 25
+ao.bake_texture(mesh, uv, 64, samples=2)
+oriented = [line for line in jit.loaded if "bvh16.BVH16( <f4:3C <i4:2C <f4:3C <i8:1C <f4:3C )" in line]
+print(sorted(line.split()[0].rpartition(".")[2] for line in oriented), jit.compiled)
+"""
+
+
+def test_slivers_side_by_side_whose_boxes_are_oriented_are_baked_without_numba():
+    command = [sys.executable, "-c", NO_NUMBA + HAIR]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "['_find_smooth', '_search'] []\n"

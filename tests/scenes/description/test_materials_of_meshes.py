@@ -114,7 +114,7 @@ def test_faces_of_a_mesh_with_normals_keep_them(folder):
     )
     (folder / "m.obj").write_text(text)
     for item in read_scene(folder / "m.obj").scene.objects:
-        np.testing.assert_array_equal(item.shape.mesh.normals, [[0, 0.6, 0.8]] * len(item.shape.mesh.vertices))
+        np.testing.assert_allclose(item.shape.mesh.normals, [[0, 0.6, 0.8]] * len(item.shape.mesh.vertices))
 
 
 def ply(folder, header="", row="", names=("p.png",)):

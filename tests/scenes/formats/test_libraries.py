@@ -6,7 +6,7 @@ import sys
 import meshio
 import numpy as np
 import pytest
-from command import obscurance
+from command import obscurance, refused
 from fuzz_seeds import DAE, archive
 from mesh_files import obj
 
@@ -36,6 +36,21 @@ def test_a_gmsh_file_is_read_without_a_word(tmp_path):
     np.testing.assert_array_equal(load(tmp_path / "m.msh").mesh.faces, [[0, 1, 4], [0, 3, 2], [0, 2, 1]])
     content = (tmp_path / "m.msh").read_bytes()
     np.testing.assert_array_equal(load("m.msh", content=content).mesh.vertices, PLACES)
+
+
+@pytest.mark.parametrize("keyword", ["*INCLUDE", " *Include"])
+def test_a_file_of_abaqus_includes_no_other(tmp_path, keyword):
+    meshio.Mesh(PLACES, [("triangle", [[0, 1, 4]])]).write(tmp_path / "whole.inp")
+    assert len(load(tmp_path / "whole.inp").mesh.faces) == 1
+    (tmp_path / "m.inp").write_text(f"{keyword}, INPUT={tmp_path}/whole.inp\n")
+    refused(obscurance("info", tmp_path / "m.inp"), "expected all of the mesh in one file, got *INCLUDE")
+
+
+@pytest.mark.parametrize("ending", ["xdmf", "xmf", "cgns", "e", "exo", "h5m", "hmf", "med"])
+def test_formats_that_name_files_anywhere_are_not_read(tmp_path, ending):
+    """XDMF names files of numbers; HDF5 has external links and external raw storage."""
+    (tmp_path / f"m.{ending}").write_text("<Xdmf/>")
+    refused(obscurance("info", tmp_path / f"m.{ending}"), "ending: expected one of", f"got .{ending}")
 
 
 def test_an_ending_is_refused_without_importing_a_library(tmp_path):

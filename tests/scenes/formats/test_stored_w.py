@@ -118,7 +118,7 @@ def test_w_of_an_obj_fits_it_with_a_texture_too(folder):
     np.testing.assert_array_equal(picture("textured.toml"), picture("plain.toml"))
     np.save("wrong.npy", np.ones(5))
     (folder / "wrong.toml").write_text(textured.replace("o.npy", "wrong.npy"))
-    words = ("expected 7 values, one a vertex of the scene's files, or 11, one a vertex of the scene, got 5",)
+    words = ("expected 7 values, one a vertex of the scene's files, or 15, one a vertex of the scene, got 5",)
     refused(obscurance("render", "wrong.toml", "-o", "p.png", *SIZE), *words)
 
 

@@ -112,11 +112,12 @@ def test_glb_far_from_the_origin_loses_nothing_to_float32(tmp_path):
     np.testing.assert_allclose(load(tmp_path / "m.glb").mesh.vertices, source.mesh.vertices, rtol=0, atol=1e-7)
 
 
-def test_glb_leaves_out_normals_that_are_none(tmp_path):
+def test_glb_has_normals_of_faces_in_place_of_those_that_are_none(tmp_path):
     normals = np.array([[0, 0, 1], [0, 0, 0], [0, 0, 1], [np.nan] * 3])
     write(tmp_path / "m.glb", random_bake(4), mesh_file(normals=normals))
-    header, _binary = check_glb((tmp_path / "m.glb").read_bytes())
-    assert "NORMAL" not in header["meshes"][0]["primitives"][0]["attributes"]
+    header, binary = check_glb((tmp_path / "m.glb").read_bytes())
+    found = values(header, binary, header["meshes"][0]["primitives"][0]["attributes"]["NORMAL"])
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", ["w.exr", "w", "npy", "w.npy.gz", ".npy"])

@@ -50,8 +50,17 @@ def test_obj_normals_where_each_vertex_has_one(tmp_path):
 
 
 @pytest.mark.parametrize("faces", ["f 1//1 2//1 4//1\nf 1//2 4//1 5//1", "f 1//1 2//1 4//1\nf 1 4 5", "f 1/1 2/1 4/1"])
-def test_obj_normals_are_none_where_vertices_have_several_or_corners_none(tmp_path, faces):
-    assert read(tmp_path, "m.obj", obj_with(faces, "vn 0 0 1\nvn 0 1 0\nvt 0 0")).mesh.normals is None
+def test_obj_normals_are_of_corners_where_vertices_have_several_or_corners_none(tmp_path, faces):
+    mesh = read(tmp_path, "m.obj", obj_with(faces, "vn 0 0 1\nvn 0 1 0\nvt 0 0")).mesh
+    assert mesh.normals is None
+    if "//" not in faces:
+        assert mesh.corner_normals is None
+        return
+    normals = {"1//1": [0, 0, 1], "2//1": [0, 0, 1], "4//1": [0, 0, 1], "5//1": [0, 0, 1], "1//2": [0, 1, 0]}
+    expected = [[normals.get(word, [np.nan] * 3) for word in row.split()[1:]] for row in faces.split("\n")]
+    np.testing.assert_array_equal(mesh.corner_normals.values[mesh.corner_normals.of], expected)
+    turned = mesh.reversed().corner_normals
+    np.testing.assert_array_equal(turned.values[turned.of], -np.array(expected)[:, ::-1])
 
 
 @pytest.mark.parametrize(

@@ -38,9 +38,9 @@ def from_zero(indices, count, keyword):
 
 
 def per_corner(words, needed, indices, keyword):
-    """Texture coordinates may be missing at some corners, which have those of a row of NaN, normals at all or none."""
+    """Both may be missing at some corners, which have those of a row of NaN."""
     some = [index for index in indices if index != NONE]
-    if not words or not some or (keyword == "vn" and len(some) < len(indices)):
+    if not words or not some:
         return None
     rows = numbers(words, needed)[:, :needed]
     found = iter(from_zero(some, len(rows), keyword))

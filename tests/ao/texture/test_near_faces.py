@@ -1,0 +1,127 @@
+"""Thin things just above blocks of texels, and things far up in a cone of rays, are near: none there is predicted."""
+
+import numpy as np
+import pytest
+from meshes import hills
+from uv_meshes import quads, rectangle, square
+
+import ao
+from ao.points.receivers import find_receivers
+from ao.points.smooth_surface import SmoothSurface
+from ao.texture.coverage import Page
+from ao.texture.smooth_texels import smooth_cells
+from ao.texture.uv_layout import UVLayout, corner_uv
+from raytrace import Mesh
+from raytrace.mesh.placement import Placement
+
+pytestmark = pytest.mark.usefixtures("w_alone")
+
+FLOOR = rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0)), square(0, 0, 1, 1)
+SIDE = 0.3
+
+
+def over_floor(things):
+    """A floor on all of a page, under rectangles that are not on it."""
+    mesh, uv = quads(FLOOR, *((thing, square(0, 0, 1, 1)) for thing in things))
+    uv = uv[mesh.faces]
+    uv[2:] = np.nan
+    return mesh, uv
+
+
+def litter(seed, height, side=SIDE, count=12):
+    """Square leaves on a floor: (p, 4, 3) corners, and a function: whether points x, y lie under any."""
+    random = np.random.default_rng(seed)
+    centres = random.uniform(-0.9, 0.9, (count, 2))
+    angles = random.uniform(0, np.pi, count)
+    along = np.column_stack([np.cos(angles), np.sin(angles)])
+    across = np.column_stack([-along[:, 1], along[:, 0]])
+    heights = height * (1 + np.arange(count) / count)
+    leaves = [
+        rectangle((*(c - side / 2 * (a + b)), z), (*(side * a), 0), (*(side * b), 0))[:: 1 if k % 2 else -1]
+        for k, (c, a, b, z) in enumerate(zip(centres, along, across, heights, strict=True))
+    ]
+
+    def covered(x, y):
+        under = np.zeros(x.shape, bool)
+        for c, a, b in zip(centres, along, across, strict=True):
+            u, v = ((x - c[0]) * axis[0] + (y - c[1]) * axis[1] for axis in (a, b))
+            under |= (abs(u) < side / 2) & (abs(v) < side / 2)
+        return under
+
+    return leaves, covered
+
+
+@pytest.mark.parametrize("height", [1e-4, 1e-5, 1e-6])
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.filterwarnings("ignore::ao.ToleranceWarning")
+def test_texels_on_either_side_of_a_leaf_s_edge_are_not_predicted_from_one(seed, height):
+    leaves, covered = litter(seed, height)
+    size, fine = 64, 4
+    baked = ao.bake_texture(
+        *over_floor(leaves), size, "binary", samples=256, tolerance=0.01, close_seams=False, seed=seed
+    )
+    at = (np.arange(size * fine) + 0.5) / (size * fine) * 2 - 1
+    x, y = np.meshgrid(at, -at)
+    share = covered(x, y).reshape(size, fine, size, fine).mean(axis=(1, 3))
+    whole = (share == 0) | (share == 1)  # other texels are crossed by an edge
+    assert np.sqrt(np.mean((baked.w - (1 - share))[whole] ** 2)) < 0.005
+    assert baked.rays_skipped["predicted"] > 0
+
+
+@pytest.mark.parametrize("relief", [0.05, 0.15])
+def test_a_smooth_surface_is_not_over_itself(relief):
+    """However many of its faces are about a block."""
+    vertices, faces = hills(150)
+    mesh = Mesh(vertices * [1, 1, relief], faces)
+    uv = (vertices[:, :2] / 2 + 0.5)[faces]
+    _, cell = cells(mesh, uv, 128, 1.0)
+    assert np.mean(cell != np.arange(len(cell))) > 0.9
+
+
+def cells(mesh, uv, size, tangent):
+    """`smooth_cells` of the page, by blocks of up to 4 × 4 texels."""
+    placement = Placement.of(mesh)
+    found = find_receivers(mesh, placement)
+    coverage = Page.of(UVLayout.of(corner_uv(uv, mesh), (size, size), True, "test")).cover("mean", 1)
+    smooth = SmoothSurface.of(placement.vertices.astype(np.float64), found)
+    return smooth_cells(coverage, smooth, found.tree, 0.2, tangent, 4, 1)
+
+
+@pytest.mark.parametrize("far", [1.0, 3.0, 8.0, 20.0])
+@pytest.mark.parametrize("times", [0.7, 3.0])
+def test_what_is_near_in_a_cone_is_farther_up_the_narrower_it_is(far, times):
+    """Seven times the way to a block's texels, over the tangent."""
+    size = 32
+    reach = 7 * np.sqrt(8) * 2 / size
+    strips = [rectangle((x, -1, times * far * reach), (0.05, 0, 0), (0, 2, 0)) for x in np.arange(-1, 1, 0.1)]
+    mesh, uv = over_floor(strips)
+    _, cell = cells(mesh, uv, size, 1 / far)
+    in_large = np.bincount(cell)[cell] == 16
+    assert in_large.all() if times > 1 else not in_large.any()
+
+
+def under_slats(spread, size, phase):
+    """A floor under slats that are .4 above it, and w (size,) of its columns in a cone of rays, by quadrature."""
+    height, pitch, width = 0.4, 0.25, 0.1
+    starts = np.arange(-1.5, 1.5, pitch) + phase
+    slats = [rectangle((x, -4, height), (0, 8, 0), (width, 0, 0)) for x in starts]
+    most = np.sin(np.radians(spread / 2)) ** 2
+    sines = (np.arange(400) + 0.5) / 400 * most
+    turns = (np.arange(200) + 0.5) / 200 * 2 * np.pi
+    away = height * np.sqrt(sines / (1 - sines))[:, None] * np.cos(turns)
+    places = (np.arange(4 * size) + 0.5) / (4 * size) * 2 - 1
+    free = [np.mean((x + away - starts[0]) % pitch > width) for x in places]
+    return over_floor(slats), np.reshape(free, (size, 4)).mean(axis=1)
+
+
+@pytest.mark.parametrize("spread", [60, 40, 20, 10])
+def test_a_floor_under_slats_in_a_cone(spread):
+    size, tolerance = 128, 0.005
+    (mesh, uv), w = under_slats(spread, size, 0.031)
+    baked = ao.bake_texture(
+        mesh, uv, size, "binary", tolerance=tolerance, close_seams=False, spread=spread, seed=spread
+    )
+    inner = slice(size // 2 - 40, size // 2 + 40)  # from where no ray passes beside the slats
+    true = np.sqrt(np.mean((np.asarray(baked.w, float) - w)[inner] ** 2))
+    assert true < 1.3 * tolerance
+    assert baked.rmse > true / 1.6

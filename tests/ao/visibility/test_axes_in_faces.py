@@ -1,0 +1,178 @@
+"""Axes of one's own, also in faces, near to them or below: what a face has below is closed, wherever the axis points.
+
+The reference traces rays of its own, in double precision, from just in front of the faces that hold a place.
+"""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import ao
+from raytrace import Mesh
+
+CELLS = 4
+PIXELS = 10  # texels along a patch
+MODES = {"plain": {}, "ignore": {"back_faces": "ignore"}, "cone": {"spread": 100.0}}
+SAMPLES = 1024
+
+
+def patch(corner, u, v):
+    """A parallelogram as a grid of vertices."""
+    s, t = (a.ravel() for a in np.meshgrid(*2 * [np.linspace(0, 1, CELLS + 1)], indexing="ij"))
+    return np.array(corner) + s[:, None] * np.array(u) + t[:, None] * np.array(v)
+
+
+def sheet(random, low, high):
+    """A sheet whose front leans by between `low` and `high` degrees from up."""
+    turn = Rotation.from_euler("zx", [random.uniform(0, 360), random.uniform(low, high)], degrees=True)
+    return [turn.apply(patch((-0.5, -0.5, 0), (1, 0, 0), (0, 1, 0)))]
+
+
+def box(random):
+    """A box that stands, turned about the vertical."""
+    sides = []
+    for axis in range(3):
+        for sign in (1.0, -1.0):
+            side = patch((-0.5 * sign, -0.5, 0.5 * sign), (sign, 0, 0), (0, 1, 0))
+            sides.append(np.roll(side, axis + 1, axis=1))
+    turn = Rotation.from_euler("z", random.uniform(0, 360), degrees=True)
+    return [turn.apply(side * [1.0, 1.7, 0.6]) for side in sides]
+
+
+def cards(random):
+    """Blades of grass, whose fronts look any way about the horizontal."""
+    blades = []
+    for _ in range(9):
+        turn = Rotation.from_euler("zx", [random.uniform(0, 360), random.uniform(75, 105)], degrees=True)
+        blades.append(turn.apply(patch((-0.5, -0.5, 0), (1, 0, 0), (0, 1, 0))) + random.uniform(-1, 1, 3) * [1, 1, 0])
+    return blades
+
+
+SHAPES = {
+    "sheet": lambda random: sheet(random, 80, 100),
+    "slope": lambda random: sheet(random, 10, 60),
+    "overhang": lambda random: sheet(random, 100, 130),
+    "box": box,
+    "cards": cards,
+}
+
+
+class Scene:
+    """Patches of a shape, placed anywhere, with `up` as the axis of all, or the file's axes, turned along."""
+
+    def __init__(self, shape, seed, normals):
+        random = np.random.default_rng(seed)
+        patches = np.array(SHAPES[shape](random))
+        self.axis = np.array([0.0, 0.0, 1.0])
+        if normals == "file":
+            turn = Rotation.random(random_state=seed)
+            patches = turn.apply(patches.reshape(-1, 3)).reshape(patches.shape)
+            self.axis = turn.apply(self.axis)
+        size = 10 ** random.uniform(-3, 3)
+        vertices = size * (patches.reshape(-1, 3) + 3 * random.normal(size=3))
+        corner = (np.arange(CELLS)[:, None] * (CELLS + 1) + np.arange(CELLS)).ravel()
+        a, b, c, d = corner, corner + CELLS + 1, corner + CELLS + 2, corner + 1
+        faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
+        self.per_patch = len(faces)
+        starts = (CELLS + 1) ** 2 * np.arange(len(patches))[:, None, None]
+        faces = (faces + starts).reshape(-1, 3)
+        self.normals = normals
+        given = np.tile(self.axis, (len(vertices), 1)) if normals == "file" else None
+        self.mesh = Mesh(vertices, faces, given, up="z")
+        self.size = size
+        self.corners = vertices[faces]
+        across = np.cross(self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0])
+        self.face_normals = across / np.linalg.norm(across, axis=1, keepdims=True)
+
+    def vertices(self, options):
+        """w at vertices within their patch, and the reference's places and normals there."""
+        w = ao.bake(self.mesh, "binary", samples=SAMPLES, normals=self.normals, **options).w
+        of = np.zeros(len(w), np.int64)
+        of[self.mesh.faces.ravel()] = np.repeat(np.arange(len(self.mesh.faces)), 3)
+        i, j = np.divmod(np.arange(len(w)) % (CELLS + 1) ** 2, CELLS + 1)
+        inner = (np.minimum(i, j) > 0) & (np.maximum(i, j) < CELLS)
+        return w[inner], self.mesh.vertices[inner], self.face_normals[of[inner]]
+
+    def faces(self, options):
+        """w of faces, and centres."""
+        w = ao.bake(self.mesh, "binary", samples=SAMPLES, normals=self.normals, at="faces", **options).w
+        return w, self.corners.mean(axis=1), self.face_normals
+
+    def points(self, options):
+        """w at points on faces."""
+        weights = np.random.default_rng(4).dirichlet([1, 1, 1], len(self.corners))
+        places = np.einsum("fc,fci->fi", weights, self.corners)
+        axes = np.tile(self.axis, (len(places), 1))
+        w = ao.bake_points(self.mesh, places, axes, falloff="binary", samples=SAMPLES, **options).w
+        return w, places, self.face_normals
+
+    def texels(self, options):
+        """w of the texels of a page with a chart for each patch."""
+        count = len(self.corners) // self.per_patch
+        side = int(np.ceil(np.sqrt(count)))
+        number = np.arange(len(self.mesh.vertices))
+        i, j = np.divmod(number % (CELLS + 1) ** 2, CELLS + 1)
+        row, column = np.divmod(number // (CELLS + 1) ** 2, side)
+        cell = PIXELS + 2
+        uv = np.stack([column * cell + 1 + i / CELLS * PIXELS, row * cell + 1 + j / CELLS * PIXELS], -1) / (side * cell)
+        texture = ao.bake_texture(
+            self.mesh, uv[self.mesh.faces], side * cell, "binary", samples=SAMPLES, normals=self.normals, **options
+        )
+        w, places, normals = [], [], []
+        for k in range(count):
+            origin = self.mesh.vertices[(CELLS + 1) ** 2 * k]
+            u = self.mesh.vertices[(CELLS + 1) ** 2 * k + CELLS * (CELLS + 1)] - origin
+            v = self.mesh.vertices[(CELLS + 1) ** 2 * k + CELLS] - origin
+            for x, y in ((1, 2), (5, 5), (8, 3), (4, 7)):
+                row, column = k // side * cell + 1 + y, k % side * cell + 1 + x
+                w.append(texture.w[::-1][row, column])
+                places.append(origin + (x + 0.5) / PIXELS * u + (y + 0.5) / PIXELS * v)
+                normals.append(self.face_normals[self.per_patch * k])
+        return np.array(w), np.array(places), np.array(normals)
+
+
+def directions(axis, count, spread=180.0):
+    """Cosine-weighted directions about an axis, within a cone: a golden lattice."""
+    number = np.arange(count)
+    radius = np.sqrt((number + 0.5) / count) * np.sin(np.radians(spread / 2))
+    turn = 2 * np.pi * (number * 0.6180339887498949 % 1)
+    u = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+    u /= np.linalg.norm(u)
+    local = np.stack([radius * np.cos(turn), radius * np.sin(turn), np.sqrt(1 - radius**2)], -1)
+    return local @ np.stack([u, np.cross(axis, u), axis])
+
+
+def reference(corners, origin, rays, one_sided=False):
+    """The share of rays from an origin that meet none of the triangles (m, 3, 3)."""
+    a = corners - origin
+    normal = np.cross(a[:, 1] - a[:, 0], a[:, 2] - a[:, 0])
+    facing = rays @ normal.T
+    sides = [rays @ np.cross(a[:, k], a[:, (k + 1) % 3]).T for k in range(3)]
+    volume = np.einsum("ij,ij->i", a[:, 0], normal)
+    inside = (np.min(sides, axis=0) >= 0) | (np.max(sides, axis=0) <= 0)
+    met = inside & (volume * facing > 0) & ((facing < 0) | (not one_sided))
+    return 1 - met.any(axis=1).mean()
+
+
+def expected(scene, places, normals, options):
+    """w at places on faces of these normals."""
+    rays = directions(scene.axis, 1 << 11, options.get("spread", 180.0))
+    lifted = places + 1e-7 * scene.size * normals
+    return [reference(scene.corners, origin, rays, "back_faces" in options) for origin in lifted]
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("kind", ["vertices", "faces", "texels", "points"])
+def test_what_a_face_has_below_is_closed(kind, shape, mode):
+    for seed, normals in ((1, "up"), (2, "file"), (3, "up")):
+        scene = Scene(shape, seed, normals)
+        w, places, face_normals = getattr(scene, kind)(MODES[mode])
+        if kind == "points":  # whose axes choose the back of a face that they are far behind
+            seen = face_normals @ scene.axis > -0.7
+            w, places, face_normals = w[seen], places[seen], face_normals[seen]
+        some = np.random.default_rng(seed).permutation(len(w))[:24]
+        truth = np.array(expected(scene, places[some], face_normals[some], MODES[mode]))
+        error = w[some] - truth
+        assert abs(error.mean()) < 0.012, (seed, error.mean())
+        assert np.quantile(np.abs(error), 0.9 if shape == "cards" else 1) < 0.03  # those are means over faces
