@@ -19,7 +19,7 @@ import click
 
 from ao.declared import Option
 from raytrace.errors import InputError, ObscuranceError, OptionError, OutputError
-from scenes.bake.console import columns, note, output_failed, readable_output, reopen_streams
+from scenes.bake.console import columns, note, output_failed, readable_output, reopen_streams, unforeseen
 from scenes.bake.options import BAKE, MERGE, RENDER, BakeOptions, Metric, RenderOptions, Up, named, of_bake, plain
 from scenes.commands.parameters import TableCommand
 
@@ -136,7 +136,7 @@ def prune(mesh: Path, output: Path, seed: int, threads: int | None, quiet: bool)
     """Drop the faces that nothing outside sees."""
     from scenes.commands.prune import prune as prune_file
 
-    summary = prune_file(mesh, output, seed, threads)
+    summary = prune_file(mesh, output, seed, threads, quiet)
     if not quiet:
         print(summary)
 
@@ -286,13 +286,14 @@ def demo(output: Path, quiet: bool) -> None:
 
 def main() -> None:
     """Run the command. Exit status: 0 done, 2 the user's input, 1 anything else, 130 interrupted, 143 by SIGTERM."""
+    status: Any
     try:
         status = _run()
     except KeyboardInterrupt:
-        status = 130
-    if status == 130:
         print("interrupted; no file is half-written", file=sys.stderr)
         status = interrupts.exit_status()
+    except SystemExit as end:  # a batch, which has said what is baked
+        status = interrupts.exit_status() if end.code == 130 else end.code
     if "OpenImageIO" not in sys.modules:  # which complains of what is left
         gc.freeze()  # or the interpreter, as it ends, looks for garbage in what was imported
     sys.exit(status)
@@ -315,6 +316,11 @@ def _run() -> int:
             status = 2
         except OSError as failure:
             status = output_failed(failure)
+        except Exception as fault:
+            if sys.flags.dev_mode:  # python -X dev
+                raise
+            note(unforeseen(fault))
+            status = 1
     return status
 
 

@@ -88,7 +88,7 @@ def bake(
         seed: Random seed. 0 to 2⁶⁴ − 1. The same seed gives the same bits for any number of threads.
         threads: Number of threads, by default all cores; results are the same.
         normals: Normals: the file's own at corners, and where it has none of use, as with angle; those of faces around,
-            weighted by angle, by area or equally, smooth across edges of up to 30°; or up. They are the axes of
+            weighted by angle, by area or equally, smooth across edges of up to 30 degrees; or up. They are the axes of
             hemispheres.
         progress: Called with (rays traced, rays in all, stage) as the work goes on; a stage without rays, as "coverage"
             and "seams" of a texture, counts to 1.

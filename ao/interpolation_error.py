@@ -47,7 +47,7 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     corner_points = receivers.of_vertex[corners]
     axes = VertexAxes(
         *(
-            np.where(corner_points[..., None] < 0, 0.0, vectors[corner_points]).reshape(-1, 3)
+            np.where(corner_points[..., None] < 0, 0.0, vectors[corner_points].astype(np.float64)).reshape(-1, 3)
             for vectors in (receivers.points.normals, receivers.surface_normals)
         )
     )

@@ -53,7 +53,7 @@ class Options:
         "Number of threads, by default all cores; results are the same.")] = None
     normals: Annotated[Normals, Option(help=
         "Normals: the file's own at corners, and where it has none of use, as with angle; those of faces around, "
-        "weighted by angle, by area or equally, smooth across edges of up to 30°; or up.")] = "file"
+        "weighted by angle, by area or equally, smooth across edges of up to 30 degrees; or up.")] = "file"
     _: KW_ONLY
     tolerance: Annotated[float | None, Option(bounds=(1e-5, 1), bake_kinds="vertices texture batch", help=
         "Target RMS error of w, 0.005 by default; ray counts are chosen to meet it.")] = None

@@ -1,5 +1,6 @@
 """Faces that nothing outside sees, which a program can drop."""
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,10 +9,16 @@ from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.types import Bools
 
 from .baking import bake
+from .execute.tracer import Progress
 from .prepared import prepare
 
 _ROUNDS = 16, 128, 1024, 4096  # rays from each side of faces of which none has left so far
 _DOUBT = 3.0  # of n rays that none has hit what has a share of 3/n of them is the chance e⁻³, 5 %
+
+
+def _in_round(progress: Progress, turn: int, done: int, total: int, stage: str) -> None:
+    """Report progress of a round."""
+    progress(done, total, f"{stage}, round {turn + 1}")
 
 
 class Unseen(NamedTuple):
@@ -28,12 +35,15 @@ class Unseen(NamedTuple):
     share: float
 
 
-def unseen_faces(mesh: Mesh | Any, seed: int = 0, threads: int | None = None) -> Unseen:
+def unseen_faces(
+    mesh: Mesh | Any, seed: int = 0, threads: int | None = None, progress: Progress | None = None
+) -> Unseen:
     """Faces of `mesh` that cannot be seen from outside: no straight line leads from them to infinity.
 
     Most faces are seen by their first few rays; those that are not get more, 5,264 from each side in all, from points
     spread over the face. Faces without area count as seen.
 
+    Args: progress: called as that of `ao.bake`, in rounds.
     Raises: OptionError, MeshError, MemoryLimitError: as `ao.bake`.
     """
     mesh = mesh_of(mesh, "unseen_faces")
@@ -45,7 +55,7 @@ def unseen_faces(mesh: Mesh | Any, seed: int = 0, threads: int | None = None) ->
         for side in sides:
             baked = bake(
                 side, "binary", samples, seed + turn, threads, at="faces", only=corners, denoise=False,
-                interior="ignore",
+                interior="ignore", progress=progress and partial(_in_round, progress, turn),
             )  # fmt: skip
             unseen &= baked.w == 0
         if not unseen.any():

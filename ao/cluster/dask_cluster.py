@@ -6,6 +6,7 @@ Dask starts workers, knows which are alive, runs what is submitted to them and c
 import asyncio
 import logging
 import os
+import re
 import signal
 import time
 import uuid
@@ -39,7 +40,7 @@ def local_workers(address: str) -> int | None:
     name, _, number = address.partition(":")
     if name == "local" and ((number.isdecimal() and 1 <= int(number) <= 4096) or ":" not in address):
         return int(number or 1)
-    if "://" in address and not address.endswith("://"):
+    if re.fullmatch(r"(tcp|tls|ws|wss)://.+", address):  # `ucx://` ends in an error of another kind with each version
         return None
     raise OptionError("cluster", "local, local:N or the address of a Dask scheduler, tls://host:port", repr(address))
 

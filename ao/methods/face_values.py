@@ -44,10 +44,13 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Checkpoint | None) 
     is_wanted = with_area < count
     if prepared.requested is not None:
         is_wanted &= prepared.requested[prepared.mesh.faces[with_area]].all(axis=1)
-    faces = np.flatnonzero(is_wanted)
-    if not len(faces):
+    wanted = np.flatnonzero(is_wanted)
+    if not len(wanted):
         raise MeshError(prepared.mesh.source, "faces", "some that have an area", "none")
-    faces = faces[morton_order(vertices[receivers.faces[faces]].mean(axis=1).astype(np.float32))]
+    wanted = wanted[morton_order(vertices[receivers.faces[wanted]].mean(axis=1).astype(np.float32))]
+    corners = receivers.of_vertex[receivers.faces[wanted]]
+    first, row_of_wanted = _coincident(corners) if receivers.opacity is None else (np.arange(len(wanted)),) * 2
+    faces, corners = wanted[first], corners[first]
     areas = face_normals(vertices, receivers.faces[faces])[1]
     surface = SmoothSurface.of(vertices, receivers)
     if options.normals not in ("file", "up"):
@@ -84,7 +87,7 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Checkpoint | None) 
     samples, hidden = outside(samples_of(np.arange(len(faces)), derive(prepared.key, _PLACES)))
     points = samples.first_points
     tracer = prepared.sample_tracer(SampleMeans(samples, elsewhere, _RAYS), "faces", checkpoint)
-    beside = _neighbours(receivers.of_vertex[receivers.faces[faces]], points.normals, threads)
+    beside = _neighbours(corners, points.normals, threads)
     filled = hidden & (options.interior != "mark")
 
     def estimated() -> tuple[Estimate, int]:
@@ -92,13 +95,30 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Checkpoint | None) 
 
     # Rows of the estimates, and flags, of all faces of the mesh.
     row = np.full(count, -1)
-    row[with_area[faces]] = np.arange(len(faces))
+    row[with_area[wanted]] = row_of_wanted
     flags = np.full(count, Flag.DEGENERATE, np.uint8)
     flags[with_area[with_area < count]] = 0
-    flags[with_area[faces[hidden]]] = Flag.HIDDEN
+    flags[with_area[wanted[hidden[row_of_wanted]]]] = Flag.HIDDEN
     normals = samples.geometric_normals[samples.starts[:-1], :3]
-    elements = BakedElements(row, flags, np.ascontiguousarray(normals), len(faces))
+    elements = BakedElements(row, flags, np.ascontiguousarray(normals), len(wanted))
     return elements, PointValues.of(tracer.each_column(estimated), tracer.rays)
+
+
+def _coincident(corners: Int64s) -> tuple[Int64s, Int64s]:
+    """The first (j,) of all faces with the same corners, ascending, and which of these each face (k,) is like.
+
+    Args: corners: (k, 3), the points of each face, one way round.
+    """
+    least = np.argmin(corners, axis=1)[:, None]
+    turned = np.take_along_axis(corners, (least + np.arange(3)) % 3, axis=1)
+    order = np.lexsort(turned.T)
+    is_new = np.ones(len(order), np.bool_)
+    is_new[1:] = (turned[order[1:]] != turned[order[:-1]]).any(axis=1)
+    group = np.empty(len(order), np.int64)
+    group[order] = np.cumsum(is_new) - 1
+    first = order[is_new]  # of each group, as sorting is stable
+    by_place = np.argsort(first)
+    return first[by_place], np.argsort(by_place)[group]
 
 
 def _spread(faces: Int64s, shares: Float64s, key: np.uint32) -> PointGroups:

@@ -64,7 +64,7 @@ def sample_fine_mesh(prepared: Prepared, coarse: Mesh, inputs: Inputs) -> tuple[
 def _project(prepared: Prepared, coarse: Mesh, vertices: Receivers, inputs: Inputs) -> tuple[SurfacePoints, Int64s]:
     """The vertices of `coarse` on the fine mesh, and which of them the cage misses."""
     placement = prepared.placement
-    fine = FineMesh(prepared.mesh.source, placement, prepared.receivers, prepared.threads)
+    fine = FineMesh(prepared.mesh.source, placement, prepared.receivers, prepared.threads, prepared.progress)
     # One vertex for each point: its place, and the cage's there.
     representative = vertices.first_vertex
     positions = (coarse.vertices[representative] - placement.centre) * placement.scale

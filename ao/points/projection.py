@@ -4,9 +4,10 @@ A ray starts as far outside as the cage reaches and goes in, twice as far; what 
 A cage that is a mesh says for each point where its ray starts, and so its direction, too.
 It goes on through holes that alpha makes.
 Points that meet nothing take the closest one; where that is on the ray but for a hundredth of the cage, as on a border
-that both meshes have, it counts as met.
+that both meshes have, it counts as met. Others look for it only if some points have met something.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -30,6 +31,7 @@ Groups = tuple[Int64s, Int64s]
 _ROUNDED = 1e-6  # of coordinates, in single precision
 _MOST_HOLES = 64  # that a ray goes through
 _LARGER = 1e12  # how much larger one of the two meshes may be
+_NOTHING = "surface", "some of it within the cage about the coarse mesh", "none"
 _BESIDE = 0.01  # of the cage: how far from its ray a point that counts as met may be
 
 
@@ -49,6 +51,7 @@ class FineMesh:
     placement: Placement
     receivers: Receivers
     threads: int
+    progress: Callable[[int, int, str], None] | None = None  # called while what the cage misses is sought
 
     @cached_property
     def _vertices(self) -> Float64s:
@@ -72,10 +75,15 @@ class FineMesh:
         match = self._group_of_faces(groups) if groups else None
         face, barycentric = self._first_hits(rays, match)
         unmet = np.flatnonzero(face < 0)
-        face[unmet], barycentric[unmet], beside = self._closest(rays, unmet, match)
-        missed = unmet[~beside]
+        face[unmet], barycentric[unmet] = self._beside(rays, unmet, match)
+        missed = np.flatnonzero(face < 0)
         if len(missed) == len(face):
-            raise MeshError(self.source, "surface", "some of it within the cage about the coarse mesh", "none")
+            raise MeshError(self.source, *_NOTHING)
+        if len(missed):
+            reach = float(rays.reach.max()) or 1.0
+            face[missed], barycentric[missed] = self._closest(
+                rays.positions, missed, match, reach, self._watched(len(missed))
+            )
         return SurfacePoints(face.astype(np.int32), barycentric), missed
 
     def _cage_rays(self, positions: Float64s, normals: Float64s, cage: float | Float64s) -> _CageRays:
@@ -133,25 +141,53 @@ class FineMesh:
             alpha[match[0][points] != match[1][face]] = 0
         return alpha == 0
 
-    def _closest(self, rays: _CageRays, unmet: Int64s, match: Groups | None) -> tuple[Int64s, Float32s, Any]:
-        """The closest face to each of the points `unmet` (j,), where on it, and whether that is as good as on the
-        ray."""
-        positions = rays.positions[unmet]
-        outwards = rays.outwards[unmet]
-        reach = rays.reach[unmet]
-        if match is None:
-            match = np.zeros(len(rays.positions), np.int64), np.zeros(len(self.receivers.faces), np.int64)
-        surface = self._vertices, self.receivers.faces
-        radius = float(rays.reach.max()) or 1.0
-        face, barycentric = closest_points(
-            self.receivers.tree, surface, positions, radius, (match[0][unmet], match[1]), self.threads
-        )
+    def _beside(self, rays: _CageRays, unmet: Int64s, match: Groups | None) -> tuple[Int64s, Float32s]:
+        """The closest face to each of the points `unmet` (j,) where that is as good as on the ray, else −1, and where
+        on it."""
+        positions, outwards, reach = rays.positions[unmet], rays.outwards[unmet], rays.reach[unmet]
+        rounding = self._rounding(positions)
+        radius = (1 + _BESIDE) * float((reach + rounding).max(initial=0.0)) or 1.0
+        face, barycentric = self._closest(rays.positions, unmet, match, radius)
         away = np.einsum("kc,kci->ki", barycentric, self._vertices[self.receivers.faces[face]]) - positions
         along = np.einsum("ki,ki->k", away, outwards)
         aside = np.linalg.norm(away - along[:, None] * outwards, axis=1)
-        rounding = self._rounding(positions)
-        beside = (np.abs(along) <= reach + rounding) & (aside <= _BESIDE * reach + rounding)
-        return face, barycentric, beside
+        face[(np.abs(along) > reach + rounding) | (aside > _BESIDE * reach + rounding)] = -1
+        return face, barycentric
+
+    def _closest(
+        self,
+        positions: Float64s,
+        points: Int64s,
+        match: Groups | None,
+        radius: float,
+        farther: Callable[[int], None] | None = None,
+    ) -> tuple[Int64s, Float32s]:
+        """The closest face to each of some `points` (j,) of `positions` (k, 3), as `closest_points` has it."""
+        of_points, of_faces = match or (
+            np.zeros(len(positions), np.int64),
+            np.zeros(len(self.receivers.faces), np.int64),
+        )
+        return closest_points(
+            self.receivers.tree,
+            (self._vertices, self.receivers.faces),
+            positions[points],
+            radius,
+            (of_points[points], of_faces),
+            self.threads,
+            farther,
+        )
+
+    def _watched(self, total: int) -> Callable[[int], None]:
+        """What counts points that are done, for who watches the progress."""
+        done = 0
+
+        def count(points: int) -> None:
+            nonlocal done
+            done += points
+            if self.progress:
+                self.progress(done, total, "closest points beyond the cage")
+
+        return count
 
     def _rounding(self, positions: Float64s) -> Float64s:
         """How far (k,) single precision may move points beside `positions` (k, 3)."""
@@ -163,7 +199,7 @@ def cage_of(cage: Length | Mesh | Any, mesh: Mesh, fine: Mesh) -> float | Mesh:
     """A cage about the coarse `mesh` in mesh units: a distance, or its own mesh.
 
     Raises: MeshError: it is none, or has not the vertices and faces of `mesh`, or this and the `fine` one differ in
-    size by more than single precision holds; OptionError: it is no length.
+    size by more than single precision holds, or are farther apart than the cage reaches; OptionError: it is no length.
     """
     across = np.ptp(mesh.bounds, axis=0).max()
     fine_across = np.ptp(fine.bounds, axis=0).max()
@@ -171,11 +207,21 @@ def cage_of(cage: Length | Mesh | Any, mesh: Mesh, fine: Mesh) -> float | Mesh:
         sizes = f"from {1 / _LARGER:g} to {_LARGER:g} times that of {mesh.source}"
         raise MeshError(fine.source, "size", sizes, f"{fine_across:.3g}, beside {across:.3g}")
     if is_length(cage):
-        return resolve_length("cage", cage, mesh.radius or 1.0)
+        reach = resolve_length("cage", cage, mesh.radius or 1.0)
+        _check_meet(mesh, fine, reach)
+        return reach
     cage_mesh = mesh_of(cage, "cage")
     for name in ("vertices", "faces"):
         expected = len(getattr(mesh, name))
         got = len(getattr(cage_mesh, name))
         if expected != got:
             raise MeshError(cage_mesh.source, name, f"{expected:,}, as {mesh.source} has", f"{got:,}")
+    _check_meet(mesh, fine, float(np.linalg.norm(cage_mesh.vertices - mesh.vertices, axis=1).max()))
     return cage_mesh
+
+
+def _check_meet(mesh: Mesh, fine: Mesh, reach: float) -> None:
+    """Check that the box about the fine mesh is within a cage's reach of the coarse one's. Raises: MeshError."""
+    gap = np.maximum(fine.bounds[0] - mesh.bounds[1], mesh.bounds[0] - fine.bounds[1]).max()
+    if gap > (1 + _BESIDE) * reach + _ROUNDED * float(np.abs([mesh.bounds, fine.bounds]).max()):
+        raise MeshError(fine.source, *_NOTHING)

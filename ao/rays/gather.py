@@ -43,7 +43,9 @@ def gather_hemispheres(packet, points, table, falloff, t_max, out):
     samples = len(table.batches)
     alpha_rows = new_alpha_rows(packet.opacity)
     falloff = unrefcounted_view(falloff)
-    fading = depends_on_distance(falloff)
+    closest = (
+        depends_on_distance(falloff) or t_max >= falloff.limit
+    )  # distances count from the place, see `distance_of`
     sums = np.zeros((_SUMS, out.shape[1]))
     occlusion = np.zeros(out.shape[1])
     for i in range(len(origins)):
@@ -60,18 +62,18 @@ def gather_hemispheres(packet, points, table, falloff, t_max, out):
             lanes = min(LANES, samples - first_ray)
             valid[lanes:] = 0
             aim(rays, local, first_ray, t, b, n, t_max)
-            trace(packet, fading, falloff, t_max, lift, alpha_rows)
+            trace(packet, closest, falloff, t_max, lift, alpha_rows)
             for lane in range(lanes):
-                if _write_lane_occlusion(rays, lane, lift, fading, falloff, falloff.columns, alpha_rows, occlusion):
+                if _write_lane_occlusion(rays, lane, lift, closest, falloff, falloff.columns, alpha_rows, occlusion):
                     _add(occlusion, table.batches[first_ray + lane], local, first_ray + lane, sums)
         _write(out[i], sums, table, chosen, (t, b, n))
 
 
 @inline
-def _write_lane_occlusion(rays, lane, lift, fading, falloff, columns, alpha_rows, occlusion):
+def _write_lane_occlusion(rays, lane, lift, closest, falloff, columns, alpha_rows, occlusion):
     """Write 1 − μ of a ray of a packet by each falloff; returns whether any is above 0."""
     if columns is None:
-        occlusion[0] = 1.0 - mu_of(rays, lane, lift, fading, falloff, alpha_rows)
+        occlusion[0] = 1.0 - mu_of(rays, lane, lift, closest, falloff, alpha_rows)
         return occlusion[0] != 0.0
     if rays.view(np.uint32)[GEOM_ID, lane] == INVALID:
         return False

@@ -102,7 +102,7 @@ def bake_texture(
         seed: Random seed. 0 to 2⁶⁴ − 1. The same seed gives the same bits for any number of threads.
         threads: Number of threads, by default all cores; results are the same.
         normals: Normals: the file's own at corners, and where it has none of use, as with angle; those of faces around,
-            weighted by angle, by area or equally, smooth across edges of up to 30°; or up. They are the axes of
+            weighted by angle, by area or equally, smooth across edges of up to 30 degrees; or up. They are the axes of
             hemispheres.
         progress: Called with (rays traced, rays in all, stage) as the work goes on; a stage without rays, as "coverage"
             and "seams" of a texture, counts to 1.
@@ -184,6 +184,7 @@ def bake_page(options: TextureArguments) -> BakedTexture:
         raise OptionError("overlap", expected, f"{overlapping:,} texels with several", scene.mesh.source)
     # The samples of the texels, and rays from them.
     texels, filled, missed = sampler.find(coverage)
+    shown = surface.shown_near_seams(coverage, prepared.threads) if options.close_seams else None
     del coverage
     needed = TRACED_TEXEL * len(texels.samples)
     if needed > NEGLIGIBLE:
@@ -195,7 +196,7 @@ def bake_page(options: TextureArguments) -> BakedTexture:
     estimates = _estimates(tracer, surface, texels, prepared)
     # The pages, seams closed and the rest filled.
     watch(0, 1, "seams")
-    assembly = PageAssembly(surface.layout, texels, surface.seams, options.close_seams, prepared.threads)
+    assembly = PageAssembly(surface.layout, texels, surface.seams, shown, prepared.threads)
     pages = assembly.assemble(estimates[0], _frames(options.bent_space, surface, texels))
     further_pages = [assembly.assemble(estimate)[:2] for estimate in estimates[1:]]
     watch(1, 1, "seams")

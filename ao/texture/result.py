@@ -25,7 +25,7 @@ from .texels import Texels
 from .uv_layout import UVLayout
 
 if TYPE_CHECKING:
-    from .seams import Seams
+    from .seams import Seams, Shown
 
 _BLOCK, _SHARE = 1 << 12, 16  # texels, and blocks at once
 _ROWS = 1 << 4  # of the page
@@ -109,7 +109,7 @@ class PageAssembly:
     layout: UVLayout
     texels: Texels
     seams: Seams
-    close: bool  # whether seams are closed
+    shown: Shown | None  # None: seams are left open
     threads: int
 
     def assemble(self, estimate: Estimate, frames: Float64s | None = None) -> Pages:
@@ -123,25 +123,20 @@ class PageAssembly:
         flat = w.ravel(), error.ravel(), bent.reshape(-1, 3), covered.ravel()
         spread = bind(_spread, self.texels.texels, values, frames, flat)
         run_blocks(len(self.texels), _BLOCK, spread, self.threads, most=_SHARE)
-        # Seams closed, and the rest of the page filled from what is covered.
-        w, known, jump_before = self._closed(w, covered)
+        # Seams closed, and the rest of the page filled from what is covered and what is next to that.
+        beside = np.zeros(shape, np.bool_)
+        run_blocks(shape[0], _ROWS, bind(_extend, w, covered, self.layout.wraps, beside), self.threads)
+        known = covered | beside
+        seams = self.seams.within(known.ravel())
+        jump_before = seams.jump(w.ravel())
+        if self.shown:
+            shown, share = self.shown.lookups(self.layout, covered.ravel())
+            w = seams.close(w.ravel(), shown, share, self.threads).reshape(shape)
         page = fill_holes(w.astype(np.float32)[:, :, None], known, self.threads)[:, :, 0].clip(0.0, 1.0)
-        jump = self.seams.jump(page.ravel())
+        jump = seams.jump(page.ravel())
         bent = fill_holes(bent, covered, self.threads)
         run_blocks(w.size, _BLOCK, bind(_normalize, bent.reshape(-1, 3)), self.threads, most=_SHARE)
         return Pages(page, error, bent, covered, jump, jump_before)
-
-    def _closed(self, w: Float64s, covered: Bools) -> tuple[Float64s, Bools, float]:
-        """The page of w with closed seams, if seams are to be closed; which texels are known; the largest jump
-        before."""
-        beside = np.zeros(w.shape, np.bool_)
-        extend = bind(_extend, w, covered, self.layout.wraps, beside)
-        run_blocks(self.layout.height, _ROWS, extend, self.threads)
-        seams = self.seams.within((covered | beside).ravel())
-        before = seams.jump(w.ravel())
-        if not self.close:
-            return w, covered, before
-        return seams.close(w.ravel(), covered.ravel(), self.threads).reshape(w.shape), covered | beside, before
 
 
 @kernel

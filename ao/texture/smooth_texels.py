@@ -14,9 +14,9 @@ from raytrace.kernel.vector import length, subtract
 from raytrace.system.threads import run_blocks
 from raytrace.types import Bools, Int64s
 
+from ..points.near_faces import LISTED, has_near_faces
 from ..points.smooth_surface import SmoothSurface, point_on
 from .covered_texels import Coverage, locate
-from .near_faces import LISTED, has_near_faces
 from .raster import EDGE, SLOTS
 
 _SLOPE = 2.0  # times what normals may differ by: what rises by more of its distance, rises

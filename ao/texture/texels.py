@@ -154,7 +154,9 @@ class TexelSampler:
             else np.einsum("kc,kci->ki", on_page.barycentric, cage.reach.vertices[corners])
         )
         groups = cage.groups and (np.asarray(cage.groups[0])[corners[:, 0]], cage.groups[1])
-        fine = FineMesh(prepared.mesh.source, prepared.placement, prepared.receivers, prepared.threads)
+        fine = FineMesh(
+            prepared.mesh.source, prepared.placement, prepared.receivers, prepared.threads, prepared.progress
+        )
         return fine.project(located.positions, located.axes, reach, groups)
 
     def _inside(self, samples: SurfaceSamples) -> Bools:

@@ -19,7 +19,8 @@ from ..prepared import Prepared
 from .uv_layout import UVLayout, on_page
 
 if TYPE_CHECKING:
-    from .seams import Seams
+    from .covered_texels import Coverage
+    from .seams import Seams, Shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +65,12 @@ class UVSurface:
 
         size = self.layout.width, self.layout.height
         return Seams.find(self.layout.uv, self.face_points, size, self.layout.wraps)
+
+    def shown_near_seams(self, coverage: Coverage, threads: int) -> Shown:
+        """Points that the texels near seams show."""
+        from .seams import Shown
+
+        return Shown.near(self.seams, coverage, self.areas, threads)
 
 
 def corner_places(uv: Float64s, points: Int64s) -> Int64s:

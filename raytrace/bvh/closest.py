@@ -12,6 +12,8 @@ while near != 0:
 Source: Ericson, Real-Time Collision Detection, 5.1.5.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..kernel.arrays import unrefcounted_view
@@ -23,7 +25,7 @@ from ..types import Float32s, Float64s, Int64s
 from .bvh16 import BVH16
 from .oriented import box_offsets
 
-_BLOCK, _SHARE = 1 << 9, 16  # points, and blocks at once
+_BLOCK = 1 << 6  # points, which an interrupt waits for: far from a large mesh each takes some ms
 _ENTRIES = 1 << 8
 _ROUNDED = 2.0**-20  # of a coordinate and of a distance: sixteen roundings of single precision
 _PLANE = np.float32(2.0**-19)
@@ -38,11 +40,14 @@ def closest_points(
     radius: float,
     match: tuple[Int64s, Int64s],
     threads: int,
+    farther: Callable[[int], None] | None = None,
 ) -> tuple[Int64s, Float32s]:
-    """The face (k,) of its group that is nearest to each of `points` (k, 3), and where on it, barycentric (k, 3).
+    """The face (k,) of its group that is nearest to each of `points` (k, 3), and where on it, barycentric (k, 3); where
+    none is within the radius, and it is not to look farther, −1 and 0.
 
-    Args: tree: over `surface`: vertices (n, 3) and faces (m, 3). radius: how far to look at first, above 0.
-        match: the groups of the points (k,) and of the faces (m,); each point's group has a face.
+    Args: tree: over `surface`: vertices (n, 3) and faces (m, 3). radius: how far to look, or at first, above 0.
+        match: the groups of the points (k,) and of the faces (m,). farther: look as far as it takes, which it is told
+        of: how many points are done at a time; each point's group has a face. None: within the radius alone.
     """
     face = np.full(len(points), -1)
     weights = np.zeros((len(points), 3), np.float32)
@@ -54,12 +59,12 @@ def closest_points(
             surface,
             points[start:stop],
             radius,
+            farther is not None,
             (match[0][start:stop], match[1]),
-            face[start:stop],
-            weights[start:stop],
+            (face[start:stop], weights[start:stop]),
         )
 
-    run_blocks(len(points), _BLOCK, search, threads, most=_SHARE)
+    run_blocks(len(points), _BLOCK, search, threads, farther)
     return face, weights
 
 
@@ -107,17 +112,16 @@ def closest_on_triangle(p, a, b, c):
 
 
 @kernel
-def _search(tree, stack, surface, points, radius, match, face, weights):
-    """Write the closest point to each of `points` on a face of its group. Args: radius: how far to look at first."""
+def _search(tree, stack, surface, points, radius, farther, match, out):
+    """Write the closest point to each of `points` on a face of its group. Args: radius: how far to look at first.
+    farther: whether to look farther, too. out: faces and weights."""
     tree = unrefcounted_view(tree)
     vertices, faces = surface
     group, of_face = match
+    face, weights = out
     for i in range(len(points)):
         p, reach, best = load(points, i), radius, np.inf
-        # As long as something nearer may be outside of what has been searched.
-        while best > reach:
-            if best < np.inf:
-                reach = best
+        while best == np.inf:
             around = begin(tree, stack, p, reach)
             leaf, near = next_leaf(tree, stack, around)
             while near != 0:
@@ -128,11 +132,16 @@ def _search(tree, stack, surface, points, radius, match, face, weights):
                         continue
                     a, b, c = load_triangle(vertices, faces, f)
                     away, u, v = closest_on_triangle(p, a, b, c)
-                    if away < best or (away == best and f < face[i]):
-                        best, face[i] = away, f
-                        weights[i, 0], weights[i, 1], weights[i, 2] = 1.0 - u - v, u, v
+                    if away > reach or away > best or (away == best and f > face[i]):
+                        continue
+                    if away < best:  # what lies farther does not matter any more
+                        around = around[0], _rounded_up(around[0], away)
+                    best, face[i] = away, f
+                    weights[i, 0], weights[i, 1], weights[i, 2] = 1.0 - u - v, u, v
                 leaf, near = next_leaf(tree, stack, around)
             if best == np.inf:
+                if not farther:
+                    break
                 reach *= 2.0
 
 
@@ -143,14 +152,20 @@ def new_stack() -> Int64s:
 
 @inline
 def begin(tree, stack, point, radius):
-    """Begin a walk: the point, and a radius that finds all within `radius` of it in spite of single precision."""
+    """Begin a walk: the point, and a radius that finds all within `radius` of it."""
     stack[0, _NODE] = tree.starts[-1] - 1
     stack[0, _LEVEL] = len(tree.starts) - 1
     stack[_ENTRIES, 0] = 1
     x = np.float32(point[0])
     y = np.float32(point[1])
     z = np.float32(point[2])
-    return (x, y, z), np.float32(radius + _ROUNDED * (radius + max(abs(x), abs(y), abs(z))))
+    return (x, y, z), _rounded_up((x, y, z), radius)
+
+
+@inline
+def _rounded_up(point, radius):
+    """A radius that finds all within `radius` of a point in spite of single precision."""
+    return np.float32(radius + _ROUNDED * (radius + max(abs(point[0]), abs(point[1]), abs(point[2]))))
 
 
 @inline

@@ -10,6 +10,7 @@ from ..errors import InputError, OptionError
 from ..system.atomic import PathName
 from ..system.checks import check_memory, check_outputs
 from ..types import Float32s
+from .openimageio import openimageio
 from .read import open_image, read_image
 from .srgb import decode_srgb
 from .write import check_image_target, write_image
@@ -58,7 +59,7 @@ def compare(a: PathName, b: PathName, difference: PathName | None = None) -> Com
     Raises: InputError: a file cannot be read, holds values that are not finite, or the sizes differ. MemoryLimitError.
         OptionError, OutputError: `difference` cannot be written, or is `a` or `b`.
     """
-    import OpenImageIO as oiio
+    oiio = openimageio()
 
     if difference is not None:
         check_image_target(difference, layers=("beauty",))
@@ -104,7 +105,7 @@ def _colour(path: PathName) -> Float32s:
 
 def _buffer(pixels: Float32s) -> Any:
     """An image (height, width, 3) of linear colours as OpenImageIO takes it."""
-    import OpenImageIO as oiio
+    oiio = openimageio()
 
     buffer = oiio.ImageBuf(pixels)
     buffer.specmod().attribute("oiio:ColorSpace", "lin_rec709_scene")

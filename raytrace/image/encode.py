@@ -13,6 +13,7 @@ from ..errors import OptionError, OutputError, printable
 from ..system.atomic import PathName, atomic_path
 from ..types import Float32s
 from .dither import dithered
+from .openimageio import openimageio
 from .srgb import encode_srgb
 
 FORMATS = {".exr": "openexr", ".png": "png", ".tif": "tiff", ".tiff": "tiff", ".jpg": "jpeg", ".jpeg": "jpeg"}
@@ -49,7 +50,7 @@ def file_format(path: PathName) -> str:
 
 def write_layers(path: PathName, layers: Mapping[str, Float32s], metadata: Mapping[str, str], half: bool) -> None:
     """Write an EXR file of `layers`, each (height, width, channels); colours and normals as 16-bit floats if `half`."""
-    import OpenImageIO as oiio
+    oiio = openimageio()
 
     height, width = next(iter(layers.values())).shape[:2]
     names: list[str] = []
@@ -83,7 +84,7 @@ def write_picture(
 
     Args: corner: column and row of the first pixel in the whole picture that this is a part of.
     """
-    import OpenImageIO as oiio
+    oiio = openimageio()
 
     has_alpha = pixels.shape[2] == 4
     # colour where alpha is 0, which straight alpha cannot hold
@@ -128,7 +129,7 @@ def write_data(
 
     Args: half: floats of 16 bits. names: of the channels, in EXR files. bits: of a channel in PNG, 8 or 16.
     """
-    import OpenImageIO as oiio
+    oiio = openimageio()
 
     height, width, channels = values.shape
     kind = f"uint{bits}" if file_format(path) == "png" else "half" if half else "float"
@@ -175,7 +176,7 @@ def _write(
         metadata: as far as the format holds it.
         pixel_rows: makes the rows from a first one to the one after the last.
     """
-    import OpenImageIO as oiio
+    oiio = openimageio()
 
     # The metadata, as each format can hold them.
     format_name = file_format(path)
@@ -217,7 +218,7 @@ def _reserve(scratch: Path, size: int) -> None:
 
 def _complete(scratch: Path, format_name: str, height: int) -> bool:
     """Whether the file has its end: writers buffer, and don't all report that the last bytes were refused."""
-    import OpenImageIO as oiio
+    oiio = openimageio()
 
     if format_name in _ENDS:
         return scratch.read_bytes().endswith(_ENDS[format_name])

@@ -17,6 +17,7 @@ from ..system.atomic import PathName
 from ..system.checks import check_memory, check_regular
 from ..types import Float32s
 from .encode import NAMESPACE
+from .openimageio import openimageio
 from .srgb import decode_srgb
 
 GROWTH, SPARE = 1100, 1 << 26  # deflate grows 1032-fold at most; 64 MiB hold 4096×4096 pixels of four bytes
@@ -67,7 +68,7 @@ def open_image(path: PathName, content: Path | None = None, max_side: int = MAX_
     Raises:
         InputError: `path` is missing, a folder, not an image, too large, or claims more pixels than its bytes can hold.
     """
-    import OpenImageIO as oiio
+    oiio = openimageio()
 
     # A file that can be read and opened.
     name = os.fspath(path)

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from ..errors import InputError, OptionError
 from ..system.checks import check_memory
 from ..types import Float32s, Float64s, Int64s, UInt8s, UInt16s
+from .openimageio import openimageio
 from .read import check_pixels, decoding_table, open_image, row_blocks, stored_type
 
 MAX_SIDE = 16384
@@ -228,7 +229,7 @@ def _opened(texture: Texture) -> Iterator[Any]:
 
 def _build_pyramid(pyramid: list[Float32s], image: Any, texture: Texture) -> None:
     """Read the finest level and reduce it to the coarser ones."""
-    import OpenImageIO as oiio
+    oiio = openimageio()
 
     spec = image.spec()
     values = decoding_table(spec, texture.srgb)

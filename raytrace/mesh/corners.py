@@ -92,7 +92,9 @@ def _of_several(mesh: Mesh, normals: PerCorner) -> Int64s:
     doubtful = np.flatnonzero(of_vertex[corners] != of)
     values = normals.values
     differs = (values[of_vertex[corners[doubtful]]] != values[of[doubtful]]).any(axis=1)
-    return np.unique(corners[doubtful[differs]])
+    has_several = np.zeros(len(mesh.vertices), np.bool_)
+    has_several[corners[doubtful[differs]]] = True
+    return np.flatnonzero(has_several)
 
 
 def _split(mesh: Mesh, normals: PerCorner, more: Sequence[PerCorner] = ()) -> SplitMesh:

@@ -47,11 +47,11 @@ def inward_looking(vertices: Float32s, faces: Int64s) -> tuple[int, int, float]:
     if not (volume < 0).any():
         return 0, 0, 0.0
     part, volume = closed_parts(vertices, faces)
-    negative = np.flatnonzero(volume < 0).tolist()
-    inward = [number for number in negative if not _is_enclosed(number, vertices, faces, part, volume)]
+    of_face = part[faces[:, 0]]
+    inward = (volume < 0) & ~_are_enclosed(vertices, faces, of_face, volume)
     _, areas = face_normals(vertices.astype(np.float64), faces)
-    share = areas[np.isin(part[faces[:, 0]], inward)].sum() / max(areas.sum(), 1e-300)
-    return len(inward), int(np.count_nonzero(volume)), float(share)
+    share = areas[inward[of_face]].sum() / max(areas.sum(), 1e-300)
+    return int(np.count_nonzero(inward)), int(np.count_nonzero(volume)), float(share)
 
 
 def inward_warnings(mesh: Mesh, vertices: Float32s | None = None) -> list[str]:
@@ -64,21 +64,32 @@ def inward_warnings(mesh: Mesh, vertices: Float32s | None = None) -> list[str]:
     return [f"{mesh.source}: {subject} inwards, so the inside is baked: {remedy}"]
 
 
-def _is_enclosed(number: int, vertices: Float32s, faces: Int64s, part: Int64s, volume: Float64s) -> bool:
-    """Whether a part lies within one that looks outwards."""
-    count = len(volume)
-    low = np.full((count, 3), np.inf)
-    high = np.full((count, 3), -np.inf)
-    used = np.unique(faces)
-    np.minimum.at(low, part[used], vertices[used])
-    np.maximum.at(high, part[used], vertices[used])
-    around: Bools = (volume > 0) & (low <= low[number]).all(axis=1) & (high >= high[number]).all(axis=1)
-    of_face = part[faces[:, 0]]
-    within = faces[around[of_face]]
-    if len(within) * np.count_nonzero(volume < 0) > _MOST_WORK:
-        return True
-    corner = vertices[faces[np.argmax(of_face == number), 0]]
-    return bool(_winding(vertices, within, corner.astype(np.float64)) > 0.5)
+def _are_enclosed(vertices: Float32s, faces: Int64s, of_face: Int64s, volume: Float64s) -> Bools:
+    """Which parts (p,) of negative volume lie within parts that look outwards. Args: of_face: (m,), parts."""
+    enclosed = np.zeros(len(volume), np.bool_)
+    outward, inward = np.flatnonzero(volume > 0), np.flatnonzero(volume < 0)
+    if not len(outward):
+        return enclosed
+    # The faces of each part, and the box about it.
+    counts = np.bincount(of_face, minlength=len(volume))
+    starts = np.concatenate([[0], np.cumsum(counts)])
+    order = np.argsort(of_face, kind="stable")
+    there = np.flatnonzero(counts)
+    low, high = np.full((2, len(volume), 3), np.nan)
+    low[there] = np.minimum.reduceat(vertices[faces[order]].min(axis=1), starts[there])
+    high[there] = np.maximum.reduceat(vertices[faces[order]].max(axis=1), starts[there])
+    # Parts whose boxes hold that of another: how often their faces wind about a corner of it.
+    for part in inward.tolist():
+        around = outward[(low[outward] <= low[part]).all(axis=1) & (high[outward] >= high[part]).all(axis=1)]
+        if not len(around):
+            continue
+        if int(counts[around].sum()) * len(inward) > _MOST_WORK:
+            enclosed[part] = True
+            continue
+        within = faces[np.concatenate([order[starts[outer] : starts[outer + 1]] for outer in around])]
+        corner = vertices[faces[order[starts[part]], 0]].astype(np.float64)
+        enclosed[part] = _winding(vertices, within, corner) > 0.5
+    return enclosed
 
 
 @kernel

@@ -81,8 +81,7 @@ def prepare_picture(
     if settings.shading == "gouraud" and extended:
         raise OptionError("shading", "another one where a light has a radius or an angle", "gouraud", "render")
     check_memory("scene", rendering_bytes(scene, settings, layers, threads), describe_work(scene, settings))
-    shown = scene.shaded if settings.normals == "file" else scene
-    return RenderJob(build(shown, settings.normals), camera, settings, layers)
+    return RenderJob(build(scene, settings.normals), camera, settings, layers)
 
 
 def _render_tiles(picture: RenderJob, film: Film, threads: int, progress: Progress | None) -> None:
@@ -153,4 +152,13 @@ def seen_vertices(scene: Scene, camera: Camera, settings: Settings, threads: int
         )
 
     run_blocks(high, 8, work, thread_count(threads))
-    return seen
+    if settings.normals != "file" or scene.shaded is scene:
+        return seen
+    # Of vertices that are shaded apart, those of the scene.
+    counts = [len(item.shape.mesh.vertices) for item in scene.objects]
+    rows = [
+        item.shape.split[1] if item.shape.split else np.arange(n) for item, n in zip(scene.objects, counts, strict=True)
+    ]
+    of_scene = np.zeros(sum(counts), np.bool_)
+    of_scene[(np.repeat(np.cumsum([0, *counts[:-1]]), [len(of) for of in rows]) + np.concatenate(rows))[seen]] = True
+    return of_scene

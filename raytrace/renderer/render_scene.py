@@ -45,17 +45,20 @@ _scenes: WeakKeyDictionary[Scene, RenderScene] = WeakKeyDictionary()
 def build(scene: Scene, normals: Normals = "file") -> RenderScene:
     """`scene` with such vertex normals, made when it is first asked for and kept as long as the scene.
 
+    By "file" it is `scene.shaded`, which has more vertices where edges are hard.
+
     Raises: as `build_geometry`; InputError: the image of an environment light cannot be read.
     """
     built = _scenes.get(scene)
     if built is None or built.geometry.normals != normals:
-        geometry = build_geometry(scene.objects, normals)
-        w = [np.ones(len(item.shape.mesh.vertices)) if item.w is None else item.w for item in scene.objects]
+        objects = (scene.shaded if normals == "file" else scene).objects
+        geometry = build_geometry(objects, normals)
+        w = [np.ones(len(item.shape.mesh.vertices)) if item.w is None else item.w for item in objects]
         lights = place_lights(scene.lights, geometry.centre, geometry.scale)
         looked_up = len(lights.skies) + len(lights.harmonics) > 0
-        bent_normals = [item.bent_normals if looked_up else None for item in scene.objects]
-        bent = joined((item.shape.mesh for item in scene.objects), bent_normals, 3)
-        built = _scenes[scene] = RenderScene(scene.objects, geometry, np.concatenate(w), bent, lights, scene.background)
+        bent_normals = [item.bent_normals if looked_up else None for item in objects]
+        bent = joined((item.shape.mesh for item in objects), bent_normals, 3)
+        built = _scenes[scene] = RenderScene(objects, geometry, np.concatenate(w), bent, lights, scene.background)
     return built
 
 

@@ -7,6 +7,7 @@ import io
 import os
 import sys
 import threading
+import traceback
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -78,6 +79,14 @@ def output_failed(failure: OSError) -> int:
     return 1
 
 
+def unforeseen(fault: Exception) -> str:
+    """A fault of the program in one line: what it is, and where it came up."""
+    file, line, _, _ = traceback.extract_tb(fault.__traceback__)[-1]
+    what = f"{type(fault).__name__}: {fault}" if str(fault) else type(fault).__name__
+    place = "/".join(Path(file).parts[-3:])
+    return f"{what} ({place}, line {line}): a fault of the program, to be reported; no file is half-written"
+
+
 _silent = threading.local()  # its `on`: whether warnings on this thread are printed by the caller
 
 
@@ -105,6 +114,7 @@ def quietly(quiet: bool) -> Iterator[None]:
 
 
 COARSE = "between the vertices w, the openness, errs by"  # how a warning about a result begins, in its second part
+HARD = "vertices lie on hard edges"
 
 
 def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff | None = None) -> list[str]:
@@ -120,7 +130,7 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff
         warnings += outlier_warnings(list(distinct)[-1])
     warnings += list(dict.fromkeys(others))
     printed = [] if getattr(_silent, "on", False) else warnings
-    for warning in (line for line in printed if not (_quiet and COARSE in line)):
+    for warning in (line for line in printed if not (_quiet and (COARSE in line or HARD in line))):
         kind = "note" if any(words in warning for words in (": not kept from ", ": in the pose ")) else "warning"
         print(f"{kind}: {printable(warning, LINE)}", file=sys.stderr)
     return warnings

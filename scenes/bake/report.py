@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ao.declared import Option
-from raytrace.errors import InputError, nearest_name
+from raytrace.errors import InputError, nearest_name, shortened
 
 from .options import BAKE, PRESETS, ROWS, check_stored, plain
 
@@ -97,6 +97,8 @@ def _streamed(name: str, option: str) -> list[str]:
 
 def saved_options(path: Path) -> dict[str, Any]:
     """Options of an earlier bake, but for what was written and how it was run. Raises: InputError."""
+    from json import dumps
+
     from ao.report import SCHEMA_VERSION
     from raytrace.system.checks import check_regular
     from raytrace.text.strict_json import parse_json
@@ -119,6 +121,9 @@ def saved_options(path: Path) -> dict[str, Any]:
     for name in options.keys() - names:
         near = nearest_name(name, names)
         raise InputError(path, f"options.{name}", "options of this version", "one that it has not", near)
+    for name, value in options.items():
+        if "\\u0000" in dumps(value):
+            raise InputError(path, f"options.{name}", "text without null characters", shortened(repr(value)))
     chosen = PRESETS.get(str(options.get("preset")), {})  # another preset or output may set them otherwise
     options = {name: value for name, value in options.items() if chosen.get(name) != value}
     if options.get("occlusion") == _usual_occlusion(report):

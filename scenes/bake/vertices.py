@@ -14,14 +14,13 @@ import ao
 from ao.baking import VertexArguments, bake_vertices
 from ao.options import VertexOptions
 from raytrace.errors import MeshError, OptionError
-from raytrace.mesh.corners import on_hard_edges
 from raytrace.system.checks import check_outputs
 from raytrace.types import Float64s
 
 from ..formats.unsupported import unsupported_features
 from ..formats.write import write_vertices
 from ..show.progress import progress
-from .console import COARSE, bake_summary, warn
+from .console import COARSE, HARD, bake_summary, warn
 from .report import OutputSummary, WorkSize, command_again, hashed_inputs, write_bake_report
 
 if TYPE_CHECKING:
@@ -98,11 +97,13 @@ def _hard_edges(plan: Plan, inputs: BakeInputs) -> list[str]:
     """A line about vertices on hard edges, which have one value, in a file that is looked at; nothing without any."""
     mesh = inputs.chosen.mesh
     one_each = plan.ending in (".ply", ".obj", ".vtp", ".glb") and plan.options.at == "vertices"
-    if not one_each or plan.arguments.normals == "up" or plan.options.high or inputs.source.cloud:
+    if not one_each or plan.arguments.normals == "up" or plan.options.high or inputs.source.cloud or plan.merged:
         return []
+    from raytrace.mesh.corners import on_hard_edges
+
     count = len(on_hard_edges(mesh))
     sides = "one value stands for all sides; textures have one for each"
-    return [f"{plan.output}: {count:,} of {len(mesh.vertices):,} vertices lie on hard edges: {sides}"] if count else []
+    return [f"{plan.output}: {count:,} of {len(mesh.vertices):,} {HARD}: {sides}"] if count else []
 
 
 def _remedy(plan: Plan, source: MeshFile) -> str:

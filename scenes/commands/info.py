@@ -44,7 +44,7 @@ def facts(source: MeshFile) -> dict[str, Any]:
         "up": mesh.up,
         "radius": mesh.radius,
         "area": _finite(float(area.sum()) / placement.scale / placement.scale),
-        "normals": mesh.normals is not None,
+        "normals": mesh.normals is not None or mesh.corner_normals is not None,
         "stored_w": _stored(source.w),
         "stored_profile": profile and {"half_distances": profile.half_distances.tolist(), "stored": stored},
         "occlusion_textures": _occlusion(source),

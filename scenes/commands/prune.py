@@ -20,6 +20,7 @@ from ..formats.gltf.textured import check_vertices
 from ..formats.load import MeshFile, load, parser_errors
 from ..formats.ply.write import bare_ply
 from ..formats.stl.read import TRIANGLE
+from ..show.progress import progress
 
 if TYPE_CHECKING:
     from ..formats.gltf.asset import Gltf
@@ -31,7 +32,7 @@ _ROUNDED = 1e-6  # of a mesh's extent, by which a vertex may move in an .stl
 _ZERO = {"componentType": 5121, "count": 1, "type": "SCALAR"}  # an accessor of a zero takes no bytes
 
 
-def prune(source: Path, output: Path, seed: int, threads: int | None) -> str:
+def prune(source: Path, output: Path, seed: int, threads: int | None, quiet: bool) -> str:
     """Write the mesh file without its unseen faces, a .glb with all else that it has; return a line about it.
 
     Raises: OptionError: of the output's ending, or nothing would be left. MeshError: the file cannot be read.
@@ -50,7 +51,8 @@ def prune(source: Path, output: Path, seed: int, threads: int | None) -> str:
         mesh_file = load(source.with_suffix(".glb"), output, document(mesh_file, None)[0].encode())
     if ending == ".glb":
         check_vertices(mesh_file)
-    unseen = unseen_faces(mesh_file.mesh, seed, threads)
+    with progress(quiet, "rays") as (advance,):
+        unseen = unseen_faces(mesh_file.mesh, seed, threads, advance)
     if unseen.faces.all():
         raise OptionError("mesh", "faces that something outside sees", f"{source}, without any: is it a room?")
     if ending == ".glb":

@@ -15,13 +15,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from raytrace.errors import InputError, MeshError, ObscuranceError, OptionError, first_names, printable
-from raytrace.mesh.corners import with_hard_edges
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.normals import useless_normals
 from raytrace.system.checks import check_memory, check_regular
 from raytrace.types import Float64s
 
-from ..geometry.attributes import SourceAttributes, reversed_attributes, triangle_attributes
+from ..geometry.attributes import FLOAT, SourceAttributes, reversed_attributes, triangle_attributes
 from ..geometry.instances import Instance, Submesh, flatten, joined_attributes
 from .table import MeshInput, endings, format_of, formats, sniffed_format
 
@@ -88,6 +87,8 @@ class MeshFile(NamedTuple):
 
         A bake of it in place of `mesh` has w of each side of hard edges, for outputs that can hold it.
         """
+        from raytrace.mesh.corners import with_hard_edges
+
         return with_hard_edges(self.mesh)
 
     def baked_mesh(self, count: int) -> Mesh:
@@ -175,6 +176,8 @@ def load(
     with parser_errors(path):
         mesh, parts = flatten(instances, str(path))
         attributes = joined_attributes(instances)
+        if attributes and attributes.uv and (np.abs(attributes.uv.values) > FLOAT).any():
+            raise MeshError(path, "texture coordinates", f"numbers to {FLOAT:g}, for float32", "larger ones")
         unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
         if asset and "source" in aim.holds:
             _ = asset.materials  # to find what is malformed

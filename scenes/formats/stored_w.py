@@ -107,7 +107,7 @@ def _of_mesh(path: Path, counts: tuple[int, ...], scales: Scales | None) -> Floa
         stored = [(instance, w) for instance, w in stored if not instance.is_flattened]
     with np.errstate(invalid="ignore"):  # signalling NaNs, which are no w
         w = np.concatenate([np.empty(0), *(w for _, w in stored)]).astype(np.float64)
-    if len(stored) == 1 and asset:
+    if len(stored) == 1 and asset and len(w) not in counts:
         w = w[: unrepeated(stored[0][0].vertices, counts)]
     return w
 

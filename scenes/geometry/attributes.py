@@ -16,6 +16,16 @@ from raytrace.types import Float64s, Int64s
 
 from .polygons import Triangulation
 
+FLOAT = 3e38
+"""No number of a file in float32 is larger."""
+
+
+def float_normals(normals: Float64s) -> npt.NDArray[np.float32]:
+    """Normals (n, 3) in float32, 0 for NaN; those too long for it are shortened."""
+    finite = np.nan_to_num(normals)
+    longest = np.abs(finite).max(axis=1, keepdims=True)
+    return (finite / np.where(longest > FLOAT, longest, 1.0)).astype("<f4")
+
 
 class SourceMaterial(NamedTuple):
     """A material as OBJ libraries have it: a name, linear colours in [0, 1], glTF's factors, and a picture."""

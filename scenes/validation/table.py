@@ -64,7 +64,8 @@ def measure(
     """The w (k,) of a bake at the configuration's points."""
     mesh = configuration.mesh
     falloff = configuration.falloff
-    baked = bake(mesh, falloff, samples=samples, seed=seed, threads=threads, **configuration.options)
+    only = None if mesh.normals is None else ~np.isnan(mesh.normals).any(axis=1)  # the others need no bake
+    baked = bake(mesh, falloff, samples=samples, seed=seed, threads=threads, only=only, **configuration.options)
     return baked.w[configuration.points]
 
 

@@ -110,3 +110,24 @@ def test_rows_that_are_probed_are_distinct(count, wanted):
     rows = stratified_rows(count, wanted)
     assert len(rows) == min(count, wanted)
     assert (np.diff(rows) > 0).all()
+
+
+@pytest.mark.parametrize("options", [{"samples": 16}, {"tolerance": 0.01}], ids=["rays", "tolerance"])
+def test_faces_at_the_same_place_are_traced_once(options):
+    ball = trimesh.creation.icosphere(subdivisions=1)
+    plate = Mesh([(-9, -9, -1.5), (9, -9, -1.5), (0, 9, -1.5)], [(0, 1, 2)])
+    turned = [np.roll(ball.faces, k, axis=1) + k * len(ball.vertices) for k in range(5)]
+    one, many = (
+        ao.bake(mesh, "binary", at="faces", occluders=[plate], **options)
+        for mesh in ((ball.vertices, ball.faces), (np.tile(ball.vertices, (5, 1)), np.concatenate(turned)))
+    )
+    assert many.rays == one.rays
+    assert np.array_equal(many.w, np.tile(many.w[: len(ball.faces)], 5))
+    assert abs(many.w[: len(ball.faces)] - one.w).max() < 0.05
+
+
+def test_faces_at_the_same_place_that_look_elsewhere_are_apart():
+    corners = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (-9, -9, 0.2), (9, -9, 0.2), (0, 9, 0.2)]
+    baked = ao.bake((corners, [(0, 1, 2), (0, 2, 1), (3, 4, 5)]), "binary", at="faces", samples=256)
+    assert baked.w[0] < 0.1
+    assert baked.w[1] == 1

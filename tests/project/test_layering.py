@@ -30,7 +30,7 @@ DOORS = {
     "llvmlite": {f"raytrace.kernel.{name}" for name in ("lanes", "compiler", "words", "link")},
     "numba": {f"raytrace.kernel.{name}" for name in ("lanes", "compiler", "words", "build")},
     "uvunwrap": {"scenes.bake.uv"},
-    "OpenImageIO": {f"raytrace.image.{name}" for name in ("encode", "fill", "read", "compare", "texture")},
+    "OpenImageIO": {"raytrace.image.openimageio"},
 }
 MODULES = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts): path

@@ -9,7 +9,7 @@ import numpy as np
 from mesh_files import obj, ply
 from project import ROOT, environment
 
-FILES, MOVES = 24, 144  # of the command and of `scenes`, where a bake is decided, read and written
+FILES, MOVES = 24, 152  # of the command and of `scenes`, where a bake is decided, read and written
 MODULES = 138  # of the packages
 NEEDLESS = {
     *("numpy.ma", "difflib", "shlex", "unicodedata", "click.shell_completion", "ao.profile", "ao.execute.sample_means"),

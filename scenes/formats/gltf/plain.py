@@ -56,7 +56,7 @@ def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
     uv = source.of_triangles(source.uv) if source.uv else None
     split = split_creases(mesh)
     rows_of = split.mesh.faces.ravel()
-    split_by = [*([uv] if uv else []), PerCorner(split.normals, rows_of)]
+    split_by = [PerCorner(split.normals, rows_of), *([uv] if uv else [])]
     of_vertices = _vertex_columns(source, colors)
     drawn: list[Drawn] = []
     before = None

@@ -9,7 +9,7 @@ from raytrace.mesh.mesh import Mesh
 from raytrace.mesh.normals import face_normals
 from raytrace.mesh.up import up_axis
 
-from ...geometry.attributes import Element, Property, SourceAttributes, triangle_attributes
+from ...geometry.attributes import Element, Property, SourceAttributes, float_normals, triangle_attributes
 from ..load import MeshFile
 from ..table import Channels
 from . import layout
@@ -19,7 +19,6 @@ OWN = "comment obscurance: 1 = open"
 GREY = "; red green blue = obscurance as sRGB"
 _COMMENTS = {"": "", "rgb": GREY, "a": "; alpha = obscurance"}
 _COMMENTS |= {name[0]: f"; {name} = obscurance as sRGB" for name in RGB}
-_LONGEST = 1e38  # of a normal in float32
 
 
 def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
@@ -113,9 +112,7 @@ def _elements(mesh: Mesh, attributes: SourceAttributes) -> tuple[Element, ...]:
     if any(column.kind == "d" for column in columns):
         columns = [column._replace(kind="d") for column in columns]
     if mesh.normals is not None:
-        normals = np.nan_to_num(mesh.normals)
-        longest = np.abs(normals).max(axis=1, keepdims=True)
-        normals = (normals / np.where(longest > _LONGEST, longest, 1.0)).astype("<f4")
+        normals = float_normals(mesh.normals)
         columns += [Property(axis, "f", column) for axis, column in zip(("nx", "ny", "nz"), normals.T, strict=True)]
     # Polygons, texture coordinates and colours of another format.
     sizes = attributes.sizes

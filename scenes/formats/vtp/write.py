@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from ao import Bake
 
+from ...geometry.attributes import float_normals
 from ..load import MeshFile
 
 _TYPES = {"f4": "Float32", "f8": "Float64", "i8": "Int64", "u1": "UInt8"}
@@ -27,7 +28,7 @@ def vtp(bake: Bake, mesh_file: MeshFile, _: object) -> bytes:
         "error": (bake.error, "f4"),
         "flags": (bake.flags, "u1"),
         "bent_normals": (bake.bent_normals, "f4"),
-        "Normals": (mesh.normals, "f4"),
+        "Normals": (None if mesh.normals is None else float_normals(mesh.normals), "f4"),
     }
     point_data = [_array(name, values, kind) for name, (values, kind) in columns.items() if values is not None]
     lines = [

@@ -7,8 +7,10 @@ from uv_meshes import grid_charts, icosphere, quads, rectangle, square
 
 import ao
 from ao.analytic import closed_forms
+from ao.points.receivers import find_receivers
 from raytrace import Mesh, MeshError
-from raytrace.bvh.closest import closest_on_triangle
+from raytrace.bvh.closest import closest_on_triangle, closest_points
+from raytrace.mesh.placement import Placement
 
 FLOOR = rectangle((0, -2, 0), (4, 0, 0), (0, 4, 0)), square(0, 0, 1, 1)
 
@@ -78,3 +80,63 @@ def test_the_fine_mesh_needs_no_texture_coordinates_and_the_coarse_one_does():
     mesh, _ = quads(FLOOR)
     with pytest.raises(MeshError, match="texture coordinates"):
         ao.bake_texture(mesh, grid_charts(7), 16, high=floor_and_wall())
+
+
+def stages_of(mesh, uv, high):
+    """The stages of a bake, and the error that it ends with."""
+    stages = []
+    with pytest.raises(MeshError) as refused:
+        ao.bake_texture(mesh, uv, 32, samples=4, high=high, progress=lambda *now: stages.append(now[2]))
+    return set(stages), str(refused.value)
+
+
+@pytest.mark.parametrize(("times", "shift"), [(1, 2.5), (50, 55), (50, -55)])
+def test_meshes_that_are_apart_are_refused_before_any_work(times, shift):
+    mesh, uv = icosphere(2)
+    stages, line = stages_of(mesh, uv, Mesh(mesh.vertices * times + np.array([0, shift, 0]), mesh.faces))
+    assert "within the cage" in line
+    assert not stages
+
+
+def test_no_closest_points_are_sought_where_nothing_is_met():
+    """Within a mesh fifty times as large every point would be compared with most of its faces."""
+    mesh, uv = icosphere(2)
+    stages, line = stages_of(mesh, uv, Mesh(mesh.vertices * 50, mesh.faces))
+    assert "within the cage" in line
+    assert stages == {"coverage"}
+
+
+def test_what_the_cage_misses_is_sought_in_small_steps_that_are_told():
+    mesh, uv = icosphere(2)
+    one = mesh.vertices[mesh.faces[0]]
+    fine = Mesh(
+        np.concatenate([mesh.vertices * 50, one]),
+        np.append(mesh.faces, len(mesh.vertices) + np.arange(3)[None], axis=0),
+    )
+    told = []
+    ao.bake_texture(mesh, uv, 64, samples=1, high=fine, progress=lambda *now: told.append(now))
+    sought = np.array([now[:2] for now in told if now[2] == "closest points beyond the cage"])
+    assert np.diff(sought[:, 0], prepend=0).max() <= 64
+    assert sought[-1, 0] == sought[-1, 1]
+
+
+@pytest.mark.parametrize("radius", [0.01, 0.3])
+def test_closest_points_are_those_of_all_faces(radius):
+    random = np.random.default_rng(4)
+    mesh = Mesh(random.uniform(-1, 1, (120, 3)), random.integers(0, 40, (80, 3)) + np.arange(80)[:, None])
+    receivers = find_receivers(mesh, placement := Placement.of(mesh))
+    vertices = placement.vertices.astype(np.float64)
+    points = random.uniform(-1.5, 1.5, (200, 3))
+    groups = np.zeros(len(points), np.int64), np.zeros(len(receivers.faces), np.int64)
+    corners = vertices[receivers.faces]
+    distances = np.array([[closest_on_triangle(tuple(p), *map(tuple, face))[0] for face in corners] for p in points])
+    done = []
+    for farther in (None, done.append):
+        surface = vertices, receivers.faces
+        face, weights = closest_points(receivers.tree, surface, points, radius, groups, 1, farther)
+        near = (distances.min(axis=1) <= radius) | (farther is not None)
+        assert np.array_equal(face >= 0, near)
+        at = np.einsum("kc,kci->ki", weights, corners[face])
+        found = np.linalg.norm(at - points, axis=1)
+        assert np.allclose(found[near], distances.min(axis=1)[near], atol=1e-6)
+    assert sum(done) == len(points)

@@ -118,3 +118,33 @@ def test_no_texel_at_a_border_stands_out(ball):
         for step in (-1, 1):
             border |= np.roll(texture.covered, step, axis) != texture.covered
     assert np.abs(page - mean)[border].max() < 0.1
+
+
+@pytest.mark.parametrize("size", [16, 32, 64])
+def test_lookups_are_as_true_with_closed_seams_as_with_open_ones(ball, size):
+    """Against rays from points all over the surface; on coarse pages whatever closes seams fully is far off."""
+    mesh, uv = ball
+    rng = np.random.default_rng(0)
+    face = rng.choice(len(mesh.faces), 2500, p=areas(mesh) / areas(mesh).sum())
+    weights = rng.dirichlet(np.ones(3), len(face))
+    points, axes = (
+        np.einsum("pc,pci->pi", weights, rows[mesh.faces[face]]) for rows in (mesh.vertices, vertex_normals(mesh))
+    )
+    truth = ao.bake_points(mesh, points, axes, falloff=ao.Binary(), samples=1024, denoise=False).w
+    places = np.einsum("pc,pci->pi", weights, uv[face]) * [size, -size] + [0, size]
+    lookups = Lookups.at(places, (size, size), True)
+
+    def error(close):
+        page = ao.bake_texture(mesh, uv, size, ao.Binary(), samples=512, close_seams=close).w
+        return np.sqrt(np.mean((lookups.values(page.ravel()) - truth) ** 2))
+
+    assert error(True) < 1.005 * error(False)
+
+
+def areas(mesh):
+    first, second, third = mesh.vertices[mesh.faces].transpose(1, 0, 2)
+    return np.linalg.norm(np.cross(second - first, third - first), axis=1) / 2
+
+
+def vertex_normals(mesh):
+    return np.asarray(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).vertex_normals)

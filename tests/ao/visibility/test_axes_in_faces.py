@@ -5,10 +5,14 @@ The reference traces rays of its own, in double precision, from just in front of
 
 import numpy as np
 import pytest
+from meshes import crumpled
 from scipy.spatial.transform import Rotation
 
 import ao
+from ao.points.receivers import find_receivers
 from raytrace import Mesh
+from raytrace.mesh.placement import Placement
+from scenes.geometry.polyhedra import icosphere
 
 CELLS = 4
 PIXELS = 10  # texels along a patch
@@ -173,6 +177,84 @@ def test_what_a_face_has_below_is_closed(kind, shape, mode):
             w, places, face_normals = w[seen], places[seen], face_normals[seen]
         some = np.random.default_rng(seed).permutation(len(w))[:24]
         truth = np.array(expected(scene, places[some], face_normals[some], MODES[mode]))
-        error = w[some] - truth
+        error = np.sort(w[some] - truth)
+        if shape == "cards":  # w is a mean over a face or a texel, and blades meet
+            error = error[2:-2]
         assert abs(error.mean()) < 0.012, (seed, error.mean())
-        assert np.quantile(np.abs(error), 0.9 if shape == "cards" else 1) < 0.03  # those are means over faces
+        assert np.abs(error).max() < (0.05 if shape == "cards" else 0.03)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_edges_and_corners_of_a_box_see_what_no_face_of_theirs_has_below(seed):
+    scene = Scene("box", seed, "up")
+    w = ao.bake(scene.mesh, "binary", samples=SAMPLES, normals="up").w
+    vertices, at_faces = scene.mesh.vertices, scene.mesh.faces
+    outwards = np.zeros_like(vertices)
+    np.add.at(outwards, at_faces.ravel(), np.repeat(scene.face_normals, 3, axis=0))
+    for row in range(0, len(w), 3):
+        here = np.linalg.norm(vertices - vertices[row], axis=1) < 1e-9 * scene.size
+        lift = outwards[here].sum(axis=0)
+        truth = expected(scene, vertices[[row]], lift[None] / np.linalg.norm(lift), {})[0]
+        assert w[row] == pytest.approx(truth, abs=0.02)
+
+
+def test_balls_are_open_by_how_much_they_lean():
+    """Whatever the axis, a ball never sees its inside: (1 + cos θ)/2 also below the equator."""
+    vertices, faces = icosphere(4)
+    mesh = Mesh(vertices, faces, up="z")
+    exact = (1 + vertices[:, 2] / np.linalg.norm(vertices, axis=1)) / 2
+    assert np.abs(ao.bake(mesh, "binary", samples=SAMPLES, normals="up").w - exact).max() < 0.04  # facets lean by .04
+    centres = vertices[faces].mean(axis=1)
+    exact = (1 + centres[:, 2] / np.linalg.norm(centres, axis=1)) / 2
+    assert np.abs(ao.bake(mesh, "binary", samples=SAMPLES, normals="up", at="faces").w - exact).max() < 0.01
+
+
+@pytest.mark.parametrize("method", ["vertex", "surface"])
+def test_a_tilted_normal_of_the_file_is_an_axis_by_either_method(method):
+    scene = Scene("slope", 5, "file")
+    exact = (1 + scene.face_normals[0] @ scene.axis) / 2
+    baked = ao.bake(scene.mesh, "binary", samples=SAMPLES, normals="file", method=method)
+    i, j = np.divmod(np.arange(len(baked.w)), CELLS + 1)
+    inner = (np.minimum(i, j) > 0) & (np.maximum(i, j) < CELLS)
+    assert np.abs(baked.w - exact)[inner].max() < 0.01
+    assert baked.interpolation.rmse < 0.3  # of which borders have some
+
+
+@pytest.mark.parametrize("coarse", [0, 1, 2])
+def test_smooth_normals_of_the_file_leave_convex_textures_open(coarse):
+    """As computed ones do: there the face stands for a surface that has nothing below the axis' plane."""
+    vertices, faces = icosphere(coarse)
+    normals = vertices / np.linalg.norm(vertices, axis=1, keepdims=True)
+    side = int(np.ceil(np.sqrt(len(faces))))
+    row, column = np.divmod(np.arange(len(faces)), side)
+    chart = np.array([[0.1, 0.1], [0.9, 0.1], [0.1, 0.9]])
+    uv = (np.stack([column, row], -1)[:, None] + chart) / side
+    texture = ao.bake_texture(Mesh(vertices, faces, normals), uv, 8 * side, "binary", samples=64, normals="file")
+    assert texture.w[texture.covered].min() > 0.99
+
+
+def test_wound_the_wrong_way_round_a_surface_has_its_front_where_axes_are():
+    scene = Scene("slope", 6, "up")
+    again = Mesh(scene.mesh.vertices, scene.mesh.faces[:, ::-1], up="z")
+    for at in ("vertices", "faces"):
+        w, flipped = (ao.bake(m, "binary", samples=SAMPLES, normals="up", at=at).w for m in (scene.mesh, again))
+        assert np.abs(w - flipped).max() < 0.02
+
+
+def test_folded_vertices_have_the_axis_at_each_of_their_corners():
+    vertices, faces = crumpled(icosphere(2), 0.5, 3)
+    mesh = Mesh(vertices, faces, up="z")
+    placement = Placement.of(mesh)
+    receivers = find_receivers(mesh, placement, "up")
+    corners = receivers.corners
+    assert len(corners) > 20
+    baked = ao.bake(mesh, "binary", samples=1 << 14, normals="up", denoise=False)
+    assert baked.flagged["folded"] == 0
+    triangles = placement.vertices[mesh.faces].astype(np.float64)
+    rays = directions(np.array([0.0, 0.0, 1.0]), 1 << 11)
+    for row in range(0, len(corners), 5):
+        samples = slice(corners.starts[row], corners.starts[row + 1])
+        origins, weights = corners.points.origins[samples].astype(np.float64), corners.weights[samples]
+        truth = weights @ [reference(triangles, origin, rays) for origin in origins]
+        of = np.flatnonzero(receivers.of_vertex == corners.point_rows[row])
+        assert baked.w[of] == pytest.approx(truth, abs=0.03)

@@ -58,7 +58,7 @@ def test_a_bad_file_has_its_line_and_the_others_are_baked(folder):
     lines = sorted(done.stderr.splitlines())
     assert "gone.obj: file: expected an existing file, got none" in lines[0]
     assert "noise.obj: faces: expected at least one triangle" in lines[1]
-    assert lines[2].startswith("warning: out/deep/hill0.ply: between the vertices w, the openness, errs by ")
+    assert any("hill0.ply: between the vertices w, the openness, errs by " in line for line in lines)
     assert all(line.startswith("warning: out/deep/hill") for line in lines[2:])
     assert done.stdout.startswith("2 of 4 meshes baked to out/deep, 2 failed in ")
     found = json.loads((folder / "out" / "deep" / "manifest.json").read_text())
@@ -67,7 +67,7 @@ def test_a_bad_file_has_its_line_and_the_others_are_baked(folder):
     assert [each["status"] for each in found["inputs"]] == ["done", "failed", "failed", "done"]
     assert "got none" in found["inputs"][2]["message"]
     warned = [f"warning: {line}" for each in found["inputs"] for line in each["warnings"]]
-    assert warned == lines[2:]
+    assert sorted(warned) == lines[2:]
     assert len(found["inputs"][0]["sha256"]) == 64
 
 

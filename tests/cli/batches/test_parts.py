@@ -27,7 +27,7 @@ def bake_parts(of, folder, *arguments):
 
 @pytest.mark.parametrize("ending", ["npz", "ply", "glb"])
 def test_merged_parts_are_the_file_of_one_bake(tmp_path, mesh, ending):
-    options = "--falloff", "binary", "--max-distance", "50%", "--samples", "64", "--seed", "3"
+    options = "--falloff", "binary", "--max-distance", "50%", "--samples", "64", "--seed", "3", "--normals", "up"
     whole, output, report = tmp_path / f"whole.{ending}", tmp_path / f"merged.{ending}", tmp_path / "report.json"
     first = obscurance("bake", mesh, *options, "-o", whole)
     bake_parts(2, tmp_path / "parts", mesh, *options)

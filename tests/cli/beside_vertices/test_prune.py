@@ -7,8 +7,10 @@ import pytest
 import trimesh
 from command import obscurance, refused
 from gltf_files import Builder, check_glb, values
+from mesh_files import obj
 
 from ao.unseen import unseen_faces
+from scenes.formats.load import load
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -16,10 +18,10 @@ def traced_once():
     """What nobody sees of a mesh is found once, whatever it is written to."""
     found = {}
 
-    def unseen(mesh, *options):
-        key = pickle.dumps((mesh, options))
+    def unseen(mesh, seed, threads, progress):
+        key = pickle.dumps((mesh, seed))
         if key not in found:
-            found[key] = unseen_faces(mesh, *options)
+            found[key] = unseen_faces(mesh, seed, threads, progress)
         return found[key]
 
     with pytest.MonkeyPatch.context() as patch:
@@ -140,3 +142,32 @@ def test_what_is_refused(engine):
     (engine / "bad.glb").write_bytes(b"glTF" + bytes(40))
     refused(obscurance("prune", "bad.glb", "-o", "out.glb"), "bad.glb")
     assert not (engine / "out.glb").exists()
+
+
+FAR = np.array([500_000.1, 5_000_000.25, 123.456789012345])
+
+
+@pytest.mark.parametrize("ending", ["ply", "obj", "off"])
+@pytest.mark.parametrize("scale", [1.0, 1e60])
+def test_all_digits_of_vertices_are_kept(tmp_path, ending, scale):
+    box = trimesh.creation.box().subdivide()
+    vertices = scale * (box.vertices / 3 + FAR)
+    (tmp_path / "m.obj").write_bytes(obj(vertices, box.faces))
+    done = obscurance("prune", tmp_path / "m.obj", "-o", tmp_path / f"out.{ending}")
+    assert done.returncode == 0, done.stderr
+    mesh = load(tmp_path / f"out.{ending}").mesh
+    np.testing.assert_array_equal(mesh.vertices, load(tmp_path / "m.obj").mesh.vertices)
+    np.testing.assert_array_equal(mesh.faces, box.faces)
+
+
+def test_an_stl_is_refused_if_float32_moves_its_vertices(tmp_path):
+    box = trimesh.creation.box()
+    (tmp_path / "near.obj").write_bytes(obj(box.vertices / 3, box.faces))
+    assert obscurance("prune", tmp_path / "near.obj", "-o", tmp_path / "near.stl").returncode == 0
+    stored = trimesh.load(tmp_path / "near.stl")
+    np.testing.assert_allclose(stored.triangles, (box.vertices / 3)[box.faces], atol=1e-7)
+    np.testing.assert_allclose(stored.face_normals, box.face_normals, atol=1e-6)
+    for name, vertices in (("far", box.vertices + FAR), ("huge", 1e60 * box.vertices)):
+        (tmp_path / f"{name}.obj").write_bytes(obj(vertices, box.faces))
+        refused(obscurance("prune", tmp_path / f"{name}.obj", "-o", tmp_path / f"{name}.stl"), "vertices move by")
+        assert not (tmp_path / f"{name}.stl").exists()

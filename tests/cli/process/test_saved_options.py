@@ -84,3 +84,9 @@ def test_a_missing_report_and_a_missing_output_are_reported(folder):
     (folder / "report.json").write_text('{"options": {"output": "w.npy"}}')
     refused(obscurance("bake", "hills.obj", "-o", "w.npy", "--options", "reports.json"), "did you mean report.json?")
     refused(obscurance("bake", "hills.obj", "--options", "report.json"), "bake --output: expected a file")
+
+
+@pytest.mark.parametrize(("name", "value"), [("occluder", ["a\0b.obj"]), ("up", "a\0"), ("report", "\0")])
+def test_null_characters_are_refused_in_one_line(folder, name, value):
+    (folder / "r.json").write_text(json.dumps({"options": {name: value}}))
+    refused(obscurance("bake", "hills.obj", "-o", "w.npy", "--options", "r.json"), f"r.json: options.{name}: expected")

@@ -60,3 +60,21 @@ def test_faces_that_enclose_a_volume_by_rounding_and_have_no_area():
     far = -(2.0**127)
     vertices = [(0, 0, 0), (1, 0, 0), (1, 0, 0), (1, 1, far), (3.6e-43, 0.5, 0.25), (2, 0, 0), (9, 9, 9)]
     assert inward_warnings(Mesh(vertices, [(0, 1, 3), (0, 3, 4), (2, 5, 3)])) == []
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_of_many_parts_those_within_others_are_cavities(seed):
+    """Shells about common centres, some of them turned over: cavities are those about which an outward one lies."""
+    random = np.random.default_rng(seed)
+    boxes, expected = [], 0
+    for place in range(60):
+        outward = random.random(random.integers(1, 4)) < 0.5
+        for layer, looks_out in enumerate(outward):  # the largest first
+            box = scenes.Box(size=(0.8 - 0.2 * layer,) * 3, fineness=1).geometry().mesh
+            faces = box.faces if looks_out else box.faces[:, ::-1]
+            boxes.append((box.vertices + np.array([place % 8, place // 8, 0]), faces))
+            expected += not looks_out and not outward[:layer].any()
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in boxes)])
+    vertices = np.concatenate([vertices for vertices, _ in boxes]).astype(np.float32)
+    faces = np.concatenate([faces + start for (_, faces), start in zip(boxes, starts[:-1], strict=True)])
+    assert inward_looking(vertices, faces)[:2] == (expected, len(boxes))

@@ -239,3 +239,14 @@ def test_a_forked_process_has_threads_of_its_own():
         os.waitpid(child, 0)
     assert status[0]
     assert os.waitstatus_to_exitcode(status[1]) == 2
+
+
+def test_an_interrupt_while_threads_are_asked_for_help_is_that_interrupt(monkeypatch):
+    def interrupted(call, _):
+        call.helping = 1  # a thread that has come already
+        threading.Timer(0.1, call.help).start()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(threads_module._team, "ask", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run_blocks(100, 1, lambda start, stop: None, 2)

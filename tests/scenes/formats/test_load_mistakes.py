@@ -6,6 +6,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from command import obscurance, refused
 from gltf_files import QUAD, TRIANGLE, Builder
 from mesh_files import FACES, NORMALS, VERTICES, ascii_ply, ascii_stl, glb, mistake, mixed_ply, obj, off, ply, read, stl
 
@@ -189,3 +190,21 @@ def test_files_cut_off_or_damaged_anywhere(tmp_path, name, data):
         path.write_bytes(damaged.tobytes())
         with suppress(MeshError):
             load(path)
+
+
+LARGE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 1e60 0\nvt 1 0\nvn 0 0 1e60\nvn 0 0 1\n"
+
+
+@pytest.mark.parametrize("ending", ["glb", "ply", "obj", "html"])
+def test_texture_coordinates_beyond_float32_are_refused(tmp_path, ending):
+    (tmp_path / "m.obj").write_bytes(LARGE + b"f 1/1 2/2 3/2\n")
+    refused(
+        obscurance("bake", tmp_path / "m.obj", "-o", tmp_path / f"w.{ending}"), "texture coordinates: expected numbers"
+    )
+
+
+@pytest.mark.parametrize("ending", ["vtp", "ply", "glb"])
+def test_normals_beyond_float32_are_shortened_without_a_word(tmp_path, ending):
+    (tmp_path / "m.obj").write_bytes(LARGE + b"f 1//1 2//2 3//2\n")
+    done = obscurance("bake", tmp_path / "m.obj", "-o", tmp_path / f"w.{ending}", "--samples", 8, "-q")
+    assert (done.returncode, done.stderr) == (0, "")

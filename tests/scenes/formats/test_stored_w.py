@@ -12,6 +12,8 @@ from gltf_samples import occluded
 from mesh_files import ply
 from PIL import Image
 
+import ao
+import scenes
 from raytrace.image.read import read_image
 from scenes.formats.load import load
 
@@ -23,11 +25,12 @@ PLAIN = '[[objects]]\nmesh = "{mesh}"\n[obscurance]\nbaked = "{baked}"\n'
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A corner of two squares, as OBJ, and w of it baked to every format."""
+    """A corner of two squares, and w of it in every format, one value a vertex for both sides of the edge."""
     monkeypatch.chdir(tmp_path)
     trimesh.Trimesh(CORNER, FACES, process=False).export(tmp_path / "corner.ply")
-    for target in ("w.npy", "w.npz", "w.ply", "w.glb"):
+    for target in ("w.npy", "w.npz", "w.ply"):
         assert obscurance("bake", "corner.ply", "-o", target, "--samples", 64, "--seed", 3).returncode == 0
+    scenes.write("w.glb", ao.bake(load("corner.ply").mesh, samples=64, seed=3), "corner.ply")
     return tmp_path
 
 
@@ -118,7 +121,7 @@ def test_w_of_an_obj_fits_it_with_a_texture_too(folder):
     np.testing.assert_array_equal(picture("textured.toml"), picture("plain.toml"))
     np.save("wrong.npy", np.ones(5))
     (folder / "wrong.toml").write_text(textured.replace("o.npy", "wrong.npy"))
-    words = ("expected 7 values, one a vertex of the scene's files, or 15, one a vertex of the scene, got 5",)
+    words = ("expected 7 values, one a vertex of the scene's files, or 13, one a vertex of the scene, got 5",)
     refused(obscurance("render", "wrong.toml", "-o", "p.png", *SIZE), *words)
 
 

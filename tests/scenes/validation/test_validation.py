@@ -39,7 +39,8 @@ def test_matches_the_closed_forms() -> None:
 def test_a_bake_to_a_tolerance_matches_the_closed_form(line: Configuration) -> None:
     """Root mean square over the mesh; single vertices may be off by more."""
     with only_w():
-        baked = ao.bake(line.mesh, line.falloff, tolerance=0.002, **line.options)
+        only = None if line.mesh.normals is None else ~np.isnan(line.mesh.normals).any(axis=1)
+        baked = ao.bake(line.mesh, line.falloff, tolerance=0.002, only=only, **line.options)
     error = np.abs(baked.w[line.points] - line.exact)
     assert error.max() <= 4 * 0.002 + line.truncation + line.tessellation
     assert np.sqrt(np.mean(error**2)) <= 2 * 0.002 + line.truncation + line.tessellation
