@@ -1,6 +1,7 @@
 """`ao.bake`: a mesh in, w(p) for every vertex out."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -11,14 +12,27 @@ from raytrace.errors import ConflictError
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import opacity_bytes
 from raytrace.system.checks import check_memory
+from raytrace.types import Bools, Int64s
 
-from .declared import call_checked, with_option_parameters
 from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids
 from .estimate.tolerance import Estimate, shortfalls
+from .execute.kept import Kept
+from .execute.tracer import Progress
+from .falloff import Falloffs, Length
 from .interpolation_error import measure_interpolation
 from .memory import TRACED, column_bytes, surface_bytes, vertex_bytes
-from .options import DEFAULT_SAMPLES, Options, VertexOptions
+from .options import (
+    DEFAULT_SAMPLES,
+    At,
+    BackFaces,
+    Interior,
+    Method,
+    Normals,
+    Options,
+    Traversal,
+    VertexOptions,
+)  # fmt: skip
 from .points.occluders import occluding
 from .points.receivers import Flag
 from .prepared import Inputs, Prepared
@@ -32,9 +46,99 @@ class VertexArguments(VertexOptions, Inputs):
     """Arguments of `ao.bake`."""
 
 
-@with_option_parameters(VertexArguments)
-def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
+def bake(
+    mesh: Mesh | Any,
+    falloff: Falloffs = None,
+    samples: int | None = None,
+    seed: int = 0,
+    threads: int | None = None,
+    normals: Normals = "file",
+    *,
+    progress: Progress | None = None,
+    checkpoint: Kept | None = None,
+    high: Mesh | Any | None = None,
+    groups: tuple[Int64s, Int64s] | None = None,
+    occluders: Sequence[Mesh | Any] = (),
+    tolerance: float | None = None,
+    denoise: bool = True,
+    interior: Interior = "auto",
+    thickness: bool = False,
+    spread: float = 180.0,
+    back_faces: BackFaces = "occlude",
+    traversal: Traversal = "auto",
+    profile: bool = False,
+    cage: Length | Mesh | Any = "2%",
+    only: Bools | None = None,
+    method: Method = "vertex",
+    at: At = "vertices",
+    both_sides: bool = False,
+) -> Bake:
     """Obscurance w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) at every vertex, or face, of `mesh`.
+
+    Args:
+        mesh: The surface, a `raytrace.Mesh`, a pair (vertices, faces), a mesh of trimesh, PyVista, meshio or Open3D, or
+            what `ao.prepare` returns.
+        falloff: μ, `Exponential(…)` (the default), `Binary(…)`, `Linear(…)`, `Smooth(…)` or `Tabulated(…)`; or "binary"
+            or "exponential"; or a function of the distance in mesh units, which becomes a `Tabulated`; or, by the
+            vertex method, a list of them, for `values` of the result by each from the same rays, which are as long as
+            the farthest needs.
+        samples: Rays per vertex or texel, in place of a tolerance; with `tolerance` the most, by default 16384. At most
+            2²⁰. By the surface method they are spread over the faces by area, up to 32 from each of many points, and
+            with a tolerance the most is 2²⁶ in all if that is more.
+        seed: Random seed. 0 to 2⁶⁴ − 1. The same seed gives the same bits for any number of threads.
+        threads: Number of threads, by default all cores; results are the same.
+        normals: Normals: the file's own at corners, and where it has none of use, as with angle; those of faces around,
+            weighted by angle, by area or equally, smooth across edges of up to 30 degrees; or up. They are the axes of
+            hemispheres.
+        progress: Called with (rays traced, rays in all, stage) as the work goes on; a stage without rays, as "coverage"
+            and "seams" of a texture, counts to 1.
+        checkpoint: Keeps what is traced, and is asked for what an interrupted run traced; the bits are the same.
+        high: A finer mesh, of which w is baked instead: where it lies outwards or inwards along the smooth normals of
+            `mesh`, which itself occludes nothing. The hemisphere is that of the fine mesh there, less what lies below
+            its face; estimates are denoised, and predicted, over `mesh`. Not by the surface method, nor with `only`.
+        groups: Numbers of groups of the vertices of `mesh` (n,) and of those of `high`, by which their faces are of a
+            group, too: points are found on faces of their own group alone. All faces of `high` occlude.
+        occluders: Meshes that only occlude: w is what it would be if they were part of `mesh`. Per cent are of the
+            radius of `mesh` alone. Not with `high`.
+        tolerance: Target RMS error of w, 0.005 by default; ray counts are chosen to meet it. 1e-5 to 1; over the
+            vertices or the covered texels, by the surface method of the fitted values. None where `samples` alone is
+            given, and without `denoise`, where each point gets 256 rays.
+        denoise: Shrink estimates towards those of neighbours. They are leave-one-out predictions, of texels across
+            seams, too. Not by the surface method.
+        interior: Vertices inside closed solids: ignore, flag (mark), or fill from visible neighbours; auto fills those
+            inside parts of the mesh that are closed. "auto": vertices inside a closed part that is not their own are
+            flagged and get the values of the nearest that are not; texels are filled as if they were not covered.
+            "ignore": both sides of faces are surface. "mark": faces bound solids, and vertices that mostly see backs,
+            being inside one, are flagged; not of texels. "fill": besides, they are filled, and texels are. Not by the
+            surface method.
+        thickness: How thick the solid is below each point instead: the same rays inwards, 0 thin, 1 thick. By the same
+            falloff; where rays leave through holes of the mesh it is thick, which `shortfalls` says. Not with
+            `interior` mark or fill.
+        spread: Full angle in degrees of the cone of rays about the normal, in which 180, the hemisphere, is all. 1 to
+            180. Rays stay distributed like cosθ, and w is their mean: 1 where nothing is in the cone.
+        back_faces: ignore: rays pass through faces that they meet from behind, as through single-sided walls. A face's
+            front is where its corners run anticlockwise. `interior` sees backs all the same. Not by the surface method.
+        traversal: Who traces rays; embree is slower, and checks auto. "auto": the rays of a point walk a hierarchy of
+            our own together, but go through Embree in packets where half of them meet something and they are few. Not
+            by the surface method.
+        profile: Also store w at half-distances an octave apart, from .5% to 256% of the radius, so that the
+            half-distance can be chosen later: .npz .ply .glb .html, textures .exr; by default in .html, if that costs
+            little. In Python the result's `profile`, by the same rays; without `max_distance`, and not by the surface
+            method.
+        cage: With `high`: how far it may be from the input, mesh units or "2%" of the radius (the default); or a mesh
+            file, the input with its vertices moved outwards. A mesh has as many vertices and faces as `mesh`, in its
+            order: rays start at the point of the cage that belongs to a point of `mesh`, go through it and as far
+            inwards. Points at which there is nothing within that take the closest one: vertices are flagged, points of
+            texels counted.
+        only: bool (n,), the vertices whose w is wanted; elsewhere w is 1. None: all. These are denoised, and hidden
+            ones filled, from one another. The surface method fits w over their faces alone.
+        method: Sample at the vertices, or all over the faces with a least-squares fit. "surface" fits the values whose
+            interpolation is nearest to w all over the faces (Kavan, Bargteil & Sloan 2011, Least Squares Vertex
+            Baking).
+        at: faces: w of each face, its mean over the face, into .npy, .npz or .ply. Hemispheres are about the faces' own
+            normals, and rows of the result are those of `mesh.faces`. Not by the surface method, nor with `high`; with
+            `only`, at faces of which all vertices are wanted.
+        both_sides: Also w of the backs of faces. It is that of the result's `below`.
 
     Raises:
         OptionError: an argument is out of range, or of the other method.
@@ -46,13 +150,18 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     Warns:
         ToleranceWarning: the `tolerance` is not met, with too few `samples` allowed for instance.
     """
+    return bake_vertices(VertexArguments(**locals()))
+
+
+def bake_vertices(options: VertexArguments) -> Bake:
+    """`bake`, of arguments that are checked."""
     # What is given: the mesh, what occludes it, and whether it fits into memory.
     high, only = options.high, options.only
     if high is not None and (options.method == "surface" or only is not None):
         raise ConflictError("high", "does not go with", "only" if only is not None else ("method", "surface"))
     if high is not None and options.at == "faces":
         raise ConflictError("high", "does not go with", ("at", "faces"))
-    mesh = mesh_of(mesh, "bake")
+    mesh = mesh_of(options.mesh, "bake")
     occluders = occluding(options.occluders, high)
     solid = mesh if high is None else mesh_of(high, "bake")
     if options.thickness:
@@ -94,7 +203,7 @@ def bake(mesh: Mesh | Any, options: VertexArguments) -> Bake:
     vertices = prepared.placement.vertices
     element = "face" if options.at == "faces" else "vertex"
     if options.both_sides:
-        below = call_checked(bake, options, mesh.reversed(), both_sides=False, checkpoint=None)
+        below = bake_vertices(replace(options, mesh=mesh.reversed(), both_sides=False, checkpoint=None))
         baked.seconds["bake"] += sum(below.seconds.values())
         baked = replace(baked, below=below, rays=baked.rays + below.rays)
     return replace(baked, shortfalls=shortfalls(options, max(baked.rmses), samples, element, solid, vertices))

@@ -1,23 +1,17 @@
 """Declarations of options: fields of a dataclass, annotated with rows of the command's table.
 
-From one follow the check of a value, the parameter of `ao.bake` with its description, and the option of the command.
+From one follow the check of a value and the option of the command.
 """
 
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import MISSING, Field, fields
-from functools import wraps
-from inspect import Parameter, Signature, cleandoc
+from dataclasses import fields
 from pathlib import Path
-from textwrap import fill
 from types import NoneType
-from typing import Any, ForwardRef, Literal, NamedTuple, ParamSpec, TypeVar, get_args, get_origin
+from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin
 
 from raytrace.errors import OptionError, nearest_name
+from raytrace.system.records import Fault, Within, reader
 
-P = ParamSpec("P")
-R = TypeVar("R")
-T = TypeVar("T")
 Role = Literal["input", "output", "result", "run"]
 EVERY_BAKE = "vertices texture batch"
 IMAGE = "texture batch"
@@ -43,7 +37,6 @@ class Option(NamedTuple):
     is_argument: bool = False  # of the command, known by its place
     is_setting: bool = True  # whether `--options` takes it over, if it is no file that is written
     bounds: tuple[float, float] | None = None  # of a number
-    python_help: str = ""  # what there is to say of it in Python beside `help`
 
     @property
     def flags(self) -> list[str]:
@@ -85,49 +78,33 @@ class Option(NamedTuple):
 
 
 def options_of(record: Any) -> dict[str, Option]:
-    """The fields of a record as options, in their order."""
+    """The fields of a record that are options, as rows, in their order."""
     options = {}
     for field in fields(record):
-        kind, option = _declaration(field)
-        same = {"kind": kind, "default": field.default}
-        options[field.name] = option._replace(
-            name=field.name, **{key: same[key] for key in same if getattr(option, key) is SAME}
-        )
+        if get_origin(field.type) is Annotated:
+            kind, option = get_args(field.type)
+            same = {"kind": kind, "default": field.default}
+            options[field.name] = option._replace(
+                name=field.name, **{key: same[key] for key in same if getattr(option, key) is SAME}
+            )
     return options
-
-
-def _declaration(field: Field[Any]) -> tuple[Any, Option]:
-    """The type of a field in Python, and its `Option`."""
-    kind: Any = field.type
-    return kind.__origin__, kind.__metadata__[0]
 
 
 def check_values(record: Any) -> None:
     """Make the numbers, choices and switches of a record plain. Raises: OptionError: one is out of range."""
     for field in fields(record):
-        kind, option = _declaration(field)
+        if get_origin(field.type) is not Annotated:
+            continue
+        kind, option = get_args(field.type)
         value = getattr(record, field.name)
-        if value is not None or NoneType not in get_args(kind):
-            object.__setattr__(record, field.name, _checked(field.name, _without_none(kind), option.bounds, value))
-
-
-def _checked(name: str, kind: Any, bounds: tuple[float, float] | None, value: Any) -> Any:
-    """A value as a plain number, text or switch; meshes, falloffs and arrays are checked where they are used.
-
-    Raises: OptionError.
-    """
-    plain = value.item() if hasattr(value, "item") and not getattr(value, "shape", ()) else value
-    if get_origin(kind) is Literal:
-        return _one_of(get_args(kind), name, plain)
-    if kind is bool and not isinstance(plain, bool):
-        raise OptionError(name, _EXPECTED[bool], value)
-    if bounds is None:
-        return plain if kind is bool else value
-    least, most = bounds
-    if not isinstance(plain, kind | int) or isinstance(plain, bool) or not least <= plain <= most:
-        number = f"a whole number from {least} to {most}" if kind is int else f"a number from {least:g} to {most:g}"
-        raise OptionError(name, number.replace("e-0", "e-"), value)
-    return kind(plain)
+        if value is None and NoneType in get_args(kind):
+            continue
+        plain = _without_none(kind)
+        check = reader(Annotated[plain, Within(*option.bounds)] if option.bounds else plain)
+        try:
+            object.__setattr__(record, field.name, check(value))
+        except Fault as fault:
+            raise OptionError(field.name, fault.expected, value, nearest=fault.nearest) from None
 
 
 def _one_of(names: tuple[str, ...], option: str, value: object) -> object:
@@ -140,61 +117,3 @@ def _one_of(names: tuple[str, ...], option: str, value: object) -> object:
 def _without_none(kind: Any) -> Any:
     """The type without `None`: T of `T | None`."""
     return get_args(kind)[0] if NoneType in get_args(kind) else kind
-
-
-def with_option_parameters(record: Callable[P, T]) -> Callable[[Callable[[Any, T], R]], Callable[P, R]]:
-    """Let a function of a mesh and a record take the record's fields, and describe them."""
-    declared: list[Field[Any]] = sorted(fields(record), key=lambda field: bool(field.kw_only))  # type: ignore[arg-type]
-
-    def with_fields(function: Callable[[Any, T], R]) -> Callable[P, R]:
-        """The function with the record's fields as keyword parameters, in its signature and in its docstring."""
-
-        @wraps(function)
-        def called(*unnamed: P.args, **named: P.kwargs) -> R:
-            """Make the record of the arguments and call the function. Raises: TypeError in the function's name."""
-            try:
-                signature.bind(*unnamed, **named)
-            except TypeError as fault:
-                raise TypeError(f"{function.__name__}() {fault}") from None
-            arguments: Any = record(*unnamed, **named)
-            return function(arguments.mesh, arguments)
-
-        before, raises, after = cleandoc(function.__doc__ or "").partition("\n\nRaises:")
-        called.__doc__ = "\n".join([before, "", "Args:", *map(_described, declared)]) + raises + after
-        signature = Signature([*map(_parameter, declared)], return_annotation=function.__annotations__["return"])
-        vars(called).update(__signature__=signature, record=record)
-        return called
-
-    return with_fields
-
-
-def call_checked(function: Callable[..., R], options: object, mesh: object, **inputs: Any) -> R:
-    """Call a function that has `with_option_parameters`, with options that are checked already.
-
-    Args:
-        options: of a record that is a base of the function's, or has one in common with it.
-        inputs: what depends on files, in place of what the options have.
-    """
-    attributes = vars(function)
-    arguments = object.__new__(attributes["record"])
-    values = {field.name: field.default for field in fields(arguments)} | vars(options) | {"mesh": mesh} | inputs
-    vars(arguments).update(values)
-    called: Callable[[object, object], R] = attributes["__wrapped__"]
-    return called(mesh, arguments)
-
-
-def _parameter(field: Field[Any]) -> Parameter:
-    """A field as a parameter of a signature; its annotation is the type that the source has."""
-    kind = _declaration(field)[0]
-    default = Parameter.empty if field.default is MISSING else field.default
-    kind_of_parameter = Parameter.KEYWORD_ONLY if field.kw_only else Parameter.POSITIONAL_OR_KEYWORD
-    written = kind.__forward_arg__ if isinstance(kind, ForwardRef) else kind
-    return Parameter(field.name, kind_of_parameter, default=default, annotation=written)
-
-
-def _described(field: Field[Any]) -> str:
-    """A line under "Args:" for a field: its help, in the names of Python."""
-    row = _declaration(field)[1]
-    text = re.sub("--([a-z-]+)", lambda flag: f"`{flag[1].replace('-', '_')}`", row.help)
-    line = f"{field.name}: {text} {row.python_help}".strip()
-    return fill(line, 116, initial_indent=" " * 4, subsequent_indent=" " * 8, break_on_hyphens=False)

@@ -26,17 +26,16 @@ DEFAULT_HALF_DISTANCE = "50%"
 
 
 def resolve_length(field: str, length: Length, radius: float) -> float:
-    """`length` in mesh units: a number as it is, "P%" as that part of `radius`, "N m" and "N km" where they are metres.
+    """`length` in mesh units: a number as it is, "P%" as that part of `radius`.
 
     Raises:
         OptionError: not a number or percentage above zero ("inf" is allowed), or below 2.2e-308.
     """
-    expected = 'a length above 0, such as 0.5, "25%", "10km" or inf'
-    units = {"%": radius / 100, "km": 1000.0, "m": 1.0}
+    expected = 'a length above 0, such as 0.5, "25%" or inf'
     text = str(length).strip()
-    unit = next((unit for unit in units if text.endswith(unit)), "")
+    unit = radius / 100 if text.endswith("%") else 1.0
     try:
-        value = float(text.removesuffix(unit)) * units.get(unit, 1.0) if isinstance(length, str) else float(length)
+        value = float(text.removesuffix("%")) * unit if isinstance(length, str) else float(length)
     except (TypeError, ValueError, OverflowError):
         raise OptionError(field, expected, repr(length)) from None
     if not value >= sys.float_info.min:  # μ divides by lengths
@@ -317,6 +316,8 @@ def _falloff(value: Any) -> Falloff:
     """One falloff, also by its name or function. Raises: OptionError."""
     if isinstance(value, Falloff):
         return value
+    if isinstance(value, list | tuple | np.ndarray):  # a row of faces
+        raise OptionError("mesh", "vertices and faces as a pair, bake((vertices, faces))", "two arguments", "bake")
     without_arguments: dict[Any, Callable[[], Falloff]] = {
         None: Exponential,
         "exponential": Exponential,

@@ -1,7 +1,7 @@
 """The options of bakes, each declared here, once: its type, bounds, default, meaning, and how the command has it.
 
-The parameters of `ao.bake` and `ao.bake_texture` and their descriptions, checks, what decides kept rows, and options
-of the command follow from a declaration (`ao/declared.py`). Those whose values are meshes are in `ao/prepared.py`.
+Checks, what decides kept rows, and options of the command follow from a declaration (`ao/declared.py`); `ao.bake`
+and `ao.bake_texture` have them as parameters. Those whose values are meshes are in `ao/prepared.py`.
 """
 
 import math
@@ -45,64 +45,37 @@ class Options:
         OptionError: one is out of range, or does not go with another.
     """
 
-    falloff: Annotated["Falloffs", Option(bake_kinds="", role="input", help=
-        'μ, `Exponential(…)` (the default), `Binary(…)`, `Linear(…)`, `Smooth(…)` or `Tabulated(…)`; or "binary" or '
-        '"exponential"; or a function of the distance in mesh units, which becomes a `Tabulated`; or, by the vertex '
-        'method, a list of them, for `values` of the result by each from the same '
-        "rays, which are as long as the farthest needs.")] = None
+    falloff: Annotated["Falloffs", Option(bake_kinds="", role="input")] = None
     samples: Annotated[int | None, Option(bounds=(1, MAX_SAMPLES), help=
-        "Rays per vertex or texel, in place of a tolerance; with --tolerance the most, by default 16384.", python_help=
-        "At most 2²⁰. By the surface method they are spread over the faces by area, up to 32 from each of many points, "
-        "and with a tolerance the most is 2²⁶ in all if that is more.")] = None
-    seed: Annotated[int, Option(bounds=(0, 2**64 - 1), help="Random seed.", python_help=
-        "0 to 2⁶⁴ − 1. The same seed gives the same bits for any number of threads.")] = 0
+        "Rays per vertex or texel, in place of a tolerance; with --tolerance the most, by default 16384.")] = None
+    seed: Annotated[int, Option(bounds=(0, 2**64 - 1), help="Random seed.")] = 0
     threads: Annotated[int | None, Option(bounds=(1, 4096), role="run", bake_kinds=EVERY_BAKE, help=
         "Number of threads, by default all cores; results are the same.")] = None
     normals: Annotated[Normals, Option(help=
         "Normals: the file's own at corners, and where it has none of use, as with angle; those of faces around, "
-        "weighted by angle, by area or equally, smooth across edges of up to 30 degrees; or up.", python_help=
-        "They are the axes of hemispheres.")] = "file"
+        "weighted by angle, by area or equally, smooth across edges of up to 30 degrees; or up.")] = "file"
     _: KW_ONLY
     tolerance: Annotated[float | None, Option(bounds=(1e-5, 1), bake_kinds=EVERY_BAKE, help=
-        "Target RMS error of w, 0.005 by default; ray counts are chosen to meet it.", python_help=
-        "1e-5 to 1; over the vertices or the covered texels, by the surface method of the fitted values. None where "
-        "`samples` alone is given, and without `denoise`, where each point gets 256 rays.")] = None
+        "Target RMS error of w, 0.005 by default; ray counts are chosen to meet it.")] = None
     denoise: Annotated[bool, Option(help=
-        "Shrink estimates towards those of neighbours.", python_help=
-        "They are leave-one-out predictions, of texels across seams, too. Not by the surface method.")] = True
+        "Shrink estimates towards those of neighbours.")] = True
     interior: Annotated[Interior, Option(help=
         "Vertices inside closed solids: ignore, flag (mark), or fill from visible neighbours; auto fills those inside "
-        "parts of the mesh that are closed.", python_help=
-        '"auto": vertices inside a closed part that is not their own are flagged and get the values of the nearest '
-        'that are not; texels are filled as if they were not covered. "ignore": both sides of faces are surface. '
-        '"mark": faces bound solids, and vertices that mostly see backs, being inside one, are flagged; not of texels. '
-        '"fill": besides, they are filled, and texels are. Not by the surface method.')] = "auto"
+        "parts of the mesh that are closed.")] = "auto"
     thickness: Annotated[bool, Option(help=
-        "How thick the solid is below each point instead: the same rays inwards, 0 thin, 1 thick.", python_help=
-        "By the same falloff; where rays leave through holes of the mesh it is thick, which `shortfalls` says. Not "
-        "with `interior` mark or fill.")] = False
+        "How thick the solid is below each point instead: the same rays inwards, 0 thin, 1 thick.")] = False
     spread: Annotated[float, Option(bounds=(1, 180), help=
-        "Full angle in degrees of the cone of rays about the normal, in which 180, the hemisphere, is all.",
-        python_help=
-        "1 to 180. Rays stay distributed like cosθ, and w is their mean: 1 where nothing is in the cone.")] = 180.0
+        "Full angle in degrees of the cone of rays about the normal, in which 180, the hemisphere, is all.")] = 180.0
     back_faces: Annotated[BackFaces, Option(help=
-        "ignore: rays pass through faces that they meet from behind, as through single-sided walls.", python_help=
-        "A face's front is where its corners run anticlockwise. `interior` sees backs all the same. Not by the surface "
-        "method.")] = "occlude"
-    traversal: Annotated[Traversal, Option(help="Who traces rays; embree is slower, and checks auto.", python_help=
-        '"auto": the rays of a point walk a hierarchy of our own together, but go through Embree in packets where half '
-        "of them meet something and they are few. Not by the surface method.")] = "auto"
+        "ignore: rays pass through faces that they meet from behind, as through single-sided walls.")] = "occlude"
+    traversal: Annotated[Traversal, Option(help="Who traces rays; embree is slower, and checks auto.")] = "auto"
     profile: Annotated[bool, Option(kind=bool | None, default=None, help=
         "Also store w at half-distances an octave apart, from .5% to 256% of the radius, so that the half-distance can "
-        "be chosen later: .npz .ply .glb .html, textures .exr; by default in .html, if that costs little.", python_help=
-        "In Python the result's `profile`, by the same rays; without `max_distance`, and not by the surface method.")
+        "be chosen later: .npz .ply .glb .html, textures .exr; by default in .html, if that costs little.")
         ] = False
     cage: Annotated["Length | Mesh | Any", Option(kind=str | None, default=None, needs={"high": ...}, help=
         'With --high: how far it may be from the input, mesh units or "2%" of the radius (the default); or a mesh '
-        "file, the input with its vertices moved outwards.", metavar="LENGTH|MESH", python_help=
-        "A mesh has as many vertices and faces as `mesh`, in its order: rays start at the point of the cage that "
-        "belongs to a point of `mesh`, go through it and as far inwards. Points at which there is nothing within that "
-        "take the closest one: vertices are flagged, points of texels counted.")] = "2%"
+        "file, the input with its vertices moved outwards.", metavar="LENGTH|MESH")] = "2%"
 
     def __post_init__(self) -> None:
         from raytrace.errors import ConflictError
@@ -192,19 +165,13 @@ class VertexOptions(Options):
     """
 
     _: KW_ONLY
-    only: Annotated["Bools | None", Option(bake_kinds="", help=
-        "bool (n,), the vertices whose w is wanted; elsewhere w is 1. None: all. These are denoised, and hidden "
-        "ones filled, from one another. The surface method fits w over their faces alone.")] = None
+    only: Annotated["Bools | None", Option(bake_kinds="")] = None
     method: Annotated[Method, Option(bake_kinds="vertices batch", help=
-        "Sample at the vertices, or all over the faces with a least-squares fit.", python_help=
-        '"surface" fits the values whose interpolation is nearest to w all over the faces (Kavan, Bargteil & Sloan '
-        "2011, Least Squares Vertex Baking).")] = "vertex"
+        "Sample at the vertices, or all over the faces with a least-squares fit.")] = "vertex"
     at: Annotated[At, Option(bake_kinds="vertices batch", excludes=_NOT_AT_FACES, help=
-        "faces: w of each face, its mean over the face, into .npy, .npz or .ply.", python_help=
-        "Hemispheres are about the faces' own normals, and rows of the result are those of `mesh.faces`. Not by the "
-        "surface method, nor with `high`; with `only`, at faces of which all vertices are wanted.")] = "vertices"
+        "faces: w of each face, its mean over the face, into .npy, .npz or .ply.")] = "vertices"
     both_sides: Annotated[bool, Option(bake_kinds="vertices batch", excludes=_NOT_AT_FACES, help=
-        "Also w of the backs of faces.", python_help="It is that of the result's `below`.")] = False
+        "Also w of the backs of faces.")] = False
 
     def __post_init__(self) -> None:
         import numpy as np
@@ -234,15 +201,11 @@ class TextureOptions(Options):
     overlap: Annotated[Overlap, Option(kind=Overlap | None, default=None, bake_kinds=IMAGE, help=
         "Texture: where faces overlap, w is their mean (the default within a material), the first's, or an error.")
         ] = "mean"
-    wrap: Annotated[bool, Option(bake_kinds="", help=
-        "whether faces outside of the unit square are taken modulo 1, or left out.")] = True
-    close_seams: Annotated[bool, Option(bake_kinds="", role="output", help=
-        "whether texels at charts' borders are moved until both sides of a seam agree.")] = True
+    wrap: Annotated[bool, Option(bake_kinds="")] = True
+    close_seams: Annotated[bool, Option(bake_kinds="", role="output")] = True
     bent_space: Annotated[BentSpace, Option(kind=BentSpace | None, default=None, bake_kinds="texture",
         role="output", needs={"bent_normals": ...}, is_setting=False, help=
-        "Of bent normals: the mesh's own (the default), or tangent: +Y, or with -directx -Y.", python_help=
-        '"tangent": x along u, y along v upwards, as OpenGL and glTF have it, z the normal; "tangent-directx": with y '
-        "downwards.")] = "world"
+        "Of bent normals: the mesh's own (the default), or tangent: +Y, or with -directx -Y.")] = "world"
 
     def __post_init__(self) -> None:
         from raytrace.errors import ConflictError

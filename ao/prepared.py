@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from functools import cache, partial
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from raytrace.system.checks import check_memory
 from raytrace.system.threads import thread_count
 from raytrace.types import Bools, Int64s
 
-from .declared import Option
 from .execute.kept import NOTHING_KEPT, Kept
 from .execute.tracer import Progress, Tracer
 from .memory import vertex_bytes
@@ -33,32 +32,24 @@ if TYPE_CHECKING:
     from .execute.sample_means import SampleMeans
 
 
-# fmt: off
 @dataclass(frozen=True, eq=False, repr=False)
 class Inputs:
     """Arguments of `ao.bake` and `ao.bake_texture` beside their `Options`."""
 
-    mesh: Annotated[Mesh | Any, Option(bake_kinds="", role="input", help=
-        "The surface, a `raytrace.Mesh`, a pair (vertices, faces), a mesh of trimesh, PyVista, meshio or Open3D, or "
-        "what `ao.prepare` returns.")]
+    mesh: Mesh | Any
     _: KW_ONLY
-    progress: Annotated[Progress | None, Option(bake_kinds="", role="run", help=
-        "Called with (rays traced, rays in all, stage) as the work goes on; a stage without rays, as \"coverage\" and "
-        "\"seams\" of a texture, counts to 1.")] = None
-    checkpoint: Annotated[Kept | None, Option(bake_kinds="", role="run", help=
-        "Keeps what is traced, and is asked for what an interrupted run traced; the bits are the same.")] = None
-    high: Annotated[Mesh | Any | None, Option(bake_kinds="", role="input", help=
-        "A finer mesh, of which w is baked instead: where it lies outwards or inwards along the smooth normals of "
-        "`mesh`, which itself occludes nothing. The hemisphere is that of the fine mesh there, less what lies below "
-        "its face; estimates are denoised, and predicted, over `mesh`. Not by the surface method, nor with `only`.")
-        ] = None
-    groups: Annotated[tuple[Int64s, Int64s] | None, Option(bake_kinds="", role="input", help=
-        "Numbers of groups of the vertices of `mesh` (n,) and of those of `high`, by which their faces are of a group, "
-        "too: points are found on faces of their own group alone. All faces of `high` occlude.")] = None
-    occluders: Annotated[Sequence[Mesh | Any], Option(bake_kinds="", role="input", help=
-        "Meshes that only occlude: w is what it would be if they were part of `mesh`. Per cent are of the radius of "
-        "`mesh` alone. Not with `high`.")] = ()
-# fmt: on
+    progress: Progress | None = None
+    checkpoint: Kept | None = None
+    high: Mesh | Any | None = None
+    groups: tuple[Int64s, Int64s] | None = None
+    occluders: Sequence[Mesh | Any] = ()
+
+    @classmethod
+    def of(cls, options: Options, mesh: Mesh | Any, **inputs: Any) -> Self:
+        """Arguments of options that are checked already, and of inputs in place of what these have."""
+        names = {field.name for field in fields(cls)}
+        values = {name: value for name, value in vars(options).items() if name in names}
+        return cls(mesh, **values | inputs)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

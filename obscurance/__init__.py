@@ -1,7 +1,7 @@
 """One face of the three packages `ao`, `raytrace` and `scenes`, whose names are imported when they are first used:
 
     import obscurance
-    baked = obscurance.bake(obscurance.load("duck.glb").mesh)
+    baked = obscurance.bake("duck.glb", max_distance="20%")
     obscurance.write("duck_ao.glb", baked, "duck.glb")
 
 The command is `obscurance.cli`, by a name that is this project's own: `python -m obscurance`. Its file is `cli.py`
@@ -14,10 +14,18 @@ _folder = os.path.dirname(__file__)
 _in_wheel = os.path.join(_folder, "command")
 __path__.append(_in_wheel if os.path.isdir(_in_wheel) else os.path.dirname(_folder))
 _PACKAGES = {
-    "bake": "ao",
+    "Binary": "ao",
+    "Camera": "raytrace",
+    "Exponential": "ao",
+    "Linear": "ao",
+    "Smooth": "ao",
+    "Tabulated": "ao",
+    "bake": "scenes.commands.in_python",
+    "bake_points": "ao",
     "bake_texture": "ao",
     "load": "scenes",
     "render": "scenes",
+    "unwrap": "scenes",
     "view": "scenes",
     "write": "scenes",
 }

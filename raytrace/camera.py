@@ -6,20 +6,20 @@ from math import inf
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field
 
 from .errors import OptionError, numbers
 from .kernel.arrays import product
 from .mesh.mesh import Mesh, mesh_of
 from .mesh.normals import normalize
 from .mesh.up import FROM, UP, up_axis
-from .system.parameters import Number, Parameters, Point
+from .system.parameters import Parameters, Point
+from .system.records import Within
 from .types import Float64s
 
-Vector = Annotated[Point, Field(description="three finite numbers")]
-Degrees = Annotated[Number, Field(gt=0, lt=180, description="degrees above 0 and below 180")]
-Length = Annotated[Number, Field(gt=0, lt=inf, description="a finite length above 0")]
-Diameter = Annotated[Number, Field(ge=0, lt=inf, description="a finite length of 0 or more")]
+Vector = Annotated[Point, "three finite numbers"]
+Degrees = Annotated[float, Within(0, 180, "()", "degrees above 0 and below 180")]
+Length = Annotated[float, Within(0, inf, "()", "a finite length above 0")]
+Diameter = Annotated[float, Within(0, inf, "[)", "a finite length of 0 or more")]
 
 
 class Camera(Parameters, kw_only=False, source="camera"):
@@ -46,7 +46,7 @@ class Camera(Parameters, kw_only=False, source="camera"):
     aperture: Diameter = 0.0
     focus: Length | None = None
 
-    def __post_init__(self) -> None:
+    def check(self) -> None:
         right, _, forward = self.axes()
         if not forward.any():
             raise OptionError("target", "a point other than position", self.target, "camera")

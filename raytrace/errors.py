@@ -53,15 +53,29 @@ class InputError(ObscuranceError, ValueError):
 
 
 def nearest_name(given: object, names: Iterable[str]) -> str | None:
-    """The one of `names` that was probably meant by the unknown name `given`, None if it is like none."""
+    """The one of `names` that was probably meant by the unknown name `given`; None if half of it had to change."""
     from difflib import get_close_matches
 
     by_case = {name.lower(): name for name in names}
     word = str(given).lower()[:80]
     begun = [name for name in by_case if len(word) > 1 and name.startswith(word)]
     initials = [name for name in by_case if "".join(part[:1] for part in name.split("_")) == word]
-    near = initials or (begun if len(begun) == 1 else get_close_matches(word, by_case, n=1))
+    close = (name for name in get_close_matches(word, by_case, cutoff=0.5) if 2 * _edits(word, name) < len(word))
+    near = initials or (begun if len(begun) == 1 else list(close))
     return by_case[near[0]] if near else None
+
+
+def _edits(word: str, other: str) -> int:
+    """How many letters have to be changed, put in or left out, or neighbours swapped (optimal string alignment)."""
+    rows = [list(range(len(other) + 1))]
+    for i, letter in enumerate(word):
+        row = [i + 1]
+        for j, own in enumerate(other):
+            row.append(min(row[j] + 1, rows[i][j + 1] + 1, rows[i][j] + (letter != own)))
+            if i and j and (letter, word[i - 1]) == (other[j - 1], own):
+                row[j + 1] = min(row[j + 1], rows[i - 1][j - 1] + 1)
+        rows.append(row)
+    return rows[-1][-1]
 
 
 def check_type(value: object, kind: type | tuple[type, ...], source: str, field: str, expected: str) -> None:

@@ -1,19 +1,20 @@
 """Settings of a rendering: size, samples, interpolation, what is switched on."""
 
+from __future__ import annotations
+
 from typing import Annotated, Literal
 
-from pydantic import Field
-
 from .errors import OptionError
-from .system.parameters import Parameters, Seed, Switch, Whole
+from .system.parameters import Parameters, Seed
+from .system.records import Within
 
 Shading = Literal["constant", "flat", "gouraud", "phong", "quadratic"]
 Normals = Literal["file", "angle", "area", "equal"]
 ObscuranceForm = Literal["off", "ambient", "ambient and diffuse"]
 MAX_SIZE = 32768
-Pixels = Annotated[Whole, Field(ge=1, le=MAX_SIZE)]
-Samples = Annotated[Whole, Field(ge=1, le=4096)]
-Crop = Annotated[tuple[Whole, Whole, Whole, Whole], Field(description="four whole numbers x, y, width, height")]
+Pixels = Annotated[int, Within(1, MAX_SIZE)]
+Samples = Annotated[int, Within(1, 4096)]
+Crop = Annotated[tuple[int, int, int, int], "four whole numbers x, y, width, height"]
 
 
 class Settings(Parameters, kw_only=False, source="render"):
@@ -44,13 +45,13 @@ class Settings(Parameters, kw_only=False, source="render"):
     samples: Samples = 16
     shading: Shading = "phong"
     obscurance: ObscuranceForm = "ambient"
-    shadows: Switch = True
-    terminator: Switch = True
+    shadows: bool = True
+    terminator: bool = True
     crop: Crop | None = None
     seed: Seed = 0
     normals: Normals = "file"
 
-    def __post_init__(self) -> None:
+    def check(self) -> None:
         if self.crop is not None:
             x, y, width, height = self.crop
             inside = x >= 0 and y >= 0 and x + width <= self.width and y + height <= self.height

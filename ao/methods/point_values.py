@@ -21,7 +21,8 @@ from ..estimate.estimate import estimate
 from ..estimate.links import linked
 from ..estimate.tolerance import Estimate, shortfalls
 from ..execute.tracer import Progress
-from ..options import Options
+from ..falloff import Falloffs
+from ..options import BackFaces, Options, Traversal
 from ..points.corners import CornerSamples
 from ..points.points import Points
 from ..points.receivers import Flag
@@ -43,9 +44,18 @@ def bake_points(
     points: npt.ArrayLike,
     normals: npt.ArrayLike,
     *,
-    occluders: Sequence[Mesh | Any] = (),
+    falloff: Falloffs = None,
+    samples: int | None = None,
+    seed: int = 0,
+    threads: int | None = None,
     progress: Progress | None = None,
-    **options: Any,
+    occluders: Sequence[Mesh | Any] = (),
+    tolerance: float | None = None,
+    denoise: bool = True,
+    spread: float = 180.0,
+    back_faces: BackFaces = "occlude",
+    traversal: Traversal = "auto",
+    profile: bool = False,
 ) -> Bake:
     """w at any points: one row a point in the result.
 
@@ -55,17 +65,17 @@ def bake_points(
         points: (k, 3), in the unit of `mesh`; those on a face are taken to lie on its front, or on its back if their
             normal is more than 45° behind it. Directions below the face are closed.
         normals: (k, 3), axes of the hemispheres, of any length; where one is zero or NaN, w is 1.
-        occluders: as `ao.bake` takes them. progress: likewise.
-        options: of `ao.bake`, those in `TAKEN`: `falloff`, `samples`, `tolerance`, `denoise`, `spread`, `back_faces`,
-            `profile`, `seed`, `threads`, `traversal`.
+        falloff, samples, seed, threads, progress, occluders, tolerance, denoise, spread, back_faces, traversal,
+            profile: as `ao.bake` takes them.
 
     Raises: OptionError, MeshError, MemoryLimitError, EmbreeError: as `ao.bake`, or arrays have other shapes.
     """
     start = time.perf_counter()
-    for name in options.keys() - {*TAKEN}:
-        raise TypeError(f"bake_points() got an unexpected keyword argument {name!r}")
     # The arguments.
-    checked = Options(**options)
+    checked = Options(
+        falloff, samples, seed, threads, tolerance=tolerance, denoise=denoise, spread=spread, back_faces=back_faces,
+        traversal=traversal, profile=profile,
+    )  # fmt: skip
     places = _rows("points", points)
     axes = _rows("normals", normals)
     if axes.shape != places.shape:

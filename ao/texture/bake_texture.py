@@ -1,7 +1,7 @@
 """`ao.bake_texture`: a mesh with texture coordinates in, w of every texel out."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from typing import Annotated, Any, NamedTuple
@@ -13,18 +13,20 @@ from raytrace.mesh.corners import with_hard_edges
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.opacity import opacity_bytes
 from raytrace.system.checks import NEGLIGIBLE, check_memory
-from raytrace.types import Float64s
+from raytrace.types import Float64s, Int64s
 
-from ..declared import Option, with_option_parameters
+from ..declared import Option
 from ..estimate.cells import Cells
 from ..estimate.estimate import estimate
 from ..estimate.one_ring import Neighbours
 from ..estimate.tolerance import Estimate, shortfalls
 from ..estimate.upsampling import upsample
+from ..execute.kept import Kept
 from ..execute.sample_means import SampleMeans
-from ..execute.tracer import Tracer
+from ..execute.tracer import Progress, Tracer
+from ..falloff import Falloffs, Length
 from ..memory import TRACED_TEXEL, column_bytes, texture_bytes
-from ..options import BentSpace, TextureOptions
+from ..options import BackFaces, BentSpace, Interior, Normals, Overlap, TextureOptions, Traversal
 from ..points.corners import CornerSamples
 from ..points.occluders import occluding
 from ..points.projection import cage_of
@@ -39,15 +41,10 @@ from .uv_layout import UVLayout, corner_uv, covered_texels, on_page, page_size
 from .uv_surface import UVSurface
 
 
-# fmt: off
 @dataclass(frozen=True, eq=False, repr=False)
 class _Layout(Inputs):
-    uv: Annotated[Any, Option(bake_kinds="", role="input", help=
-        "Texture coordinates, v upwards: (n, 2) by vertex or (m, 3, 2) by face and corner. Faces for which they are "
-        "NaN are not on the page, such as faces of another material; they occlude.")]
-    size: Annotated[int | tuple[int, int], Option(bake_kinds="", help=
-        "Texels across and down, one number for a square; 1 to 16384.")] = 1024
-# fmt: on
+    uv: Any
+    size: Annotated[int | tuple[int, int], Option(bake_kinds="")] = 1024
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,12 +52,104 @@ class TextureArguments(TextureOptions, _Layout):
     """Arguments of `ao.bake_texture`."""
 
 
-@with_option_parameters(TextureArguments)
-def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
+def bake_texture(
+    mesh: Mesh | Any,
+    uv: Any,
+    size: int | tuple[int, int] = 1024,
+    falloff: Falloffs = None,
+    samples: int | None = None,
+    seed: int = 0,
+    threads: int | None = None,
+    normals: Normals = "file",
+    *,
+    progress: Progress | None = None,
+    checkpoint: Kept | None = None,
+    high: Mesh | Any | None = None,
+    groups: tuple[Int64s, Int64s] | None = None,
+    occluders: Sequence[Mesh | Any] = (),
+    tolerance: float | None = None,
+    denoise: bool = True,
+    interior: Interior = "auto",
+    thickness: bool = False,
+    spread: float = 180.0,
+    back_faces: BackFaces = "occlude",
+    traversal: Traversal = "auto",
+    profile: bool = False,
+    cage: Length | Mesh | Any = "2%",
+    overlap: Overlap = "mean",
+    wrap: bool = True,
+    close_seams: bool = True,
+    bent_space: BentSpace = "world",
+) -> BakedTexture:
     """Obscurance w, as `ao.bake` has it, of every texel that shows a part of `mesh`: the mean over that part.
 
     The hemisphere at a point of a face is about the normal interpolated between the face's corners, each side of a hard
     edge by its own, less what lies below the face. Points of a texel that are inside solids are left out of the mean.
+
+    Args:
+        mesh: The surface, a `raytrace.Mesh`, a pair (vertices, faces), a mesh of trimesh, PyVista, meshio or Open3D, or
+            what `ao.prepare` returns.
+        uv: Texture coordinates, v upwards: (n, 2) by vertex or (m, 3, 2) by face and corner. Faces for which they are
+            NaN are not on the page, such as faces of another material; they occlude.
+        size: Texels across and down, one number for a square; 1 to 16384.
+        falloff: μ, `Exponential(…)` (the default), `Binary(…)`, `Linear(…)`, `Smooth(…)` or `Tabulated(…)`; or "binary"
+            or "exponential"; or a function of the distance in mesh units, which becomes a `Tabulated`; or, by the
+            vertex method, a list of them, for `values` of the result by each from the same rays, which are as long as
+            the farthest needs.
+        samples: Rays per vertex or texel, in place of a tolerance; with `tolerance` the most, by default 16384. At most
+            2²⁰. By the surface method they are spread over the faces by area, up to 32 from each of many points, and
+            with a tolerance the most is 2²⁶ in all if that is more.
+        seed: Random seed. 0 to 2⁶⁴ − 1. The same seed gives the same bits for any number of threads.
+        threads: Number of threads, by default all cores; results are the same.
+        normals: Normals: the file's own at corners, and where it has none of use, as with angle; those of faces around,
+            weighted by angle, by area or equally, smooth across edges of up to 30 degrees; or up. They are the axes of
+            hemispheres.
+        progress: Called with (rays traced, rays in all, stage) as the work goes on; a stage without rays, as "coverage"
+            and "seams" of a texture, counts to 1.
+        checkpoint: Keeps what is traced, and is asked for what an interrupted run traced; the bits are the same.
+        high: A finer mesh, of which w is baked instead: where it lies outwards or inwards along the smooth normals of
+            `mesh`, which itself occludes nothing. The hemisphere is that of the fine mesh there, less what lies below
+            its face; estimates are denoised, and predicted, over `mesh`. Not by the surface method, nor with `only`.
+        groups: Numbers of groups of the vertices of `mesh` (n,) and of those of `high`, by which their faces are of a
+            group, too: points are found on faces of their own group alone. All faces of `high` occlude.
+        occluders: Meshes that only occlude: w is what it would be if they were part of `mesh`. Per cent are of the
+            radius of `mesh` alone. Not with `high`.
+        tolerance: Target RMS error of w, 0.005 by default; ray counts are chosen to meet it. 1e-5 to 1; over the
+            vertices or the covered texels, by the surface method of the fitted values. None where `samples` alone is
+            given, and without `denoise`, where each point gets 256 rays.
+        denoise: Shrink estimates towards those of neighbours. They are leave-one-out predictions, of texels across
+            seams, too. Not by the surface method.
+        interior: Vertices inside closed solids: ignore, flag (mark), or fill from visible neighbours; auto fills those
+            inside parts of the mesh that are closed. "auto": vertices inside a closed part that is not their own are
+            flagged and get the values of the nearest that are not; texels are filled as if they were not covered.
+            "ignore": both sides of faces are surface. "mark": faces bound solids, and vertices that mostly see backs,
+            being inside one, are flagged; not of texels. "fill": besides, they are filled, and texels are. Not by the
+            surface method.
+        thickness: How thick the solid is below each point instead: the same rays inwards, 0 thin, 1 thick. By the same
+            falloff; where rays leave through holes of the mesh it is thick, which `shortfalls` says. Not with
+            `interior` mark or fill.
+        spread: Full angle in degrees of the cone of rays about the normal, in which 180, the hemisphere, is all. 1 to
+            180. Rays stay distributed like cosθ, and w is their mean: 1 where nothing is in the cone.
+        back_faces: ignore: rays pass through faces that they meet from behind, as through single-sided walls. A face's
+            front is where its corners run anticlockwise. `interior` sees backs all the same. Not by the surface method.
+        traversal: Who traces rays; embree is slower, and checks auto. "auto": the rays of a point walk a hierarchy of
+            our own together, but go through Embree in packets where half of them meet something and they are few. Not
+            by the surface method.
+        profile: Also store w at half-distances an octave apart, from .5% to 256% of the radius, so that the
+            half-distance can be chosen later: .npz .ply .glb .html, textures .exr; by default in .html, if that costs
+            little. In Python the result's `profile`, by the same rays; without `max_distance`, and not by the surface
+            method.
+        cage: With `high`: how far it may be from the input, mesh units or "2%" of the radius (the default); or a mesh
+            file, the input with its vertices moved outwards. A mesh has as many vertices and faces as `mesh`, in its
+            order: rays start at the point of the cage that belongs to a point of `mesh`, go through it and as far
+            inwards. Points at which there is nothing within that take the closest one: vertices are flagged, points of
+            texels counted.
+        overlap: Texture: where faces overlap, w is their mean (the default within a material), the first's, or an
+            error.
+        wrap: whether faces outside of the unit square are taken modulo 1, or left out.
+        close_seams: whether texels at charts' borders are moved until both sides of a seam agree.
+        bent_space: Of bent normals: the mesh's own (the default), or tangent: +Y, or with -directx -Y. "tangent": x
+            along u, y along v upwards, as OpenGL and glTF have it, z the normal; "tangent-directx": with y downwards.
 
     Raises:
         OptionError: an argument is out of range.
@@ -70,8 +159,13 @@ def bake_texture(mesh: Mesh | Any, options: TextureArguments) -> BakedTexture:
     Warns:
         ToleranceWarning: the `tolerance` is not met.
     """
+    return bake_page(TextureArguments(**locals()))
+
+
+def bake_page(options: TextureArguments) -> BakedTexture:
+    """`bake_texture`, of arguments that are checked."""
     size = page_size(options.size)
-    scene = _scene(mesh_of(mesh, "bake_texture"), options)
+    scene = _scene(mesh_of(options.mesh, "bake_texture"), options)
     _check_memory(scene, size, options)
 
     # The mesh on the page, and the texels that its faces cover.

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from pydantic import model_validator
 
 from ..errors import OptionError
 from ..system.parameters import Direction, Exponent, Parameters, Radiance, Reflectance, Sides
@@ -116,14 +115,12 @@ class TwoTerm(Material):
     k_s: Reflectance = (0.0, 0.0, 0.0)
     k_a: Reflectance | None = None
 
-    @model_validator(mode="after")
-    def _absorbs(self) -> TwoTerm:
+    def check(self) -> None:
         """Check that k_d + k_s ≤ 1 in every channel. Raises: OptionError."""
         for channel, (diffuse, specular) in enumerate(zip(self.k_d, self.k_s, strict=True)):
             if diffuse + specular > 1 + 1e-9:
                 got = f"{diffuse} + {specular} = {diffuse + specular:g}"
                 raise OptionError(f"k_d + k_s [{channel}]", "at most 1", got, type(self).__name__)
-        return self
 
     def ambient(self) -> RGB:
         return self.k_d

@@ -9,7 +9,6 @@ from math import exp, pi, sqrt
 from typing import Literal
 
 import numpy as np
-from pydantic import model_validator
 
 from ..errors import OptionError
 from ..kernel.jit import inline
@@ -144,13 +143,11 @@ class Microfacet(Diffuse):
     colour: Reflectance | None = None
     form: Literal["conserving", "book"] = "conserving"
 
-    @model_validator(mode="after")
-    def _transmits(self) -> Microfacet:
+    def check(self) -> None:
         """Check that η ≥ 1 wherever the material is a dielectric. Raises: OptionError."""
         for channel, (index, extinction) in enumerate(zip(self.eta, self.k, strict=True)):
             if index < 1 and extinction <= _TRANSPARENT:
                 raise OptionError(f"eta[{channel}]", "a number in [1, 1e6] where k is 0", index, type(self).__name__)
-        return self
 
     def mirrored(self, slope: float) -> Gloss:
         """What facets of this RMS slope mirror."""

@@ -22,14 +22,12 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BeforeValidator, model_validator
 
 from ..errors import OptionError, numbers
 from ..mesh.normals import normalize
 from ..system.parameters import (
     Diameter,
     Direction,
-    Finite,
     HalfAngle,
     Length,
     NonNegative,
@@ -103,12 +101,10 @@ class _Local(_Directed):
         row[layout.RADIUS] = self.radius
         row[layout.INVERSE_RANGE] = 0.0 if self.range is None else 1.0 / self.range
 
-    @model_validator(mode="after")
-    def _attenuates(self) -> _Local:
+    def check(self) -> None:
         """Check that some coefficient of the attenuation is above 0. Raises: OptionError."""
         if not any(self.attenuation):
             raise OptionError("attenuation", "a0, a1, a2 not all zero", list(self.attenuation), type(self).__name__)
-        return self
 
 
 class PointLight(_Local):
@@ -166,7 +162,7 @@ def _path(value: Any) -> Any:
     return Path(value)
 
 
-ImagePath = Annotated[Path, BeforeValidator(_path)]
+ImagePath = Annotated[Path, _path]
 
 
 class SkyLight(BaseLight):
@@ -197,7 +193,7 @@ class EnvironmentLight(BaseLight):
     light: Literal["environment"] = "environment"
     image: ImagePath
     up: Direction = (0.0, 0.0, 1.0)
-    turn: Finite = 0.0
+    turn: float = 0.0
 
     def frame(self) -> Float64s:
         """Rows right, front and up (3, 3), unit."""

@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 
 from ..errors import LINE, ConflictError, InputError, OptionError, SceneError, nearest_name, printable, shortened
+from ..system.records import Words
 
 _LONGEST = 100
 
@@ -11,7 +12,7 @@ _LONGEST = 100
 def shown(value: object) -> str:
     """A value as a message shows it: on one line, strings in quotes, long ones cut short."""
     text = _one_line(value)
-    return f'"{text}"' if isinstance(value, str) else text
+    return f'"{text}"' if isinstance(value, str) and not isinstance(value, Words) else text
 
 
 def joined(path: str, field: str) -> str:

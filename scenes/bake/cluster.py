@@ -34,11 +34,11 @@ def _bake(_: SharedScene, plan: Plan) -> tuple[object, ...]:
 
 def _outcome(fields: Any) -> Outcome:
     """The `Outcome` of the fields that a worker sends, each checked for its type."""
-    from pydantic import TypeAdapter
+    from raytrace.system.records import Fault, read
 
     try:
-        return TypeAdapter(Outcome).validate_python(tuple(fields))
-    except (ValueError, TypeError):
+        return read(Outcome, dict(zip(Outcome._fields, fields, strict=True)))
+    except (Fault, TypeError, ValueError):
         return Outcome("failed", 0.0, "a worker's answer is no outcome of a bake", [])
 
 

@@ -62,8 +62,15 @@ class BakeInputs(NamedTuple):
         return f"\n{opacity.summary}" if opacity else ""
 
 
-def read_inputs(plan: Plan, content: bytes | None = None) -> BakeInputs:
-    """Read the files of a plan. Args: content: of the input, if it is no file's.
+def opened(mesh: Any, **how: Any) -> MeshFile:
+    """A mesh file's content, by its name, or a mesh in memory as one. Args: how: arguments of `load`."""
+    if isinstance(mesh, str | os.PathLike):
+        return load(mesh, **how)
+    return mesh if isinstance(mesh, MeshFile) else MeshFile.of(mesh)
+
+
+def read_inputs(plan: Plan, content: bytes | None = None, source: MeshFile | None = None) -> BakeInputs:
+    """Read the files of a plan. Args: content: of the input, if it is no file's. source: the input, if it is read.
 
     Raises: InputError: a file cannot be read; OptionError: as `select_objects`, `match`.
     """
@@ -74,9 +81,9 @@ def read_inputs(plan: Plan, content: bytes | None = None) -> BakeInputs:
     names = any(by_name) or options.match_names or options.occluded_by != "all"
     target = "texture.glb" if plan.kind == "texture" else f"vertices{plan.ending}"  # what the input is read for
     # The files.
-    source = load(plan.mesh, target, content, alpha, options.up, names, options.flip, options.points)
-    high = [load(path, alpha=alpha, names=options.match_names) for path in options.high or ()]
-    walls = [load(path, alpha=alpha, names=options.match_names) for path in options.occluder or ()]
+    source = source or load(plan.mesh, target, content, alpha, options.up, names, options.flip, options.points)
+    high = [opened(mesh, alpha=alpha, names=options.match_names) for mesh in options.high or ()]
+    walls = [opened(mesh, alpha=alpha, names=options.match_names) for mesh in options.occluder or ()]
     cage = [load(options.cage)] if isinstance(options.cage, Path) else []
     fine = None
     if high:

@@ -8,11 +8,10 @@ from pathlib import Path
 from threading import Lock
 from typing import Any, Literal
 
-from pydantic import TypeAdapter
-
 from raytrace.errors import InputError
 from raytrace.system.atomic import write_json
 from raytrace.system.checks import check_regular
+from raytrace.system.records import Fault, read
 from raytrace.text.strict_json import parse_json
 
 MANIFEST = "manifest.json"
@@ -89,12 +88,12 @@ class Manifest:
             stored = parse_json(self.path.read_bytes())
             version = stored["manifest_version"]
             facts = {name: stored[name] for name in self._about}
-            entries = TypeAdapter(list[Entry]).validate_python(stored["inputs"])
+            entries = read(list[Entry], stored["inputs"])
             done = {entry.input: entry for entry in entries if entry.status == "done"}
         except FileNotFoundError:
             notify(f"{self.path}: nothing to resume; starting from the beginning")
             return
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, Fault):
             version = None
             facts = {}
             done = {}

@@ -17,7 +17,7 @@ from raytrace.system.threads import thread_count
 from ..formats.falloffs import make_falloff, table_of
 from ..formats.images import ENDINGS as IMAGES
 from ..formats.images import MATERIAL, PLACEHOLDERS, UDIM, check_texture_target
-from ..formats.table import Channels, is_raster
+from ..formats.table import Channels, in_file_units, is_raster
 from ..formats.write import ENDINGS, channels, check_holds, check_target
 from .options import BAKER, PRESETS, REPORTS, ROWS, BakeOptions, absolute, check_kind, named, plain
 
@@ -171,6 +171,7 @@ def plan_bake(options: BakeOptions) -> Plan:
     if ending not in (*ENDINGS, *IMAGES):
         meant = str(output.with_suffix(_MEANT[ending])) if ending in _MEANT else None
         raise OptionError("output", "a name ending in " + ", ".join((*ENDINGS, *IMAGES)), output, nearest=meant)
+    options = in_mesh_units(options, options.mesh[0])
     options = _with_defaults(_with_preset(options, ending), ending)
     if options.occlusion == "texture" and ending != ".glb" and ending not in IMAGES:
         raise ConflictError(("occlusion", "texture"), "needs", "a .glb output")
@@ -202,6 +203,12 @@ def plan_bake(options: BakeOptions) -> Plan:
     if options.up and not stands:
         raise ConflictError("up", "needs", "--ground, --debug-image or .html, .ply, .glb: else w is the same")
     return plan
+
+
+def in_mesh_units(options: BakeOptions, mesh: Path) -> BakeOptions:
+    """The options with lengths in the unit of a mesh file. Raises: OptionError: one has a unit, and the file none."""
+    names = ("half_distance", "max_distance", "cage", "texel_size", "ground")
+    return options.replaced(**in_file_units(mesh, {name: getattr(options, name) for name in names}))
 
 
 def preset_format(options: BakeOptions) -> str:

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 import ao
-from ao.declared import call_checked
+from ao.baking import VertexArguments, bake_vertices
 from ao.memory import column_bytes, texture_bytes
 from ao.report import report
+from ao.texture.bake_texture import TextureArguments, bake_page
 from ao.texture.uv_layout import covered_texels, on_page
 from raytrace.errors import OptionError
 from raytrace.mesh.mesh import Mesh
@@ -139,11 +140,12 @@ def trace_page(plan: Plan, inputs: BakeInputs, layout: Layout, page: Page, check
     """Bake one page."""
     options = plan.options
     with progress(options.quiet, "rays", form=options.progress, status=checkpoint.status) as (advance,):
-        baked = call_checked(
-            ao.bake_texture, plan.arguments, inputs.chosen.of_page(page.uv), uv=page.uv, size=layout.coordinates.size,
+        arguments = TextureArguments.of(
+            plan.arguments, inputs.chosen.of_page(page.uv), uv=page.uv, size=layout.coordinates.size,
             wrap=page.wraps, falloff=layout.falloff, threads=options.threads, progress=advance, checkpoint=checkpoint,
             **inputs.arguments,
         )  # fmt: skip
+        baked = bake_page(arguments)
     return baked if page.shown is None else replace(baked, uv=page.shown)
 
 
@@ -189,7 +191,7 @@ def _write_glb(path: Path, plan: Plan, inputs: BakeInputs, layout: Layout, bakes
         for group in primitive_groups(source):
             only[source.mesh.faces[group.faces]] |= uncovered[group.faces].any()
         options = {"falloff": layout.falloff, "threads": plan.options.threads, "only": only}
-        w = call_checked(ao.bake, plan.arguments, inputs.chosen.mesh, **options, **inputs.arguments).w
+        w = bake_vertices(VertexArguments.of(plan.arguments, inputs.chosen.mesh, **options, **inputs.arguments)).w
     content, lines = textured_glb(source, textures, plan.options.replace_occlusion, plan.options.orm, w)
     write_bytes(path, content)
     return warn([], [f"{path}: {line}" for line in lines])

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import ao
-from ao.declared import call_checked
+from ao.baking import VertexArguments, bake_vertices
 from ao.options import VertexOptions
 from raytrace.errors import MeshError, OptionError
 from raytrace.system.checks import check_outputs
@@ -123,18 +123,24 @@ def _remedy(plan: Plan, source: MeshFile) -> str:
 
 
 def trace(plan: Plan, inputs: BakeInputs, checkpoint: Kept) -> ao.Bake:
+    """Bake, and show how far it is."""
+    options = plan.options
+    with progress(options.quiet, "rays", form=options.progress, status=checkpoint.status) as (advance,):
+        return bake_inputs(plan, inputs, checkpoint, advance)
+
+
+def bake_inputs(plan: Plan, inputs: BakeInputs, checkpoint: Kept | None, advance: Progress | None) -> ao.Bake:
     """Bake: all objects at once, or one group of them after the other."""
     options = plan.options
-    only = inputs.chosen.only
-    with progress(options.quiet, "rays", form=options.progress, status=checkpoint.status) as (advance,):
-        if options.occluded_by != "all":
-            return _bake_groups(plan, inputs)
-        if inputs.source.cloud:
-            return _bake_cloud(plan, inputs, inputs.source.cloud, advance)
-        return call_checked(
-            ao.bake, plan.arguments, inputs.chosen.mesh, only=only, threads=options.threads, progress=advance,
-            checkpoint=checkpoint, **inputs.arguments,
-        )  # fmt: skip
+    if options.occluded_by != "all":
+        return _bake_groups(plan, inputs)
+    if inputs.source.cloud:
+        return _bake_cloud(plan, inputs, inputs.source.cloud, advance)
+    chosen = {"only": inputs.chosen.only, "threads": options.threads} | inputs.arguments
+    arguments = VertexArguments.of(
+        plan.arguments, inputs.chosen.mesh, progress=advance, checkpoint=checkpoint, **chosen
+    )  # fmt: skip
+    return bake_vertices(arguments)
 
 
 def _bake_cloud(plan: Plan, inputs: BakeInputs, cloud: tuple[Float64s, Float64s], advance: Progress | None) -> ao.Bake:
@@ -167,7 +173,7 @@ def _bake_groups(plan: Plan, inputs: BakeInputs) -> ao.Bake:
     for vertices, mesh in chosen.parts():
         requested = None if only is None else only[vertices]
         options = {"falloff": falloff, "only": requested, "threads": plan.options.threads}
-        part = call_checked(ao.bake, plan.arguments, mesh, **options, **inputs.arguments)
+        part = bake_vertices(VertexArguments.of(plan.arguments, mesh, **options, **inputs.arguments))
         for name, column in values.items():
             column[vertices] = getattr(part, name)
         parts.append(part)

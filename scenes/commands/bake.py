@@ -15,7 +15,7 @@ from raytrace.system.atomic import is_standard_output, standard_output
 from ..bake.console import quietly
 from ..bake.inputs import expand, is_pattern, outputs_in
 from ..bake.options import BAKE, BakeOptions, Format, check_kind, check_together
-from ..bake.plan import OpenCheckpoint, Plan, plan_bake, preset_format
+from ..bake.plan import OpenCheckpoint, Plan, in_mesh_units, plan_bake, preset_format
 from ..bake.run import kept_by, run, silence_tolerance_warnings, workers_of
 from ..formats.load import PIPED, STANDARD, standard_input
 
@@ -90,6 +90,8 @@ def _batch(options: BakeOptions) -> Batch:
     _check_folder("output_dir", folder, nearest="--output")
     inputs = expand(options.mesh)
     outputs = outputs_in(folder, inputs, preset_format(options))
+    for mesh in inputs:
+        in_mesh_units(options, mesh)
     plan = plan_bake(options.replaced(mesh=inputs[:1], output=outputs[0]))
     plans = [plan.with_options(mesh=[mesh], output=output) for mesh, output in zip(inputs, outputs, strict=True)]
     from ..bake.batch import Batch

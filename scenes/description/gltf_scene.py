@@ -54,12 +54,13 @@ from raytrace.image.texture import texture_mean
 from raytrace.lights.sources import BaseLight
 from raytrace.materials.presets import eta_from_reflectance
 from raytrace.mesh.normals import normalize
+from raytrace.system.records import Record
 from raytrace.text.field_errors import located
 from raytrace.types import Float64s
 
 from ..formats.gltf import records
 from ..formats.gltf.asset import DrawnPrimitive, Gltf, entry
-from ..formats.gltf.parse import JsonObject, parse
+from ..formats.gltf.parse import parse
 from ..formats.gltf.textures import Textures, vertex_colours
 from ..formats.load import parser_errors, read_objects
 from ..geometry.instances import Instance
@@ -145,7 +146,7 @@ class Materials:
         base = ((1 - metallic) * diffuse + metallic * np.array(f0)).tolist()
         return base, 1 - glossiness, metallic, np.array(f0)
 
-    def _mean(self, record: JsonObject, key: str, srgb: bool, unread: Float64s = _WHITE) -> Float64s:
+    def _mean(self, record: Record, key: str, srgb: bool, unread: Float64s = _WHITE) -> Float64s:
         """The mean RGBA of a record's texture, ones without it, `unread` if it cannot be read."""
         reference: records.TextureReference | None = getattr(record, key)
         if reference is None:

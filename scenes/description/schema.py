@@ -1,17 +1,17 @@
 """The keys of a TOML scene and the types of their values; docs/scenes.md explains each.
 
-Every default lives in the class that a table becomes, from the keys that were written (`model_fields_set`).
+Every default lives in the class that a table becomes, from the keys that were written (`vars`).
 """
 
+# ruff: noqa: RUF012 (empty lists as defaults are shared, and never changed)
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, ValidationError
 
 from raytrace.errors import OptionError, SceneError
 from raytrace.image.texture import wrap_modes
-from raytrace.system.faults import first_fault
-from raytrace.system.parameters import Radiance, Whole, triple
+from raytrace.system.parameters import Radiance, triple
+from raytrace.system.records import Before, Fault, Record, Within, Words, fields_of, read
 from raytrace.text.field_errors import joined, shown
 from raytrace.types import Float64s
 
@@ -40,6 +40,13 @@ def _wrap(value: Any) -> Any:
         raise ValueError(error.expected) from None
 
 
+def _some(values: list[Any]) -> list[Any]:
+    """Check that there is at least one value. Raises: Fault."""
+    if not values:
+        raise Fault("at least one", Words("none"))
+    return values
+
+
 def _affine(matrix_rows: list[list[float]]) -> list[list[float]]:
     """Check that rows are those of an affine matrix."""
     if [len(row) for row in matrix_rows] != [4] * 4 or matrix_rows[3] != [0, 0, 0, 1]:
@@ -47,16 +54,17 @@ def _affine(matrix_rows: list[list[float]]) -> list[list[float]]:
     return matrix_rows
 
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e100, le=1e100)]
+Number = Annotated[float, Within(-1e100, 1e100, words="a finite number")]
 Vector = tuple[Number, Number, Number]
-Fraction = Annotated[Number, Field(ge=0, le=1)]
-Length = Annotated[Any, BeforeValidator(_length)]
+Fraction = Annotated[float, Within(0, 1)]
+Length = Annotated[Any, _length]
 
 
-class Table(BaseModel):
+class Table(Record):
     """Base of all tables: no unknown keys."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+    table = "a table"
+    unknown = "refuse"
 
 
 class Transform(Table):
@@ -66,8 +74,8 @@ class Transform(Table):
     rotate: Vector | None = None
     axis: Vector | None = None
     angle: Number | None = None
-    scale: Annotated[Vector, BeforeValidator(triple)] | None = None
-    matrix: Annotated[list[list[Number]], AfterValidator(_affine)] | None = None
+    scale: Annotated[Vector, Before(triple)] | None = None
+    matrix: Annotated[list[list[Number]], _affine] | None = None
 
     def affine(self, source: object, path: str) -> Float64s:
         """The affine (4, 4) map for column vectors. Raises: SceneError: none, or keys that exclude each other."""
@@ -77,7 +85,7 @@ class Transform(Table):
 
         # A matrix stands alone.
         if self.matrix is not None:
-            others = [key for key in Transform.model_fields if key != "matrix" and getattr(self, key) is not None]
+            others = [key for key in fields_of(Transform) if key != "matrix" and key in vars(self)]
             if others:
                 raise fault("matrix", "nothing beside it", ", ".join(others))
             matrix = np.array(self.matrix)
@@ -109,21 +117,21 @@ class Transform(Table):
 class ObjectTable(Transform):
     """One entry of `[[objects]]`. Keys that are not declared here are the parameters of a built-in shape."""
 
-    model_config = ConfigDict(extra="allow")
+    unknown = "keep"
 
     name: str | None = None
     mesh: str | None = None
     builtin: str | None = None
-    material: Annotated[Any, BeforeValidator(_name_or_table)] = None
+    material: Annotated[Any, _name_or_table] = None
     texture: str | None = None
     grain: str | None = None
     opacity: Fraction | None = None
     opacity_texture: str | None = None
     cutoff: Fraction | None = None
-    wrap: Annotated[Any, BeforeValidator(_wrap)] = None
-    own_normals: StrictBool = True
-    vertex_colors: StrictBool | None = None
-    copies: Annotated[list[Transform], Field(min_length=1, fail_fast=True)] | None = None
+    wrap: Annotated[Any, _wrap] = None
+    own_normals: bool = True
+    vertex_colors: bool | None = None
+    copies: Annotated[list[Transform], _some] | None = None
 
     @property
     def textured(self) -> bool:
@@ -154,8 +162,8 @@ class ObscuranceTable(Table):
     half_distance: Length | None = None
     power: Any = None
     max_distance: Length | None = None
-    samples: Whole | None = None
-    seed: Whole | None = None
+    samples: int | None = None
+    seed: int | None = None
 
 
 class Document(Table):
@@ -165,15 +173,14 @@ class Document(Table):
     camera: CameraTable = CameraTable()
     render: dict[str, Any] = {}
     obscurance: ObscuranceTable = ObscuranceTable()
-    materials: Annotated[list[dict[str, Any]], Field(fail_fast=True)] = []
-    objects: Annotated[list[ObjectTable], Field(min_length=1, fail_fast=True, description="at least one")]
-    lights: Annotated[list[dict[str, Any]], Field(fail_fast=True)] = []
+    materials: list[dict[str, Any]] = []
+    objects: Annotated[list[ObjectTable], _some, Words("at least one")]
+    lights: list[dict[str, Any]] = []
 
 
 def parse_document(data: dict[str, Any], source: object) -> Document:
     """A checked document. Raises: SceneError: the first fault, with its path."""
     try:
-        return Document.model_validate(data)
-    except ValidationError as error:
-        path, expected, got, near = first_fault(error, Document, shown)
-        raise SceneError(source, path, expected, got, near) from None
+        return read(Document, data)
+    except Fault as fault:
+        raise SceneError(source, fault.place, fault.expected, shown(fault.got), fault.nearest) from None

@@ -7,7 +7,7 @@ from typing import Any
 
 from raytrace import PRESETS, AlphaSurface, Material, Object, Opacity, Shape, Texture, material_from_dict
 from raytrace.errors import SceneError, nearest_name
-from raytrace.system.faults import fields_of
+from raytrace.system.records import fields_of
 from raytrace.text.field_errors import check_keys, check_name, joined, located, shown
 from raytrace.text.safe_paths import confined
 
@@ -93,7 +93,7 @@ class ObjectReader:
         """The entry's objects before its own transform."""
         if (table.mesh is None) == (table.builtin is None):
             got = "neither" if table.mesh is None else "both"
-            unknown = (nearest_name(key, ("mesh", "builtin")) for key in table.model_extra or {})
+            unknown = (nearest_name(key, ("mesh", "builtin")) for key in table.extra)
             raise SceneError(self._source, path, "either mesh or builtin", got, next(filter(None, unknown), None))
         # The material: a named one, or one of the entry's own.
         material = table.material
@@ -113,7 +113,7 @@ class ObjectReader:
             return [Object(self._shape(table, path, geometry, material, texture), name=table.name or table.builtin)]
 
         # A mesh file: a glTF brings its own materials, of others each is read once.
-        check_keys(self._source, path, table.model_extra or {}, _keys("mesh"))
+        check_keys(self._source, path, table.extra, _keys("mesh"))
         field = joined(path, "mesh")
         mesh = confined(table.mesh or "", self._source.parent, self._source, field)
         self.files.append(mesh)
@@ -130,9 +130,9 @@ class ObjectReader:
     def _built_in(self, table: ObjectTable, path: str, field: str) -> TexturedMesh:
         """A built-in shape; triangles, with all copies, are counted before they are made."""
         kind = SOLIDS[check_name(self._source, joined(path, "builtin"), table.builtin or "", SOLIDS)]
-        check_keys(self._source, path, table.model_extra or {}, [*fields_of(kind), *_keys("builtin")])
+        check_keys(self._source, path, table.extra, [*fields_of(kind), *_keys("builtin")])
         with located(self._source, path):
-            solid = kind(**table.model_extra or {})
+            solid = kind(**table.extra)
             self._built += solid.triangles() * len(table.copies or [table])
             if not self._built <= MAX_BUILT:
                 expected = f"at most {MAX_BUILT:,} triangles of built-in shapes with all copies"
@@ -215,5 +215,5 @@ class ObjectReader:
 
 def _keys(kind: str) -> list[str]:
     """The keys that an entry may have: all, but of "mesh" and "builtin" only `kind`."""
-    keys = [*(key for key in ObjectTable.model_fields if key not in Transform.model_fields), *Transform.model_fields]
+    keys = [*(key for key in fields_of(ObjectTable) if key not in fields_of(Transform)), *fields_of(Transform)]
     return [key for key in keys if key == kind or key not in ("mesh", "builtin")]

@@ -14,7 +14,7 @@ from raytrace import Camera, Scene, Settings, light_from_dict
 from raytrace.errors import OptionError, SceneError
 from raytrace.mesh.up import FROM, UP
 from raytrace.system.checks import check_regular
-from raytrace.system.faults import fields_of
+from raytrace.system.records import fields_of
 from raytrace.text.field_errors import check_keys, located, shown
 from raytrace.text.safe_paths import confined
 
@@ -119,7 +119,7 @@ def _obscurance(
         Raises: SceneError.
         """
         for name in names:
-            if name in table.model_fields_set:
+            if name in vars(table):
                 raise SceneError(path, f"obscurance.{name}", expected, shown(getattr(table, name)))
 
     bake = ("falloff", "tau", "half_distance", "max_distance", "samples", "seed")
@@ -146,7 +146,7 @@ def _obscurance(
 
 def _camera(table: CameraTable, scene: Scene, settings: Settings, path: Path) -> Camera:
     """The camera of `[camera]`: as placed there, or one that frames everything. Raises: SceneError."""
-    values = table.model_dump(exclude_unset=True)
+    values = dict(vars(table))
     if "height" in values and "field_of_view" in values:
         raise SceneError(path, "camera.height", "either height or field_of_view", "both")
     if ("position" in values) != ("target" in values):

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from raytrace.errors import InputError, MeshError, ObscuranceError, OptionError, printable
+from raytrace.errors import InputError, MeshError, ObscuranceError, OptionError, first_names, printable
 from raytrace.mesh.mesh import Mesh, mesh_of
 from raytrace.mesh.normals import useless_normals
 from raytrace.system.checks import check_memory, check_regular
@@ -62,6 +62,9 @@ class MeshFile(NamedTuple):
     w: Float64s | None = None
     profile: Profile | None = None
     cloud: tuple[Float64s, Float64s] | None = None
+
+    def __repr__(self) -> str:
+        return f"<MeshFile {str(self.path)!r}: {self.mesh!r}, objects: {first_names(self.objects, 3)}>"
 
     @property
     def files(self) -> tuple[Path, ...]:

@@ -4,17 +4,19 @@ All stand about the origin, but for the temple, which stands on z = 0. Lengths a
 longest leg of a mesh triangle, and thus how fine w(p) can be.
 """
 
+from __future__ import annotations
+
 import math
 from abc import abstractmethod
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from raytrace.errors import OptionError
 from raytrace.mesh.mesh import Mesh
 from raytrace.system.checks import check_memory
-from raytrace.system.parameters import Length, Lengths, Parameters, Whole
+from raytrace.system.parameters import Length, Lengths, Parameters
+from raytrace.system.records import Within
 from raytrace.types import Bools, Int64s
 
 from . import primitives
@@ -206,7 +208,7 @@ class Sponge(Solid):
     """A Menger sponge of `size`, each cube without its middle seventh `level` times over, 0 to 4."""
 
     size: Length = 1.0
-    level: Annotated[Whole, Field(ge=0, le=4)] = 3
+    level: Annotated[int, Within(0, 4)] = 3
 
     def _extent(self) -> tuple[float, float]:
         return self.size, (2 * (20 / 9) ** self.level + 4 * (8 / 9) ** self.level) * self.size**2

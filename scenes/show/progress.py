@@ -1,4 +1,4 @@
-"""The progress of work: labelled bars on a terminal, lines every 10 s elsewhere, or JSON for other programs."""
+"""The progress of work: labelled bars on a terminal, a line in notebooks, lines every 10 s elsewhere, or JSON."""
 
 import sys
 import time
@@ -22,7 +22,8 @@ class Advance(Protocol):
 def progress(
     quiet: bool, *units: str, form: str = "bar", status: Callable[[], str] = str
 ) -> Iterator[tuple[Advance | None, ...]]:
-    """A labelled bar for each stage on a terminal's standard error, one after the other; elsewhere a line every 10 s.
+    """A labelled bar for each stage on a terminal's standard error, one after the other; a line that changes below the
+    cell of a notebook; elsewhere a line every 10 s.
 
     In the form "json" they are lines, ten a second at most, on standard error whatever that is, quiet or not. A bar is
     full when the next one begins, and the last when the work is done.
@@ -36,7 +37,7 @@ def progress(
     if quiet:
         yield (None,) * len(units)
         return
-    shown = _bars() if sys.stderr.isatty() else nullcontext(_lines(start))
+    shown = _cell() if in_notebook() else _bars() if sys.stderr.isatty() else nullcontext(_lines(start))
     with shown as show:
         yield tuple(_stages(unit, show, status) for unit in units)
 
@@ -73,6 +74,34 @@ def _lines(last: float) -> Show:
             print(f"obscurance: {label}: {', '.join(filter(None, words))}", file=sys.stderr, flush=True)
 
     return show
+
+
+def in_notebook() -> bool:
+    """Whether this process is the kernel of a notebook."""
+    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    return getattr(shell, "kernel", None) is not None
+
+
+@contextmanager
+def _cell() -> Iterator[Show]:
+    """A line below the cell of a notebook, which goes when the work is done."""
+    from IPython.display import display
+
+    cell = display({"text/plain": ""}, raw=True, display_id=True)
+    last = 0.0
+
+    def show(label: str, done: int, total: int, text: str) -> None:
+        nonlocal last
+        now = time.perf_counter()
+        if now - last >= _EVERY:
+            last = now
+            words = f"{label}: {100 * done // max(total, 1)} %", text
+            cell.update({"text/plain": ", ".join(filter(None, words))}, raw=True)
+
+    try:
+        yield show
+    finally:
+        cell.update({"text/plain": ""}, raw=True)
 
 
 @contextmanager

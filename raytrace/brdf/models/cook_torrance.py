@@ -14,7 +14,6 @@ from math import atan2, exp, pi
 from typing import Literal
 
 import numpy as np
-from pydantic import model_validator
 
 from ...errors import OptionError
 from ...kernel.jit import inline
@@ -75,9 +74,8 @@ class CookTorrance(Microfacet):
             constant = gaussian_constant(self.m) if self.gaussian_c is None else self.gaussian_c
         return [*self.interface(), self.m, constant]
 
-    @model_validator(mode="after")
-    def _c_is_used(self) -> CookTorrance:
+    def check(self) -> None:
         """Check that `gaussian_c` is given for the Gaussian distribution alone. Raises: OptionError."""
+        super().check()
         if self.gaussian_c is not None and self.distribution != "gaussian":
             raise OptionError("gaussian_c", 'distribution = "gaussian" with it', self.distribution, "CookTorrance")
-        return self

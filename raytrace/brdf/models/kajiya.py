@@ -21,7 +21,6 @@ from math import exp, inf, pi, sqrt
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import model_validator
 
 from ...errors import OptionError
 from ...kernel.jit import inline
@@ -189,15 +188,14 @@ class Kajiya(Brushed):
     form: Literal["conserving", "kirchhoff"] = "conserving"
     k_a: Reflectance | None = None
 
-    @model_validator(mode="after")
-    def _kirchhoff_holds(self) -> Kajiya:
+    def check(self) -> None:
         """Check that correlation lengths are long enough for Kirchhoff's approximation. Raises: OptionError."""
+        super().check()
         least = max(*self.wavelengths, 2 * self.height)
         for name in ("correlation_parallel", "correlation_perpendicular"):
             if getattr(self, name) < least:
                 expected = f"at least the longest wavelength and twice the height, {least:g} nm"
                 raise OptionError(name, expected, getattr(self, name), "Kajiya")
-        return self
 
     def slopes(self) -> tuple[float, float]:
         """RMS slopes along and across the grain, 2σ/T."""

@@ -12,7 +12,6 @@ from math import sqrt
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator
 
 from ...kernel.jit import inline
 from ...kernel.vector import dot, mirror, scale, triple
@@ -55,7 +54,7 @@ def _weight(value: Any) -> Any:
     return tuple(coefficients.tolist())
 
 
-Weight = Annotated[Literal["one", "cosine"] | tuple[float, ...], BeforeValidator(_weight)]
+Weight = Annotated[Literal["one", "cosine"] | tuple[float, ...], _weight]
 
 
 class PhongFamily(Glossy):

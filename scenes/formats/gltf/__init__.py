@@ -13,6 +13,7 @@ register(
         begins=rb"glTF",
         write="scenes.formats.gltf.write:glb",
         holds=("source", "w", "colors", "scene"),
+        in_metres=True,
     ),
-    FileFormat(".gltf", "glTF", read=_READ, peak=2.0, begins=rb"\s*\{", holds=("w", "scene")),
+    FileFormat(".gltf", "glTF", read=_READ, peak=2.0, begins=rb"\s*\{", holds=("w", "scene"), in_metres=True),
 )

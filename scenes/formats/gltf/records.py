@@ -8,109 +8,112 @@ KHR_materials_emissive_strength, KHR_materials_pbrSpecularGlossiness, KHR_materi
 from math import pi
 from typing import Annotated, Any, Literal
 
-from .parse import JsonObject, UnitNumber
+from raytrace.system.records import At, Record, Within
 
-Vector = tuple[float, float, float]
-Quadruple = tuple[float, float, float, float]
+from .parse import Index, Number
+
+Vector = tuple[Number, Number, Number]
+Quadruple = tuple[Number, Number, Number, Number]
 Matrix = tuple[
-    float, float, float, float, float, float, float, float, float, float, float, float, float, float, float, float
-]
+    Number, Number, Number, Number, Number, Number, Number, Number,
+    Number, Number, Number, Number, Number, Number, Number, Number,
+]  # fmt: skip
 PROFILE = "_OBSCURANCE_PROFILE_"  # and a number: attributes of four columns each
 WRAP = 10497  # REPEAT
 LIGHTS = "extensions.KHR_lights_punctual.lights"
 TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
 
 
-class GltfScene(JsonObject):
-    nodes: list[int] = []
+class GltfScene(Record):
+    nodes: list[Index] = []
 
 
-class Node(JsonObject):
+class Node(Record):
     name: str = ""
-    children: list[int] = []
-    mesh: int | None = None
-    skin: int | None = None
-    weights: list[float] = []
+    children: list[Index] = []
+    mesh: Index | None = None
+    skin: Index | None = None
+    weights: list[Number] = []
     matrix: Matrix | None = None  # column by column
     translation: Vector = (0, 0, 0)
     rotation: Quadruple | None = None
     scale: Vector = (1, 1, 1)
-    camera: int | None = None
-    light: Annotated[int | None, "extensions.KHR_lights_punctual.light"] = None
+    camera: Index | None = None
+    light: Annotated[Index | None, At("extensions.KHR_lights_punctual.light")] = None
     extensions: dict[str, Any] = {}
 
 
-class Variant(JsonObject):
-    material: int | None = None
+class Variant(Record):
+    material: Index | None = None
 
 
-class Primitive(JsonObject):
-    attributes: dict[str, int]
-    indices: int | None = None
-    material: int | None = None
-    mode: int = TRIANGLES
-    targets: list[dict[str, int]] = []
-    variants: Annotated[list[Variant], "extensions.KHR_materials_variants.mappings"] = []
+class Primitive(Record):
+    attributes: dict[str, Index]
+    indices: Index | None = None
+    material: Index | None = None
+    mode: Index = TRIANGLES
+    targets: list[dict[str, Index]] = []
+    variants: Annotated[list[Variant], At("extensions.KHR_materials_variants.mappings")] = []
 
 
-class GltfMesh(JsonObject):
+class GltfMesh(Record):
     name: str = ""
     primitives: list[Primitive]
-    weights: list[float] = []
+    weights: list[Number] = []
 
 
-class Skin(JsonObject):
-    joints: list[int]
-    inverseBindMatrices: int | None = None
+class Skin(Record):
+    joints: list[Index]
+    inverseBindMatrices: Index | None = None
 
 
-class Sparse(JsonObject):
-    count: int
-    view: Annotated[int, "values.bufferView"]
-    offset: Annotated[int, "values.byteOffset"] = 0
-    index_view: Annotated[int, "indices.bufferView"]
-    index_offset: Annotated[int, "indices.byteOffset"] = 0
-    index_type: Annotated[int, "indices.componentType"]
+class Sparse(Record):
+    count: Index
+    view: Annotated[Index, At("values.bufferView")]
+    offset: Annotated[Index, At("values.byteOffset")] = 0
+    index_view: Annotated[Index, At("indices.bufferView")]
+    index_offset: Annotated[Index, At("indices.byteOffset")] = 0
+    index_type: Annotated[Index, At("indices.componentType")]
 
 
-class Accessor(JsonObject):
+class Accessor(Record):
     sparse: Sparse | None = None
-    bufferView: int | None = None
-    byteOffset: int = 0
-    componentType: int
-    count: int
+    bufferView: Index | None = None
+    byteOffset: Index = 0
+    componentType: Index
+    count: Index
     type: str
-    normalized: bool = False
+    normalized: Any = False
     extras: Any = None
 
 
-class BufferView(JsonObject):
-    buffer: int
-    byteOffset: int = 0
-    byteLength: int
-    byteStride: int = 0
+class BufferView(Record):
+    buffer: Index
+    byteOffset: Index = 0
+    byteLength: Index
+    byteStride: Index = 0
     extensions: dict[str, Any] = {}
 
 
-class Buffer(JsonObject):
-    fallback: Annotated[bool, "extensions.EXT_meshopt_compression.fallback"] = False
-    khr_fallback: Annotated[bool, "extensions.KHR_meshopt_compression.fallback"] = False
+class Buffer(Record):
+    fallback: Annotated[bool, At("extensions.EXT_meshopt_compression.fallback")] = False
+    khr_fallback: Annotated[bool, At("extensions.KHR_meshopt_compression.fallback")] = False
     uri: str | None = None
-    byteLength: int
+    byteLength: Index
 
 
-class Image(JsonObject):
+class Image(Record):
     uri: str = ""
-    bufferView: int | None = None
+    bufferView: Index | None = None
 
 
-class GltfGeometry(JsonObject):
+class GltfGeometry(Record):
     """The part of a header that a mesh needs."""
 
-    version: Annotated[str, "asset.version"]
+    version: Annotated[str, At("asset.version")]
     extensionsUsed: list[str] = []
     extensionsRequired: list[str] = []
-    scene: int = 0
+    scene: Index = 0
     scenes: list[GltfScene] = []
     nodes: list[Node] = []
     meshes: list[GltfMesh] = []
@@ -121,62 +124,62 @@ class GltfGeometry(JsonObject):
     images: list[Image] = []
 
 
-class GltfTexture(JsonObject):
-    source: int | None = None
-    sampler: int | None = None
+class GltfTexture(Record):
+    source: Index | None = None
+    sampler: Index | None = None
 
 
-class Sampler(JsonObject):
+class Sampler(Record):
     wrapS: Any = WRAP
     wrapT: Any = WRAP
 
 
-class UvTransform(JsonObject):
-    offset: tuple[float, float] = (0, 0)
-    rotation: float = 0
-    scale: tuple[float, float] = (1, 1)
-    texCoord: int | None = None
+class UvTransform(Record):
+    offset: tuple[Number, Number] = (0, 0)
+    rotation: Number = 0
+    scale: tuple[Number, Number] = (1, 1)
+    texCoord: Index | None = None
 
 
-class TextureReference(JsonObject):
-    index: int
-    texCoord: int = 0
-    transform: Annotated[UvTransform, "extensions.KHR_texture_transform"] = UvTransform()
+class TextureReference(Record):
+    index: Index
+    texCoord: Index = 0
+    transform: Annotated[UvTransform, At("extensions.KHR_texture_transform")] = UvTransform()
 
 
 class OcclusionReference(TextureReference):
-    strength: float = 1
+    strength: Number = 1
 
 
-class MetallicRoughness(JsonObject):
+class MetallicRoughness(Record):
     baseColorFactor: Quadruple = (1, 1, 1, 1)
     baseColorTexture: TextureReference | None = None
-    metallicFactor: float = 1
-    roughnessFactor: float = 1
+    metallicFactor: Number = 1
+    roughnessFactor: Number = 1
     metallicRoughnessTexture: TextureReference | None = None
 
 
-class SpecularGlossiness(JsonObject):
+class SpecularGlossiness(Record):
     diffuseFactor: Quadruple = (1, 1, 1, 1)
     diffuseTexture: TextureReference | None = None
     specularFactor: Vector = (1, 1, 1)
-    glossinessFactor: float = 1
+    glossinessFactor: Number = 1
     specularGlossinessTexture: TextureReference | None = None
 
 
-class GltfMaterial(JsonObject):
+class GltfMaterial(Record):
     extensions: dict[str, Any] = {}
     name: Any = ""
     alphaMode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"
-    alphaCutoff: UnitNumber = UnitNumber(0.5)
+    alphaCutoff: Annotated[float, Within(0, 1)] = 0.5
     doubleSided: Any = False
     normalTexture: Any = None
     occlusionTexture: OcclusionReference | None = None
     pbrMetallicRoughness: MetallicRoughness = MetallicRoughness()
     emissiveFactor: Vector = (0, 0, 0)
     emissiveTexture: TextureReference | None = None
-    emissiveStrength: Annotated[float, "extensions.KHR_materials_emissive_strength.emissiveStrength"] = 1
-    specular: Annotated[SpecularGlossiness | None, "extensions.KHR_materials_pbrSpecularGlossiness"] = None
+    emissiveStrength: Annotated[Number, At("extensions.KHR_materials_emissive_strength.emissiveStrength")] = 1
+    specular: Annotated[SpecularGlossiness | None, At("extensions.KHR_materials_pbrSpecularGlossiness")] = None
 
     @property
     def base(self) -> tuple[Quadruple, TextureReference | None]:
@@ -186,7 +189,7 @@ class GltfMaterial(JsonObject):
         return self.pbrMetallicRoughness.baseColorFactor, self.pbrMetallicRoughness.baseColorTexture
 
 
-class GltfMaterials(JsonObject):
+class GltfMaterials(Record):
     """The part of a header that materials need."""
 
     textures: list[GltfTexture] = []
@@ -194,23 +197,23 @@ class GltfMaterials(JsonObject):
     materials: list[GltfMaterial] = []
 
 
-class GltfCamera(JsonObject):
+class GltfCamera(Record):
     type: Literal["perspective", "orthographic"]
-    yfov: Annotated[float, "perspective.yfov"] = 0  # radians
-    ymag: Annotated[float, "orthographic.ymag"] = 0
+    yfov: Annotated[Number, At("perspective.yfov")] = 0  # radians
+    ymag: Annotated[Number, At("orthographic.ymag")] = 0
 
 
-class GltfLight(JsonObject):
+class GltfLight(Record):
     type: str
     color: Vector = (1, 1, 1)
-    intensity: float = 1
-    range: float | None = None
-    innerConeAngle: Annotated[float, "spot.innerConeAngle"] = 0  # radians
-    outerConeAngle: Annotated[float, "spot.outerConeAngle"] = pi / 4
+    intensity: Number = 1
+    range: Number | None = None
+    innerConeAngle: Annotated[Number, At("spot.innerConeAngle")] = 0  # radians
+    outerConeAngle: Annotated[Number, At("spot.outerConeAngle")] = pi / 4
 
 
-class Stage(JsonObject):
+class Stage(Record):
     """Cameras and lights of a header."""
 
     cameras: list[GltfCamera] = []
-    lights: Annotated[list[GltfLight], LIGHTS] = []
+    lights: Annotated[list[GltfLight], At(LIGHTS)] = []

@@ -5,7 +5,7 @@ from ..table import FileFormat, register
 _READ, _WRITE = "scenes.formats.raster.read:read_raster", "scenes.formats.raster.write:raster"
 
 register(
-    FileFormat(".asc", "Esri ASCII grid", read=_READ, peak=2.0, holds=("raster",)),
-    FileFormat(".tif", "GeoTIFF", read=_READ, peak=2.0, write=_WRITE, holds=("raster",)),
-    FileFormat(".tiff", "GeoTIFF", read=_READ, peak=2.0, write=_WRITE, holds=("raster",)),
+    FileFormat(".asc", "Esri ASCII grid", read=_READ, peak=2.0, holds=("raster",), in_metres=True),
+    FileFormat(".tif", "GeoTIFF", read=_READ, peak=2.0, write=_WRITE, holds=("raster",), in_metres=True),
+    FileFormat(".tiff", "GeoTIFF", read=_READ, peak=2.0, write=_WRITE, holds=("raster",), in_metres=True),
 )

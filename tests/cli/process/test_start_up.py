@@ -19,7 +19,7 @@ try:
     cli.main()
 except SystemExit:
     from raytrace.kernel import jit
-    heavy = ("numba", "llvmlite", "scipy", "trimesh", "OpenImageIO", "rich", "PIL", "lxml", "pydantic", "asyncio")
+    heavy = ("numba", "llvmlite", "scipy", "trimesh", "OpenImageIO", "rich", "PIL", "lxml", "asyncio")
     heavy = (*heavy, "scenes.formats.gltf.asset", "scenes.formats.gltf.occlusion", "scenes.bake.batch")
     print(json.dumps([[name for name in heavy if name in sys.modules], len(jit.loaded), jit.compiled]))
 """
@@ -49,12 +49,12 @@ COMMANDS = {
     "bake a ply": ("bake hills.ply -o w.npz --falloff binary", []),
     "bake closed parts": ("bake boxes.stl -o w.npz --samples 64", []),
     "bake to a tolerance": ("bake hills.obj -o w.npy --tolerance 0.01", []),
-    "bake to a page": ("bake hills.obj -o w.html --samples 64 --report r.json", ["pydantic"]),
+    "bake to a page": ("bake hills.obj -o w.html --samples 64 --report r.json", []),
     "bake a texture": ("bake textured.obj -o w.png --size 16 --samples 16", ["scipy", "OpenImageIO"]),
     "fit": ("bake hills.obj -o w.ply --method surface --samples 64", ["scipy"]),
     "render": (
         "render hills.obj -o w.png --width 32 --height 32 --samples 4",
-        ["OpenImageIO", "pydantic"],
+        ["OpenImageIO"],
     ),
 }
 

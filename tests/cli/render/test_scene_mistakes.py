@@ -23,7 +23,7 @@ SCENES = [
     (BOX + 'material = { model = "oren_nayar", albedo = 1, sigma = 30 }', "expected radians in [0, π/2], got 30"),
     (
         BOX + 'material = { model = "cook_torrance", albedo = 1, m = 1, distribution = "bekmann" }',
-        "distribution: expected 'beckmann' or 'gaussian', got bekmann; did you mean beckmann?",
+        "distribution: expected one of beckmann, gaussian, got bekmann; did you mean beckmann?",
     ),
     (BOX + 'material = { model = "phong", k_d = 0.8, k_s = 0.8 }', "k_d + k_s [0]: expected at most 1, got"),
     ('[[objects]]\nbuiltin = "ball"', 'expected one of plane, box, sphere, cylinder, temple, sponge, got "ball"'),
@@ -39,7 +39,7 @@ SCENES = [
     ("[camera]\nfov = 30\n" + BOX, "camera.fov: expected one of", "did you mean field_of_view?"),
     ("[camera]\nfield_of_view = 200\n" + BOX, "camera.field_of_view: expected degrees above 0", "got 200"),
     ('[camera]\nposition = "front"\n' + BOX, 'camera.position: expected a list of numbers, got "front"'),
-    ('[render]\nwidth = "big"\n' + BOX, "render.width: expected a whole number from 1 to 32768, got big"),
+    ('[render]\nwidth = "big"\n' + BOX, 'render.width: expected a whole number from 1 to 32768, got "big"'),
     ("[render]\nsamples = 0\n" + BOX, "render.samples: expected a whole number from 1 to 4096, got 0"),
     ('[render]\nshading = "gourad"\n' + BOX, "got gourad; did you mean gouraud?"),
     ("[render]\nshadow = true\n" + BOX, "render.shadow: expected one of", "did you mean shadows?"),

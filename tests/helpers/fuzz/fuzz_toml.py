@@ -17,7 +17,7 @@ def _tables_of_scenes():
     from raytrace.brdf.registry import reflection_models
     from raytrace.lights.sources import Light
     from raytrace.settings import Settings
-    from raytrace.system.faults import fields_of
+    from raytrace.system.records import fields_of
     from scenes.description import schema
     from scenes.geometry.builtin_shapes import SOLIDS
 
@@ -25,9 +25,9 @@ def _tables_of_scenes():
         found = get_args(union)
         return [member for part in found for member in members(part)] if found else [union] * isinstance(union, type)
 
-    tables = {name: list(getattr(schema, name).model_fields) for name in ("Document", "Transform", "ObjectTable")}
-    tables |= {"camera": list(schema.CameraTable.model_fields), "render": list(fields_of(Settings))}
-    tables |= {"obscurance": list(schema.ObscuranceTable.model_fields)}
+    tables = {name: list(fields_of(getattr(schema, name))) for name in ("Document", "Transform", "ObjectTable")}
+    tables |= {"camera": list(fields_of(schema.CameraTable)), "render": list(fields_of(Settings))}
+    tables |= {"obscurance": list(fields_of(schema.ObscuranceTable))}
     tables |= {"lights": {fields_of(kind)["light"].default: list(fields_of(kind)) for kind in members(Light)}}
     tables |= {"materials": {fields_of(kind)["model"].default: list(fields_of(kind)) for kind in reflection_models()}}
     return tables | {"solids": {name: list(fields_of(kind)) for name, kind in SOLIDS.items()}}

@@ -56,7 +56,7 @@ REFUSED = [
      0),
     (lambda: OrenNayar(albedo=0.5, sigma=2), "OrenNayar", "sigma", "radians in [0, π/2]", 2),
     (lambda: Strauss(colour=0.5, smoothness=1), "Strauss", "smoothness", "[0, 1)", 1),
-    (lambda: Strauss(colour=0.5, smoothness=0.5, metalness="shiny"), "Strauss", "metalness", "number", "shiny"),
+    (lambda: Strauss(colour=0.5, smoothness=0.5, metalness="shiny"), "Strauss", "metalness", "number", '"shiny"'),
     (lambda: material_from_dict({"model": "marble"}), "material", "model", "lambert", "marble"),
     (lambda: material_from_dict({"albedo": 1}), "material", "model", "a value", "nothing"),
     (lambda: material_from_dict({"model": "phong", "k_d": 2}), "Phong", "k_d[0]", "[0, 1]", 2),

@@ -1,6 +1,7 @@
 """The declarations of options: what is declared is in the help of the command and of Python, reports, `--options`,
 batches and what workers are sent; and each option changes what kept rows belong to, or is one that changes no ray."""
 
+import dataclasses
 import inspect
 import re
 import subprocess
@@ -13,9 +14,12 @@ from meshes import hills
 from project import environment
 
 import ao
+from ao.baking import VertexArguments
 from ao.declared import options_of
 from ao.execute.kept import Kept, _identity
+from ao.methods.point_values import TAKEN
 from ao.options import Options, TextureOptions, VertexOptions
+from ao.texture.bake_texture import TextureArguments
 from raytrace.errors import ConflictError
 from raytrace.system.threads import MAX_THREADS
 from scenes.bake.options import BAKE, BAKER, ROWS, BakeOptions, check_kind, check_together
@@ -23,7 +27,7 @@ from scenes.bake.plan import plan_bake
 from scenes.bake.run import run
 
 ADDED = """
-import contextlib, importlib.util, inspect, io, json, pathlib, pickle, sys
+import contextlib, importlib.util, io, json, pathlib, pickle, sys
 
 spec = importlib.util.find_spec("ao.options")
 source, before = pathlib.Path(spec.origin).read_text(), "    profile: Annotated"
@@ -45,8 +49,6 @@ def run(*line):
             return end.code, streams[0].getvalue() + streams[1].getvalue()
 
 found = {"help": run("bake", "--help", "all")[1]}
-functions = ao.bake, ao.bake_texture
-found["python"] = [(str(inspect.signature(each).parameters["grain"]), inspect.getdoc(each)) for each in functions]
 found["identities"] = [repr(module.Options(grain=each).identity) for each in (None, "oak")]
 few, oak = ("hills.obj", "--samples", "4"), ("--grain", "oak")
 run("bake", *few, *oak, "-o", "w.npy", "--report", "r.json")
@@ -74,9 +76,6 @@ def test_an_option_that_is_declared_in_one_line_is_found_everywhere(tmp_path):
     section = found["help"].partition("Sampling:")[2].partition("\n\n")[0]
     assert "--grain TEXT" in section
     assert "Grain of the wood." in section
-    for parameter, text in found["python"]:
-        assert parameter == "grain: str | None = None"
-        assert "\n    grain: Grain of the wood.\n" in text
     assert found["identities"][0] != found["identities"][1]
     for report in (found["report"], found["again"]):
         assert report["options"]["grain"] == "oak"
@@ -213,14 +212,37 @@ def test_every_declared_option_changes_what_kept_rows_belong_to_or_is_one_that_c
     assert (changed.identity != record().identity) == (row.role == "result")
 
 
-@pytest.mark.parametrize(("function", "record"), [(ao.bake, VertexOptions), (ao.bake_texture, TextureOptions)])
-def test_help_and_signatures_show_what_is_declared(function, record):
-    parameters, text = inspect.signature(function).parameters, inspect.getdoc(function)
-    for name, row in options_of(record).items():
-        assert re.search(rf"^    {name}: \S", text, re.MULTILINE), f"{name} is not described"
-        assert parameters[name].default == getattr(record, name)
-        assert row.help
-    assert next(iter(parameters)) == "mesh"
+ARGUMENTS = {ao.bake: VertexArguments, ao.bake_texture: TextureArguments, ao.bake_points: Options}
+
+
+@pytest.mark.parametrize(("function", "record"), ARGUMENTS.items(), ids=lambda each: each.__name__)
+def test_functions_have_the_parameters_and_defaults_of_their_record(function, record):
+    parameters = inspect.signature(function).parameters
+    fields = {field.name: field for field in dataclasses.fields(record)}
+    if function is ao.bake_points:
+        kept = {*TAKEN}
+        assert parameters.keys() - {"mesh", "points", "normals", "occluders", "progress"} == kept
+    else:
+        kept = fields.keys()
+        assert parameters.keys() == kept
+        assert [name for name, each in parameters.items() if each.kind is each.POSITIONAL_OR_KEYWORD] == [
+            name for name, field in fields.items() if not field.kw_only
+        ]
+    for name in kept:
+        default = fields[name].default
+        assert parameters[name].default == (inspect.Parameter.empty if default is dataclasses.MISSING else default)
+
+
+@pytest.mark.parametrize("function", [ao.bake, ao.bake_texture])
+def test_docstrings_of_functions_begin_as_the_help_of_the_command(function):
+    text = inspect.getdoc(function)
+    described = dict(re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", text.partition("Args:\n")[2], re.MULTILINE))
+    for name in inspect.signature(function).parameters:
+        assert name in described, f"{name} is not described"
+    for name, row in options_of(ARGUMENTS[function]).items():
+        words = re.sub("--([a-z-]+)", lambda flag: f"`{flag[1].replace('-', '_')}`", row.help)
+        assert " ".join(described[name].split()).startswith(words)
+        assert row.help or not row.bake_kinds
     assert text.index("Args:") < text.index("Raises:") < text.index("Warns:")
 
 

@@ -117,7 +117,7 @@ def compressed(name, kind):
         (lambda h: h["accessors"][0].update(count=10**15), "GLB file"),
         (
             lambda h: h["accessors"][0].update(count=-1),
-            "accessors[0].count: expected greater than or equal to 0, got -1",
+            "accessors[0].count: expected a whole number, 0 or more, got -1",
         ),
         (lambda h: h["accessors"][0].update(count=0), "count of at least 1, got 0"),
         (lambda h: h["accessors"][0].pop("bufferView"), "uncompressed values"),

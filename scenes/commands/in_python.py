@@ -1,0 +1,166 @@
+"""`obscurance.bake`: a mesh or the name of its file, and options of the command, in; w out, and no file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from numbers import Real
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from ao.falloff import Falloffs, Length, falloffs_of
+from ao.options import At, BackFaces, Interior, Method, Normals, Traversal
+from raytrace.errors import ConflictError
+from raytrace.types import Bools
+
+from ..bake.inputs import opened, read_inputs
+from ..bake.options import BAKE, ROWS, Alpha, BakeOptions, OccludedBy, Up, check_together
+from ..bake.plan import plan_bake
+from ..bake.vertices import bake_inputs
+from ..formats.load import MeshFile
+from ..show.progress import in_notebook
+from ..show.progress import progress as shown_progress
+
+if TYPE_CHECKING:
+    from ao import Bake
+    from ao.execute.kept import Kept
+    from ao.execute.tracer import Progress
+    from raytrace.mesh.mesh import Mesh
+
+Surface = str | os.PathLike[str] | Any
+"""A mesh in any form that `ao.bake` takes, or the name of its file."""
+_IN_MEMORY = Path("w.npz")  # holds all that a bake can have
+
+
+def bake(
+    mesh: Surface,
+    falloff: Falloffs = None,
+    samples: int | None = None,
+    seed: int = 0,
+    threads: int | None = None,
+    normals: Normals = "file",
+    *,
+    half_distance: Length | None = None,
+    max_distance: Length | None = None,
+    tau: float | None = None,
+    ground: float | bool | Literal["auto"] | None = None,
+    occluder: Surface | list[Surface] | None = None,
+    receive: str | Sequence[str] = (),
+    cast: str | Sequence[str] = (),
+    exclude: str | Sequence[str] = (),
+    occluded_by: OccludedBy = "all",
+    points: bool = False,
+    flip: bool = False,
+    alpha: Alpha = "auto",
+    up: Up | None = None,
+    high: Surface | list[Surface] | None = None,
+    match_names: bool = False,
+    cage: Length | Mesh | Any | None = None,
+    progress: bool | Literal["bar", "json"] | Progress | None = None,
+    tolerance: float | None = None,
+    denoise: bool = True,
+    interior: Interior = "auto",
+    thickness: bool = False,
+    spread: float = 180.0,
+    back_faces: BackFaces = "occlude",
+    traversal: Traversal = "auto",
+    profile: bool = False,
+    method: Method = "vertex",
+    at: At = "vertices",
+    both_sides: bool = False,
+    only: Bools | None = None,
+    occluders: Sequence[Mesh | Any] = (),
+    checkpoint: Kept | None = None,
+) -> Bake:
+    """w at every vertex, or face, of a mesh or a mesh file, by the options of `obscurance bake`.
+
+    Args:
+        mesh: a mesh as `ao.bake` takes it, a file that `load` has read, or the name of one.
+        falloff: as `ao.bake` takes it; or a name that the command has, "exponential" (the default), "binary",
+            "linear", "smooth" or "table:FILE", with the next three.
+        half_distance: the distance at which a hit occludes half, in mesh units or "50%" of the radius.
+        max_distance: the distance from which on hits are ignored, likewise, or inf.
+        tau: rate of the exponential falloff, per mesh unit.
+        ground: a plane without end below: True or "auto" just below the lowest vertex, or its height.
+        occluder: a mesh, or a file's name, that occludes and gets no w; or a list of several.
+        receive, cast, exclude: names or patterns of objects that alone get w, that alone occlude, that do neither.
+        occluded_by: "all", or the own "object" alone, or objects of its "name".
+        points: whether the file is a cloud of points with normals.
+        flip: turn the faces over. alpha: "ignore" takes all faces as opaque. up: the axis that is up.
+        high: a finer mesh whose w is baked, in any form of `mesh`; or a list of several, which are one.
+        match_names: with `high`, objects NAME_low show objects NAME_high alone.
+        cage: as `ao.bake` takes it, or the name of a mesh file.
+        progress: True shows a bar, "json" prints lines of JSON, a function is called with what is done, in all and the
+            stage. None: a line in notebooks.
+        samples, seed, threads, normals, tolerance, denoise, interior, thickness, spread, back_faces, traversal,
+            profile, method, at, both_sides, only, occluders, checkpoint: as `ao.bake` takes them.
+
+    Raises:
+        OptionError: as `ao.bake`; a name or a value that the command refuses, or arguments that do not go together.
+        MeshError: a file cannot be read, or is no mesh. Others: as `ao.bake`.
+    """
+    options, arguments = _as_options(locals())
+    source = None if isinstance(mesh, str | os.PathLike) else _in_memory(mesh, flip, alpha, up)
+    if source and points and not source.cloud:
+        raise ConflictError("points", "needs", "the name of a file of points")
+    options = options.replaced(mesh=[Path(source.path if source else mesh)])
+    check_together(options, BAKE)
+    plan = plan_bake(options)
+    if "falloff" in arguments:
+        plan = plan._replace(arguments=replace(plan.arguments, falloff=arguments.pop("falloff")))
+    inputs = read_inputs(plan, source=source)
+    if only is not None and inputs.chosen.only is not None:
+        arguments["only"] = np.asarray(only) & inputs.chosen.only
+    occluding = [*occluders, *inputs.arguments["occluders"]]
+    inputs = inputs._replace(arguments=inputs.arguments | arguments | {"occluders": occluding})
+    if callable(progress):
+        return bake_inputs(plan, inputs, checkpoint, progress)
+    quiet = not (in_notebook() if progress is None else progress)
+    with shown_progress(quiet, "rays", form=options.progress) as (advance,):
+        return bake_inputs(plan, inputs, checkpoint, advance)
+
+
+def _as_options(given: dict[str, Any]) -> tuple[BakeOptions, dict[str, Any]]:
+    """Arguments of `bake` as options of the command, and those that no option can be: a falloff, a cage, vertices.
+
+    Raises: OptionError.
+    """
+    arguments = {} if given["only"] is None else {"only": given["only"]}
+    if arguments and (given["points"] or given["occluded_by"] != "all"):
+        raise ConflictError("only", "does not go with", "points" if given["points"] else "occluded_by")
+    if not isinstance(given["falloff"], str | None):
+        arguments["falloff"] = falloffs_of(given.pop("falloff"))
+        for name in ("half_distance", "max_distance", "tau"):
+            if given[name] is not None:
+                raise ConflictError(name, "needs", "a falloff by its name")
+        if given["occluded_by"] != "all" and isinstance(arguments["falloff"], tuple):
+            raise ConflictError("occluded_by", "does not go with", "a list of falloffs")
+    if not isinstance(given["cage"], str | os.PathLike | Real | None):
+        arguments["cage"] = given.pop("cage")
+    # What is left, unless it says no more than the default.
+    options = {name: value for name, value in given.items() if name in ROWS and value is not None}
+    options = {name: value for name, value in options.items() if value is not False or ROWS[name].default is True}
+    for name in ("receive", "cast", "exclude"):
+        options[name] = [given[name]] if isinstance(given[name], str) else given[name] or None
+    for name in ("high", "occluder"):
+        options[name] = given[name] if isinstance(given[name], list | None) else [given[name]]
+    if "ground" in options:
+        options["ground"] = "auto" if given["ground"] is True else str(given["ground"])
+    if not isinstance(given["progress"], str):
+        options["progress"] = "bar"
+    for name in ("occluded_by", "points", "flip", "alpha", "up", "match_names", "progress"):
+        if name in options:
+            ROWS[name].parsed(options[name])
+    return BakeOptions(**options | {"output": _IN_MEMORY}), arguments
+
+
+def _in_memory(mesh: Mesh | Any, flip: bool, alpha: Alpha, up: Up | None) -> MeshFile:
+    """A mesh in memory, or a file that was read, as `load` would bring it by these arguments."""
+    file = opened(mesh)
+    whole = replace(file.mesh, up=up) if up else file.mesh
+    if alpha == "ignore":
+        whole = replace(whole, opacity=None)
+    return file._replace(mesh=whole.reversed() if flip else whole)
