@@ -17,11 +17,11 @@ from typing import Any
 
 import click
 
-from ao.declared import Option
-from raytrace.errors import InputError, ObscuranceError, OptionError, OutputError
-from scenes.bake.console import columns, note, output_failed, readable_output, reopen_streams, unforeseen
-from scenes.bake.options import BAKE, RENDER, BakeOptions, Metric, RenderOptions, Up, named, of_bake, plain
-from scenes.commands.parameters import TableCommand
+from obscurance.ao.declared import Option
+from obscurance.raytrace.errors import InputError, ObscuranceError, OptionError, OutputError
+from obscurance.scenes.bake.console import columns, note, output_failed, readable_output, reopen_streams, unforeseen
+from obscurance.scenes.bake.options import BAKE, RENDER, BakeOptions, Metric, RenderOptions, Up, named, of_bake, plain
+from obscurance.scenes.commands.parameters import TableCommand
 
 interrupts.all_imported()
 
@@ -56,8 +56,8 @@ class Commands(click.Group):
 def commands(context: click.Context, version: bool) -> None:
     """Bake ambient occlusion or obscurance (1 = open) and render scenes, with Embree."""
     if version:
-        from ao.report import versions
-        from raytrace.system.processor import processor
+        from obscurance.ao.report import versions
+        from obscurance.raytrace.system.processor import processor
 
         found = versions()
         print("obscurance", found["obscurance"])
@@ -78,7 +78,7 @@ def bake(**options: Any) -> int:
 
     The result is w, one number for each vertex or texel: 1 where it is open, 0 where it is closed.
     """
-    from scenes.commands.bake import run_bake
+    from obscurance.scenes.commands.bake import run_bake
 
     return run_bake(BakeOptions(**options))
 
@@ -94,7 +94,7 @@ def bake(**options: Any) -> int:
 )
 def view(**options: Any) -> None:
     """Make a page to look at a bake, or at any mesh: one file."""
-    from scenes.commands.view import run_view
+    from obscurance.scenes.commands.view import run_view
 
     run_view(**options)
 
@@ -109,8 +109,8 @@ def view(**options: Any) -> None:
 )
 def falloff(baked: Path, half_distance: str, output: Path, power: str | None, mesh: Path | None, quiet: bool) -> None:
     """Change the falloff of a bake that has a profile, without rays."""
-    from scenes.commands.falloff import change_falloff
-    from scenes.formats.falloffs import make_scales
+    from obscurance.scenes.commands.falloff import change_falloff
+    from obscurance.scenes.formats.falloffs import make_scales
 
     summary = change_falloff(baked, make_scales(half_distance, power), output, mesh)
     if not quiet:
@@ -126,7 +126,7 @@ def falloff(baked: Path, half_distance: str, output: Path, power: str | None, me
 )
 def prune(mesh: Path, output: Path, seed: int, threads: int | None, quiet: bool) -> None:
     """Drop the faces that nothing outside sees."""
-    from scenes.commands.prune import prune as prune_file
+    from obscurance.scenes.commands.prune import prune as prune_file
 
     summary = prune_file(mesh, output, seed, threads, quiet)
     if not quiet:
@@ -139,8 +139,8 @@ def prune(mesh: Path, output: Path, seed: int, threads: int | None, quiet: bool)
 )
 def info(mesh: Path, json: bool) -> None:
     """Describe a mesh file and its defects."""
-    from scenes.commands.info import describe, facts
-    from scenes.formats.load import load_mesh
+    from obscurance.scenes.commands.info import describe, facts
+    from obscurance.scenes.formats.load import load_mesh
 
     source = load_mesh(mesh)
     if json:
@@ -159,8 +159,8 @@ def info(mesh: Path, json: bool) -> None:
 )
 def validate(samples: int, seed: int, threads: int | None, **moved: bool) -> int:
     """Compare bakes with exact solutions; exit status 1 on failure."""
-    from ao.options import Options
-    from scenes.validation.table import run_validation, validation_table
+    from obscurance.ao.options import Options
+    from obscurance.scenes.validation.table import run_validation, validation_table
 
     if any(moved.values()):
         where = "python -m pytest tests/stress tests/random_meshes, in the source folder"
@@ -175,13 +175,13 @@ def validate(samples: int, seed: int, threads: int | None, **moved: bool) -> int
 @command(*RENDER)
 def render(**options: Any) -> None:
     """Render a scene to an image; an .exr holds every layer."""
-    from scenes.commands.render import run_render
+    from obscurance.scenes.commands.render import run_render
 
     run_render(RenderOptions(**options))
 
 
 def _scene_names() -> list[str]:
-    from scenes.library.catalogue import BUILTIN
+    from obscurance.scenes.library.catalogue import BUILTIN
 
     return list(BUILTIN)
 
@@ -192,7 +192,7 @@ def _scene_names() -> list[str]:
 )
 def scenes(name: str | None, output: Path | None) -> None:
     """List the built-in scenes, or print or write one as TOML."""
-    from scenes.library.catalogue import BUILTIN, builtin_toml, write_builtin
+    from obscurance.scenes.library.catalogue import BUILTIN, builtin_toml, write_builtin
 
     if name is None:
         if output is not None:
@@ -205,7 +205,7 @@ def scenes(name: str | None, output: Path | None) -> None:
 
 
 def _preset_names() -> list[str]:
-    from raytrace import PRESETS
+    from obscurance.raytrace import PRESETS
 
     return list(PRESETS)
 
@@ -216,7 +216,7 @@ def _preset_names() -> list[str]:
 )
 def materials(name: str | None, check: bool) -> None:
     """List the material presets, or print one as TOML."""
-    from scenes.commands.materials import preset_toml, presets
+    from obscurance.scenes.commands.materials import preset_toml, presets
 
     if check:
         in_python = "albedo(material, angle) and asymmetry(material) of raytrace.materials.reflect, in Python"
@@ -236,8 +236,8 @@ def materials(name: str | None, check: bool) -> None:
 )
 def compare(a: Path, b: Path, threshold: float | None, metric: Metric, difference: Path | None) -> int:
     """Compare two images: mean, RMS and maximum error, PSNR, FLIP."""
-    from raytrace.image.compare import compare as compared
-    from raytrace.image.write import check_image_target
+    from obscurance.raytrace.image.compare import compare as compared
+    from obscurance.raytrace.image.write import check_image_target
 
     if threshold is not None and not threshold >= 0:
         raise OptionError("threshold", "a number in [0, inf)", threshold)
@@ -260,8 +260,8 @@ def compare(a: Path, b: Path, threshold: float | None, metric: Metric, differenc
 )
 def bench(report: Path | None, **options: Any) -> None:
     """Measure bake time against error on this machine."""
-    from scenes.commands.bench import bench_file
-    from scenes.formats.falloffs import make_falloff
+    from obscurance.scenes.commands.bench import bench_file
+    from obscurance.scenes.formats.falloffs import make_falloff
 
     written = {name: plain(value) for name, value in options.items()}
     falloff = make_falloff(options["falloff"], None, None, options["max_distance"])
@@ -271,7 +271,7 @@ def bench(report: Path | None, **options: Any) -> None:
 @command(Option("output", Path, "demo", "Folder for the mesh and the image.", short="-o"), of_bake("quiet"))
 def demo(output: Path, quiet: bool) -> None:
     """Bake the built-in temple and render it."""
-    from scenes.commands.demo import make_demo
+    from obscurance.scenes.commands.demo import make_demo
 
     make_demo(output, quiet)
 
@@ -299,7 +299,7 @@ def _run() -> int:
             status = _called(arguments)
             sys.stdout.flush()
         except (click.UsageError, ObscuranceError) as fault:
-            from scenes.commands.usage import fault_in_words
+            from obscurance.scenes.commands.usage import fault_in_words
 
             note(fault_in_words(fault, commands, arguments))
             status = 2 if isinstance(fault, click.UsageError | InputError | OutputError) else 1

@@ -22,7 +22,7 @@ class BuildKernels(build_ext):
         if self.editable_mode:
             return  # the source tree's is made by `make install`, which shows how far that is
         sys.path.insert(0, str(ROOT))
-        from raytrace.kernel import build, library
+        from obscurance.raytrace.kernel import build, library
 
         levels = (library.level(),) if self.inplace else library.levels()
         folder = ROOT if self.inplace else Path(self.build_lib)
@@ -51,4 +51,4 @@ def _show(done: int, total: int) -> None:
 
 
 if __name__ == "__main__":
-    setup(ext_modules=[Extension("raytrace.kernel.kernels", [])], cmdclass={"build_ext": BuildKernels})
+    setup(ext_modules=[Extension("obscurance.raytrace.kernel.kernels", [])], cmdclass={"build_ext": BuildKernels})

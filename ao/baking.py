@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from raytrace.errors import ConflictError
-from raytrace.mesh.mesh import Mesh, mesh_of
-from raytrace.mesh.opacity import opacity_bytes
-from raytrace.system.checks import check_memory
-from raytrace.types import Bools, Int64s
+from obscurance.raytrace.errors import ConflictError
+from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
+from obscurance.raytrace.mesh.opacity import opacity_bytes
+from obscurance.raytrace.system.checks import check_memory
+from obscurance.raytrace.types import Bools, Int64s
 
 from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids

@@ -9,8 +9,8 @@ from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin
 
-from raytrace.errors import OptionError, nearest_name
-from raytrace.system.records import Fault, Within, reader
+from obscurance.raytrace.errors import OptionError, nearest_name
+from obscurance.raytrace.system.records import Fault, Within, reader
 
 Role = Literal["input", "output", "result", "run"]
 EVERY_BAKE = "vertices texture batch"

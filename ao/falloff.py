@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeGuard
 
 import numpy as np
 
-from raytrace.errors import ConflictError, OptionError, nearest_name, numbers
-from raytrace.types import Float64s
+from obscurance.raytrace.errors import ConflictError, OptionError, nearest_name, numbers
+from obscurance.raytrace.types import Float64s
 
 from .mu import MAX_KNOTS, ROUNDING, STEPS, Function, Mu, function_knots
 

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from raytrace.mesh.normals import face_normals
-from raytrace.ray_origins.origins import ray_offset
-from raytrace.ray_origins.surface import Surface
-from raytrace.sampling.sequences import hash32_array
-from raytrace.types import Float32s, Float64s, Int64s
+from obscurance.raytrace.mesh.normals import face_normals
+from obscurance.raytrace.ray_origins.origins import ray_offset
+from obscurance.raytrace.ray_origins.surface import Surface
+from obscurance.raytrace.sampling.sequences import hash32_array
+from obscurance.raytrace.types import Float32s, Float64s, Int64s
 
 from .estimate.inside import inside_solids
 from .estimate.sampling_error import derive

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.errors import OptionError, numbers
-from raytrace.kernel.jit import inline
-from raytrace.types import Bools, Float64s, Int64s
+from obscurance.raytrace.errors import OptionError, numbers
+from obscurance.raytrace.kernel.jit import inline
+from obscurance.raytrace.types import Bools, Float64s, Int64s
 
 _NO_KNOTS = np.empty(0)
 MAX_KNOTS = 1 << 16

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from .declared import EVERY_BAKE, IMAGE, Option, check_values, options_of
 
 if TYPE_CHECKING:  # the help of the command imports nothing heavy
-    from raytrace.mesh.mesh import Mesh
-    from raytrace.types import Bools
+    from obscurance.raytrace.mesh.mesh import Mesh
+    from obscurance.raytrace.types import Bools
 
     from .falloff import Falloff, Falloffs, Length
     from .mu import Mu
@@ -78,7 +78,7 @@ class Options:
         "file, the input with its vertices moved outwards.", metavar="LENGTH|MESH")] = "2%"
 
     def __post_init__(self) -> None:
-        from raytrace.errors import ConflictError
+        from obscurance.raytrace.errors import ConflictError
 
         from .falloff import Tabulated, falloffs_of, is_length, resolve_length
 
@@ -176,7 +176,7 @@ class VertexOptions(Options):
     def __post_init__(self) -> None:
         import numpy as np
 
-        from raytrace.errors import ConflictError
+        from obscurance.raytrace.errors import ConflictError
 
         super().__post_init__()
         if self.only is not None:
@@ -208,7 +208,7 @@ class TextureOptions(Options):
         "Of bent normals: the mesh's own (the default), or tangent: +Y, or with -directx -Y.")] = "world"
 
     def __post_init__(self) -> None:
-        from raytrace.errors import ConflictError
+        from obscurance.raytrace.errors import ConflictError
 
         super().__post_init__()
         if self.interior == "mark":

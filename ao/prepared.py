@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from raytrace.embree.scene import TriangleScene
-from raytrace.errors import OptionError
-from raytrace.mesh.mesh import Mesh, mesh_of
-from raytrace.mesh.opacity import PackedOpacity
-from raytrace.mesh.placement import Placement
-from raytrace.sampling.sequences import seed_key
-from raytrace.system.checks import check_memory
-from raytrace.system.threads import thread_count
-from raytrace.types import Bools, Int64s
+from obscurance.raytrace.embree.scene import TriangleScene
+from obscurance.raytrace.errors import OptionError
+from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
+from obscurance.raytrace.mesh.opacity import PackedOpacity
+from obscurance.raytrace.mesh.placement import Placement
+from obscurance.raytrace.sampling.sequences import seed_key
+from obscurance.raytrace.system.checks import check_memory
+from obscurance.raytrace.system.threads import thread_count
+from obscurance.raytrace.types import Bools, Int64s
 
 from .execute.kept import NOTHING_KEPT, Kept
 from .execute.tracer import Progress, Tracer

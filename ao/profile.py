@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from raytrace.errors import OptionError, numbers
-from raytrace.types import Float32s, Float64s
+from obscurance.raytrace.errors import OptionError, numbers
+from obscurance.raytrace.types import Float32s, Float64s
 
 from .falloff import Length, resolve_length
 

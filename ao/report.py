@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from raytrace.embree import library as embree
-from raytrace.kernel.library import built_by
-from raytrace.types import AnyFloats
+from obscurance.raytrace.embree import library as embree
+from obscurance.raytrace.kernel.library import built_by
+from obscurance.raytrace.types import AnyFloats
 
 from .estimate.calibration import Calibration
 from .points.receivers import Flag

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from raytrace.errors import OptionError
-from raytrace.kernel.vector import dot, load, store
-from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.normals import normalized
-from raytrace.system.parallel import each
-from raytrace.types import AnyFloats, Float32Rows, Float32s, Float64Rows, Float64s, Int64s, UInt8s
+from obscurance.raytrace.errors import OptionError
+from obscurance.raytrace.kernel.vector import dot, load, store
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.normals import normalized
+from obscurance.raytrace.system.parallel import each
+from obscurance.raytrace.types import AnyFloats, Float32Rows, Float32s, Float64Rows, Float64s, Int64s, UInt8s
 
 from .estimate.calibration import Calibration
 from .estimate.tolerance import Estimate
@@ -97,7 +97,7 @@ class Columns:
 
         Raises: OptionError: no package that writes files is installed. Others as `scenes.write`.
         """
-        from raytrace.system.entry_points import first_entry_point
+        from obscurance.raytrace.system.entry_points import first_entry_point
 
         write = first_entry_point("obscurance.save")
         if write is None:
@@ -160,7 +160,7 @@ class Bake(Columns):
 
     def _repr_html_(self) -> str | None:
         """HTML for notebooks, by a package with an entry point of the group `obscurance.html`."""
-        from raytrace.system.entry_points import first_entry_point
+        from obscurance.raytrace.system.entry_points import first_entry_point
 
         to_html = first_entry_point("obscurance.html")
         return to_html(self) if to_html and self.at == "vertices" else None
@@ -169,7 +169,7 @@ class Bake(Columns):
         """A picture for notebooks: w on the mesh in ambient light, as it stands (`Mesh.up`)."""
         if self.at != "vertices":
             return None
-        from raytrace import AmbientLight, Camera, Lambert, Object, Scene, Settings, Shape, render
+        from obscurance.raytrace import AmbientLight, Camera, Lambert, Object, Scene, Settings, Shape, render
 
         white = Object(Shape(self.mesh, Lambert(albedo=(1, 1, 1), two_sided="viewer")), w=self.w)
         scene = Scene((white,), (AmbientLight(intensity=(1, 1, 1)),), background=(0.05, 0.05, 0.05))

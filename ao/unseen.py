@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytrace.mesh.mesh import Mesh, mesh_of
-from raytrace.types import Bools
+from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
+from obscurance.raytrace.types import Bools
 
 from .baking import bake
 from .execute.tracer import Progress

@@ -20,12 +20,12 @@ from typing import Any
 
 import numpy as np
 
-from ao.execute.tracer import Hemispheres
-from ao.falloff import Exponential
-from ao.points.points import Points
-from raytrace.system.atomic import write_json
-from raytrace.system.threads import thread_count
-from scenes.validation.table import text_table
+from obscurance.ao.execute.tracer import Hemispheres
+from obscurance.ao.falloff import Exponential
+from obscurance.ao.points.points import Points
+from obscurance.raytrace.system.atomic import write_json
+from obscurance.raytrace.system.threads import thread_count
+from obscurance.scenes.validation.table import text_table
 
 from .meshes import bumpy_sphere
 from .time_against_error.machine import machine

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.mesh import Mesh
 
 
 def bumpy_sphere(vertices: int) -> Mesh:

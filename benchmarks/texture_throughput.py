@@ -15,11 +15,11 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-import ao
 from benchmarks.time_against_error.machine import machine
-from raytrace.system.atomic import write_json
-from scenes import unwrap
-from scenes.formats.load import load
+from obscurance import ao
+from obscurance.raytrace.system.atomic import write_json
+from obscurance.scenes import unwrap
+from obscurance.scenes.formats.load import load
 
 RESULTS = Path(__file__).parent / "results" / "texture_throughput.json"
 FALLOFFS: dict[str, ao.Falloff] = {"exponential": ao.Exponential(), "binary": ao.Binary()}

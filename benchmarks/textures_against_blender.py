@@ -22,14 +22,14 @@ from typing import Any
 
 import numpy as np
 
-import ao
 from benchmarks.peers.process import Process
 from benchmarks.time_against_error.machine import machine
-from raytrace import Mesh
-from raytrace.mesh.placement import Placement
-from raytrace.system.atomic import write_json
-from raytrace.types import Bools, Float32s, Float64s
-from scenes.formats.load import load
+from obscurance import ao
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.mesh.placement import Placement
+from obscurance.raytrace.system.atomic import write_json
+from obscurance.raytrace.types import Bools, Float32s, Float64s
+from obscurance.scenes.formats.load import load
 
 OURS, THEIRS = (8, 16, 32, 64, 128, 256, 512), (16, 64, 256, 512)
 ERRORS = (0.02, 0.01, 0.005, 0.003, 0.0025)
@@ -42,7 +42,7 @@ class Blender:
 
     def __init__(self, process: Process, mesh: Mesh, uv: Float64s, size: int, folder: Path) -> None:
         self.process, self.size, self.folder = process, size, folder
-        from ao.points.receivers import find_receivers
+        from obscurance.ao.points.receivers import find_receivers
 
         receivers = find_receivers(mesh, Placement.of(mesh))
         self.reach = DISTANCE * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))

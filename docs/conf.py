@@ -21,11 +21,11 @@ myst_heading_anchors = 4  # the anchors that Git forges give
 default_role = "code"  # single backticks in docstrings
 
 MODULES_OF_TYPES = (
-    "raytrace.types",
-    "raytrace.system.parameters",
-    "raytrace.camera",
-    "ao.options",
-    "ao.execute.tracer",
+    "obscurance.raytrace.types",
+    "obscurance.raytrace.system.parameters",
+    "obscurance.raytrace.camera",
+    "obscurance.ao.options",
+    "obscurance.ao.execute.tracer",
 )
 autodoc_default_options = {"members": True, "exclude-members": "source_name"}
 autodoc_member_order = "bysource"

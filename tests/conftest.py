@@ -59,7 +59,7 @@ def pytest_unconfigure() -> None:
 def available_memory(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """A function: let so many bytes be available, or what a function says, for all checks or a module that asks."""
 
-    def let(size: int | Callable[[], int] | None, module: str = "raytrace.system.checks") -> None:
+    def let(size: int | Callable[[], int] | None, module: str = "obscurance.raytrace.system.checks") -> None:
         monkeypatch.setattr(f"{module}.available", size if callable(size) else lambda: size)
 
     return let

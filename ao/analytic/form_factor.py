@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.types import Float64s
+from obscurance.raytrace.types import Float64s
 
 
 def _clipped_to_horizon(points: Float64s, normal: Float64s) -> Float64s:

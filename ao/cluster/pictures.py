@@ -7,16 +7,16 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from raytrace.camera import Camera
-from raytrace.image.frame import Frame
-from raytrace.renderer.render import Progress, prepare_picture
-from raytrace.renderer.render_job import RenderJob, paste, retired_pixels
-from raytrace.scene import Scene
-from raytrace.settings import Settings
-from raytrace.shade.film import EDGES, TILE
-from raytrace.shade.layout import COUNTERS
-from raytrace.system.threads import thread_count
-from raytrace.types import Float32s, Int64s
+from obscurance.raytrace.camera import Camera
+from obscurance.raytrace.image.frame import Frame
+from obscurance.raytrace.renderer.render import Progress, prepare_picture
+from obscurance.raytrace.renderer.render_job import RenderJob, paste, retired_pixels
+from obscurance.raytrace.scene import Scene
+from obscurance.raytrace.settings import Settings
+from obscurance.raytrace.shade.film import EDGES, TILE
+from obscurance.raytrace.shade.layout import COUNTERS
+from obscurance.raytrace.system.threads import thread_count
+from obscurance.raytrace.types import Float32s, Int64s
 
 from ..execute.work import Outputs, blocks
 from .workers import Workers

@@ -26,8 +26,8 @@ from typing import Any, Self
 import numpy as np
 from distributed import Future, KilledWorker, Worker, get_worker
 
-from raytrace.errors import ClusterError, InputError, MemoryLimitError, OptionError
-from raytrace.system.threads import thread_count
+from obscurance.raytrace.errors import ClusterError, InputError, MemoryLimitError, OptionError
+from obscurance.raytrace.system.threads import thread_count
 
 from ..execute.work import (
     Advance,
@@ -55,7 +55,7 @@ CONFIG = {
 }  # fmt: skip
 LOCAL: dict[str, Any] = {
     "n_workers": 0, "threads_per_worker": 1, "memory_limit": 0, "host": "127.0.0.1", "silence_logs": logging.CRITICAL,
-    "preload": ["ao.cluster.workers"],
+    "preload": ["obscurance.ao.cluster.workers"],
     "security": True,  # TLS with credentials of its own: other users of this machine reach its ports
     "scheduler_kwargs": {"dashboard": False, "dashboard_address": "127.0.0.1:0"},
 }  # fmt: skip

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.types import Float64s, Int64s
+from obscurance.raytrace.types import Float64s, Int64s
 
 from ..rays.directions import BATCHES
 

@@ -4,10 +4,10 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from raytrace.kernel.counting_sort import counting_sort
-from raytrace.kernel.jit import kernel
-from raytrace.system.parallel import each
-from raytrace.types import AnyInts, Bools, Float32s, Int32s, Int64s
+from obscurance.raytrace.kernel.counting_sort import counting_sort
+from obscurance.raytrace.kernel.jit import kernel
+from obscurance.raytrace.system.parallel import each
+from obscurance.raytrace.types import AnyInts, Bools, Float32s, Int32s, Int64s
 
 from .one_ring import Neighbours
 

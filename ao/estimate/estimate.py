@@ -9,9 +9,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from raytrace.sampling.sequences import hash32_array, seed_key
-from raytrace.system.parallel import each
-from raytrace.types import Bools, Float64s, Int32Rows, Int32s, Int64Rows, Int64s
+from obscurance.raytrace.sampling.sequences import hash32_array, seed_key
+from obscurance.raytrace.system.parallel import each
+from obscurance.raytrace.types import Bools, Float64s, Int32Rows, Int32s, Int64Rows, Int64s
 
 from ..execute.tracer import Tracer
 from ..options import Options

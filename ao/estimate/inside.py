@@ -5,15 +5,15 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from raytrace.embree.packets import DIR_X, GEOM_ID, INVALID, LANES, NG_X, PRIM_ID, intersect8
-from raytrace.kernel.jit import inline, kernel
-from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.placement import Placement
-from raytrace.mesh.solids import closed_parts
-from raytrace.mesh.weld import coincident, connected_components
-from raytrace.system.parallel import parallel
-from raytrace.system.threads import run_blocks
-from raytrace.types import AnyInts, Bools, Float32Rows, Float32s, Int64s
+from obscurance.raytrace.embree.packets import DIR_X, GEOM_ID, INVALID, LANES, NG_X, PRIM_ID, intersect8
+from obscurance.raytrace.kernel.jit import inline, kernel
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.placement import Placement
+from obscurance.raytrace.mesh.solids import closed_parts
+from obscurance.raytrace.mesh.weld import coincident, connected_components
+from obscurance.raytrace.system.parallel import parallel
+from obscurance.raytrace.system.threads import run_blocks
+from obscurance.raytrace.types import AnyInts, Bools, Float32Rows, Float32s, Int64s
 
 from ..options import Interior
 from ..points.points import PointArrays, Points

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from raytrace.types import AnyInts, Float32s
+from obscurance.raytrace.types import AnyInts, Float32s
 
 from .one_ring import Neighbours, NeighboursOf
 

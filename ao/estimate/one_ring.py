@@ -6,11 +6,11 @@ from typing import Self
 
 import numpy as np
 
-from raytrace.kernel.arrays import aligned
-from raytrace.kernel.simd import WIDE, load_row, load_short_row, multiply_add, select, store_short_row
-from raytrace.system.parallel import each, parallel
-from raytrace.system.threads import run_blocks
-from raytrace.types import Float32Rows, Float32s, Int32Rows, Int32s, Int64Rows, Int64s
+from obscurance.raytrace.kernel.arrays import aligned
+from obscurance.raytrace.kernel.simd import WIDE, load_row, load_short_row, multiply_add, select, store_short_row
+from obscurance.raytrace.system.parallel import each, parallel
+from obscurance.raytrace.system.threads import run_blocks
+from obscurance.raytrace.types import Float32Rows, Float32s, Int32Rows, Int32s, Int64Rows, Int64s
 
 Block = Callable[[int, int], None]
 _NOTHING = np.float32(1e-6)  # of weight

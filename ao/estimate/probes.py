@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from raytrace.types import Float32s, Float64s, Int64s
+from obscurance.raytrace.types import Float32s, Float64s, Int64s
 
 from ..execute.tracer import Tracer
 from ..points.points import Points

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from raytrace.system.parallel import each
-from raytrace.types import Float32s, Float64s, Int64s
+from obscurance.raytrace.system.parallel import each
+from obscurance.raytrace.types import Float32s, Float64s, Int64s
 
 from .one_ring import Neighbours
 from .sampling_error import BATCH, RATE

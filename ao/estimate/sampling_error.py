@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from raytrace.sampling.sequences import hash32_array
-from raytrace.types import Float64s, Int64s
+from obscurance.raytrace.sampling.sequences import hash32_array
+from obscurance.raytrace.types import Float64s, Int64s
 
 BATCH = 4  # rays are added in multiples of it
 RATE = 1.5  # the variance of n rays falls as n^−1.5

@@ -14,10 +14,10 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from raytrace.kernel.simd import SHORT
-from raytrace.kernel.vector import add, divide, length, load, scale, store
-from raytrace.system.parallel import each
-from raytrace.types import AnyFloats, Float32Rows, Float32s, Float64s, Int32s, Int64s
+from obscurance.raytrace.kernel.simd import SHORT
+from obscurance.raytrace.kernel.vector import add, divide, length, load, scale, store
+from obscurance.raytrace.system.parallel import each
+from obscurance.raytrace.types import AnyFloats, Float32Rows, Float32s, Float64s, Int32s, Int64s
 
 from ..points.points import PointArrays, Points
 from ..rays.gather import BATCH_VARIANCE, COLUMNS

@@ -17,10 +17,10 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from raytrace.kernel.simd import SHORT, WIDE, load_short_row, store_short_row
-from raytrace.kernel.vector import add, cross, dot, load, scale, store
-from raytrace.system.parallel import each
-from raytrace.types import Float32Rows, Float32s, Float64Grid, Float64s, Int32s, Int64s
+from obscurance.raytrace.kernel.simd import SHORT, WIDE, load_short_row, store_short_row
+from obscurance.raytrace.kernel.vector import add, cross, dot, load, scale, store
+from obscurance.raytrace.system.parallel import each
+from obscurance.raytrace.types import Float32Rows, Float32s, Float64Grid, Float64s, Int32s, Int64s
 
 from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, BENT, W

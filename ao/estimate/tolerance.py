@@ -12,10 +12,10 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.solids import inward_warnings
-from raytrace.system.parallel import each
-from raytrace.types import Bools, Float32Rows, Float32s, Float64Rows, Float64s, Int64s
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.solids import inward_warnings
+from obscurance.raytrace.system.parallel import each
+from obscurance.raytrace.types import Bools, Float32Rows, Float32s, Float64Rows, Float64s, Int64s
 
 from ..execute.tracer import Tracer
 from ..options import Options

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.kernel.arrays import aligned
-from raytrace.kernel.jit import inline, kernel
-from raytrace.kernel.simd import (
+from obscurance.raytrace.kernel.arrays import aligned
+from obscurance.raytrace.kernel.jit import inline, kernel
+from obscurance.raytrace.kernel.simd import (
     WIDE,
     gather,
     gather3,
@@ -22,9 +22,9 @@ from raytrace.kernel.simd import (
     select,
     store_row,
 )
-from raytrace.kernel.vector import dot, scale, subtract, tangents
-from raytrace.system.threads import run_blocks
-from raytrace.types import AnyFloats, Float32Rows, Float32s, Float64s, Int32Rows, Int32s
+from obscurance.raytrace.kernel.vector import dot, scale, subtract, tangents
+from obscurance.raytrace.system.threads import run_blocks
+from obscurance.raytrace.types import AnyFloats, Float32Rows, Float32s, Float64s, Int32Rows, Int32s
 
 from ..points.points import PointArrays, Points
 from ..rays.ray_blocks import ONE, ZERO

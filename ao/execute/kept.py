@@ -21,10 +21,10 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.errors import OutputError
-from raytrace.mesh.placement import Placement
-from raytrace.system.atomic import PathName
-from raytrace.types import Float64s
+from obscurance.raytrace.errors import OutputError
+from obscurance.raytrace.mesh.placement import Placement
+from obscurance.raytrace.system.atomic import PathName
+from obscurance.raytrace.types import Float64s
 
 from ..points.receivers import Receivers
 from .work import Advance, KeptRowTask, Make, Outputs, Span, bit_environment, blocks, make_on_threads, packed, unpack

@@ -8,9 +8,9 @@ from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from raytrace.kernel.jit import bind, kernel
-from raytrace.system.threads import run_blocks
-from raytrace.types import Float32s, Float64Rows, Float64s, Int64s, UInt32s
+from obscurance.raytrace.kernel.jit import bind, kernel
+from obscurance.raytrace.system.threads import run_blocks
+from obscurance.raytrace.types import Float32s, Float64Rows, Float64s, Int64s, UInt32s
 
 from ..points.points import Points
 from ..points.surface_samples import SurfaceSamples

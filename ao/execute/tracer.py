@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Protocol, Self, TypeVar
 
 import numpy as np
 
-from raytrace.types import Float64s, Int64s
+from obscurance.raytrace.types import Float64s, Int64s
 
 from ..mu import KernelMu
 from ..points.points import Points

@@ -10,10 +10,10 @@ from typing import Any, Protocol, Self
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.embree import library as embree
-from raytrace.kernel.library import built_by, cpu_features, results_identity
-from raytrace.system.processor import model
-from raytrace.system.threads import granted, run_blocks
+from obscurance.raytrace.embree import library as embree
+from obscurance.raytrace.kernel.library import built_by, cpu_features, results_identity
+from obscurance.raytrace.system.processor import model
+from obscurance.raytrace.system.threads import granted, run_blocks
 
 Outputs = tuple[npt.NDArray[Any], ...]
 Span = tuple[int, int]

@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 from scipy.sparse import csr_array
 
-from raytrace.system.parallel import each, parallel
-from raytrace.system.threads import run_blocks
-from raytrace.types import Bools, Float64Rows, Float64s, UInt32s
+from obscurance.raytrace.system.parallel import each, parallel
+from obscurance.raytrace.system.threads import run_blocks
+from obscurance.raytrace.types import Bools, Float64Rows, Float64s, UInt32s
 
 FINE, COARSE = 1e-8, 1e-3  # of x, whose bounds are 0 and 1
 _STAGES = 1e-2, COARSE, 1e-4, 1e-5, 1e-6, FINE

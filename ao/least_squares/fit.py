@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array
 
-from raytrace.mesh.weld import CREASE
-from raytrace.types import Float64s, Int64s
+from obscurance.raytrace.mesh.weld import CREASE
+from obscurance.raytrace.types import Float64s, Int64s
 
 from .conjugate_gradients import COARSE, dot, multiply, solve, solve_within
 from .face_moments import BENT, HALF, MATRIX, MOMENTS, RIGHT, SQUARES

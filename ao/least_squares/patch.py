@@ -9,12 +9,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from raytrace.embree.packets import LANES
-from raytrace.mesh.morton import fine_morton_order
-from raytrace.mesh.placement import Placement
-from raytrace.mesh.weld import CREASE
-from raytrace.sampling.sequences import hash32_array
-from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
+from obscurance.raytrace.embree.packets import LANES
+from obscurance.raytrace.mesh.morton import fine_morton_order
+from obscurance.raytrace.mesh.placement import Placement
+from obscurance.raytrace.mesh.weld import CREASE
+from obscurance.raytrace.sampling.sequences import hash32_array
+from obscurance.raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
 from ..execute.work import Outputs
 from ..mu import KernelMu

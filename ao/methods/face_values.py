@@ -3,11 +3,11 @@ that were given."""
 
 import numpy as np
 
-from raytrace.errors import MeshError
-from raytrace.mesh.morton import morton_order
-from raytrace.mesh.normals import face_normals
-from raytrace.sampling.sequences import hash32_array
-from raytrace.types import Bools, Float32s, Float64s, Int64s
+from obscurance.raytrace.errors import MeshError
+from obscurance.raytrace.mesh.morton import morton_order
+from obscurance.raytrace.mesh.normals import face_normals
+from obscurance.raytrace.sampling.sequences import hash32_array
+from obscurance.raytrace.types import Bools, Float32s, Float64s, Int64s
 
 from ..estimate.estimate import estimate_outside
 from ..estimate.inside import inside_solids

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from raytrace.errors import MeshError
-from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.morton import morton_order
-from raytrace.mesh.placement import Placement
-from raytrace.types import Int64s, UInt8s
+from obscurance.raytrace.errors import MeshError
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.morton import morton_order
+from obscurance.raytrace.mesh.placement import Placement
+from obscurance.raytrace.types import Int64s, UInt8s
 
 from ..estimate.estimate import edges_of, estimate_outside
 from ..estimate.inside import inside_solids

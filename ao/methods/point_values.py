@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from raytrace.errors import MeshError, OptionError
-from raytrace.mesh.mesh import Mesh, mesh_of
-from raytrace.mesh.morton import morton_order
-from raytrace.mesh.normals import normalize
-from raytrace.ray_origins.origins import directions_in_front, ray_offset
-from raytrace.ray_origins.surface import Surface
-from raytrace.types import Float64s, UInt8s
+from obscurance.raytrace.errors import MeshError, OptionError
+from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
+from obscurance.raytrace.mesh.morton import morton_order
+from obscurance.raytrace.mesh.normals import normalize
+from obscurance.raytrace.ray_origins.origins import directions_in_front, ray_offset
+from obscurance.raytrace.ray_origins.surface import Surface
+from obscurance.raytrace.types import Float64s, UInt8s
 
 from ..estimate.estimate import estimate
 from ..estimate.links import linked

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from raytrace.types import Bools, Float64s, Int64s
+from obscurance.raytrace.types import Bools, Float64s, Int64s
 
 from ..least_squares.face_moments import BELOW, TRACED
 from ..least_squares.fit import Fit, build_problems, fit_values

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from raytrace.bvh.bvh16 import BVH16
-from raytrace.mesh.placement import NEAR
-from raytrace.ray_origins.origins import ray_offset, ray_origins
-from raytrace.ray_origins.surface import Surface
-from raytrace.types import Float64s, Int64s
+from obscurance.raytrace.bvh.bvh16 import BVH16
+from obscurance.raytrace.mesh.placement import NEAR
+from obscurance.raytrace.ray_origins.origins import ray_offset, ray_origins
+from obscurance.raytrace.ray_origins.surface import Surface
+from obscurance.raytrace.types import Float64s, Int64s
 
 from .points import Points
 

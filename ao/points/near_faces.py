@@ -6,10 +6,10 @@ its angle, as if every cone were one of 45°; a cone that is wider counts as one
 
 import numpy as np
 
-from raytrace.bvh.closest import begin, closest_on_triangle, next_leaf
-from raytrace.kernel.jit import inline
-from raytrace.kernel.simd import lowest_bit
-from raytrace.kernel.vector import add, divide, dot, length, load, load_triangle, scale, subtract
+from obscurance.raytrace.bvh.closest import begin, closest_on_triangle, next_leaf
+from obscurance.raytrace.kernel.jit import inline
+from obscurance.raytrace.kernel.simd import lowest_bit
+from obscurance.raytrace.kernel.vector import add, divide, dot, length, load, load_triangle, scale, subtract
 
 _AROUND = 7.0  # times the way from a cell's centre to its points, in which nothing may rise
 _OWN, _LEVEL = 0.25, 1e-3  # of the way in `_AROUND`: how far the cell reaches, and what is flat but for rounding

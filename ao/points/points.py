@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.types import AnyFloats, Float32Rows, Float32s, UInt32s
+from obscurance.raytrace.types import AnyFloats, Float32Rows, Float32s, UInt32s
 
 
 class PointArrays(NamedTuple):

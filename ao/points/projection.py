@@ -14,13 +14,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytrace.bvh.closest import closest_points
-from raytrace.embree.rays import intersect
-from raytrace.errors import MeshError, OptionError
-from raytrace.mesh.mesh import Mesh, mesh_of
-from raytrace.mesh.opacity import alphas
-from raytrace.mesh.placement import NEAR, Placement
-from raytrace.types import Float32s, Float64s, Int64s
+from obscurance.raytrace.bvh.closest import closest_points
+from obscurance.raytrace.embree.rays import intersect
+from obscurance.raytrace.errors import MeshError, OptionError
+from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
+from obscurance.raytrace.mesh.opacity import alphas
+from obscurance.raytrace.mesh.placement import NEAR, Placement
+from obscurance.raytrace.types import Float32s, Float64s, Int64s
 
 from ..falloff import Length, is_length, resolve_length
 from .receivers import Receivers

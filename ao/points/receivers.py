@@ -11,20 +11,30 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from raytrace.bvh.bvh16 import BVH16
-from raytrace.embree.scene import TriangleScene
-from raytrace.kernel.counting_sort import counting_sort
-from raytrace.mesh.mesh import Mesh, corner_mask
-from raytrace.mesh.morton import morton_order
-from raytrace.mesh.normals import face_normals, nonzero, normalize, own_vertex_normals, smooth_normals
-from raytrace.mesh.opacity import PackedOpacity
-from raytrace.mesh.placement import Placement
-from raytrace.mesh.up import UP, up_axis
-from raytrace.ray_origins.origins import WeldedPoints, weld_points
-from raytrace.ray_origins.surface import Surface
-from raytrace.system.checks import check_memory
-from raytrace.system.parallel import each
-from raytrace.types import Bools, Float32Rows, Float32s, Float64Rows, Float64s, Int32s, Int64Rows, Int64s, UInt8s
+from obscurance.raytrace.bvh.bvh16 import BVH16
+from obscurance.raytrace.embree.scene import TriangleScene
+from obscurance.raytrace.kernel.counting_sort import counting_sort
+from obscurance.raytrace.mesh.mesh import Mesh, corner_mask
+from obscurance.raytrace.mesh.morton import morton_order
+from obscurance.raytrace.mesh.normals import face_normals, nonzero, normalize, own_vertex_normals, smooth_normals
+from obscurance.raytrace.mesh.opacity import PackedOpacity
+from obscurance.raytrace.mesh.placement import Placement
+from obscurance.raytrace.mesh.up import UP, up_axis
+from obscurance.raytrace.ray_origins.origins import WeldedPoints, weld_points
+from obscurance.raytrace.ray_origins.surface import Surface
+from obscurance.raytrace.system.checks import check_memory
+from obscurance.raytrace.system.parallel import each
+from obscurance.raytrace.types import (
+    Bools,
+    Float32Rows,
+    Float32s,
+    Float64Rows,
+    Float64s,
+    Int32s,
+    Int64Rows,
+    Int64s,
+    UInt8s,
+)
 
 from ..memory import corner_bytes
 from ..options import Normals, Weighting

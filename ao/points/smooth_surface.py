@@ -5,12 +5,12 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from raytrace.kernel.jit import inline
-from raytrace.kernel.vector import add, dot, length, load, load_triangle, scale, store, subtract, unit
-from raytrace.mesh.weld import CREASE
-from raytrace.ray_origins.surface import Surface
-from raytrace.system.parallel import each
-from raytrace.types import Float32Rows, Float32s, Float64Rows, Float64s, Int32s, Int64Rows, Int64s
+from obscurance.raytrace.kernel.jit import inline
+from obscurance.raytrace.kernel.vector import add, dot, length, load, load_triangle, scale, store, subtract, unit
+from obscurance.raytrace.mesh.weld import CREASE
+from obscurance.raytrace.ray_origins.surface import Surface
+from obscurance.raytrace.system.parallel import each
+from obscurance.raytrace.types import Float32Rows, Float32s, Float64Rows, Float64s, Int32s, Int64Rows, Int64s
 
 from .receivers import Receivers
 

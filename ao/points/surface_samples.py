@@ -10,11 +10,11 @@ from functools import cached_property
 
 import numpy as np
 
-from raytrace.mesh.opacity import PackedOpacity, alphas
-from raytrace.ray_origins.origins import ray_origins
-from raytrace.system.parallel import each
-from raytrace.system.threads import run_blocks
-from raytrace.types import Bools, Float32s, Int32s, Int64s
+from obscurance.raytrace.mesh.opacity import PackedOpacity, alphas
+from obscurance.raytrace.ray_origins.origins import ray_origins
+from obscurance.raytrace.system.parallel import each
+from obscurance.raytrace.system.threads import run_blocks
+from obscurance.raytrace.types import Bools, Float32s, Int32s, Int64s
 
 from .points import Points
 from .receivers import Receivers

@@ -9,9 +9,9 @@ Where the face has an alpha, that part of them ends there; the rest counts as ot
 
 import numpy as np
 
-from raytrace.kernel.jit import inline, kernel
-from raytrace.kernel.vector import dot
-from raytrace.types import Float32Rows, Float64Rows
+from obscurance.raytrace.kernel.jit import inline, kernel
+from obscurance.raytrace.kernel.vector import dot
+from obscurance.raytrace.types import Float32Rows, Float64Rows
 
 from ..points.points import PointArrays
 from .directions import DirectionTable, choose, turned_frame

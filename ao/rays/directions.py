@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.kernel.arrays import aligned
-from raytrace.kernel.jit import inline
-from raytrace.kernel.simd import WIDE
-from raytrace.kernel.vector import tangents
-from raytrace.sampling.sequences import GOLDEN, LEAPED, cosine_hemisphere, hash32, jittered_lattice
-from raytrace.system.threads import run_blocks, thread_count
-from raytrace.types import Float32Grid, Float32s, Float64Rows, Float64s, Int64s, UInt8s
+from obscurance.raytrace.kernel.arrays import aligned
+from obscurance.raytrace.kernel.jit import inline
+from obscurance.raytrace.kernel.simd import WIDE
+from obscurance.raytrace.kernel.vector import tangents
+from obscurance.raytrace.sampling.sequences import GOLDEN, LEAPED, cosine_hemisphere, hash32, jittered_lattice
+from obscurance.raytrace.system.threads import run_blocks, thread_count
+from obscurance.raytrace.types import Float32Grid, Float32s, Float64Rows, Float64s, Int64s, UInt8s
 
 BATCHES = 6  # the lattice steps by 6 × golden ratio = .708 within a part, as irrational as one can wish
 _TABLE_POINTS = 1 << 18

@@ -7,12 +7,12 @@ falloffs rays and closest hits are the same, and a hit adds its loss by each fal
 
 import numpy as np
 
-from raytrace.bvh.bvh16 import BVH16
-from raytrace.embree.packets import GEOM_ID, INVALID, LANES
-from raytrace.kernel.jit import inline, kernel
-from raytrace.kernel.simd import WIDE, lowest_bit
-from raytrace.kernel.vector import load
-from raytrace.types import Float64Grid
+from obscurance.raytrace.bvh.bvh16 import BVH16
+from obscurance.raytrace.embree.packets import GEOM_ID, INVALID, LANES
+from obscurance.raytrace.kernel.jit import inline, kernel
+from obscurance.raytrace.kernel.simd import WIDE, lowest_bit
+from obscurance.raytrace.kernel.vector import load
+from obscurance.raytrace.types import Float64Grid
 
 from ..mu import KernelMu, accumulate_occlusion, depends_on_distance
 from ..points.points import PointArrays

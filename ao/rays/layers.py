@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.kernel.jit import inline
-from raytrace.kernel.simd import WIDE, bits, load_row
-from raytrace.kernel.vector import column, cross, dot, subtract
-from raytrace.mesh.opacity import PackedOpacity, alpha
-from raytrace.types import Float32Rows, Int64s
+from obscurance.raytrace.kernel.jit import inline
+from obscurance.raytrace.kernel.simd import WIDE, bits, load_row
+from obscurance.raytrace.kernel.vector import column, cross, dot, subtract
+from obscurance.raytrace.mesh.opacity import PackedOpacity, alpha
+from obscurance.raytrace.types import Float32Rows, Int64s
 
 from ..mu import KernelMu, accumulate_occlusion, attenuation, depends_on_distance
 from .ray_blocks import T_MISS, deactivate, is_active, shrink_t_max

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.kernel.arrays import aligned
-from raytrace.kernel.jit import inline
-from raytrace.kernel.simd import (
+from obscurance.raytrace.kernel.arrays import aligned
+from obscurance.raytrace.kernel.jit import inline
+from obscurance.raytrace.kernel.simd import (
     WIDE,
     bits,
     highest,
@@ -22,8 +22,8 @@ from raytrace.kernel.simd import (
     select,
     store_row,
 )
-from raytrace.kernel.vector import dot, scale
-from raytrace.types import Float32Rows, Float32s, Int64s
+from obscurance.raytrace.kernel.vector import dot, scale
+from obscurance.raytrace.types import Float32Rows, Float32s, Int64s
 
 from .directions import DirectionTable
 

@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.embree import packets
-from raytrace.embree.packets import LANES, TFAR
-from raytrace.embree.scene import EmbreeScene
-from raytrace.kernel.jit import inline
-from raytrace.mesh.opacity import PackedOpacity, alpha
-from raytrace.types import Float32Rows, Int32s
+from obscurance.raytrace.embree import packets
+from obscurance.raytrace.embree.packets import LANES, TFAR
+from obscurance.raytrace.embree.scene import EmbreeScene
+from obscurance.raytrace.kernel.jit import inline
+from obscurance.raytrace.mesh.opacity import PackedOpacity, alpha
+from obscurance.raytrace.types import Float32Rows, Int32s
 
 from ..mu import attenuation, depends_on_distance
 

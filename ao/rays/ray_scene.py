@@ -8,10 +8,10 @@ from functools import cache, partial
 
 import numpy as np
 
-from raytrace.bvh.bvh16 import BVH16
-from raytrace.embree.scene import TriangleScene
-from raytrace.mesh.opacity import PackedOpacity
-from raytrace.types import Float32s, Int64s
+from obscurance.raytrace.bvh.bvh16 import BVH16
+from obscurance.raytrace.embree.scene import TriangleScene
+from obscurance.raytrace.mesh.opacity import PackedOpacity
+from obscurance.raytrace.types import Float32s, Int64s
 
 from .directions import DirectionTable
 

@@ -16,14 +16,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.bvh.bvh16 import BVH16
-from raytrace.bvh.oriented import along_axes, box_offsets
-from raytrace.kernel.arrays import aligned
-from raytrace.kernel.jit import inline
-from raytrace.kernel.simd import WIDE, bits, lowest_bit, select, store_row
-from raytrace.kernel.vector import column, dot, subtract
-from raytrace.system.processor import lanes
-from raytrace.types import Float32Rows, Float32s, Int64Rows, Int64s
+from obscurance.raytrace.bvh.bvh16 import BVH16
+from obscurance.raytrace.bvh.oriented import along_axes, box_offsets
+from obscurance.raytrace.kernel.arrays import aligned
+from obscurance.raytrace.kernel.jit import inline
+from obscurance.raytrace.kernel.simd import WIDE, bits, lowest_bit, select, store_row
+from obscurance.raytrace.kernel.vector import column, dot, subtract
+from obscurance.raytrace.system.processor import lanes
+from obscurance.raytrace.types import Float32Rows, Float32s, Int64Rows, Int64s
 
 from ..mu import KernelMu, depends_on_distance
 from ..options import MAX_SAMPLES, Traversal

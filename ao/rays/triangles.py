@@ -9,9 +9,20 @@ where a corner is near, a × b does. Nothing is allowed for rounding: near a cor
 
 import numpy as np
 
-from raytrace.kernel.jit import inline
-from raytrace.kernel.simd import WIDE, bits, load_row, lowest, lowest_bit, multiply_add, pick, select, some, store_row
-from raytrace.kernel.vector import add, choose, column, dot, scale, subtract
+from obscurance.raytrace.kernel.jit import inline
+from obscurance.raytrace.kernel.simd import (
+    WIDE,
+    bits,
+    load_row,
+    lowest,
+    lowest_bit,
+    multiply_add,
+    pick,
+    select,
+    some,
+    store_row,
+)
+from obscurance.raytrace.kernel.vector import add, choose, column, dot, scale, subtract
 
 from .layers import alpha_test, has_alpha
 from .ray_blocks import ONE, SLACK, T_MISS, ZERO, along, blocks_within, cone_around, deactivate, is_active, shrink_t_max

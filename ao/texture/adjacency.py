@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from raytrace.mesh.weld import connected_components
-from raytrace.system.parallel import each
-from raytrace.types import Float32Rows, Float32s, Float64s, Int32Rows, Int32s, Int64s
+from obscurance.raytrace.mesh.weld import connected_components
+from obscurance.raytrace.system.parallel import each
+from obscurance.raytrace.types import Float32Rows, Float32s, Float64s, Int32Rows, Int32s, Int64s
 
 from ..estimate.one_ring import Neighbours
 from .texels import Texels

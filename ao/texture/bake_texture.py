@@ -8,12 +8,12 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from raytrace.errors import OptionError
-from raytrace.mesh.corners import with_hard_edges
-from raytrace.mesh.mesh import Mesh, mesh_of
-from raytrace.mesh.opacity import opacity_bytes
-from raytrace.system.checks import NEGLIGIBLE, check_memory
-from raytrace.types import Float64s, Int64s
+from obscurance.raytrace.errors import OptionError
+from obscurance.raytrace.mesh.corners import with_hard_edges
+from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
+from obscurance.raytrace.mesh.opacity import opacity_bytes
+from obscurance.raytrace.system.checks import NEGLIGIBLE, check_memory
+from obscurance.raytrace.types import Float64s, Int64s
 
 from ..declared import Option
 from ..estimate.cells import Cells

@@ -1,6 +1,6 @@
 """Triangles clipped by a texel, exactly."""
 
-from raytrace.kernel.jit import inline
+from obscurance.raytrace.kernel.jit import inline
 
 CORNERS = 8  # of a triangle cut by a square, at most 7
 

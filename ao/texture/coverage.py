@@ -11,8 +11,8 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from raytrace.system.threads import run_blocks, thread_count
-from raytrace.types import Float64s, Int32s, Int64s
+from obscurance.raytrace.system.threads import run_blocks, thread_count
+from obscurance.raytrace.types import Float64s, Int32s, Int64s
 
 from ..options import Overlap
 from ..points.smooth_surface import PointGroups, SurfacePoints

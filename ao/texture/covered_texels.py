@@ -8,10 +8,10 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from raytrace.kernel.jit import inline
-from raytrace.sampling.sequences import hash32_array
-from raytrace.system.parallel import parallel
-from raytrace.types import Bools, Float64Grid, Float64s, Int32Rows, Int32s, Int64s
+from obscurance.raytrace.kernel.jit import inline
+from obscurance.raytrace.sampling.sequences import hash32_array
+from obscurance.raytrace.system.parallel import parallel
+from obscurance.raytrace.types import Bools, Float64Grid, Float64s, Int32Rows, Int32s, Int64s
 
 from ..points.smooth_surface import PointGroups
 from .partial_texels import MOST

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.kernel.jit import inline, kernel
-from raytrace.sampling.sequences import hash32
-from raytrace.types import Float32Grid, Float64Grid, Float64Rows, Float64s, Int32Rows, Int64s
+from obscurance.raytrace.kernel.jit import inline, kernel
+from obscurance.raytrace.sampling.sequences import hash32
+from obscurance.raytrace.types import Float32Grid, Float64Grid, Float64Rows, Float64s, Int32Rows, Int64s
 
 from .clipping import CORNERS, area_of_fan, clip_to_texel, point_in_fan
 from .raster import EDGE, INSIDE, POINTS, SLOTS, Lists, Marks, least_edge, set_up_edges, store_barycentric

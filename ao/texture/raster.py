@@ -9,8 +9,8 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from raytrace.kernel.jit import inline, kernel
-from raytrace.types import Bools, Float64Grid, Int32Rows, Int32s, Int64s, UInt8s
+from obscurance.raytrace.kernel.jit import inline, kernel
+from obscurance.raytrace.types import Bools, Float64Grid, Int32Rows, Int32s, Int64s, UInt8s
 
 SLOTS = 4  # points of a texel
 POINTS = SLOTS + 1  # and its centre

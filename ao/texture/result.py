@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from raytrace.image.encode import linear_png
-from raytrace.image.fill import fill_holes
-from raytrace.kernel.vector import dot, load, store
-from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.normals import normalized
-from raytrace.system.parallel import each
-from raytrace.types import BoolRows, Bools, Float32Rows, Float32s, Float64Grid, Float64Rows, Float64s, Int64s
+from obscurance.raytrace.image.encode import linear_png
+from obscurance.raytrace.image.fill import fill_holes
+from obscurance.raytrace.kernel.vector import dot, load, store
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.normals import normalized
+from obscurance.raytrace.system.parallel import each
+from obscurance.raytrace.types import BoolRows, Bools, Float32Rows, Float32s, Float64Grid, Float64Rows, Float64s, Int64s
 
 from ..estimate.calibration import Calibration
 from ..estimate.tolerance import Estimate

@@ -13,7 +13,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 
-from raytrace.types import AnyFloats, Bools, Float64s, Int32s, Int64s
+from obscurance.raytrace.types import AnyFloats, Bools, Float64s, Int32s, Int64s
 
 from ..least_squares.conjugate_gradients import solve_within
 from ..least_squares.pattern import shared_edges

@@ -6,13 +6,13 @@ texel, and one texel for a block of them, between which w is predicted.
 
 import numpy as np
 
-from raytrace.bvh.bvh16 import BVH16
-from raytrace.bvh.closest import new_stack
-from raytrace.kernel.jit import inline, kernel
-from raytrace.kernel.vector import length, subtract
-from raytrace.ray_origins.surface import Surface
-from raytrace.system.threads import run_blocks
-from raytrace.types import Bools, Int32s, Int64Rows, Int64s
+from obscurance.raytrace.bvh.bvh16 import BVH16
+from obscurance.raytrace.bvh.closest import new_stack
+from obscurance.raytrace.kernel.jit import inline, kernel
+from obscurance.raytrace.kernel.vector import length, subtract
+from obscurance.raytrace.ray_origins.surface import Surface
+from obscurance.raytrace.system.threads import run_blocks
+from obscurance.raytrace.types import Bools, Int32s, Int64Rows, Int64s
 
 from ..points.near_faces import LISTED, has_near_faces
 from ..points.smooth_surface import SmoothSurface, VertexAxes, point_on

@@ -7,8 +7,8 @@ and handedness.
 
 import numpy as np
 
-from raytrace.mesh.normals import normalize
-from raytrace.types import Bools, Float64s
+from obscurance.raytrace.mesh.normals import normalize
+from obscurance.raytrace.types import Bools, Float64s
 
 from .texels import Texels
 from .uv_surface import UVSurface, corner_places

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.morton import morton_order
-from raytrace.sampling.sequences import hash32_array
-from raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.morton import morton_order
+from obscurance.raytrace.sampling.sequences import hash32_array
+from obscurance.raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
 from ..estimate.inside import inside_solids
 from ..options import TextureOptions

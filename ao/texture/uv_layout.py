@@ -5,9 +5,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from raytrace.errors import MeshError, OptionError
-from raytrace.mesh.mesh import Mesh
-from raytrace.types import Bools, Float64s, Int64s
+from obscurance.raytrace.errors import MeshError, OptionError
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.types import Bools, Float64s, Int64s
 
 MAX_SIDE = 16384
 _FARTHEST = 1e5  # tiles from the unit square; beyond, coordinates of files have no digits left for texels

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.normals import face_normals
-from raytrace.mesh.placement import Placement
-from raytrace.types import Float64s, Int64s
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.normals import face_normals
+from obscurance.raytrace.mesh.placement import Placement
+from obscurance.raytrace.types import Float64s, Int64s
 
 from ..points.receivers import Receivers, find_receivers
 from ..points.smooth_surface import SmoothSurface

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import trimesh
 
-from raytrace.mesh.mesh import Mesh
-from scenes.geometry.polyhedra import join
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.scenes.geometry.polyhedra import join
 
 Floats = npt.NDArray[np.float64]
 SIDE = 400  # vertices along each edge of the grids on which w jumps

@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-import ao
 from benchmarks.accuracy.dense_meshes import JUMPS, PAIRS, subdivided
-from raytrace.mesh.mesh import Mesh
-from scenes.formats.load import load
+from obscurance import ao
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.scenes.formats.load import load
 
 FALLOFF = ao.Binary()
 CHECKED, RAYS = 8192, 2048  # vertices, and rays at each of them

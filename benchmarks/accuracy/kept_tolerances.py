@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.accuracy.dense_meshes import JUMPS, PAIRS
 from benchmarks.accuracy.density import Judgement, Truth
-from raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.mesh import Mesh
 
 EXCEEDED, MISREPORTED = 1.1, 1.4  # times the tolerance and the true error
 ALLOWED = {"RMSE": 2 / 60, "error reported": 1 / 60}  # parts of the bakes that may be beyond

@@ -23,19 +23,19 @@ import numpy as np
 import numpy.typing as npt
 import trimesh
 
-from ao.report import versions
 from benchmarks import RESULTS
 from benchmarks.peers.process import Process
-from raytrace import Lambert, Mesh
-from raytrace.camera import Camera
-from raytrace.lights.sources import PointLight
-from raytrace.mesh.normals import vertex_normals
-from raytrace.renderer.render import render
-from raytrace.scene import Object, Scene, Shape
-from raytrace.settings import Settings
-from raytrace.system.atomic import write_json
-from scenes.formats.load import load
-from scenes.geometry.primitives import plane
+from obscurance.ao.report import versions
+from obscurance.raytrace import Lambert, Mesh
+from obscurance.raytrace.camera import Camera
+from obscurance.raytrace.lights.sources import PointLight
+from obscurance.raytrace.mesh.normals import vertex_normals
+from obscurance.raytrace.renderer.render import render
+from obscurance.raytrace.scene import Object, Scene, Shape
+from obscurance.raytrace.settings import Settings
+from obscurance.raytrace.system.atomic import write_json
+from obscurance.scenes.formats.load import load
+from obscurance.scenes.geometry.primitives import plane
 
 ALBEDO = (0.6, 0.5, 0.4)
 WIDTH, HEIGHT, SAMPLES = 1920, 1080, 64

@@ -19,18 +19,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-import ao
-from ao.points.receivers import find_receivers
-from ao.report import versions
 from benchmarks import RESULTS
-from raytrace.embree.rays import intersect
-from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.normals import face_normals, normalize
-from raytrace.mesh.placement import Placement
-from raytrace.ray_origins.origins import ray_offset
-from raytrace.sampling.sequences import cosine_hemisphere, owen_sobol
-from raytrace.system.atomic import write_json
-from scenes.formats.load import load
+from obscurance import ao
+from obscurance.ao.points.receivers import find_receivers
+from obscurance.ao.report import versions
+from obscurance.raytrace.embree.rays import intersect
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.normals import face_normals, normalize
+from obscurance.raytrace.mesh.placement import Placement
+from obscurance.raytrace.ray_origins.origins import ray_offset
+from obscurance.raytrace.sampling.sequences import cosine_hemisphere, owen_sobol
+from obscurance.raytrace.system.atomic import write_json
+from obscurance.scenes.formats.load import load
 
 Floats = npt.NDArray[np.float64]
 FALLOFFS = {"exponential": ao.Exponential(), "binary": ao.Binary()}

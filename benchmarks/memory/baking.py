@@ -15,18 +15,18 @@ from pathlib import Path
 
 import numpy as np
 
-import ao
-from ao.memory import surface_bytes, vertex_bytes
-from ao.report import versions
 from benchmarks import RESULTS
 from benchmarks.meshes import bumpy_sphere
-from raytrace import Lambert
-from raytrace.camera import Camera
-from raytrace.mesh.mesh import Mesh
-from raytrace.renderer.render import render, rendering_bytes
-from raytrace.scene import Object, Scene, Shape
-from raytrace.settings import Settings
-from raytrace.system.atomic import write_json
+from obscurance import ao
+from obscurance.ao.memory import surface_bytes, vertex_bytes
+from obscurance.ao.report import versions
+from obscurance.raytrace import Lambert
+from obscurance.raytrace.camera import Camera
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.renderer.render import render, rendering_bytes
+from obscurance.raytrace.scene import Object, Scene, Shape
+from obscurance.raytrace.settings import Settings
+from obscurance.raytrace.system.atomic import write_json
 
 SAMPLES = 256
 FILM = Settings(width=1920, height=1080, samples=1)

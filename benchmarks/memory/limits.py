@@ -20,11 +20,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ao.report import versions
 from benchmarks import RESULTS, ROOT
 from benchmarks.memory.picture_4k import peak_of
 from benchmarks.meshes import bumpy_sphere
-from raytrace.system.atomic import write_json
+from obscurance.ao.report import versions
+from obscurance.raytrace.system.atomic import write_json
 
 OBSCURANCE = [sys.executable, str(ROOT / "cli.py")]
 WAYS = {

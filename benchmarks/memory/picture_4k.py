@@ -15,10 +15,10 @@ import tempfile
 import time
 from pathlib import Path
 
-from ao.report import versions
 from benchmarks import RESULTS, ROOT
-from raytrace.system.atomic import write_json
-from scenes.library.catalogue import BUILTIN, write_builtin
+from obscurance.ao.report import versions
+from obscurance.raytrace.system.atomic import write_json
+from obscurance.scenes.library.catalogue import BUILTIN, write_builtin
 
 WIDTH, HEIGHT = 3840, 2160
 TARGET = 2 << 30

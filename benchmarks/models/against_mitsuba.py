@@ -17,9 +17,9 @@ import sys
 import mitsuba as mi
 import numpy as np
 
-from raytrace import CookTorrance, EllipticalBeckmann, Lambert, Material
-from raytrace.brdf.microfacet import fresnel
-from raytrace.materials.reflect import reflect
+from obscurance.raytrace import CookTorrance, EllipticalBeckmann, Lambert, Material
+from obscurance.raytrace.brdf.microfacet import fresnel
+from obscurance.raytrace.materials.reflect import reflect
 
 N = np.array([0.0, 0.0, 1.0])
 COUNT, TOLERANCE = 2000, 2e-5

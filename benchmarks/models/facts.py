@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from raytrace import (
+from obscurance.raytrace import (
     AshikhminShirley,
     BlinnPhong,
     CookTorrance,
@@ -21,8 +21,8 @@ from raytrace import (
     Strauss,
     Ward,
 )
-from raytrace.brdf.models.oren_nayar import fitted_orders
-from raytrace.materials.reflect import NORMAL, albedo, asymmetry, directional_albedo, towards
+from obscurance.raytrace.brdf.models.oren_nayar import fitted_orders
+from obscurance.raytrace.materials.reflect import NORMAL, albedo, asymmetry, directional_albedo, towards
 
 from .oren_nayar_integral import reference_orders
 

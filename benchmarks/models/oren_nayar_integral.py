@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.types import Float64s
+from obscurance.raytrace.types import Float64s
 
 
 def reference_orders(sigma: float, l: npt.ArrayLike, v: npt.ArrayLike, order: int = 128) -> tuple[float, float]:

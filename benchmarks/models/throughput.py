@@ -12,7 +12,7 @@ import time
 import numpy as np
 
 from benchmarks import RESULTS
-from raytrace import (
+from obscurance.raytrace import (
     AshikhminShirley,
     BlinnPhong,
     CookTorrance,
@@ -26,9 +26,9 @@ from raytrace import (
     Strauss,
     Ward,
 )
-from raytrace.brdf.dispatch import reflect_rows
-from raytrace.kernel.library import built_by
-from raytrace.system.atomic import write_json
+from obscurance.raytrace.brdf.dispatch import reflect_rows
+from obscurance.raytrace.kernel.library import built_by
+from obscurance.raytrace.system.atomic import write_json
 
 COUNT, RUNS = 1_000_000, 9
 RESULT = RESULTS / "model_throughput.json"

@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks import ROOT
-from raytrace.camera import Camera
-from raytrace.image.read import read_image
-from raytrace.types import Float32s
+from obscurance.raytrace.camera import Camera
+from obscurance.raytrace.image.read import read_image
+from obscurance.raytrace.types import Float32s
 
 from .chromium import FLAGS
 

@@ -11,16 +11,15 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
-import ao
-import scenes
-from ao.methods.point_values import discs
 from benchmarks import ROOT
 from benchmarks.pictures.half_distances import picture
-from raytrace import AmbientLight, Camera, Lambert, Mesh, Object, PointLight, Scene, Shape, render
-from raytrace.image.write import write_image
-from raytrace.settings import Settings
-from scenes.geometry.builtin_shapes import temple
-from scenes.geometry.polyhedra import RawMesh, join
+from obscurance import ao, scenes
+from obscurance.ao.methods.point_values import discs
+from obscurance.raytrace import AmbientLight, Camera, Lambert, Mesh, Object, PointLight, Scene, Shape, render
+from obscurance.raytrace.image.write import write_image
+from obscurance.raytrace.settings import Settings
+from obscurance.scenes.geometry.builtin_shapes import temple
+from obscurance.scenes.geometry.polyhedra import RawMesh, join
 
 FOLDER = ROOT / "docs" / "gallery"
 VIEW = 0.7, -1.0, 0.3  # of `picture`, from the middle of the mesh

@@ -9,12 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 
-import ao
 from benchmarks import ROOT
-from raytrace import AmbientLight, Camera, Lambert, Mesh, Object, Scene, Shape, render
-from raytrace.image.write import write_image
-from scenes.geometry.builtin_shapes import temple
-from scenes.show.look import BACKGROUND, FIELD_OF_VIEW, clay_settings
+from obscurance import ao
+from obscurance.raytrace import AmbientLight, Camera, Lambert, Mesh, Object, Scene, Shape, render
+from obscurance.raytrace.image.write import write_image
+from obscurance.scenes.geometry.builtin_shapes import temple
+from obscurance.scenes.show.look import BACKGROUND, FIELD_OF_VIEW, clay_settings
 
 TARGET = ROOT / "docs" / "profile" / "strip.png"
 HALF_DISTANCES = "1%", "4%", "12%", "40%", "100%", "200%"

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-import ao
 from benchmarks import ROOT
 from benchmarks.pictures.half_distances import picture
-from raytrace import Mesh
-from raytrace.image.write import write_image
-from scenes.geometry.polyhedra import icosphere
+from obscurance import ao
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.image.write import write_image
+from obscurance.scenes.geometry.polyhedra import icosphere
 
 TARGET = ROOT / "docs" / "textures" / "high.png"
 CAGE, GAP, RADIUS = 0.35, 0.15, 0.8

@@ -14,14 +14,14 @@ import numpy as np
 import trimesh
 from trimesh.visual.material import PBRMaterial
 
-import scenes
 from benchmarks import ROOT
 from benchmarks.pictures.browser import missing, shown
-from raytrace.image.write import write_image
-from scenes.bake.options import BakeOptions
-from scenes.bake.plan import plan_bake
-from scenes.bake.run import run
-from scenes.description.description import framing
+from obscurance import scenes
+from obscurance.raytrace.image.write import write_image
+from obscurance.scenes.bake.options import BakeOptions
+from obscurance.scenes.bake.plan import plan_bake
+from obscurance.scenes.bake.run import run
+from obscurance.scenes.description.description import framing
 
 TARGET = ROOT / "docs" / "textures" / "instances.png"
 SIZE = 480, 220

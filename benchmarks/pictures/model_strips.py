@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks import ROOT
-from raytrace import (
+from obscurance.raytrace import (
     AshikhminShirley,
     BlinnPhong,
     CookTorrance,
@@ -28,10 +28,10 @@ from raytrace import (
     Warnock,
     material_from_dict,
 )
-from raytrace.image.write import write_image
-from raytrace.materials.presets import eta_from_reflectance
-from raytrace.materials.reflect import reflect
-from raytrace.mesh.normals import normalize
+from obscurance.raytrace.image.write import write_image
+from obscurance.raytrace.materials.presets import eta_from_reflectance
+from obscurance.raytrace.materials.reflect import reflect
+from obscurance.raytrace.mesh.normals import normalize
 
 FOLDER = ROOT / "docs" / "models"
 SIZE, SAMPLES = 112, 3

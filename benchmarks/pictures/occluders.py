@@ -15,16 +15,16 @@ from typing import Any
 import numpy as np
 import trimesh
 
-import ao
 from benchmarks import ROOT
 from benchmarks.pictures.half_distances import picture
-from raytrace import Mesh
-from raytrace.image.write import write_image
-from scenes.formats.load import MeshFile
-from scenes.formats.objects import select_objects
-from scenes.geometry.builtin_shapes import temple
-from scenes.geometry.instances import Instance, flatten
-from scenes.geometry.polyhedra import icosphere
+from obscurance import ao
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.image.write import write_image
+from obscurance.scenes.formats.load import MeshFile
+from obscurance.scenes.formats.objects import select_objects
+from obscurance.scenes.geometry.builtin_shapes import temple
+from obscurance.scenes.geometry.instances import Instance, flatten
+from obscurance.scenes.geometry.polyhedra import icosphere
 
 TURN = trimesh.transformations.rotation_matrix(np.pi / 2, (1, 0, 0))
 OPTIONS = ((), (), ()), (("plate",), (), ()), ((), ("!ring",), ()), ((), (), ("ring",))

@@ -13,17 +13,17 @@ from pathlib import Path
 
 import numpy as np
 
-import ao
 from benchmarks import ROOT
 from benchmarks.pictures.browser import missing, shown
-from raytrace import AmbientLight, DirectionalLight, Scene, Settings, render
-from raytrace.image.write import write_image
-from raytrace.types import Float32s
-from scenes.description.description import framing
-from scenes.description.gltf_scene import gltf_objects
-from scenes.formats.load import MeshFile
-from scenes.formats.write import write
-from scenes.geometry.builtin_shapes import Temple
+from obscurance import ao
+from obscurance.raytrace import AmbientLight, DirectionalLight, Scene, Settings, render
+from obscurance.raytrace.image.write import write_image
+from obscurance.raytrace.types import Float32s
+from obscurance.scenes.description.description import framing
+from obscurance.scenes.description.gltf_scene import gltf_objects
+from obscurance.scenes.formats.load import MeshFile
+from obscurance.scenes.formats.write import write
+from obscurance.scenes.geometry.builtin_shapes import Temple
 
 TARGET = ROOT / "docs" / "textures" / "viewers.png"
 WIDTH, HEIGHT = 320, 240

@@ -15,19 +15,19 @@ import tempfile
 import time
 from pathlib import Path
 
-import ao
 from benchmarks import ROOT
 from benchmarks.pictures.chromium import MISSING, Browser, browser
-from raytrace import Camera, Mesh, render
-from raytrace.image.compare import compare
-from raytrace.image.write import write_image
-from raytrace.mesh.up import UP, up_axis
-from scenes.formats.load import MeshFile, load
-from scenes.formats.write import write
-from scenes.geometry.builtin_shapes import temple
-from scenes.show.look import FIELD_OF_VIEW, clay_scene, clay_settings
-from scenes.show.page.document import html_of_bakes
-from scenes.show.page.encode import Values
+from obscurance import ao
+from obscurance.raytrace import Camera, Mesh, render
+from obscurance.raytrace.image.compare import compare
+from obscurance.raytrace.image.write import write_image
+from obscurance.raytrace.mesh.up import UP, up_axis
+from obscurance.scenes.formats.load import MeshFile, load
+from obscurance.scenes.formats.write import write
+from obscurance.scenes.geometry.builtin_shapes import temple
+from obscurance.scenes.show.look import FIELD_OF_VIEW, clay_scene, clay_settings
+from obscurance.scenes.show.page.document import html_of_bakes
+from obscurance.scenes.show.page.encode import Values
 
 _PANEL = 250  # pixels that a page's panel takes
 _SIZE = 960, 640

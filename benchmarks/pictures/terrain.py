@@ -8,10 +8,10 @@ from __future__ import annotations
 import matplotlib.pyplot as plt
 import numpy as np
 
-import ao
 from benchmarks import ROOT
-from raytrace import Mesh
-from raytrace.types import Float64s
+from obscurance import ao
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.types import Float64s
 
 TARGET = ROOT / "docs" / "terrain.png"
 SIZE, CELL = 256, 30.0  # cells each way, and metres

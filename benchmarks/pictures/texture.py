@@ -10,17 +10,17 @@ from pathlib import Path
 
 import numpy as np
 
-import ao
 from benchmarks import ROOT
-from raytrace import AmbientLight, Scene, Settings, render
-from raytrace.image.write import write_image
-from raytrace.types import Float32s
-from scenes import unwrap
-from scenes.description.description import framing
-from scenes.description.gltf_scene import gltf_objects
-from scenes.formats.gltf.textured import textured_glb
-from scenes.formats.load import MeshFile
-from scenes.geometry.builtin_shapes import Temple
+from obscurance import ao
+from obscurance.raytrace import AmbientLight, Scene, Settings, render
+from obscurance.raytrace.image.write import write_image
+from obscurance.raytrace.types import Float32s
+from obscurance.scenes import unwrap
+from obscurance.scenes.description.description import framing
+from obscurance.scenes.description.gltf_scene import gltf_objects
+from obscurance.scenes.formats.gltf.textured import textured_glb
+from obscurance.scenes.formats.load import MeshFile
+from obscurance.scenes.geometry.builtin_shapes import Temple
 
 TARGET = ROOT / "docs" / "textures" / "page.png"
 PAGE, WIDTH, HEIGHT = 1024, 480, 360

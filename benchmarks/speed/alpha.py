@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 
-import ao
-from ao.options import Traversal
-from ao.report import versions
 from benchmarks import RESULTS
-from raytrace import (
+from obscurance import ao
+from obscurance.ao.options import Traversal
+from obscurance.ao.report import versions
+from obscurance.raytrace import (
     AlphaSurface,
     AmbientLight,
     Camera,
@@ -34,7 +34,7 @@ from raytrace import (
     Texture,
     render,
 )
-from raytrace.system.atomic import write_json
+from obscurance.raytrace.system.atomic import write_json
 
 TARGET = RESULTS / "alpha.json"
 CARDS, FLOOR, TEXELS, ROUNDS, SAMPLES, LAYERS = 1000, 65, 256, 5, 256, 15

@@ -16,13 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
-import ao
-import scenes
-from ao.report import versions
 from benchmarks import RESULTS, ROOT
 from benchmarks.meshes import bumpy_sphere
-from raytrace.system.atomic import write_json
-from raytrace.system.threads import thread_count
+from obscurance import ao, scenes
+from obscurance.ao.report import versions
+from obscurance.raytrace.system.atomic import write_json
+from obscurance.raytrace.system.threads import thread_count
 
 COMMAND = [sys.executable, "-m", "obscurance", "bake"]
 

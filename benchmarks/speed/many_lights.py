@@ -18,17 +18,17 @@ from statistics import median
 import numpy as np
 import numpy.typing as npt
 
-from ao.report import versions
 from benchmarks import RESULTS
-from raytrace import Lambert
-from raytrace.camera import Camera
-from raytrace.lights.kernels import incident
-from raytrace.lights.sources import PointLight
-from raytrace.renderer.render import render
-from raytrace.scene import Object, Scene, Shape
-from raytrace.settings import Settings
-from raytrace.system.atomic import write_json
-from scenes.geometry.builtin_shapes import Box, Plane
+from obscurance.ao.report import versions
+from obscurance.raytrace import Lambert
+from obscurance.raytrace.camera import Camera
+from obscurance.raytrace.lights.kernels import incident
+from obscurance.raytrace.lights.sources import PointLight
+from obscurance.raytrace.renderer.render import render
+from obscurance.raytrace.scene import Object, Scene, Shape
+from obscurance.raytrace.settings import Settings
+from obscurance.raytrace.system.atomic import write_json
+from obscurance.scenes.geometry.builtin_shapes import Box, Plane
 
 KEPT = 10
 SIDE, RANGE, BLOCKS = 20.0, 1.2, 64

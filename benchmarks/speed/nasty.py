@@ -15,12 +15,12 @@ from unittest.mock import patch
 
 import numpy as np
 
-import ao
-from ao.options import Traversal
-from raytrace import Mesh
-from raytrace.ray_origins import origins
-from scenes.geometry.polyhedra import icosphere
-from scenes.validation.table import text_table
+from obscurance import ao
+from obscurance.ao.options import Traversal
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.ray_origins import origins
+from obscurance.scenes.geometry.polyhedra import icosphere
+from obscurance.scenes.validation.table import text_table
 
 SIZES = 1_000, 10_000, 100_000
 _SAMPLES = 16

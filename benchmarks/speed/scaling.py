@@ -32,35 +32,35 @@ from benchmarks import RESULTS, ROOT
 from benchmarks.speed.scaling_cases import cases
 from benchmarks.speed.scaling_page import table, write_page
 from benchmarks.time_against_error.machine import machine
-from raytrace.system import threads as threads_module
-from raytrace.system.atomic import write_json
+from obscurance.raytrace.system import threads as threads_module
+from obscurance.raytrace.system.atomic import write_json
 
 TARGET, PAGE = RESULTS / "scaling.json", ROOT / "build" / "scaling"
 CORES = (2, 4, 8, 16, 32)
 STAGES = (
-    ("mesh bounds", "raytrace.mesh.placement Placement.of"),
-    ("welding, normals", "raytrace.ray_origins.origins weld_points"),
-    ("hierarchy", "raytrace.bvh.bvh16 BVH16.of"),
-    ("origins", "raytrace.ray_origins.origins WeldedPoints.ray_origins"),
-    ("receivers", "ao.points.receivers find_receivers"),
-    ("corners of folds", "ao.points.corners find_corner_samples"),
-    ("Embree's hierarchy", "raytrace.embree.scene TriangleScene.__init__"),
-    ("interior", "ao.estimate.inside inside_solids"),
-    ("rays", "ao.execute.tracer Tracer.gather"),
-    ("rays", "ao.execute.sample_means SampleMeans.rows"),
-    ("neighbours", "ao.estimate.one_ring Neighbours.of"),
-    ("neighbours", "ao.texture.adjacency texel_neighbours"),
-    ("denoising", "ao.estimate.shrinkage denoise"),
-    ("denoising", "ao.estimate.scales denoise_over_scales"),
-    ("planning", "ao.estimate.tolerance estimate_to"),
-    ("result", "ao.result assemble"),
-    ("error between vertices", "ao.interpolation_error measure_interpolation"),
-    ("charts", "ao.texture.uv_surface UVSurface.of"),
-    ("coverage", "ao.texture.coverage Page.cover"),
-    ("texels", "ao.texture.texels TexelSampler.find"),
-    ("seams, padding", "ao.texture.result PageAssembly.assemble"),
-    ("geometry", "raytrace.renderer.render prepare_picture"),
-    ("pixels", "raytrace.renderer.render _render_tiles"),
+    ("mesh bounds", "obscurance.raytrace.mesh.placement Placement.of"),
+    ("welding, normals", "obscurance.raytrace.ray_origins.origins weld_points"),
+    ("hierarchy", "obscurance.raytrace.bvh.bvh16 BVH16.of"),
+    ("origins", "obscurance.raytrace.ray_origins.origins WeldedPoints.ray_origins"),
+    ("receivers", "obscurance.ao.points.receivers find_receivers"),
+    ("corners of folds", "obscurance.ao.points.corners find_corner_samples"),
+    ("Embree's hierarchy", "obscurance.raytrace.embree.scene TriangleScene.__init__"),
+    ("interior", "obscurance.ao.estimate.inside inside_solids"),
+    ("rays", "obscurance.ao.execute.tracer Tracer.gather"),
+    ("rays", "obscurance.ao.execute.sample_means SampleMeans.rows"),
+    ("neighbours", "obscurance.ao.estimate.one_ring Neighbours.of"),
+    ("neighbours", "obscurance.ao.texture.adjacency texel_neighbours"),
+    ("denoising", "obscurance.ao.estimate.shrinkage denoise"),
+    ("denoising", "obscurance.ao.estimate.scales denoise_over_scales"),
+    ("planning", "obscurance.ao.estimate.tolerance estimate_to"),
+    ("result", "obscurance.ao.result assemble"),
+    ("error between vertices", "obscurance.ao.interpolation_error measure_interpolation"),
+    ("charts", "obscurance.ao.texture.uv_surface UVSurface.of"),
+    ("coverage", "obscurance.ao.texture.coverage Page.cover"),
+    ("texels", "obscurance.ao.texture.texels TexelSampler.find"),
+    ("seams, padding", "obscurance.ao.texture.result PageAssembly.assemble"),
+    ("geometry", "obscurance.raytrace.renderer.render prepare_picture"),
+    ("pixels", "obscurance.raytrace.renderer.render _render_tiles"),
 )
 REST = "the rest"
 _JOINS, _ASLEEP = 200, 1e-3  # to take the time of; seconds

@@ -6,12 +6,11 @@ import functools
 from collections.abc import Callable
 from typing import Any
 
-import ao
-import raytrace
 from benchmarks.time_against_error.suite import stone
-from raytrace.mesh.mesh import Mesh
-from scenes.geometry.builtin_shapes import temple
-from scenes.geometry.primitives import plane
+from obscurance import ao, raytrace
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.scenes.geometry.builtin_shapes import temple
+from obscurance.scenes.geometry.primitives import plane
 
 
 def cases() -> dict[str, Callable[[], Callable[[int], object]]]:
@@ -41,7 +40,7 @@ def _vertices(make: Callable[[], Mesh], **options: Any) -> Callable[[int], objec
 
 def _texture(make: Callable[[], Mesh], size: int) -> Callable[[int], object]:
     """64 rays a texel of a square of this size."""
-    from scenes import unwrap
+    from obscurance.scenes import unwrap
 
     mesh = make()
     uv = unwrap(mesh, size)

@@ -1,7 +1,7 @@
 """Whole processes from their start to their end, in turns: `python -m benchmarks.speed.start_up [MESH…]`.
 
 For each mesh, by default a coarse built-in temple, a bake. Beside them the interpreter alone, `import numpy`, Embree's
-library with it, `import ao` and `obscurance --help`. Medians of wall and processor time; the ratios are to NumPy with
+library with it, `from obscurance import ao` and `obscurance --help`. Medians of wall and processor time; the ratios are to NumPy with
 Embree's library in the same run.
 """
 
@@ -19,12 +19,12 @@ from typing import Any
 
 from benchmarks import RESULTS, ROOT
 from benchmarks.time_against_error.machine import machine
-from raytrace.system.atomic import write_json
-from scenes.geometry.builtin_shapes import temple
-from scenes.validation.table import text_table
+from obscurance.raytrace.system.atomic import write_json
+from obscurance.scenes.geometry.builtin_shapes import temple
+from obscurance.scenes.validation.table import text_table
 
 ROUNDS = 9
-EMBREE = "raytrace.embree.library"
+EMBREE = "obscurance.raytrace.embree.library"
 _FINENESS = 0.6  # 3,906 vertices
 RESULT = RESULTS / "start_up.json"
 OBSCURANCE = [sys.executable, str(ROOT / "cli.py")]

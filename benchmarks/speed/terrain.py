@@ -18,10 +18,10 @@ import numpy as np
 import rasterio
 from rasterio.transform import Affine
 
-from ao.report import versions
 from benchmarks import RESULTS, ROOT
 from benchmarks.pictures.terrain import CELL, mountains
-from raytrace.system.atomic import write_json
+from obscurance.ao.report import versions
+from obscurance.raytrace.system.atomic import write_json
 
 SIDES = 500, 1000
 BAKE = "--falloff", "binary", "--max-distance", "20km"

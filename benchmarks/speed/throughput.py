@@ -17,15 +17,15 @@ from statistics import median
 
 import numpy as np
 
-from ao import Binary, Exponential
-from ao.mu import KernelMu
-from ao.points.receivers import find_receivers
-from ao.rays.directions import DirectionTable, choose, turned_frame
-from ao.rays.gather import COLUMNS, gather_hemispheres
-from ao.rays.ray_packet import RayPacket
-from ao.report import versions
 from benchmarks import RESULTS
-from raytrace.embree.packets import (
+from obscurance.ao import Binary, Exponential
+from obscurance.ao.mu import KernelMu
+from obscurance.ao.points.receivers import find_receivers
+from obscurance.ao.rays.directions import DirectionTable, choose, turned_frame
+from obscurance.ao.rays.gather import COLUMNS, gather_hemispheres
+from obscurance.ao.rays.ray_packet import RayPacket
+from obscurance.ao.report import versions
+from obscurance.raytrace.embree.packets import (
     DIR_X,
     DIR_Y,
     DIR_Z,
@@ -40,13 +40,13 @@ from raytrace.embree.packets import (
     new_packet,
     occluded8,
 )
-from raytrace.kernel.jit import kernel
-from raytrace.mesh.placement import Placement
-from raytrace.sampling.sequences import seed_key
-from raytrace.system.atomic import write_json
-from raytrace.system.threads import run_blocks, thread_count
-from scenes.formats.load import load
-from scenes.geometry.builtin_shapes import temple
+from obscurance.raytrace.kernel.jit import kernel
+from obscurance.raytrace.mesh.placement import Placement
+from obscurance.raytrace.sampling.sequences import seed_key
+from obscurance.raytrace.system.atomic import write_json
+from obscurance.raytrace.system.threads import run_blocks, thread_count
+from obscurance.scenes.formats.load import load
+from obscurance.scenes.geometry.builtin_shapes import temple
 
 BLOCK = 2048
 

@@ -13,19 +13,19 @@ from typing import Any
 
 import numpy as np
 
-from ao.points.receivers import find_receivers
-from ao.rays.directions import DirectionTable
-from ao.rays.gather import COLUMNS, W, gather_hemispheres, gather_streams
-from ao.rays.ray_blocks import Rays
-from ao.rays.ray_packet import RayPacket
-from ao.rays.traverse import TraversalState
-from ao.report import versions
 from benchmarks import RESULTS
 from benchmarks.time_against_error.suite import Specimen, builtin, falloffs
-from raytrace.mesh.placement import Placement
-from raytrace.sampling.sequences import seed_key
-from raytrace.system.atomic import write_json
-from scenes.formats.load import load
+from obscurance.ao.points.receivers import find_receivers
+from obscurance.ao.rays.directions import DirectionTable
+from obscurance.ao.rays.gather import COLUMNS, W, gather_hemispheres, gather_streams
+from obscurance.ao.rays.ray_blocks import Rays
+from obscurance.ao.rays.ray_packet import RayPacket
+from obscurance.ao.rays.traverse import TraversalState
+from obscurance.ao.report import versions
+from obscurance.raytrace.mesh.placement import Placement
+from obscurance.raytrace.sampling.sequences import seed_key
+from obscurance.raytrace.system.atomic import write_json
+from obscurance.scenes.formats.load import load
 
 TARGET = RESULTS / "traversal.json"
 SAMPLES = (8, 16, 32, 64, 256, 1024)

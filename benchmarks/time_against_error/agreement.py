@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.validation.reference import RAYS, Errors
+from obscurance.scenes.validation.reference import RAYS, Errors
 
 from .methods import METHODS, OURS, Method
 from .programs import Program, Task, open_programs, peer_option

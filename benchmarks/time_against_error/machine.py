@@ -7,8 +7,8 @@ import platform
 from pathlib import Path
 from typing import Any
 
-from ao.report import versions
-from raytrace.system.threads import thread_count
+from obscurance.ao.report import versions
+from obscurance.raytrace.system.threads import thread_count
 
 
 def machine() -> dict[str, Any]:

@@ -10,8 +10,8 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-import ao
-from scenes.validation.reference import Errors, Reference
+from obscurance import ao
+from obscurance.scenes.validation.reference import Errors, Reference
 
 from .analysis import TARGETS
 from .methods import Method

@@ -16,12 +16,12 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-import ao
-from ao.mu import Mu
-from ao.points.receivers import find_receivers
 from benchmarks.peers.process import PeerFailed, Process
-from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.placement import Placement
+from obscurance import ao
+from obscurance.ao.mu import Mu
+from obscurance.ao.points.receivers import find_receivers
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.placement import Placement
 
 from .methods import OURS
 
@@ -81,7 +81,7 @@ class Ours:
     """`ao.bake` in this process."""
 
     def __init__(self) -> None:
-        from ao.report import versions
+        from obscurance.ao.report import versions
 
         self.version = f"obscurance {versions()['obscurance']}"
 

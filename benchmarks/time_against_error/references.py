@@ -15,13 +15,13 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from ao.mu import Mu
-from ao.points.receivers import find_receivers
 from benchmarks import ROOT
-from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.placement import ULP, Placement
-from raytrace.system.atomic import atomic_write
-from scenes.validation.reference import Reference, reference, trace
+from obscurance.ao.mu import Mu
+from obscurance.ao.points.receivers import find_receivers
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.placement import ULP, Placement
+from obscurance.raytrace.system.atomic import atomic_write
+from obscurance.scenes.validation.reference import Reference, reference, trace
 
 from .programs import Task
 

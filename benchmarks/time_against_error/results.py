@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from raytrace.system.atomic import atomic_write
+from obscurance.raytrace.system.atomic import atomic_write
 
 
 def write_results(path: Path, results: dict[str, Any]) -> None:

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-import ao
 from benchmarks.accuracy.dense_meshes import subdivided
-from raytrace.mesh.mesh import Mesh
-from scenes.formats.load import load
-from scenes.geometry.builtin_shapes import Box, Cylinder, Sphere, menger, temple
-from scenes.geometry.polyhedra import icosphere
-from scenes.geometry.primitives import merge, plane
+from obscurance import ao
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.scenes.formats.load import load
+from obscurance.scenes.geometry.builtin_shapes import Box, Cylinder, Sphere, menger, temple
+from obscurance.scenes.geometry.polyhedra import icosphere
+from obscurance.scenes.geometry.primitives import merge, plane
 
 ENDINGS = (".obj", ".ply", ".stl", ".off")
 LIMIT = 0.05  # of the diagonal

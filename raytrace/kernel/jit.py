@@ -49,9 +49,9 @@ class _Deferred(ModuleType):
 ir = _Deferred("llvmlite.ir")
 types = _Deferred("numba.core.types")
 arrayobj = _Deferred("numba.np.arrayobj")
-lanes = _Deferred("raytrace.kernel.lanes")
-compiler = _Deferred("raytrace.kernel.compiler")
-link = _Deferred("raytrace.kernel.link")
+lanes = _Deferred("obscurance.raytrace.kernel.lanes")
+compiler = _Deferred("obscurance.raytrace.kernel.compiler")
+link = _Deferred("obscurance.raytrace.kernel.link")
 
 
 class _Loaded(NamedTuple):

@@ -11,9 +11,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from raytrace.errors import printable
-from raytrace.system.checks import check_outputs, check_regular
-from raytrace.system.threads import run_blocks, thread_count
+from obscurance.raytrace.errors import printable
+from obscurance.raytrace.system.checks import check_outputs, check_regular
+from obscurance.raytrace.system.threads import run_blocks, thread_count
 
 from ..show.progress import progress
 from .cluster import run_remotely
@@ -24,7 +24,7 @@ from .plan import Plan
 from .run import Outcome, kept_by, run_in_batch, silence_tolerance_warnings, workers_of
 
 if TYPE_CHECKING:
-    from ao.cluster.workers import Workers
+    from obscurance.ao.cluster.workers import Workers
 
 _LARGE = 1 << 21  # bytes of a mesh file from which on a bake keeps all cores busy by itself
 _OF_ONE = ("mesh", "output", "threads")  # options that differ from one bake to another, or change no result
@@ -82,7 +82,7 @@ class Batch:
 
     def _begin(self) -> Manifest:
         """The manifest, with what is done if the batch is resumed."""
-        from ao.report import versions
+        from obscurance.ao.report import versions
 
         options = {name: value for name, value in self.plans[0].described().items() if name not in _OF_ONE}
         facts: dict[str, Any] = {"options": options, "versions": versions()}

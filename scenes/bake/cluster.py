@@ -12,7 +12,7 @@ from .plan import Plan
 from .run import Outcome, run_in_batch, silence_tolerance_warnings
 
 if TYPE_CHECKING:
-    from ao.cluster.workers import SharedScene, Workers
+    from obscurance.ao.cluster.workers import SharedScene, Workers
 
 
 def run_remotely(workers: Workers, plans: Sequence[Plan]) -> Iterator[tuple[int, Outcome]]:
@@ -34,7 +34,7 @@ def _bake(_: SharedScene, plan: Plan) -> tuple[object, ...]:
 
 def _outcome(fields: Any) -> Outcome:
     """The `Outcome` of the fields that a worker sends, each checked for its type."""
-    from raytrace.system.records import Fault, read
+    from obscurance.raytrace.system.records import Fault, read
 
     try:
         return read(Outcome, dict(zip(Outcome._fields, fields, strict=True)))

@@ -13,11 +13,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from raytrace.errors import LINE, printable
+from obscurance.raytrace.errors import LINE, printable
 
 if TYPE_CHECKING:
-    import ao
-    from raytrace.mesh.mesh import Mesh
+    from obscurance import ao
+    from obscurance.raytrace.mesh.mesh import Mesh
 
 
 def note(message: str) -> None:
@@ -122,7 +122,7 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff
 
     Args: falloff: that is relative to the radius of the last of the meshes, perhaps.
     """
-    from raytrace.mesh.precision import outlier_warnings, precision_warnings
+    from obscurance.raytrace.mesh.precision import outlier_warnings, precision_warnings
 
     distinct = {id(mesh): mesh for mesh in meshes}.values()
     warnings = list(dict.fromkeys(warning for mesh in distinct for warning in precision_warnings(mesh)))

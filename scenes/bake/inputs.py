@@ -10,16 +10,16 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import ao
-from raytrace.errors import OptionError
-from raytrace.system.checks import make_folder
+from obscurance import ao
+from obscurance.raytrace.errors import OptionError
+from obscurance.raytrace.system.checks import make_folder
 
 from ..formats.load import MeshFile, load
 from ..formats.objects import ObjectSelection, match, select_objects
 from ..formats.table import endings
 
 if TYPE_CHECKING:
-    from raytrace.mesh.mesh import Mesh
+    from obscurance.raytrace.mesh.mesh import Mesh
 
     from .plan import Plan
 
@@ -87,7 +87,7 @@ def read_inputs(plan: Plan, content: bytes | None = None, source: MeshFile | Non
     cage = [load(options.cage)] if isinstance(options.cage, Path) else []
     fine = None
     if high:
-        from ao.points.occluders import joined
+        from obscurance.ao.points.occluders import joined
 
         fine = joined([file.mesh for file in high], all_normals=True)
     # What is baked, and what occludes it besides.

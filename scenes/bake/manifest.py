@@ -8,11 +8,11 @@ from pathlib import Path
 from threading import Lock
 from typing import Any, Literal
 
-from raytrace.errors import InputError
-from raytrace.system.atomic import write_json
-from raytrace.system.checks import check_regular
-from raytrace.system.records import Fault, read
-from raytrace.text.strict_json import parse_json
+from obscurance.raytrace.errors import InputError
+from obscurance.raytrace.system.atomic import write_json
+from obscurance.raytrace.system.checks import check_regular
+from obscurance.raytrace.system.records import Fault, read
+from obscurance.raytrace.text.strict_json import parse_json
 
 MANIFEST = "manifest.json"
 VERSION = 1

@@ -10,9 +10,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
-from ao.declared import EVERY_BAKE, IMAGE, Option, options_of
-from ao.options import Normals, TextureOptions, VertexOptions
-from raytrace.errors import ConflictError, InputError, OptionError
+from obscurance.ao.declared import EVERY_BAKE, IMAGE, Option, options_of
+from obscurance.ao.options import Normals, TextureOptions, VertexOptions
+from obscurance.raytrace.errors import ConflictError, InputError, OptionError
 
 PRESETS: dict[str, dict[str, Any]] = {
     "unreal": {"format": "glb", "occlusion": "texture", "bits": "8", "bent_space": "tangent-directx"},

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-import ao
-from ao.texture.coverage import reaches_into_page, shared_texels
-from ao.texture.uv_layout import have_area, on_page
-from raytrace.errors import MeshError, OptionError, first_names
-from raytrace.text.safe_paths import file_words
-from raytrace.types import Bools, Float64s
+from obscurance import ao
+from obscurance.ao.texture.coverage import reaches_into_page, shared_texels
+from obscurance.ao.texture.uv_layout import have_area, on_page
+from obscurance.raytrace.errors import MeshError, OptionError, first_names
+from obscurance.raytrace.text.safe_paths import file_words
+from obscurance.raytrace.types import Bools, Float64s
 
 from ..formats.images import MATERIAL, OBJECT, UDIM, tile_number, udim_tiles
 from ..formats.load import MeshFile

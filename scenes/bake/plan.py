@@ -7,12 +7,12 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-import ao
-from ao.falloff import resolve_length
-from ao.options import Options, TextureOptions, VertexOptions
-from raytrace.errors import ConflictError, OptionError, Relation, Term
-from raytrace.system.checks import check_ending, check_outputs
-from raytrace.system.threads import thread_count
+from obscurance import ao
+from obscurance.ao.falloff import resolve_length
+from obscurance.ao.options import Options, TextureOptions, VertexOptions
+from obscurance.raytrace.errors import ConflictError, OptionError, Relation, Term
+from obscurance.raytrace.system.checks import check_ending, check_outputs
+from obscurance.raytrace.system.threads import thread_count
 
 from ..formats.falloffs import make_falloff, table_of
 from ..formats.images import ENDINGS as IMAGES
@@ -22,7 +22,7 @@ from ..formats.write import ENDINGS, channels, check_holds, check_target
 from .options import BAKER, PRESETS, REPORTS, ROWS, BakeOptions, absolute, check_kind, named, plain
 
 if TYPE_CHECKING:
-    from ao.execute.kept import Kept
+    from obscurance.ao.execute.kept import Kept
 
 Kind = Literal["vertices", "texture"]
 OpenCheckpoint = Callable[[Path], AbstractContextManager["Kept"]]
@@ -151,7 +151,7 @@ class Plan(NamedTuple):
         else:
             check_target(self.output)
         if self.options.debug_image:
-            from raytrace.image.write import check_image_target
+            from obscurance.raytrace.image.write import check_image_target
 
             with named("debug_image"):
                 check_image_target(self.options.debug_image, layers=("beauty",))
@@ -270,7 +270,7 @@ def _ground_height(ground: str | None) -> float | None:
 
 def _texels(text: str) -> tuple[int, int]:
     """The width and height of a page of "N" or "WxH". Raises: OptionError."""
-    from ao.texture.uv_layout import page_size
+    from obscurance.ao.texture.uv_layout import page_size
 
     try:
         sides = [int(part) for part in text.lower().split("x")]

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ao.declared import Option
-from raytrace.errors import InputError, nearest_name, shortened
+from obscurance.ao.declared import Option
+from obscurance.raytrace.errors import InputError, nearest_name, shortened
 
 from .options import BAKE, PRESETS, ROWS, check_stored, plain
 
@@ -99,9 +99,9 @@ def saved_options(path: Path) -> dict[str, Any]:
     """Options of an earlier bake, but for what was written and how it was run. Raises: InputError."""
     from json import dumps
 
-    from ao.report import SCHEMA_VERSION
-    from raytrace.system.checks import check_regular
-    from raytrace.text.strict_json import parse_json
+    from obscurance.ao.report import SCHEMA_VERSION
+    from obscurance.raytrace.system.checks import check_regular
+    from obscurance.raytrace.text.strict_json import parse_json
 
     check_regular(path, "the report of a bake")
     try:

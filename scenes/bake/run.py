@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
 from warnings import catch_warnings, simplefilter
 
-import ao
-from raytrace.errors import ClusterError, ObscuranceError, OptionError, printable
-from raytrace.system.atomic import is_standard_output
+from obscurance import ao
+from obscurance.raytrace.errors import ClusterError, ObscuranceError, OptionError, printable
+from obscurance.raytrace.system.atomic import is_standard_output
 
 from .console import note
 from .inputs import BakeInputs, read_inputs
@@ -22,8 +22,8 @@ from .plan import OpenCheckpoint, Plan
 from .report import OutputSummary, WorkSize
 
 if TYPE_CHECKING:
-    from ao.cluster.workers import Workers
-    from ao.execute.kept import Kept
+    from obscurance.ao.cluster.workers import Workers
+    from obscurance.ao.execute.kept import Kept
 
 
 @contextmanager
@@ -40,14 +40,14 @@ def workers_of(options: OptionValues) -> AbstractContextManager[Workers | None]:
         return nullcontext()
     if find_spec("distributed") is None or find_spec("cryptography") is None:
         raise OptionError("cluster", "Dask and cryptography: pip install dask distributed cryptography", "not both")
-    from ao.cluster.workers import Workers
+    from obscurance.ao.cluster.workers import Workers
 
     return Workers(options.cluster, note, options.threads)
 
 
 def kept_by(workers: Workers | None, output: Path | None) -> Kept:
     """Keeps rows beside the output, if that is a file; workers trace them, if there are any."""
-    from ao.execute.kept import Kept
+    from obscurance.ao.execute.kept import Kept
 
     target = None if output is None or is_standard_output(output) else output
     return Kept(target, note, make=workers.make, status=workers.status) if workers else Kept(target, note)

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-import ao
-from ao.baking import VertexArguments, bake_vertices
-from ao.memory import column_bytes, texture_bytes
-from ao.report import report
-from ao.texture.bake_texture import TextureArguments, bake_page
-from ao.texture.uv_layout import covered_texels, on_page
-from raytrace.errors import OptionError
-from raytrace.mesh.mesh import Mesh
-from raytrace.system.atomic import write_bytes
-from raytrace.system.checks import check_outputs
+from obscurance import ao
+from obscurance.ao.baking import VertexArguments, bake_vertices
+from obscurance.ao.memory import column_bytes, texture_bytes
+from obscurance.ao.report import report
+from obscurance.ao.texture.bake_texture import TextureArguments, bake_page
+from obscurance.ao.texture.uv_layout import covered_texels, on_page
+from obscurance.raytrace.errors import OptionError
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.system.atomic import write_bytes
+from obscurance.raytrace.system.checks import check_outputs
 
 from ..formats.images import MATERIAL, write_grey, write_normals
 from ..formats.primitive_groups import primitive_groups
@@ -31,7 +31,7 @@ from .report import OutputSummary, WorkSize, hashed_inputs, write_bake_report
 from .uv import Coordinates, coordinates
 
 if TYPE_CHECKING:
-    from ao.execute.kept import Kept
+    from obscurance.ao.execute.kept import Kept
 
     from ..show.report.pictures import Picture
     from .inputs import BakeInputs

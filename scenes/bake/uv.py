@@ -10,14 +10,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ao.falloff import resolve_length
-from ao.texture.uv_layout import MAX_SIDE, corner_uv, doubled_areas, have_area, on_page, page_size, texels_across
-from ao.texture.uv_surface import corner_places
-from raytrace.errors import MeshError, OptionError
-from raytrace.mesh.mesh import Mesh, mesh_of
-from raytrace.mesh.normals import face_normals
-from raytrace.mesh.weld import connected_components
-from raytrace.types import Bools, Float64s, Int64s
+from obscurance.ao.falloff import resolve_length
+from obscurance.ao.texture.uv_layout import (
+    MAX_SIDE,
+    corner_uv,
+    doubled_areas,
+    have_area,
+    on_page,
+    page_size,
+    texels_across,
+)
+from obscurance.ao.texture.uv_surface import corner_places
+from obscurance.raytrace.errors import MeshError, OptionError
+from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
+from obscurance.raytrace.mesh.normals import face_normals
+from obscurance.raytrace.mesh.weld import connected_components
+from obscurance.raytrace.types import Bools, Float64s, Int64s
 
 from ..formats.load import MeshFile
 from ..formats.objects import ObjectSelection

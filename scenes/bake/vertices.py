@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import ao
-from ao.baking import VertexArguments, bake_vertices
-from ao.options import VertexOptions
-from raytrace.errors import MeshError, OptionError
-from raytrace.system.checks import check_outputs
-from raytrace.types import Float64s
+from obscurance import ao
+from obscurance.ao.baking import VertexArguments, bake_vertices
+from obscurance.ao.options import VertexOptions
+from obscurance.raytrace.errors import MeshError, OptionError
+from obscurance.raytrace.system.checks import check_outputs
+from obscurance.raytrace.types import Float64s
 
 from ..formats.unsupported import unsupported_features
 from ..formats.write import write_vertices
@@ -24,8 +24,8 @@ from .console import COARSE, HARD, bake_summary, warn
 from .report import OutputSummary, WorkSize, command_again, hashed_inputs, write_bake_report
 
 if TYPE_CHECKING:
-    from ao.execute.kept import Kept
-    from ao.execute.tracer import Progress
+    from obscurance.ao.execute.kept import Kept
+    from obscurance.ao.execute.tracer import Progress
 
     from ..formats.load import MeshFile
     from ..show.report.pictures import Picture
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 
 def work_size(plan: Plan, inputs: BakeInputs) -> WorkSize:
     """The size of the bake."""
-    from ao.memory import column_bytes, surface_bytes, vertex_bytes
-    from raytrace.mesh.normals import face_normals
+    from obscurance.ao.memory import column_bytes, surface_bytes, vertex_bytes
+    from obscurance.raytrace.mesh.normals import face_normals
 
     chosen = inputs.chosen
     arguments = plan.arguments
@@ -78,7 +78,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
             warnings += warn([], [f"{plan.output}: {text}: {_remedy(plan, inputs.source)}"])
     seconds = {"load": loaded - inputs.started, "write": time.perf_counter() - traced}
     if options.report:
-        from ao.report import report
+        from obscurance.ao.report import report
 
         def pictures() -> list[list[Picture]]:
             from ..show.report.pictures import pictures_of_vertices
@@ -99,7 +99,7 @@ def _hard_edges(plan: Plan, inputs: BakeInputs) -> list[str]:
     one_each = plan.ending in (".ply", ".obj", ".vtp", ".glb") and plan.options.at == "vertices"
     if not one_each or plan.arguments.normals == "up" or plan.options.high or inputs.source.cloud:
         return []
-    from raytrace.mesh.corners import on_hard_edges
+    from obscurance.raytrace.mesh.corners import on_hard_edges
 
     count = len(on_hard_edges(mesh))
     sides = "one value stands for all sides; textures have one for each"
@@ -146,7 +146,7 @@ def bake_inputs(plan: Plan, inputs: BakeInputs, checkpoint: Kept | None, advance
 def _bake_cloud(plan: Plan, inputs: BakeInputs, cloud: tuple[Float64s, Float64s], advance: Progress | None) -> ao.Bake:
     """Bake the points of a cloud: among themselves, or if there are others that occlude, among these alone."""
     places, normals = cloud
-    from ao.methods.point_values import TAKEN
+    from obscurance.ao.methods.point_values import TAKEN
 
     arguments = {name: getattr(plan.arguments, name) for name in TAKEN if name != "threads"}
     walls = inputs.occluders
@@ -159,7 +159,7 @@ def _bake_cloud(plan: Plan, inputs: BakeInputs, cloud: tuple[Float64s, Float64s]
 
 def _bake_groups(plan: Plan, inputs: BakeInputs) -> ao.Bake:
     """Bake groups of objects one by one; vertices of several groups have w of the last."""
-    from ao.estimate.calibration import Calibration
+    from obscurance.ao.estimate.calibration import Calibration
 
     chosen = inputs.chosen
     only = chosen.only

@@ -9,8 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
-from raytrace.errors import ConflictError, OptionError
-from raytrace.system.atomic import is_standard_output, standard_output
+from obscurance.raytrace.errors import ConflictError, OptionError
+from obscurance.raytrace.system.atomic import is_standard_output, standard_output
 
 from ..bake.console import quietly
 from ..bake.inputs import expand, is_pattern, outputs_in

@@ -6,13 +6,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
 
-import ao
-from ao.options import Options
-from ao.report import versions
-from raytrace.mesh.mesh import Mesh
-from raytrace.system.atomic import write_json
-from raytrace.system.checks import check_ending, check_outputs
-from raytrace.system.threads import thread_count
+from obscurance import ao
+from obscurance.ao.options import Options
+from obscurance.ao.report import versions
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.system.atomic import write_json
+from obscurance.raytrace.system.checks import check_ending, check_outputs
+from obscurance.raytrace.system.threads import thread_count
 
 from ..formats.load import load
 from ..geometry.builtin_shapes import temple

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-import ao
-import raytrace as rt
-from raytrace.image.write import write_image
-from raytrace.system.checks import check_outputs, make_folder
-from raytrace.types import Float64s
+from obscurance import ao
+from obscurance import raytrace as rt
+from obscurance.raytrace.image.write import write_image
+from obscurance.raytrace.system.checks import check_outputs, make_folder
+from obscurance.raytrace.types import Float64s
 
 from ..bake.console import bake_summary
 from ..formats.load import MeshFile

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from raytrace.errors import ObscuranceError, printable
-from raytrace.system.checks import available, check_memory, memory_in_use, size_text
-from raytrace.system.threads import thread_count
+from obscurance.raytrace.errors import ObscuranceError, printable
+from obscurance.raytrace.system.checks import available, check_memory, memory_in_use, size_text
+from obscurance.raytrace.system.threads import thread_count
 
 from ..bake.console import columns, note
 from ..bake.inputs import read_inputs

@@ -4,9 +4,9 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-from raytrace.errors import ConflictError, OptionError, SceneError, printable
-from raytrace.system.atomic import write_bytes
-from raytrace.system.checks import check_ending, check_outputs
+from obscurance.raytrace.errors import ConflictError, OptionError, SceneError, printable
+from obscurance.raytrace.system.atomic import write_bytes
+from obscurance.raytrace.system.checks import check_ending, check_outputs
 
 from ..bake.console import warn
 from ..formats.falloffs import Scales
@@ -19,7 +19,7 @@ from ..formats.write import channels, check_target, npy, npz, write_vertices
 from ..show.page.encode import Values
 
 if TYPE_CHECKING:
-    from ao import Bake
+    from obscurance.ao import Bake
 
 
 def change_falloff(baked: Path, scales: Scales, output: Path, mesh: Path | None) -> str:

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from ao.falloff import Falloffs, Length, falloffs_of
-from ao.options import At, BackFaces, Interior, Method, Normals, Traversal
-from raytrace.errors import ConflictError
-from raytrace.types import Bools
+from obscurance.ao.falloff import Falloffs, Length, falloffs_of
+from obscurance.ao.options import At, BackFaces, Interior, Method, Normals, Traversal
+from obscurance.raytrace.errors import ConflictError
+from obscurance.raytrace.types import Bools
 
 from ..bake.inputs import opened, read_inputs
 from ..bake.options import BAKE, ROWS, Alpha, BakeOptions, OccludedBy, Up, check_together
@@ -25,10 +25,10 @@ from ..show.progress import in_notebook
 from ..show.progress import progress as shown_progress
 
 if TYPE_CHECKING:
-    from ao import Bake
-    from ao.execute.kept import Kept
-    from ao.execute.tracer import Progress
-    from raytrace.mesh.mesh import Mesh
+    from obscurance.ao import Bake
+    from obscurance.ao.execute.kept import Kept
+    from obscurance.ao.execute.tracer import Progress
+    from obscurance.raytrace.mesh.mesh import Mesh
 
 Surface = str | os.PathLike[str] | Any
 """A mesh in any form that `ao.bake` takes, or the name of its file."""

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from raytrace import PRESETS
-from raytrace.errors import OptionError, nearest_name
+from obscurance.raytrace import PRESETS
+from obscurance.raytrace.errors import OptionError, nearest_name
 
 
 def presets() -> list[tuple[str, str]]:

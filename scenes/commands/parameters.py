@@ -7,8 +7,8 @@ from typing import Any, get_args
 
 import click
 
-from ao.declared import Option
-from raytrace.errors import OptionError
+from obscurance.ao.declared import Option
+from obscurance.raytrace.errors import OptionError
 
 _GONE = {name: "--cluster" for name in ("--tiles", "--part", "--shared")}
 """Options that are no more, and what to do instead."""

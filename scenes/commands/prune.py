@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from raytrace import Mesh
-from raytrace.errors import OptionError
-from raytrace.mesh.normals import face_normals
-from raytrace.system.atomic import check_writable, write_bytes
-from raytrace.system.checks import check_outputs
-from raytrace.types import Bools, Float64s, Int64s
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.errors import OptionError
+from obscurance.raytrace.mesh.normals import face_normals
+from obscurance.raytrace.system.atomic import check_writable, write_bytes
+from obscurance.raytrace.system.checks import check_outputs
+from obscurance.raytrace.types import Bools, Float64s, Int64s
 
 from ..formats.gltf.textured import check_vertices
 from ..formats.load import MeshFile, load, parser_errors
@@ -37,7 +37,7 @@ def prune(source: Path, output: Path, seed: int, threads: int | None, quiet: boo
 
     Raises: OptionError: of the output's ending, or nothing would be left. MeshError: the file cannot be read.
     """
-    from ao.unseen import unseen_faces
+    from obscurance.ao.unseen import unseen_faces
 
     ending = output.suffix.lower()
     if ending not in _ENDINGS:

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from raytrace.errors import ConflictError, OptionError, printable
+from obscurance.raytrace.errors import ConflictError, OptionError, printable
 
 from ..bake.console import warn
 from ..bake.options import RENDER, REPORTS, RenderOptions, check_together, plain
@@ -18,9 +18,9 @@ from ..bake.report import command_line
 from ..show.progress import progress
 
 if TYPE_CHECKING:
-    import ao
-    from ao.cluster.workers import Workers
-    from raytrace import Frame, Settings
+    from obscurance import ao
+    from obscurance.ao.cluster.workers import Workers
+    from obscurance.raytrace import Frame, Settings
 
     from ..description.description import SceneDescription
     from ..formats.falloffs import Scales
@@ -53,9 +53,9 @@ def _render(options: RenderOptions, output: Path) -> None:
         raise OptionError("show", "a terminal as standard output", "a file or a pipe")
     size = None if options.width is None else (options.width, options.height)
     crop = None if options.crop is None else _crop(options.crop)
-    from raytrace.image.write import check_image_target
-    from raytrace.system.checks import check_ending, check_outputs
-    from raytrace.system.threads import thread_count
+    from obscurance.raytrace.image.write import check_image_target
+    from obscurance.raytrace.system.checks import check_ending, check_outputs
+    from obscurance.raytrace.system.threads import thread_count
 
     threads = thread_count(options.threads)
     layers = check_image_target(output, options.half)
@@ -175,8 +175,8 @@ def _picture(
         all_layers: as of `raytrace.render`.
         bars: progress of baking, and of rendering.
     """
-    from raytrace.renderer.render import describe_work, render, rendering_bytes
-    from raytrace.system.checks import check_memory
+    from obscurance.raytrace.renderer.render import describe_work, render, rendering_bytes
+    from obscurance.raytrace.system.checks import check_memory
 
     from ..description.obscurance import with_obscurance
 
@@ -184,7 +184,7 @@ def _picture(
     renderer = render
     checkpoint = None
     if workers:
-        from ao.cluster.pictures import render_on
+        from obscurance.ao.cluster.pictures import render_on
 
         from ..bake.run import kept_by
 
@@ -201,7 +201,7 @@ def _picture(
 
 def _metadata(source: Path, settings: Settings) -> dict[str, str]:
     """Metadata of a picture's file: nothing that changes between runs."""
-    from ao.report import versions
+    from obscurance.ao.report import versions
 
     names = ("samples", "seed", "shading", "normals", "obscurance")
     described = {name: str(getattr(settings, name)) for name in names}
@@ -235,7 +235,7 @@ def _report(
     source: Path, settings: Settings, picture: RenderedPicture, threads: int, warnings: Sequence[str]
 ) -> dict[str, Any]:
     """The report of a rendering as JSON-ready values."""
-    from ao.report import SCHEMA_VERSION, calibration_facts, versions
+    from obscurance.ao.report import SCHEMA_VERSION, calibration_facts, versions
 
     bake = picture.bake
     frame = picture.frame

@@ -7,7 +7,15 @@ from typing import Any
 
 import click
 
-from raytrace.errors import ConflictError, InputError, ObscuranceError, OptionError, nearest_name, printable, shortened
+from obscurance.raytrace.errors import (
+    ConflictError,
+    InputError,
+    ObscuranceError,
+    OptionError,
+    nearest_name,
+    printable,
+    shortened,
+)
 
 _OPTIONS = ("options", "render")  # what errors about options of the command name as their source
 

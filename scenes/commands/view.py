@@ -3,8 +3,8 @@
 import webbrowser
 from pathlib import Path
 
-from raytrace.errors import SceneError
-from raytrace.system.checks import check_ending
+from obscurance.raytrace.errors import SceneError
+from obscurance.raytrace.system.checks import check_ending
 
 from ..bake.console import note
 from ..bake.options import BakeOptions

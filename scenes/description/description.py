@@ -6,12 +6,12 @@ from typing import Literal
 
 import numpy as np
 
-from ao.options import Options
-from raytrace import Camera, Lambert, Mesh, Scene, Settings
-from raytrace.errors import OptionError, nearest_name
-from raytrace.lights.sources import AmbientLight, BaseLight, DirectionalLight
-from raytrace.mesh.up import TO_Y_UP, UP, up_axis
-from raytrace.types import Int64s
+from obscurance.ao.options import Options
+from obscurance.raytrace import Camera, Lambert, Mesh, Scene, Settings
+from obscurance.raytrace.errors import OptionError, nearest_name
+from obscurance.raytrace.lights.sources import AmbientLight, BaseLight, DirectionalLight
+from obscurance.raytrace.mesh.up import TO_Y_UP, UP, up_axis
+from obscurance.raytrace.types import Int64s
 
 from ..formats.falloffs import Scales
 from ..geometry.primitives import Origin

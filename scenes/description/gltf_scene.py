@@ -35,7 +35,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from raytrace import (
+from obscurance.raytrace import (
     Camera,
     Material,
     Mesh,
@@ -49,14 +49,14 @@ from raytrace import (
     light_from_dict,
     material_from_dict,
 )
-from raytrace.errors import InputError, printable
-from raytrace.image.texture import texture_mean
-from raytrace.lights.sources import BaseLight
-from raytrace.materials.presets import eta_from_reflectance
-from raytrace.mesh.normals import normalize
-from raytrace.system.records import Record
-from raytrace.text.field_errors import located
-from raytrace.types import Float64s
+from obscurance.raytrace.errors import InputError, printable
+from obscurance.raytrace.image.texture import texture_mean
+from obscurance.raytrace.lights.sources import BaseLight
+from obscurance.raytrace.materials.presets import eta_from_reflectance
+from obscurance.raytrace.mesh.normals import normalize
+from obscurance.raytrace.system.records import Record
+from obscurance.raytrace.text.field_errors import located
+from obscurance.raytrace.types import Float64s
 
 from ..formats.gltf import records
 from ..formats.gltf.asset import DrawnPrimitive, Gltf, entry

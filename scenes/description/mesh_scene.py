@@ -9,8 +9,8 @@ from math import pi
 
 import numpy as np
 
-from raytrace import BlinnPhong, Lambert, Material, Object, Scene, Settings, Shape, Texture
-from raytrace.mesh.corners import split_creases
+from obscurance.raytrace import BlinnPhong, Lambert, Material, Object, Scene, Settings, Shape, Texture
+from obscurance.raytrace.mesh.corners import split_creases
 
 from ..formats.load import MeshFile
 from ..formats.objects import ObjectSelection

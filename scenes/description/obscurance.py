@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-import ao
-from ao.memory import vertex_bytes
-from raytrace import EnvironmentLight, SkyLight
-from raytrace.renderer.render import seen_vertices
-from raytrace.renderer.render_scene import release
-from raytrace.scene import Scene
-from raytrace.system.checks import available
+from obscurance import ao
+from obscurance.ao.memory import vertex_bytes
+from obscurance.raytrace import EnvironmentLight, SkyLight
+from obscurance.raytrace.renderer.render import seen_vertices
+from obscurance.raytrace.renderer.render_scene import release
+from obscurance.raytrace.scene import Scene
+from obscurance.raytrace.system.checks import available
 
 from ..formats.stored_w import read_w
 from .description import SceneDescription
 
 if TYPE_CHECKING:
-    from ao.execute.kept import Kept
-    from ao.execute.tracer import Progress
+    from obscurance.ao.execute.kept import Kept
+    from obscurance.ao.execute.tracer import Progress
 
 
 def with_obscurance(

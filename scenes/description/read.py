@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from raytrace import OptionError, Settings
-from raytrace.system.atomic import PathName
+from obscurance.raytrace import OptionError, Settings
+from obscurance.raytrace.system.atomic import PathName
 
 from ..formats.load import load
 from ..formats.table import format_of

@@ -8,12 +8,12 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from raytrace.errors import OptionError, SceneError
-from raytrace.image.texture import wrap_modes
-from raytrace.system.parameters import Radiance, triple
-from raytrace.system.records import Before, Fault, Record, Within, Words, fields_of, read
-from raytrace.text.field_errors import joined, shown
-from raytrace.types import Float64s
+from obscurance.raytrace.errors import OptionError, SceneError
+from obscurance.raytrace.image.texture import wrap_modes
+from obscurance.raytrace.system.parameters import Radiance, triple
+from obscurance.raytrace.system.records import Before, Fault, Record, Within, Words, fields_of, read
+from obscurance.raytrace.text.field_errors import joined, shown
+from obscurance.raytrace.types import Float64s
 
 from ..geometry.rotations import about, about_axes
 

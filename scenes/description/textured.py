@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from raytrace.errors import printable
-from raytrace.image.srgb import decode_srgb
-from raytrace.mesh.corners import split_creases
-from raytrace.types import Float64s
+from obscurance.raytrace.errors import printable
+from obscurance.raytrace.image.srgb import decode_srgb
+from obscurance.raytrace.mesh.corners import split_creases
+from obscurance.raytrace.types import Float64s
 
 from ..formats.load import load
 from ..geometry.attributes import SourceAttributes

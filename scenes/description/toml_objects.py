@@ -5,11 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from raytrace import PRESETS, AlphaSurface, Material, Object, Opacity, Shape, Texture, material_from_dict
-from raytrace.errors import SceneError, nearest_name
-from raytrace.system.records import fields_of
-from raytrace.text.field_errors import check_keys, check_name, joined, located, shown
-from raytrace.text.safe_paths import confined
+from obscurance.raytrace import PRESETS, AlphaSurface, Material, Object, Opacity, Shape, Texture, material_from_dict
+from obscurance.raytrace.errors import SceneError, nearest_name
+from obscurance.raytrace.system.records import fields_of
+from obscurance.raytrace.text.field_errors import check_keys, check_name, joined, located, shown
+from obscurance.raytrace.text.safe_paths import confined
 
 from ..formats.table import format_of
 from ..geometry.builtin_shapes import SOLIDS

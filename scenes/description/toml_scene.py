@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from ao.options import Options
-from raytrace import Camera, Scene, Settings, light_from_dict
-from raytrace.errors import OptionError, SceneError
-from raytrace.mesh.up import FROM, UP
-from raytrace.system.checks import check_regular
-from raytrace.system.records import fields_of
-from raytrace.text.field_errors import check_keys, located, shown
-from raytrace.text.safe_paths import confined
+from obscurance.ao.options import Options
+from obscurance.raytrace import Camera, Scene, Settings, light_from_dict
+from obscurance.raytrace.errors import OptionError, SceneError
+from obscurance.raytrace.mesh.up import FROM, UP
+from obscurance.raytrace.system.checks import check_regular
+from obscurance.raytrace.system.records import fields_of
+from obscurance.raytrace.text.field_errors import check_keys, located, shown
+from obscurance.raytrace.text.safe_paths import confined
 
 from ..formats.falloffs import Scales, make_falloff, make_scales, table_of
 from ..formats.stored_w import ENDINGS

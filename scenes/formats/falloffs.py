@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ao.falloff import FALLOFFS, Exponential, Falloff, Length, Tabulated
-from ao.mu import MAX_KNOTS
-from raytrace.errors import ConflictError, InputError, OptionError, nearest_name
-from raytrace.system.checks import check_regular
-from raytrace.types import Float64s
+from obscurance.ao.falloff import FALLOFFS, Exponential, Falloff, Length, Tabulated
+from obscurance.ao.mu import MAX_KNOTS
+from obscurance.raytrace.errors import ConflictError, InputError, OptionError, nearest_name
+from obscurance.raytrace.system.checks import check_regular
+from obscurance.raytrace.types import Float64s
 
 from .load import parser_errors
 
 if TYPE_CHECKING:
-    from ao.profile import Profile
+    from obscurance.ao.profile import Profile
 
 _TABLE = "table:"
 _ENDINGS = ".csv", ".txt", ".npy"

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.errors import OptionError, OutputError, is_utf8, printable
-from raytrace.system.atomic import PathName, check_writable
-from raytrace.types import Float32s, Float64s
+from obscurance.raytrace.errors import OptionError, OutputError, is_utf8, printable
+from obscurance.raytrace.system.atomic import PathName, check_writable
+from obscurance.raytrace.types import Float32s, Float64s
 
 if TYPE_CHECKING:
-    from ao import Profile
+    from obscurance.ao import Profile
 
 PROFILE = "profile"  # the layer of an EXR
 _MOST_TILES = 100
@@ -42,7 +42,7 @@ def check_texture_target(option: str, path: Path, half: bool = False) -> None:
 
 def udim_tiles(uv: Float64s, source: object) -> list[tuple[int, int]]:
     """The UDIM tiles (column, row) that coordinates (m, 3, 2) reach into. Raises: OptionError: no number, or many."""
-    from ao.texture.uv_layout import tile_ranges
+    from obscurance.ao.texture.uv_layout import tile_ranges
 
     low, high = tile_ranges(uv)
     corners = np.concatenate([low, high - 1])
@@ -72,8 +72,8 @@ def write_grey(
     profile: Profile | None = None,
 ) -> None:
     """Write w or its error (h, w), linear: PNG of 16 bits, or 8 dithered; EXR, with a profile as a layer, and TIFF."""
-    from raytrace.image.dither import dithered
-    from raytrace.image.encode import write_data  # OpenImageIO's side, which names and checks do not need
+    from obscurance.raytrace.image.dither import dithered
+    from obscurance.raytrace.image.encode import write_data  # OpenImageIO's side, which names and checks do not need
 
     whole = values[:, :, None]
     layers: list[npt.NDArray[Any]] = [dithered(whole) if path.suffix.lower() == ".png" and bits == 8 else whole]
@@ -88,7 +88,7 @@ def write_grey(
 
 def write_normals(path: Path, normals: Float32s, half: bool, metadata: Mapping[str, str], bits: int) -> None:
     """Write unit vectors (h, w, 3): n in files of floats, (n + 1)/2 in PNG. Raises: OutputError."""
-    from raytrace.image.encode import write_data
+    from obscurance.raytrace.image.encode import write_data
 
     encoded = (normals + 1) / 2 if path.suffix.lower() == ".png" else normals
     write_data(path, encoded.astype(np.float32), metadata, half, "RGB", bits)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from raytrace.errors import MeshError
+from obscurance.raytrace.errors import MeshError
 
 from ..geometry.instances import Instance
 from ..geometry.polygons import triangulate

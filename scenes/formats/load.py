@@ -14,18 +14,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from raytrace.errors import InputError, MeshError, ObscuranceError, OptionError, first_names, printable
-from raytrace.mesh.mesh import Mesh, mesh_of
-from raytrace.mesh.normals import useless_normals
-from raytrace.system.checks import check_memory, check_regular
-from raytrace.types import Float64s
+from obscurance.raytrace.errors import InputError, MeshError, ObscuranceError, OptionError, first_names, printable
+from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
+from obscurance.raytrace.mesh.normals import useless_normals
+from obscurance.raytrace.system.checks import check_memory, check_regular
+from obscurance.raytrace.types import Float64s
 
 from ..geometry.attributes import FLOAT, SourceAttributes, reversed_attributes, triangle_attributes
 from ..geometry.instances import Instance, Submesh, flatten, joined_attributes
 from .table import MeshInput, endings, format_of, formats, sniffed_format
 
 if TYPE_CHECKING:
-    from ao import Profile
+    from obscurance.ao import Profile
 
     from .gltf.asset import Gltf
 
@@ -87,7 +87,7 @@ class MeshFile(NamedTuple):
 
         A bake of it in place of `mesh` has w of each side of hard edges, for outputs that can hold it.
         """
-        from raytrace.mesh.corners import with_hard_edges
+        from obscurance.raytrace.mesh.corners import with_hard_edges
 
         return with_hard_edges(self.mesh)
 
@@ -202,7 +202,7 @@ def load(
 
 def _cloud(instances: list[Instance], path: Path) -> tuple[list[Instance], tuple[Float64s, Float64s]]:
     """Discs in place of the points, and the points and normals (k, 3) themselves. Raises: MeshError."""
-    from ao.methods.point_values import discs
+    from obscurance.ao.methods.point_values import discs
 
     whole = instances[0]
     if len(instances) > 1 or len(whole.faces) or whole.normals is None:
@@ -220,7 +220,7 @@ def joined_profile(instances: Sequence[Instance]) -> Profile | None:
     profiles = [instance.profile for instance in instances if instance.profile]
     if len(profiles) < len(instances):
         return None
-    from ao import Profile
+    from obscurance.ao import Profile
 
     return Profile.joined(profiles)
 

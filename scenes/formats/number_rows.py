@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.system.threads import run_blocks, thread_count
-from raytrace.text.lines import read_rows
-from raytrace.types import Float64s, Int64s, UInt8s
+from obscurance.raytrace.system.threads import run_blocks, thread_count
+from obscurance.raytrace.text.lines import read_rows
+from obscurance.raytrace.types import Float64s, Int64s, UInt8s
 
 _END = re.compile(rb"[\r\n]")
 _WORD = re.compile(rb"[^#\s]+")

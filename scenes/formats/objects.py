@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from raytrace.errors import ConflictError, OptionError, check_type, first_names, nearest_name
-from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.opacity import AlphaSurface, Opacity
-from raytrace.types import Bools, Float64s, Int64s
+from obscurance.raytrace.errors import ConflictError, OptionError, check_type, first_names, nearest_name
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.opacity import AlphaSurface, Opacity
+from obscurance.raytrace.types import Bools, Float64s, Int64s
 
 from .primitive_groups import primitive_groups
 
 if TYPE_CHECKING:
-    from ao.falloff import Falloff
+    from obscurance.ao.falloff import Falloff
 
     from .load import MeshFile
 
@@ -49,7 +49,7 @@ class ObjectSelection(NamedTuple):
 
         Raises: ConflictError: faces of several groups are on the page.
         """
-        from ao.texture.uv_layout import on_page
+        from obscurance.ao.texture.uv_layout import on_page
 
         shown = on_page(uv)
         if self.group is None or not shown.any():

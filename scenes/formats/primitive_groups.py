@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from raytrace.types import Int64s
+from obscurance.raytrace.types import Int64s
 
 from ..geometry.attributes import SourceMaterial
 from .load import MeshFile

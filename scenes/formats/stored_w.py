@@ -11,14 +11,14 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.errors import MeshError, OptionError, SceneError
-from raytrace.image.read import read_image
-from raytrace.image.texture import pack_textures
-from raytrace.image.texture_lookup import sample_points
-from raytrace.mesh.weld import first_alike
-from raytrace.system.atomic import PathName
-from raytrace.system.checks import check_regular
-from raytrace.types import AnyFloats, Float64s
+from obscurance.raytrace.errors import MeshError, OptionError, SceneError
+from obscurance.raytrace.image.read import read_image
+from obscurance.raytrace.image.texture import pack_textures
+from obscurance.raytrace.image.texture_lookup import sample_points
+from obscurance.raytrace.mesh.weld import first_alike
+from obscurance.raytrace.system.atomic import PathName
+from obscurance.raytrace.system.checks import check_regular
+from obscurance.raytrace.types import AnyFloats, Float64s
 
 from ..geometry.instances import Instance
 from .images import PROFILE
@@ -27,7 +27,7 @@ from .table import endings, format_of
 
 ENDINGS = endings("w")
 if TYPE_CHECKING:
-    from ao import Profile
+    from obscurance.ao import Profile
 
     from .falloffs import Scales
     from .gltf.asset import Gltf
@@ -71,7 +71,7 @@ def read_w(path: PathName, *counts: int, scales: Scales | None = None) -> Float6
 
 def find_profile(path: Path) -> Profile | None:
     """The profile in a `.npz`, `.exr` or mesh file, or None. Raises: SceneError, MeshError: it cannot be read."""
-    from ao import Profile
+    from obscurance.ao import Profile
 
     if path.suffix.lower() == ".npz":
         with _array_errors(path), path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:

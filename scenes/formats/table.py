@@ -10,8 +10,8 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import Any, BinaryIO, NamedTuple
 
-from raytrace.errors import OptionError
-from raytrace.system.atomic import PathName
+from obscurance.raytrace.errors import OptionError
+from obscurance.raytrace.system.atomic import PathName
 
 
 class MeshInput(NamedTuple):
@@ -57,7 +57,7 @@ class FileFormat(NamedTuple):
 
 _REGISTERED: dict[str, FileFormat] = {}
 _METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3}
-_LIBRARIES = FileFormat("", "", "scenes.formats.libraries:read_by_library", 22.0)
+_LIBRARIES = FileFormat("", "", "obscurance.scenes.formats.libraries:read_by_library", 22.0)
 
 
 def register(*formats: FileFormat) -> None:
@@ -117,7 +117,7 @@ def sniffed_format(content: bytes | bytearray) -> str | None:
 
 
 register(  # what no folder reads
-    FileFormat(".npy", "NumPy", write="scenes.formats.write:npy", holds=("w", "faces")),
-    FileFormat(".npz", "NumPy", write="scenes.formats.write:npz", holds=("w", "faces")),
-    FileFormat(".html", "HTML", write="scenes.show.page.baked:html"),
+    FileFormat(".npy", "NumPy", write="obscurance.scenes.formats.write:npy", holds=("w", "faces")),
+    FileFormat(".npz", "NumPy", write="obscurance.scenes.formats.write:npz", holds=("w", "faces")),
+    FileFormat(".html", "HTML", write="obscurance.scenes.show.page.baked:html"),
 )

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from raytrace.errors import printable
+from obscurance.raytrace.errors import printable
 
 from .load import MeshFile
 from .obj.mtl import MATERIAL_WORDS

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 
 import numpy as np
 
-from raytrace.errors import ConflictError, OptionError, Term
-from raytrace.system.atomic import PathName, check_writable, write_bytes
+from obscurance.raytrace.errors import ConflictError, OptionError, Term
+from obscurance.raytrace.system.atomic import PathName, check_writable, write_bytes
 
 from .load import MeshFile, load
 from .table import Channels, endings, format_of
 
 if TYPE_CHECKING:
-    from ao import Bake, BakedTexture
+    from obscurance.ao import Bake, BakedTexture
 
 Occlusion = Literal["none", "ramp"]
 _PLY_NAME = r"(?!(n?[xyz]|[stuv]|red|green|blue|alpha|texture_.|obscurance\w*)$)[A-Za-z_]\w*"
@@ -125,7 +125,7 @@ def write_vertices(path: PathName, bake: Bake, mesh_file: MeshFile, shown: Chann
 
 def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file: MeshFile, replace: bool) -> None:
     """Write baked textures, with w of vertices where there is some too. Raises: as `write`."""
-    from ao.texture.result import BakedTexture
+    from obscurance.ao.texture.result import BakedTexture
 
     from .gltf.textured import textured_glb
     from .images import is_texture, write_grey

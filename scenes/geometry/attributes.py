@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.errors import InputError, MemoryLimitError
-from raytrace.mesh.mesh import PerCorner
-from raytrace.types import Float64s, Int64s
+from obscurance.raytrace.errors import InputError, MemoryLimitError
+from obscurance.raytrace.mesh.mesh import PerCorner
+from obscurance.raytrace.types import Float64s, Int64s
 
 from .polygons import Triangulation
 
@@ -50,7 +50,7 @@ def is_picture(path: Path) -> bool:
 
 def find_picture(name: str, folder: Path) -> Path | None:
     """The existing picture `name` in `folder` or below, or None: `resolve_inside` of PNG and JPEG files."""
-    from raytrace.text.safe_paths import resolve_inside
+    from obscurance.raytrace.text.safe_paths import resolve_inside
 
     path = resolve_inside(name, folder)
     return path if path and is_picture(path) else None
@@ -58,7 +58,7 @@ def find_picture(name: str, folder: Path) -> Path | None:
 
 def is_opacity_map(path: Path, colour: Path | None) -> bool:
     """Whether an image, read wholly, can be an opacity map; one that is the `colour`, too, needs an alpha channel."""
-    from raytrace.image.texture import Texture, texture_codes
+    from obscurance.raytrace.image.texture import Texture, texture_codes
 
     try:
         channels = [texture_codes(Texture(image)).shape[2] for image in {path, colour} if image]

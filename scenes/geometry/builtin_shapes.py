@@ -12,12 +12,12 @@ from typing import Annotated
 
 import numpy as np
 
-from raytrace.errors import OptionError
-from raytrace.mesh.mesh import Mesh
-from raytrace.system.checks import check_memory
-from raytrace.system.parameters import Length, Lengths, Parameters
-from raytrace.system.records import Within
-from raytrace.types import Bools, Int64s
+from obscurance.raytrace.errors import OptionError
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.system.checks import check_memory
+from obscurance.raytrace.system.parameters import Length, Lengths, Parameters
+from obscurance.raytrace.system.records import Within
+from obscurance.raytrace.types import Bools, Int64s
 
 from . import primitives
 from .primitives import TexturedMesh, box, merge, tube

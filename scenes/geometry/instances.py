@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.errors import InputError, MeshError
-from raytrace.mesh.mesh import Mesh, PerCorner
-from raytrace.mesh.opacity import Opacity
-from raytrace.system.checks import check_memory
-from raytrace.types import Float64s, Int64s
+from obscurance.raytrace.errors import InputError, MeshError
+from obscurance.raytrace.mesh.mesh import Mesh, PerCorner
+from obscurance.raytrace.mesh.opacity import Opacity
+from obscurance.raytrace.system.checks import check_memory
+from obscurance.raytrace.types import Float64s, Int64s
 
 from .attributes import SourceAttributes, join_attributes, reversed_attributes
 
 if TYPE_CHECKING:
-    from ao import Profile
+    from obscurance.ao import Profile
 
 MAX_COPIED = 20_000_000
 _ROW = 80  # bytes of a placed vertex or triangle, with copies on the way to a mesh

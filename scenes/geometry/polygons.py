@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.errors import MeshError
-from raytrace.mesh.mesh import LARGEST
-from raytrace.types import AnyInts, Bools, Float64s, Int64s
+from obscurance.raytrace.errors import MeshError
+from obscurance.raytrace.mesh.mesh import LARGEST
+from obscurance.raytrace.types import AnyInts, Bools, Float64s, Int64s
 
 MAX_EAR_WORK = 1 << 28  # squared numbers of corners, summed over polygons whose ears are clipped: at most 20 s or so
 _EAR_WORK_PER_CORNER = 128  # and so much more for each

@@ -7,7 +7,7 @@ import numpy.typing as npt
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from raytrace.types import Float64s, Int64s
+from obscurance.raytrace.types import Float64s, Int64s
 
 RawMesh = tuple[Float64s, Int64s]
 

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.normals import normalize
-from raytrace.types import Float64s, Int64s
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.normals import normalize
+from obscurance.raytrace.types import Float64s, Int64s
 
 
 class Origin(NamedTuple):

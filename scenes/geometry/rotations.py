@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.types import Float64s
+from obscurance.raytrace.types import Float64s
 
 
 def of_quaternion(quaternion: npt.ArrayLike) -> Float64s:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.normals import face_normals
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.normals import face_normals
 
 _FLAT = 1e-3  # of the mesh's size, that corners of faces at its bottom may be apart in height
 _BASE, _NO_BASE = 0.5, 0.05  # of the bounding box's bottom, that faces at it have an area of

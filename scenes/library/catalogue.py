@@ -2,9 +2,9 @@
 
 from importlib import resources
 
-from raytrace.errors import OptionError, nearest_name
-from raytrace.system.atomic import PathName, write_bytes
-from raytrace.system.checks import check_ending, check_outputs
+from obscurance.raytrace.errors import OptionError, nearest_name
+from obscurance.raytrace.system.atomic import PathName, write_bytes
+from obscurance.raytrace.system.checks import check_ending, check_outputs
 
 BUILTIN = {  # name to what one sees; the files are in library/
     "plane_wall": "an open plane with a wall and its shadow",

@@ -9,9 +9,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from raytrace import AmbientLight, Camera, DirectionalLight, Lambert, Mesh, Object, Scene, Settings, Shape
-from raytrace.mesh.corners import split_creases
-from raytrace.types import AnyFloats
+from obscurance.raytrace import AmbientLight, Camera, DirectionalLight, Lambert, Mesh, Object, Scene, Settings, Shape
+from obscurance.raytrace.mesh.corners import split_creases
+from obscurance.raytrace.types import AnyFloats
 
 Scheme = Literal["dark", "light"]
 FIELD_OF_VIEW = 35.0

@@ -8,8 +8,8 @@ import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import raytrace
-from raytrace import Camera, Frame, Scene, Settings
+from obscurance import raytrace
+from obscurance.raytrace import Camera, Frame, Scene, Settings
 
 from ..description.mesh_scene import mesh_scene
 from ..description.obscurance import with_obscurance
@@ -19,7 +19,7 @@ from ..formats.write import write
 from .page.view import view_results
 
 if TYPE_CHECKING:
-    from ao import Bake
+    from obscurance.ao import Bake
 
 
 def render(

@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ao.analytic.closed_forms import Rate
-from ao.falloff import POLYNOMIALS, Binary, Exponential, Falloff
-from ao.options import Normals
-from raytrace.mesh.mesh import Mesh
-from raytrace.types import Float64s, Int64s
+from obscurance.ao.analytic.closed_forms import Rate
+from obscurance.ao.falloff import POLYNOMIALS, Binary, Exponential, Falloff
+from obscurance.ao.options import Normals
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.types import Float64s, Int64s
 
 from ..geometry.polyhedra import RawMesh, generic_rotation
 

@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.integrate import quad
 
-from ao.analytic import closed_forms as analytic
-from ao.analytic.closed_forms import Rate, bickley
-from ao.falloff import Binary, Exponential, Falloff, Linear, Smooth
-from raytrace.types import Int64s
+from obscurance.ao.analytic import closed_forms as analytic
+from obscurance.ao.analytic.closed_forms import Rate, bickley
+from obscurance.ao.falloff import Binary, Exponential, Falloff, Linear, Smooth
+from obscurance.raytrace.types import Int64s
 
 from ..geometry.polyhedra import RawMesh, icosphere, inscribed_radius, join, patches, polygon, prism
 from .configurations import BOTH, ClosedForm, ValidationCase, closed_form, posed

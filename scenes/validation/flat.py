@@ -4,10 +4,10 @@ from math import cos, inf, pi, radians, sin
 
 import numpy as np
 
-from ao.analytic import closed_forms as analytic
-from ao.analytic.form_factor import polygon_form_factor
-from ao.falloff import Binary, Exponential, Falloff, Linear, Smooth
-from raytrace.types import Float64s
+from obscurance.ao.analytic import closed_forms as analytic
+from obscurance.ao.analytic.form_factor import polygon_form_factor
+from obscurance.ao.falloff import Binary, Exponential, Falloff, Linear, Smooth
+from obscurance.raytrace.types import Float64s
 
 from ..geometry.polyhedra import generic_rotation, hull, icosphere, join, patches, polygon
 from .configurations import BOTH, ClosedForm, ValidationCase, closed_form, posed

@@ -11,16 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ao.mu import Mu
-from ao.points.points import Points
-from ao.points.receivers import find_receivers
-from raytrace.embree.rays import intersect
-from raytrace.embree.scene import TriangleScene
-from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.placement import Placement
-from raytrace.sampling.sequences import cosine_hemisphere, owen_sobol, seed_key
-from raytrace.system.threads import run_blocks, thread_count
-from raytrace.types import Float32s, Float64s, Int64s
+from obscurance.ao.mu import Mu
+from obscurance.ao.points.points import Points
+from obscurance.ao.points.receivers import find_receivers
+from obscurance.raytrace.embree.rays import intersect
+from obscurance.raytrace.embree.scene import TriangleScene
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.placement import Placement
+from obscurance.raytrace.sampling.sequences import cosine_hemisphere, owen_sobol, seed_key
+from obscurance.raytrace.system.threads import run_blocks, thread_count
+from obscurance.raytrace.types import Float32s, Float64s, Int64s
 
 RAYS, VERTICES = 16384, 8192
 _SETS, _BLOCK_RAYS = 128, 1 << 18

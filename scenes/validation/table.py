@@ -7,9 +7,9 @@ from math import isinf
 
 import numpy as np
 
-from ao import Bake, Exponential, Falloff
-from ao import bake as _bake
-from raytrace.types import Float64s
+from obscurance.ao import Bake, Exponential, Falloff
+from obscurance.ao import bake as _bake
+from obscurance.raytrace.types import Float64s
 
 from .configurations import SAMPLES, Configuration
 from .curved import curved_cases

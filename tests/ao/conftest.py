@@ -9,7 +9,7 @@ def set_embree_below(monkeypatch):
     """A function: let Embree trace points of fewer rays than this, or all with `traversal` "embree"."""
 
     def let(rays):
-        monkeypatch.setattr("ao.prepared.embree_below", lambda way, *_: 1 << 30 if way == "embree" else rays)
+        monkeypatch.setattr("obscurance.ao.prepared.embree_below", lambda way, *_: 1 << 30 if way == "embree" else rays)
 
     return let
 

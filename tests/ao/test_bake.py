@@ -5,10 +5,10 @@ import pytest
 import trimesh
 from meshes import hills
 
-import ao
-from raytrace import Mesh, OptionError
-from raytrace.kernel import jit
-from scenes.geometry.builtin_shapes import temple
+from obscurance import ao
+from obscurance.raytrace import Mesh, OptionError
+from obscurance.raytrace.kernel import jit
+from obscurance.scenes.geometry.builtin_shapes import temple
 
 
 @pytest.fixture(scope="module")

@@ -7,11 +7,11 @@ import pytest
 import trimesh
 from meshes import hills
 
-import ao
-from ao.estimate.sampling_error import stratified_rows
-from raytrace import Mesh
-from raytrace.errors import ConflictError
-from scenes.geometry.polyhedra import generic_rotation
+from obscurance import ao
+from obscurance.ao.estimate.sampling_error import stratified_rows
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.errors import ConflictError
+from obscurance.scenes.geometry.polyhedra import generic_rotation
 
 PERPENDICULAR_SQUARES = 0.2000438  # form factor of unit squares with an edge in common
 TURNED = generic_rotation(5)

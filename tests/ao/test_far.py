@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from meshes import soup_over_floor
 
-import ao
-from raytrace import Camera, DirectionalLight, Lambert, Mesh, Object, Scene, Settings, Shape, render
-from raytrace.mesh.precision import outlier_warnings
+from obscurance import ao
+from obscurance.raytrace import Camera, DirectionalLight, Lambert, Mesh, Object, Scene, Settings, Shape, render
+from obscurance.raytrace.mesh.precision import outlier_warnings
 
 pytestmark = pytest.mark.usefixtures("w_alone")
 

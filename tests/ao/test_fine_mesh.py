@@ -7,10 +7,10 @@ from interrupted_bakes import bake, bits, folders, interrupted
 from meshes import hills
 from uv_meshes import quads, rectangle, square
 
-import ao
-from ao.analytic import closed_forms
-from raytrace import Mesh, MeshError, OptionError
-from scenes.geometry.polyhedra import generic_rotation
+from obscurance import ao
+from obscurance.ao.analytic import closed_forms
+from obscurance.raytrace import Mesh, MeshError, OptionError
+from obscurance.scenes.geometry.polyhedra import generic_rotation
 
 STEPS = np.linspace(0, 4, 9)
 PLACES = np.array([(x, y, 0) for x in STEPS for y in np.linspace(-2, 2, 9)])

@@ -8,11 +8,11 @@ from command import obscurance
 from mesh_files import ply
 from meshes import hills
 
-import ao
-from ao.analytic.form_factor import polygon_form_factor
-from raytrace import Mesh
-from scenes import Temple
-from scenes.geometry.polyhedra import icosphere, join, polygon
+from obscurance import ao
+from obscurance.ao.analytic.form_factor import polygon_form_factor
+from obscurance.raytrace import Mesh
+from obscurance.scenes import Temple
+from obscurance.scenes.geometry.polyhedra import icosphere, join, polygon
 
 UP = np.array([0.0, 0.0, 1.0])
 FLOOR = np.array([(-2.0, -2.0, 0.0), (2.0, -2.0, 0.0), (2.0, 2.0, 0.0), (-2.0, 2.0, 0.0)])

@@ -10,11 +10,11 @@ import pytest
 from meshes import MESHES, hills, soup_over_floor
 from shared_directions import only_w
 
-import ao
-from ao.analytic import closed_forms as analytic
-from ao.falloff import Falloff
-from raytrace import Mesh
-from scenes.geometry.polyhedra import RawMesh, generic_rotation, hull, icosphere, join
+from obscurance import ao
+from obscurance.ao.analytic import closed_forms as analytic
+from obscurance.ao.falloff import Falloff
+from obscurance.raytrace import Mesh
+from obscurance.scenes.geometry.polyhedra import RawMesh, generic_rotation, hull, icosphere, join
 
 FALLOFFS = [ao.Binary(), ao.Binary(0.8), ao.Exponential(tau=1.5), ao.Exponential(tau=1.5, max_distance=0.8)]
 NAMES = ["binary", "binary limited", "exponential", "exponential limited"]

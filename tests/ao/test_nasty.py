@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 import reference
 
-import ao
-from raytrace import Mesh
-from scenes.geometry.polyhedra import generic_rotation, join
+from obscurance import ao
+from obscurance.raytrace import Mesh
+from obscurance.scenes.geometry.polyhedra import generic_rotation, join
 
 EXPLAINED = ao.Flag.CONTACT | ao.Flag.FOLDED | ao.Flag.OPPOSED | ao.Flag.DEGENERATE
 RAYS, SAMPLES = 1024, 4096

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 from meshes import hills, two_boxes
 
-import ao
-from raytrace import Mesh
-from raytrace.image.read import read_image
+from obscurance import ao
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.image.read import read_image
 
 
 def pixels(tmp_path, png):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from meshes import hills
 
-import ao
-from ao.analytic import closed_forms
-from raytrace import Mesh, MeshError, OptionError
+from obscurance import ao
+from obscurance.ao.analytic import closed_forms
+from obscurance.raytrace import Mesh, MeshError, OptionError
 
 WALL = [[0, -60, 0], [0, 60, 0], [0, 60, 60], [0, -60, 60]], [[0, 1, 2], [0, 2, 3]]
 

@@ -10,8 +10,8 @@ from clusters import all_bits
 from meshes import hills, two_boxes
 from uv_meshes import grid_charts
 
-import ao
-from raytrace import Mesh, OptionError
+from obscurance import ao
+from obscurance.raytrace import Mesh, OptionError
 
 HILLS, BOXES, TURNED = Mesh(*hills(12)), Mesh(*two_boxes()), Mesh(hills(12)[0], hills(12)[1][:, ::-1])
 OPTIONS = [

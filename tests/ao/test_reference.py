@@ -10,8 +10,8 @@ import pytest
 import reference
 from meshes import MESHES
 
-import ao
-from raytrace import Mesh
+from obscurance import ao
+from obscurance.raytrace import Mesh
 
 pytestmark = pytest.mark.usefixtures("w_alone")
 

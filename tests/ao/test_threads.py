@@ -6,8 +6,8 @@ import pytest
 from clusters import BAKES, all_bits
 from meshes import hills, two_boxes
 
-import ao
-from raytrace import Mesh
+from obscurance import ao
+from obscurance.raytrace import Mesh
 
 STEEP = hills(40)[0] * [1, 1, 40], hills(40)[1][:, ::-1]
 ENTRIES = BAKES | {

@@ -3,8 +3,8 @@
 import numpy as np
 import trimesh
 
-import ao
-from raytrace import Mesh
+from obscurance import ao
+from obscurance.raytrace import Mesh
 
 
 def joined(*parts):

@@ -2,11 +2,11 @@
 
 import pytest
 
-import ao
-from ao.execute import work
 from benchmarks.speed.scaling import Stage, record
-from raytrace.system import threads
-from scenes.geometry.polyhedra import icosphere
+from obscurance import ao
+from obscurance.ao.execute import work
+from obscurance.raytrace.system import threads
+from obscurance.scenes.geometry.polyhedra import icosphere
 
 
 def test_a_stage_waits_for_its_longest_block_and_pays_for_each_join():

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import trimesh
 
-import ao
 from benchmarks.peers.process import FOLDER, PeerFailed, Process
 from benchmarks.time_against_error.analysis import Point, TimeTo, best, curves, geometric_mean, speed_up, time_to
 from benchmarks.time_against_error.measure import Climb, Plan, climb_all
@@ -17,9 +16,10 @@ from benchmarks.time_against_error.references import well_posed
 from benchmarks.time_against_error.results import write_results
 from benchmarks.time_against_error.suite import falloffs, from_folder, stone, subdivided
 from benchmarks.time_against_error.tables import tables
-from raytrace.mesh.mesh import Mesh
-from scenes.geometry.polyhedra import hull
-from scenes.validation.reference import Errors, Reference
+from obscurance import ao
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.scenes.geometry.polyhedra import hull
+from obscurance.scenes.validation.reference import Errors, Reference
 
 
 def run_of(setting, seconds, rmse, mesh="m", falloff="binary", method=OURS):

@@ -8,12 +8,12 @@ from found_faults import baked, scene_mistake, triangle
 from gltf_files import TRIANGLE, Builder
 from mesh_files import mistake, read
 
-import ao
-from scenes.commands.info import describe
-from scenes.formats.gltf.asset import decode
-from scenes.formats.gltf.builder import GlbBuilder
-from scenes.formats.load import load
-from scenes.formats.write import write
+from obscurance import ao
+from obscurance.scenes.commands.info import describe
+from obscurance.scenes.formats.gltf.asset import decode
+from obscurance.scenes.formats.gltf.builder import GlbBuilder
+from obscurance.scenes.formats.load import load
+from obscurance.scenes.formats.write import write
 
 
 def test_one_gltf_array_is_not_placed_without_end(tmp_path):

@@ -11,13 +11,13 @@ from found_faults import baked, triangle
 from fuzz_worker import memory, reset_peak
 from mesh_files import FACES, VERTICES, ascii_ply, ascii_stl, mistake, obj, ply, read
 
-from raytrace.errors import MeshError, OptionError
-from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.placement import Placement
-from scenes.commands.info import describe
-from scenes.formats.load import MeshFile, load
-from scenes.formats.write import write
-from scenes.geometry.polygons import triangulate
+from obscurance.raytrace.errors import MeshError, OptionError
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.placement import Placement
+from obscurance.scenes.commands.info import describe
+from obscurance.scenes.formats.load import MeshFile, load
+from obscurance.scenes.formats.write import write
+from obscurance.scenes.geometry.polygons import triangulate
 
 
 def model(**replaced):

@@ -14,12 +14,12 @@ from fuzz_mutations import toml_text
 from mesh_files import obj
 from meshes import hills
 
-from raytrace import CookTorrance
-from raytrace.errors import LINE, InputError, SceneError
-from raytrace.image.read import read_image
-from raytrace.image.texture import Texture, pack_textures
-from scenes.description.obscurance import with_obscurance
-from scenes.description.read import read_scene
+from obscurance.raytrace import CookTorrance
+from obscurance.raytrace.errors import LINE, InputError, SceneError
+from obscurance.raytrace.image.read import read_image
+from obscurance.raytrace.image.texture import Texture, pack_textures
+from obscurance.scenes.description.obscurance import with_obscurance
+from obscurance.scenes.description.read import read_scene
 
 
 def test_messages_are_printable_and_short(tmp_path):

@@ -114,7 +114,7 @@ def judge(tmp_path):
 
 
 def refuse(text):
-    from raytrace.errors import InputError
+    from obscurance.raytrace.errors import InputError
 
     def step(path):
         raise InputError(str(path) if text is None else text, "a", "b", "c")
@@ -123,7 +123,7 @@ def refuse(text):
 
 
 def ramble(path):
-    from raytrace.errors import LINE, InputError
+    from obscurance.raytrace.errors import LINE, InputError
 
     error = InputError(path, "a", "b", "c")
     error.args = (f"{path}: ".ljust(LINE + 1, "x"),)

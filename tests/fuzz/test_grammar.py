@@ -8,11 +8,11 @@ from fuzz_mutations import PATHS, toml_text
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import scenes.geometry.builtin_shapes
-import scenes.geometry.instances
-from raytrace.errors import InputError
-from scenes.description.read import read_scene
-from scenes.formats.obj.mtl import read_mtl
+import obscurance.scenes.geometry.builtin_shapes
+import obscurance.scenes.geometry.instances
+from obscurance.raytrace.errors import InputError
+from obscurance.scenes.description.read import read_scene
+from obscurance.scenes.formats.obj.mtl import read_mtl
 
 FEW = settings(
     max_examples=40,
@@ -65,7 +65,7 @@ MATERIAL = table(
 SCENE = st.fixed_dictionaries(
     {
         "objects": many(
-            table({"builtin": st.sampled_from([*scenes.geometry.builtin_shapes.SOLIDS])}, fineness=NUMBER, size=NUMBER,
+            table({"builtin": st.sampled_from([*obscurance.scenes.geometry.builtin_shapes.SOLIDS])}, fineness=NUMBER, size=NUMBER,
                   radius=NUMBER, level=INDEX, material=MATERIAL | st.just("gold"), copies=many(table({}, **PLACE)),
                   **PLACE)
             | table({"mesh": PATH}, texture=PATH, grain=PATH, own_normals=st.booleans(),

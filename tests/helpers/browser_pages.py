@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from raytrace import Camera
-from raytrace.image.read import read_image
-from scenes.show.look import FIELD_OF_VIEW
+from obscurance.raytrace import Camera
+from obscurance.raytrace.image.read import read_image
+from obscurance.scenes.show.look import FIELD_OF_VIEW
 
 SIZE = 480, 300
 HOME = "#mode=clay&position=1.1,0.9,2.4&target=0.1,0,0"

@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 
 from project import ROOT
 
-import cli
+from obscurance import cli
 
 COMMAND = [sys.executable, str(ROOT / "cli.py")]
 
@@ -73,7 +73,7 @@ def run(*arguments):
     print("begun", flush=True)
     run_blocks(*arguments)
 module.run_blocks = run
-import cli
+from obscurance import cli
 cli.main()
 """
 

@@ -16,4 +16,4 @@ def environment(**variables):
 
 def hide_compiler(monkeypatch):
     """Let kernels come from the library alone, as in a copy that is installed without Numba."""
-    monkeypatch.setattr("raytrace.kernel.jit.find_spec", lambda name: None)
+    monkeypatch.setattr("obscurance.raytrace.kernel.jit.find_spec", lambda name: None)

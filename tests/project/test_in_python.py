@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from rendered import CAMERA, SMALL, still_scene
 
-import ao
-import raytrace
-from raytrace import Mesh
-from raytrace.errors import MeshError, OptionError
-from scenes.geometry.polyhedra import icosphere
+from obscurance import ao, raytrace
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.errors import MeshError, OptionError
+from obscurance.scenes.geometry.polyhedra import icosphere
 
 BALL = Mesh(*icosphere(1), source="ball")
 MODELS = (

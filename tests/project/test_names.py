@@ -23,7 +23,7 @@ NAME = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*")
 FILE = re.compile(rf"(?:(?:{'|'.join(PACKAGES)}|tests|benchmarks|docs)/[\w./]*|\w+\.pyi?)")
 MOST_PARAMETERS = 8
 HELPERS = {"inline", "intrinsic"}
-WRITES_LLVM = "raytrace.kernel.simd"
+WRITES_LLVM = "obscurance.raytrace.kernel.simd"
 
 
 @cache
@@ -134,7 +134,7 @@ def test_files_that_pages_name_are_there():
 
 
 def test_a_name_that_is_not_there_is_noticed():
-    assert is_missing("ao.falloff.Fallof")
+    assert is_missing("obscurance.ao.falloff.Fallof")
     assert is_missing("ao.no_such_module.name")
     assert is_missing("ao.Bake.no_such_field")
     assert is_missing("Bake.no_such_field")

@@ -12,7 +12,7 @@ from types import ModuleType
 import pytest
 from project import ROOT
 
-from raytrace.kernel.library import file_of, levels
+from obscurance.raytrace.kernel.library import file_of, levels
 
 PACKAGES = ("raytrace", "ao", "scenes")
 

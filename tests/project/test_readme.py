@@ -8,8 +8,7 @@ import numpy as np
 from command import obscurance
 from project import ROOT
 
-import ao
-import scenes
+from obscurance import ao, scenes
 
 README = (ROOT / "README.md").read_text()
 
@@ -62,14 +61,14 @@ def test_the_examples_of_the_page_about_normals():
     assert len(shown) == 3
     for call, result in shown:
         np.testing.assert_allclose(eval(call, names), eval(result), atol=1e-9)
-    import raytrace
+    from obscurance import raytrace
 
     for function in re.findall(r"^\| `(\w+)\(", page, re.MULTILINE):
         assert function in raytrace.__all__
 
 
 def test_every_command_of_the_readme_exists():
-    import cli
+    from obscurance import cli
 
     known = set(cli.commands.commands)
     named = set(re.findall(r"(?:bin/|`)obscurance ([a-z]+)", README))

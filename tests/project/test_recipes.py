@@ -8,8 +8,8 @@ import pytest
 import yaml
 from project import ROOT
 
-from scenes.bake.options import BAKE
-from scenes.commands.render import RENDER
+from obscurance.scenes.bake.options import BAKE
+from obscurance.scenes.commands.render import RENDER
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 OPTIONS = {"bake": BAKE, "render": RENDER}

@@ -6,7 +6,7 @@ import pytest
 from command import obscurance
 
 from benchmarks.pictures.tutorials import PAGES, cells, run_page
-from raytrace.image.compare import compare
+from obscurance.raytrace.image.compare import compare
 
 NUMBER = re.compile(r"[+-]?\b\d[\d,]*(?:\.\d+)?")
 ALLOWED = 0.003  # mean FLIP, as of all pictures of the documentation

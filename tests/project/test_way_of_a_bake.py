@@ -12,12 +12,25 @@ from project import ROOT, environment
 FILES, MOVES = 24, 152  # of the command and of `scenes`, where a bake is decided, read and written
 MODULES = 139  # of the packages
 NEEDLESS = {
-    *("numpy.ma", "difflib", "shlex", "unicodedata", "click.shell_completion", "ao.profile", "ao.execute.sample_means"),
-    *("raytrace.system.entry_points", "raytrace.text.safe_paths", "scenes.commands.usage", "scenes.geometry.standing"),
+    *(
+        "numpy.ma",
+        "difflib",
+        "shlex",
+        "unicodedata",
+        "click.shell_completion",
+        "obscurance.ao.profile",
+        "obscurance.ao.execute.sample_means",
+    ),
+    *(
+        "obscurance.raytrace.system.entry_points",
+        "obscurance.raytrace.text.safe_paths",
+        "obscurance.scenes.commands.usage",
+        "obscurance.scenes.geometry.standing",
+    ),
 }
 WALK = """
 import json, sys
-import cli
+from obscurance import cli
 
 root = sys.argv.pop(1) + "/"
 files, moves = set(), []
@@ -57,7 +70,7 @@ print(json.dumps({"files": sorted(files), "moves": moves}))
 """
 IMPORTED = """
 import json, sys
-import cli
+from obscurance import cli
 
 try:
     cli.main()
@@ -102,5 +115,5 @@ def test_an_image_needs_nothing_of_gltf(tmp_path):
     lines = ["v 0 0 0", "v 1 0 0", "v 0 1 0", "vt 0 0", "vt 1 0", "vt 0 1", "f 1/1 2/2 3/3"]
     (tmp_path / "triangle.obj").write_text("\n".join(lines))
     modules = run(tmp_path, IMPORTED, "bake", "triangle.obj", "-o", "w.png", "--size", "8", "--samples", "4", "--quiet")
-    assert "scenes.bake.texture" in modules
-    assert not [name for name in modules if name.startswith("scenes.formats.gltf.")]
+    assert "obscurance.scenes.bake.texture" in modules
+    assert not [name for name in modules if name.startswith("obscurance.scenes.formats.gltf.")]

@@ -18,7 +18,7 @@ from mesh_files import obj
 from meshes import hills
 from project import ROOT
 
-from raytrace.kernel import library
+from obscurance.raytrace.kernel import library
 
 PACKAGES = ("obscurance", "raytrace", "ao", "scenes")
 LIST = """
@@ -34,7 +34,7 @@ print(*build.get_outputs(include_bytecode=False), sep="\\n")
 WITHOUT_EMBREE = """
 import sys
 sys.modules["embreex"] = None
-import cli
+from obscurance import cli
 cli.main()
 """
 
@@ -64,7 +64,7 @@ def test_building_needs_what_running_and_compiling_need_in_the_same_versions():
 ONE_MODULE = """
 
 def modules() -> list[str]:
-    return ["raytrace.kernel.counting_sort"]
+    return ["obscurance.raytrace.kernel.counting_sort"]
 """
 QUIET = ("-m", "pip", "--quiet", "--disable-pip-version-check")
 
@@ -167,7 +167,7 @@ def test_the_wheel_runs_in_an_environment_of_its_own(installed, tmp_path):
     where = run(
         installed / "python",
         "-c",
-        "import obscurance.cli, ao; print(obscurance.cli.__file__, ao.__file__)",
+        "import obscurance.cli; from obscurance import ao; print(obscurance.cli.__file__, ao.__file__)",
         folder=tmp_path,
     ).stdout
     assert where.count(str(installed.parent)) == 2
@@ -189,7 +189,7 @@ def test_the_wheel_runs_in_an_environment_of_its_own(installed, tmp_path):
 
 
 KNOWN = """
-from raytrace.kernel import library
+from obscurance.raytrace.kernel import library
 library.source_identity = None
 print(library.results_identity())
 """
@@ -207,7 +207,7 @@ def test_every_level_that_this_processor_has_bakes_alike(installed, tmp_path):
     (tmp_path / "hills.obj").write_bytes(obj(*hills(20)))
     baked = []
     for level in library.levels()[: library.levels().index(library.level()) + 1]:
-        code = f"from raytrace.kernel import library; library.level = lambda: {level!r}; "
+        code = f"from obscurance.raytrace.kernel import library; library.level = lambda: {level!r}; "
         code += "import obscurance.cli; obscurance.cli.main()"
         target = tmp_path / f"{level}.npy"
         done = run(installed / "python", "-c", code, "bake", "hills.obj", "-o", target, folder=tmp_path)
@@ -221,7 +221,7 @@ TYPED = """
 from typing import assert_type
 import numpy as np
 import numpy.typing as npt
-import ao, raytrace, scenes
+from obscurance import ao, raytrace, scenes
 
 mesh = scenes.Temple(fineness=0.2).geometry().mesh
 assert_type(mesh, raytrace.Mesh)

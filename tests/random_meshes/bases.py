@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from meshes import raw_mesh
 
-from scenes.description.read import read_scene
-from scenes.geometry.builtin_shapes import menger, temple
-from scenes.geometry.polyhedra import RawMesh, join
-from scenes.library.catalogue import BUILTIN, write_builtin
+from obscurance.scenes.description.read import read_scene
+from obscurance.scenes.geometry.builtin_shapes import menger, temple
+from obscurance.scenes.geometry.polyhedra import RawMesh, join
+from obscurance.scenes.library.catalogue import BUILTIN, write_builtin
 
 from .dense import Make, Rng, displacement, refined, sized, unit, used
 from .pieces import knot, plane, solid

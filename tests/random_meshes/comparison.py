@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-from ao import Bake, Falloff, Flag, bake
-from raytrace.mesh.mesh import Mesh
-from raytrace.types import Bools, Float64s
+from obscurance.ao import Bake, Falloff, Flag, bake
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.types import Bools, Float64s
 
 NEAR, FAR = 2.5, 6.0  # times its estimated error: beyond them are few vertices, and next to none
 _OUTLIER = 10.0  # times the tolerance: farther from its neighbours than the truth is

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import fast_simplification
 import numpy as np
 
-from raytrace.types import Float64s, Int64s
-from scenes.geometry.polyhedra import RawMesh, join
+from obscurance.raytrace.types import Float64s, Int64s
+from obscurance.scenes.geometry.polyhedra import RawMesh, join
 
 from .dense import Rng, extent, field, log_uniform, places, used, welded
 

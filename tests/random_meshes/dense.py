@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from raytrace.mesh.mesh import Mesh
-from raytrace.types import Float64s
-from scenes.geometry.polyhedra import RawMesh
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.types import Float64s
+from obscurance.scenes.geometry.polyhedra import RawMesh
 
 Rng = np.random.Generator
 Field = Callable[[Float64s], Float64s]

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from meshes import raw_mesh
 
-from raytrace import Mesh, MeshError
-from scenes.geometry.polyhedra import RawMesh
+from obscurance.raytrace import Mesh, MeshError
+from obscurance.scenes.geometry.polyhedra import RawMesh
 
 from .bases import dense_base
 from .damage import DAMAGES, Damage, damaged

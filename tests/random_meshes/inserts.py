@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from raytrace.mesh.mesh import Mesh
-from raytrace.types import Float64s
-from scenes.geometry.polyhedra import RawMesh, join
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.types import Float64s
+from obscurance.scenes.geometry.polyhedra import RawMesh, join
 
 from .dense import Make, Rng, displacement, field, log_uniform, placed, sized
 from .pieces import ball, box, capsule, cells, cylinder, knot, moved, random_turn, ring, sheet, solid

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import Delaunay
 
-from raytrace.mesh.mesh import Mesh
-from raytrace.types import Float64s
-from scenes.geometry.polyhedra import RawMesh, join
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.types import Float64s
+from obscurance.scenes.geometry.polyhedra import RawMesh, join
 
 from .dense import Make, Rng, displacement, field, log_uniform, placed, sized
 from .pieces import ball, box, cells, moved, plane, random_turn, sheet, solid

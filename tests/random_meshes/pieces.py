@@ -8,10 +8,10 @@ import numpy as np
 from meshes import raw_mesh
 from scipy.spatial.transform import Rotation
 
-from raytrace.types import Float64s
-from scenes.geometry.polyhedra import RawMesh
-from scenes.geometry.primitives import box as hard_box
-from scenes.geometry.primitives import cylinder as hard_cylinder
+from obscurance.raytrace.types import Float64s
+from obscurance.scenes.geometry.polyhedra import RawMesh
+from obscurance.scenes.geometry.primitives import box as hard_box
+from obscurance.scenes.geometry.primitives import cylinder as hard_cylinder
 
 from .dense import Make, Rng, welded
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ao import Binary, Exponential, Falloff, bake
-from raytrace.mesh.mesh import Mesh
+from obscurance.ao import Binary, Exponential, Falloff, bake
+from obscurance.raytrace.mesh.mesh import Mesh
 
 from .comparison import Figures, compare_with_truth, find_truth
 from .families import LARGE, SMALL, families

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-import ao
-from ao import Bake, Falloff
-from raytrace import Mesh
-from scenes.formats.load import load
-from scenes.geometry.polyhedra import icosphere
+from obscurance import ao
+from obscurance.ao import Bake, Falloff
+from obscurance.raytrace import Mesh
+from obscurance.scenes.formats.load import load
+from obscurance.scenes.geometry.polyhedra import icosphere
 
 from .comparison import Figures, Truth, compare_with_truth, find_truth, off_median
 from .dense import places

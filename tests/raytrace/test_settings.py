@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from raytrace import OptionError
-from raytrace.camera import Camera
-from raytrace.settings import Settings
+from obscurance.raytrace import OptionError
+from obscurance.raytrace.camera import Camera
+from obscurance.raytrace.settings import Settings
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from shared_directions import only_w
 
-from scenes.validation.table import compare, configurations, described, measure
+from obscurance.scenes.validation.table import compare, configurations, described, measure
 
 from .line import Line, undefined
 from .pose import poses

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ao import Binary, bake
-from scenes.geometry.polyhedra import RawMesh, hull, join
+from obscurance.ao import Binary, bake
+from obscurance.scenes.geometry.polyhedra import RawMesh, hull, join
 
 from .line import ERROR, Line, undefined
 from .pose import Pose

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from ao import Bake, Exponential, bake
-from raytrace.mesh.mesh import Mesh
-from scenes.geometry.polyhedra import RawMesh, join, polygon
+from obscurance.ao import Bake, Exponential, bake
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.scenes.geometry.polyhedra import RawMesh, join, polygon
 
 from .line import Line, undefined
 from .pose import Pose

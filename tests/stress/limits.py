@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.precision import precision_warnings
-from scenes.geometry.polyhedra import RawMesh, icosphere, join
-from scenes.validation.table import configurations
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.precision import precision_warnings
+from obscurance.scenes.geometry.polyhedra import RawMesh, icosphere, join
+from obscurance.scenes.validation.table import configurations
 
 from .line import Line
 from .pose import Pose, poses

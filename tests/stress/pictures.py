@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from raytrace import Camera, Frame, Lambert, Object, Scene, Settings, Shape, render
-from raytrace.lights.sources import BaseLight, DirectionalLight, PointLight
-from raytrace.system.parameters import Sides
-from raytrace.types import Float64s
-from scenes.geometry.polyhedra import RawMesh, icosphere, join
+from obscurance.raytrace import Camera, Frame, Lambert, Object, Scene, Settings, Shape, render
+from obscurance.raytrace.lights.sources import BaseLight, DirectionalLight, PointLight
+from obscurance.raytrace.system.parameters import Sides
+from obscurance.raytrace.types import Float64s
+from obscurance.scenes.geometry.polyhedra import RawMesh, icosphere, join
 
 from .line import LEAKS, MILLION, SELF_HITS, Line, undefined
 from .pose import Pose

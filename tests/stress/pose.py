@@ -7,11 +7,11 @@ from itertools import product
 
 import numpy as np
 
-from ao.falloff import Exponential, Falloff, Tabulated
-from raytrace.mesh.mesh import Mesh
-from raytrace.types import Float64s
-from scenes.geometry.polyhedra import RawMesh, generic_rotation
-from scenes.validation.configurations import Configuration
+from obscurance.ao.falloff import Exponential, Falloff, Tabulated
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.types import Float64s
+from obscurance.scenes.geometry.polyhedra import RawMesh, generic_rotation
+from obscurance.scenes.validation.configurations import Configuration
 
 _AWAY = np.array([0.6, -0.48, 0.64])
 SCALES = tuple(10.0**k for k in range(-9, 10, 3))

@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ao import Binary, bake
-from raytrace.embree.rays import intersect
-from raytrace.embree.scene import TriangleScene
-from raytrace.mesh.placement import Placement
-from raytrace.mesh.precision import coarseness
-from raytrace.types import Float64s
-from scenes.geometry.polyhedra import RawMesh
+from obscurance.ao import Binary, bake
+from obscurance.raytrace.embree.rays import intersect
+from obscurance.raytrace.embree.scene import TriangleScene
+from obscurance.raytrace.mesh.placement import Placement
+from obscurance.raytrace.mesh.precision import coarseness
+from obscurance.raytrace.types import Float64s
+from obscurance.scenes.geometry.polyhedra import RawMesh
 
 from .line import LEAKS, MILLION, SELF_HITS, Line, undefined
 from .pose import Pose, poses

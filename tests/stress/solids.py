@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from meshes import raw_mesh
 
-from raytrace.types import Float64s
-from scenes.geometry.builtin_shapes import menger
-from scenes.geometry.polyhedra import RawMesh, hull, icosphere, join, prism
-from scenes.geometry.primitives import box
+from obscurance.raytrace.types import Float64s
+from obscurance.scenes.geometry.builtin_shapes import menger
+from obscurance.scenes.geometry.polyhedra import RawMesh, hull, icosphere, join, prism
+from obscurance.scenes.geometry.primitives import box
 
 
 def grid(cells: int, size: float = 1.0) -> RawMesh:

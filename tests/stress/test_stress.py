@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from ray_starts import change_origins, scaled_offsets
 
-from ao import bake
-from raytrace import render
+from obscurance.ao import bake
+from obscurance.raytrace import render
 
 from . import rays
 from .closed_forms import closed_forms

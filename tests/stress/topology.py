@@ -7,11 +7,11 @@ from math import pi, sin
 
 import numpy as np
 
-from ao import Bake, Binary, bake
-from ao.points.receivers import Normals
-from raytrace.mesh.mesh import Mesh
-from raytrace.types import Float64s
-from scenes.geometry.polyhedra import RawMesh, hull, icosphere, join, patches
+from obscurance.ao import Bake, Binary, bake
+from obscurance.ao.points.receivers import Normals
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.types import Float64s
+from obscurance.scenes.geometry.polyhedra import RawMesh, hull, icosphere, join, patches
 
 from .line import ERROR, Line, undefined
 from .pose import Pose

@@ -11,8 +11,8 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from raytrace.mesh.mesh import PerCorner
-from raytrace.types import Float64s, Int64s
+from obscurance.raytrace.mesh.mesh import PerCorner
+from obscurance.raytrace.types import Float64s, Int64s
 
 from ...geometry.attributes import SourceAttributes, SourceMaterial, find_picture
 from ...geometry.instances import Instance, check_copies

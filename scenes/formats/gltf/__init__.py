@@ -2,7 +2,7 @@
 
 from ..table import FileFormat, register
 
-_READ = "scenes.formats.gltf.read:read_gltf"
+_READ = "obscurance.scenes.formats.gltf.read:read_gltf"
 
 register(
     FileFormat(
@@ -11,7 +11,7 @@ register(
         read=_READ,
         peak=2.0,
         begins=rb"glTF",
-        write="scenes.formats.gltf.write:glb",
+        write="obscurance.scenes.formats.gltf.write:glb",
         holds=("source", "w", "colors", "scene"),
         in_metres=True,
     ),

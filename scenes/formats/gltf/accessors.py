@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.errors import MeshError
-from raytrace.types import Float64s
+from obscurance.raytrace.errors import MeshError
+from obscurance.raytrace.types import Float64s
 
 from .asset import MESHOPT, Gltf, entry
 from .records import TRIANGLE_STRIP, Primitive, Sparse

@@ -16,10 +16,10 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from raytrace.errors import MeshError
-from raytrace.text.safe_paths import resolve_inside
-from raytrace.text.strict_json import parse_json
-from raytrace.types import Float64s
+from obscurance.raytrace.errors import MeshError
+from obscurance.raytrace.text.safe_paths import resolve_inside
+from obscurance.raytrace.text.strict_json import parse_json
+from obscurance.raytrace.types import Float64s
 
 from ...geometry.rotations import of_quaternion
 from . import records

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.types import Float64s, Int64s
+from obscurance.raytrace.types import Float64s, Int64s
 
 from .accessors import COMPONENTS
 from .asset import BIN_CHUNK, JSON_CHUNK
 from .records import PROFILE
 
 if TYPE_CHECKING:
-    from ao import Bake
+    from obscurance.ao import Bake
 
 _CODES = {np.dtype(kind): code for code, kind in COMPONENTS.items()}
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963

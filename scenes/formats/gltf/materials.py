@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.image.encode import linear_png
-from raytrace.image.texture import Texture, rgb_codes, texture_alpha, texture_codes
+from obscurance.raytrace.image.encode import linear_png
+from obscurance.raytrace.image.texture import Texture, rgb_codes, texture_alpha, texture_codes
 
 from ...geometry.attributes import SourceMaterial
 from .builder import GlbBuilder

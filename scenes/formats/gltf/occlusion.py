@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from raytrace.image.encode import linear_png
-from raytrace.types import AnyFloats, Float32s
+from obscurance.raytrace.image.encode import linear_png
+from obscurance.raytrace.types import AnyFloats, Float32s
 
 from .builder import GlbBuilder
 from .records import WRAP

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.image.encode import linear_png
-from raytrace.image.texture import texture_codes
-from raytrace.types import Float32s, UInt8s, UInt16s
+from obscurance.raytrace.image.encode import linear_png
+from obscurance.raytrace.image.texture import texture_codes
+from obscurance.raytrace.types import Float32s, UInt8s, UInt16s
 
 from .asset import Gltf, entry
 from .materials import enlarged

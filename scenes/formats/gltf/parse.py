@@ -5,9 +5,9 @@ Whole numbers are indices and sizes, from 0; whether they point at something is 
 
 from typing import Annotated, Any, TypeVar
 
-from raytrace.errors import MeshError
-from raytrace.system.records import Fault, Within, read
-from raytrace.text.field_errors import shown
+from obscurance.raytrace.errors import MeshError
+from obscurance.raytrace.system.records import Fault, Within, read
+from obscurance.raytrace.text.field_errors import shown
 
 T = TypeVar("T")
 Index = Annotated[int, Within(0, 2**53 - 1, words="a whole number, 0 or more")]

@@ -6,12 +6,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.errors import OptionError
-from raytrace.image.srgb import decode_srgb
-from raytrace.mesh.corners import split_corners, split_creases
-from raytrace.mesh.mesh import Mesh, PerCorner
-from raytrace.mesh.normals import nonzero
-from raytrace.types import Float64s, Int64s
+from obscurance.raytrace.errors import OptionError
+from obscurance.raytrace.image.srgb import decode_srgb
+from obscurance.raytrace.mesh.corners import split_corners, split_creases
+from obscurance.raytrace.mesh.mesh import Mesh, PerCorner
+from obscurance.raytrace.mesh.normals import nonzero
+from obscurance.raytrace.types import Float64s, Int64s
 
 from ...geometry.attributes import SourceAttributes
 from ...geometry.instances import Submesh

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.errors import MeshError
-from raytrace.types import Float64s
+from obscurance.raytrace.errors import MeshError
+from obscurance.raytrace.types import Float64s
 
 from ...geometry.instances import MAX_COPIED, Instance, cofactors
 from .accessors import column, values, vectors

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.errors import MeshError
+from obscurance.raytrace.errors import MeshError
 
 from ...geometry.instances import Instance, check_copies
 from ..table import MeshInput
@@ -18,7 +18,7 @@ from .pose import Poses, in_words
 from .records import PROFILE, Primitive
 
 if TYPE_CHECKING:
-    from ao import Profile
+    from obscurance.ao import Profile
 
 _COPIES = "EXT_mesh_gpu_instancing"
 
@@ -103,7 +103,7 @@ def _stored_profile(asset: Gltf, attributes: dict[str, int], count: int) -> Prof
         numbers = [attributes[f"{PROFILE}{number}"] for number in range(-(-len(lengths) // 4))]
         columns = np.hstack([normalized(values(asset, number, "VEC4")) for number in numbers])
         if len(columns) == count:
-            from ao import Profile
+            from obscurance.ao import Profile
 
             return Profile.stored(lengths, columns[:, : len(lengths)], extras["radius"])
     return None

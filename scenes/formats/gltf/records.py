@@ -8,7 +8,7 @@ KHR_materials_emissive_strength, KHR_materials_pbrSpecularGlossiness, KHR_materi
 from math import pi
 from typing import Annotated, Any, Literal
 
-from raytrace.system.records import At, Record, Within
+from obscurance.raytrace.system.records import At, Record, Within
 
 from .parse import Index, Number
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from ao.texture.result import BakedTexture
-from ao.texture.uv_layout import on_page
-from raytrace.errors import MeshError
-from raytrace.types import AnyFloats, Float64s, Int64s
+from obscurance.ao.texture.result import BakedTexture
+from obscurance.ao.texture.uv_layout import on_page
+from obscurance.raytrace.errors import MeshError
+from obscurance.raytrace.types import AnyFloats, Float64s, Int64s
 
 from ..load import MeshFile, parser_errors
 from ..primitive_groups import primitive_groups

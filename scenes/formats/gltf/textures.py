@@ -13,14 +13,14 @@ from urllib.parse import unquote
 import numpy as np
 import numpy.typing as npt
 
-from raytrace import AlphaSurface, Opacity
-from raytrace.errors import MeshError, SceneError
-from raytrace.image.srgb import encode_srgb
-from raytrace.image.texture import Texture, Wrap
-from raytrace.mesh.mesh import PerCorner
-from raytrace.text.field_errors import shown
-from raytrace.text.safe_paths import confined
-from raytrace.types import Float64s, Int64s
+from obscurance.raytrace import AlphaSurface, Opacity
+from obscurance.raytrace.errors import MeshError, SceneError
+from obscurance.raytrace.image.srgb import encode_srgb
+from obscurance.raytrace.image.texture import Texture, Wrap
+from obscurance.raytrace.mesh.mesh import PerCorner
+from obscurance.raytrace.text.field_errors import shown
+from obscurance.raytrace.text.safe_paths import confined
+from obscurance.raytrace.types import Float64s, Int64s
 
 from ...geometry.attributes import SourceAttributes, triangle_attributes
 from ...geometry.instances import Submesh

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from ao import Bake
-from raytrace.image.encode import linear_png
-from raytrace.mesh.up import TO_Y_UP, up_axis
-from raytrace.types import AnyFloats, Float64s
+from obscurance.ao import Bake
+from obscurance.raytrace.image.encode import linear_png
+from obscurance.raytrace.mesh.up import TO_Y_UP, up_axis
+from obscurance.raytrace.types import AnyFloats, Float64s
 
 from ...geometry.instances import Submesh
 from ..load import MeshFile

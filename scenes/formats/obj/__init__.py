@@ -6,10 +6,10 @@ register(
     FileFormat(
         ".obj",
         "OBJ",
-        read="scenes.formats.obj.read:read_obj",
+        read="obscurance.scenes.formats.obj.read:read_obj",
         peak=9.0,
         begins=rb"(\s*(#[^\n]*)?\n)*\s*(v|vn|vt|o|g|mtllib|usemtl|s)\s",
-        write="scenes.formats.obj.write:obj",
+        write="obscurance.scenes.formats.obj.write:obj",
         holds=("source", "uv"),
     )
 )

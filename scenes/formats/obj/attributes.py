@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from raytrace.mesh.opacity import AlphaSurface, Opacity
+from obscurance.raytrace.mesh.opacity import AlphaSurface, Opacity
 
 from ...geometry.attributes import SourceAttributes, SourceMaterial
 from ...geometry.polygons import Triangulation
@@ -81,7 +81,7 @@ def obj_opacity(
     of = np.repeat(np.array([*(numbers.get(name, -1) for name in used.names), -1])[used.of], triangles.counts)
     if (of < 0).all():
         return None, notes
-    from raytrace.image.texture import Texture
+    from obscurance.raytrace.image.texture import Texture
 
     uv = file.uv()
     surfaces = []

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from raytrace.errors import first_names, printable
+from obscurance.raytrace.errors import first_names, printable
 
 from ...geometry.attributes import SourceMaterial, is_opacity_map, is_picture
 from .text import joined_lines
@@ -83,7 +83,7 @@ def _libraries(lines: Iterable[str], find: Callable[[str], Path | None]) -> Iter
 
 def _resolve_inside(folder: Path, name: str) -> Path | None:
     """A file in a folder or below it, or None."""
-    from raytrace.text.safe_paths import resolve_inside
+    from obscurance.raytrace.text.safe_paths import resolve_inside
 
     return resolve_inside(name.strip().strip('"'), folder)
 

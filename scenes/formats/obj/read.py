@@ -6,7 +6,7 @@ trimesh's reader splits, repeats or drops vertices, takes index 0 for 1 and wrap
 
 import numpy as np
 
-from raytrace.mesh.mesh import PerCorner
+from obscurance.raytrace.mesh.mesh import PerCorner
 
 from ...geometry.instances import Instance
 from ...geometry.polygons import triangulate

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.errors import MeshError
-from raytrace.mesh.mesh import PerCorner
-from raytrace.text import lines
-from raytrace.text.lines import COUNT, LEAST, MOST, NEEDED, NONE, NUMBERED, SLASHES, USABLE, WORDS, F, V
-from raytrace.types import Bools, Float64s, Int64s
+from obscurance.raytrace.errors import MeshError
+from obscurance.raytrace.mesh.mesh import PerCorner
+from obscurance.raytrace.text import lines
+from obscurance.raytrace.text.lines import COUNT, LEAST, MOST, NEEDED, NONE, NUMBERED, SLASHES, USABLE, WORDS, F, V
+from obscurance.raytrace.types import Bools, Float64s, Int64s
 
 from ..number_rows import for_blocks, line_blocks, round_left
 

@@ -5,9 +5,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from ao import Bake
-from raytrace.image.srgb import encode_srgb
-from raytrace.types import AnyFloats
+from obscurance.ao import Bake
+from obscurance.raytrace.image.srgb import encode_srgb
+from obscurance.raytrace.types import AnyFloats
 
 from ..load import MeshFile
 

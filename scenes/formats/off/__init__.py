@@ -3,5 +3,7 @@
 from ..table import FileFormat, register
 
 register(
-    FileFormat(".off", "OFF", read="scenes.formats.off.read:read_off", peak=7.5, begins=rb"\s*(ST)?(C?N?4?n?)OFF\b")
+    FileFormat(
+        ".off", "OFF", read="obscurance.scenes.formats.off.read:read_off", peak=7.5, begins=rb"\s*(ST)?(C?N?4?n?)OFF\b"
+    )
 )

@@ -6,7 +6,7 @@ concave polygons and the order of vertices are kept, all in bounded memory (evid
 
 import re
 
-from raytrace.errors import MeshError
+from obscurance.raytrace.errors import MeshError
 
 from ...geometry.instances import Instance
 from ...geometry.polygons import triangulate

@@ -6,10 +6,10 @@ register(
     FileFormat(
         ".ply",
         "PLY",
-        read="scenes.formats.ply.read:read_ply",
+        read="obscurance.scenes.formats.ply.read:read_ply",
         peak=7.5,
         begins=rb"ply\r?\n",
-        write="scenes.formats.ply.write:ply",
+        write="obscurance.scenes.formats.ply.write:ply",
         holds=("source", "w", "faces", "colors", "uv"),
     )
 )

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.image.srgb import encode_srgb
-from raytrace.mesh.mesh import PerCorner
-from raytrace.mesh.up import UP
-from raytrace.types import AnyInts, Float32s, Float64s, Int64s
+from obscurance.raytrace.image.srgb import encode_srgb
+from obscurance.raytrace.mesh.mesh import PerCorner
+from obscurance.raytrace.mesh.up import UP
+from obscurance.raytrace.types import AnyInts, Float32s, Float64s, Int64s
 
 from ...geometry.attributes import Element, Property, SourceAttributes, SourceMaterial, find_picture
 from ...geometry.polygons import Triangulation
 
 if TYPE_CHECKING:
-    from ao import Profile
+    from obscurance.ao import Profile
 
 NAMES = {
     "b": "char", "B": "uchar", "h": "short", "H": "ushort", "i": "int", "I": "uint", "f": "float", "d": "double",
@@ -74,7 +74,7 @@ class PlyHeader(NamedTuple):
             radius, *lengths = line.removeprefix(PROFILE_COMMENT).split() or ["0"]
             names = [f"{PROFILE}{number:02}" for number in range(len(lengths))]
             if names and set(names) <= set(columns):
-                from ao import Profile
+                from obscurance.ao import Profile
 
                 return Profile.stored(lengths, np.stack([columns[name] for name in names], axis=1), radius)
         return None

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from raytrace.errors import MeshError
+from obscurance.raytrace.errors import MeshError
 
 from ...geometry.attributes import Element, Property
 from ...geometry.instances import Instance

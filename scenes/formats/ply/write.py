@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ao import Bake
-from raytrace.mesh.mesh import Mesh
-from raytrace.mesh.normals import face_normals
-from raytrace.mesh.up import up_axis
+from obscurance.ao import Bake
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.normals import face_normals
+from obscurance.raytrace.mesh.up import up_axis
 
 from ...geometry.attributes import Element, Property, SourceAttributes, float_normals, triangle_attributes
 from ..load import MeshFile

@@ -2,7 +2,7 @@
 
 from ..table import FileFormat, register
 
-_READ, _WRITE = "scenes.formats.raster.read:read_raster", "scenes.formats.raster.write:raster"
+_READ, _WRITE = "obscurance.scenes.formats.raster.read:read_raster", "obscurance.scenes.formats.raster.write:raster"
 
 register(
     FileFormat(".asc", "Esri ASCII grid", read=_READ, peak=2.0, holds=("raster",), in_metres=True),

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from raytrace.errors import MeshError
-from raytrace.system.checks import check_memory
-from raytrace.types import Bools, Float64s
+from obscurance.raytrace.errors import MeshError
+from obscurance.raytrace.system.checks import check_memory
+from obscurance.raytrace.types import Bools, Float64s
 
 from ...geometry.instances import Instance
 from ..table import MeshInput, format_of

@@ -4,8 +4,8 @@ import warnings
 
 import numpy as np
 
-from ao import Bake
-from raytrace.errors import OptionError
+from obscurance.ao import Bake
+from obscurance.raytrace.errors import OptionError
 
 from ..load import MeshFile, parser_errors
 from ..table import is_raster

@@ -8,7 +8,7 @@ import re
 
 import numpy as np
 
-from raytrace.errors import MeshError
+from obscurance.raytrace.errors import MeshError
 
 from ...geometry.instances import Instance
 from ..number_rows import NumberRows

@@ -21,10 +21,10 @@ from typing import BinaryIO
 
 import numpy as np
 
-from raytrace.errors import MeshError
-from raytrace.image.srgb import decode_srgb
-from raytrace.system.checks import check_memory
-from raytrace.types import Float64s, Int64s
+from obscurance.raytrace.errors import MeshError
+from obscurance.raytrace.image.srgb import decode_srgb
+from obscurance.raytrace.system.checks import check_memory
+from obscurance.raytrace.types import Float64s, Int64s
 
 from ...geometry.attributes import SourceAttributes, SourceMaterial, triangle_attributes
 from ...geometry.instances import Instance, check_copies

@@ -6,7 +6,7 @@ register(
     FileFormat(
         ".vtp",
         "VTK",
-        write="scenes.formats.vtp.write:vtp",
+        write="obscurance.scenes.formats.vtp.write:vtp",
         holds=("source",),
     )
 )

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ao import Bake
+from obscurance.ao import Bake
 
 from ...geometry.attributes import float_normals
 from ..load import MeshFile

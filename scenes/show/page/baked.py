@@ -11,7 +11,7 @@ from .document import html_of_bakes
 from .encode import Values
 
 if TYPE_CHECKING:
-    from ao import Bake
+    from obscurance.ao import Bake
 
 
 def html(bake: Bake | Values, mesh_file: MeshFile, channels: Channels) -> bytes:

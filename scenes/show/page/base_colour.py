@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from raytrace.errors import InputError, printable
-from raytrace.image.encode import image_bytes, linear_png, write_picture
-from raytrace.image.srgb import decode_srgb, encode_srgb
-from raytrace.image.texture import Texture, Wrap, rgb_codes, texture_alpha, texture_codes
-from raytrace.mesh.mesh import PerCorner
-from raytrace.mesh.opacity import AlphaSurface, Opacity
-from raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
+from obscurance.raytrace.errors import InputError, printable
+from obscurance.raytrace.image.encode import image_bytes, linear_png, write_picture
+from obscurance.raytrace.image.srgb import decode_srgb, encode_srgb
+from obscurance.raytrace.image.texture import Texture, Wrap, rgb_codes, texture_alpha, texture_codes
+from obscurance.raytrace.mesh.mesh import PerCorner
+from obscurance.raytrace.mesh.opacity import AlphaSurface, Opacity
+from obscurance.raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
 
 from ...formats.load import MeshFile, parser_errors
 from ...geometry.attributes import SourceAttributes

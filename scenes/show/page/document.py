@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy.typing as npt
 
-from raytrace import Mesh, OptionError
-from raytrace.errors import check_type, printable
-from raytrace.mesh.up import FROM, UP, up_axis
-from raytrace.types import AnyFloats
+from obscurance.raytrace import Mesh, OptionError
+from obscurance.raytrace.errors import check_type, printable
+from obscurance.raytrace.mesh.up import FROM, UP, up_axis
+from obscurance.raytrace.types import AnyFloats
 
 from ..look import FLAGS, LOOK
 from .base_colour import BaseColour

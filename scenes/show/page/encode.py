@@ -17,17 +17,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from raytrace import Mesh, OptionError
-from raytrace.errors import numbers
-from raytrace.image.texture import Wrap
-from raytrace.mesh.corners import split_creases
-from raytrace.mesh.normals import normalize
-from raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
+from obscurance.raytrace import Mesh, OptionError
+from obscurance.raytrace.errors import numbers
+from obscurance.raytrace.image.texture import Wrap
+from obscurance.raytrace.mesh.corners import split_creases
+from obscurance.raytrace.mesh.normals import normalize
+from obscurance.raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
 
 from .base_colour import BaseColour, shrunk, uv_steps
 
 if TYPE_CHECKING:
-    from ao import Profile
+    from obscurance.ao import Profile
 
 MOST = 65535
 _STEPS = 16  # of a page's half-distance, an octave

@@ -10,7 +10,7 @@ from .document import html_of_bakes
 from .encode import Values
 
 if TYPE_CHECKING:
-    from ao import Bake
+    from obscurance.ao import Bake
 
 _MOST = 250_000  # vertices; a notebook keeps some 10 bytes of each
 

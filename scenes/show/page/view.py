@@ -7,13 +7,13 @@ from shlex import quote
 
 import numpy as np
 
-from raytrace import Mesh, OptionError
-from raytrace.errors import SceneError, printable
-from raytrace.image.texture import Texture, texture_codes
-from raytrace.mesh.up import TO_Y_UP, up_axis
-from raytrace.system.atomic import write_bytes
-from raytrace.system.checks import check_ending, check_outputs
-from raytrace.types import Float64s, UInt8s
+from obscurance.raytrace import Mesh, OptionError
+from obscurance.raytrace.errors import SceneError, printable
+from obscurance.raytrace.image.texture import Texture, texture_codes
+from obscurance.raytrace.mesh.up import TO_Y_UP, up_axis
+from obscurance.raytrace.system.atomic import write_bytes
+from obscurance.raytrace.system.checks import check_ending, check_outputs
+from obscurance.raytrace.types import Float64s, UInt8s
 
 from ...formats.gltf.occlusion import is_ramp
 from ...formats.gltf.textures import Textures

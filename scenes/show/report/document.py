@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from raytrace.errors import printable
+from obscurance.raytrace.errors import printable
 
 from ..page.document import policy
 from .pictures import Picture, heat

@@ -5,14 +5,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-import ao
-from ao.texture.uv_layout import on_page
-from raytrace import AmbientLight, Camera, Frame, Lambert, Mesh, Object, Occlusion, Scene, Settings, Shape, Texture
-from raytrace import render as render_scene
-from raytrace.image.encode import image_bytes, write_data
-from raytrace.image.srgb import decode_srgb
-from raytrace.image.write import write_image
-from raytrace.types import AnyFloats, Float32s, Float64s
+from obscurance import ao
+from obscurance.ao.texture.uv_layout import on_page
+from obscurance.raytrace import (
+    AmbientLight,
+    Camera,
+    Frame,
+    Lambert,
+    Mesh,
+    Object,
+    Occlusion,
+    Scene,
+    Settings,
+    Shape,
+    Texture,
+)
+from obscurance.raytrace import render as render_scene
+from obscurance.raytrace.image.encode import image_bytes, write_data
+from obscurance.raytrace.image.srgb import decode_srgb
+from obscurance.raytrace.image.write import write_image
+from obscurance.raytrace.types import AnyFloats, Float32s, Float64s
 
 from ...description.description import framing
 from ..look import BACKGROUND, FIELD_OF_VIEW, HEAT, clay_scene, clay_settings

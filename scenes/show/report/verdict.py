@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from raytrace.system.atomic import write_bytes, write_json
+from obscurance.raytrace.system.atomic import write_bytes, write_json
 
 if TYPE_CHECKING:
     from .pictures import Picture

@@ -14,8 +14,8 @@ from mesh_files import ply
 from meshes import hills
 from project import environment
 
-from ao.execute.kept import Kept
-from raytrace.errors import ClusterError
+from obscurance.ao.execute.kept import Kept
+from obscurance.raytrace.errors import ClusterError
 
 pytestmark = [LEFT_SOCKETS, pytest.mark.slow]
 

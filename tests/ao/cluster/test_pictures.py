@@ -7,8 +7,8 @@ import pytest
 from clusters import LEFT_SOCKETS, compiled_by, killed_in_mid_block, workers_at
 from rendered import CAMERA, SMALL, box, still_scene
 
-from ao.cluster.pictures import render_on
-from raytrace import (
+from obscurance.ao.cluster.pictures import render_on
+from obscurance.raytrace import (
     AlphaSurface,
     EnvironmentLight,
     InputError,
@@ -21,8 +21,8 @@ from raytrace import (
     SkyLight,
     render,
 )
-from raytrace.image.texture import Texture
-from raytrace.image.write import write_image
+from obscurance.raytrace.image.texture import Texture
+from obscurance.raytrace.image.write import write_image
 
 pytestmark = LEFT_SOCKETS
 

@@ -8,9 +8,9 @@ import pytest
 from clusters import BAKES, LEFT_SOCKETS, MEDIUM, bake_on, impatient, scheduler
 from interrupted_bakes import bits
 
-from ao.cluster.workers import LOCAL, Workers
-from ao.execute.kept import Kept
-from raytrace.errors import ClusterError
+from obscurance.ao.cluster.workers import LOCAL, Workers
+from obscurance.ao.execute.kept import Kept
+from obscurance.raytrace.errors import ClusterError
 
 __all__ = ["impatient"]
 pytestmark = LEFT_SOCKETS
@@ -19,7 +19,7 @@ pytestmark = LEFT_SOCKETS
 def test_workers_may_come_late_and_a_lost_scheduler_leaves_rows_for_one_process(tmp_path, medium, monkeypatch):
     messages, output, lost, script = [], tmp_path / "w.npy", tmp_path / "lost", tmp_path / "hold.py"
     script.write_text(f"from clusters import holding\nholding(1, {str(lost)!r})()")
-    monkeypatch.setattr("ao.cluster.workers._PATIENCE", 0.2)
+    monkeypatch.setattr("obscurance.ao.cluster.workers._PATIENCE", 0.2)
     with scheduler(0, [str(script)]) as late:
 
         def progress(done, total, stage):
@@ -83,8 +83,8 @@ def test_a_worker_that_is_stopped_as_it_starts_is_not_waited_for(tmp_path, mediu
 def test_where_all_workers_are_stopped_as_they_start_the_bake_ends(tmp_path, starting, monkeypatch):
     stopped, messages = tmp_path / "stopped", []
     starting(STOPS.format(stopped=str(stopped), reported=""))
-    monkeypatch.setattr("ao.cluster.workers._START", 6.0)
-    monkeypatch.setattr("ao.cluster.workers._PATIENCE", 0.5)
+    monkeypatch.setattr("obscurance.ao.cluster.workers._START", 6.0)
+    monkeypatch.setattr("obscurance.ao.cluster.workers._PATIENCE", 0.5)
 
     def notify(line):
         messages.append(line)

@@ -7,8 +7,8 @@ import pytest
 from clusters import LEFT_SOCKETS, MEDIUM, Attack, bake_on, on_one, scheduler, victims_of
 from interrupted_bakes import bits
 
-from ao.execute.work import bit_environment
-from raytrace.errors import ClusterError
+from obscurance.ao.execute.work import bit_environment
+from obscurance.raytrace.errors import ClusterError
 
 pytestmark = LEFT_SOCKETS
 
@@ -17,14 +17,17 @@ def made_useless(how):
     """A function for a worker, which is sent as it is."""
 
     def become_another():
-        from ao.execute.work import bit_environment
+        from obscurance.ao.execute.work import bit_environment
 
         bit_environment()["test"] = "a z80"
 
     def forget_the_package():
         import sys
 
-        sys.modules["test.hidden"], sys.modules["ao.cluster.workers"] = sys.modules["ao.cluster.workers"], None
+        sys.modules["test.hidden"], sys.modules["obscurance.ao.cluster.workers"] = (
+            sys.modules["obscurance.ao.cluster.workers"],
+            None,
+        )
 
     return become_another if how == "another processor" else forget_the_package
 
@@ -47,7 +50,7 @@ def test_a_worker_unlike_the_client_is_reported_in_one_line(cluster, tmp_path, m
 
 def test_where_no_worker_can_be_used_one_is_waited_for(cluster, tmp_path, monkeypatch):
     monkeypatch.setitem(bit_environment(), "Embree", "4.0.0")
-    monkeypatch.setattr("ao.cluster.workers._PATIENCE", 1.0)
+    monkeypatch.setattr("obscurance.ao.cluster.workers._PATIENCE", 1.0)
     messages = []
 
     def notify(line):
@@ -64,10 +67,10 @@ def test_where_no_worker_can_be_used_one_is_waited_for(cluster, tmp_path, monkey
 @pytest.mark.parametrize("answer", ["code", "few"])
 def test_an_answer_that_is_no_table_ends_the_bake_and_is_never_run(cluster, tmp_path, monkeypatch, answer):
     def lie():
-        import ao.cluster.workers
+        import obscurance.ao.cluster.workers
 
-        honest = ao.cluster.workers.packed
-        ao.cluster.workers.packed = {
+        honest = obscurance.ao.cluster.workers.packed
+        obscurance.ao.cluster.workers.packed = {
             "code": lambda *_: Attack(str(tmp_path / "attacked")),
             "few": lambda *arguments: honest(*arguments)[:-8],
         }[answer]
@@ -81,10 +84,10 @@ def test_an_answer_that_is_no_table_ends_the_bake_and_is_never_run(cluster, tmp_
 
 
 FULL = """
-import ao.cluster.workers
+import obscurance.ao.cluster.workers
 def full(*_):
     raise OSError(28, "No space left on device")
-ao.cluster.workers.make_on_threads = full
+obscurance.ao.cluster.workers.make_on_threads = full
 """
 
 
@@ -126,14 +129,14 @@ def test_others_trace_the_blocks_of_a_worker_that_stands_still(tmp_path, medium)
     config = pytest.importorskip("dask").config
 
     def stop():
-        import ao.cluster.workers
+        import obscurance.ao.cluster.workers
 
-        ao.cluster.workers.make_on_threads = lambda *_: os.kill(os.getpid(), signal.SIGSTOP)
+        obscurance.ao.cluster.workers.make_on_threads = lambda *_: os.kill(os.getpid(), signal.SIGSTOP)
 
     def prepare(number):
         return stop if number == 0 else int
 
-    from ao.cluster import workers
+    from obscurance.ao.cluster import workers
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(workers.CONFIG, "distributed.scheduler.worker-ttl", "2s")

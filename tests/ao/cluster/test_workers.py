@@ -17,8 +17,8 @@ from clusters import (
 )
 from interrupted_bakes import bits
 
-from ao.cluster.workers import local_workers
-from raytrace import InputError, OptionError
+from obscurance.ao.cluster.workers import local_workers
+from obscurance.raytrace import InputError, OptionError
 
 __all__ = ["impatient"]
 pytestmark = LEFT_SOCKETS

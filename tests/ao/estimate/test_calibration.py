@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from meshes import hills
 
-import ao
-from ao.estimate.calibration import Calibration
-from raytrace import Mesh
+from obscurance import ao
+from obscurance.ao.estimate.calibration import Calibration
+from obscurance.raytrace import Mesh
 
 pytestmark = pytest.mark.usefixtures("w_alone")
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from meshes import hills
 
-from ao.estimate.cells import Cells, around
-from ao.estimate.one_ring import Neighbours
-from ao.points.receivers import find_receivers
-from raytrace import Mesh
-from raytrace.mesh.placement import Placement
+from obscurance.ao.estimate.cells import Cells, around
+from obscurance.ao.estimate.one_ring import Neighbours
+from obscurance.ao.points.receivers import find_receivers
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.mesh.placement import Placement
 
 MESH = Mesh(*hills(90))
 

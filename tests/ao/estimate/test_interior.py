@@ -11,9 +11,9 @@ import trimesh
 from command import obscurance
 from meshes import crumpled as noisy
 
-import ao
-from raytrace import Mesh, OptionError
-from scenes.geometry.polyhedra import icosphere
+from obscurance import ao
+from obscurance.raytrace import Mesh, OptionError
+from obscurance.scenes.geometry.polyhedra import icosphere
 
 
 @pytest.fixture(scope="module")

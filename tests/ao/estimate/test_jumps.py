@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import ao
-from raytrace import Mesh
-from scenes.geometry.polyhedra import join
+from obscurance import ao
+from obscurance.raytrace import Mesh
+from obscurance.scenes.geometry.polyhedra import join
 
 TOLERANCE = 0.01
 

@@ -3,7 +3,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from ao.estimate.one_ring import Neighbours
+from obscurance.ao.estimate.one_ring import Neighbours
 
 POINTS = 9000  # of several blocks
 

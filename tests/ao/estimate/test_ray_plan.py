@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from meshes import hills
 
-import ao
-from ao.estimate.ray_plan import rays_to_add
-from ao.estimate.sampling_error import RATE
-from raytrace import Mesh
+from obscurance import ao
+from obscurance.ao.estimate.ray_plan import rays_to_add
+from obscurance.ao.estimate.sampling_error import RATE
+from obscurance.raytrace import Mesh
 
 
 @pytest.mark.parametrize("fall", [1.08, 1.5])
@@ -33,5 +33,5 @@ def test_a_tolerance_needs_no_second_hierarchy(monkeypatch: pytest.MonkeyPatch) 
     def refused(*_: object) -> None:
         raise AssertionError("Embree's hierarchy is built")
 
-    monkeypatch.setattr("raytrace.embree.scene.EmbreeScene.__init__", refused)
+    monkeypatch.setattr("obscurance.raytrace.embree.scene.EmbreeScene.__init__", refused)
     assert ao.bake(Mesh(*hills(40)), tolerance=0.02).rmse <= 0.02

@@ -5,8 +5,8 @@ import pytest
 import trimesh
 from meshes import hills
 
-import ao
-from raytrace import Mesh
+from obscurance import ao
+from obscurance.raytrace import Mesh
 
 
 def bumpy_ball():

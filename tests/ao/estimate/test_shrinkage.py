@@ -7,14 +7,14 @@ import pytest
 import trimesh
 from meshes import hills
 
-import ao
-from ao.estimate.calibration import distribute_variance
-from ao.estimate.one_ring import Neighbours
-from ao.estimate.shrinkage import denoise
-from ao.points.receivers import Points, find_receivers
-from raytrace import Mesh
-from raytrace.mesh.placement import Placement
-from scenes.geometry.builtin_shapes import temple
+from obscurance import ao
+from obscurance.ao.estimate.calibration import distribute_variance
+from obscurance.ao.estimate.one_ring import Neighbours
+from obscurance.ao.estimate.shrinkage import denoise
+from obscurance.ao.points.receivers import Points, find_receivers
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.mesh.placement import Placement
+from obscurance.scenes.geometry.builtin_shapes import temple
 
 pytestmark = pytest.mark.usefixtures("w_alone")
 

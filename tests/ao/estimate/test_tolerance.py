@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 from meshes import crumpled, hills
 
-import ao
-from ao.estimate.cells import Cells, nearest_baked
-from ao.estimate.one_ring import Neighbours
-from ao.estimate.tolerance import _Traced
-from ao.estimate.upsampling import upsample
-from ao.execute.tracer import Tracer
-from ao.points.receivers import find_receivers
-from ao.rays.ray_scene import RayScene
 from benchmarks.accuracy.dense_meshes import JUMPS, PAIRS
 from benchmarks.accuracy.density import Judgement, Truth
-from raytrace import Mesh, OptionError
-from raytrace.mesh.placement import Placement
-from scenes.geometry.builtin_shapes import temple
-from scenes.geometry.polyhedra import icosphere
+from obscurance import ao
+from obscurance.ao.estimate.cells import Cells, nearest_baked
+from obscurance.ao.estimate.one_ring import Neighbours
+from obscurance.ao.estimate.tolerance import _Traced
+from obscurance.ao.estimate.upsampling import upsample
+from obscurance.ao.execute.tracer import Tracer
+from obscurance.ao.points.receivers import find_receivers
+from obscurance.ao.rays.ray_scene import RayScene
+from obscurance.raytrace import Mesh, OptionError
+from obscurance.raytrace.mesh.placement import Placement
+from obscurance.scenes.geometry.builtin_shapes import temple
+from obscurance.scenes.geometry.polyhedra import icosphere
 
 pytestmark = pytest.mark.usefixtures("w_alone")
 

@@ -21,12 +21,12 @@ from interrupted_bakes import (
 )
 from meshes import hills
 
-import ao
-import ao.least_squares.fit
-import ao.methods.surface_method
-from ao.execute.kept import Kept
-from ao.least_squares.conjugate_gradients import solve_within
-from raytrace.mesh.mesh import Mesh
+import obscurance.ao.least_squares.fit
+import obscurance.ao.methods.surface_method
+from obscurance import ao
+from obscurance.ao.execute.kept import Kept
+from obscurance.ao.least_squares.conjugate_gradients import solve_within
+from obscurance.raytrace.mesh.mesh import Mesh
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="links")
 THIRD = {"samples": 128, "only": np.arange(2500) % 3 == 0}

@@ -14,23 +14,23 @@ from interrupted_bakes import MESH, folders
 from killed_commands import textured
 from project import HELPERS, ROOT, environment
 
-from ao.execute.kept import Kept
-from raytrace.errors import OutputError
+from obscurance.ao.execute.kept import Kept
+from obscurance.raytrace.errors import OutputError
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 
 AT_ONCE = """
 import time, warnings
-import ao.execute.work
-from ao.execute.kept import Kept
+import obscurance.ao.execute.work
+from obscurance.ao.execute.kept import Kept
 put = Kept._put
 def slowly(*arguments):
     put(*arguments)
     time.sleep(0.1)
 Kept._put = slowly
 Kept.__init__.__defaults__ = (warnings.warn, 0.0, *Kept.__init__.__defaults__[2:])
-ao.execute.work._BLOCK_RAYS = 1 << 14
-import cli
+obscurance.ao.execute.work._BLOCK_RAYS = 1 << 14
+from obscurance import cli
 cli.main()
 """
 
@@ -70,7 +70,7 @@ def test_rows_outlive_an_output_that_cannot_be_written(tmp_path, monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr(Kept.__init__, "__defaults__", (warn, 0.0, *Kept.__init__.__defaults__[2:]))
-        patch.setattr("scenes.bake.vertices.write_vertices", full)
+        patch.setattr("obscurance.scenes.bake.vertices.write_vertices", full)
         failed = obscurance(*bake)
     (folder,) = folders(target)
     assert failed.stderr.splitlines() == [

@@ -10,11 +10,11 @@ from leaf_cards import FLOOR, FLOOR_FACES, HALVES, SQUARE
 from meshes import crumpled, hills, two_boxes
 from uv_meshes import grid_charts
 
-import ao
-from ao.report import report
-from raytrace import AlphaSurface, Mesh, Opacity, OptionError
-from scenes.validation.curved import curved_cases
-from scenes.validation.flat import flat_cases
+from obscurance import ao
+from obscurance.ao.report import report
+from obscurance.raytrace import AlphaSurface, Mesh, Opacity, OptionError
+from obscurance.scenes.validation.curved import curved_cases
+from obscurance.scenes.validation.flat import flat_cases
 
 pytestmark = pytest.mark.usefixtures("w_alone")
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from meshes import hills
 
-from ao import Binary, Exponential, Linear, Smooth, Tabulated, bake
-from ao.mu import attenuation
-from raytrace import Mesh, OptionError
+from obscurance.ao import Binary, Exponential, Linear, Smooth, Tabulated, bake
+from obscurance.ao.mu import attenuation
+from obscurance.raytrace import Mesh, OptionError
 
 
 def test_exponential_is_one_minus_exp():

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from meshes import crumpled, hills, soup_over_floor
 
-import ao
-from ao.analytic import closed_forms
-from raytrace import Mesh
-from raytrace.errors import OptionError
+from obscurance import ao
+from obscurance.ao.analytic import closed_forms
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.errors import OptionError
 
 HALF_DISTANCES = 0.005 * 2.0 ** np.arange(10)
 QUARTERS = np.geomspace(HALF_DISTANCES[0], HALF_DISTANCES[-1], 37)

@@ -8,11 +8,11 @@ from project import ROOT, environment
 
 BAKED = """
 import numpy as np
-import ao
-from ao.analytic.closed_forms import wall
-from raytrace import Mesh
-from scenes.formats.falloffs import make_falloff
-from scenes.geometry.polyhedra import join, patches, polygon
+from obscurance import ao
+from obscurance.ao.analytic.closed_forms import wall
+from obscurance.raytrace import Mesh
+from obscurance.scenes.formats.falloffs import make_falloff
+from obscurance.scenes.geometry.polyhedra import join, patches, polygon
 
 falloff = make_falloff("smoother", max_distance="50%")
 assert falloff == Smoother("50%")

@@ -7,12 +7,12 @@ from scipy.optimize import lsq_linear
 from scipy.sparse import csr_array
 from scipy.spatial import Delaunay
 
-from ao.least_squares.conjugate_gradients import multiply, solve, solve_within
-from ao.least_squares.face_moments import Samples, sample_barycentric
-from ao.least_squares.fit import NormalEquations, Problem, cross_validated
-from ao.least_squares.pattern import Stencil, add_faces, add_jumps, add_laplacian, find_hinges, right_side
-from raytrace.mesh.morton import fine_morton_order
-from raytrace.mesh.normals import face_normals
+from obscurance.ao.least_squares.conjugate_gradients import multiply, solve, solve_within
+from obscurance.ao.least_squares.face_moments import Samples, sample_barycentric
+from obscurance.ao.least_squares.fit import NormalEquations, Problem, cross_validated
+from obscurance.ao.least_squares.pattern import Stencil, add_faces, add_jumps, add_laplacian, find_hinges, right_side
+from obscurance.raytrace.mesh.morton import fine_morton_order
+from obscurance.raytrace.mesh.normals import face_normals
 
 
 def barycentric(samples):

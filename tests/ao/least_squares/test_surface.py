@@ -10,13 +10,13 @@ from command import obscurance
 from meshes import hills, turned
 from scipy.spatial.transform import Rotation
 
-import ao
-import ao.least_squares.fit
+import obscurance.ao.least_squares.fit
 from benchmarks.accuracy.surface_error import Points
-from raytrace import Mesh, OptionError
-from scenes.geometry.builtin_shapes import temple
-from scenes.geometry.polyhedra import icosphere, join
-from scenes.validation import table as validation
+from obscurance import ao
+from obscurance.raytrace import Mesh, OptionError
+from obscurance.scenes.geometry.builtin_shapes import temple
+from obscurance.scenes.geometry.polyhedra import icosphere, join
+from obscurance.scenes.validation import table as validation
 
 bake_surface = partial(ao.bake, method="surface")
 
@@ -200,7 +200,7 @@ def test_it_spends_no_more_rays_than_the_vertex_method(samples):
 
 def test_some_stretches_of_a_large_mesh_show_how_smooth_it_is(monkeypatch, watch):
     mesh = Mesh(*hills(70))
-    tried = watch("ao.least_squares.fit.cross_validated")
+    tried = watch("obscurance.ao.least_squares.fit.cross_validated")
     whole = bake_surface(mesh, samples=64)
     monkeypatch.setattr(ao.least_squares.fit, "_RUN", 128)
     part = bake_surface(mesh, samples=64)

@@ -11,19 +11,19 @@ from meshes import crumpled
 from reference import corner_means, folded
 from stress.solids import grid
 
-import ao
-from ao.execute.tracer import Tracer
-from ao.memory import corner_bytes
-from ao.points.corners import CornerSamples
-from ao.points.points import Points
-from ao.points.receivers import find_receivers
-from ao.rays.ray_scene import RayScene
-from raytrace import MemoryLimitError, Mesh
-from raytrace.mesh.normals import own_vertex_normals
-from raytrace.mesh.placement import Placement
-from raytrace.sampling.sequences import seed_key
-from scenes.geometry.polyhedra import icosphere, join
-from scenes.validation.reference import reference
+from obscurance import ao
+from obscurance.ao.execute.tracer import Tracer
+from obscurance.ao.memory import corner_bytes
+from obscurance.ao.points.corners import CornerSamples
+from obscurance.ao.points.points import Points
+from obscurance.ao.points.receivers import find_receivers
+from obscurance.ao.rays.ray_scene import RayScene
+from obscurance.raytrace import MemoryLimitError, Mesh
+from obscurance.raytrace.mesh.normals import own_vertex_normals
+from obscurance.raytrace.mesh.placement import Placement
+from obscurance.raytrace.sampling.sequences import seed_key
+from obscurance.scenes.geometry.polyhedra import icosphere, join
+from obscurance.scenes.validation.reference import reference
 
 TORN = ao.Flag.FOLDED | ao.Flag.OPPOSED
 FALLOFFS = [(None, ao.Binary()), (2.0, ao.Exponential(tau=2.0))]
@@ -111,7 +111,7 @@ def test_some_are_baked_like_all_by_any_number_of_threads(noisy):
 def test_embrees_hierarchy_is_not_built_for_corner_samples_alone(noisy, watch, set_embree_below):
     set_embree_below(20)
     mesh = Mesh(*noisy)
-    built = watch("ao.points.receivers.TriangleScene")
+    built = watch("obscurance.ao.points.receivers.TriangleScene")
     ao.bake(mesh, samples=64)  # 8 for each corner sample
     assert not built
     ao.bake(mesh, samples=16)

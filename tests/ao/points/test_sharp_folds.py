@@ -7,9 +7,9 @@ w is the mean of cos²h, as far as h is above 0.
 import numpy as np
 import pytest
 
-import ao
-from raytrace import Mesh
-from scenes.geometry.polyhedra import generic_rotation
+from obscurance import ao
+from obscurance.raytrace import Mesh
+from obscurance.scenes.geometry.polyhedra import generic_rotation
 
 pytestmark = pytest.mark.usefixtures("w_alone")
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-import ao
-from ao.execute.tracer import Tracer
-from ao.points.points import Points
-from ao.rays.below_face import leave_out_below, share_below
-from ao.rays.gather import W
-from ao.rays.ray_scene import RayScene
+from obscurance import ao
+from obscurance.ao.execute.tracer import Tracer
+from obscurance.ao.points.points import Points
+from obscurance.ao.rays.below_face import leave_out_below, share_below
+from obscurance.ao.rays.gather import W
+from obscurance.ao.rays.ray_scene import RayScene
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ao.rays.directions import DirectionTable, choose
+from obscurance.ao.rays.directions import DirectionTable, choose
 
 SAMPLES, KEY = 50, np.uint32(7)
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.special import expn
 
-import ao
-from raytrace import Mesh
-from scenes.geometry.polyhedra import generic_rotation
+from obscurance import ao
+from obscurance.raytrace import Mesh
+from obscurance.scenes.geometry.polyhedra import generic_rotation
 
 GAP = 1e-5  # of the size
 PLANES = 2 * expn(3, np.log(2))  # closed below a plane as far away as the half-distance

@@ -6,17 +6,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-import ao
-from ao.points.receivers import find_receivers
-from ao.rays.directions import DirectionTable
-from ao.rays.gather import COLUMNS, W, gather_streams
-from ao.rays.ray_blocks import Rays
-from ao.rays.traverse import TraversalState
-from raytrace import Mesh
-from raytrace.bvh.bvh16 import BVH16
-from raytrace.kernel.arrays import aligned
-from raytrace.mesh.placement import Placement
-from scenes.geometry.polyhedra import generic_rotation, icosphere, join
+from obscurance import ao
+from obscurance.ao.points.receivers import find_receivers
+from obscurance.ao.rays.directions import DirectionTable
+from obscurance.ao.rays.gather import COLUMNS, W, gather_streams
+from obscurance.ao.rays.ray_blocks import Rays
+from obscurance.ao.rays.traverse import TraversalState
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.bvh.bvh16 import BVH16
+from obscurance.raytrace.kernel.arrays import aligned
+from obscurance.raytrace.mesh.placement import Placement
+from obscurance.scenes.geometry.polyhedra import generic_rotation, icosphere, join
 
 
 def around(count):

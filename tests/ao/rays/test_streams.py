@@ -4,20 +4,20 @@ import numpy as np
 import pytest
 from meshes import MESHES, hills
 
-import ao
-import ao.prepared
-from ao.options import MAX_SAMPLES
-from ao.points.receivers import find_receivers
-from ao.rays.directions import DirectionTable, choose, turned_frame
-from ao.rays.gather import COLUMNS, W, gather_hemispheres, gather_streams
-from ao.rays.ray_blocks import Rays
-from ao.rays.ray_packet import RayPacket
-from ao.rays.traverse import TraversalState, embree_below
-from raytrace import Mesh
-from raytrace.kernel.arrays import aligned
-from raytrace.mesh.placement import Placement
-from scenes.geometry.builtin_shapes import temple
-from scenes.geometry.polyhedra import icosphere
+import obscurance.ao.prepared
+from obscurance import ao
+from obscurance.ao.options import MAX_SAMPLES
+from obscurance.ao.points.receivers import find_receivers
+from obscurance.ao.rays.directions import DirectionTable, choose, turned_frame
+from obscurance.ao.rays.gather import COLUMNS, W, gather_hemispheres, gather_streams
+from obscurance.ao.rays.ray_blocks import Rays
+from obscurance.ao.rays.ray_packet import RayPacket
+from obscurance.ao.rays.traverse import TraversalState, embree_below
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.kernel.arrays import aligned
+from obscurance.raytrace.mesh.placement import Placement
+from obscurance.scenes.geometry.builtin_shapes import temple
+from obscurance.scenes.geometry.polyhedra import icosphere
 
 APART = 2e-4  # two rays of a small mesh that Embree, which allows for rounding, meets
 FALLOFFS = {
@@ -201,7 +201,7 @@ def below(normals=ANY_WAY, reach=1.0, count=40_000, falloff=None, traversal="aut
 
 @pytest.mark.parametrize(("count", "expected"), [(16, (48, 20, 18, 9)), (8, (162, 61, 23, 13))], ids=["wide", "narrow"])
 def test_few_rays_go_through_embree_and_more_of_walls_on_narrow_vectors_and_far_away(count, expected, monkeypatch):
-    monkeypatch.setattr("ao.rays.traverse.lanes", lambda: (count, "vectors"))
+    monkeypatch.setattr("obscurance.ao.rays.traverse.lanes", lambda: (count, "vectors"))
     fading = ao.Exponential()
     assert (below(), below(falloff=fading), below(reach=0.05), below(reach=0.05, falloff=fading)) == expected
     assert below(WALLS) > 1000 < below(WALLS, falloff=fading)

@@ -5,13 +5,13 @@ import pytest
 from meshes import hills
 from uv_meshes import quads, rectangle, square
 
-import ao
-from ao.options import VertexOptions
-from ao.points.projection import FineMesh
-from ao.points.receivers import find_receivers
-from ao.prepared import Prepared
-from raytrace import Mesh, MeshError, OptionError
-from raytrace.mesh.placement import Placement
+from obscurance import ao
+from obscurance.ao.options import VertexOptions
+from obscurance.ao.points.projection import FineMesh
+from obscurance.ao.points.receivers import find_receivers
+from obscurance.ao.prepared import Prepared
+from obscurance.raytrace import Mesh, MeshError, OptionError
+from obscurance.raytrace.mesh.placement import Placement
 
 FINE = Mesh(*hills(12))
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ao.texture.seams import _FIRMEST, _FREE, _ROUGH, Lookups, Seams
+from obscurance.ao.texture.seams import _FIRMEST, _FREE, _ROUGH, Lookups, Seams
 
 SIZE = 64, 32
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from uv_meshes import grid_charts
 
-from ao.texture.coverage import Page
-from ao.texture.raster import SLOTS
-from ao.texture.uv_layout import UVLayout
+from obscurance.ao.texture.coverage import Page
+from obscurance.ao.texture.raster import SLOTS
+from obscurance.ao.texture.uv_layout import UVLayout
 
 
 def laid_out(uv, size=(24, 16), wraps=True):

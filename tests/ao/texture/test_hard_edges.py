@@ -5,11 +5,11 @@ import pytest
 from hard_edges import CORNERS, OPENING, SIDES, box, charts
 from uv_meshes import icosphere
 
-import ao
-from ao.analytic.closed_forms import tilted_normal
-from ao.analytic.form_factor import polygon_form_factor
-from raytrace import Mesh
-from raytrace.mesh.corners import with_hard_edges
+from obscurance import ao
+from obscurance.ao.analytic.closed_forms import tilted_normal
+from obscurance.ao.analytic.form_factor import polygon_form_factor
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.mesh.corners import with_hard_edges
 
 CELLS = 8
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-import ao
-import scenes
+from obscurance import ao, scenes
 
 pytestmark = pytest.mark.usefixtures("w_alone")
 

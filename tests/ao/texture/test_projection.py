@@ -5,12 +5,12 @@ import pytest
 import trimesh
 from uv_meshes import grid_charts, icosphere, quads, rectangle, square
 
-import ao
-from ao.analytic import closed_forms
-from ao.points.receivers import find_receivers
-from raytrace import Mesh, MeshError
-from raytrace.bvh.closest import closest_on_triangle, closest_points
-from raytrace.mesh.placement import Placement
+from obscurance import ao
+from obscurance.ao.analytic import closed_forms
+from obscurance.ao.points.receivers import find_receivers
+from obscurance.raytrace import Mesh, MeshError
+from obscurance.raytrace.bvh.closest import closest_on_triangle, closest_points
+from obscurance.raytrace.mesh.placement import Placement
 
 FLOOR = rectangle((0, -2, 0), (4, 0, 0), (0, 4, 0)), square(0, 0, 1, 1)
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import random_layouts
 
-import ao
-from raytrace import Mesh
+from obscurance import ao
+from obscurance.raytrace import Mesh
 
 pytestmark = pytest.mark.usefixtures("w_alone")
 

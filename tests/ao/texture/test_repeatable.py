@@ -5,8 +5,8 @@ import pytest
 from meshes import hills
 from uv_meshes import grid_charts
 
-import ao
-from raytrace import Mesh
+from obscurance import ao
+from obscurance.raytrace import Mesh
 
 OPTIONS = {"size": 64, "samples": 256}
 

@@ -6,9 +6,9 @@ import trimesh
 from scipy.ndimage import binary_erosion
 from uv_meshes import quads, rectangle, square
 
-import ao
-from ao.texture.seams import Lookups, Seams
-from raytrace import Mesh
+from obscurance import ao
+from obscurance.ao.texture.seams import Lookups, Seams
+from obscurance.raytrace import Mesh
 
 pytestmark = pytest.mark.usefixtures("w_alone")
 

@@ -5,16 +5,16 @@ import pytest
 from meshes import hills
 from uv_meshes import icosphere, inward_cube, quads, rectangle, square
 
-import ao
-import ao.texture.texels
-from ao.points.receivers import find_receivers
-from ao.points.smooth_surface import SmoothSurface
-from ao.texture.coverage import Page
-from ao.texture.raster import SLOTS
-from ao.texture.smooth_texels import smooth_cells
-from ao.texture.uv_layout import UVLayout, corner_uv
-from raytrace import Mesh
-from raytrace.mesh.placement import Placement
+import obscurance.ao.texture.texels
+from obscurance import ao
+from obscurance.ao.points.receivers import find_receivers
+from obscurance.ao.points.smooth_surface import SmoothSurface
+from obscurance.ao.texture.coverage import Page
+from obscurance.ao.texture.raster import SLOTS
+from obscurance.ao.texture.smooth_texels import smooth_cells
+from obscurance.ao.texture.uv_layout import UVLayout, corner_uv
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.mesh.placement import Placement
 
 pytestmark = pytest.mark.usefixtures("w_alone")
 

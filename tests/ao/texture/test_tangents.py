@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from uv_meshes import icosphere, quads, rectangle, square
 
-import ao
+from obscurance import ao
 
 FLOOR = rectangle((0, -2, 0), (4, 0, 0), (0, 4, 0))
 WALL = rectangle((0, 20, 0), (0, -40, 0), (0, 0, 20)), square(0, 0.9, 1, 0.95)

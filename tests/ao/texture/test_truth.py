@@ -6,9 +6,9 @@ import trimesh
 from meshes import hills
 from uv_meshes import grid_charts, icosphere, inward_cube, quads, rectangle, square
 
-import ao
-from ao.analytic import closed_forms
-from raytrace import Mesh
+from obscurance import ao
+from obscurance.ao.analytic import closed_forms
+from obscurance.raytrace import Mesh
 
 pytestmark = pytest.mark.usefixtures("w_alone")
 

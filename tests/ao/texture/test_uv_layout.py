@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from uv_meshes import quads, rectangle, square
 
-import ao
-from ao.texture.uv_layout import UVLayout, page_size, texels_across, tile_ranges
-from raytrace import MemoryLimitError, MeshError, OptionError
+from obscurance import ao
+from obscurance.ao.texture.uv_layout import UVLayout, page_size, texels_across, tile_ranges
+from obscurance.raytrace import MemoryLimitError, MeshError, OptionError
 
 CORNERS = [(0.2, 0.2), (0.7, 0.2), (0.2, 0.7)]
 

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from uv_meshes import quads, rectangle, square
 
-import ao
-from ao.analytic import closed_forms
-from ao.points.receivers import find_receivers
-from ao.points.smooth_surface import SmoothSurface
-from ao.texture.coverage import Page
-from ao.texture.smooth_texels import smooth_cells
-from ao.texture.uv_layout import UVLayout, corner_uv
-from raytrace import Mesh
-from raytrace.mesh.placement import Placement
+from obscurance import ao
+from obscurance.ao.analytic import closed_forms
+from obscurance.ao.points.receivers import find_receivers
+from obscurance.ao.points.smooth_surface import SmoothSurface
+from obscurance.ao.texture.coverage import Page
+from obscurance.ao.texture.smooth_texels import smooth_cells
+from obscurance.ao.texture.uv_layout import UVLayout, corner_uv
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.mesh.placement import Placement
 
 pytestmark = pytest.mark.usefixtures("w_alone")
 

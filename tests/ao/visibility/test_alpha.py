@@ -9,12 +9,12 @@ import pytest
 from interrupted_bakes import OPTIONS, bake, bits, interrupted
 from leaf_cards import FLOOR, FLOOR_FACES, HALVES, HEIGHT, SQUARE, UP, form_factors, leaf_codes
 
-import ao
-from ao.analytic.form_factor import polygon_form_factor
-from ao.options import Options
-from ao.prepared import Prepared
-from raytrace import AlphaSurface, Lambert, Mesh, Object, Opacity, Scene, Shape, Texture
-from raytrace.sampling.sequences import GOLDEN
+from obscurance import ao
+from obscurance.ao.analytic.form_factor import polygon_form_factor
+from obscurance.ao.options import Options
+from obscurance.ao.prepared import Prepared
+from obscurance.raytrace import AlphaSurface, Lambert, Mesh, Object, Opacity, Scene, Shape, Texture
+from obscurance.raytrace.sampling.sequences import GOLDEN
 
 pytestmark = pytest.mark.usefixtures("w_alone")
 

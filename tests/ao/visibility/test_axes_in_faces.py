@@ -8,11 +8,11 @@ import pytest
 from meshes import crumpled
 from scipy.spatial.transform import Rotation
 
-import ao
-from ao.points.receivers import find_receivers
-from raytrace import Mesh
-from raytrace.mesh.placement import Placement
-from scenes.geometry.polyhedra import icosphere
+from obscurance import ao
+from obscurance.ao.points.receivers import find_receivers
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.mesh.placement import Placement
+from obscurance.scenes.geometry.polyhedra import icosphere
 
 CELLS = 4
 PIXELS = 10  # texels along a patch

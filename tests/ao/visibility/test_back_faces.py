@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from leaf_cards import FLOOR, FLOOR_FACES, HALVES, HEIGHT, SQUARE, form_factors
 
-import ao
-from ao.analytic import closed_forms as analytic
-from ao.options import Options, VertexOptions
-from ao.prepared import Prepared
-from raytrace import AlphaSurface, Mesh, Opacity
-from raytrace.errors import ConflictError
-from scenes.geometry.polyhedra import icosphere, join, patches
+from obscurance import ao
+from obscurance.ao.analytic import closed_forms as analytic
+from obscurance.ao.options import Options, VertexOptions
+from obscurance.ao.prepared import Prepared
+from obscurance.raytrace import AlphaSurface, Mesh, Opacity
+from obscurance.raytrace.errors import ConflictError
+from obscurance.scenes.geometry.polyhedra import icosphere, join, patches
 
 pytestmark = pytest.mark.usefixtures("w_alone")
 

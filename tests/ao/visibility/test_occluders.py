@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from meshes import hills
 
-import ao
-from raytrace import AlphaSurface, Mesh, MeshError, Opacity, OptionError
-from raytrace.errors import ConflictError
-from raytrace.mesh.normals import vertex_normals
-from scenes.geometry.polyhedra import icosphere, join
+from obscurance import ao
+from obscurance.raytrace import AlphaSurface, Mesh, MeshError, Opacity, OptionError
+from obscurance.raytrace.errors import ConflictError
+from obscurance.raytrace.mesh.normals import vertex_normals
+from obscurance.scenes.geometry.polyhedra import icosphere, join
 
 BALL = Mesh(*icosphere(3))
 UP = np.array([0.0, 1.0, 0.0])

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad
 
-import ao
-from ao.analytic import closed_forms as analytic
-from raytrace import Mesh
-from scenes.geometry.polyhedra import icosphere, join, patches, polygon
+from obscurance import ao
+from obscurance.ao.analytic import closed_forms as analytic
+from obscurance.raytrace import Mesh
+from obscurance.scenes.geometry.polyhedra import icosphere, join, patches, polygon
 
 pytestmark = pytest.mark.usefixtures("w_alone")
 

@@ -6,16 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import ao
-from ao.analytic import closed_forms as analytic
-from ao.options import Options
-from ao.result import Interpolation
-from raytrace import AlphaSurface, Mesh, Opacity
-from raytrace.errors import ConflictError
-from scenes.bake.options import BakeOptions
-from scenes.bake.plan import plan_bake
-from scenes.bake.run import run
-from scenes.geometry.polyhedra import icosphere, join
+from obscurance import ao
+from obscurance.ao.analytic import closed_forms as analytic
+from obscurance.ao.options import Options
+from obscurance.ao.result import Interpolation
+from obscurance.raytrace import AlphaSurface, Mesh, Opacity
+from obscurance.raytrace.errors import ConflictError
+from obscurance.scenes.bake.options import BakeOptions
+from obscurance.scenes.bake.plan import plan_bake
+from obscurance.scenes.bake.run import run
+from obscurance.scenes.geometry.polyhedra import icosphere, join
 
 FALLOFFS = {
     "binary": (ao.Binary(0.7), None, 0.7),

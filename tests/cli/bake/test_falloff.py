@@ -6,13 +6,13 @@ from command import obscurance, refused_without_a_trace
 from meshes import hills
 from profiles import with_profile
 
-import ao
-from raytrace import Mesh
-from raytrace.image.read import read_image
-from scenes.formats.images import write_grey
-from scenes.formats.load import MeshFile, load
-from scenes.formats.stored_w import find_profile, read_w
-from scenes.formats.write import write
+from obscurance import ao
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.image.read import read_image
+from obscurance.scenes.formats.images import write_grey
+from obscurance.scenes.formats.load import MeshFile, load
+from obscurance.scenes.formats.stored_w import find_profile, read_w
+from obscurance.scenes.formats.write import write
 
 
 @pytest.fixture(scope="module")

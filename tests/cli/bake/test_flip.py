@@ -8,8 +8,8 @@ from command import obscurance, refused
 from gltf_files import QUAD, TRIANGLE, Builder
 from mesh_files import ply
 
-import scenes
-from scenes.formats.load import load
+from obscurance import scenes
+from obscurance.scenes.formats.load import load
 
 HOUSE = """v -1 0 -1
 v 1 0 -1

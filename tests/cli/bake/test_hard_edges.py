@@ -8,9 +8,9 @@ from hard_edges import CORNERS, FACES, INWARDS, OF, OPENING, SIDES
 from mesh_files import obj, ply
 from uv_meshes import icosphere
 
-from ao.analytic.form_factor import polygon_form_factor
-from scenes.formats.load import load
-from scenes.formats.stored_w import read_w
+from obscurance.ao.analytic.form_factor import polygon_form_factor
+from obscurance.scenes.formats.load import load
+from obscurance.scenes.formats.stored_w import read_w
 
 OF_OPENING = 0.2  # the part of the opening that a side of the box sees: .1998 the floor, .2000 a wall
 BINARY = "--falloff", "binary"
@@ -77,7 +77,7 @@ def test_a_texture_of_an_open_box(folder, name):
 
 def mean_on_page(page, mesh_file):
     """The mean of w over the faces, looked up at points inside of them."""
-    from raytrace.image.read import read_image
+    from obscurance.raytrace.image.read import read_image
 
     (layer,) = read_image(page)[0].values()
     uv = load(mesh_file, "x.glb").uv

@@ -11,11 +11,10 @@ import trimesh
 from command import obscurance, refused
 from gltf_files import QUAD, Builder
 
-import ao
-import scenes
-from ao.analytic.form_factor import polygon_form_factor
-from raytrace.image.read import read_image
-from scenes.formats.gltf.accessors import values
+from obscurance import ao, scenes
+from obscurance.ao.analytic.form_factor import polygon_form_factor
+from obscurance.raytrace.image.read import read_image
+from obscurance.scenes.formats.gltf.accessors import values
 
 HEIGHT = 0.5
 LID = [(-2, -2, HEIGHT), (2, -2, HEIGHT), (2, 2, HEIGHT), (-2, 2, HEIGHT)]

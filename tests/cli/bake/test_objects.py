@@ -9,11 +9,10 @@ from command import obscurance
 from gltf_files import Builder
 from uv_meshes import grid_charts
 
-import ao
-import scenes
-from raytrace import Mesh, OptionError
-from raytrace.image.read import read_image
-from scenes.geometry.polyhedra import icosphere, join
+from obscurance import ao, scenes
+from obscurance.raytrace import Mesh, OptionError
+from obscurance.raytrace.image.read import read_image
+from obscurance.scenes.geometry.polyhedra import icosphere, join
 
 FEW = "--samples", "32", "--half-distance", "0.4"
 FALLOFF = ao.Exponential(half_distance=0.4)

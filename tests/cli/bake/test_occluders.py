@@ -9,10 +9,9 @@ import pytest
 from command import obscurance
 from mesh_files import obj
 
-import ao
-import scenes
-from raytrace.image.read import read_image
-from scenes.geometry.polyhedra import icosphere
+from obscurance import ao, scenes
+from obscurance.raytrace.image.read import read_image
+from obscurance.scenes.geometry.polyhedra import icosphere
 
 FEW = "--samples", "16"
 VERTICES, FACES = icosphere(2)

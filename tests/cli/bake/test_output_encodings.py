@@ -10,7 +10,7 @@ import trimesh
 from command import obscurance, process, refused
 from project import ROOT
 
-from scenes.bake.console import readable_output
+from obscurance.scenes.bake.console import readable_output
 
 PLAIN = [
     {"PYTHONIOENCODING": "ascii"},
@@ -63,8 +63,8 @@ def test_commands_on_ascii_outputs(tmp_path, environment):
 
 
 SOME_ROWS = """
-import cli
-from scenes.validation import table
+from obscurance import cli
+from obscurance.scenes.validation import table
 lines = [line for line in table.configurations() if line.name == "infinite wall"]
 table.configurations = lambda: lines
 cli.main()

@@ -11,10 +11,10 @@ from mesh_files import ply
 from meshes import hills
 from PIL import Image
 
-from raytrace.errors import OptionError, OutputError
-from raytrace.image.write import write_image
-from raytrace.system.checks import check_ending, check_outputs
-from scenes.description.read import read_scene
+from obscurance.raytrace.errors import OptionError, OutputError
+from obscurance.raytrace.image.write import write_image
+from obscurance.raytrace.system.checks import check_ending, check_outputs
+from obscurance.scenes.description.read import read_scene
 
 SCENE = '[[objects]]\nmesh = "mesh.ply"\n[[objects]]\nbuiltin = "plane"\ntexture = "paint.png"\n'
 

@@ -9,8 +9,8 @@ from command import COMMAND, obscurance, refused
 from mesh_files import glb, obj, off, ply, stl
 from meshes import hills, two_boxes
 
-from scenes.formats.gltf.asset import decode
-from scenes.formats.load import standard_input as read_standard_input
+from obscurance.scenes.formats.gltf.asset import decode
+from obscurance.scenes.formats.load import standard_input as read_standard_input
 
 VERTICES, FACES = two_boxes()
 

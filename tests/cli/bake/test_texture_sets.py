@@ -10,13 +10,12 @@ import pytest
 from command import obscurance, refused
 from gltf_files import QUAD, Builder
 
-import ao
-import scenes
-from ao.analytic.form_factor import polygon_form_factor
-from raytrace.image.encode import linear_png
-from raytrace.image.read import read_image
-from scenes.formats.gltf.occlusion import image_name, occlusion_reference
-from scenes.formats.gltf.textures import Textures
+from obscurance import ao, scenes
+from obscurance.ao.analytic.form_factor import polygon_form_factor
+from obscurance.raytrace.image.encode import linear_png
+from obscurance.raytrace.image.read import read_image
+from obscurance.scenes.formats.gltf.occlusion import image_name, occlusion_reference
+from obscurance.scenes.formats.gltf.textures import Textures
 
 HEIGHT = 0.5
 LID = [(-2, -2, HEIGHT), (2, -2, HEIGHT), (2, 2, HEIGHT), (-2, 2, HEIGHT)]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from command import obscurance, refused
 
-from raytrace.image.read import read_image
-from scenes.formats.load import load
-from scenes.formats.stored_w import read_w
+from obscurance.raytrace.image.read import read_image
+from obscurance.scenes.formats.load import load
+from obscurance.scenes.formats.stored_w import read_w
 
 FLOOR_AND_WALL = """v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv -1 1 1\nv 1 1 1
 vt .05 .05\nvt .95 .05\nvt .95 .45\nvt .05 .45\nvt .05 .55\nvt .95 .55\nvt .95 .95\nvt .05 .95

@@ -16,7 +16,7 @@ from meshes import hills
 from PIL import Image
 from project import ROOT
 
-from scenes.formats.gltf.asset import decode
+from obscurance.scenes.formats.gltf.asset import decode
 
 SAMPLES = ("--samples", 16)
 
@@ -202,7 +202,7 @@ def test_an_interrupt_leaves_whole_files_and_says_how_far_it_was(folder):
     for number in range(60):
         (folder / f"more{number}.obj").write_bytes(obj(*hills(30)))
     command = ["bake", "more*.obj", "--output-dir", "out", "--samples", "1024", "--threads", "2"]
-    code = [sys.executable, "-c", BEGUN.format(module="scenes.bake.batch"), *command]
+    code = [sys.executable, "-c", BEGUN.format(module="obscurance.scenes.bake.batch"), *command]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     with started(code, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
         assert run.stdout.readline() == "begun\n"

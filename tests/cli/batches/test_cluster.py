@@ -12,9 +12,9 @@ from mesh_files import ply
 from meshes import hills
 from project import environment
 
-from scenes.bake.cluster import _bake
-from scenes.bake.options import BakeOptions
-from scenes.bake.plan import plan_bake
+from obscurance.scenes.bake.cluster import _bake
+from obscurance.scenes.bake.options import BakeOptions
+from obscurance.scenes.bake.plan import plan_bake
 
 __all__ = ["impatient", "left_sockets", "small_blocks"]
 pytestmark = LEFT_SOCKETS
@@ -92,15 +92,15 @@ def test_an_interrupt_of_a_bake_and_its_workers_is_one_line_at_once(tmp_path, me
     pytest.importorskip("distributed", reason="pip install '.[cluster]'")
     program = """if __name__ == "__main__":
         import itertools, os, sys
-        import ao.cluster.workers, ao.execute.work
-        from cli import main
-        ao.execute.work._BLOCK_RAYS, ao.cluster.workers._FEW_RAYS = 1 << 14, 0
+        import obscurance.ao.cluster.workers, obscurance.ao.execute.work
+        from obscurance.cli import main
+        ao.execute.work._BLOCK_RAYS, obscurance.ao.cluster.workers._FEW_RAYS = 1 << 14, 0
         keys, number = iter(range(8)), int(sys.argv.pop())
         def count():
             yield from keys
             os.killpg(0, number)
             yield from itertools.count(8)
-        ao.cluster.workers.count = count
+        obscurance.ao.cluster.workers.count = count
         main()
     """
     command = [sys.executable, "-c", program, "bake", mesh, "-o", tmp_path / "w.npz", "--samples", 20_000, "--quiet"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from command import obscurance, refused
 
-from scenes.formats.load import load
+from obscurance.scenes.formats.load import load
 
 
 def write_cloud(path, points, normals=None):

@@ -9,8 +9,8 @@ from command import obscurance, refused
 from gltf_files import Builder, check_glb, values
 from mesh_files import obj
 
-from ao.unseen import unseen_faces
-from scenes.formats.load import load
+from obscurance.ao.unseen import unseen_faces
+from obscurance.scenes.formats.load import load
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -25,7 +25,7 @@ def traced_once():
         return found[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("ao.unseen.unseen_faces", unseen)
+        patch.setattr("obscurance.ao.unseen.unseen_faces", unseen)
         yield
 
 

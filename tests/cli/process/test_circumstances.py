@@ -10,7 +10,9 @@ from mesh_files import ply
 from meshes import hills
 from project import ROOT
 
-SMALL_BLOCKS = "from ao.execute.tracer import Hemispheres; Hemispheres.block_rays //= 512; "  # enough for 64 threads
+SMALL_BLOCKS = (
+    "from obscurance.ao.execute.tracer import Hemispheres; Hemispheres.block_rays //= 512; "  # enough for 64 threads
+)
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="needs Linux")
 
 
@@ -21,7 +23,7 @@ def bake(tmp_path_factory):
     mesh, target = folder / "hills.ply", folder / "w.npz"
     mesh.write_bytes(ply(*hills(60)))
 
-    def run(*options, code=SMALL_BLOCKS + "import cli; cli.main()", **settings):
+    def run(*options, code=SMALL_BLOCKS + "from obscurance import cli; cli.main()", **settings):
         command = [sys.executable, "-c", code, "bake", mesh, "-o", target, "--samples", "64", *options]
         result = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT, timeout=600, **settings)
         assert result.returncode == 0, result.stderr
@@ -51,10 +53,13 @@ def test_any_number_of_threads_gives_the_same_bytes(bake, expected, threads):
 @LINUX
 def test_many_threads_change_no_byte_where_address_space_is_short(bake, expected):
     """Address space for the bake and the stacks of a few threads."""
-    code = SMALL_BLOCKS + "import resource; from raytrace.system.checks import _UNTOUCHED; from pathlib import Path;"
+    code = (
+        SMALL_BLOCKS
+        + "import resource; from obscurance.raytrace.system.checks import _UNTOUCHED; from pathlib import Path;"
+    )
     code += "used = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize();"
     code += "most = used + _UNTOUCHED[0] + (140 << 20);"
-    code += "resource.setrlimit(resource.RLIMIT_AS, (most, most)); import cli; cli.main()"
+    code += "resource.setrlimit(resource.RLIMIT_AS, (most, most)); from obscurance import cli; cli.main()"
     assert bake("--threads", "64", code=code) == (expected, "")
 
 
@@ -68,7 +73,7 @@ def test_folders_without_permission_are_no_obstacle(tmp_path):
     given_up = "-dac_override,-dac_read_search"
     bind = ["setpriv", f"--bounding-set={given_up}", f"--inh-caps={given_up}"] if os.getuid() == 0 else []
     places = dict.fromkeys(("HOME", "XDG_CACHE_HOME", "TMPDIR"), str(closed))
-    code = f"import tempfile; tempfile.tempdir = {str(closed)!r}; import cli; cli.main()"
+    code = f"import tempfile; tempfile.tempdir = {str(closed)!r}; from obscurance import cli; cli.main()"
     command = [*bind, sys.executable, "-c", code, "bake", mesh, "-o", target, "--samples", "64", "--quiet"]
     result = subprocess.run(
         command, capture_output=True, text=True, check=False, cwd=ROOT, timeout=600, env=os.environ | places

@@ -12,7 +12,7 @@ import trimesh
 from command import interrupted_command, obscurance, process, refused
 from project import ROOT
 
-from raytrace.image.read import read_image
+from obscurance.raytrace.image.read import read_image
 
 
 @pytest.fixture
@@ -33,8 +33,8 @@ def test_every_output_format_is_written(tmp_path, cube, ending):
 
 
 def test_the_values_are_those_of_the_library(tmp_path, cube):
-    import ao
-    from scenes.formats.load import load
+    from obscurance import ao
+    from obscurance.scenes.formats.load import load
 
     target = tmp_path / "w.npy"
     options = ("--half-distance", "30%", "--max-distance", "2", "--samples", 64, "--seed", 7, "--normals", "area")
@@ -144,7 +144,8 @@ def test_the_demonstration_makes_a_mesh_and_a_picture(demonstration):
 
 
 LIGHT = """
-import sys, cli
+import sys
+from obscurance import cli
 sys.argv[0] = "obscurance"
 try:
     cli.main()
@@ -264,7 +265,7 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path, by, options):
     target = tmp_path / "w.npy"
     target.write_bytes(b"\x93NUMPY precious")
     command = ("bake", mesh, "-o", target, "--samples", 200_000, *options)
-    status, errors = interrupted_command("ao.execute.work", *command, by=by)
+    status, errors = interrupted_command("obscurance.ao.execute.work", *command, by=by)
     assert status == 128 + by
     assert errors.splitlines()[-1] == "interrupted; no file is half-written"
     assert "Traceback" not in errors
@@ -278,7 +279,7 @@ def test_an_interrupted_batch_ends_with_the_status_of_its_signal(tmp_path, by):
         trimesh.creation.icosphere(subdivisions=5).export(tmp_path / name)
     meshes = tmp_path / "a.ply", tmp_path / "b.ply"
     command = ("bake", *meshes, "--output-dir", tmp_path / "out", "--format", "npy", "--samples", "200000")
-    status, errors = interrupted_command("ao.execute.work", *command, by=by)
+    status, errors = interrupted_command("obscurance.ao.execute.work", *command, by=by)
     assert status == 128 + by
     assert " of 2 meshes baked to " in errors.splitlines()[-1]
 

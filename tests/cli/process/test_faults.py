@@ -7,7 +7,9 @@ SHEET = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 LAYOUT = "vt 0 0\nvt .4 0\nvt .4 .4\nvt .6 .6\nvt .9 .9\nvt .6 .9\nf 1/1 2/2 3/3\nf 1/4 3/5 4/6\n"
 
 
-@pytest.mark.parametrize("place", ["ao.texture.seams.Seams.close", "ao.texture.result.fill_holes"])
+@pytest.mark.parametrize(
+    "place", ["obscurance.ao.texture.seams.Seams.close", "obscurance.ao.texture.result.fill_holes"]
+)
 def test_a_fault_after_the_rays_is_one_line_and_no_file(place, tmp_path, monkeypatch):
     def fail(*_arguments):
         raise IndexError("index 185 is\nout of bounds")

@@ -6,8 +6,8 @@ import re
 import pytest
 from command import obscurance, process
 
-from cli import commands
-from scenes.bake.options import BAKE
+from obscurance.cli import commands
+from obscurance.scenes.bake.options import BAKE
 
 
 @pytest.mark.parametrize("arguments", [(), ("-h",), ("--help",)])

@@ -113,7 +113,7 @@ def jpeg_2000(side):
 @pytest.mark.parametrize("form", [0, 1])
 def test_a_picture_that_claims_much_is_refused_by_its_header(folder, form):
     (folder / "a.jp2").write_bytes(jpeg_2000(8000)[form])
-    begin = "import os, sys; from raytrace.image.read import open_image; import OpenImageIO, resource\n"
+    begin = "import os, sys; from obscurance.raytrace.image.read import open_image; import OpenImageIO, resource\n"
     peak = "resource.getrusage(resource.RUSAGE_SELF).ru_maxrss"
     code = f"{begin}before = {peak}\ntry: open_image('a.jp2')\nexcept ValueError as e: print({peak} - before, e)"
     result = subprocess.run([sys.executable, "-c", code], env=environment(), capture_output=True, text=True, check=True)

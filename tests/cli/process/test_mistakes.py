@@ -9,7 +9,7 @@ from command import obscurance, refused, refused_without_a_trace
 from mesh_files import ply
 from meshes import hills
 
-from raytrace.image.write import write_image
+from obscurance.raytrace.image.write import write_image
 
 COMMANDS = [
     (
@@ -244,7 +244,7 @@ def test_memory_that_runs_out_after_the_estimate_is_reported_in_a_line(tmp_path,
 
     mesh = tmp_path / "hills.ply"
     mesh.write_bytes(ply(*hills(4)))
-    monkeypatch.setattr("scenes.bake.vertices.bake_vertices", run_out)
+    monkeypatch.setattr("obscurance.scenes.bake.vertices.bake_vertices", run_out)
     refused(obscurance("bake", mesh, "-o", tmp_path / "w.npz"), "out of memory: the system or a limit, ulimit -v")
     assert not (tmp_path / "w.npz").exists()
 

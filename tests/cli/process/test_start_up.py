@@ -13,14 +13,15 @@ from meshes import hills, two_boxes
 from project import ROOT
 
 COMMAND = """
-import json, sys, cli
+import json, sys
+from obscurance import cli
 sys.argv[0] = "obscurance"
 try:
     cli.main()
 except SystemExit:
-    from raytrace.kernel import jit
+    from obscurance.raytrace.kernel import jit
     heavy = ("numba", "llvmlite", "scipy", "trimesh", "OpenImageIO", "rich", "PIL", "lxml", "asyncio")
-    heavy = (*heavy, "scenes.formats.gltf.asset", "scenes.formats.gltf.occlusion", "scenes.bake.batch")
+    heavy = (*heavy, "obscurance.scenes.formats.gltf.asset", "obscurance.scenes.formats.gltf.occlusion", "obscurance.scenes.bake.batch")
     print(json.dumps([[name for name in heavy if name in sys.modules], len(jit.loaded), jit.compiled]))
 """
 
@@ -71,7 +72,7 @@ def test_a_run_compiles_nothing_and_imports_neither_the_compiler_nor_what_it_doe
 
 @pytest.mark.skipif(sys.platform != "linux", reason="/proc")
 def test_a_command_starts_no_threads_of_a_linear_algebra_library():
-    code = "import os, cli, numpy; print(len(os.listdir('/proc/self/task')))"
+    code = "import os, numpy; from obscurance import cli; print(len(os.listdir('/proc/self/task')))"
     environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
     command = [sys.executable, "-c", code]
     shown = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60, env=environment)
@@ -79,7 +80,7 @@ def test_a_command_starts_no_threads_of_a_linear_algebra_library():
 
 
 def test_help_imports_no_format():
-    code = "import atexit, sys, cli; atexit.register(lambda: print('scenes.formats' in sys.modules)); cli.main()"
+    code = "import atexit, sys; from obscurance import cli; atexit.register(lambda: print('obscurance.scenes.formats' in sys.modules)); cli.main()"
     command = [sys.executable, "-c", code, "--help"]
     shown = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60).stdout
     assert shown.endswith("False\n")
@@ -100,7 +101,13 @@ runpy.run_path({cli!r}, run_name="__main__")
 """
 
 
-MODULES = ["click", "scenes.commands.parameters", "scenes.commands.bake", "numpy", "raytrace.kernel.library"]
+MODULES = [
+    "click",
+    "obscurance.scenes.commands.parameters",
+    "obscurance.scenes.commands.bake",
+    "numpy",
+    "obscurance.raytrace.kernel.library",
+]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")

@@ -8,7 +8,7 @@ import trimesh
 from command import interrupted_command, obscurance, refused
 from render_scenes import BALL, SMALL, write_ball
 
-from raytrace.image.write import write_image
+from obscurance.raytrace.image.write import write_image
 
 PRECIOUS = {"png": b"\x89PNG\r\n\x1a\n precious", "exr": b"\x76\x2f\x31\x01 precious"}
 TEXTURED = '[[objects]]\nbuiltin = "plane"\ntexture = "paint.png"\n[obscurance]\nform = "off"\n'
@@ -154,7 +154,7 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path, ending):
     scene, target = write_ball(tmp_path, blurred), tmp_path / f"picture.{ending}"
     target.write_bytes(PRECIOUS[ending])
     size = ("--width", "2048", "--height", "2048", "--samples", "512", "--obscurance", "off")
-    status, errors = interrupted_command("raytrace.renderer.render", "render", scene, "-o", target, *size)
+    status, errors = interrupted_command("obscurance.raytrace.renderer.render", "render", scene, "-o", target, *size)
     assert status == 130
     assert "interrupted" in errors
     assert "Traceback" not in errors

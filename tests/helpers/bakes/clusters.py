@@ -17,11 +17,11 @@ from interrupted_bakes import SMALL_BLOCKS
 from meshes import hills, two_boxes
 from uv_meshes import grid_charts
 
-import ao
-from ao.cluster.workers import CONFIG, LOCAL, Workers
-from ao.execute.kept import Kept
-from ao.execute.work import bit_environment
-from raytrace import Mesh
+from obscurance import ao
+from obscurance.ao.cluster.workers import CONFIG, LOCAL, Workers
+from obscurance.ao.execute.kept import Kept
+from obscurance.ao.execute.work import bit_environment
+from obscurance.raytrace import Mesh
 
 HILLS = Mesh(*hills(60))
 CHARTS = Mesh(*hills(20))
@@ -67,9 +67,9 @@ def holding(after, until, mark=None):
     """A function for a worker: makes `after` blocks, then a file `mark-…`, and goes on once `until` exists."""
 
     def hold():
-        import ao.cluster.workers
+        import obscurance.ao.cluster.workers
 
-        make, numbers = ao.cluster.workers.make_on_threads, count()
+        make, numbers = obscurance.ao.cluster.workers.make_on_threads, count()
 
         def held(*arguments):
             if next(numbers) >= after:
@@ -77,10 +77,10 @@ def holding(after, until, mark=None):
                     Path(f"{mark}-{os.getpid()}").touch()
                 while not os.path.exists(until):
                     time.sleep(0.01)
-                ao.cluster.workers.make_on_threads = make
+                obscurance.ao.cluster.workers.make_on_threads = make
             return make(*arguments)
 
-        ao.cluster.workers.make_on_threads = held
+        obscurance.ao.cluster.workers.make_on_threads = held
 
     return hold
 
@@ -103,15 +103,15 @@ def left_sockets():
 def small_blocks(monkeypatch):
     """Of commands, which do not say how far they are, however slow."""
     monkeypatch.setattr(*SMALL_BLOCKS)
-    monkeypatch.setattr("ao.cluster.workers._FEW_RAYS", 0)
-    monkeypatch.setattr("scenes.show.progress._EVERY_LINE", float("inf"))
+    monkeypatch.setattr("obscurance.ao.cluster.workers._FEW_RAYS", 0)
+    monkeypatch.setattr("obscurance.scenes.show.progress._EVERY_LINE", float("inf"))
 
 
 @pytest.fixture
 def impatient(monkeypatch):
     """Schedulers have 0.3 s to answer, and workers of this machine a second to end."""
     for name, seconds in {"_CONNECT": 0.3, "_END": 1.0, "_LOOK": 0.2}.items():
-        monkeypatch.setattr(f"ao.cluster.workers.{name}", seconds)
+        monkeypatch.setattr(f"obscurance.ao.cluster.workers.{name}", seconds)
 
 
 @contextmanager
@@ -119,8 +119,8 @@ def workers_at(address, notify=pytest.fail, block_rays=SMALL_BLOCKS[1]):
     """Workers that get every block, however small."""
     with (
         patch(SMALL_BLOCKS[0], block_rays),
-        patch("ao.cluster.workers._FEW_RAYS", 0),
-        patch("ao.cluster.workers._LOOK", 0.2),
+        patch("obscurance.ao.cluster.workers._FEW_RAYS", 0),
+        patch("obscurance.ao.cluster.workers._LOOK", 0.2),
         Workers(address, notify) as workers,
     ):
         yield workers
@@ -152,17 +152,17 @@ def on_one(cluster, function, reported, monkeypatch):
         reported.touch()
 
     def keep(name):
-        import ao.cluster.workers
-        from ao.execute.work import bit_environment
+        import obscurance.ao.cluster.workers
+        from obscurance.ao.execute.work import bit_environment
 
         bit_environment()["test"] = name
-        ao.cluster.workers.kept = dict(vars(ao.cluster.workers))
+        obscurance.ao.cluster.workers.kept = dict(vars(ao.cluster.workers))
 
     def restore():
         import sys
 
-        module = sys.modules.pop("test.hidden", None) or sys.modules["ao.cluster.workers"]
-        sys.modules["ao.cluster.workers"] = module
+        module = sys.modules.pop("test.hidden", None) or sys.modules["obscurance.ao.cluster.workers"]
+        sys.modules["obscurance.ao.cluster.workers"] = module
         vars(module).update(module.kept)
 
     with Client(cluster, set_as_default=False) as client:
@@ -180,7 +180,7 @@ def compiled_by(cluster):
     from distributed import Client
 
     def compiled():
-        from raytrace.kernel import jit
+        from obscurance.raytrace.kernel import jit
 
         return tuple(jit.compiled)
 

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from meshes import hills
 
-import ao
-from ao.execute.kept import Kept
-from ao.execute.work import make_on_threads
-from raytrace.mesh.mesh import Mesh
+from obscurance import ao
+from obscurance.ao.execute.kept import Kept
+from obscurance.ao.execute.work import make_on_threads
+from obscurance.raytrace.mesh.mesh import Mesh
 
 MESH = Mesh(*hills(50))
 OPTIONS = {"samples": 128, "threads": 2}
-SMALL_BLOCKS = "ao.execute.work._BLOCK_RAYS", 1 << 14
+SMALL_BLOCKS = "obscurance.ao.execute.work._BLOCK_RAYS", 1 << 14
 bake_surface = partial(ao.bake, method="surface")
 METHODS = {"vertex": ao.bake, "surface": bake_surface}
 

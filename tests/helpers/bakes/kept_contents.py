@@ -4,7 +4,7 @@ import json
 
 from command import obscurance
 
-from scenes.formats.load import load
+from obscurance.scenes.formats.load import load
 
 
 def bake(folder, source, target, *options):

@@ -15,8 +15,8 @@ from unittest.mock import patch
 
 from interrupted_bakes import MESH, METHODS, SMALL_BLOCKS, bake_texture, bits, folders
 
-from ao.execute.kept import Kept
-from raytrace.system.atomic import atomic_write
+from obscurance.ao.execute.kept import Kept
+from obscurance.raytrace.system.atomic import atomic_write
 
 METHODS = METHODS | {"texture": bake_texture, "faces": partial(METHODS["vertex"], at="faces")}
 

@@ -19,19 +19,19 @@ from killed_bakes import forked
 from mesh_files import ply
 from meshes import hills
 
-import ao.baking
-import ao.execute.work
-import cli
-import scenes.bake.batch
-import scenes.bake.run
-import scenes.bake.texture
-import scenes.bake.vertices
-import scenes.commands.bake
-import scenes.commands.falloff
-import scenes.commands.render
-import scenes.show.page.document
-import scenes.show.report.document  # noqa: F401
-from ao.execute.kept import Kept
+import obscurance.ao.baking
+import obscurance.ao.execute.work
+import obscurance.scenes.bake.batch
+import obscurance.scenes.bake.run
+import obscurance.scenes.bake.texture
+import obscurance.scenes.bake.vertices
+import obscurance.scenes.commands.bake
+import obscurance.scenes.commands.falloff
+import obscurance.scenes.commands.render
+import obscurance.scenes.show.page.document
+import obscurance.scenes.show.report.document  # noqa: F401
+from obscurance import cli
+from obscurance.ao.execute.kept import Kept
 
 SCENE = '[render]\nwidth = 300\nheight = 200\n[[objects]]\nmesh = "hills.ply"\n'
 BAKE = ("bake", "hills.ply", "--samples", "128", "--quiet")
@@ -92,7 +92,7 @@ def run(commands):
 
     def work():
         Kept.__init__.__defaults__ = (print, 0.0, *Kept.__init__.__defaults__[2:])
-        ao.execute.work._BLOCK_RAYS = SMALL_BLOCKS[1]
+        obscurance.ao.execute.work._BLOCK_RAYS = SMALL_BLOCKS[1]
         with open(os.devnull, "w") as nowhere:
             os.dup2(nowhere.fileno(), 1)
         for command in commands:

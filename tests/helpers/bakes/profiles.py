@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-import ao
+from obscurance import ao
 
 
 def with_profile(baked, columns=10, seed=0):

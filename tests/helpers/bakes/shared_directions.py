@@ -9,11 +9,11 @@ from functools import cache
 
 import pytest
 
-import ao
-from ao.rays.directions import DirectionTable
-from ao.result import NOWHERE
-from raytrace import Mesh
-from scenes.validation.configurations import Configuration
+from obscurance import ao
+from obscurance.ao.rays.directions import DirectionTable
+from obscurance.ao.result import NOWHERE
+from obscurance.raytrace import Mesh
+from obscurance.scenes.validation.configurations import Configuration
 
 
 @contextmanager
@@ -21,7 +21,7 @@ def only_w() -> Iterator[None]:
     """Bakes of one seed share their directions; what interpolation errs by, a third of the time, is not measured."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(DirectionTable, "make", cache(DirectionTable.make))
-        patch.setattr("ao.baking.measure_interpolation", lambda *_: NOWHERE)
+        patch.setattr("obscurance.ao.baking.measure_interpolation", lambda *_: NOWHERE)
         yield
 
 

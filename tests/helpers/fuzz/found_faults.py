@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from gltf_files import TRIANGLE, Builder
 
-from raytrace.errors import InputError
-from scenes.description.read import read_scene
+from obscurance.raytrace.errors import InputError
+from obscurance.scenes.description.read import read_scene
 
 PLANE = {"objects": [{"builtin": "plane", "fineness": 1.0}]}
 

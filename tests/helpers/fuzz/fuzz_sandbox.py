@@ -74,10 +74,10 @@ def modest(triangles, rows):
 
     Nor are control groups asked, a dozen files each time: the process's own limits are lower.
     """
-    import raytrace.system.checks
-    import scenes.geometry.builtin_shapes
-    import scenes.geometry.instances
+    import obscurance.raytrace.system.checks
+    import obscurance.scenes.geometry.builtin_shapes
+    import obscurance.scenes.geometry.instances
 
-    scenes.geometry.builtin_shapes.MAX_TRIANGLES = triangles
-    scenes.geometry.instances.MAX_COPIED = rows
-    raytrace.system.checks._control_groups = lambda root: ()
+    obscurance.scenes.geometry.builtin_shapes.MAX_TRIANGLES = triangles
+    obscurance.scenes.geometry.instances.MAX_COPIED = rows
+    obscurance.raytrace.system.checks._control_groups = lambda root: ()

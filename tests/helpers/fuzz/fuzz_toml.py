@@ -14,12 +14,12 @@ def _tables_of_scenes():
     """The keys of every kind of table in a scene file."""
     from typing import get_args
 
-    from raytrace.brdf.registry import reflection_models
-    from raytrace.lights.sources import Light
-    from raytrace.settings import Settings
-    from raytrace.system.records import fields_of
-    from scenes.description import schema
-    from scenes.geometry.builtin_shapes import SOLIDS
+    from obscurance.raytrace.brdf.registry import reflection_models
+    from obscurance.raytrace.lights.sources import Light
+    from obscurance.raytrace.settings import Settings
+    from obscurance.raytrace.system.records import fields_of
+    from obscurance.scenes.description import schema
+    from obscurance.scenes.geometry.builtin_shapes import SOLIDS
 
     def members(union):
         found = get_args(union)

@@ -53,14 +53,14 @@ def consume(family, path, made, index):
     """Do with the file what the commands do."""
     if family in PICTURES:
         return look(path)
-    import ao
-    from raytrace.errors import OptionError
-    from scenes.commands.info import describe
-    from scenes.description.obscurance import with_obscurance
-    from scenes.description.read import read_scene
-    from scenes.formats.load import load
-    from scenes.formats.unsupported import unsupported_features
-    from scenes.formats.write import write
+    from obscurance import ao
+    from obscurance.raytrace.errors import OptionError
+    from obscurance.scenes.commands.info import describe
+    from obscurance.scenes.description.obscurance import with_obscurance
+    from obscurance.scenes.description.read import read_scene
+    from obscurance.scenes.formats.load import load
+    from obscurance.scenes.formats.unsupported import unsupported_features
+    from obscurance.scenes.formats.write import write
 
     if family == "array":
         scene = path.with_name("m.toml")
@@ -94,16 +94,16 @@ def consume(family, path, made, index):
 
 
 def textures(description):
-    from raytrace.image.texture import pack_textures
-    from raytrace.renderer.geometry import shape_textures
+    from obscurance.raytrace.image.texture import pack_textures
+    from obscurance.raytrace.renderer.geometry import shape_textures
 
     pack_textures(shape_textures(item.shape for item in description.scene.objects))
 
 
 def look(path):
-    from raytrace.image.compare import compare
-    from raytrace.image.read import read_image
-    from raytrace.image.texture import Texture, pack_textures
+    from obscurance.raytrace.image.compare import compare
+    from obscurance.raytrace.image.read import read_image
+    from obscurance.raytrace.image.texture import Texture, pack_textures
 
     refused = []
     for step in (lambda: read_image(path), lambda: compare(path, path), lambda: pack_textures([Texture(path)])):
@@ -117,7 +117,7 @@ def look(path):
 
 def checked(family, path, made, index, opened, target=None):
     """Whether the input was accepted; its message if it was refused. Raises: Finding."""
-    from raytrace.errors import LINE, InputError
+    from obscurance.raytrace.errors import LINE, InputError
 
     reset_peak()
     before, start = memory(), time.process_time()

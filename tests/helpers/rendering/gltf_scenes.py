@@ -3,7 +3,7 @@
 import numpy as np
 from gltf_files import TRIANGLE, Builder
 
-from scenes.description.read import read_scene
+from obscurance.scenes.description.read import read_scene
 
 UV = np.array([[0, 0], [1, 0], [0, 1]], dtype="<f4")
 

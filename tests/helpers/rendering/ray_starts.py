@@ -1,6 +1,6 @@
 """Rays that start elsewhere than they should, for tests of what must notice it."""
 
-from raytrace.ray_origins import origins
+from obscurance.raytrace.ray_origins import origins
 
 
 def change_origins(monkeypatch, **functions):

@@ -3,12 +3,12 @@
 import numpy as np
 import trimesh
 
-from raytrace import BlinnPhong, Lambert, Mesh, Phong
-from raytrace.camera import Camera
-from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight, SpotLight
-from raytrace.scene import Object, Scene, Shape
-from raytrace.settings import Settings
-from scenes.geometry import primitives
+from obscurance.raytrace import BlinnPhong, Lambert, Mesh, Phong
+from obscurance.raytrace.camera import Camera
+from obscurance.raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight, SpotLight
+from obscurance.raytrace.scene import Object, Scene, Shape
+from obscurance.raytrace.settings import Settings
+from obscurance.scenes.geometry import primitives
 
 
 def grid(*arguments):

@@ -1,6 +1,6 @@
 """A folder with a scene and what it refers to, for the tests."""
 
-from scenes.description.read import read_scene
+from obscurance.scenes.description.read import read_scene
 
 SQUARE = """\
 v 0 0 0

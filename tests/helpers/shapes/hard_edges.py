@@ -3,7 +3,7 @@
 import numpy as np
 from uv_meshes import square
 
-from raytrace import Mesh
+from obscurance.raytrace import Mesh
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
 SIDES = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2)]

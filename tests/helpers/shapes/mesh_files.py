@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from gltf_files import QUAD, Builder
 
-from raytrace.errors import MeshError
-from raytrace.mesh.mesh import Mesh
-from scenes.formats.load import MeshFile, load
-from scenes.geometry.instances import Submesh
+from obscurance.raytrace.errors import MeshError
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.scenes.formats.load import MeshFile, load
+from obscurance.scenes.geometry.instances import Submesh
 
 # Two squares that share an edge; vertex 2 repeats vertex 1, vertex 6 is unused.
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.25], [2, 0, 0], [9, 9, 9]])

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from raytrace.mesh.mesh import Mesh
-from scenes.geometry.polyhedra import RawMesh, generic_rotation, hull, join
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.scenes.geometry.polyhedra import RawMesh, generic_rotation, hull, join
 
 
 def raw_mesh(mesh: Mesh) -> RawMesh:

@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from raytrace import Mesh
+from obscurance.raytrace import Mesh
 
 
 def rectangle(corner, u, v):

@@ -7,7 +7,7 @@ import click
 import pytest
 from project import ROOT
 
-import cli
+from obscurance import cli
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 BLOCK = re.compile(r"^```(?:sh|bat)\n(.*?)^```", re.DOTALL | re.MULTILINE)

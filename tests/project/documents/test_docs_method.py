@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from project import ROOT
 
-import ao
-import scenes
+from obscurance import ao, scenes
 
 PAGE = (ROOT / "docs" / "method.md").read_text(encoding="utf-8")
 RAYS = 256

@@ -9,10 +9,10 @@ from project import ROOT, hide_compiler
 
 from benchmarks.pictures.gallery import commands, page
 from benchmarks.pictures.model_strips import STRIPS, picture
-from raytrace.image.compare import compare
-from raytrace.image.read import read_image
-from raytrace.image.write import write_image
-from scenes.library.catalogue import BUILTIN
+from obscurance.raytrace.image.compare import compare
+from obscurance.raytrace.image.read import read_image
+from obscurance.raytrace.image.write import write_image
+from obscurance.scenes.library.catalogue import BUILTIN
 
 DOCS = ROOT / "docs"
 ALLOWED = 0.003  # mean FLIP; a picture of another version of the renderer is .01 and more away

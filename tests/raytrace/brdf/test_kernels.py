@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 
-from raytrace import (
+from obscurance.raytrace import (
     Camera,
     CookTorrance,
     Lambert,
@@ -18,12 +18,12 @@ from raytrace import (
     Shape,
     render,
 )
-from raytrace.brdf.dispatch import evaluate, terms
-from raytrace.kernel.vector import add
-from raytrace.lights.kernels import incident
-from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight, SpotLight
-from raytrace.materials.reflect import reflect
-from scenes.geometry.primitives import sphere
+from obscurance.raytrace.brdf.dispatch import evaluate, terms
+from obscurance.raytrace.kernel.vector import add
+from obscurance.raytrace.lights.kernels import incident
+from obscurance.raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight, SpotLight
+from obscurance.raytrace.materials.reflect import reflect
+from obscurance.scenes.geometry.primitives import sphere
 
 BALL = sphere(0.5, 0.05).mesh
 MATERIALS = [
@@ -81,9 +81,9 @@ def test_terms_are_the_body_s_and_the_highlight_s():
 
 def test_materials_and_lights_are_declared_without_compiling():
     code = (
-        "import sys; import raytrace as m, raytrace.brdf.registry, raytrace.materials.reflect; "
-        "import raytrace.lights.sources, raytrace.image.write; "
-        "raytrace.brdf.registry.reflection_models(); "
+        "import sys; import obscurance.raytrace.brdf.registry, obscurance.raytrace.materials.reflect; from obscurance import raytrace as m; "
+        "import obscurance.raytrace.lights.sources, obscurance.raytrace.image.write; "
+        "obscurance.raytrace.brdf.registry.reflection_models(); "
         "m.CookTorrance(albedo=.5, m=.2).pack(); m.PoulinFournier(k_d=.5).pack(); "
         "print([x for x in ('numba', 'OpenImageIO', 'scipy', 'embreex') if x in sys.modules])"
     )

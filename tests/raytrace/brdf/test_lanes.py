@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from raytrace import (
+from obscurance.raytrace import (
     AshikhminShirley,
     BlinnPhong,
     Camera,
@@ -20,7 +20,7 @@ from raytrace import (
     reflect,
     render,
 )
-from scenes.geometry.primitives import sphere
+from obscurance.scenes.geometry.primitives import sphere
 
 GRAIN = (0.3, 0.2, 1.0)
 TO_VIEWER, TO_LIGHT = np.array([0, -1.0, 0]), np.array([-0.5, -0.4, 0.6])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.models.oren_nayar_integral import reference_orders
-from raytrace import (
+from obscurance.raytrace import (
     AshikhminShirley,
     BlinnPhong,
     CookTorrance,
@@ -17,10 +17,10 @@ from raytrace import (
     Strauss,
     Ward,
 )
-from raytrace.brdf.models.oren_nayar import fitted_orders
-from raytrace.errors import OptionError
-from raytrace.materials.reflect import NORMAL as N
-from raytrace.materials.reflect import asymmetry, directional_albedo, reflect, towards
+from obscurance.raytrace.brdf.models.oren_nayar import fitted_orders
+from obscurance.raytrace.errors import OptionError
+from obscurance.raytrace.materials.reflect import NORMAL as N
+from obscurance.raytrace.materials.reflect import asymmetry, directional_albedo, reflect, towards
 
 MIRROR = {"albedo": 1.0, "k_s": 1.0, "eta": 1e6}  # η = 1e6: F = 1 to 4e-6
 

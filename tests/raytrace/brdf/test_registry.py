@@ -7,13 +7,13 @@ import sys
 import pytest
 from project import ROOT, environment
 
-from raytrace import Lambert
-from raytrace.brdf.registry import reflection_model, reflection_models
-from raytrace.errors import OptionError
+from obscurance.raytrace import Lambert
+from obscurance.raytrace.brdf.registry import reflection_model, reflection_models
+from obscurance.raytrace.errors import OptionError
 
 REFLECTED = """
 import numpy as np
-from raytrace import material_from_dict, reflect
+from obscurance.raytrace import material_from_dict, reflect
 
 matt = material_from_dict({"model": "minnaert", "albedo": [0.2, 0.4, 0.6], "k": 1.7})
 assert isinstance(matt, Minnaert) and matt.to_dict()["k"] == 1.7
@@ -30,11 +30,11 @@ turned /= np.linalg.norm(turned, axis=1)[:, None]
 np.testing.assert_allclose(reflect(matt, turned, light, viewer), expected_at(turned), rtol=1e-6, atol=1e-12)
 """
 IN_LANES = """
-from raytrace.brdf.dispatch import terms_in_lanes
-from raytrace.kernel import build, library
-from raytrace.kernel.arrays import aligned
-from raytrace.kernel.jit import kernel
-from raytrace.kernel.simd import load_row, store_row
+from obscurance.raytrace.brdf.dispatch import terms_in_lanes
+from obscurance.raytrace.kernel import build, library
+from obscurance.raytrace.kernel.arrays import aligned
+from obscurance.raytrace.kernel.jit import kernel
+from obscurance.raytrace.kernel.simd import load_row, store_row
 
 
 @kernel
@@ -56,12 +56,12 @@ lit = turned @ light > 0
 assert 4 < lit.sum() < 12
 np.testing.assert_allclose(out[:3, lit].T, expected_at(turned)[lit], rtol=1e-3, atol=1e-4)
 assert not out[3:, lit].any()
-for entry in build.entries("raytrace.shade.tile"):
+for entry in build.entries("obscurance.raytrace.shade.tile"):
     assert library.find(entry.signature.symbol, entry.function) is None or "render_tiles" not in entry.signature.line
 """
 RENDERED = """
-from raytrace import Camera, DirectionalLight, Object, Scene, Settings, Shape, render
-from scenes.geometry.primitives import sphere
+from obscurance.raytrace import Camera, DirectionalLight, Object, Scene, Settings, Shape, render
+from obscurance.scenes.geometry.primitives import sphere
 
 scene = Scene((Object(Shape(sphere(0.5, 0.05).mesh, matt)),), (DirectionalLight(direction=tuple(-light), intensity=2),))
 settings = Settings(width=40, height=40, samples=1, shadows=False)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from raytrace import (
+from obscurance.raytrace import (
     AshikhminShirley,
     BlinnPhong,
     CookTorrance,
@@ -18,10 +18,10 @@ from raytrace import (
     Strauss,
     Ward,
 )
-from raytrace.brdf.dispatch import reflect_rows
-from raytrace.brdf.material import pack_materials
-from raytrace.errors import OptionError
-from raytrace.materials.reflect import reflect
+from obscurance.raytrace.brdf.dispatch import reflect_rows
+from obscurance.raytrace.brdf.material import pack_materials
+from obscurance.raytrace.errors import OptionError
+from obscurance.raytrace.materials.reflect import reflect
 
 TINY, NEARLY_ONE = 1e-6, float(np.nextafter(1.0, 0.0))
 EXTREMES = [

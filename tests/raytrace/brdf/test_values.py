@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import transcription as plain
 
-from raytrace import (
+from obscurance.raytrace import (
     AshikhminShirley,
     BlinnPhong,
     CookTorrance,
@@ -18,11 +18,11 @@ from raytrace import (
     Ward,
     Warnock,
 )
-from raytrace.brdf.microfacet import conductor_fresnel, fresnel
-from raytrace.brdf.models.cook_torrance import gaussian_constant
-from raytrace.brdf.models.strauss import fresnel_like, shadowing
-from raytrace.errors import OptionError
-from raytrace.materials.reflect import reflect
+from obscurance.raytrace.brdf.microfacet import conductor_fresnel, fresnel
+from obscurance.raytrace.brdf.models.cook_torrance import gaussian_constant
+from obscurance.raytrace.brdf.models.strauss import fresnel_like, shadowing
+from obscurance.raytrace.errors import OptionError
+from obscurance.raytrace.materials.reflect import reflect
 
 GRAIN = np.array([0.3, 0.9, -0.2])
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from raytrace.bvh.bvh16 import BVH16
-from raytrace.bvh.median_splits import median_order
-from scenes.geometry.polyhedra import icosphere
+from obscurance.raytrace.bvh.bvh16 import BVH16
+from obscurance.raytrace.bvh.median_splits import median_order
+from obscurance.scenes.geometry.polyhedra import icosphere
 
 
 def soup(faces):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from raytrace import EmbreeError, OptionError
-from raytrace.embree import library as embree
-from raytrace.embree.rays import intersect
-from raytrace.embree.scene import TriangleScene
+from obscurance.raytrace import EmbreeError, OptionError
+from obscurance.raytrace.embree import library as embree
+from obscurance.raytrace.embree.rays import intersect
+from obscurance.raytrace.embree.scene import TriangleScene
 
 SQUARE = np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 SQUARE_FACES = np.array([[0, 1, 2], [0, 2, 3]])

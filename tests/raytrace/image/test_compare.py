@@ -8,9 +8,9 @@ import pytest
 from frames import frame, plain
 from scipy.ndimage import gaussian_filter
 
-from raytrace.errors import InputError, OptionError
-from raytrace.image.compare import Comparison, compare
-from raytrace.image.write import write_image
+from obscurance.raytrace.errors import InputError, OptionError
+from obscurance.raytrace.image.compare import Comparison, compare
+from obscurance.raytrace.image.write import write_image
 
 
 def exr(path, pixels):

@@ -5,12 +5,12 @@ import pytest
 from frames import plain
 from meshes import two_boxes
 
-from raytrace import AmbientLight, Camera, Lambert, Object, Scene, Settings, Shape, render
-from raytrace.image import encode
-from raytrace.image.dither import dithered
-from raytrace.image.read import open_image
-from raytrace.image.srgb import decode_srgb
-from scenes.formats.images import write_grey
+from obscurance.raytrace import AmbientLight, Camera, Lambert, Object, Scene, Settings, Shape, render
+from obscurance.raytrace.image import encode
+from obscurance.raytrace.image.dither import dithered
+from obscurance.raytrace.image.read import open_image
+from obscurance.raytrace.image.srgb import decode_srgb
+from obscurance.scenes.formats.images import write_grey
 
 
 def codes(path):

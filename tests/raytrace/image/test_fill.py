@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from raytrace.image.fill import fill_holes
+from obscurance.raytrace.image.fill import fill_holes
 
 
 @pytest.fixture

@@ -11,11 +11,11 @@ import PIL.Image
 import pytest
 from frames import plain
 
-from raytrace.errors import InputError, OptionError
-from raytrace.image.srgb import decode_srgb
-from raytrace.image.texture import WRAPS, LazyTextures, Texture, pack_textures
-from raytrace.image.texture_lookup import sample_texture
-from raytrace.kernel.jit import kernel
+from obscurance.raytrace.errors import InputError, OptionError
+from obscurance.raytrace.image.srgb import decode_srgb
+from obscurance.raytrace.image.texture import WRAPS, LazyTextures, Texture, pack_textures
+from obscurance.raytrace.image.texture_lookup import sample_texture
+from obscurance.raytrace.kernel.jit import kernel
 
 
 @kernel

@@ -10,13 +10,13 @@ import pytest
 from frames import METADATA, frame, plain
 from pictures import ENDINGS, names, python
 
-from raytrace.errors import OptionError, OutputError
-from raytrace.image.write import check_image_target, write_image
+from obscurance.raytrace.errors import OptionError, OutputError
+from obscurance.raytrace.image.write import check_image_target, write_image
 
 FULL_DISK = """
 import json, resource, sys
 from frames import METADATA, frame
-from raytrace.image import encode
+from obscurance.raytrace.image import encode
 reserve = encode._reserve
 unlimited = resource.getrlimit(resource.RLIMIT_FSIZE)
 outcomes = []

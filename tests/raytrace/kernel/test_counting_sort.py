@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from raytrace.kernel.counting_sort import counting_sort
+from obscurance.raytrace.kernel.counting_sort import counting_sort
 
 
 def test_order_is_that_of_a_stable_sort():

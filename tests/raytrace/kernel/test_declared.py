@@ -8,10 +8,10 @@ import numpy.typing as npt
 import pytest
 from project import ROOT
 
-from raytrace.kernel import build
-from raytrace.kernel.declared import examples
-from raytrace.kernel.jit import Kernel
-from raytrace.types import Bools, Float32Grid, Float64Rows, Float64s, Int32s, UInt8s
+from obscurance.raytrace.kernel import build
+from obscurance.raytrace.kernel.declared import examples
+from obscurance.raytrace.kernel.jit import Kernel
+from obscurance.raytrace.types import Bools, Float32Grid, Float64Rows, Float64s, Int32s, UInt8s
 
 
 class Inner(NamedTuple):

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from raytrace.kernel import jit
-from raytrace.kernel.jit import called_back, inline, kernel
-from raytrace.kernel.simd import rows_at
+from obscurance.raytrace.kernel import jit
+from obscurance.raytrace.kernel.jit import called_back, inline, kernel
+from obscurance.raytrace.kernel.simd import rows_at
 
 
 class Pair(NamedTuple):

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from project import ROOT
 
-from raytrace.kernel import build, library
-from raytrace.kernel.identity import kernel_identity
+from obscurance.raytrace.kernel import build, library
+from obscurance.raytrace.kernel.identity import kernel_identity
 
 HELPER = """
 from .kernel.jit import inline
@@ -33,9 +33,9 @@ def answer() -> int:
 """
 ANSWER = """
 import sys
-from raytrace.errors import KernelError
-from raytrace.kernel.jit import compiled
-from raytrace.loop import answer
+from obscurance.raytrace.errors import KernelError
+from obscurance.raytrace.kernel.jit import compiled
+from obscurance.raytrace.loop import answer
 try:
     print(answer(), len(compiled), "numba" in sys.modules)
 except KernelError as missing:
@@ -141,9 +141,9 @@ def double(values: Float64s | None, factor: float) -> float:
 )
 CALL = """
 import numpy as np
-from raytrace.errors import KernelError
-from raytrace.kernel.jit import compiled
-from raytrace.loop import double
+from obscurance.raytrace.errors import KernelError
+from obscurance.raytrace.kernel.jit import compiled
+from obscurance.raytrace.loop import double
 try:
     print(double({}, 2.0), len(compiled))
 except KernelError as refused:
@@ -173,7 +173,10 @@ def test_what_is_installed_is_not_compared_with_its_sources(project):
     (project / "raytrace" / "helper.py").write_text(HELPER.format(value=2))
     (project / "pyproject.toml").unlink()
     assert run(project, ANSWER) == "1 0 False"
-    assert run(project, "from raytrace.kernel.library import compare_sources; compare_sources()" + ANSWER) == "2 1 True"
+    assert (
+        run(project, "from obscurance.raytrace.kernel.library import compare_sources; compare_sources()" + ANSWER)
+        == "2 1 True"
+    )
 
 
 NO_NUMBA = "import importlib.util; importlib.util.find_spec = lambda name: None\n"
@@ -188,7 +191,7 @@ def test_without_numba_a_line_says_what_is_missing_and_how_it_is_had(project):
     assert len(said.splitlines()) == 1
 
 
-OLD = "from raytrace.kernel import library; library.cpu_features = lambda: frozenset({'SSE2'})\n"
+OLD = "from obscurance.raytrace.kernel import library; library.cpu_features = lambda: frozenset({'SSE2'})\n"
 
 
 def test_a_processor_that_no_library_is_for_gets_a_line_with_the_way_to_build_one(project):
@@ -231,7 +234,7 @@ def test_constants_that_a_kernel_refers_to_are_part_of_its_identity():
     assert kernel_identity(names["f"]) == found[-1]
 
 
-RESULTS = "from raytrace.kernel.library import results_identity; print(results_identity())"
+RESULTS = "from obscurance.raytrace.kernel.library import results_identity; print(results_identity())"
 
 
 def test_an_edit_of_what_reads_and_writes_files_leaves_the_identity_of_results(project):
@@ -247,7 +250,7 @@ def test_an_edit_of_what_reads_and_writes_files_leaves_the_identity_of_results(p
 
 
 COMPILED = """
-from raytrace.kernel import library
+from obscurance.raytrace.kernel import library
 made = []
 library.source_identity = lambda text, make=library.source_identity: made.append(text) or make(text)
 print(library.results_identity(), len(made))
@@ -269,8 +272,8 @@ def test_the_identity_of_results_is_made_of_edited_sources_alone(project):
 
 HAIR = """
 import numpy as np
-import ao
-from raytrace.kernel import jit
+from obscurance import ao
+from obscurance.raytrace.kernel import jit
 random = np.random.default_rng(5)
 along = np.array([0.3, 1.0, 0.2]) + random.normal(0, 0.002, (600, 3))
 sides = np.cross(along, random.normal(size=(600, 3)))

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from raytrace.kernel.arrays import aligned
-from raytrace.kernel.jit import kernel
-from raytrace.kernel.simd import (
+from obscurance.raytrace.kernel.arrays import aligned
+from obscurance.raytrace.kernel.jit import kernel
+from obscurance.raytrace.kernel.simd import (
     SHORT,
     WIDE,
     bits,
@@ -30,7 +30,7 @@ from raytrace.kernel.simd import (
     store_row,
     store_short_row,
 )
-from raytrace.kernel.vector import cross, dot, unit
+from obscurance.raytrace.kernel.vector import cross, dot, unit
 
 NUMBERS = np.arange(WIDE)
 

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from raytrace.errors import OptionError
-from raytrace.lights import layout as light_rows
-from raytrace.lights.kernels import cannot_matter_in, incident
-from raytrace.lights.sources import (
+from obscurance.raytrace.errors import OptionError
+from obscurance.raytrace.lights import layout as light_rows
+from obscurance.raytrace.lights.kernels import cannot_matter_in, incident
+from obscurance.raytrace.lights.sources import (
     AmbientLight,
     DirectionalLight,
     EnvironmentLight,
@@ -22,7 +22,7 @@ from raytrace.lights.sources import (
     light_from_dict,
     pack_lights,
 )
-from raytrace.renderer.render_scene import place_lights
+from obscurance.raytrace.renderer.render_scene import place_lights
 
 ORIGIN = (0.0, 0.0, 0.0)
 

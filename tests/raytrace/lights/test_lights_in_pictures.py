@@ -5,20 +5,20 @@ from math import pi
 import numpy as np
 import pytest
 
-from raytrace import Lambert, Phong
-from raytrace.camera import Camera
-from raytrace.errors import OptionError
-from raytrace.lights.sources import (
+from obscurance.raytrace import Lambert, Phong
+from obscurance.raytrace.camera import Camera
+from obscurance.raytrace.errors import OptionError
+from obscurance.raytrace.lights.sources import (
     AmbientLight,
     DirectionalLight,
     PointLight,
     SpotLight,
 )
-from raytrace.mesh.mesh import Mesh
-from raytrace.renderer.render import render
-from raytrace.scene import Object, Scene, Shape
-from raytrace.settings import Settings
-from scenes.geometry.primitives import plane
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.renderer.render import render
+from obscurance.raytrace.scene import Object, Scene, Shape
+from obscurance.raytrace.settings import Settings
+from obscurance.scenes.geometry.primitives import plane
 
 ORIGIN = (0.0, 0.0, 0.0)
 

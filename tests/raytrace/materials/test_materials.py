@@ -6,7 +6,7 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 
-from raytrace import (
+from obscurance.raytrace import (
     AshikhminShirley,
     BlinnPhong,
     CookTorrance,
@@ -20,12 +20,12 @@ from raytrace import (
     Ward,
     material_from_dict,
 )
-from raytrace.brdf import layout as rows
-from raytrace.brdf.material import pack_materials
-from raytrace.errors import OptionError
-from raytrace.kernel.vector import triple
-from raytrace.materials.presets import PRESETS
-from raytrace.materials.reflect import reflect
+from obscurance.raytrace.brdf import layout as rows
+from obscurance.raytrace.brdf.material import pack_materials
+from obscurance.raytrace.errors import OptionError
+from obscurance.raytrace.kernel.vector import triple
+from obscurance.raytrace.materials.presets import PRESETS
+from obscurance.raytrace.materials.reflect import reflect
 
 REFUSED = [
     (lambda: Lambert(albedo=1.2), "Lambert", "albedo[0]", "[0, 1]", 1.2),

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from raytrace import CookTorrance, Lambert, Phong
-from raytrace.materials.reflect import albedo, asymmetry, directional_albedo
+from obscurance.raytrace import CookTorrance, Lambert, Phong
+from obscurance.raytrace.materials.reflect import albedo, asymmetry, directional_albedo
 
 ORDER = 384  # narrow highlights of empirical models want many points
 

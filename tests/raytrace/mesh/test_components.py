@@ -5,7 +5,7 @@ import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components as components_by_scipy
 
-from raytrace.mesh.weld import connected_components
+from obscurance.raytrace.mesh.weld import connected_components
 
 
 @pytest.mark.parametrize("seed", range(5))

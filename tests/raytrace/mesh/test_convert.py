@@ -10,10 +10,10 @@ from gltf_files import Builder
 from gltf_samples import quad
 from project import ROOT
 
-import ao
-from raytrace import Camera, Lambert, Mesh, MeshError, Shape
-from raytrace.mesh.mesh import mesh_of
-from raytrace.mesh.normals import face_normals
+from obscurance import ao
+from obscurance.raytrace import Camera, Lambert, Mesh, MeshError, Shape
+from obscurance.raytrace.mesh.mesh import mesh_of
+from obscurance.raytrace.mesh.normals import face_normals
 
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 2]], float)
 FACES = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
@@ -130,7 +130,7 @@ def test_a_mesh_may_have_any_form_wherever_one_is_taken():
 @pytest.mark.parametrize("recipe", RECIPES, ids=[recipe.split("\n")[0][:40] for recipe in RECIPES])
 def test_a_recipe_runs(recipe, tmp_path, monkeypatch):
     import obscurance
-    import scenes
+    from obscurance import scenes
 
     monkeypatch.chdir(tmp_path)
     builder = Builder()

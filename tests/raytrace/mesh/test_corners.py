@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from raytrace.mesh.corners import unique_rows
+from obscurance.raytrace.mesh.corners import unique_rows
 
 
 @pytest.mark.parametrize("width", [1, 2, 3])

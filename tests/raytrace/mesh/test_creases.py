@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from uv_meshes import icosphere
 
-from raytrace import Mesh, MeshError
-from raytrace.mesh.corners import on_hard_edges, split_creases
-from raytrace.mesh.normals import (
+from obscurance.raytrace import Mesh, MeshError
+from obscurance.raytrace.mesh.corners import on_hard_edges, split_creases
+from obscurance.raytrace.mesh.normals import (
     corner_normals,
     face_normals,
     own_vertex_normals,

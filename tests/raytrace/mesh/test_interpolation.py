@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from newell import newell_normal
 
-from raytrace import BlinnPhong, Phong
-from raytrace.materials.reflect import reflect
-from raytrace.mesh.interpolation import centroid, interpolate, phong_normal, quadratic_normal
+from obscurance.raytrace import BlinnPhong, Phong
+from obscurance.raytrace.materials.reflect import reflect
+from obscurance.raytrace.mesh.interpolation import centroid, interpolate, phong_normal, quadratic_normal
 
 P = [(2.0, 2.0, 1.0), (6.0, 2.0, 1.0), (4.0, 5.0, 1.0)]
 NORMALS = [tuple(np.array(n) / np.linalg.norm(n)) for n in ([-1, -1, 1], [1, 0, 0], [0, 1, 1])]

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from raytrace.mesh.morton import radix_order
+from obscurance.raytrace.mesh.morton import radix_order
 
 
 @pytest.mark.parametrize(("bits", "dtype"), [(30, np.uint32), (63, np.uint64)])

@@ -7,7 +7,7 @@ import pytest
 from newell import newell_normal
 from project import ROOT
 
-from raytrace.mesh.normals import vertex_normals
+from obscurance.raytrace.mesh.normals import vertex_normals
 
 BENT = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.5]])
 

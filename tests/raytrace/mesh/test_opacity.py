@@ -4,8 +4,8 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from raytrace import AlphaSurface, InputError, Lambert, Mesh, Object, Opacity, Scene, Shape, Texture
-from raytrace.mesh.opacity import alphas
+from obscurance.raytrace import AlphaSurface, InputError, Lambert, Mesh, Object, Opacity, Scene, Shape, Texture
+from obscurance.raytrace.mesh.opacity import alphas
 
 UV = np.array([[[0.0, 0], [1, 0], [0, 1]]])
 CORNERS, FACE = np.eye(3), [[0, 1, 2]]

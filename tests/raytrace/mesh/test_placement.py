@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from raytrace import Mesh
-from raytrace.mesh.placement import Placement
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.mesh.placement import Placement
 
 
 @pytest.mark.parametrize("size", [1e-30, 1e-9, 1.0, 1e9, 1e150])

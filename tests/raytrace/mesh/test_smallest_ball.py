@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from raytrace import Mesh
-from raytrace.mesh.smallest_ball import smallest_ball
-from scenes.geometry.polyhedra import generic_rotation
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.mesh.smallest_ball import smallest_ball
+from obscurance.scenes.geometry.polyhedra import generic_rotation
 
 RANDOM = np.random.default_rng(7)
 

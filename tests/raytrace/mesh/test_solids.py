@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from meshes import hills
 
-import ao
-import scenes
-from raytrace import Mesh
-from raytrace.mesh.solids import inward_looking, inward_warnings
-from scenes.geometry.polyhedra import join
+from obscurance import ao, scenes
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.mesh.solids import inward_looking, inward_warnings
+from obscurance.scenes.geometry.polyhedra import join
 
 
 def ball(radius=1.0, at=(0.0, 0.0, 0.0), inverted=False, split=False):

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-import ao
-from raytrace import Mesh
-from raytrace.mesh.placement import Placement, contact_radius
-from raytrace.mesh.solids import closed_parts
-from raytrace.mesh.weld import CREASE, coincident, weld
-from scenes.geometry.polyhedra import generic_rotation
+from obscurance import ao
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.mesh.placement import Placement, contact_radius
+from obscurance.raytrace.mesh.solids import closed_parts
+from obscurance.raytrace.mesh.weld import CREASE, coincident, weld
+from obscurance.scenes.geometry.polyhedra import generic_rotation
 
 AROUND, UP = 24, 12
 RING = np.arange((AROUND + 1) * (UP + 1)).reshape(UP + 1, AROUND + 1)

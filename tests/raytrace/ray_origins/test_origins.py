@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from stress.solids import cube, ellipsoid, grid, inward
 
-import ao
-from raytrace import Mesh
-from raytrace.bvh.bvh16 import BVH16
-from raytrace.ray_origins.clearance import outermost_normals
-from raytrace.ray_origins.surface import Surface, find_contacts
-from scenes.geometry.polyhedra import generic_rotation, icosphere, join
+from obscurance import ao
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.bvh.bvh16 import BVH16
+from obscurance.raytrace.ray_origins.clearance import outermost_normals
+from obscurance.raytrace.ray_origins.surface import Surface, find_contacts
+from obscurance.scenes.geometry.polyhedra import generic_rotation, icosphere, join
 
 
 def binary(part, turn, samples=256):

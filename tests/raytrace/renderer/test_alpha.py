@@ -7,7 +7,7 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from raytrace import (
+from obscurance.raytrace import (
     AlphaSurface,
     AmbientLight,
     Camera,
@@ -25,7 +25,7 @@ from raytrace import (
     Texture,
     render,
 )
-from raytrace.renderer.render import rendering_bytes, seen_vertices
+from obscurance.raytrace.renderer.render import rendering_bytes, seen_vertices
 
 SHADINGS = ["constant", "flat", "gouraud", "phong", "quadratic"]
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)

@@ -3,12 +3,12 @@
 import numpy as np
 import trimesh
 
-import ao
-from raytrace import Camera, Lambert, Mesh, Object, Scene, Settings, Shape, render
-from raytrace.embree.rays import intersect
-from raytrace.embree.scene import TriangleScene
-from raytrace.lights.sources import AmbientLight
-from scenes.geometry import primitives
+from obscurance import ao
+from obscurance.raytrace import Camera, Lambert, Mesh, Object, Scene, Settings, Shape, render
+from obscurance.raytrace.embree.rays import intersect
+from obscurance.raytrace.embree.scene import TriangleScene
+from obscurance.raytrace.lights.sources import AmbientLight
+from obscurance.scenes.geometry import primitives
 
 REACH = 1.0
 RAYS, AT_ONCE = 4096, 32

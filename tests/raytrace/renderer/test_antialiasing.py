@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from rendered import CAMERA, SMALL, still_scene
 
-from raytrace import Lambert, Mesh
-from raytrace.camera import Camera
-from raytrace.image.srgb import encode_srgb
-from raytrace.renderer import render_job as module
-from raytrace.renderer.render import render
-from raytrace.scene import Object, Scene, Shape
-from raytrace.settings import Settings
+from obscurance.raytrace import Lambert, Mesh
+from obscurance.raytrace.camera import Camera
+from obscurance.raytrace.image.srgb import encode_srgb
+from obscurance.raytrace.renderer import render_job as module
+from obscurance.raytrace.renderer.render import render
+from obscurance.raytrace.scene import Object, Scene, Shape
+from obscurance.raytrace.settings import Settings
 
 SIDE = 64
 

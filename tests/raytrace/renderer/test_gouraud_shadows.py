@@ -7,15 +7,15 @@ import pytest
 import trimesh
 from stress.solids import cube, inward
 
-from raytrace import Lambert
-from raytrace.camera import Camera
-from raytrace.lights.sources import PointLight
-from raytrace.mesh.mesh import Mesh
-from raytrace.renderer.render import render
-from raytrace.scene import Object, Scene, Shape
-from raytrace.settings import Settings
-from scenes.geometry import primitives
-from scenes.geometry.polyhedra import generic_rotation
+from obscurance.raytrace import Lambert
+from obscurance.raytrace.camera import Camera
+from obscurance.raytrace.lights.sources import PointLight
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.renderer.render import render
+from obscurance.raytrace.scene import Object, Scene, Shape
+from obscurance.raytrace.settings import Settings
+from obscurance.scenes.geometry import primitives
+from obscurance.scenes.geometry.polyhedra import generic_rotation
 
 SETTINGS = Settings(width=48, height=48, samples=4, shading="gouraud")
 WHITE = Lambert(albedo=0.8)
@@ -180,7 +180,7 @@ def test_instanced_rooms_whose_walls_meet_in_the_middle_of_the_world_are_black(f
 
 
 def test_very_many_small_objects_are_lit_by_few_kernels(watch):
-    calls = watch("raytrace.renderer.render_job.light_vertices")
+    calls = watch("obscurance.raytrace.renderer.render_job.light_vertices")
     shape = Shape(Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), WHITE)
     places = np.tile(np.eye(4), (1200, 1, 1))
     places[:, 0, 3] = np.arange(1200)

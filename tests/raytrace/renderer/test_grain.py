@@ -7,7 +7,7 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from raytrace import (
+from obscurance.raytrace import (
     AshikhminShirley,
     Camera,
     DirectionalLight,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hard_edges import CORNERS, FACES, INWARDS, OF, box
 
-from raytrace import Camera, DirectionalLight, Lambert, Mesh, Object, Scene, Settings, Shape, render
-from raytrace.mesh.normals import vertex_normals
+from obscurance.raytrace import Camera, DirectionalLight, Lambert, Mesh, Object, Scene, Settings, Shape, render
+from obscurance.raytrace.mesh.normals import vertex_normals
 
 MATERIAL = Lambert(albedo=0.8)
 CAMERA = Camera(position=(0.9, 0.7, 4), target=(0.5, 0.5, 0))

@@ -8,15 +8,15 @@ import pytest
 import trimesh
 from rendered import CAMERA, SMALL, grid, sphere, still_scene, white
 
-import ao
-from raytrace import Mesh, Phong
-from raytrace.camera import Camera
-from raytrace.image.encode import LAYERS
-from raytrace.lights.sources import DirectionalLight, PointLight, SpotLight
-from raytrace.renderer.render import render, seen_vertices
-from raytrace.renderer.render_scene import build, release
-from raytrace.scene import Object, Scene, Shape
-from raytrace.settings import Settings
+from obscurance import ao
+from obscurance.raytrace import Mesh, Phong
+from obscurance.raytrace.camera import Camera
+from obscurance.raytrace.image.encode import LAYERS
+from obscurance.raytrace.lights.sources import DirectionalLight, PointLight, SpotLight
+from obscurance.raytrace.renderer.render import render, seen_vertices
+from obscurance.raytrace.renderer.render_scene import build, release
+from obscurance.raytrace.scene import Object, Scene, Shape
+from obscurance.raytrace.settings import Settings
 
 
 @pytest.fixture(scope="module")

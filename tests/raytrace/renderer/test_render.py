@@ -5,14 +5,14 @@ import pytest
 import trimesh
 from rendered import CAMERA, ONE, PLANE, box, grid, pixel, sphere, still_scene, white
 
-import ao
-from raytrace import BlinnPhong, Lambert, Mesh, Phong
-from raytrace.camera import Camera
-from raytrace.kernel import jit
-from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
-from raytrace.renderer.render import render
-from raytrace.scene import Object, Scene, Shape
-from raytrace.settings import Settings
+from obscurance import ao
+from obscurance.raytrace import BlinnPhong, Lambert, Mesh, Phong
+from obscurance.raytrace.camera import Camera
+from obscurance.raytrace.kernel import jit
+from obscurance.raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
+from obscurance.raytrace.renderer.render import render
+from obscurance.raytrace.scene import Object, Scene, Shape
+from obscurance.raytrace.settings import Settings
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from raytrace import (
+from obscurance.raytrace import (
     AmbientLight,
     BlinnPhong,
     Camera,
@@ -19,10 +19,10 @@ from raytrace import (
     SkyLight,
     render,
 )
-from raytrace.brdf.material import pack_materials
-from raytrace.image.encode import write_layers
-from raytrace.image.write import write_image
-from raytrace.lights.environment import (
+from obscurance.raytrace.brdf.material import pack_materials
+from obscurance.raytrace.image.encode import write_layers
+from obscurance.raytrace.image.write import write_image
+from obscurance.raytrace.lights.environment import (
     cone_visibility,
     harmonic_irradiance,
     map_radiance,
@@ -30,7 +30,7 @@ from raytrace.lights.environment import (
     sky_irradiance,
     sky_radiance,
 )
-from scenes.geometry.primitives import sphere
+from obscurance.scenes.geometry.primitives import sphere
 
 BALL = sphere(0.5, 0.1)
 CAMERA = Camera((0, -3, 1), (0, 0, 0), height=1)

@@ -6,9 +6,21 @@ import numpy as np
 import PIL.Image
 import pytest
 
-import raytrace.image.texture as module
-from raytrace import AmbientLight, Camera, InputError, Lambert, Mesh, Object, Scene, Settings, Shape, Texture, render
-from raytrace.image.srgb import decode_srgb
+import obscurance.raytrace.image.texture as module
+from obscurance.raytrace import (
+    AmbientLight,
+    Camera,
+    InputError,
+    Lambert,
+    Mesh,
+    Object,
+    Scene,
+    Settings,
+    Shape,
+    Texture,
+    render,
+)
+from obscurance.raytrace.image.srgb import decode_srgb
 
 QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
 FACES = [[0, 1, 2], [0, 2, 3]]

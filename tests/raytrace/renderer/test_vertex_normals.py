@@ -8,15 +8,15 @@ import trimesh
 from command import obscurance
 from rendered import ONE, pixel, white
 
-from raytrace import EllipticalBeckmann, Mesh, PoulinFournier
-from raytrace.camera import Camera
-from raytrace.image.read import read_image
-from raytrace.lights.sources import DirectionalLight
-from raytrace.renderer.render import render
-from raytrace.scene import Object, Scene, Shape
-from raytrace.settings import Settings
-from scenes.description.read import read_scene
-from scenes.geometry.primitives import sphere
+from obscurance.raytrace import EllipticalBeckmann, Mesh, PoulinFournier
+from obscurance.raytrace.camera import Camera
+from obscurance.raytrace.image.read import read_image
+from obscurance.raytrace.lights.sources import DirectionalLight
+from obscurance.raytrace.renderer.render import render
+from obscurance.raytrace.scene import Object, Scene, Shape
+from obscurance.raytrace.settings import Settings
+from obscurance.scenes.description.read import read_scene
+from obscurance.scenes.geometry.primitives import sphere
 
 RING = np.radians([0, 20, 130, 260])
 SLOPE = np.column_stack([np.cos(RING), np.sin(RING), -0.15 * np.array([1, 1.2, 0.7, 1])])

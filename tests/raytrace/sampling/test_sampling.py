@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 from scipy.stats import qmc
 
-from raytrace.sampling.sequences import (
+from obscurance.raytrace.sampling.sequences import (
     cosine_hemisphere,
     jittered_lattice,
     owen_sobol,
@@ -13,7 +13,7 @@ from raytrace.sampling.sequences import (
     shuffled_owen_sobol,
     sobol,
 )
-from raytrace.sampling.sequences import hash32_array as hash32
+from obscurance.raytrace.sampling.sequences import hash32_array as hash32
 
 
 def test_sobol_points_are_the_published_ones():

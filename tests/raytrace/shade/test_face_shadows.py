@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from rendered import sphere, white
 
-from raytrace import Mesh
-from raytrace.camera import Camera
-from raytrace.lights.sources import PointLight, SpotLight
-from raytrace.renderer.render import render
-from raytrace.scene import Scene
-from raytrace.settings import Settings
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.camera import Camera
+from obscurance.raytrace.lights.sources import PointLight, SpotLight
+from obscurance.raytrace.renderer.render import render
+from obscurance.raytrace.scene import Scene
+from obscurance.raytrace.settings import Settings
 
 FLOOR = Mesh([[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]], [[0, 1, 2], [0, 2, 3]])
 LAMP, CENTRE, RADIUS = np.array([0.8, 0.3, 2.5]), np.array([0.1, -0.2, 0.9]), 0.4

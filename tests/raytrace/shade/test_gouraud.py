@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from raytrace import BlinnPhong
-from raytrace.camera import Camera
-from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
-from raytrace.mesh.mesh import Mesh
-from raytrace.renderer.render import render
-from raytrace.scene import Object, Scene, Shape
-from raytrace.settings import Settings
+from obscurance.raytrace import BlinnPhong
+from obscurance.raytrace.camera import Camera
+from obscurance.raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.renderer.render import render
+from obscurance.raytrace.scene import Object, Scene, Shape
+from obscurance.raytrace.settings import Settings
 
 EYE, HALF, WIDTH, HEIGHT = np.array([0.4, -2.6, 0.7]), 1 / 3, 180, 180
 LAMP, SUN = np.array([-2.0, -0.5, 3.0]), np.array([2.0, 0.3, -1.0]) / np.linalg.norm([2.0, 0.3, -1.0])

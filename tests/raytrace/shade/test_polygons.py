@@ -7,18 +7,18 @@ import pytest
 from newell import newell_normal
 from rendered import white
 
-from raytrace import Lambert, Mesh, Phong
-from raytrace.camera import Camera
-from raytrace.errors import MeshError
-from raytrace.lights.sources import AmbientLight, PointLight
-from raytrace.materials.reflect import reflect
-from raytrace.renderer.geometry import build_geometry
-from raytrace.renderer.render import render, seen_vertices
-from raytrace.scene import Object, Scene, Shape
-from raytrace.settings import Settings
-from scenes.description.read import read_scene
-from scenes.formats.load import load
-from scenes.geometry.polygons import triangulate
+from obscurance.raytrace import Lambert, Mesh, Phong
+from obscurance.raytrace.camera import Camera
+from obscurance.raytrace.errors import MeshError
+from obscurance.raytrace.lights.sources import AmbientLight, PointLight
+from obscurance.raytrace.materials.reflect import reflect
+from obscurance.raytrace.renderer.geometry import build_geometry
+from obscurance.raytrace.renderer.render import render, seen_vertices
+from obscurance.raytrace.scene import Object, Scene, Shape
+from obscurance.raytrace.settings import Settings
+from obscurance.scenes.description.read import read_scene
+from obscurance.scenes.formats.load import load
+from obscurance.scenes.geometry.polygons import triangulate
 
 SIZE = 96
 ABOVE = Camera((0, 0, 9), (0, 0, 0), (0, 1, 0), height=4)

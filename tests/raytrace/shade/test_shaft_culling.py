@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 import trimesh
 
-from raytrace import Lambert, Phong
-from raytrace.camera import Camera
-from raytrace.embree.rays import intersect
-from raytrace.embree.scene import TriangleScene
-from raytrace.kernel.arrays import aligned
-from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight, SpotLight, pack_lights
-from raytrace.mesh.mesh import Mesh
-from raytrace.renderer import render_scene
-from raytrace.renderer.render import render
-from raytrace.scene import Object, Scene, Shape
-from raytrace.settings import Settings
-from raytrace.shade.shaft_culling import cluster, merged, obstructed, pack_boxes
-from scenes.geometry import primitives
+from obscurance.raytrace import Lambert, Phong
+from obscurance.raytrace.camera import Camera
+from obscurance.raytrace.embree.rays import intersect
+from obscurance.raytrace.embree.scene import TriangleScene
+from obscurance.raytrace.kernel.arrays import aligned
+from obscurance.raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight, SpotLight, pack_lights
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.renderer import render_scene
+from obscurance.raytrace.renderer.render import render
+from obscurance.raytrace.scene import Object, Scene, Shape
+from obscurance.raytrace.settings import Settings
+from obscurance.raytrace.shade.shaft_culling import cluster, merged, obstructed, pack_boxes
+from obscurance.scenes.geometry import primitives
 
 CAMERA = Camera((3, -6, 3), (0, 0, 0))
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from rendered import ONE, PLANE, grid, pixel, sphere, white
 
-from raytrace import Lambert, Mesh, OrenNayar, Phong, Strauss
-from raytrace.camera import Camera
-from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
-from raytrace.materials.reflect import reflect
-from raytrace.renderer.render import render
-from raytrace.scene import Object, Scene, Shape
-from raytrace.settings import Settings
-from scenes.geometry.polyhedra import generic_rotation
+from obscurance.raytrace import Lambert, Mesh, OrenNayar, Phong, Strauss
+from obscurance.raytrace.camera import Camera
+from obscurance.raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
+from obscurance.raytrace.materials.reflect import reflect
+from obscurance.raytrace.renderer.render import render
+from obscurance.raytrace.scene import Object, Scene, Shape
+from obscurance.raytrace.settings import Settings
+from obscurance.scenes.geometry.polyhedra import generic_rotation
 
 SIDES = (False, True, "viewer")
 SHADINGS = ("constant", "flat", "gouraud", "phong", "quadratic")

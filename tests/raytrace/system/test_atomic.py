@@ -8,8 +8,8 @@ import sys
 import pytest
 from project import ROOT
 
-from raytrace.errors import OutputError
-from raytrace.system.atomic import atomic_write, check_writable, write_json
+from obscurance.raytrace.errors import OutputError
+from obscurance.raytrace.system.atomic import atomic_write, check_writable, write_json
 
 
 def names(folder):
@@ -157,7 +157,7 @@ def test_json_is_written_whole_or_not_at_all(tmp_path):
 
 KILLED = """
 import os, signal, sys
-from raytrace.system.atomic import atomic_path, atomic_write
+from obscurance.raytrace.system.atomic import atomic_path, atomic_write
 with {call}(sys.argv[1]) as made:
     print("writing", flush=True)
     {then}

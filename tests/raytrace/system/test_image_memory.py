@@ -9,13 +9,13 @@ from meshes import hills
 from PIL import Image
 from project import ROOT
 
-from raytrace import Lambert, MemoryLimitError, Mesh, Object, Scene, Settings, Shape
-from raytrace.image.compare import compare
-from raytrace.image.read import read_image
-from raytrace.image.texture import Texture, pack_textures, texture_alpha, texture_codes
-from raytrace.lights.environment import read_environment
-from raytrace.renderer.render import rendering_bytes
-from scenes.geometry.attributes import is_opacity_map
+from obscurance.raytrace import Lambert, MemoryLimitError, Mesh, Object, Scene, Settings, Shape
+from obscurance.raytrace.image.compare import compare
+from obscurance.raytrace.image.read import read_image
+from obscurance.raytrace.image.texture import Texture, pack_textures, texture_alpha, texture_codes
+from obscurance.raytrace.lights.environment import read_environment
+from obscurance.raytrace.renderer.render import rendering_bytes
+from obscurance.scenes.geometry.attributes import is_opacity_map
 
 MIB = 1 << 20
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="measures by /proc")
@@ -83,7 +83,7 @@ def test_textures_take_what_is_estimated(tmp_path):
     code = """
 import sys
 from pathlib import Path
-from raytrace.image.texture import Texture, pack_textures, texture_bytes
+from obscurance.raytrace.image.texture import Texture, pack_textures, texture_bytes
 def status(field):
     return next(int(line.split()[1]) << 10 for line in open("/proc/self/status") if line.startswith(field + ":"))
 texture = Texture(Path(sys.argv[1]))

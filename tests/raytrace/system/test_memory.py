@@ -12,16 +12,16 @@ from mesh_files import FACES, VERTICES, ply, stl
 from meshes import hills
 from project import ROOT
 
-import ao
-import raytrace.system.checks
-from ao.memory import surface_bytes, vertex_bytes
-from raytrace import InputError, Lambert, MemoryLimitError, Mesh, Object, Scene, Settings, Shape
-from raytrace.renderer import render_scene
-from raytrace.renderer.render import rendering_bytes
-from raytrace.system.checks import available, check_memory
-from scenes.description.obscurance import with_obscurance
-from scenes.description.read import read_scene
-from scenes.formats.load import load
+import obscurance.raytrace.system.checks
+from obscurance import ao
+from obscurance.ao.memory import surface_bytes, vertex_bytes
+from obscurance.raytrace import InputError, Lambert, MemoryLimitError, Mesh, Object, Scene, Settings, Shape
+from obscurance.raytrace.renderer import render_scene
+from obscurance.raytrace.renderer.render import rendering_bytes
+from obscurance.raytrace.system.checks import available, check_memory
+from obscurance.scenes.description.obscurance import with_obscurance
+from obscurance.scenes.description.read import read_scene
+from obscurance.scenes.formats.load import load
 
 MIB = 1 << 20
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="measures by /proc")
@@ -79,7 +79,7 @@ def test_what_makes_no_sense_limits_nothing(tmp_path, content):
 @LINUX
 @pytest.mark.parametrize("kind", [resource.RLIMIT_AS, resource.RLIMIT_DATA], ids=["addresses", "data"])
 def test_a_limit_of_the_process_limits_it(kind):
-    code = "from raytrace.system.checks import available; print(available())"
+    code = "from obscurance.raytrace.system.checks import available; print(available())"
     limit = 4 << 30
     result = subprocess.run(
         [sys.executable, "-c", code],
@@ -131,7 +131,7 @@ def test_everything_big_asks_first(name, available_memory):
 def test_files_are_not_read_if_they_would_not_fit(ending, tmp_path, available_memory, monkeypatch):
     import trimesh
 
-    from scenes.description.read import read_scene
+    from obscurance.scenes.description.read import read_scene
 
     path = tmp_path / f"m.{ending}"
     if ending == "ply":
@@ -144,7 +144,7 @@ def test_files_are_not_read_if_they_would_not_fit(ending, tmp_path, available_me
     else:
         trimesh.creation.icosphere(1).export(path)
     available_memory(100)
-    monkeypatch.setattr("raytrace.system.checks.NEGLIGIBLE", 0)
+    monkeypatch.setattr("obscurance.raytrace.system.checks.NEGLIGIBLE", 0)
     with pytest.raises(InputError, match="memory: expected at most 0 MiB"):
         read_scene(path) if ending == "toml" else load(path)
 
@@ -161,7 +161,7 @@ def test_more_to_do_takes_more():
 def test_geometry_is_let_go_of_where_a_bake_does_not_fit_beside_it(room, kept, tmp_path, available_memory):
     (tmp_path / "s.toml").write_text('[[objects]]\nbuiltin = "sphere"\n[render]\nwidth = 8\nheight = 8\n')
     description = read_scene(tmp_path / "s.toml")
-    available_memory(room, "scenes.description.obscurance")
+    available_memory(room, "obscurance.scenes.description.obscurance")
     baked, _ = with_obscurance(description)
     assert (description.scene in render_scene._scenes) == kept
     assert baked.objects[0].w is not None
@@ -177,7 +177,8 @@ def test_points_that_do_not_fit_are_refused_once_they_are_counted(available_memo
 
 
 PEAK = """
-import re, cli
+import re
+from obscurance import cli
 try:
     cli.main()
 finally:
@@ -220,7 +221,7 @@ def test_a_dry_run_says_what_a_bake_takes(ending, target, options, tmp_path):
     assert 1 / 1.2 < said / taken < 1.2
 
 
-SMALL = "import raytrace.system.checks as m; m.available = lambda: 160 << 20; import cli; cli.main()"
+SMALL = "import obscurance.raytrace.system.checks as m; m.available = lambda: 160 << 20; from obscurance import cli; cli.main()"
 
 
 def test_the_command_refuses_with_one_line(tmp_path):

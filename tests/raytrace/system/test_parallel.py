@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from raytrace.system import parallel as module
-from raytrace.system.parallel import each, parallel
-from raytrace.types import Float64Rows, Float64s
+from obscurance.raytrace.system import parallel as module
+from obscurance.raytrace.system.parallel import each, parallel
+from obscurance.raytrace.types import Float64Rows, Float64s
 
 ROWS = np.random.default_rng(3).normal(size=(70_001, 3))
 

@@ -7,9 +7,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import pytest
 
-import raytrace
-from raytrace.errors import OptionError
-from raytrace.system.records import At, Before, Fault, Record, Within, Words, fields_of, read
+from obscurance import raytrace
+from obscurance.raytrace.errors import OptionError
+from obscurance.raytrace.system.records import At, Before, Fault, Record, Within, Words, fields_of, read
 
 Fraction = Annotated[float, Within(0, 1)]
 DEEP: list[Any] = []

@@ -4,8 +4,8 @@ import os
 
 import pytest
 
-from raytrace.errors import InputError, SceneError
-from raytrace.system.checks import check_regular
+from obscurance.raytrace.errors import InputError, SceneError
+from obscurance.raytrace.system.checks import check_regular
 
 
 def test_regular_files_and_links_to_them_pass(tmp_path):

@@ -10,9 +10,9 @@ import weakref
 import numpy as np
 import pytest
 
-from raytrace import OptionError
-from raytrace.system import threads as threads_module
-from raytrace.system.threads import run_blocks, run_ranges, shares, thread_count
+from obscurance.raytrace import OptionError
+from obscurance.raytrace.system import threads as threads_module
+from obscurance.raytrace.system.threads import run_blocks, run_ranges, shares, thread_count
 
 
 @pytest.mark.parametrize(("count", "block"), [(0, 4), (1, 4), (4, 4), (10, 3), (100_000, 7)])

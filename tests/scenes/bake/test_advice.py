@@ -7,8 +7,8 @@ from gltf_files import Builder
 from mesh_files import obj
 from meshes import hills
 
-from scenes.bake.options import BakeOptions
-from scenes.bake.plan import plan_bake
+from obscurance.scenes.bake.options import BakeOptions
+from obscurance.scenes.bake.plan import plan_bake
 
 VERTICES = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
 FACES = "element face 1\nproperty list uchar int vertex_indices\n"

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from meshes import hills
 
-import ao
-from raytrace import Mesh
-from scenes.geometry.polyhedra import icosphere
-from scenes.show.progress import progress
-from scenes.show.terminal import show_picture
+from obscurance import ao
+from obscurance.raytrace import Mesh
+from obscurance.scenes.geometry.polyhedra import icosphere
+from obscurance.scenes.show.progress import progress
+from obscurance.scenes.show.terminal import show_picture
 
 
 class Terminal(io.StringIO):
@@ -36,7 +36,7 @@ def set_clock(monkeypatch):
     """A function: let progress read the time from another function."""
 
     def let(read):
-        monkeypatch.setattr("scenes.show.progress.time", SimpleNamespace(perf_counter=read))
+        monkeypatch.setattr("obscurance.scenes.show.progress.time", SimpleNamespace(perf_counter=read))
 
     return let
 

@@ -13,31 +13,31 @@ from gltf_files import TRIANGLE, Builder
 from meshes import hills
 from project import environment
 
-import ao
-from ao.baking import VertexArguments
-from ao.declared import options_of
-from ao.execute.kept import Kept, _identity
-from ao.methods.point_values import TAKEN
-from ao.options import Options, TextureOptions, VertexOptions
-from ao.texture.bake_texture import TextureArguments
-from raytrace.errors import ConflictError
-from raytrace.system.threads import MAX_THREADS
-from scenes.bake.options import BAKE, BAKER, ROWS, BakeOptions, check_kind, check_together
-from scenes.bake.plan import plan_bake
-from scenes.bake.run import run
+from obscurance import ao
+from obscurance.ao.baking import VertexArguments
+from obscurance.ao.declared import options_of
+from obscurance.ao.execute.kept import Kept, _identity
+from obscurance.ao.methods.point_values import TAKEN
+from obscurance.ao.options import Options, TextureOptions, VertexOptions
+from obscurance.ao.texture.bake_texture import TextureArguments
+from obscurance.raytrace.errors import ConflictError
+from obscurance.raytrace.system.threads import MAX_THREADS
+from obscurance.scenes.bake.options import BAKE, BAKER, ROWS, BakeOptions, check_kind, check_together
+from obscurance.scenes.bake.plan import plan_bake
+from obscurance.scenes.bake.run import run
 
 ADDED = """
 import contextlib, importlib.util, io, json, pathlib, pickle, sys
 
-spec = importlib.util.find_spec("ao.options")
+spec = importlib.util.find_spec("obscurance.ao.options")
 source, before = pathlib.Path(spec.origin).read_text(), "    profile: Annotated"
 added = '    grain: Annotated[str | None, Option(help="Grain of the wood.")] = None\\n'
 assert source.count(before) == 1
-sys.modules["ao.options"] = module = importlib.util.module_from_spec(spec)
+sys.modules["obscurance.ao.options"] = module = importlib.util.module_from_spec(spec)
 exec(source.replace(before, added + before), vars(module))
-import ao, cli
-from scenes.bake.options import BakeOptions
-from scenes.bake.plan import plan_bake
+from obscurance import ao, cli
+from obscurance.scenes.bake.options import BakeOptions
+from obscurance.scenes.bake.plan import plan_bake
 
 def run(*line):
     sys.argv = ["obscurance", *line]

@@ -8,9 +8,9 @@ import pytest
 from command import obscurance, refused
 from project import ROOT
 
-from raytrace.errors import ConflictError
-from scenes.bake.options import BAKE, PRESETS, ROWS, BakeOptions
-from scenes.bake.plan import plan_bake
+from obscurance.raytrace.errors import ConflictError
+from obscurance.scenes.bake.options import BAKE, PRESETS, ROWS, BakeOptions
+from obscurance.scenes.bake.plan import plan_bake
 
 FLOOR_AND_WALL = """v -1 0 0\nv 1 0 0\nv 1 2 0\nv -1 2 0\nv -1 2 .01\nv 1 2 .01\nv 1 2 1\nv -1 2 1
 vt .05 .05\nvt .95 .05\nvt .95 .45\nvt .05 .45\nvt .05 .55\nvt .95 .55\nvt .95 .95\nvt .05 .95

@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 from meshes import hills
 
-import ao
 import obscurance
-from raytrace.errors import OptionError
-from scenes.bake.options import BakeOptions
-from scenes.bake.plan import plan_bake
-from scenes.commands.bake import run_bake
+from obscurance import ao
+from obscurance.raytrace.errors import OptionError
+from obscurance.scenes.bake.options import BakeOptions
+from obscurance.scenes.bake.plan import plan_bake
+from obscurance.scenes.commands.bake import run_bake
 
 NAMES = ("half_distance", "max_distance", "ground", "texel_size", "cage")
 

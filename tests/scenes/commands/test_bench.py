@@ -5,12 +5,12 @@ import json
 import numpy as np
 from command import obscurance, refused
 
-import ao
-from ao import Binary, Exponential
-from raytrace.mesh.mesh import Mesh
-from scenes.commands.bench import bench_table, run_bench
-from scenes.geometry.polyhedra import icosphere
-from scenes.validation.reference import reference
+from obscurance import ao
+from obscurance.ao import Binary, Exponential
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.scenes.commands.bench import bench_table, run_bench
+from obscurance.scenes.geometry.polyhedra import icosphere
+from obscurance.scenes.validation.reference import reference
 
 
 def room(half=1.0):

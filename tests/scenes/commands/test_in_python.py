@@ -10,10 +10,10 @@ import pytest
 from mesh_files import obj, ply
 from meshes import hills, two_boxes
 
-import ao
 import obscurance
-from raytrace.errors import ConflictError, MeshError, OptionError
-from scenes.bake.options import ROWS
+from obscurance import ao
+from obscurance.raytrace.errors import ConflictError, MeshError, OptionError
+from obscurance.scenes.bake.options import ROWS
 
 BOXES = two_boxes()
 FEW = {"samples": 32, "denoise": False}

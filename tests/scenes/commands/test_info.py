@@ -7,9 +7,9 @@ from command import obscurance, refused
 from mesh_files import VERTICES, obj, ply
 from meshes import hills
 
-from raytrace import Mesh
-from scenes import MeshFile
-from scenes.commands.info import describe, facts
+from obscurance.raytrace import Mesh
+from obscurance.scenes import MeshFile
+from obscurance.scenes.commands.info import describe, facts
 
 
 def test_json_holds_what_the_text_says(tmp_path):

@@ -5,9 +5,9 @@ import tomllib
 import pytest
 from command import obscurance, refused
 
-from raytrace import material_from_dict
-from raytrace.materials.presets import PRESETS
-from scenes.commands.materials import preset_toml
+from obscurance.raytrace import material_from_dict
+from obscurance.raytrace.materials.presets import PRESETS
+from obscurance.scenes.commands.materials import preset_toml
 
 
 def test_the_presets_are_listed():

@@ -6,9 +6,9 @@ import pytest
 from command import obscurance
 from gltf_scenes import textured, triangle
 
-from raytrace.errors import InputError
-from raytrace.image.read import read_image
-from scenes.description.read import read_scene
+from obscurance.raytrace.errors import InputError
+from obscurance.raytrace.image.read import read_image
+from obscurance.scenes.description.read import read_scene
 
 PLANE = '[[objects]]\nbuiltin = "plane"\n'
 

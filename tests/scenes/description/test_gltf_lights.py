@@ -7,9 +7,9 @@ import pytest
 from gltf_scenes import read, triangle
 from scipy.integrate import quad
 
-from raytrace.errors import SceneError
-from raytrace.lights.sources import PointLight, SpotLight
-from scenes.description.gltf_scene import spot_exponent
+from obscurance.raytrace.errors import SceneError
+from obscurance.raytrace.lights.sources import PointLight, SpotLight
+from obscurance.scenes.description.gltf_scene import spot_exponent
 
 PUNCTUAL = "KHR_lights_punctual"
 

@@ -12,12 +12,12 @@ import pytest
 from gltf_files import QUAD, TRIANGLE, Builder
 from gltf_scenes import read, textured, triangle
 
-from raytrace import CookTorrance, Lambert
-from raytrace.errors import InputError, MeshError, SceneError
-from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
-from raytrace.materials.reflect import reflect
-from scenes.description.description import NEUTRAL
-from scenes.description.read import read_scene
+from obscurance.raytrace import CookTorrance, Lambert
+from obscurance.raytrace.errors import InputError, MeshError, SceneError
+from obscurance.raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
+from obscurance.raytrace.materials.reflect import reflect
+from obscurance.scenes.description.description import NEUTRAL
+from obscurance.scenes.description.read import read_scene
 
 
 def with_material(folder, material, **fields):

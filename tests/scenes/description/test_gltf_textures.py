@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from gltf_scenes import UV, read, textured, triangle
 
-from raytrace.errors import MeshError, SceneError
+from obscurance.raytrace.errors import MeshError, SceneError
 
 
 def test_texture_coordinates_point_upwards(tmp_path):

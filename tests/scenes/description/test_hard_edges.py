@@ -7,12 +7,12 @@ from hard_edges import CORNERS, FACES, INWARDS, OF
 from mesh_files import obj, ply
 from pages import columns_of, faces_of, vectors_of
 
-import raytrace
-from raytrace import Settings
-from scenes.description.read import read_scene
-from scenes.formats.load import load
-from scenes.show.page.document import html_of_bakes
-from scenes.show.page.encode import Values
+from obscurance import raytrace
+from obscurance.raytrace import Settings
+from obscurance.scenes.description.read import read_scene
+from obscurance.scenes.formats.load import load
+from obscurance.scenes.show.page.document import html_of_bakes
+from obscurance.scenes.show.page.encode import Values
 
 
 def obj_with_normals(normals):

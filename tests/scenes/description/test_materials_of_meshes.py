@@ -7,11 +7,11 @@ import pytest
 from command import obscurance
 from PIL import Image
 
-from raytrace import BlinnPhong, Lambert
-from raytrace.image.read import read_image
-from raytrace.image.srgb import decode_srgb
-from scenes import read_scene
-from scenes.description.description import NEUTRAL, WHITE
+from obscurance.raytrace import BlinnPhong, Lambert
+from obscurance.raytrace.image.read import read_image
+from obscurance.raytrace.image.srgb import decode_srgb
+from obscurance.scenes import read_scene
+from obscurance.scenes.description.description import NEUTRAL, WHITE
 
 PICTURE = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 0]]], np.uint8).repeat(8, 0).repeat(8, 1)
 QUADS = """mtllib m.mtl

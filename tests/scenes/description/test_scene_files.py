@@ -8,16 +8,16 @@ import pytest
 from project import ROOT
 from scene_texts import PLAIN, SQUARE, scene
 
-import ao
-from raytrace import OrenNayar
-from raytrace.camera import Camera
-from raytrace.errors import MeshError, OptionError
-from raytrace.image.texture import Texture
-from raytrace.image.write import write_image
-from raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
-from raytrace.settings import Settings
-from scenes.description.obscurance import with_obscurance
-from scenes.description.read import read_scene
+from obscurance import ao
+from obscurance.raytrace import OrenNayar
+from obscurance.raytrace.camera import Camera
+from obscurance.raytrace.errors import MeshError, OptionError
+from obscurance.raytrace.image.texture import Texture
+from obscurance.raytrace.image.write import write_image
+from obscurance.raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
+from obscurance.raytrace.settings import Settings
+from obscurance.scenes.description.obscurance import with_obscurance
+from obscurance.scenes.description.read import read_scene
 
 
 def test_everything_said_arrives(tmp_path):

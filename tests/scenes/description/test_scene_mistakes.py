@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scene_texts import PLAIN, SQUARE, scene
 
-from raytrace.errors import InputError, SceneError
-from scenes.description.obscurance import with_obscurance
-from scenes.description.read import read_scene
+from obscurance.raytrace.errors import InputError, SceneError
+from obscurance.scenes.description.obscurance import with_obscurance
+from obscurance.scenes.description.read import read_scene
 
 MISTAKES = {
     "objects: expected at least one, got nothing": "background = 0.1",

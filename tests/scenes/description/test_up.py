@@ -9,15 +9,14 @@ from fuzz_seeds import DAE
 from gltf_files import TRIANGLE, Builder, check_glb, values
 from mesh_files import ply, stl
 
-import ao
-import scenes
-from raytrace import Camera, Mesh
-from raytrace.errors import MeshError, OptionError
-from raytrace.image.read import read_image
-from raytrace.mesh.up import TO_Y_UP, UP
-from scenes.description.read import read_scene
-from scenes.formats.load import load
-from scenes.formats.write import write
+from obscurance import ao, scenes
+from obscurance.raytrace import Camera, Mesh
+from obscurance.raytrace.errors import MeshError, OptionError
+from obscurance.raytrace.image.read import read_image
+from obscurance.raytrace.mesh.up import TO_Y_UP, UP
+from obscurance.scenes.description.read import read_scene
+from obscurance.scenes.formats.load import load
+from obscurance.scenes.formats.write import write
 
 SIZE = ("--width", 40, "--height", 40, "--samples", 4)
 ROOF = np.array([[0, 0, 0], [4, 0, 0], [4, 2, 0], [0, 2, 0], [0, 1, 3], [4, 1, 1]], float)  # its ridge is up in z

@@ -5,13 +5,12 @@ import pytest
 from gltf_files import QUAD, Builder
 from gltf_scenes import read
 
-import ao
-import scenes
-from raytrace import AmbientLight, Camera, Lambert, OptionError, Scene, Settings, Shape, render
-from raytrace.errors import SceneError
-from raytrace.image.srgb import decode_srgb
-from scenes.description.description import NEUTRAL
-from scenes.description.read import read_scene
+from obscurance import ao, scenes
+from obscurance.raytrace import AmbientLight, Camera, Lambert, OptionError, Scene, Settings, Shape, render
+from obscurance.raytrace.errors import SceneError
+from obscurance.raytrace.image.srgb import decode_srgb
+from obscurance.scenes.description.description import NEUTRAL
+from obscurance.scenes.description.read import read_scene
 
 FACES = np.array([[0, 1, 2], [0, 2, 3]])
 COLOURS = np.array([[1, 0, 1], [0.5, 0.25, 0], [0, 1, 0.2], [0.8, 0.8, 0.8]])

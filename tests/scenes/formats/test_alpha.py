@@ -8,10 +8,10 @@ from command import obscurance
 from gltf_files import check_glb, values
 from leaf_cards import FLOOR, HEIGHT, SQUARE, UP, card_glb, card_obj, form_factors, leaf_codes
 
-import ao
-from ao.analytic.form_factor import polygon_form_factor
-from raytrace import InputError
-from scenes import load, write
+from obscurance import ao
+from obscurance.ao.analytic.form_factor import polygon_form_factor
+from obscurance.raytrace import InputError
+from obscurance.scenes import load, write
 
 MASK = {"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
 MOVED = {"texCoord": 0, "extensions": {"KHR_texture_transform": {"offset": [0.25, 0], "scale": [0.5, 1]}}}

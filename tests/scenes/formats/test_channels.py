@@ -9,11 +9,11 @@ from kept_contents import columns
 from mesh_files import mesh_file, random_bake, rich_ply
 from trimesh.exchange.gltf import load_glb
 
-from raytrace.errors import MeshError
-from raytrace.image.srgb import decode_srgb, encode_srgb
-from scenes.formats.load import load
-from scenes.formats.unsupported import unsupported_features
-from scenes.formats.write import channels, write
+from obscurance.raytrace.errors import MeshError
+from obscurance.raytrace.image.srgb import decode_srgb, encode_srgb
+from obscurance.scenes.formats.load import load
+from obscurance.scenes.formats.unsupported import unsupported_features
+from obscurance.scenes.formats.write import channels, write
 
 RGBA = {"r": "red", "g": "green", "b": "blue", "a": "alpha"}
 W = random_bake(4)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-import ao
-from raytrace.errors import InputError
-from scenes.formats.falloffs import make_falloff, read_table
+from obscurance import ao
+from obscurance.raytrace.errors import InputError
+from obscurance.scenes.formats.falloffs import make_falloff, read_table
 
 TABLE = ao.Tabulated([0, 0.5, 2], [0, 0.75, 1])
 TEXTS = {

@@ -10,7 +10,7 @@ from command import obscurance, refused
 from fuzz_seeds import DAE, archive
 from mesh_files import obj
 
-from scenes.formats.load import load
+from obscurance.scenes.formats.load import load
 
 PLACES = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 1]])
 
@@ -57,10 +57,10 @@ def test_an_ending_is_refused_without_importing_a_library(tmp_path):
     (tmp_path / "m.svg").write_text("<svg/>")
     code = """
 import sys
-from raytrace.errors import KernelError
-from raytrace.kernel import jit, library
-from raytrace.text.lines import survey
-from scenes.formats.load import load
+from obscurance.raytrace.errors import KernelError
+from obscurance.raytrace.kernel import jit, library
+from obscurance.raytrace.text.lines import survey
+from obscurance.scenes.formats.load import load
 try:
     load(sys.argv[1])
 except ValueError as error:
@@ -89,14 +89,14 @@ def test_missing_kernels_are_no_fault_of_the_file(tmp_path):
     code = """
 import sys
 sys.modules["numba"] = None
-from raytrace.errors import KernelError
-from raytrace.kernel import library
+from obscurance.raytrace.errors import KernelError
+from obscurance.raytrace.kernel import library
 library.find = lambda *_: None
-from scenes.formats.load import load
+from obscurance.scenes.formats.load import load
 try:
     load(sys.argv[1])
 except KernelError as error:
     print(error)
 """
     done = subprocess.run([sys.executable, "-c", code, tmp_path / "m.obj"], capture_output=True, text=True, check=True)
-    assert "raytrace.text.lines.survey" in done.stdout
+    assert "obscurance.raytrace.text.lines.survey" in done.stdout

@@ -10,8 +10,8 @@ from command import obscurance, refused
 from gltf_files import QUAD, TRIANGLE, Builder
 from mesh_files import FACES, NORMALS, VERTICES, ascii_ply, ascii_stl, glb, mistake, mixed_ply, obj, off, ply, read, stl
 
-from raytrace.errors import MeshError
-from scenes.formats.load import load
+from obscurance.raytrace.errors import MeshError
+from obscurance.scenes.formats.load import load
 
 
 @pytest.mark.parametrize(

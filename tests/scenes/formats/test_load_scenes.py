@@ -9,8 +9,8 @@ from fuzz_seeds import MODEL, archive
 from gltf_files import QUAD, TRIANGLE, Builder
 from mesh_files import read
 
-from raytrace.errors import MeshError
-from scenes.formats.load import load
+from obscurance.raytrace.errors import MeshError
+from obscurance.scenes.formats.load import load
 
 
 def test_hierarchy_repeated_and_mirrored_nodes(tmp_path):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from mesh_files import mistake
 
-from raytrace.errors import MeshError
-from scenes.formats.load import read_objects
-from scenes.formats.number_rows import BLOCK
+from obscurance.raytrace.errors import MeshError
+from obscurance.scenes.formats.load import read_objects
+from obscurance.scenes.formats.number_rows import BLOCK
 
 
 def number(rng):

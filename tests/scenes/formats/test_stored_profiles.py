@@ -7,14 +7,14 @@ from gltf_files import QUAD, Builder
 from meshes import hills
 from profiles import with_profile
 
-import ao
-from raytrace import Mesh
-from raytrace.errors import SceneError
-from scenes.formats.falloffs import make_scales
-from scenes.formats.images import write_grey
-from scenes.formats.load import MeshFile, load
-from scenes.formats.stored_w import find_profile, read_w
-from scenes.formats.write import write
+from obscurance import ao
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.errors import SceneError
+from obscurance.scenes.formats.falloffs import make_scales
+from obscurance.scenes.formats.images import write_grey
+from obscurance.scenes.formats.load import MeshFile, load
+from obscurance.scenes.formats.stored_w import find_profile, read_w
+from obscurance.scenes.formats.write import write
 
 
 @pytest.fixture(scope="module")

@@ -12,10 +12,9 @@ from gltf_samples import occluded
 from mesh_files import ply
 from PIL import Image
 
-import ao
-import scenes
-from raytrace.image.read import read_image
-from scenes.formats.load import load
+from obscurance import ao, scenes
+from obscurance.raytrace.image.read import read_image
+from obscurance.scenes.formats.load import load
 
 SIZE = ("--width", 48, "--height", 32, "--samples", 4)
 CORNER = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [1, 0, 1], [0, 0, 1]], float)

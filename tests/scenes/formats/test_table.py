@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from project import ROOT
 
-import scenes
-from raytrace import MeshError
-from scenes.bake.options import Format, InputFormat
-from scenes.formats import table
-from scenes.formats.images import ENDINGS as IMAGES
-from scenes.formats.table import endings, format_of, formats, sniffed_format
+from obscurance import scenes
+from obscurance.raytrace import MeshError
+from obscurance.scenes.bake.options import Format, InputFormat
+from obscurance.scenes.formats import table
+from obscurance.scenes.formats.images import ENDINGS as IMAGES
+from obscurance.scenes.formats.table import endings, format_of, formats, sniffed_format
 
 
 @pytest.mark.parametrize("row", formats().values(), ids=formats())
@@ -55,7 +55,9 @@ def test_a_format_from_outside_is_read_as_the_guide_for_contributors_says(tmp_pa
     (tmp_path / "m.tri").write_text("0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 1\n0 1 1\n")
     with pytest.raises(MeshError, match="ending: expected one of"):
         scenes.load(tmp_path / "m.tri")
-    registration = row.replace("scenes.formats.tri.read", "tri_format").replace("..table", "scenes.formats.table")
+    registration = row.replace("obscurance.scenes.formats.tri.read", "tri_format").replace(
+        "..table", "obscurance.scenes.formats.table"
+    )
     try:
         exec(registration)
         mesh = scenes.load(tmp_path / "m.tri").mesh

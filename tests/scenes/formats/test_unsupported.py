@@ -7,8 +7,8 @@ from gltf_files import QUAD, Builder, check_glb, values
 from kept_contents import bake, columns
 from mesh_files import read, stl
 
-from raytrace.image.srgb import encode_srgb
-from scenes.formats.unsupported import unsupported_features
+from obscurance.raytrace.image.srgb import encode_srgb
+from obscurance.scenes.formats.unsupported import unsupported_features
 
 
 def test_a_ply_keeps_colours_and_texture_coordinates_of_a_gltf(tmp_path):

@@ -9,9 +9,9 @@ import trimesh
 from command import obscurance, refused
 from mesh_files import POLYGONS, XYZ, rich_ply
 
-import scenes
-from raytrace.image.srgb import decode_srgb
-from scenes.formats.ply.layout import columns_of
+from obscurance import scenes
+from obscurance.raytrace.image.srgb import decode_srgb
+from obscurance.scenes.formats.ply.layout import columns_of
 
 KINDS = {"Float32": "<f4", "Float64": "<f8", "Int64": "<i8", "UInt8": "u1"}
 OBJ = """v 0 0 0

@@ -8,11 +8,11 @@ import trimesh
 from gltf_files import QUAD, check_glb, values
 from mesh_files import mesh_file, random_bake
 
-from raytrace.errors import OptionError, OutputError
-from raytrace.image.srgb import encode_srgb
-from scenes.formats.gltf.write import ramp_png
-from scenes.formats.load import load
-from scenes.formats.write import check_target, write
+from obscurance.raytrace.errors import OptionError, OutputError
+from obscurance.raytrace.image.srgb import encode_srgb
+from obscurance.scenes.formats.gltf.write import ramp_png
+from obscurance.scenes.formats.load import load
+from obscurance.scenes.formats.write import check_target, write
 
 
 def test_npy(tmp_path):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from mesh_files import mistake, obj, off, ply, read
 
-from raytrace.errors import MeshError
-from scenes.geometry.polygons import MAX_EAR_WORK, triangulate
+from obscurance.raytrace.errors import MeshError
+from obscurance.scenes.geometry.polygons import MAX_EAR_WORK, triangulate
 
 U = np.array([[0, 0], [3, 0], [3, 3], [2, 3], [2, 1], [1, 1], [1, 3], [0, 3]], float)
 SQUARE = np.array([[0, 0], [4, 0], [4, 4], [0, 4]], float)

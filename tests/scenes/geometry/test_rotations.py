@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scenes.geometry.rotations import about, about_axes, of_quaternion
+from obscurance.scenes.geometry.rotations import about, about_axes, of_quaternion
 
 RANDOM = np.random.default_rng(1).normal(size=(50, 4))
 

@@ -5,9 +5,9 @@ import pytest
 from command import obscurance
 from mesh_files import ply
 
-from raytrace import Mesh
-from scenes.geometry.polyhedra import icosphere
-from scenes.geometry.standing import lying_notes
+from obscurance.raytrace import Mesh
+from obscurance.scenes.geometry.polyhedra import icosphere
+from obscurance.scenes.geometry.standing import lying_notes
 
 PYRAMID = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (0, 0, 1.5)])
 SIDES = np.array([(1, 0, 2), (2, 0, 3), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)])

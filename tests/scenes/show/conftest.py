@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import pytest
 from meshes import crumpled, hills
 
-import ao
 from benchmarks.pictures import chromium
-from raytrace import Mesh
-from scenes.show.page.document import html_of_bakes
-from scenes.show.page.encode import Values
+from obscurance import ao
+from obscurance.raytrace import Mesh
+from obscurance.scenes.show.page.document import html_of_bakes
+from obscurance.scenes.show.page.encode import Values
 
 
 @pytest.fixture(scope="module")

@@ -12,10 +12,10 @@ from pages import columns_of, faces_of, facts_of
 from PIL import Image
 
 from benchmarks.pictures import chromium
-from raytrace.image.srgb import encode_srgb
-from scenes.formats.load import load
-from scenes.show.page.base_colour import base_colour, shrunk
-from scenes.show.page.document import html_page
+from obscurance.raytrace.image.srgb import encode_srgb
+from obscurance.scenes.formats.load import load
+from obscurance.scenes.show.page.base_colour import base_colour, shrunk
+from obscurance.scenes.show.page.document import html_page
 
 WALL = """mtllib wall.mtl
 v -2 -1 0\nv 0 -1 0\nv 2 -1 0\nv 2 1 0\nv 0 1 0\nv -2 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1

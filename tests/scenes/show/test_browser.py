@@ -8,16 +8,16 @@ from browser_pages import HOME, SIZE, address, camera_of, drawn, opened, settled
 from gltf_samples import half_textured
 from PIL import Image
 
-import ao
 from benchmarks.pictures import chromium
-from raytrace import render
-from raytrace.image.compare import compare
-from raytrace.image.read import read_image
-from raytrace.image.srgb import encode_srgb
-from scenes.show.look import clay_scene, clay_settings
-from scenes.show.page.document import html_of_bakes
-from scenes.show.page.encode import Values
-from scenes.show.page.view import view_results
+from obscurance import ao
+from obscurance.raytrace import render
+from obscurance.raytrace.image.compare import compare
+from obscurance.raytrace.image.read import read_image
+from obscurance.raytrace.image.srgb import encode_srgb
+from obscurance.scenes.show.look import clay_scene, clay_settings
+from obscurance.scenes.show.page.document import html_of_bakes
+from obscurance.scenes.show.page.encode import Values
+from obscurance.scenes.show.page.view import view_results
 
 pytestmark = pytest.mark.skipif(chromium.MISSING is not None, reason=str(chromium.MISSING))
 

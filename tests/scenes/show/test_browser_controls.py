@@ -6,11 +6,11 @@ from browser_pages import HOME, SIZE, address, camera_of, drawn, middle_of, open
 from meshes import hills
 
 from benchmarks.pictures import chromium
-from raytrace import Camera, Mesh
-from raytrace.mesh.up import UP
-from scenes.show.look import FIELD_OF_VIEW
-from scenes.show.page.document import html_of_bakes
-from scenes.show.page.encode import Values
+from obscurance.raytrace import Camera, Mesh
+from obscurance.raytrace.mesh.up import UP
+from obscurance.scenes.show.look import FIELD_OF_VIEW
+from obscurance.scenes.show.page.document import html_of_bakes
+from obscurance.scenes.show.page.encode import Values
 
 pytestmark = pytest.mark.skipif(chromium.MISSING is not None, reason=str(chromium.MISSING))
 

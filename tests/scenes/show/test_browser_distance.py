@@ -8,14 +8,14 @@ from browser_pages import HOME, address, drawn, middle_of, opened, settled, show
 from command import obscurance
 from meshes import crumpled, hills
 
-import ao
 from benchmarks.pictures import chromium
-from raytrace import Mesh
-from scenes.formats.load import MeshFile
-from scenes.formats.stored_w import read_w
-from scenes.formats.write import write
-from scenes.show.page.document import html_of_bakes
-from scenes.show.page.encode import Values
+from obscurance import ao
+from obscurance.raytrace import Mesh
+from obscurance.scenes.formats.load import MeshFile
+from obscurance.scenes.formats.stored_w import read_w
+from obscurance.scenes.formats.write import write
+from obscurance.scenes.show.page.document import html_of_bakes
+from obscurance.scenes.show.page.encode import Values
 
 pytestmark = pytest.mark.skipif(chromium.MISSING is not None, reason=str(chromium.MISSING))
 HIGH = {"width": 730, "height": 760}

@@ -11,8 +11,8 @@ from mesh_files import ply
 from meshes import hills
 from PIL import Image
 
-import ao
-from scenes import load, read_w
+from obscurance import ao
+from obscurance.scenes import load, read_w
 
 PAINTED = (
     "mtllib m.mtl\nv 0 0 0\nv 2 0 0\nv 2 2 0\nv 0 2 0\nv 0 0 1\nv 2 0 1\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl paint\n"

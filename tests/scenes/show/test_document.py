@@ -8,12 +8,11 @@ import pytest
 from meshes import MESHES
 from pages import columns_of, faces_of, facts_of, vectors_of
 
-import ao
-import scenes
-from raytrace import Mesh, OptionError
-from scenes.show import look
-from scenes.show.page.document import html_of_bakes
-from scenes.show.page.encode import Values
+from obscurance import ao, scenes
+from obscurance.raytrace import Mesh, OptionError
+from obscurance.scenes.show import look
+from obscurance.scenes.show.page.document import html_of_bakes
+from obscurance.scenes.show.page.encode import Values
 
 
 @pytest.fixture(scope="module")

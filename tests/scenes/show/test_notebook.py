@@ -10,9 +10,9 @@ from meshes import hills, two_boxes
 from pages import columns_of, facts_of
 from project import ROOT
 
-import ao
-from raytrace import Mesh
-from scenes.show.page import notebook
+from obscurance import ao
+from obscurance.raytrace import Mesh
+from obscurance.scenes.show.page import notebook
 
 
 def test_the_page_is_whole_within_its_frame():
@@ -34,4 +34,4 @@ def test_the_entry_point_of_the_package_is_this():
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]["obscurance.html"]
     (target,) = declared.values()
     module, _, name = target.partition(":")
-    assert getattr(import_module(module), name) is import_module("scenes.show.page.notebook").framed_page
+    assert getattr(import_module(module), name) is import_module("obscurance.scenes.show.page.notebook").framed_page

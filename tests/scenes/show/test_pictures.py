@@ -10,13 +10,12 @@ import pytest
 from meshes import hills, two_boxes
 from project import ROOT
 
-import ao
 import obscurance
-import scenes
-from raytrace import AmbientLight, Camera, Lambert, Mesh, Object, OptionError, Scene, Settings, Shape
-from raytrace.errors import SceneError
-from raytrace.image.read import read_image
-from raytrace.system.entry_points import first_entry_point
+from obscurance import ao, scenes
+from obscurance.raytrace import AmbientLight, Camera, Lambert, Mesh, Object, OptionError, Scene, Settings, Shape
+from obscurance.raytrace.errors import SceneError
+from obscurance.raytrace.image.read import read_image
+from obscurance.raytrace.system.entry_points import first_entry_point
 
 BOXES = two_boxes()
 SMALL = Settings(width=48, height=32, samples=4)

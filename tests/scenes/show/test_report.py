@@ -16,10 +16,10 @@ from mesh_files import obj
 from meshes import crumpled, hills
 from pages import facts_of
 
-from raytrace import Mesh
-from raytrace.image.read import read_image
-from raytrace.image.srgb import encode_srgb
-from scenes.show.report.pictures import pictures_of_page, pictures_of_vertices
+from obscurance.raytrace import Mesh
+from obscurance.raytrace.image.read import read_image
+from obscurance.raytrace.image.srgb import encode_srgb
+from obscurance.scenes.show.report.pictures import pictures_of_page, pictures_of_vertices
 
 FLOOR_AND_WALL = """v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv -1 1 1\nv 1 1 1
 vt .05 .05\nvt .95 .05\nvt .95 .45\nvt .05 .45\nvt 1.05 .55\nvt 1.95 .55\nvt 1.95 .95\nvt 1.05 .95

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from ao import Flag
-from scenes.bake.options import BAKE, RENDER
-from scenes.bake.report import command_line
-from scenes.show.report.verdict import flags_in_words, hashed, verdict
+from obscurance.ao import Flag
+from obscurance.scenes.bake.options import BAKE, RENDER
+from obscurance.scenes.bake.report import command_line
+from obscurance.scenes.show.report.verdict import flags_in_words, hashed, verdict
 
 W = {"least": 0.1, "quantiles": {"0.5": 0.8}}
 GOOD = {"w": W, "rmse_estimate": 0.004, "options": {}, "error_calibration": None, "warnings": [], "vertices": 9}

@@ -8,9 +8,9 @@ from mesh_files import obj
 from meshes import hills, two_boxes
 from pages import columns_of, facts_of
 
-from raytrace.errors import SceneError
-from scenes.formats.load import load
-from scenes.formats.stored_w import read_w
+from obscurance.raytrace.errors import SceneError
+from obscurance.scenes.formats.load import load
+from obscurance.scenes.formats.stored_w import read_w
 
 BAKE = "--samples", 8
 

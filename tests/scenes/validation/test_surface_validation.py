@@ -8,9 +8,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from shared_directions import only_w
 
-import ao
-from raytrace import Mesh
-from scenes.validation import table as validation
+from obscurance import ao
+from obscurance.raytrace import Mesh
+from obscurance.scenes.validation import table as validation
 
 SIZE = 0.02
 SAMPLES = 4096

@@ -12,12 +12,12 @@ import pytest
 from ray_starts import change_origins, scaled_offsets
 from shared_directions import only_w, prepared
 
-import ao
-from ao.falloff import Binary, Exponential, Linear, Smooth
-from raytrace import Mesh
-from scenes.geometry.polyhedra import icosphere, inscribed_radius, prism
-from scenes.validation import table as validation
-from scenes.validation.configurations import Configuration
+from obscurance import ao
+from obscurance.ao.falloff import Binary, Exponential, Linear, Smooth
+from obscurance.raytrace import Mesh
+from obscurance.scenes.geometry.polyhedra import icosphere, inscribed_radius, prism
+from obscurance.scenes.validation import table as validation
+from obscurance.scenes.validation.configurations import Configuration
 
 LINES = validation.configurations()
 POLYGONS = [line for line in LINES if line.name.startswith("polygon")]
@@ -196,7 +196,7 @@ def other_directions(monkeypatch: pytest.MonkeyPatch, cosine: Callable[[np.ndarr
         r = np.sqrt(np.maximum(1 - z * z, 0))
         return np.stack([r * np.cos(azimuth), r * np.sin(azimuth), z], axis=-2)
 
-    monkeypatch.setattr("ao.rays.directions.cosine_hemisphere", directions)
+    monkeypatch.setattr("obscurance.ao.rays.directions.cosine_hemisphere", directions)
 
 
 def test_the_true_estimator_passes_however_it_is_wrapped(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,11 +6,11 @@ from command import obscurance
 from fuzz_seeds import DAE, MODEL, archive
 from PIL import Image
 
-from raytrace.image.read import read_image
-from raytrace.image.srgb import decode_srgb
-from scenes.description.textured import read_mesh
-from scenes.formats.load import load
-from scenes.show.page.base_colour import base_colour
+from obscurance.raytrace.image.read import read_image
+from obscurance.raytrace.image.srgb import decode_srgb
+from obscurance.scenes.description.textured import read_mesh
+from obscurance.scenes.formats.load import load
+from obscurance.scenes.show.page.base_colour import base_colour
 
 EFFECT = """<effect id="%s"><profile_COMMON>%s<technique sid="t"><phong><emission><color>0 0 0 1</color></emission>
 <diffuse>%s</diffuse><specular><color>.5 .5 .5 1</color></specular><shininess><float>20</float></shininess>

@@ -5,9 +5,15 @@ import struct
 import numpy as np
 import pytest
 
-from scenes.formats.gltf.builder import GlbBuilder
-from scenes.formats.gltf.occlusion import RAMP, OcclusionTextures, add_coordinates, free_set, occlusion_reference
-from scenes.formats.gltf.write import ramp_coordinates, ramp_png
+from obscurance.scenes.formats.gltf.builder import GlbBuilder
+from obscurance.scenes.formats.gltf.occlusion import (
+    RAMP,
+    OcclusionTextures,
+    add_coordinates,
+    free_set,
+    occlusion_reference,
+)
+from obscurance.scenes.formats.gltf.write import ramp_coordinates, ramp_png
 
 
 def document(primitives, materials=(), **fields):

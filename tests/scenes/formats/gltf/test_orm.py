@@ -9,13 +9,13 @@ import pytest
 from gltf_files import Builder
 from gltf_samples import quad, with_images
 
-from raytrace import MeshError
-from raytrace.image.texture import Texture, texture_codes
-from scenes.formats.gltf.asset import decode
-from scenes.formats.gltf.orm import with_occlusion
-from scenes.formats.gltf.textured import textured_glb
-from scenes.formats.gltf.textures import Textures
-from scenes.formats.load import load
+from obscurance.raytrace import MeshError
+from obscurance.raytrace.image.texture import Texture, texture_codes
+from obscurance.scenes.formats.gltf.asset import decode
+from obscurance.scenes.formats.gltf.orm import with_occlusion
+from obscurance.scenes.formats.gltf.textured import textured_glb
+from obscurance.scenes.formats.gltf.textures import Textures
+from obscurance.scenes.formats.load import load
 
 RNG = np.random.default_rng(0)
 W = RNG.random((8, 8)).astype(np.float32)

@@ -10,13 +10,13 @@ from gltf_samples import quad
 from mesh_files import mistake, random_bake, read
 from scipy.spatial.transform import Rotation
 
-import ao
-from raytrace.mesh.up import TO_Y_UP
-from scenes.description.read import read_scene
-from scenes.formats.gltf.textured import textured_glb
-from scenes.formats.load import load
-from scenes.formats.stored_w import read_w
-from scenes.formats.write import write
+from obscurance import ao
+from obscurance.raytrace.mesh.up import TO_Y_UP
+from obscurance.scenes.description.read import read_scene
+from obscurance.scenes.formats.gltf.textured import textured_glb
+from obscurance.scenes.formats.load import load
+from obscurance.scenes.formats.stored_w import read_w
+from obscurance.scenes.formats.write import write
 
 FACES = [[0, 1, 2], [0, 2, 3]]
 UP = np.tile([0.0, 0, 1], (4, 1))

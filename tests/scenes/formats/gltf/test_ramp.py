@@ -10,10 +10,10 @@ from gltf_files import QUAD, Builder, check_glb, values
 from gltf_samples import SAMPLES, UV, occluded, quad, transformed, variants
 from mesh_files import ply
 
-from raytrace.errors import MeshError, OptionError
-from scenes.formats.load import load
-from scenes.formats.unsupported import unsupported_features
-from scenes.formats.write import channels, write
+from obscurance.raytrace.errors import MeshError, OptionError
+from obscurance.scenes.formats.load import load
+from obscurance.scenes.formats.unsupported import unsupported_features
+from obscurance.scenes.formats.write import channels, write
 
 EXACT = 1 / 512
 SEAMS = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"

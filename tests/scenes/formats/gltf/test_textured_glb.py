@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from gltf_files import QUAD, Builder
 
-import ao
-from scenes.formats.gltf.accessors import normalized, values
-from scenes.formats.gltf.asset import decode
-from scenes.formats.gltf.occlusion import image_name, occlusion_reference
-from scenes.formats.gltf.textured import textured_glb
-from scenes.formats.load import load
-from scenes.formats.stored_w import read_w
+from obscurance import ao
+from obscurance.scenes.formats.gltf.accessors import normalized, values
+from obscurance.scenes.formats.gltf.asset import decode
+from obscurance.scenes.formats.gltf.occlusion import image_name, occlusion_reference
+from obscurance.scenes.formats.gltf.textured import textured_glb
+from obscurance.scenes.formats.load import load
+from obscurance.scenes.formats.stored_w import read_w
 
 FACES = [[0, 1, 2], [0, 2, 3]]
 UV = np.array([[0.1, 0.9], [0.9, 0.9], [0.9, 0.1], [0.1, 0.1]], "<f4")

@@ -14,10 +14,10 @@ import validator
 from gltf_samples import SAMPLES
 from uv_meshes import grid_charts
 
-from raytrace import MeshError
-from scenes.formats.gltf.textured import textured_glb
-from scenes.formats.load import MeshFile, load
-from scenes.geometry.builtin_shapes import SOLIDS
+from obscurance.raytrace import MeshError
+from obscurance.scenes.formats.gltf.textured import textured_glb
+from obscurance.scenes.formats.load import MeshFile, load
+from obscurance.scenes.geometry.builtin_shapes import SOLIDS
 
 pytestmark = pytest.mark.skipif(validator.missing() is not None, reason=str(validator.missing()))
 W = np.random.default_rng(0).random((16, 16)).astype(np.float32)

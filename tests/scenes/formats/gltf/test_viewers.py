@@ -10,11 +10,11 @@ from gltf_files import Builder
 from gltf_samples import SAMPLES, quad, with_images
 
 from benchmarks.pictures import browser
-from raytrace import AmbientLight, Camera, Scene, Settings, render
-from scenes.description.gltf_scene import gltf_objects
-from scenes.formats.load import MeshFile, load
-from scenes.formats.write import write
-from scenes.geometry.builtin_shapes import SOLIDS
+from obscurance.raytrace import AmbientLight, Camera, Scene, Settings, render
+from obscurance.scenes.description.gltf_scene import gltf_objects
+from obscurance.scenes.formats.load import MeshFile, load
+from obscurance.scenes.formats.write import write
+from obscurance.scenes.geometry.builtin_shapes import SOLIDS
 
 validated = pytest.mark.skipif(validator.missing() is not None, reason=str(validator.missing()))
 shown = pytest.mark.skipif(browser.missing() is not None, reason=str(browser.missing()))

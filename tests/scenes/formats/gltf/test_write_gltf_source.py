@@ -10,8 +10,8 @@ import trimesh
 from gltf_files import QUAD, TRIANGLE, Builder, check_glb, values
 from mesh_files import mesh_file, random_bake
 
-from scenes.formats.load import load
-from scenes.formats.write import write
+from obscurance.scenes.formats.load import load
+from obscurance.scenes.formats.write import write
 
 
 def textured(tmp_path):

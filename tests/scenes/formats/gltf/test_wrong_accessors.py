@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from fuzz_seeds import EXTRAS, NODES, builder
 
-from raytrace.errors import ObscuranceError
-from scenes.commands.prune import prune
-from scenes.formats.gltf.textured import check_vertices, textured_glb
-from scenes.formats.load import load
+from obscurance.raytrace.errors import ObscuranceError
+from obscurance.scenes.commands.prune import prune
+from obscurance.scenes.formats.gltf.textured import check_vertices, textured_glb
+from obscurance.scenes.formats.load import load
 
 FIELDS = {
     "count": [0, 1, 2, 3, 5, 1000, 10**9, -1, 1.5],
@@ -43,7 +43,7 @@ def wrong_files():
 
 @pytest.mark.parametrize("share", range(3))
 def test_a_wrong_accessor_ends_in_one_line(tmp_path, monkeypatch, share):
-    monkeypatch.setattr("ao.unseen.unseen_faces", hidden)
+    monkeypatch.setattr("obscurance.ao.unseen.unseen_faces", hidden)
     failed = []
     refused = 0
     for what, made in list(wrong_files())[share::12]:

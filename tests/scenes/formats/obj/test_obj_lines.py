@@ -7,9 +7,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from raytrace.errors import MeshError
-from scenes.formats.number_rows import BLOCK
-from scenes.formats.obj.text import ObjText
+from obscurance.raytrace.errors import MeshError
+from obscurance.scenes.formats.number_rows import BLOCK
+from obscurance.scenes.formats.obj.text import ObjText
 
 NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(inf(inity)?|nan(\(\w*\))?)", re.IGNORECASE)
 INDEX = re.compile(rb"[+-]?\d+")

@@ -7,10 +7,10 @@ from command import obscurance
 from gltf_files import check_glb, values
 from kept_contents import bake, columns
 
-from raytrace.image.texture import Texture, texture_alpha
-from scenes.formats.load import load
-from scenes.formats.obj.attributes import MAX_OBJECTS
-from scenes.formats.obj.mtl import read_mtl
+from obscurance.raytrace.image.texture import Texture, texture_alpha
+from obscurance.scenes.formats.load import load
+from obscurance.scenes.formats.obj.attributes import MAX_OBJECTS
+from obscurance.scenes.formats.obj.mtl import read_mtl
 
 OBJ = """mtllib paint.mtl
 v 0 0 0 1 0 0

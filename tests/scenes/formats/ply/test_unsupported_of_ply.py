@@ -5,8 +5,8 @@ from gltf_files import check_glb, values
 from kept_contents import bake, columns
 from mesh_files import XYZ, ascii_ply, rich_ply
 
-from raytrace.image.srgb import decode_srgb, encode_srgb
-from scenes.formats.load import load
+from obscurance.raytrace.image.srgb import decode_srgb, encode_srgb
+from obscurance.scenes.formats.load import load
 
 
 def test_a_ply_keeps_everything(tmp_path):

@@ -139,5 +139,5 @@ def test_cells_that_do_not_fit_into_memory_are_refused(tmp_path, monkeypatch):
     content = tiff(np.zeros((1200, 1200)), width=1200, height=1200, compress="deflate")
     (tmp_path / "m.tif").write_bytes(content)
     assert obscurance("info", tmp_path / "m.tif").returncode == 0
-    monkeypatch.setattr("raytrace.system.checks.available", lambda: 100 << 20)
+    monkeypatch.setattr("obscurance.raytrace.system.checks.available", lambda: 100 << 20)
     refused(obscurance("info", tmp_path / "m.tif"), "memory: expected at most 100 MiB", "1,440,000 cells")
