@@ -4,6 +4,7 @@ STAMP  := $(VENV)/.installed
 BUILT  := $(VENV)/.kernels
 TOOLS  := $(VENV)/.tools
 SOURCES = $(shell find raytrace ao scenes setup.py -name '*.py' 2>/dev/null)
+TYPED  := build/typed/obscurance
 SUITABLE := import sys, ensurepip, venv; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))
 PYTHON ?= $(shell for python in $(BIN)/python python3.14 python3.13 python3.12 python3.11 python3 python; do \
 	$$python -c '$(SUITABLE)' >/dev/null 2>&1 && { echo $$python; break; }; done)
@@ -11,7 +12,7 @@ PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4
 
 .DEFAULT_GOAL := help
-.PHONY: help install wheel demo test test-all lint bench bench-peers peers viewers pictures site clean
+.PHONY: help install wheel demo test types test-all lint bench bench-peers peers viewers pictures site clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -21,7 +22,10 @@ $(STAMP): pyproject.toml
 	venv module, got $${python:-none}; set PYTHON=/path/to/python" >&2; exit 1; }
 	@"$(PYTHON)" -c 'import sys; print("Python", sys.version.split()[0], "of", sys.executable, "for $(VENV)")'
 	@[ "$$($(BIN)/python -V 2>&1)" = "$$("$(PYTHON)" -V 2>&1)" ] || clear=--clear; "$(PYTHON)" -m venv $$clear $(VENV)
-	$(PIP) 'setuptools>=77'
+	@$(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"], sep="\n")' \
+	>$(VENV)/build.txt
+	$(PIP) --requirement $(VENV)/build.txt
+	$(BIN)/python setup.py --quiet build_ext --inplace
 	$(PIP) --no-build-isolation --editable '.[develop]'
 	$(BIN)/python -m compileall -q raytrace ao scenes cli.py
 	@touch $@
@@ -44,8 +48,12 @@ demo: $(BUILT) ## bake a built-in scene; writes demo/ with a mesh and a picture
 
 test: install ## lint, types and the default tests
 	$(BIN)/ruff check .
-	$(BIN)/mypy raytrace ao scenes cli.py
+	$(MAKE) --no-print-directory types
 	$(PYTEST) -m 'not slow'
+
+types: $(TOOLS) ## check the types; the source tree is one package by links in build/
+	mkdir -p $(TYPED) && ln -sfn $(foreach part,ao raytrace scenes cli.py $(wildcard obscurance/*.py*),../../../$(part)) $(TYPED)
+	cd $(TYPED)/.. && $(CURDIR)/$(BIN)/mypy --config-file $(CURDIR)/pyproject.toml -p obscurance
 
 test-all: install ## every test, the slow ones too
 	$(PYTEST)

@@ -1,32 +1,42 @@
-"""Builds the libraries of kernels, which are no extension modules of Python but are packaged as such.
+"""Packs the folders of the source tree into one package, and builds the libraries of kernels, which are no extension
+modules of Python but are packaged as such.
 
-A wheel has one for each level of processors; `build_ext --inplace`, for the source tree, makes that of this machine.
+A wheel has a library for each level of processors; `build_ext --inplace` and an editable install make that of this
+machine, in the source tree.
 """
 
 import os
 import sys
 from pathlib import Path
 
-from setuptools import Extension, setup
+from setuptools import Extension, find_packages, setup
 from setuptools.command.build_ext import build_ext
+from setuptools.command.build_py import build_py
 from setuptools.errors import LinkError, PlatformError
 
 ROOT = Path(__file__).resolve().parent
+FOLDERS = ("ao", "raytrace", "scenes")
 LIBRARIES = ["m"] if os.name == "posix" else []
+
+
+class BuildPackage(build_py):
+    """Copies the modules, `cli.py` from beside the package's folder."""
+
+    def find_modules(self) -> list[tuple[str, str, str]]:
+        return [("obscurance", "cli", "cli.py")]
 
 
 class BuildKernels(build_ext):
     """Compiles the kernels by Numba, and links them by the platform's linker."""
 
     def run(self) -> None:
-        if self.editable_mode:
-            return  # the source tree's is made by `make install`, which shows how far that is
         sys.path.insert(0, str(ROOT))
         from obscurance.raytrace.kernel import build, library
 
-        levels = (library.level(),) if self.inplace else library.levels()
-        folder = ROOT if self.inplace else Path(self.build_lib)
-        objects = build.objects(Path(self.build_temp).resolve(), levels, _show)
+        in_tree = self.inplace or self.editable_mode
+        levels = (library.level(),) if in_tree else library.levels()
+        folder = ROOT if in_tree else Path(self.build_lib) / "obscurance"
+        objects = build.objects(ROOT / "build" / "kernels", levels, _show)
         for level, files in objects.files.items():
             target = folder / library.file_of(level).relative_to(ROOT)
             self._link(list(map(str, files)), str(target), objects.names)
@@ -51,4 +61,11 @@ def _show(done: int, total: int) -> None:
 
 
 if __name__ == "__main__":
-    setup(ext_modules=[Extension("obscurance.raytrace.kernel.kernels", [])], cmdclass={"build_ext": BuildKernels})
+    parts = find_packages(str(ROOT), include=[pattern for folder in FOLDERS for pattern in (folder, f"{folder}.*")])
+    setup(
+        packages=["obscurance", *(f"obscurance.{part}" for part in parts)],
+        package_dir={f"obscurance.{folder}": folder for folder in FOLDERS},
+        py_modules=["obscurance.cli"],
+        ext_modules=[Extension("obscurance.raytrace.kernel.kernels", [])],
+        cmdclass={"build_py": BuildPackage, "build_ext": BuildKernels},
+    )

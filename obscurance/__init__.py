@@ -1,44 +1,17 @@
-"""One face of the three packages `ao`, `raytrace` and `scenes`, whose names are imported when they are first used:
+"""Ambient occlusion and obscurance: the names most used, and the packages `ao`, `raytrace` and `scenes` with all.
 
     import obscurance
     baked = obscurance.bake("duck.glb", max_distance="20%")
     obscurance.write("duck_ao.glb", baked, "duck.glb")
 
-The command is `obscurance.cli`, by a name that is this project's own: `python -m obscurance`. Its file is `cli.py`
-beside this folder in the source tree, and in the folder `command` of a wheel, lest another package's replace it.
+The public names stand in `__init__.pyi` and are imported when they are first used. In the source tree the packages and
+`cli.py`, the command, stand beside this folder; installed, all lies within it.
 """
 
 import os.path
 
-_folder = os.path.dirname(__file__)
-_in_wheel = os.path.join(_folder, "command")
-__path__.append(_in_wheel if os.path.isdir(_in_wheel) else os.path.dirname(_folder))
-_PACKAGES = {
-    "Binary": "ao",
-    "Camera": "raytrace",
-    "Exponential": "ao",
-    "Linear": "ao",
-    "Smooth": "ao",
-    "Tabulated": "ao",
-    "bake": "scenes.commands.in_python",
-    "bake_points": "ao",
-    "bake_texture": "ao",
-    "load": "scenes",
-    "render": "scenes",
-    "unwrap": "scenes",
-    "view": "scenes",
-    "write": "scenes",
-}
-__all__ = list(_PACKAGES)
+import lazy_loader
 
-
-def __getattr__(name: str) -> object:
-    if name not in _PACKAGES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
-
-    return getattr(import_module(_PACKAGES[name]), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(_PACKAGES)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+if not os.path.isfile(os.path.join(os.path.dirname(__file__), "cli.py")):
+    __path__.append(os.path.dirname(os.path.dirname(__file__)))

@@ -1,6 +1,7 @@
 """Ray casting on Embree and local illumination; knows nothing of baking, scene files or the command line.
 
-The public names stand in `__init__.pyi`. They are imported when they are first used: `from obscurance import raytrace` costs nothing.
+The public names stand in `__init__.pyi`. They are imported when they are first used: the package alone costs
+nothing.
 """
 
 import lazy_loader

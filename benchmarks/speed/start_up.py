@@ -1,8 +1,8 @@
 """Whole processes from their start to their end, in turns: `python -m benchmarks.speed.start_up [MESH…]`.
 
 For each mesh, by default a coarse built-in temple, a bake. Beside them the interpreter alone, `import numpy`, Embree's
-library with it, `from obscurance import ao` and `obscurance --help`. Medians of wall and processor time; the ratios are to NumPy with
-Embree's library in the same run.
+library with it, `import obscurance` and `obscurance --help`. Medians of wall and processor time; the ratios are to
+NumPy with Embree's library in the same run.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def seconds(command: list[str]) -> tuple[float, float]:
 
 def commands(meshes: list[Path], folder: Path) -> dict[str, list[str]]:
     """What is timed, by name."""
-    imports = {f"import {name}": [sys.executable, "-c", f"import {name}"] for name in ("numpy", EMBREE, "ao")}
+    imports = {f"import {name}": [sys.executable, "-c", f"import {name}"] for name in ("numpy", EMBREE, "obscurance")}
     bakes = {
         f"bake {mesh.name}": [*OBSCURANCE, "bake", str(mesh), "-o", str(folder / "w.ply"), "-q"] for mesh in meshes
     }

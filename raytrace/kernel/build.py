@@ -43,7 +43,7 @@ def modules() -> list[str]:
     """Names of the project's modules that have kernels or helpers of kernels."""
     paths = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
     found = [path for path in paths if _DECORATOR.search(path.read_text(encoding="utf-8"))]
-    return [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in found]
+    return [".".join(("obscurance", *path.relative_to(ROOT).with_suffix("").parts)) for path in found]
 
 
 def entries(module: str) -> list[Entry]:

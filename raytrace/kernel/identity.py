@@ -22,7 +22,7 @@ _NO_RESULTS = ("raytrace/text/", "raytrace/image/write.py", "raytrace/image/enco
 _TAKES_CONSTANT = frozenset(dis.hasconst)
 _ONE_BYTE = 255  # instructions have more for larger numbers
 _NOP = f"{dis.opmap['NOP']:02x}00"
-_OURS = tuple(f"{package}." for package in PACKAGES)
+_OURS = tuple(f"obscurance.{package}." for package in PACKAGES)
 
 
 class Called:

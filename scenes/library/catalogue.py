@@ -21,7 +21,7 @@ def builtin_toml(name: str) -> str:
     """A built-in scene as TOML, which `scenes.read_scene` reads. Raises: OptionError: no such scene."""
     if name not in BUILTIN:
         raise OptionError("name", "one of " + ", ".join(BUILTIN), name, nearest=nearest_name(name, BUILTIN))
-    return (resources.files("scenes") / "library" / f"{name}.toml").read_text(encoding="utf-8")
+    return (resources.files("obscurance.scenes") / "library" / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def write_builtin(name: str, path: PathName) -> None:

@@ -8,11 +8,10 @@ from fuzz_mutations import PATHS, toml_text
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import obscurance.scenes.geometry.builtin_shapes
-import obscurance.scenes.geometry.instances
 from obscurance.raytrace.errors import InputError
 from obscurance.scenes.description.read import read_scene
 from obscurance.scenes.formats.obj.mtl import read_mtl
+from obscurance.scenes.geometry import builtin_shapes, instances
 
 FEW = settings(
     max_examples=40,
@@ -65,7 +64,7 @@ MATERIAL = table(
 SCENE = st.fixed_dictionaries(
     {
         "objects": many(
-            table({"builtin": st.sampled_from([*obscurance.scenes.geometry.builtin_shapes.SOLIDS])}, fineness=NUMBER, size=NUMBER,
+            table({"builtin": st.sampled_from([*builtin_shapes.SOLIDS])}, fineness=NUMBER, size=NUMBER,
                   radius=NUMBER, level=INDEX, material=MATERIAL | st.just("gold"), copies=many(table({}, **PLACE)),
                   **PLACE)
             | table({"mesh": PATH}, texture=PATH, grain=PATH, own_normals=st.booleans(),
@@ -144,8 +143,8 @@ def folder(tmp_path_factory):
         (inside / name).parent.mkdir(parents=True, exist_ok=True)
         (inside / name).write_bytes(content)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(scenes.geometry.builtin_shapes, "MAX_TRIANGLES", 20_000)
-        patch.setattr(scenes.geometry.instances, "MAX_COPIED", 200_000)
+        patch.setattr(builtin_shapes, "MAX_TRIANGLES", 20_000)
+        patch.setattr(instances, "MAX_COPIED", 200_000)
         yield inside
 
 

@@ -32,6 +32,7 @@ DOORS = {
     "uvunwrap": {"scenes.bake.uv"},
     "OpenImageIO": {"raytrace.image.openimageio"},
 }
+TREES = ("ao", "raytrace", "scenes", "obscurance", "tests", "benchmarks", "docs")
 MODULES = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts): path
     for top in ("raytrace", "ao", "scenes")
@@ -48,6 +49,11 @@ PUBLIC = {
 """The public names, and the modules that they come from."""
 
 
+def within(name):
+    """A name as it is within the package."""
+    return name.removeprefix("obscurance.")
+
+
 def room(module):
     return ".".join(module.split(".")[:2])
 
@@ -58,12 +64,12 @@ def imported(module):
     names = set()
     for node in ast.walk(ast.parse(MODULES[module].read_text())):
         if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
+            names |= {within(alias.name) for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             parent = ".".join(module.split(".")[: -node.level]) if node.level else ""
-            source = ".".join(part for part in (parent, node.module) if part)
+            source = within(".".join(part for part in (parent, node.module) if part))
             for alias in node.names:
-                name = f"{source}.{alias.name}"
+                name = within(f"{source}.{alias.name}")
                 names.add(PUBLIC.get(name, name if name in MODULES else source))
     return names
 
@@ -90,6 +96,18 @@ def test_no_circle_of_imports():
     for module in MODULES:
         graph[module] = imported(module) & MODULES.keys()
     graphlib.TopologicalSorter(graph).prepare()
+
+
+def test_nothing_is_imported_by_a_name_that_only_the_source_tree_has():
+    for path in (ROOT / "cli.py", *(path for top in TREES for path in (ROOT / top).rglob("*.py"))):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                names = [node.module]
+            else:
+                continue
+            assert not {name.split(".")[0] for name in names} & {"ao", "raytrace", "scenes", "cli"}, path
 
 
 def test_folders_hold_about_a_dozen_files():

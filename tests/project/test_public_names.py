@@ -24,7 +24,7 @@ def stub_names(package):
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_every_public_name_is_shown_and_is_there(package):
-    module = import_module(package)
+    module = import_module(f"obscurance.{package}")
     assert dir(module) == sorted(module.__all__) == stub_names(package)
     assert not any(isinstance(getattr(module, name), ModuleType) for name in dir(module))
     assert not hasattr(module, "no_such_name")
@@ -33,12 +33,14 @@ def test_every_public_name_is_shown_and_is_there(package):
 @pytest.mark.parametrize("package", PACKAGES)
 def test_every_public_name_is_documented_once(package):
     page = (ROOT / "docs" / "api" / f"{package}.md").read_text()
-    assert sorted(re.findall(rf"^\.\. [a-z:]+:: {package}\.(\w+)$", page, re.MULTILINE)) == stub_names(package)
+    assert sorted(re.findall(rf"^\.\. [a-z:]+:: obscurance\.{package}\.(\w+)$", page, re.MULTILINE)) == stub_names(
+        package
+    )
 
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_docstrings_have_no_letter_after_a_backtick_where_the_site_would_warn(package):
-    found = [getattr(import_module(package), name) for name in stub_names(package)]
+    found = [getattr(import_module(f"obscurance.{package}"), name) for name in stub_names(package)]
     members = [member for each in found if isinstance(each, type) for member in vars(each).values()]
     texts = [each.__doc__ for each in [*found, *members] if isinstance(each.__doc__, str)]
     assert len(texts) > 10
@@ -71,7 +73,7 @@ def test_the_public_names_of_the_baker_are_these():
 
 @pytest.mark.parametrize(("package", "begun", "name"), [("raytrace", "Cook", "CookTorrance"), ("ao", "ba", "bake")])
 def test_tab_completion_finds_them(package, begun, name):
-    completer = rlcompleter.Completer({package: import_module(package)})
+    completer = rlcompleter.Completer({package: import_module(f"obscurance.{package}")})
     found = [completer.complete(f"{package}.{begun}", number) for number in range(2)]
     assert f"{package}.{name}" in {text and text.rstrip("()") for text in found}
 
@@ -84,7 +86,8 @@ def fresh(code):
 
 
 def test_importing_the_packages_imports_nothing_heavy():
-    code = f"import sys, {', '.join(PACKAGES)}; print([m for m in ('numpy', 'numba') if m in sys.modules])"
+    code = f"import sys; from obscurance import {', '.join(PACKAGES)}; "
+    code += "print([m for m in ('numpy', 'numba') if m in sys.modules])"
     assert fresh(code) == "[]"
 
 
@@ -100,7 +103,7 @@ def test_every_folder_of_modules_is_a_package():
 
 
 def _listed(name, patterns):
-    folder = ROOT.joinpath(*name.split("."))
+    folder = ROOT.joinpath(*name.split(".")[1:])
     return {path for pattern in patterns[name] for path in folder.glob(pattern)}
 
 
@@ -112,6 +115,6 @@ def test_every_file_that_is_no_module_is_installed():
         wanted -= {file_of(level) for level in levels()}  # built, and installed as extension modules are
         typed = {path for name in ("*.pyi", "py.typed") for path in folder.rglob(name)}
         stubs = {path for path in typed if (path.parent / "__init__.py").exists()}
-        listed = {path for name in patterns if name.partition(".")[0] == package for path in _listed(name, patterns)}
+        listed = {path for name in patterns if name.split(".")[1:2] == [package] for path in _listed(name, patterns)}
         assert wanted == {path for path in wanted if path.suffix == ".py"} | stubs | listed
     assert patterns["*"] == ["*.pyi", "py.typed"]

@@ -107,7 +107,8 @@ def test_a_bake_of_a_cube_runs_through_few_files(tmp_path):
 def test_a_bake_of_a_cube_imports_nothing_that_it_does_not_use(tmp_path):
     (tmp_path / "cube.obj").write_bytes(obj(CORNERS, [(*side[:3],) for side in SIDES]))
     modules = run(tmp_path, IMPORTED, "bake", "cube.obj", "-o", "w.ply", "-q")
-    assert 100 < len([name for name in modules if name.startswith(("ao.", "raytrace.", "scenes."))]) <= MODULES
+    packages = ("obscurance.ao.", "obscurance.raytrace.", "obscurance.scenes.")
+    assert 100 < len([name for name in modules if name.startswith(packages)]) <= MODULES
     assert NEEDLESS.isdisjoint(modules)
 
 

@@ -20,17 +20,7 @@ from project import ROOT
 
 from obscurance.raytrace.kernel import library
 
-PACKAGES = ("obscurance", "raytrace", "ao", "scenes")
-LIST = """
-import sys
-from setuptools import Distribution
-project = Distribution({"script_name": "setup.py"})
-project.parse_config_files()
-project.get_command_obj("egg_info").egg_base = sys.argv[1]
-build = project.get_command_obj("build_py")
-build.ensure_finalized()
-print(*build.get_outputs(include_bytecode=False), sep="\\n")
-"""
+PACKAGES = ("raytrace", "ao", "scenes")
 WITHOUT_EMBREE = """
 import sys
 sys.modules["embreex"] = None
@@ -41,18 +31,6 @@ cli.main()
 
 def run(*command, folder, **options):
     return subprocess.run([*map(str, command)], cwd=folder, capture_output=True, text=True, check=False, **options)
-
-
-def test_the_wheel_holds_every_file_of_the_packages(tmp_path):
-    setuptools = pytest.importorskip("setuptools", reason="pip install '.[test]'")
-    if int(setuptools.__version__.split(".")[0]) < 77:
-        pytest.skip("the project's metadata need setuptools 77")
-    listed = run(sys.executable, "-W", "ignore", "-c", LIST, tmp_path, folder=ROOT)
-    packed = {line.replace("\\", "/").removeprefix("build/lib/") for line in listed.stdout.splitlines()}
-    held = [path for package in PACKAGES for path in (ROOT / package).rglob("*") if path.is_file()]
-    wanted = {path.relative_to(ROOT).as_posix() for path in held if "__pycache__" not in path.parts}
-    wanted = {name for name in wanted if not name.endswith(tuple(EXTENSION_SUFFIXES))}
-    assert packed == wanted | {"obscurance/command/cli.py"}, listed.stderr
 
 
 def test_building_needs_what_running_and_compiling_need_in_the_same_versions():
@@ -96,7 +74,7 @@ def source_in(folder):
     """A copy of this source tree without what was built."""
     source = folder / "source"
     built = shutil.ignore_patterns("__pycache__", *(f"*{suffix}" for suffix in EXTENSION_SUFFIXES))
-    for package in PACKAGES:
+    for package in ("obscurance", *PACKAGES):
         shutil.copytree(ROOT / package, source / package, ignore=built)
     for name in ("cli.py", "setup.py", "pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
@@ -124,20 +102,43 @@ def test_wheel_and_source_archive_pass_the_check_of_the_index_and_hold_the_same(
     again = built("wheel", source, tmp_path)
     names = [set(zipfile.ZipFile(each).namelist()) for each in (wheel, again)]
     assert names[0] == names[1]
-    assert {f"{package}/py.typed" for package in PACKAGES} <= names[0]
-    assert {library.file_of(level).relative_to(ROOT).as_posix() for level in library.levels()} <= names[0]
+    assert {f"obscurance/{package}/py.typed" for package in PACKAGES} <= names[0]
+    assert {f"obscurance/{library.file_of(level).relative_to(ROOT)}" for level in library.levels()} <= names[0]
     assert wheel.name.endswith(f"{sysconfig.get_platform().replace('-', '_').replace('.', '_')}.whl")
 
 
-def test_a_module_of_another_package_does_not_replace_the_command(wheel, tmp_path):
-    """Another package may install a `cli.py`, as several do."""
+def test_the_wheel_holds_every_file_of_the_package_and_nothing_else_to_import(wheel):
+    names = [name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name]
+    folders = {ROOT / "obscurance": "obscurance"} | {ROOT / name: f"obscurance/{name}" for name in PACKAGES}
+    wanted = [
+        f"{target}/{path.relative_to(folder).as_posix()}"
+        for folder, target in folders.items()
+        for path in folder.rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    ]
+    built = tuple(EXTENSION_SUFFIXES)
+    assert {name for name in names if not name.endswith(built)} == {
+        *(name for name in wanted if not name.endswith(built)),
+        "obscurance/cli.py",
+    }
+    assert all(name.startswith("obscurance/") for name in names)
+
+
+def test_modules_of_other_packages_replace_nothing(wheel, tmp_path):
+    """Other packages install a `cli.py` or an `ao`, as several do, and projects have folders named `scenes`."""
     into = (sys.executable, *QUIET, "install", "--no-deps", "--no-index", "--target", tmp_path, wheel)
     done = run(*into, folder=tmp_path)
     assert done.returncode == 0, done.stderr
-    (tmp_path / "cli.py").write_text("def main():\n    print('taken over')\n")
+    for name in ("cli", "ao", "raytrace"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('taken over')\n")
+    (tmp_path / "scenes").mkdir()
+    alone = os.environ | {"PYTHONPATH": str(tmp_path)}
     for command in ([tmp_path / "bin" / "obscurance"], [sys.executable, "-m", "obscurance"]):
-        done = run(*command, "--version", folder=tmp_path, env=os.environ | {"PYTHONPATH": str(tmp_path)})
+        done = run(*command, "--version", folder=tmp_path, env=alone)
         assert done.stdout.startswith("obscurance "), done.stdout + done.stderr
+    code = "import obscurance; print(obscurance.bake.__module__, obscurance.load.__module__)"
+    done = run(sys.executable, "-c", code, folder=tmp_path, env=alone)
+    assert done.stdout == "obscurance.ao.baking obscurance.scenes.formats.load\n", done.stderr
 
 
 NO_COMPILER = "import sys\nsys.modules.update(numba=None, llvmlite=None, setuptools=None)\n"

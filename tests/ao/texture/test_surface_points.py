@@ -91,7 +91,7 @@ def set_single_points(monkeypatch):
     """A function: let texels that another function chooses have a single point."""
 
     def let(chosen):
-        monkeypatch.setattr(ao.texture.texels, "smooth_cells", chosen)
+        monkeypatch.setattr(obscurance.ao.texture.texels, "smooth_cells", chosen)
 
     return let
 

@@ -21,7 +21,8 @@ try:
 except SystemExit:
     from obscurance.raytrace.kernel import jit
     heavy = ("numba", "llvmlite", "scipy", "trimesh", "OpenImageIO", "rich", "PIL", "lxml", "asyncio")
-    heavy = (*heavy, "obscurance.scenes.formats.gltf.asset", "obscurance.scenes.formats.gltf.occlusion", "obscurance.scenes.bake.batch")
+    late = ("formats.gltf.asset", "formats.gltf.occlusion", "bake.batch")
+    heavy = (*heavy, *("obscurance.scenes." + name for name in late))
     print(json.dumps([[name for name in heavy if name in sys.modules], len(jit.loaded), jit.compiled]))
 """
 
@@ -80,7 +81,8 @@ def test_a_command_starts_no_threads_of_a_linear_algebra_library():
 
 
 def test_help_imports_no_format():
-    code = "import atexit, sys; from obscurance import cli; atexit.register(lambda: print('obscurance.scenes.formats' in sys.modules)); cli.main()"
+    code = "import atexit, sys; from obscurance import cli; "
+    code += "atexit.register(lambda: print('obscurance.scenes.formats' in sys.modules)); cli.main()"
     command = [sys.executable, "-c", code, "--help"]
     shown = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60).stdout
     assert shown.endswith("False\n")

@@ -81,7 +81,8 @@ def test_terms_are_the_body_s_and_the_highlight_s():
 
 def test_materials_and_lights_are_declared_without_compiling():
     code = (
-        "import sys; import obscurance.raytrace.brdf.registry, obscurance.raytrace.materials.reflect; from obscurance import raytrace as m; "
+        "import sys; import obscurance.raytrace.brdf.registry, obscurance.raytrace.materials.reflect; "
+        "from obscurance import raytrace as m; "
         "import obscurance.raytrace.lights.sources, obscurance.raytrace.image.write; "
         "obscurance.raytrace.brdf.registry.reflection_models(); "
         "m.CookTorrance(albedo=.5, m=.2).pack(); m.PoulinFournier(k_d=.5).pack(); "

@@ -113,8 +113,8 @@ WORK = {
     "bake": lambda mesh: ao.bake(mesh, samples=8),
     "tolerance": lambda mesh: ao.bake(mesh, tolerance=0.1),
     "surface": lambda mesh: ao.bake(mesh, samples=8, method="surface"),
-    "render": lambda mesh: raytrace.render(
-        scene(mesh), raytrace.Camera((0, -5, 5), (0, 0, 0)), Settings(width=64, height=64)
+    "render": lambda mesh: obscurance.raytrace.render(
+        scene(mesh), obscurance.raytrace.Camera((0, -5, 5), (0, 0, 0)), Settings(width=64, height=64)
     ),
 }
 
@@ -221,7 +221,8 @@ def test_a_dry_run_says_what_a_bake_takes(ending, target, options, tmp_path):
     assert 1 / 1.2 < said / taken < 1.2
 
 
-SMALL = "import obscurance.raytrace.system.checks as m; m.available = lambda: 160 << 20; from obscurance import cli; cli.main()"
+SMALL = "from obscurance.raytrace.system import checks; checks.available = lambda: 160 << 20; "
+SMALL += "from obscurance import cli; cli.main()"
 
 
 def test_the_command_refuses_with_one_line(tmp_path):

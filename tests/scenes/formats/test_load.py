@@ -110,7 +110,7 @@ def test_a_large_mesh_loads_lightly(tmp_path):
     y, x = np.divmod(np.arange(side * side), side)
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
     (tmp_path / "m.ply").write_bytes(ply(np.stack([x, y, np.sin(x)], axis=1), faces))
-    code = "import sys; from obscurance.scenes.formats.load import load; assert len(load(sys.argv[1]).mesh.faces) == 1996002; "
+    code = "import sys; from obscurance.scenes import load; assert len(load(sys.argv[1]).mesh.faces) == 1996002; "
     code += "print([int(s.split()[1]) for s in open('/proc/self/status') if s.startswith('VmHWM')][0] // 1024)"
     done = subprocess.run([sys.executable, "-c", code, tmp_path / "m.ply"], check=True, capture_output=True, text=True)
     assert int(done.stdout) < 400

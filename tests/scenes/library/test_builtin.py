@@ -29,7 +29,7 @@ COUNTS = {  # objects, shapes, lights
 
 def test_all_are_counted_and_every_file_is_listed():
     assert set(COUNTS) == set(BUILTIN)
-    files = (resources.files("scenes") / "library").iterdir()
+    files = (resources.files("obscurance.scenes") / "library").iterdir()
     assert {file.name for file in files if file.name.endswith(".toml")} == {f"{name}.toml" for name in BUILTIN}
 
 
