@@ -12,8 +12,7 @@ from mesh_files import FACES, VERTICES, ply, stl
 from meshes import hills
 from project import ROOT
 
-import obscurance.raytrace.system.checks
-from obscurance import ao
+from obscurance import ao, raytrace
 from obscurance.ao.memory import surface_bytes, vertex_bytes
 from obscurance.raytrace import InputError, Lambert, MemoryLimitError, Mesh, Object, Scene, Settings, Shape
 from obscurance.raytrace.renderer import render_scene
@@ -113,8 +112,8 @@ WORK = {
     "bake": lambda mesh: ao.bake(mesh, samples=8),
     "tolerance": lambda mesh: ao.bake(mesh, tolerance=0.1),
     "surface": lambda mesh: ao.bake(mesh, samples=8, method="surface"),
-    "render": lambda mesh: obscurance.raytrace.render(
-        scene(mesh), obscurance.raytrace.Camera((0, -5, 5), (0, 0, 0)), Settings(width=64, height=64)
+    "render": lambda mesh: raytrace.render(
+        scene(mesh), raytrace.Camera((0, -5, 5), (0, 0, 0)), Settings(width=64, height=64)
     ),
 }
 
