@@ -21,8 +21,6 @@ from interrupted_bakes import (
 )
 from meshes import hills
 
-import obscurance.ao.least_squares.fit
-import obscurance.ao.methods.surface_method
 from obscurance import ao
 from obscurance.ao.execute.kept import Kept
 from obscurance.ao.least_squares.conjugate_gradients import solve_within

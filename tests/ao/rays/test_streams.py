@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from meshes import MESHES, hills
 
-import obscurance.ao.prepared
 from obscurance import ao
 from obscurance.ao.options import MAX_SAMPLES
 from obscurance.ao.points.receivers import find_receivers

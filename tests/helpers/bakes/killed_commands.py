@@ -29,7 +29,7 @@ import obscurance.scenes.commands.bake
 import obscurance.scenes.commands.falloff
 import obscurance.scenes.commands.render
 import obscurance.scenes.show.page.document
-import obscurance.scenes.show.report.document  # noqa: F401
+import obscurance.scenes.show.report.document
 from obscurance import cli
 from obscurance.ao.execute.kept import Kept
 
