@@ -1,5 +1,4 @@
-"""w of faces: the mean over samples spread over each, whose hemispheres are about the face's own normal, or the axes
-that were given."""
+"""w of faces: the mean over samples spread over each, whose hemispheres are about the face's own normal, or `up`."""
 
 import numpy as np
 
@@ -53,7 +52,7 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Kept | None) -> tup
     faces, corners = wanted[first], corners[first]
     areas = face_normals(vertices, receivers.faces[faces])[1]
     surface = SmoothSurface.of(vertices, receivers)
-    if options.normals not in ("file", "up"):
+    if options.normals != "up":
         nothing = np.zeros_like(vertices)
         surface = surface._replace(axes=VertexAxes(nothing, nothing))
 

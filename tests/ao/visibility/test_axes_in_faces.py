@@ -158,11 +158,19 @@ def reference(corners, origin, rays, one_sided=False):
     return 1 - met.any(axis=1).mean()
 
 
-def expected(scene, places, normals, options):
-    """w at places on faces of these normals."""
+def expected(scene, places, normals, options, of_file=False):
+    """w at places on faces of these normals. Args: of_file: whether axes behind their face are none, and the face's is
+    taken."""
     rays = directions(scene.axis, 1 << 11, options.get("spread", 180.0))
     lifted = places + 1e-7 * scene.size * normals
-    return [reference(scene.corners, origin, rays, "back_faces" in options) for origin in lifted]
+    w = []
+    for origin, normal in zip(lifted, normals, strict=True):
+        if of_file and normal @ scene.axis < -0.01:
+            rays_there = directions(normal, 1 << 11, options.get("spread", 180.0))
+        else:
+            rays_there = rays
+        w.append(reference(scene.corners, origin, rays_there, "back_faces" in options))
+    return w
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -170,13 +178,16 @@ def expected(scene, places, normals, options):
 @pytest.mark.parametrize("kind", ["vertices", "faces", "texels", "points"])
 def test_what_a_face_has_below_is_closed(kind, shape, mode):
     for seed, normals in ((1, "up"), (2, "file"), (3, "up")):
+        if (kind, normals) == ("faces", "file"):  # faces have hemispheres about their own normals
+            continue
         scene = Scene(shape, seed, normals)
         w, places, face_normals = getattr(scene, kind)(MODES[mode])
         if kind == "points":  # whose axes choose the back of a face that they are far behind
             seen = face_normals @ scene.axis > -0.7
             w, places, face_normals = w[seen], places[seen], face_normals[seen]
         some = np.random.default_rng(seed).permutation(len(w))[:24]
-        truth = np.array(expected(scene, places[some], face_normals[some], MODES[mode]))
+        of_file = normals == "file" and kind != "points"
+        truth = np.array(expected(scene, places[some], face_normals[some], MODES[mode], of_file))
         error = np.sort(w[some] - truth)
         if shape == "cards":  # w is a mean over a face or a texel, and blades meet
             error = error[2:-2]

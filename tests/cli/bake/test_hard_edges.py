@@ -147,11 +147,3 @@ def test_faces_of_a_mesh_whose_normals_differ_at_vertices(folder):
         bake("corners.obj", "-o", "w.npy", "--at", "faces", "--normals", normals, *BINARY)
         assert np.load("w.npy").mean() == pytest.approx(OF_OPENING, abs=0.005)
     assert len(np.load("w.npy")) == 2 * len(SIDES)
-
-
-def test_parts_are_merged_into_a_glb(folder):
-    for k in (1, 2):
-        bake("shared.ply", "-o", "parts", "--part", f"{k}/2", "--samples", 64)
-    done = obscurance("merge", "parts", "-o", "w.glb")
-    assert done.returncode == 0, done.stderr
-    assert len(read_w("w.glb", len(CORNERS))) == len(CORNERS)

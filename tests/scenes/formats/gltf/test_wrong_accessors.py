@@ -54,7 +54,7 @@ def test_a_wrong_accessor_ends_in_one_line(tmp_path, monkeypatch, share):
                 if output == "page.glb":
                     unwrapped(path)
                 else:
-                    prune(path, tmp_path / output, 0, 1)
+                    prune(path, tmp_path / output, 0, 1, True)
             except ObscuranceError:  # whose message is one line
                 refused += 1
             except Exception as error:
