@@ -226,11 +226,16 @@ class Scene:
         own_normals = None if all(item.shape.mesh.normals is None for item in self.objects) else np.concatenate(normals)
         return Mesh(np.concatenate(vertices), np.concatenate(faces), own_normals, source="scene", opacity=opacity)
 
-    @cached_property
+    @property
     def shaded(self) -> Scene:
         """The scene with each side of hard edges a vertex of its own, with the w of both; itself without any."""
+        return self._split or self
+
+    @cached_property
+    def _split(self) -> Scene | None:
+        """`shaded`, if it is another scene: one that referred to itself would stay in memory."""
         if not any(item.shape.split for item in self.objects):
-            return self
+            return None
         objects = []
         for item in self.objects:
             if item.shape.split:

@@ -103,8 +103,8 @@ def gather_streams(
         # All rays of the point through the tree together.
         init_rays(rays, table.directions, table.cones, chosen, samples, (t, b, normal), reach)
         clear(state.layers)
-        start = load(points.origins, i)
-        traverse(tree, state, rays, start, load(points.lifts, i), normal, table.lowest[chosen], fading, reach)
+        start = load(points.origins, i), load(points.lifts, i)
+        traverse(tree, state, rays, start, normal, table.lowest[chosen], fading, reach)
         # The 1 − μ of the rays that met something.
         sums[:] = 0.0
         for k in range(len(rays.t_hit)):

@@ -76,15 +76,16 @@ class TraversalState(NamedTuple):
 
 
 @inline
-def traverse(tree, state, rays, origin, lift, normal, lowest_sine, closest, t_max):
+def traverse(tree, state, rays, start, normal, lowest_sine, closest, t_max):
     """Find which rays meet something nearer than `t_max`, and with `closest` how far away.
 
     Args:
-        lift: of the origin from the place that distances count from.
+        start: the origin, and its lift from the place that distances count from.
         lowest_sine: of the elevation of the lowest ray over the plane of the unit `normal`.
     """
     triangles, boxes, starts = tree.triangles, tree.boxes, tree.starts
     entries, bounds = state.entries, state.bounds
+    origin, lift = start
     levels = len(starts) - 1
     last = WIDE * len(rays.t_hit)
     for ray in range(0, last, last if tree.axes is None else _LISTED):

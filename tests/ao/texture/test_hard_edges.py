@@ -37,8 +37,8 @@ def test_an_open_box_is_right_however_it_is_stored(form, normals):
 
 
 def test_a_texture_stands_on_the_files_normals_at_corners():
-    """Two halves of a floor beside a wall, each with a tilted normal: w is the part of its hemisphere above the floor
-    that the wall leaves."""
+    """Two halves of a floor beside a wall, each with a tilted normal: w is what the wall leaves of the part of
+    its hemisphere above the floor."""
     vertices = [[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0]]
     faces = [[0, 4, 5], [0, 5, 3], [4, 1, 2], [4, 2, 5]]
     tilts = np.radians([-60, 40])
@@ -51,8 +51,9 @@ def test_a_texture_stands_on_the_files_normals_at_corners():
         texture = ao.bake_texture(mesh, uv, 16, ao.Binary(), normals=normals, **options)
         for columns, axis in ((range(7), axes[0]), (range(9, 16), axes[1])):
             places = [((column + 0.5) / 8, 0.5 / 8, 0) for column in columns]
-            hidden = [polygon_form_factor(wall, place, axis) / tilted_normal(np.arccos(axis[2])) for place in places]
-            np.testing.assert_allclose(1 - texture.w[15, list(columns)], hidden, atol=0.012)
+            above = tilted_normal(np.arccos(axis[2]))
+            open_ = [above - polygon_form_factor(wall, place, axis) for place in places]
+            np.testing.assert_allclose(texture.w[15, list(columns)], open_, atol=0.012)
 
 
 def test_a_smooth_surface_is_baked_as_it_is():

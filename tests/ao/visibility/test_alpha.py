@@ -179,7 +179,9 @@ def test_rays_below_a_face_that_is_not_there_count():
     faces = np.array([[0, 2, 3], [0, 3, 1], [2, 4, 5], [2, 5, 3]])
     card = np.column_stack([SQUARE, np.full(4, HEIGHT)])
     opacity = Opacity([0] * 4 + [-1] * 2, [AlphaSurface(0.0)])
-    mesh = Mesh(np.concatenate([ridge, card]), np.concatenate([faces, HALVES + 6]), opacity=opacity)
+    tilts = np.sign(x) * slope
+    normals = np.concatenate([np.column_stack([np.sin(tilts), 0 * x, np.cos(tilts)]), np.tile(UP, (4, 1))])
+    mesh = Mesh(np.concatenate([ridge, card]), np.concatenate([faces, HALVES + 6]), normals, opacity=opacity)
     uv = np.concatenate([np.column_stack([x + 0.5, y / 4 + 0.5]), np.full((4, 2), [0.9, 0.02])])
     w = ao.bake_texture(mesh, uv, 16, ao.Binary(), 1024, denoise=False).w[7:9].mean(axis=0)
     for column in (5, 6, 7, 8, 9, 10):

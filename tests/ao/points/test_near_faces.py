@@ -53,7 +53,7 @@ def litter(seed, height, side=SIDE, count=12):
 
 @pytest.mark.parametrize("height", [1e-4, 1e-5, 1e-6])
 @pytest.mark.parametrize("seed", [1, 2])
-@pytest.mark.filterwarnings("ignore::ao.ToleranceWarning")
+@pytest.mark.filterwarnings("ignore::obscurance.ao.ToleranceWarning")
 def test_texels_on_either_side_of_a_leaf_s_edge_are_not_predicted_from_one(seed, height):
     leaves, covered = litter(seed, height)
     size, fine = 64, 4
