@@ -65,8 +65,8 @@ def bake_points(
         points: (k, 3), in the unit of `mesh`; those on a face are taken to lie on its front, or on its back if their
             normal is more than 45° behind it. Directions below the face are closed.
         normals: (k, 3), axes of the hemispheres, of any length; where one is zero or NaN, w is 1.
-        falloff, samples, seed, threads, progress, occluders, tolerance, denoise, spread, back_faces, traversal,
-            profile: as `ao.bake` takes them.
+        falloff, samples, seed, threads, progress, occluders, tolerance, denoise: as `ao.bake` takes them.
+        spread, back_faces, traversal, profile: likewise.
 
     Raises: OptionError, MeshError, MemoryLimitError, EmbreeError: as `ao.bake`, or arrays have other shapes.
     """

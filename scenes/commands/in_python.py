@@ -95,8 +95,8 @@ def bake(
         cage: as `ao.bake` takes it, or the name of a mesh file.
         progress: True shows a bar, "json" prints lines of JSON, a function is called with what is done, in all and the
             stage. None: a line in notebooks.
-        samples, seed, threads, normals, tolerance, denoise, interior, thickness, spread, back_faces, traversal,
-            profile, method, at, both_sides, only, occluders, checkpoint: as `ao.bake` takes them.
+        samples, seed, threads, normals, tolerance, denoise, interior, thickness, spread: as `ao.bake` takes them.
+        back_faces, traversal, profile, method, at, both_sides, only, occluders, checkpoint: likewise.
 
     Raises:
         OptionError: as `ao.bake`; a name or a value that the command refuses, or arguments that do not go together.

@@ -138,7 +138,7 @@ def test_modules_of_other_packages_replace_nothing(wheel, tmp_path):
         assert done.stdout.startswith("obscurance "), done.stdout + done.stderr
     code = "import obscurance; print(obscurance.bake.__module__, obscurance.load.__module__)"
     done = run(sys.executable, "-c", code, folder=tmp_path, env=alone)
-    assert done.stdout == "obscurance.ao.baking obscurance.scenes.formats.load\n", done.stderr
+    assert done.stdout == "obscurance.scenes.commands.in_python obscurance.scenes.formats.load\n", done.stderr
 
 
 NO_COMPILER = "import sys\nsys.modules.update(numba=None, llvmlite=None, setuptools=None)\n"
