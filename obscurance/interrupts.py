@@ -1,8 +1,4 @@
-"""Ctrl-C and SIGTERM: alike but for the status, 128 and the signal's number, also while modules are imported.
-
-The interpreter calls handlers between two steps of the main thread. A library's call may be one step of many seconds,
-so a thread of its own hears of each signal, too, and ends the process if the handler is not called soon.
-"""
+"""Ctrl-C and SIGTERM: alike but for the status, 128 and the signal's number, also while modules are imported."""
 
 import os
 import signal
@@ -22,17 +18,14 @@ _taken = [
 
 
 _received = [signal.SIGINT]  # the last one
-_handled = threading.Event()  # a handler was called for the last signal
-_PATIENCE = 0.8  # seconds until it is to be
 
 
 def _end(number: int, _: object) -> None:
-    os.write(2, b"interrupted; no file is half-written\n")  # outputs are renamed when they are whole
+    os.write(2, b"interrupted; no file is half-written\n")  # nothing is written as yet
     os._exit(128 + number)
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    _handled.set()
     _received.append(signal.Signals(number))
     signal.default_int_handler(number, frame)
 
@@ -48,20 +41,5 @@ def all_imported() -> None:
         signal.signal(number, _interrupt)
 
 
-def _watch(signals: int) -> None:
-    """End the process when no handler is called for a signal whose number comes out of the pipe `signals`."""
-    while number := os.read(signals, 1):
-        if number[0] in _taken and not _handled.wait(_PATIENCE):
-            _end(number[0], None)
-        _handled.clear()
-
-
 for number in _taken:
     signal.signal(number, _end)
-if _taken:
-    _reader, _writer = os.pipe()
-    os.set_blocking(_writer, False)
-    signal.set_wakeup_fd(_writer, warn_on_full_buffer=False)
-    if hasattr(os, "register_at_fork"):  # what a child receives is not for this process
-        os.register_at_fork(after_in_child=lambda: signal.set_wakeup_fd(-1))
-    threading.Thread(target=_watch, args=(_reader,), daemon=True).start()
