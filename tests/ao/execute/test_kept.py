@@ -23,7 +23,9 @@ from meshes import hills
 
 from obscurance import ao
 from obscurance.ao.execute.kept import Kept
+from obscurance.ao.least_squares import fit
 from obscurance.ao.least_squares.conjugate_gradients import solve_within
+from obscurance.ao.methods import surface_method
 from obscurance.raytrace.mesh.mesh import Mesh
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="links")
@@ -74,7 +76,7 @@ def test_a_bake_interrupted_after_its_last_ray_traces_nothing_again(output, whol
         raise Stopped
 
     with monkeypatch.context() as patch:
-        patch.setattr(ao.methods.surface_method, "fit_values", stop)
+        patch.setattr(surface_method, "fit_values", stop)
         interrupted(output, stop=None, make=bake_surface)
     traced = Tracing()
     assert bits(bake(output, make=bake_surface, make_rows=traced.make)) == whole_surface
@@ -86,16 +88,16 @@ def test_a_fit_is_continued_where_it_was_interrupted(output, whole_surface, monk
         raise Stopped
 
     def then_stop(*arguments, **named):
-        patch.setattr(ao.least_squares.fit, "solve", stop)  # the bent normals'
+        patch.setattr(fit, "solve", stop)  # the bent normals'
         return solve_within(*arguments, **named)
 
     with monkeypatch.context() as patch:
-        patch.setattr(ao.least_squares.fit, "solve_within", then_stop)
+        patch.setattr(fit, "solve_within", then_stop)
         interrupted(output, stop=None, make=bake_surface)
     solved = []
     with monkeypatch.context() as patch:
-        patch.setattr(ao.least_squares.fit, "cross_validated", stop)
-        patch.setattr(ao.least_squares.fit, "solve_within", lambda *a, **k: solved.append(a) or solve_within(*a, **k))
+        patch.setattr(fit, "cross_validated", stop)
+        patch.setattr(fit, "solve_within", lambda *a, **k: solved.append(a) or solve_within(*a, **k))
         assert bits(bake(output, make=bake_surface)) == whole_surface
     assert len(solved) == 1  # the relaxed one
 

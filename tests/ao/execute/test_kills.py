@@ -21,7 +21,7 @@ pytestmark = pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 
 AT_ONCE = """
 import time, warnings
-import obscurance.ao.execute.work
+from obscurance.ao.execute import work
 from obscurance.ao.execute.kept import Kept
 put = Kept._put
 def slowly(*arguments):
@@ -29,7 +29,7 @@ def slowly(*arguments):
     time.sleep(0.1)
 Kept._put = slowly
 Kept.__init__.__defaults__ = (warnings.warn, 0.0, *Kept.__init__.__defaults__[2:])
-obscurance.ao.execute.work._BLOCK_RAYS = 1 << 14
+work._BLOCK_RAYS = 1 << 14
 from obscurance import cli
 cli.main()
 """

@@ -10,7 +10,6 @@ from command import obscurance
 from meshes import hills, turned
 from scipy.spatial.transform import Rotation
 
-import obscurance.ao.least_squares.fit
 from benchmarks.accuracy.surface_error import Points
 from obscurance import ao
 from obscurance.raytrace import Mesh, OptionError
@@ -202,7 +201,7 @@ def test_some_stretches_of_a_large_mesh_show_how_smooth_it_is(monkeypatch, watch
     mesh = Mesh(*hills(70))
     tried = watch("obscurance.ao.least_squares.fit.cross_validated")
     whole = bake_surface(mesh, samples=64)
-    monkeypatch.setattr(ao.least_squares.fit, "_RUN", 128)
+    monkeypatch.setattr("obscurance.ao.least_squares.fit._RUN", 128)
     part = bake_surface(mesh, samples=64)
     assert [len(problem.stencil.face_points) for problem, _ in tried] == [len(mesh.faces), 32 * 128]
     assert np.sqrt(np.mean((part.w - whole.w) ** 2)) < 0.25 * whole.rmse

@@ -94,7 +94,7 @@ def test_an_interrupt_of_a_bake_and_its_workers_is_one_line_at_once(tmp_path, me
         import itertools, os, sys
         import obscurance.ao.cluster.workers, obscurance.ao.execute.work
         from obscurance.cli import main
-        ao.execute.work._BLOCK_RAYS, obscurance.ao.cluster.workers._FEW_RAYS = 1 << 14, 0
+        obscurance.ao.execute.work._BLOCK_RAYS, obscurance.ao.cluster.workers._FEW_RAYS = 1 << 14, 0
         keys, number = iter(range(8)), int(sys.argv.pop())
         def count():
             yield from keys

@@ -35,7 +35,7 @@ def run(command, folder, *arguments):
 def test_workers_import_nothing_from_it(folder, command):
     pytest.importorskip("distributed", reason="pip install '.[cluster]'")
     said = run(command, folder, "bake", "hills.obj", "-o", "w.npz", "--samples", "1024", "--cluster", "local")
-    assert said.endswith(" blocks traced by 1 worker\n")
+    assert said.endswith("local: 1 block made by workers\n")
 
 
 def test_the_package_run_as_a_module_imports_nothing_from_it(folder):

@@ -72,6 +72,6 @@ def test_every_kernel_of_the_project_says_its_types():
     built = {entry.signature.line.split()[0].split("@")[0] for name in build.modules() for entry in build.entries(name)}
     for package in ("raytrace", "ao"):
         for path in (ROOT / package).rglob("*.py"):
-            module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+            module = ".".join(("obscurance", *path.relative_to(ROOT).with_suffix("").parts))
             for function in decorated.findall(path.read_text(encoding="utf-8")):
                 assert f"{module}.{function}" in built

@@ -67,6 +67,9 @@ def project_in(folder):
     for name in ("types.py", "errors.py"):
         shutil.copy(ROOT / "raytrace" / name, package)
     shutil.copy(ROOT / "setup.py", folder)
+    (folder / "obscurance").mkdir()
+    for name in ("__init__.py", "__init__.pyi"):
+        shutil.copy(ROOT / "obscurance" / name, folder / "obscurance")
     (folder / "pyproject.toml").write_text(PROJECT)
     (package / "helper.py").write_text(HELPER.format(value=1))
     (package / "loop.py").write_text(KERNEL)
@@ -163,7 +166,7 @@ def test_a_kernel_is_built_for_the_types_it_is_annotated_with_and_refuses_others
     for value, result in (("np.full(1, 3.0)", 6.0), ("None", 2.0)):
         assert run(project, CALL.format(value)) == f"{result} {0 if builds else 1}"
     for value, got in (("np.full(1, 3)", "<i8:1C"), ("np.zeros((2, 2))", "<f8:2C"), ("np.ones(4)[::2]", "<f8:1A")):
-        refused = f"raytrace.loop.double: values: expected <f8:1C or None, got {got}"
+        refused = f"obscurance.raytrace.loop.double: values: expected <f8:1C or None, got {got}"
         assert run(project, CALL.format(value)) == refused
         assert run(project, NO_NUMBA + CALL.format(value)) == refused
 
@@ -186,7 +189,7 @@ def test_without_numba_a_line_says_what_is_missing_and_how_it_is_had(project):
     assert run(project, NO_NUMBA + ANSWER) == "1 0 False"
     (project / "raytrace" / "helper.py").write_text(HELPER.format(value=2))
     said = run(project, NO_NUMBA + ANSWER)
-    assert said.startswith("raytrace.loop.answer: expected a kernel of the library")
+    assert said.startswith("obscurance.raytrace.loop.answer: expected a kernel of the library")
     assert "pip install 'obscurance[develop]'" in said
     assert len(said.splitlines()) == 1
 

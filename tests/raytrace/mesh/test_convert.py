@@ -140,6 +140,7 @@ def test_a_recipe_runs(recipe, tmp_path, monkeypatch):
         (tmp_path / name).write_bytes(builder.glb([{"mesh": 0}]))
     used = {name: pytest.importorskip(name) for name in LIBRARIES if name in recipe}
     given = {"vertices": POINTS, "faces": FACES, "wall": Mesh(np.add(POINTS, 3.0), FACES)}
+    given["file"] = scenes.load("duck.glb")
     names = {"np": np, "ao": ao, "scenes": scenes, "obscurance": obscurance, **given, **used}
     exec(compile(recipe.replace("1024", "128"), "python.md", "exec"), names)
     for saved in re.findall(r'(?:save|write|view)\((?:baked, )?"(.+?)"', recipe):
