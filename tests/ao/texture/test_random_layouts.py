@@ -63,9 +63,3 @@ def test_pages_of_blenders_primitives(name, size):
     texture = checked(vertices, faces.astype(int), uv, size, 1.0 if name in OPEN else None, name)
     on_hard_edges = ("cone", "cube", "cylinder")  # seams are none there
     assert texture.facts.seam_edges > 0 or name in ("grid", "torus", *on_hard_edges)
-        "cone",
-        "cube",
-        "cylinder",
-        "grid",
-        "torus",
-    )  # seams on hard edges are none
