@@ -164,10 +164,7 @@ def useless_normals(mesh: Mesh) -> int:
 
 
 def own_vertex_normals(mesh: Mesh) -> Float64s | None:
-    """A mesh's own unit normals (n, 3) by vertex, zero where it has several or one of no use; None without any.
-
-    One is of use if it is at any corner: of faces that are wound at random, some are.
-    """
+    """A mesh's own unit normals (n, 3) by vertex, zero where it has several or one of no use; None without any."""
     own = own_normals(mesh)
     if own is None:
         return None
@@ -175,9 +172,7 @@ def own_vertex_normals(mesh: Mesh) -> Float64s | None:
     corners, at_corners = mesh.faces.ravel(), normals.values[normals.of.ravel()]
     by_vertex = np.zeros(mesh.vertices.shape)
     by_vertex[corners] = at_corners
-    of_no_use = np.ones(len(by_vertex), np.bool_)
-    of_no_use[corners[is_useful.ravel()]] = False
-    by_vertex[corners[(by_vertex[corners] != at_corners).any(axis=1) | of_no_use[corners]]] = 0.0
+    by_vertex[corners[(by_vertex[corners] != at_corners).any(axis=1) | ~is_useful.ravel()]] = 0.0
     return by_vertex
 
 

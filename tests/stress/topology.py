@@ -7,15 +7,13 @@ from math import pi, sin
 
 import numpy as np
 
-from obscurance.ao import Bake, Binary, bake
-from obscurance.ao.points.receivers import Normals
+from obscurance.ao import Binary, bake
 from obscurance.raytrace.mesh.mesh import Mesh
-from obscurance.raytrace.types import Float64s
 from obscurance.scenes.geometry.polyhedra import RawMesh, hull, icosphere, join, patches
 
 from .line import ERROR, Line, undefined
 from .pose import Pose
-from .solids import grid, inward
+from .solids import grid
 
 PAGES = 8
 _FAR = 1000.0
@@ -31,16 +29,14 @@ def topology(long: bool) -> Iterator[Line]:
     missed = (2 / pi) * 1.5 / _FAR  # of an infinite page
     box = hull([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (0, 2)])
     feet = np.flatnonzero(box[0][:, 2] == 0)
-    for name, part, normals, points, expected, allowed in (
-        ("sphere with faces wound at random, the file's normals", (sphere[0], turned), sphere[0], None, 1.0, 0.0),
-        ("sphere wound inward, the file's normals outward", inward(sphere), sphere[0], None, 1.0, 0.0),
-        (f"book of {PAGES} pages on one edge", book, None, readers, sin(pi / PAGES) ** 2, ERROR + missed),
-        ("sheet welded to its own back", (flat[0], np.concatenate([flat[1], flat[1][:, ::-1]])), None, None, 1.0, 0.0),
-        ("box in the middle of a floor 10⁷ times as wide", join([box, grid(1, 2e7)]), None, feet, _FOOT, ERROR),
+    for name, part, points, expected, allowed in (
+        (f"book of {PAGES} pages on one edge", book, readers, sin(pi / PAGES) ** 2, ERROR + missed),
+        ("sheet welded to its own back", (flat[0], np.concatenate([flat[1], flat[1][:, ::-1]])), None, 1.0, 0.0),
+        ("box in the middle of a floor 10⁷ times as wide", join([box, grid(1, 2e7)]), feet, _FOOT, ERROR),
     ):  # fmt: skip
         worst, missing = 0.0, 0
         for pose in poses:
-            baked = _bake(pose, part, normals)
+            baked = bake(Mesh(pose.vertices(part[0]), part[1]), Binary(), 4096, denoise=False)
             w = baked.w if points is None else baked.w[points]
             worst = float(np.maximum(worst, np.abs(w - expected).max()))
             missing += undefined(baked.w, baked.error, baked.bent_normals)
@@ -49,13 +45,6 @@ def topology(long: bool) -> Iterator[Line]:
 
 
 _FOOT = 0.5 * (1 - 3**-0.5)
-
-
-def _bake(pose: Pose, part: RawMesh, normals: Float64s | None) -> Bake:
-    own = None if normals is None else pose.directions(normals)
-    mesh = Mesh(pose.vertices(part[0]), part[1], own)
-    kind: Normals = "angle" if own is None else "file"
-    return bake(mesh, Binary(), 4096 if own is None else 256, normals=kind, denoise=False)
 
 
 def _book() -> tuple[RawMesh, list[int]]:
@@ -76,7 +65,7 @@ def _mixed(poses: list[Pose], part: RawMesh) -> Line:
     """Faces wound at random without normals have no outside: whatever w is, it is one."""
     outside = missing = 0
     for pose in poses:
-        baked = _bake(pose, part, None)
+        baked = bake(Mesh(pose.vertices(part[0]), part[1]), Binary(), 4096, denoise=False)
         outside += int(np.count_nonzero(~((baked.w >= 0) & (baked.w <= 1))))
         missing += undefined(baked.w, baked.error, baked.bent_normals)
     return Line("sphere with faces wound at random", f"{len(poses)} poses", "w outside [0, 1]", outside, 0, missing)

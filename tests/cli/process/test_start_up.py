@@ -73,7 +73,7 @@ def test_a_run_compiles_nothing_and_imports_neither_the_compiler_nor_what_it_doe
 
 @pytest.mark.skipif(sys.platform != "linux", reason="/proc")
 def test_a_command_starts_no_threads_of_a_linear_algebra_library():
-    code = "import os, numpy; from obscurance import cli; print(len(os.listdir('/proc/self/task')))"
+    code = "import os; from obscurance import cli; import numpy; print(len(os.listdir('/proc/self/task')))"
     environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
     command = [sys.executable, "-c", code]
     shown = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60, env=environment)
