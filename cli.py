@@ -9,7 +9,6 @@ from obscurance import interrupts
 if gc.isenabled():
     gc.set_threshold(100_000)  # what is imported stays: to look for garbage in it takes 5 % of a short bake
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # or NumPy starts threads that no command uses, and they spin
-os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # or every package installed is searched for some
 
 from collections.abc import Callable
 from pathlib import Path

@@ -90,14 +90,6 @@ def run_blocks(
                 pass
 
 
-def run_ranges(count: int, least: int, work: Callable[[int, int], None], threads: int) -> None:
-    """`run_blocks` with one part for each thread, of `least` items or more.
-
-    For work that looks at all of its input whatever its part, such as one that writes the rows of its part alone.
-    """
-    run_blocks(count, max(-(-count // granted(threads)), least), work, threads)
-
-
 class _Call:
     """A call of `run_blocks`."""
 

@@ -12,7 +12,7 @@ import pytest
 
 from obscurance.raytrace import OptionError
 from obscurance.raytrace.system import threads as threads_module
-from obscurance.raytrace.system.threads import run_blocks, run_ranges, shares, thread_count
+from obscurance.raytrace.system.threads import run_blocks, shares, thread_count
 
 
 @pytest.mark.parametrize(("count", "block"), [(0, 4), (1, 4), (4, 4), (10, 3), (100_000, 7)])
@@ -118,19 +118,6 @@ def test_a_call_within_a_block_stays_on_its_thread():
     others = set()
     run_blocks(64, 1, lambda first, last: (time.sleep(0.001), others.add(threading.get_ident())), 2)
     assert len(others) == 2
-
-
-def test_ranges_are_as_many_as_threads_that_work():
-    """Each goes through all input, so that more of them would take longer."""
-    parts, inner = [], []
-    run_ranges(100, 1, lambda *part: parts.append(part), 1)
-    assert parts == [(0, 100)]
-    run_blocks(2, 1, lambda *_: run_ranges(100, 1, lambda *part: inner.append(part), 64), 2)
-    assert inner == [(0, 100)] * 2
-    parts.clear()
-    run_ranges(100, 40, lambda *part: parts.append(part), 4096)
-    assert sorted(parts)[-1][1] == 100
-    assert all(stop - start >= 20 for start, stop in parts)
 
 
 @pytest.mark.parametrize("most", [1, 16])
