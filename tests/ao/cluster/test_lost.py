@@ -57,7 +57,8 @@ def test_six_workers_killed_in_turn(tmp_path):
 
 def test_a_block_that_ends_every_worker_ends_the_bake(tmp_path):
     crash = tmp_path / "crash.py"
-    crash.write_text("import os, obscurance.ao.cluster.workers as workers\nworkers.make_on_threads = lambda *_: os._exit(1)\n")
+    code = "import os, obscurance.ao.cluster.workers as workers\nworkers.make_on_threads = lambda *_: os._exit(1)\n"
+    crash.write_text(code)
     with scheduler(1, [str(crash)]) as cluster, pytest.raises(ClusterError, match="workers have ended with it"):
         bake_on(cluster.scheduler_address, LONG, tmp_path / "w.npy", lambda _: None)
 
