@@ -15,6 +15,7 @@ from obscurance import ao
 from obscurance.raytrace.errors import ClusterError, ObscuranceError, OptionError, printable
 from obscurance.raytrace.system.atomic import is_standard_output
 
+from ..show.progress import stage
 from .console import note
 from .inputs import BakeInputs, read_inputs
 from .options import OptionValues
@@ -63,7 +64,8 @@ def run(
 
     Args: content: of the input, if it is no file's.
     """
-    inputs = read_inputs(plan, content)
+    with stage("reading", plan.options.quiet, plan.options.progress):
+        inputs = read_inputs(plan, content)
     if plan.kind == "vertices":
         from . import vertices
 
