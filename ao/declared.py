@@ -90,7 +90,8 @@ def known_names(function: Callable[P, T]) -> Callable[P, T]:
         for name in named:
             if name not in names:
                 known = [each for each in names if each != "self"]
-                raise OptionError(name, "one of " + ", ".join(known), "an unknown name", nearest=nearest_name(name, known))
+                expected = "one of " + ", ".join(known)
+                raise OptionError(name, expected, "an unknown name", nearest=nearest_name(name, known))
         return function(*unnamed, **named)
 
     return checked
@@ -100,7 +101,7 @@ def known_names(function: Callable[P, T]) -> Callable[P, T]:
 def options_record(kind: type[T]) -> type[T]:
     """A frozen dataclass of arguments, whose constructor knows its names."""
     made = dataclass(frozen=True, eq=False, repr=False)(kind)
-    made.__init__ = known_names(made.__init__)  # type: ignore[misc]
+    made.__init__ = known_names(made.__init__)  # type: ignore[method-assign]
     return made
 
 

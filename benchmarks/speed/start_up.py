@@ -42,7 +42,8 @@ def cost(command: list[str]) -> tuple[float, float, int]:
 def of_tree(python: str, tree: Path, meshes: list[Path], folder: Path) -> dict[str, list[str]]:
     """The help and the bakes of a source tree, by name."""
     obscurance = [python, str(tree / "cli.py")]
-    bakes = {f"bake {mesh.name}": [*obscurance, "bake", str(mesh), "-o", str(folder / "w.ply"), "-q"] for mesh in meshes}
+    into = ["-o", str(folder / "w.ply"), "-q"]
+    bakes = {f"bake {mesh.name}": [*obscurance, "bake", str(mesh), *into] for mesh in meshes}
     return {"--help": [*obscurance, "--help"], **bakes}
 
 

@@ -90,9 +90,7 @@ class Layouts:
                 same = owners.setdefault(piece.body, {})
                 self.instance[piece.faces] = same.setdefault(piece.object.key, len(same))
 
-    def clashes(
-        self, page: Page, size: tuple[int, int], threads: int | None, some: bool
-    ) -> dict[tuple[int, int], int]:
+    def clashes(self, page: Page, size: tuple[int, int], threads: int | None, some: bool) -> dict[tuple[int, int], int]:
         """In how many texels pairs of layouts overlap on a page; pairs that surely do, and about how many, if only
         `some` texels are looked at."""
         used = self.of[on_page(page.uv)]
@@ -261,7 +259,8 @@ def _refusal(
     names = " and ".join(piece.material.name if by_material else piece.object.name for piece in (one, other))
     more = f" ({len(clashes) - 1} more such pairs)" if len(clashes) > 1 else ""
     expected = f"{MATERIAL if by_material else OBJECT} in its name, a .glb, or --overlap mean: layouts overlap"
-    return OptionError("output", expected, f"{about}{clashes[pair]:,} texels of {output} for both {names}{more}", source.path)
+    got = f"{about}{clashes[pair]:,} texels of {output} for both {names}{more}"
+    return OptionError("output", expected, got, source.path)
 
 
 def layout_remarks(baked: ao.BakedTexture, wraps: bool, tiles: bool) -> list[str]:

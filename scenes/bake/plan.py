@@ -318,7 +318,7 @@ def _check_vertices(plan: Plan) -> None:
     check_holds(plan.output, "points" if options.points else options.at, options.both_sides)
     if options.high is not None and options.method == "surface":
         raise ConflictError("high", "does not go with", ("method", "surface"))
-    if options.occluded_by != "all" and len(plan.arguments.falloffs) > 1:
+    if options.occluded_by != "all" and isinstance(plan.arguments.falloff, tuple):
         raise ConflictError("occluded_by", "does not go with", "a list of falloffs")
     if options.profile and plan.ending == ".npy":
         raise ConflictError("profile", "needs", "an output that holds one: .npz .ply .glb .html")

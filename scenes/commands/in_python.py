@@ -104,13 +104,14 @@ def bake(
     if only is not None and (points or occluded_by != "all"):
         raise ConflictError("only", "does not go with", "points" if points else "occluded_by")
     options = _as_options(locals())
+    check_together(options, BAKE)
     plan = plan_bake(options)
     inputs = read_inputs(plan, source=None if _is_name(mesh) else mesh)
     wanted = inputs.chosen.only
-    if only is not None and wanted is not None:
-        only = np.asarray(only) & wanted
-    given = {"only": wanted if only is None else only, "occluders": [*occluders, *inputs.arguments["occluders"]]}
-    inputs = inputs._replace(arguments=inputs.arguments | given)
+    arguments = inputs.arguments | {"occluders": [*occluders, *inputs.arguments["occluders"]]}
+    if only is not None:
+        arguments["only"] = only if wanted is None else np.asarray(only) & wanted
+    inputs = inputs._replace(arguments=arguments)
     if callable(progress):
         return bake_inputs(plan, inputs, checkpoint, progress)
     quiet = not (in_notebook() if progress is None else progress)

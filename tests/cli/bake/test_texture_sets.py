@@ -127,7 +127,7 @@ def test_overlaps_are_refused_by_a_few_texels_and_before_anything_else_is_read(t
     looked_at = watch("obscurance.scenes.bake.pages.shared_texels")
     line = ["bake", path, "-o", tmp_path / target, "--size", 1024, "--high", fine]
     if target == "w.glb":
-        line += ["--error-map", tmp_path / "e.exr"]
+        line += ["--occlusion", "texture", "--error-map", tmp_path / "e.exr"]
         said = "--error-map: expected <MATERIAL> in its name"
     else:
         said = "got about 1,048,576 texels"

@@ -4,6 +4,7 @@ import inspect
 import re
 import sys
 from types import SimpleNamespace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from obscurance.ao.options import Options, TextureOptions, VertexOptions
 from obscurance.raytrace.errors import ConflictError, MeshError, OptionError
 from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.opacity import AlphaSurface, Opacity
-from obscurance.scenes.bake.options import ROWS
+from obscurance.scenes.bake.options import ROWS, Alpha
 
 BOXES = two_boxes()
 FEW = {"samples": 32, "denoise": False}
@@ -137,11 +138,13 @@ def test_a_misspelt_argument_is_told_the_nearest(function, arguments):
 def test_alpha_and_the_up_axis_are_those_of_meshes_in_memory_too():
     vertices, faces = hills(5)
     above = vertices + np.array([0, 0, 2])
-    glass = Mesh(above, faces, opacity=Opacity(np.zeros(len(faces), int), (AlphaSurface(0.5),)))
-    for inputs, opaque in [({"mesh": glass}, {"mesh": (above, faces)}), ({"occluder": glass}, {"occluder": (above, faces)})]:
-        seen = {alpha: obscurance.bake(**{"mesh": hills(5)} | inputs, alpha=alpha, **FEW).w for alpha in ("auto", "ignore")}
-        np.testing.assert_array_equal(seen["ignore"], obscurance.bake(**{"mesh": hills(5)} | opaque, **FEW).w)
-        assert (seen["auto"] > seen["ignore"]).any()
+    opaque = (above, faces)
+    glass = Mesh(*opaque, opacity=Opacity(np.zeros(len(faces), int), (AlphaSurface(0.5),)))
+    for name, others in [("mesh", {}), ("occluder", {"mesh": hills(5)})]:
+        given = others | FEW | {name: glass}
+        open_w, closed_w = (obscurance.bake(**given, alpha=alpha).w for alpha in get_args(Alpha))
+        np.testing.assert_array_equal(closed_w, obscurance.bake(**others, **{name: opaque}, **FEW).w)
+        assert (open_w > closed_w).any()
 
 
 @pytest.mark.parametrize("bake", [obscurance.bake, ao.bake])
