@@ -10,7 +10,6 @@ import numpy as np
 
 from obscurance.raytrace.errors import ConflictError
 from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
-from obscurance.raytrace.mesh.opacity import opacity_bytes
 from obscurance.raytrace.system.checks import check_memory
 from obscurance.raytrace.types import Bools, Int64s
 
@@ -22,7 +21,7 @@ from .execute.kept import Kept
 from .execute.tracer import Progress
 from .falloff import Falloffs, Length
 from .interpolation_error import measure_interpolation
-from .memory import TRACED, column_bytes, surface_bytes, vertex_bytes
+from .memory import TRACED, bytes_at_vertices, column_bytes
 from .options import (
     DEFAULT_SAMPLES,
     At,
@@ -242,13 +241,9 @@ def _sample_vertices(prepared: Prepared) -> PointValues:
 
 def _check_memory(count: int, meshes: list[Mesh], options: Options) -> None:
     """Check that a bake of `count` vertices among these meshes fits into memory. Raises: MemoryLimitError."""
-    vertices = sum(len(mesh.vertices) for mesh in meshes)
-    faces = sum(len(mesh.faces) for mesh in meshes)
-    images = opacity_bytes([mesh.opacity for mesh in meshes if mesh.opacity])
-    source, work = meshes[0].source, f"to bake {count:,} vertices and {faces:,} faces"
-    columns_size = column_bytes(count, options.columns)
-    if options.method == "vertex":
-        check_memory(source, images + columns_size + vertex_bytes(vertices, faces, options.rays), work)
-        return
-    instead = {"the vertex method": vertex_bytes(vertices, faces, DEFAULT_SAMPLES)}
-    check_memory(source, images + surface_bytes(vertices, faces), work + " by the surface method", instead)
+    work = f"to bake {count:,} vertices and {sum(len(mesh.faces) for mesh in meshes):,} faces"
+    instead = {}
+    if options.method == "surface":
+        work += " by the surface method"
+        instead["the vertex method"] = bytes_at_vertices(meshes, Options(samples=DEFAULT_SAMPLES))
+    check_memory(meshes[0].source, bytes_at_vertices(meshes, options), work, instead)

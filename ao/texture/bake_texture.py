@@ -10,7 +10,6 @@ import numpy as np
 from obscurance.raytrace.errors import OptionError
 from obscurance.raytrace.mesh.corners import with_hard_edges
 from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
-from obscurance.raytrace.mesh.opacity import opacity_bytes
 from obscurance.raytrace.system.checks import NEGLIGIBLE, check_memory
 from obscurance.raytrace.types import Float64s, Int64s
 
@@ -24,7 +23,7 @@ from ..execute.kept import Kept
 from ..execute.sample_means import SampleMeans
 from ..execute.tracer import Progress, Tracer
 from ..falloff import Falloffs, Length
-from ..memory import TRACED_TEXEL, column_bytes, texture_bytes
+from ..memory import TRACED_TEXEL, bytes_of_texture
 from ..options import BackFaces, BentSpace, Interior, Normals, Overlap, TextureOptions
 from ..points.corners import CornerSamples
 from ..points.occluders import occluding
@@ -257,12 +256,9 @@ def _check_memory(scene: _Scene, size: tuple[int, int], options: TextureArgument
     """Check that the bake of a page of `size` fits into memory. Raises: MemoryLimitError."""
     texels = size[0] * size[1]
     solids = [scene.solid, *scene.occluders]
-    vertices = sum(len(solid.vertices) for solid in solids)
-    faces = sum(len(solid.faces) for solid in solids)
     blocks = options.tolerance is not None and options.high is None
-    needed = texture_bytes(texels, covered_texels(scene.uv, size), vertices, faces, options.rays, blocks)
-    needed += column_bytes(texels, options.columns)
-    needed += opacity_bytes([solid.opacity for solid in solids if solid.opacity])
+    needed = bytes_of_texture(solids, options, texels, covered_texels(scene.uv, size), blocks)
+    faces = sum(len(solid.faces) for solid in solids)
     check_memory(scene.mesh.source, needed, f"to bake {texels:,} texels of {faces:,} faces")
 
 

@@ -49,10 +49,9 @@ class BakeInputs(NamedTuple):
     started: float
 
     @property
-    def counts(self) -> tuple[int, int]:
-        """Numbers of vertices and faces that occlude."""
-        meshes = [*self.occluders, self.fine or self.chosen.mesh]
-        return sum(len(mesh.vertices) for mesh in meshes), sum(len(mesh.faces) for mesh in meshes)
+    def solids(self) -> list[Mesh]:
+        """The meshes that occlude."""
+        return [*self.occluders, self.fine or self.chosen.mesh]
 
     @property
     def meshes(self) -> list[Mesh]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from obscurance import ao
 from obscurance.ao.baking import VertexArguments, bake_vertices
-from obscurance.ao.memory import column_bytes, texture_bytes
+from obscurance.ao.memory import bytes_of_texture
 from obscurance.ao.report import report
 from obscurance.ao.texture.bake_texture import TextureArguments, bake_page
 from obscurance.ao.texture.uv_layout import covered_texels, on_page
@@ -53,8 +53,7 @@ def work_size(plan: Plan, inputs: BakeInputs) -> WorkSize:
     arguments = plan.arguments
     covered = max(covered_texels(page.uv, layout.coordinates.size) for page in layout.pages)
     blocks = arguments.tolerance is not None and inputs.arguments["high"] is None
-    needed = texture_bytes(width * height, covered, *inputs.counts, arguments.rays, blocks)
-    needed += column_bytes(width * height, arguments.columns)
+    needed = bytes_of_texture(inputs.solids, arguments, width * height, covered, blocks)
     return WorkSize(len(layout.pages) * width * height, "texels", needed)
 
 

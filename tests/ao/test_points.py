@@ -5,7 +5,7 @@ import pytest
 from meshes import hills
 
 from obscurance import ao
-from obscurance.ao.analytic import closed_forms
+from obscurance.ao import closed_forms
 from obscurance.raytrace import Mesh, MeshError, OptionError
 
 WALL = [[0, -60, 0], [0, 60, 0], [0, 60, 60], [0, -60, 60]], [[0, 1, 2], [0, 2, 3]]
