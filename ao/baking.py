@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -13,6 +13,7 @@ from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
 from obscurance.raytrace.system.checks import check_memory
 from obscurance.raytrace.types import Bools, Int64s
 
+from .declared import known_names, options_record
 from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids
 from .estimate.tolerance import Estimate, shortfalls
@@ -39,11 +40,12 @@ from .result import Bake, Interpolation, PointValues, assemble, baked_vertices
 _LARGE = 1 << 14  # vertices of a mesh that is not kept until somebody asks for the error between them
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@options_record
 class VertexArguments(VertexOptions, Inputs):
     """Arguments of `ao.bake`."""
 
 
+@known_names
 def bake(
     mesh: Mesh | Any,
     falloff: Falloffs = None,

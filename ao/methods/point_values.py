@@ -17,6 +17,7 @@ from obscurance.raytrace.ray_origins.origins import directions_in_front, ray_off
 from obscurance.raytrace.ray_origins.surface import Surface
 from obscurance.raytrace.types import Float64s, UInt8s
 
+from ..declared import known_names
 from ..estimate.estimate import estimate
 from ..estimate.links import linked
 from ..estimate.tolerance import Estimate, shortfalls
@@ -36,6 +37,7 @@ TAKEN = (*("falloff", "samples", "tolerance", "denoise", "spread", "back_faces",
 _RIM = np.radians(60 * np.arange(6))
 
 
+@known_names
 def bake_points(
     mesh: Mesh | Any | None,
     points: npt.ArrayLike,

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cache, partial
 from typing import Annotated, Any, NamedTuple
 
@@ -14,7 +13,7 @@ from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
 from obscurance.raytrace.system.checks import NEGLIGIBLE, check_memory
 from obscurance.raytrace.types import Float64s, Int64s
 
-from ..declared import Option
+from ..declared import Option, known_names, options_record
 from ..estimate.cells import Cells
 from ..estimate.estimate import estimate
 from ..estimate.one_ring import Neighbours
@@ -40,17 +39,18 @@ from .uv_layout import UVLayout, corner_uv, covered_texels, on_page, page_size
 from .uv_surface import UVSurface
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@options_record
 class _Layout(Inputs):
     uv: Any
     size: Annotated[int | tuple[int, int], Option(bake_kinds="")] = 1024
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@options_record
 class TextureArguments(TextureOptions, _Layout):
     """Arguments of `ao.bake_texture`."""
 
 
+@known_names
 def bake_texture(
     mesh: Mesh | Any,
     uv: Any,

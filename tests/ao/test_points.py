@@ -79,7 +79,7 @@ def test_points_without_a_normal_and_what_is_refused():
         ao.bake_points(WALL, points + np.inf, normals)
     with pytest.raises(MeshError, match="at least two"):
         ao.bake_points(None, points[:1], normals[:1])
-    with pytest.raises(TypeError):
+    with pytest.raises(OptionError, match="interior: expected one of"):
         ao.bake_points(WALL, points, normals, interior="mark")
 
 
