@@ -145,10 +145,13 @@ class OffsetPoints(NamedTuple):
     tree_seconds: float
 
 
-def offset_points(placed: Float32s, faces: Int64s, weighting: Weighting, own_axes: Float64s | None) -> OffsetPoints:
+def offset_points(
+    placed: Float32s, faces: Int64s, weighting: Weighting, own_axes: Float64s | None, apart: bool = True
+) -> OffsetPoints:
     """Weld vertices `placed` (n, 3) in render space; the points' axes, and origins offset from the surface.
 
     Args: weighting: of the faces' normals. own_axes: (n, 3), axes of any length, zero where faces' normals give them.
+        apart: whether vertices at a place are different points by their `own_axes`; else by the faces around them.
     """
     vertices = placed.astype(np.float64)
     if own_axes is not None:
@@ -156,7 +159,7 @@ def offset_points(placed: Float32s, faces: Int64s, weighting: Weighting, own_axe
         is_own = nonzero(axes)
         if not is_own.all():
             axes = np.where(is_own[:, None], axes, smooth_normals(placed, faces, weighting))
-        welded = weld_points(vertices, faces, weighting, axes, SAME)
+        welded = weld_points(vertices, faces, weighting, axes, SAME if apart else CREASE, by_means=not apart)
         is_own = is_own[welded.first_vertex]
         axes = np.where(is_own[:, None], axes[welded.first_vertex], welded.axes)
         behind_some = welded.clearance <= 0
@@ -202,7 +205,7 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "file") 
         weighting = normals
     curve = _Curve.through(placement.vertices, mesh.faces)
     own_axes = None if own_axes is None else own_axes[curve.vertices]
-    offset = offset_points(placement.vertices[curve.vertices], curve.faces, weighting, own_axes)
+    offset = offset_points(placement.vertices[curve.vertices], curve.faces, weighting, own_axes, normals == "file")
     points, usable, index = _compacted(offset)
     # What rays meet: faces in the order of the mesh.
     faces, number = mesh.faces, curve.order

@@ -224,6 +224,7 @@ def weld_points(
     weighting: Weighting = "angle",
     normals: Float64s | None = None,
     agreement: float = CREASE,
+    by_means: bool = False,
 ) -> WeldedPoints:
     """Weld the vertices of a mesh, and find directions in front of their faces.
 
@@ -231,7 +232,7 @@ def weld_points(
         weighting: of the faces' normals in their mean, see `vertex_sums`.
         normals: (n, 3), unit or zero, the directions where these are in front of the faces; by default the vertices'
             means, which lie in front of the faces elsewhere, too.
-        agreement: least cosine between the normals of vertices that are welded.
+        agreement: least cosine between the normals of vertices that are welded. by_means: between their means instead.
     """
     face_normal, area = face_normals(vertices, faces)
     if not area.all():
@@ -244,7 +245,7 @@ def weld_points(
         face_normal[backwards] *= -1.0
     sums = vertex_sums(vertices, faces, face_normal, area, weighting)
     mean = normalize(sums)
-    group = weld(vertices.astype(np.float32), faces, mean if normals is None else normals, agreement)
+    group = weld(vertices.astype(np.float32), faces, mean if normals is None or by_means else normals, agreement)
     first_vertices, face_points = group, np.ascontiguousarray(faces)
     if len(group) > group.max() + 1:
         first_vertices = np.empty(int(group.max()) + 1, np.int64)
