@@ -75,8 +75,11 @@ def ray_origins(
     return points + offset[:, None] * directions, ambiguous
 
 
-def directions_in_front(points: Float64s, axes: Float64s, tree: BVH16, surface: Surface) -> tuple[Float64s, Float64s]:
-    """Directions (k, 3) in front of the faces that hold `points` (k, 3), or touch them, and their clearance (k,).
+def directions_in_front(
+    points: Float64s, axes: Float64s, tree: BVH16, surface: Surface
+) -> tuple[Float64s, Float64s, Float64s]:
+    """Directions (k, 3) in front of the faces that hold `points` (k, 3), or touch them, their clearance (k,), and the
+    largest coordinate (k,) of the point and of these faces.
 
     They are the `axes` (k, 3), unit, unless these lie in such faces or behind; a face is seen from its back where an
     axis is far behind it. Args: tree: over the faces of `surface`.
@@ -94,7 +97,9 @@ def directions_in_front(points: Float64s, axes: Float64s, tree: BVH16, surface: 
     clear = least_cosines(axes, rows, normals)
     is_in_front = clear > SHARP
     directions[is_in_front] = axes[is_in_front]
-    return directions, np.where(is_in_front, clear, clearance)
+    magnitude = np.abs(points).max(axis=1, initial=0.0)
+    np.maximum.at(magnitude, held.point, np.maximum(surface.extent, surface.flat)[held.face])
+    return directions, np.where(is_in_front, clear, clearance), magnitude
 
 
 def ray_offset(directions: Float64s, magnitude: Float64s, clearance: Float64s) -> Float64s:
