@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -10,10 +10,10 @@ import numpy as np
 
 from obscurance.raytrace.errors import ConflictError
 from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
-from obscurance.raytrace.mesh.opacity import opacity_bytes
 from obscurance.raytrace.system.checks import check_memory
 from obscurance.raytrace.types import Bools, Int64s
 
+from .declared import known_names, options_record
 from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids
 from .estimate.tolerance import Estimate, shortfalls
@@ -21,7 +21,7 @@ from .execute.kept import Kept
 from .execute.tracer import Progress
 from .falloff import Falloffs, Length
 from .interpolation_error import measure_interpolation
-from .memory import TRACED, column_bytes, surface_bytes, vertex_bytes
+from .memory import TRACED, bytes_at_vertices, column_bytes
 from .options import (
     DEFAULT_SAMPLES,
     At,
@@ -30,7 +30,6 @@ from .options import (
     Method,
     Normals,
     Options,
-    Traversal,
     VertexOptions,
 )  # fmt: skip
 from .points.occluders import occluding
@@ -41,11 +40,12 @@ from .result import Bake, Interpolation, PointValues, assemble, baked_vertices
 _LARGE = 1 << 14  # vertices of a mesh that is not kept until somebody asks for the error between them
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@options_record
 class VertexArguments(VertexOptions, Inputs):
     """Arguments of `ao.bake`."""
 
 
+@known_names
 def bake(
     mesh: Mesh | Any,
     falloff: Falloffs = None,
@@ -65,7 +65,6 @@ def bake(
     thickness: bool = False,
     spread: float = 180.0,
     back_faces: BackFaces = "occlude",
-    traversal: Traversal = "auto",
     profile: bool = False,
     cage: Length | Mesh | Any = "2%",
     only: Bools | None = None,
@@ -118,9 +117,6 @@ def bake(
             180. Rays stay distributed like cosθ, and w is their mean: 1 where nothing is in the cone.
         back_faces: ignore: rays pass through faces that they meet from behind, as through single-sided walls. A face's
             front is where its corners run anticlockwise. `interior` sees backs all the same. Not by the surface method.
-        traversal: Who traces rays; embree is slower, and checks auto. "auto": the rays of a point walk a hierarchy of
-            our own together, but go through Embree in packets where half of them meet something and they are few. Not
-            by the surface method.
         profile: Also store w at half-distances an octave apart, from .5% to 256% of the radius, so that the
             half-distance can be chosen later: .npz .ply .glb .html, textures .exr; by default in .html, if that costs
             little. In Python the result's `profile`, by the same rays; without `max_distance`, and not by the surface
@@ -229,8 +225,6 @@ def _sample_vertices(prepared: Prepared) -> PointValues:
     needed = TRACED * len(points) + column_bytes(len(points), options.columns)
     check_memory(prepared.mesh.source, needed, f"to trace rays at {len(points):,} points")
     tracer = prepared.tracer(total)
-    if options.tolerance is None and options.rays >= tracer.embree_below:
-        tracer.embree_below = 0  # Embree's hierarchy is not worth building for corner samples alone
     inside = inside_solids(
         points, lambda: receivers.first_vertex, prepared.placement, receivers, options.interior, tracer.threads, total
     )
@@ -247,13 +241,9 @@ def _sample_vertices(prepared: Prepared) -> PointValues:
 
 def _check_memory(count: int, meshes: list[Mesh], options: Options) -> None:
     """Check that a bake of `count` vertices among these meshes fits into memory. Raises: MemoryLimitError."""
-    vertices = sum(len(mesh.vertices) for mesh in meshes)
-    faces = sum(len(mesh.faces) for mesh in meshes)
-    images = opacity_bytes([mesh.opacity for mesh in meshes if mesh.opacity])
-    source, work = meshes[0].source, f"to bake {count:,} vertices and {faces:,} faces"
-    columns_size = column_bytes(count, options.columns)
-    if options.method == "vertex":
-        check_memory(source, images + columns_size + vertex_bytes(vertices, faces, options.rays), work)
-        return
-    instead = {"the vertex method": vertex_bytes(vertices, faces, DEFAULT_SAMPLES)}
-    check_memory(source, images + surface_bytes(vertices, faces), work + " by the surface method", instead)
+    work = f"to bake {count:,} vertices and {sum(len(mesh.faces) for mesh in meshes):,} faces"
+    instead = {}
+    if options.method == "surface":
+        work += " by the surface method"
+        instead["the vertex method"] = bytes_at_vertices(meshes, Options(samples=DEFAULT_SAMPLES))
+    check_memory(meshes[0].source, bytes_at_vertices(meshes, options), work, instead)

@@ -4,10 +4,12 @@ From one follow the check of a value and the option of the command.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
+from functools import wraps
+from inspect import signature
 from pathlib import Path
 from types import NoneType
-from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin
+from typing import Annotated, Any, Literal, NamedTuple, ParamSpec, TypeVar, dataclass_transform, get_args, get_origin
 
 from obscurance.raytrace.errors import OptionError, nearest_name
 from obscurance.raytrace.system.records import Fault, Within, reader
@@ -16,6 +18,8 @@ Role = Literal["input", "output", "result", "run"]
 EVERY_BAKE = "vertices texture batch"
 IMAGE = "texture batch"
 SAME: Any = object()  # as the field has it
+P = ParamSpec("P")
+T = TypeVar("T")
 _EXPECTED = {bool: "true or false", int: "a whole number", float: "a number", str: "a text", Path: "a file"}
 
 
@@ -75,6 +79,30 @@ class Option(NamedTuple):
     def reusable(self) -> bool:
         """Whether `--options` takes it over."""
         return self.is_setting and self.role != "run" and not (self.role == "output" and self.kind == Path | None)
+
+
+def known_names(function: Callable[P, T]) -> Callable[P, T]:
+    """The function, but for an argument of a name that it has not an OptionError with the nearest one."""
+    names = signature(function).parameters
+
+    @wraps(function)
+    def checked(*unnamed: P.args, **named: P.kwargs) -> T:
+        for name in named:
+            if name not in names:
+                known = [each for each in names if each != "self"]
+                expected = "one of " + ", ".join(known)
+                raise OptionError(name, expected, "an unknown name", nearest=nearest_name(name, known))
+        return function(*unnamed, **named)
+
+    return checked
+
+
+@dataclass_transform(frozen_default=True)
+def options_record(kind: type[T]) -> type[T]:
+    """A frozen dataclass of arguments, whose constructor knows its names."""
+    made = dataclass(frozen=True, eq=False, repr=False)(kind)
+    made.__init__ = known_names(made.__init__)  # type: ignore[method-assign]
+    return made
 
 
 def options_of(record: Any) -> dict[str, Option]:

@@ -17,12 +17,13 @@ from obscurance.raytrace.ray_origins.origins import directions_in_front, ray_off
 from obscurance.raytrace.ray_origins.surface import Surface
 from obscurance.raytrace.types import Float64s, UInt8s
 
+from ..declared import known_names
 from ..estimate.estimate import estimate
 from ..estimate.links import linked
 from ..estimate.tolerance import Estimate, shortfalls
 from ..execute.tracer import Progress
 from ..falloff import Falloffs
-from ..options import BackFaces, Options, Traversal
+from ..options import BackFaces, Options
 from ..points.corners import CornerSamples
 from ..points.points import Points
 from ..points.receivers import Flag
@@ -31,14 +32,12 @@ from ..result import Bake, BakedElements, PointValues, assemble
 
 _NEIGHBOURS = 6  # of a point, over which it is denoised, and to the last of which a disc reaches
 _LIFT = 0.5  # of a disc's radius, from which rays of its point start: neighbours' discs are below that
-TAKEN = (
-    *("falloff", "samples", "tolerance", "denoise", "spread", "back_faces", "profile", "seed", "threads"),
-    "traversal",
-)
+TAKEN = (*("falloff", "samples", "tolerance", "denoise", "spread", "back_faces", "profile", "seed", "threads"),)
 """The options that apply to points."""
 _RIM = np.radians(60 * np.arange(6))
 
 
+@known_names
 def bake_points(
     mesh: Mesh | Any | None,
     points: npt.ArrayLike,
@@ -54,7 +53,6 @@ def bake_points(
     denoise: bool = True,
     spread: float = 180.0,
     back_faces: BackFaces = "occlude",
-    traversal: Traversal = "auto",
     profile: bool = False,
 ) -> Bake:
     """w at any points: one row a point in the result.
@@ -66,7 +64,7 @@ def bake_points(
             normal is more than 45° behind it. Directions below the face are closed.
         normals: (k, 3), axes of the hemispheres, of any length; where one is zero or NaN, w is 1.
         falloff, samples, seed, threads, progress, occluders, tolerance, denoise: as `ao.bake` takes them.
-        spread, back_faces, traversal, profile: likewise.
+        spread, back_faces, profile: likewise.
 
     Raises: OptionError, MeshError, MemoryLimitError, EmbreeError: as `ao.bake`, or arrays have other shapes.
     """
@@ -74,7 +72,7 @@ def bake_points(
     # The arguments.
     checked = Options(
         falloff, samples, seed, threads, tolerance=tolerance, denoise=denoise, spread=spread, back_faces=back_faces,
-        traversal=traversal, profile=profile,
+        profile=profile,
     )  # fmt: skip
     places = _rows("points", points)
     axes = _rows("normals", normals)
@@ -150,11 +148,10 @@ def _points_at(prepared: Prepared, points: Float64s, axes: Float64s, lifts: Floa
     """Origins of rays above the points, in render space."""
     placed = _in_render_space(prepared, points)
     vertices, receivers = prepared.placement.vertices.astype(np.float64), prepared.receivers
-    directions, clearance = axes, np.ones(len(points))
+    directions, clearance, magnitude = axes, np.ones(len(points)), np.abs(placed).max(axis=1)
     if not lifts.any():  # else each lies on its own disc
         surface = Surface.of(vertices, receivers.faces, receivers.face_normals(vertices)[0])
-        directions, clearance = directions_in_front(placed, axes, receivers.tree, surface)
-    largest = np.maximum(np.abs(placed).max(axis=1), np.abs(vertices).max())
-    offset = np.maximum(ray_offset(directions, largest, clearance), lifts * prepared.placement.scale)
+        directions, clearance, magnitude = directions_in_front(placed, axes, receivers.tree, surface)
+    offset = np.maximum(ray_offset(directions, magnitude, clearance), lifts * prepared.placement.scale)
     origins = placed + offset[:, None] * directions
     return Points.lifted(placed, origins, axes)

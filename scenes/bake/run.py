@@ -15,7 +15,6 @@ from obscurance import ao
 from obscurance.raytrace.errors import ClusterError, ObscuranceError, OptionError, printable
 from obscurance.raytrace.system.atomic import is_standard_output
 
-from ..show.progress import stage
 from .console import note
 from .inputs import BakeInputs, read_inputs
 from .options import OptionValues
@@ -64,8 +63,7 @@ def run(
 
     Args: content: of the input, if it is no file's.
     """
-    with stage("reading", plan.options.quiet, plan.options.progress):
-        inputs = read_inputs(plan, content)
+    inputs = read_inputs(plan, content)
     if plan.kind == "vertices":
         from . import vertices
 

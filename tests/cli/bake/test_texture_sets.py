@@ -11,9 +11,11 @@ from command import obscurance, refused
 from gltf_files import QUAD, Builder
 
 from obscurance import ao, scenes
-from obscurance.ao.analytic.form_factor import polygon_form_factor
+from obscurance.ao.closed_forms import polygon_form_factor
 from obscurance.raytrace.image.encode import linear_png
 from obscurance.raytrace.image.read import read_image
+from obscurance.scenes.bake.pages import Layouts, Page
+from obscurance.scenes.bake.uv import Coordinates
 from obscurance.scenes.formats.gltf.occlusion import image_name, occlusion_reference
 from obscurance.scenes.formats.gltf.textures import Textures
 
@@ -116,6 +118,44 @@ def test_one_image_of_several_layouts_is_refused_unless_their_mean_is_asked_for(
     result = bake(path, "-o", made, *FEW, "--overlap", "mean")
     assert abs(image(made).mean() - (1 + W.mean()) / 2) < 0.01
     assert "overlap in 100.0%" in result.stderr
+
+
+@pytest.mark.parametrize("target", ["w.exr", "w.glb"])
+def test_overlaps_are_refused_by_a_few_texels_and_before_anything_else_is_read(tmp_path, target, watch):
+    path, fine = floor_and_lid(tmp_path), tmp_path / "fine.obj"
+    fine.write_text("no mesh")
+    looked_at = watch("obscurance.scenes.bake.pages.shared_texels")
+    line = ["bake", path, "-o", tmp_path / target, "--size", 1024, "--high", fine]
+    if target == "w.glb":
+        line += ["--occlusion", "texture", "--error-map", tmp_path / "e.exr"]
+        said = "--error-map: expected <MATERIAL> in its name"
+    else:
+        said = "got about 1,048,576 texels"
+    refused(obscurance(*line), said)
+    refused(obscurance(*line, "--dry-run"), said)
+    assert [len(texels) < 5000 for *_, texels in looked_at] == [True, True]
+    refused(obscurance("bake", path, "-o", tmp_path / "<MATERIAL>.exr", "--high", fine), "fine.obj: faces: expected")
+
+
+@pytest.mark.parametrize("share", [0.005, 0.009, 0.011, 0.05, 0.5])
+def test_a_few_texels_refuse_what_all_would(tmp_path, share):
+    halves = [UV * np.float32([0.5, 1]), UV * np.float32([0.5, 1]) + np.float32([0.5 * (1 - share), 0])]
+    builder, path = Builder(), tmp_path / "halves.glb"
+    for number, uv in enumerate(halves):
+        builder.mesh(plate(builder, 2 + 2 * number, HEIGHT * number, uv, material=number))
+    path.write_bytes(builder.glb([{"mesh": 0}, {"mesh": 1}], materials=[{"name": "floor"}, {"name": "lid"}]))
+    layouts, page = _layouts(path)
+    every, some = (layouts.clashes(page, (1024, 1024), 2, few) for few in (False, True))
+    assert bool(every) == (share > 0.01)
+    assert bool(some) == (share > 0.02)
+    if some:
+        np.testing.assert_allclose(some[0, 1], every[0, 1], rtol=0.5)
+
+
+def _layouts(path):
+    file = scenes.load(path)
+    found = Coordinates(file.uv, np.zeros(len(file.uv), bool), 0, (1024, 1024))
+    return Layouts(file, found), Page(file.uv)
 
 
 def test_objects_of_a_plain_material_are_kept_apart_and_objects_of_an_image_may_overlap(tmp_path):

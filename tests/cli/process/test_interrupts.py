@@ -154,7 +154,7 @@ STAGES = {
     "reading and page": "bake large.obj -o out/w.html --samples 1",
     "vertices": "bake large.ply -o out/w.glb --tolerance .02",
     "fit": "bake medium.ply -o out/w.npz --method surface --samples 64",
-    "page, seams and images": "bake medium.ply -o out/w.png --size 2048 --samples 1 --error-map out/e.exr",
+    "page, seams and images": "bake medium.ply -o out/w.png --size 1024 --samples 1 --error-map out/e.exr",
     "unwrapping": "bake medium.ply -o out/w.glb --occlusion texture --uv unwrap --size 1024 --samples 4",
     "a fine mesh": "bake small.ply -o out/w.png --high large.ply --size 1024 --samples 4",
     "faces": "bake medium.ply -o out/w.npz --at faces --report out/r.html",

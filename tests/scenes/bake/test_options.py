@@ -140,7 +140,7 @@ TEXTURE = {"size": "16", "overlap": "mean"}
 CHANGED = {
     "samples": 9, "tolerance": 0.1, "falloff": "binary", "tau": 3.0, "half_distance": "20%", "max_distance": "70%",
     "normals": "area", "interior": "ignore", "alpha": "ignore", "method": "surface", "denoise": False,
-    "traversal": "embree", "profile": True, "seed": 1, "size": "32", "overlap": "first", "cage": "3%",
+    "profile": True, "seed": 1, "size": "32", "overlap": "first", "cage": "3%",
     "quiet": False, "threads": 1, "replace_occlusion": True, "error_map": "e.png", "half": True, "debug_image": "d.png",
     "bits": "8", "bent_space": "tangent", "resume": True, "progress": "json", "output_dir": "out", "format": "ply",
     "input_format": "ply", "cluster": "local", "ground": "-9", "options": "r.json",
@@ -277,8 +277,3 @@ def test_relations_name_options_of_the_table():
         for name in (*row.needs, *row.excludes):
             assert name in ROWS, f"{row.name} needs or excludes {name}"
         assert set(row.bake_kinds.split()) <= {"vertices", "texture", "batch"}
-
-
-def test_options_that_there_are_not_are_refused_in_python():
-    with pytest.raises(TypeError):
-        ao.bake(hills(4), smooth=False)
