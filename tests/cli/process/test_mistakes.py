@@ -108,7 +108,7 @@ COMMANDS = [
     ("bake a.ply -o w.npy --falloff table:no.csv", "no.csv: file: expected an existing file, got none"),
     ("bake a.ply -o mu.csv --falloff table:mu.csv", "mu.csv"),
     ("bake a.ply -o w.npy --tau 1 --half-distance 3", "bake: --tau and --half-distance exclude each other"),
-    ("bake a.ply -o w.npy --tau inf", "bake --tau: expected a finite rate above 0, got inf"),
+    ("bake a.ply -o w.npy --tau inf", "bake --tau: expected a finite number, got inf"),
     ("bake a.ply -o w.npy --half-distance 10cm", "bake --half-distance: expected a length above 0", "got '10cm'"),
     ("bake a.ply -o w.npy --max-distance -1", "bake --max-distance", "got '-1'"),
     (
