@@ -113,6 +113,7 @@ def opened(file: Any, source: str) -> DatasetReader:
         ModuleNotFoundError: there is no rasterio.
     """
     import rasterio
+    from rasterio.enums import MaskFlags
     from rasterio.errors import RasterioError
 
     try:
@@ -120,9 +121,8 @@ def opened(file: Any, source: str) -> DatasetReader:
     except RasterioError as reason:
         got = "another format" if "not recognized" in str(reason) else _IN_MEMORY.sub("", str(reason))
         raise MeshError(source, "content", f"a raster of heights, {format_of(source).name}", got) from None
-    bands = [name for name in raster.colorinterp if name.name != "alpha"]
-    if len(bands) > 1:
-        raise MeshError(source, "bands", "one, of heights: gdal_translate -b 1 takes the first", len(bands))
+    if raster.count > 1 and MaskFlags.alpha not in raster.mask_flag_enums[0]:
+        raise MeshError(source, "bands", "one, of heights: gdal_translate -b 1 takes the first", raster.count)
     stored = file.seek(0, os.SEEK_END)
     cells, block = raster.width * raster.height, raster.count * int(np.prod(raster.block_shapes[0]))
     if max(cells, block) > max(_PACKED * stored, _FEW):

@@ -197,9 +197,10 @@ def test_of_several_bands_one_is_asked_for_and_alpha_is_none(tmp_path):
     line = "-o", tmp_path / "sky.tif", "--samples", 8
     said = "bands: expected one, of heights: gdal_translate -b 1 takes the first, got 2"
     refused(obscurance("bake", tmp_path / "two.tif", *line), said)
+    write(tmp_path / "two.tif", heights, count=2, nodata=None, dtype="uint16")
     with rasterio.open(tmp_path / "two.tif", "r+") as file:
         file.colorinterp = ColorInterp.gray, ColorInterp.alpha
-        file.write(np.where(heights == 8, 0, 255).astype("f4"), 2)
+        file.write(np.where(heights == 8, 0, 255).astype("uint16"), 2)
     assert obscurance("bake", tmp_path / "two.tif", *line).returncode == 0
     with rasterio.open(tmp_path / "sky.tif") as file:
         np.testing.assert_array_equal(file.read(1) == NOWHERE, heights == 8)
