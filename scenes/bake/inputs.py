@@ -135,7 +135,7 @@ def read_inputs(plan: Plan, content: bytes | None = None, source: Any = None) ->
             notes.append(f"{wall.mesh.source}: its radius is {size:.2g} of the mesh's: is its unit another?")
     shown = any(path.suffix.lower() in (".html", ".glb") for path in (plan.output, options.report) if path)
     if options.ground or options.debug_image or shown:
-        from ..geometry.standing import lying_notes
+        from obscurance.raytrace.mesh.warnings import lying_notes
 
         notes += lying_notes(source.mesh)
     paths = [path for file in files for path in file.files]
