@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -18,6 +19,7 @@ from obscurance.raytrace.system.checks import make_folder
 from ..formats.load import MeshFile, load
 from ..formats.objects import ObjectSelection, match, select_objects
 from ..formats.table import endings
+from ..show.progress import stage
 
 if TYPE_CHECKING:
     from obscurance.raytrace.mesh.mesh import Mesh
@@ -90,10 +92,12 @@ def read_inputs(plan: Plan, content: bytes | None = None, source: Any = None) ->
     names = any(by_name) or options.match_names or options.occluded_by != "all"
     target = "texture.glb" if plan.kind == "texture" else f"vertices{plan.ending}"  # what the input is read for
     # The input, what is baked of it, and the other files.
-    source = opened(
-        plan.mesh if source is None else source, target=target, content=content, alpha=alpha, up=options.up,
-        names=names, flip=options.flip, points=options.points,
-    )  # fmt: skip
+    reading = partial(stage, "reading", options.quiet, options.progress)
+    with reading():
+        source = opened(
+            plan.mesh if source is None else source, target=target, content=content, alpha=alpha, up=options.up,
+            names=names, flip=options.flip, points=options.points,
+        )  # fmt: skip
     if options.points and not source.cloud:
         raise ConflictError("points", "needs", "the name of a file of points")
     has_sides = plan.has_sides and not (source.gltf and plan.ending == ".glb")  # which keeps the file's vertices
@@ -104,9 +108,10 @@ def read_inputs(plan: Plan, content: bytes | None = None, source: Any = None) ->
         from .pages import Layout
 
         layout = Layout.of(plan, source, chosen)
-    high = [opened(mesh, alpha=alpha, names=options.match_names) for mesh in options.high or ()]
-    walls = [opened(mesh, alpha=alpha, names=options.match_names) for mesh in options.occluder or ()]
-    cage = [load(options.cage)] if isinstance(options.cage, Path) else []
+    with reading():
+        high = [opened(mesh, alpha=alpha, names=options.match_names) for mesh in options.high or ()]
+        walls = [opened(mesh, alpha=alpha, names=options.match_names) for mesh in options.occluder or ()]
+        cage = [load(options.cage)] if isinstance(options.cage, Path) else []
     fine = None
     if high:
         from obscurance.ao.points.occluders import joined

@@ -114,8 +114,7 @@ def bake(
     inputs = inputs._replace(arguments=arguments)
     if callable(progress):
         return bake_inputs(plan, inputs, checkpoint, progress)
-    quiet = not (in_notebook() if progress is None else progress)
-    with shown_progress(quiet, "rays", form=options.progress) as (advance,):
+    with shown_progress(options.quiet, "rays", form=options.progress) as (advance,):
         return bake_inputs(plan, inputs, checkpoint, advance)
 
 
@@ -131,6 +130,7 @@ def _as_options(given: dict[str, Any]) -> BakeOptions:
     options["output"] = _IN_MEMORY
     options["falloff"] = falloff or "exponential" if isinstance(falloff, str | None) else falloffs_of(falloff)
     options["progress"] = progress if isinstance(progress, str) else "bar"
+    options["quiet"] = callable(progress) or not (in_notebook() if progress is None else progress)
     options["profile"] = given["profile"] or None
     if isinstance(ground, bool):
         options["ground"] = "auto" if ground else None

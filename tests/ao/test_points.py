@@ -27,6 +27,14 @@ def test_points_in_space_beside_a_wall(options):
     assert not baked.flags.any()
 
 
+@pytest.mark.parametrize("gap", [1e-2, 1e-4])
+def test_what_is_far_away_does_not_move_points_through_what_is_near(gap):
+    sheet = Mesh([[-1, -1, gap], [1, -1, gap], [1, 1, gap], [-1, 1, gap]], [[0, 1, 2], [0, 2, 3]])
+    far = ao.ground(sheet, -1000.0)
+    baked = ao.bake_points(sheet, [[0, 0, 0.0]], [[0, 0, 1.0]], falloff="binary", samples=64, occluders=[far])
+    assert baked.w[0] == pytest.approx(0, abs=gap)
+
+
 def test_points_on_a_mesh_have_w_of_its_vertices():
     mesh = Mesh(*hills(40))
     prepared = ao.prepare(mesh)
