@@ -108,7 +108,7 @@ COMMANDS = [
     ("bake a.ply -o w.npy --falloff table:no.csv", "no.csv: file: expected an existing file, got none"),
     ("bake a.ply -o mu.csv --falloff table:mu.csv", "mu.csv"),
     ("bake a.ply -o w.npy --tau 1 --half-distance 3", "bake: --tau and --half-distance exclude each other"),
-    ("bake a.ply -o w.npy --tau -1", "bake --tau: expected a finite rate above 0, got -1"),
+    ("bake a.ply -o w.npy --tau -1", "bake --tau: expected a finite rate above 0, got -1.0"),
     ("bake a.ply -o w.npy --tau 0", "got 0"),
     ("bake a.ply -o w.npy --tau nan", "got nan"),
     ("bake a.ply -o w.npy --half-distance -5%", "bake --half-distance: expected a length above 0", "got '-5%'"),
