@@ -65,7 +65,9 @@ def read_raster(mesh_input: MeshInput) -> list[Instance]:
     faces = faces[(faces >= 0).all(axis=1)]
     if transform.determinant > 0:  # rows go northwards
         faces = faces[:, ::-1]
-    return [Instance(mesh_input.name, vertices, faces, up="z", notes=notes)]
+    to_system = np.diag([1 / unit, 1 / unit, 1 / unit, 1.0])
+    to_system[:2, 3] = transform.c, transform.f
+    return [Instance(mesh_input.name, vertices, faces, up="z", notes=notes, to_system=to_system)]
 
 
 def _unit_of(raster: DatasetReader, source: str) -> float:

@@ -40,6 +40,7 @@ class Instance(NamedTuple):
     up: str | None = None  # the axis that is up, if the file or its format defines it (`Mesh.up`)
     polygons: Int64s | None = None  # (m,) the polygon of each face, as `raytrace.Mesh` has it, or None
     corner_normals: PerCorner | None = None  # as `raytrace.Mesh` has them, of an object alone without a matrix; or None
+    to_system: Float64s | None = None  # (4, 4), from the world to coordinates of the file's reference system; or None
 
     @property
     def volume(self) -> float:
@@ -50,6 +51,22 @@ class Instance(NamedTuple):
     def is_flattened(self) -> bool:
         """Whether there is nothing to see: no faces, or a matrix of no volume."""
         return not len(self.faces) or not self.volume
+
+
+def with_sides(mesh: Mesh, low: float) -> Mesh:
+    """Terrain, a surface z of x and y, as solid: with vertical sides from its borders down to z = `low`, or lower."""
+    low = min(low, float(mesh.vertices[:, 2].min()))
+    count = len(mesh.vertices)
+    edges = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
+    border = edges[~np.isin(edges @ [count, 1], edges[:, ::-1] @ [count, 1])]  # those of one face
+    foot = np.unique(border)
+    below = mesh.vertices[foot] * [1, 1, 0] + [0, 0, low]
+    a, b = border.T
+    down_a, down_b = count + np.searchsorted(foot, border).T
+    sides = np.concatenate([np.stack([a, down_a, b], axis=1), np.stack([b, down_a, down_b], axis=1)])
+    return Mesh(
+        np.concatenate([mesh.vertices, below]), np.concatenate([mesh.faces, sides]), source=mesh.source, up=mesh.up
+    )
 
 
 class Submesh(NamedTuple):
