@@ -1,9 +1,10 @@
 """Whole processes from their start to their end, in turns: `python -m benchmarks.speed.start_up [MESH…]`.
 
-For each mesh, by default a coarse built-in temple, a bake. Beside them the interpreter alone, `import numpy`, Embree's
-library with it, `import obscurance` and `obscurance --help`. Medians of wall and processor time, and of the peak of
-resident memory (VmHWM: Linux only); the ratios are to NumPy with Embree's library in the same run. `--beside TREE`:
-also the help and the bakes of another source tree that has a `.venv`.
+For each mesh, by default a ball of 162 vertices and a coarse built-in temple, a bake, one to a page and a rendering.
+Beside them the interpreter alone, `import numpy`, Embree's library with it, `import obscurance` and
+`obscurance --help`. Medians of wall and processor time, and of the peak of resident memory (VmHWM: Linux only); the
+ratios are to NumPy with Embree's library in the same run. `--beside TREE`: also the commands of another source tree
+that has a `.venv`.
 """
 
 from __future__ import annotations
@@ -22,13 +23,22 @@ from benchmarks import RESULTS, ROOT
 from benchmarks.memory.picture_4k import peak_of
 from benchmarks.time_against_error.machine import machine
 from obscurance.raytrace.system.atomic import write_json
+from obscurance.raytrace.types import Float64s, Int64s
 from obscurance.scenes.geometry.builtin_shapes import temple
+from obscurance.scenes.geometry.polyhedra import icosphere
 from obscurance.scenes.validation.table import text_table
 
-ROUNDS = 9
+ROUNDS = 5
 EMBREE = "obscurance.raytrace.embree.library"
 _FINENESS = 0.6  # 3,906 vertices
 RESULT = RESULTS / "start_up.json"
+
+
+def written(path: Path, vertices: Float64s, faces: Int64s) -> Path:
+    """The path of an OBJ file of these, z turned up to y."""
+    lines = [f"v {x} {z} {-y}" for x, y, z in vertices] + [f"f {a} {b} {c}" for a, b, c in faces + 1]
+    path.write_text("\n".join(lines))
+    return path
 
 
 def cost(command: list[str]) -> tuple[float, float, int]:
@@ -40,11 +50,15 @@ def cost(command: list[str]) -> tuple[float, float, int]:
 
 
 def of_tree(python: str, tree: Path, meshes: list[Path], folder: Path) -> dict[str, list[str]]:
-    """The help and the bakes of a source tree, by name."""
+    """The commands of a source tree, by name."""
     obscurance = [python, str(tree / "cli.py")]
-    into = ["-o", str(folder / "w.ply"), "-q"]
-    bakes = {f"bake {mesh.name}": [*obscurance, "bake", str(mesh), *into] for mesh in meshes}
-    return {"--help": [*obscurance, "--help"], **bakes}
+    lines = {"--help": ["--help"]}
+    for mesh in meshes:
+        for target in ("w.ply", "w.html"):
+            lines[f"bake {mesh.name} -o {target}"] = ["bake", str(mesh), "-o", str(folder / target), "-q"]
+        size = ["--width", "64", "--height", "64"]
+        lines[f"render {mesh.name}"] = ["render", str(mesh), "-o", str(folder / "w.png"), *size, "-q"]
+    return {name: [*obscurance, *line] for name, line in lines.items()}
 
 
 def commands(meshes: list[Path], folder: Path, beside: Path | None) -> dict[str, list[str]]:
@@ -80,10 +94,11 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         if not given:
-            given = [folder / "temple.obj"]
             mesh = temple(_FINENESS)
-            lines = [f"v {x} {y} {z}" for x, y, z in mesh.vertices] + [f"f {a} {b} {c}" for a, b, c in mesh.faces + 1]
-            given[0].write_text("\n".join(lines))
+            given = [
+                written(folder / "ball.obj", *icosphere(2)),
+                written(folder / "temple.obj", mesh.vertices, mesh.faces),
+            ]
         rows = measure(commands(given, folder, options.beside))
     least = next(row["cpu"] for row in rows if row["command"] == f"import {EMBREE}")
     head = "command", "wall", "CPU", "CPU/NumPy and Embree", "peak"

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from .plan import Plan
 
 _SOME = 0.01  # of the texels of the smaller of two layouts, that may overlap
-_LOOKED_AT, _SURE = 4096, 4.0  # texels, before all are; and standard errors of what is found among them
+_LOOKED_AT, _SURE = 1 << 16, 4.0  # texels, before all are; and standard errors of what is found in them
 _NOTED = 1e-3  # of the covered texels, that may overlap without a word
 _LISTED = 3  # pieces without texture coordinates
 
@@ -91,22 +91,32 @@ class Layouts:
                 same = owners.setdefault(piece.body, {})
                 self.instance[piece.faces] = same.setdefault(piece.object.key, len(same))
 
-    def clashes(self, page: Page, size: tuple[int, int], threads: int | None, some: bool) -> dict[tuple[int, int], int]:
-        """In how many texels pairs of layouts overlap on a page; pairs that surely do, and about how many, if only
-        `some` texels are looked at."""
-        used = self.of[on_page(page.uv)]
-        if len(np.unique(used)) < 2:
-            return {}
-        count = size[0] * size[1]
-        texels = np.unique(hash32_array(np.arange(_LOOKED_AT)) % np.uint32(count)).astype(np.int64) if some else None
-        each = count / len(texels) if texels is not None else 1.0
+    def clashes(
+        self, page: Page, size: tuple[int, int], threads: int | None
+    ) -> Iterator[tuple[dict[tuple[int, int], int], str]]:
+        """In how many texels pairs of layouts overlap on a page, and the word before these numbers.
+
+        First come the pairs that surely do, from some texels; if they leave a doubt, all that do, from all texels.
+        """
+        used = np.unique(self.of[on_page(page.uv)])
+        if len(used) < 2:
+            return
         layout = UVLayout.of(page.uv, size, page.wraps, self.path)
-        shared, covered = shared_texels(layout, self.of, threads, texels)
-        return {
-            pair: round(each * found)
-            for pair, found in shared.items()
-            if found - some * _SURE * found**0.5 > _SOME * min(covered[list(pair)])
-        }
+        count = size[0] * size[1]
+        if count > _LOOKED_AT:
+            some = np.unique(hash32_array(np.arange(_LOOKED_AT)) % np.uint32(count)).astype(np.int64)
+            shared, covered = shared_texels(layout, self.of, threads, some)
+            off = {pair: _SURE * found**0.5 for pair, found in shared.items()}
+            limit = {pair: _SOME * min(covered[list(pair)]) for pair in shared}
+            above = {pair: found for pair, found in shared.items() if found - off[pair] > limit[pair]}
+            yield {pair: int(float(f"{found * count / len(some):.1g}")) for pair, found in above.items()}, "about "
+            others = (pair for pair in shared if pair not in above)
+            if _SOME * min(covered[used]) > _SURE**2 and all(
+                shared[pair] + off[pair] + _SURE**2 < limit[pair] for pair in others
+            ):
+                return
+        shared, covered = shared_texels(layout, self.of, threads)
+        yield {pair: found for pair, found in shared.items() if found > _SOME * min(covered[list(pair)])}, ""
 
     def sets(self, clashes: dict[tuple[int, int], int]) -> Iterator[tuple[str, Bools]]:
         """Names and faces (m,) of texture sets: layouts that share an image and do not overlap share a set."""
@@ -163,8 +173,7 @@ def _pages(plan: Plan, source: MeshFile, layouts: Layouts, coordinates: Coordina
     if plan.ending == ".glb":
         one_page = Page(coordinates.uv, words={MATERIAL: "all"})
         pages = [one_page]
-        for some in () if mixed else (True, False):
-            clashes = layouts.clashes(one_page, coordinates.size, threads, some)
+        for clashes, _ in () if mixed else layouts.clashes(one_page, coordinates.size, threads):
             sets = layouts.sets(clashes) if clashes else []
             parted = [Page(_masked(coordinates.uv, mask), name=name, words={MATERIAL: name}) for name, mask in sets]
             pages = [page for page in parted if on_page(page.uv).any()] or [one_page]
@@ -181,11 +190,10 @@ def _pages(plan: Plan, source: MeshFile, layouts: Layouts, coordinates: Coordina
             pages += [Page(uv - tile, False, words=words | {UDIM: tile_number(tile)}) for tile in tiles]
         elif on_page(uv).any():
             pages.append(Page(uv, words=words))
-    for some in () if mixed else (True, False):
-        for page in pages:
-            clashes = layouts.clashes(page, coordinates.size, threads, some)
+    for page in () if mixed else pages:
+        for clashes, about in layouts.clashes(page, coordinates.size, threads):
             if clashes:
-                raise _refusal(source, layouts, clashes, page.path(output), "about " * some)
+                raise _refusal(source, layouts, clashes, page.path(output), about)
     return pages
 
 
