@@ -1,10 +1,15 @@
-"""`obscurance bake` of several inputs: small meshes side by side on the cores, large ones by all of them in turn."""
+"""`obscurance bake` of several inputs: small meshes side by side on the cores, large ones by all of them in turn.
+
+With `--cluster` small meshes are read, baked and written by the workers of a Dask cluster.
+"""
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -16,15 +21,14 @@ from obscurance.raytrace.system.checks import check_outputs, check_regular
 from obscurance.raytrace.system.threads import run_blocks, thread_count
 
 from ..show.progress import progress
-from .cluster import run_remotely
-from .console import note, warn
+from .console import note, unprinted_warnings, warn
 from .inputs import created_folders
 from .manifest import MANIFEST, Entry, Manifest, digest
 from .plan import Plan
 from .run import Outcome, kept_by, run_in_batch, silence_tolerance_warnings, workers_of
 
 if TYPE_CHECKING:
-    from obscurance.ao.cluster.workers import Workers
+    from obscurance.ao.cluster.workers import SharedScene, Workers
 
 _LARGE = 1 << 21  # bytes of a mesh file from which on a bake keeps all cores busy by itself
 _OF_ONE = ("mesh", "output", "threads")  # options that differ from one bake to another, or change no result
@@ -173,3 +177,42 @@ def _identity(path: Path) -> tuple[int, ...]:
         return status.st_size, status.st_ino, status.st_mtime_ns
     except (OSError, ValueError):
         return 0, 0, 0
+
+
+def run_remotely(workers: Workers, plans: Sequence[Plan]) -> Iterator[tuple[int, Outcome]]:
+    """Bake by workers, which see all files under the same names: the row of each plan, and what became of it."""
+    sizes = [plan.mesh.stat().st_size if plan.mesh.is_file() else 0 for plan in plans]
+    rows = sorted(range(len(plans)), key=lambda row: -sizes[row])  # the largest come before, to end together
+    for number, fields in workers.map(_bake, (), lambda number: plans[rows[number]].absolute(), len(plans)):
+        yield rows[number], _named_as(plans[rows[number]], _outcome(fields))
+
+
+def _bake(_: SharedScene, plan: Plan) -> tuple[object, ...]:
+    """Bake one mesh on a worker. Raises: FileNotFoundError: a folder is not seen from here."""
+    for folder in (plan.mesh.parent, plan.output.parent):
+        if not folder.is_dir():
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(folder))
+    with unprinted_warnings(), silence_tolerance_warnings():
+        return tuple(run_in_batch(plan, 1))
+
+
+def _outcome(fields: Any) -> Outcome:
+    """The `Outcome` of the fields that a worker sends, each checked for its type."""
+    from obscurance.raytrace.system.records import Fault, read
+
+    try:
+        return read(Outcome, dict(zip(Outcome._fields, fields, strict=True)))
+    except (Fault, TypeError, ValueError):
+        return Outcome("failed", 0.0, "a worker's answer is no outcome of a bake", [])
+
+
+def _named_as(plan: Plan, outcome: Outcome) -> Outcome:
+    """The outcome, with files named in its message and warnings as the plan has them."""
+
+    def given(text: str) -> str:
+        """A text with the names of files as they were given, in place of absolute ones."""
+        for path in (*plan.inputs, plan.output):
+            text = text.replace(str(path.absolute()), str(path))
+        return text
+
+    return outcome._replace(message=given(outcome.message), warnings=[given(line) for line in outcome.warnings])

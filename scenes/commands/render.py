@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from obscurance import ao
     from obscurance.ao.cluster.workers import Workers
     from obscurance.raytrace import Frame, Settings
+    from obscurance.raytrace.types import Float32s
 
     from ..description.description import SceneDescription
     from ..formats.falloffs import Scales
@@ -85,8 +86,6 @@ def _render(options: RenderOptions, output: Path) -> None:
             picture.frame.save(output, _metadata(options.scene, description.settings), options.half)
             picture.seconds["write"] = time.perf_counter() - start
     if options.show:
-        from ..show.terminal import show_picture
-
         show_picture(picture.frame.layers["beauty"])
     if options.report:
         _write_report(options, description.settings, picture, threads, inputs, warnings)
@@ -259,3 +258,32 @@ def _report(
         "warnings": list(warnings),
         "versions": versions(),
     }
+
+
+def show_picture(pixels: Float32s) -> None:
+    """Print a picture, linear RGB, in the terminal's colours, at most as wide: two pixels a character, in a column.
+
+    Not the terminal writer of OpenImageIO, which prints `\\u2580` in these six letters instead of the half block.
+    """
+    from rich.color import Color
+    from rich.console import Console
+    from rich.style import Style
+    from rich.text import Text
+
+    from obscurance.raytrace.image.colour import encode_srgb
+
+    from ..show.page.base_colour import block_means
+
+    console = Console()
+    half, step = ("▀", 2) if "utf" in console.encoding.lower() else (" ", 1)
+    height, width = pixels.shape[:2]
+    wide = min(console.width, width)
+    high = max(round(height * wide / width * step / 2 / step), 1) * step  # characters are twice as high as wide
+    codes = (255 * encode_srgb(block_means(pixels[..., :3], high, wide).astype("f4")) + 0.5).astype(int)
+    for lines in zip(*(codes[offset::step] for offset in range(step)), strict=True):
+        text = Text(no_wrap=True, end="\n")
+        for column in range(codes.shape[1]):
+            upper = Color.from_rgb(*lines[0][column])
+            lower = Color.from_rgb(*lines[-1][column])
+            text.append(half, Style(color=upper, bgcolor=lower))
+        console.print(text)

@@ -1,24 +1,33 @@
-"""A mesh file alone as a scene: an object for each of its materials, framed whole, under three lights.
+"""Mesh files but glTF as scenes and in scenes, with their materials, texture coordinates and colours of vertices.
 
-Kd and Ks of an OBJ's materials are the reflectances of Blinn–Phong, Ns is its exponent (Wavefront MTL 5.0, illum 2);
-divided by π, as Lambert's is, for lights in physical units.
+A file alone is a scene of an object for each of its materials, framed whole, under three lights. Kd and Ks of an OBJ's
+materials are the reflectances of Blinn–Phong, Ns is its exponent (Wavefront MTL 5.0, illum 2); divided by π, as
+Lambert's is, for lights in physical units.
+
+Neither OBJ nor PLY says how colours are encoded. They are taken as sRGB, as most programs write and show them. The grey
+that a bake has given a PLY shows w, and is no colour.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from math import pi
+from pathlib import Path
 
 import numpy as np
 
 from obscurance.raytrace import BlinnPhong, Lambert, Material, Object, Scene, Settings, Shape, Texture
+from obscurance.raytrace.errors import printable
+from obscurance.raytrace.image.colour import decode_srgb
 from obscurance.raytrace.mesh.corners import split_creases
 from obscurance.raytrace.mesh.warnings import lying_notes
+from obscurance.raytrace.types import Float64s
 
-from ..formats.load import MeshFile
+from ..formats.load import MeshFile, load
 from ..formats.objects import ObjectSelection
-from ..geometry.attributes import SourceMaterial
-from ..geometry.primitives import Origin
+from ..geometry.attributes import SourceAttributes, SourceMaterial
+from ..geometry.primitives import Origin, TexturedMesh
 from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, three_lights
-from .textured import colours_left_out, linear_colours
+
+_COLOURS = "colours", "texture of map_Kd", "texture of diffuse"  # how words on what is left out begin
 
 
 def mesh_scene(
@@ -82,3 +91,37 @@ def _shapes(source: MeshFile) -> Iterator[tuple[Shape, Origin | None]]:
         shape = Shape(part, reflection(material) if material else bare, own_uv, texture, colours=own_colours)
         yield shape, Origin(of[vertices], total)
         total = 0  # of further parts of the file
+
+
+def read_mesh(path: Path, textured: bool, own_normals: bool = True) -> tuple[TexturedMesh, list[str]]:
+    """The mesh of a file, with texture coordinates if it is to be `textured` and all corners have some; and warnings.
+
+    Every combination of a vertex with a normal (`raytrace.mesh.normals.corner_normals`), and with a texture coordinate,
+    becomes a vertex, after the file's own. Args: own_normals: whether the file's are asked for.
+    """
+    file = load(path, names=True)
+    notes = [*file.notes, *colours_left_out(path, file.unread)]
+    attributes = file.held
+    colours = linear_colours(attributes)
+    uv = attributes.uv
+    several = []
+    if textured and uv is not None and not np.isnan(uv.values[uv.of]).any():
+        several = [attributes.of_triangles(uv)]
+    split = split_creases(file.mesh, several, own_normals)
+    origin = Origin(split.vertices, len(file.mesh.vertices))
+    of_corners = several[0].values[several[0].of[split.like]] if several else None
+    return TexturedMesh(split.mesh, of_corners, origin, None if colours is None else colours[split.vertices]), notes
+
+
+def linear_colours(attributes: SourceAttributes) -> Float64s | None:
+    """Linear RGB (n, 3) of the vertices in the file's order, None if they have none."""
+    if attributes.colors is None:
+        return None
+    return decode_srgb(attributes.colors[:, :3].clip(0, 1)).astype(float)
+
+
+def colours_left_out(path: Path, unread: Iterable[str]) -> list[str]:
+    """Warnings about colours and pictures among the parts of a file that are not read, `unread`."""
+    pictures = "; of pictures are read PNG and JPEG, in the mesh's folder or below"
+    ends = {words: pictures if words.startswith("texture") else "" for words in unread if words.startswith(_COLOURS)}
+    return [printable(f"{path}: left out: {words}{end}") for words, end in ends.items()]

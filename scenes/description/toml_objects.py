@@ -16,8 +16,8 @@ from ..geometry.primitives import Origin, TexturedMesh
 from ..json_toml import check_keys, check_name, joined, located, shown
 from ..safe_paths import confined
 from .description import NEUTRAL, WHITE
+from .mesh_scene import read_mesh
 from .schema import ObjectTable, Transform
-from .textured import read_mesh
 
 MAX_BUILT = 1_500_000  # triangles: 1 GiB for a picture
 MAX_OBJECTS = 100_000  # 10 s for a picture

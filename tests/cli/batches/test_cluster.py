@@ -12,7 +12,7 @@ from mesh_files import ply
 from meshes import hills
 from project import environment
 
-from obscurance.scenes.bake.cluster import _bake
+from obscurance.scenes.bake.batch import _bake
 from obscurance.scenes.bake.options import BakeOptions
 from obscurance.scenes.bake.plan import plan_bake
 

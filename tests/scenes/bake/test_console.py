@@ -13,9 +13,9 @@ from meshes import hills
 
 from obscurance import ao
 from obscurance.raytrace import Mesh
+from obscurance.scenes.commands.render import show_picture
 from obscurance.scenes.geometry.polyhedra import icosphere
 from obscurance.scenes.show.progress import progress
-from obscurance.scenes.show.terminal import show_picture
 
 
 class Terminal(io.StringIO):

@@ -8,7 +8,7 @@ from PIL import Image
 
 from obscurance.raytrace.image.colour import decode_srgb
 from obscurance.raytrace.image.read import read_image
-from obscurance.scenes.description.textured import read_mesh
+from obscurance.scenes.description.mesh_scene import read_mesh
 from obscurance.scenes.formats.load import load
 from obscurance.scenes.show.page.base_colour import base_colour
 
