@@ -1,4 +1,4 @@
-"""glTF 2.0: JSON with files beside it, .gltf, and binary, .glb, in which bakes are written."""
+"""glTF 2.0: JSON with files beside it, .gltf, and binary, .glb, in which bakes are written; .vrm is a GLB."""
 
 from ..table import FileFormat, register
 
@@ -16,4 +16,5 @@ register(
         unit=1.0,
     ),
     FileFormat(".gltf", "glTF", read=_READ, peak=2.0, begins=rb"\s*\{", holds=("w", "scene"), unit=1.0),
+    FileFormat(".vrm", "VRM", read=_READ, peak=2.0, holds=("scene",), unit=1.0),
 )

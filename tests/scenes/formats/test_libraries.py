@@ -107,7 +107,7 @@ def test_a_file_of_abaqus_includes_no_other(tmp_path, keyword):
 def test_formats_that_name_files_anywhere_are_not_read(tmp_path, ending):
     """XDMF names files of numbers; HDF5 has external links and external raw storage."""
     (tmp_path / f"m.{ending}").write_text("<Xdmf/>")
-    refused(obscurance("info", tmp_path / f"m.{ending}"), "ending: expected one of", f"got .{ending}")
+    refused(obscurance("info", tmp_path / f"m.{ending}"), "ending: expected that of", f"got .{ending}")
 
 
 def test_an_ending_is_refused_without_importing_a_library(tmp_path):
