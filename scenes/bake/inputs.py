@@ -22,7 +22,7 @@ from ..formats.load import MeshFile, load
 from ..formats.objects import ObjectSelection, match, select_objects
 from ..formats.table import endings
 from ..geometry.instances import with_sides
-from ..show.progress import stage
+from ..show.progress import progress
 
 if TYPE_CHECKING:
     from obscurance.raytrace.mesh.mesh import Mesh
@@ -104,7 +104,7 @@ def read_inputs(plan: Plan, content: bytes | None = None, source: Any = None) ->
     names = any(by_name) or options.match_names or options.occluded_by != "all"
     target = "texture.glb" if plan.kind == "texture" else f"vertices{plan.ending}"  # what the input is read for
     # The input, what is baked of it, and the other files.
-    reading = partial(stage, "reading", options.quiet, options.progress)
+    reading = partial(progress, options.quiet, "reading", form=options.progress)
     with reading():
         source = opened(
             plan.mesh if source is None else source, target=target, content=content, alpha=alpha, up=options.up,
@@ -152,7 +152,7 @@ def read_inputs(plan: Plan, content: bytes | None = None, source: Any = None) ->
             notes.append(f"{wall.mesh.source}: it lies {away:.2g} radii away: is its reference system another?")
     shown = any(path.suffix.lower() in (".html", ".glb") for path in (plan.output, options.report) if path)
     if options.ground or options.debug_image or shown:
-        from ..geometry.standing import lying_notes
+        from obscurance.raytrace.mesh.warnings import lying_notes
 
         notes += lying_notes(source.mesh)
     paths = [path for file in files for path in file.files]

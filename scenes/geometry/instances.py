@@ -1,4 +1,4 @@
-"""Instances of geometry, flattened to one mesh in world space."""
+"""Instances of geometry, flattened to one mesh in world space; rotations as matrices (3, 3), float64."""
 
 from __future__ import annotations
 
@@ -164,3 +164,32 @@ def cofactors(linear: Float64s) -> Float64s:
     """The cofactor matrices of (…, 3, 3), det · inverse transpose, which exist for flattening ones too."""
     x, y, z = np.moveaxis(linear, -2, 0)
     return np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=-2)
+
+
+def rotation_of_quaternion(quaternion: npt.ArrayLike) -> Float64s:
+    """The rotation of a quaternion (x, y, z, w) of any length. Raises: ValueError: of length zero."""
+    components = np.asarray(quaternion, np.float64)
+    length = np.linalg.norm(components)
+    if not length > 0:
+        raise ValueError("a rotation by a quaternion of length zero")
+    x, y, z, w = components / length
+    return np.array(
+        [
+            [x * x - y * y - z * z + w * w, 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), -x * x + y * y - z * z + w * w, 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), -x * x - y * y + z * z + w * w],
+        ]
+    )
+
+
+def rotation_about(axis: npt.ArrayLike, degrees: float) -> Float64s:
+    """The rotation by an angle about an axis of any length but zero, counterclockwise seen from its tip."""
+    half = np.radians(degrees) / 2
+    unit = np.asarray(axis, np.float64) / np.linalg.norm(axis)
+    return rotation_of_quaternion([*(np.sin(half) * unit), np.cos(half)])
+
+
+def rotation_about_axes(degrees: npt.ArrayLike) -> Float64s:
+    """The rotation by three angles about the fixed axes x, y and z, in this order."""
+    x, y, z = np.asarray(degrees, np.float64)
+    return rotation_about([0, 0, 1], z) @ rotation_about([0, 1, 0], y) @ rotation_about([1, 0, 0], x)
