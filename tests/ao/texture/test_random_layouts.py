@@ -56,6 +56,7 @@ def test_pages_of_many_random_layouts(kind, pytestconfig):
         drawn(kind, pytestconfig.option.mesh_seed + seed, (1024,))
 
 
+@pytest.mark.filterwarnings("ignore::obscurance.ao.ToleranceWarning")  # said, as crumbs lie in layers
 @pytest.mark.parametrize("count", [1, pytest.param(60, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", random_layouts.KINDS, ids=lambda kind: kind.__name__)
 def test_pages_of_random_layouts_by_any_options(kind, count, pytestconfig):
