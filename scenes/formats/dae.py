@@ -5,6 +5,7 @@ which is taken for the exponent of Blinn–Phong. Format: COLLADA 1.4.1, chapter
 """
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 from urllib.parse import unquote
@@ -40,7 +41,7 @@ def read_dae(mesh_input: MeshInput) -> list[Instance]:
     up = str(content.assetInfo.upaxis or "y")[0].lower()
     instances = []
     placed_elements = 0
-    for placed in content.scene.objects("geometry") if content.scene else ():
+    for placed in _placed(content.scene) if content.scene else ():
         shape = placed.original
         # Primitives that share vertices are one mesh.
         sets: dict[int, list[Any]] = {}
@@ -79,7 +80,23 @@ def read_dae(mesh_input: MeshInput) -> list[Instance]:
                 )
                 instance = instance._replace(attributes=attributes, unread=unread)
             instances.append(instance)
+    if content.errors and instances:
+        faults = " ".join(str(getattr(content.errors[0], "msg", content.errors[0])).split())
+        left_out = f"{len(content.errors):,} parts of the document are malformed and left out: {faults}"
+        instances[0] = instances[0]._replace(notes=(*instances[0].notes, left_out))
     return instances
+
+
+def _placed(scene: Any) -> Iterator[Any]:
+    """The bound geometries of a scene, then those of its skins and morphs, in the pose that they are stored in."""
+    from collada.controller import BoundSkin
+
+    yield from scene.objects("geometry")
+    for bound in scene.objects("controller"):
+        if isinstance(bound, BoundSkin):
+            yield bound.geometry
+        else:
+            yield bound.original.source_geometry.bind(bound.matrix, bound.materialnodebysymbol)
 
 
 def unit(file: BinaryIO) -> float:

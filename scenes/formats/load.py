@@ -23,13 +23,17 @@ from obscurance.raytrace.types import Float64s
 
 from ..geometry.attributes import FLOAT, SourceAttributes, reversed_attributes, triangle_attributes
 from ..geometry.instances import Instance, Submesh, flatten, joined_attributes
-from .table import MeshInput, endings, format_of, formats, sniffed_format
+from .table import MeshInput, format_of, formats, sniffed_format
 
 if TYPE_CHECKING:
     from obscurance.ao import Profile
 
     from .gltf.asset import Gltf
 
+_CONVERTERS = dict.fromkeys((".abc", ".blend", ".fbx", ".usd", ".usda", ".usdc", ".usdz"), "Blender") | dict.fromkeys(
+    (".iges", ".igs", ".step", ".stp"), "FreeCAD"
+)
+"""Programs that know formats which nobody reads here."""
 _KEPT = 2.5  # bytes of memory a byte of file where attributes are kept, besides the table's
 PIPED = "<stdin>"  # in place of a file's name without its ending
 STANDARD, _SOURCE = Path("-"), "standard input"
@@ -256,8 +260,11 @@ def read_objects(
             from .libraries import library_endings
 
             if path.suffix.lower() not in library_endings():
-                readable = " ".join([*endings("read"), *library_endings()]).replace(".", "")
-                raise MeshError(path, "ending", f"one of {readable}", path.suffix or "none")
+                readable = ", ".join(dict.fromkeys(row.name for row in formats().values() if row.read))
+                by_library = " or a format of meshio" * bool(library_endings())
+                converter = _CONVERTERS.get(path.suffix.lower())
+                advice = f"; {converter} writes .glb of it" if converter else ""
+                raise MeshError(path, "ending", f"that of {readable}{by_library}{advice}", path.suffix or "none")
         size = path.stat().st_size if content is None else len(content)
         if size == 0:
             raise MeshError(path, "content", "a mesh", "an empty file")

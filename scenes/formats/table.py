@@ -117,6 +117,7 @@ register(
         unit=1.0,
     ),
     FileFormat(".gltf", "glTF", read=_READ_GLTF, peak=2.0, begins=rb"\s*\{", holds=("w", "scene"), unit=1.0),
+    FileFormat(".vrm", "VRM", read=_READ_GLTF, peak=2.0, holds=("scene",), unit=1.0),
     FileFormat(
         ".stl", "STL", read="obscurance.scenes.formats.stl:read_stl", peak=6.0, begins=rb"\s*solid\b.*\n\s*facet\b"
     ),

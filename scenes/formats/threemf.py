@@ -69,7 +69,10 @@ class _Reader:
 
     def start(self, tag: str, attributes: Mapping[str, str]) -> None:
         """Take the start of an XML element, as the parser calls it."""
-        match tag.rpartition("}")[2]:
+        namespace, _, element = tag.rpartition("}")
+        if "/slice/" in namespace:  # whose vertices have no z
+            return
+        match element:
             case "object":
                 number = attributes["id"]
                 self.current = _Object(attributes.get("name", number))

@@ -1,1 +1,1 @@
-"""glTF 2.0: JSON with files beside it, .gltf, and binary, .glb, in which bakes are written."""
+"""glTF 2.0: JSON with files beside it, .gltf, and binary, .glb, in which bakes are written; .vrm is a GLB."""

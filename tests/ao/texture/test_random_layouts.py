@@ -56,6 +56,26 @@ def test_pages_of_many_random_layouts(kind, pytestconfig):
         drawn(kind, pytestconfig.option.mesh_seed + seed, (1024,))
 
 
+@pytest.mark.filterwarnings("ignore::obscurance.ao.ToleranceWarning")  # said, as crumbs lie in layers
+@pytest.mark.parametrize("count", [1, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", random_layouts.KINDS, ids=lambda kind: kind.__name__)
+def test_pages_of_random_layouts_by_any_options(kind, count, pytestconfig):
+    for seed in range(pytestconfig.option.mesh_seed, pytestconfig.option.mesh_seed + count):
+        rng = np.random.default_rng([seed, random_layouts.KINDS.index(kind), 1])
+        vertices, faces, uv, w = kind(rng)
+        mesh = Mesh(vertices, faces)
+        options = random_layouts.any_options(rng, mesh)
+        size = int(rng.choice([16, 17, 32, 100, 256] if count > 1 else [16, 17, 32]))
+        note = f"{kind.__name__} at {size}² by {options}; once more: --mesh-seed {seed}"
+        one, two = (ao.bake_texture(mesh, uv, size, threads=threads, **options) for threads in (1, 2))
+        assert one.w.tobytes() == two.w.tobytes(), note
+        assert one.w.min() >= 0, note
+        assert one.w.max() <= 1, note
+        assert all(np.isfinite(page).all() for page in (one.error, one.bent_normals)), note
+        if w == 1 and not np.ptp(vertices[:, 2]) and not options.get("thickness"):
+            assert one.w.min() > 1 - 1e-6, note
+
+
 @pytest.mark.parametrize("size", [16, 64, pytest.param(256, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", NAMES)
 def test_pages_of_blenders_primitives(name, size):

@@ -82,7 +82,7 @@ COMMANDS = [
     ("bake pictur.ply -o w.npy", "did you mean picture.png?"),
     ("bake folder -o w.npy", "folder: file: expected a mesh file, got a folder"),
     ("bake cloud.obj -o w.npy", "cloud.obj: faces: expected at least one triangle"),
-    ("bake scene.toml -o w.npy", "scene.toml: ending: expected one of 3mf", "got .toml"),
+    ("bake scene.toml -o w.npy", "scene.toml: ending: expected that of 3MF", "got .toml"),
     ("bake a.ply -o w.npy --samples abc", "bake --samples: expected a whole number, got abc; see obscurance bake"),
     ("bake a.ply -o w.npy --samples 1e3", "got 1e3"),
     ("bake a.ply -o w.npy --samples 0", "bake --samples: expected a whole number from 1 to 1048576, got 0"),

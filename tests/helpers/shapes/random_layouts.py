@@ -148,4 +148,23 @@ def crumbs(rng):
     return points, faces, placed(uv, rng), w
 
 
+def any_options(rng, mesh):
+    """Options of `ao.bake_texture` that go together, each at times."""
+
+    def at_times(share, name, *values):
+        return {name: values[rng.integers(len(values))]} if rng.random() < share else {}
+
+    options = at_times(0.6, "tolerance", 0.02, 0.05, 0.1) or {"samples": int(rng.choice([1, 2, 3, 8, 33]))}
+    options |= at_times(0.3, "overlap", "first") | at_times(0.2, "bent_space", "tangent", "tangent-directx")
+    options |= at_times(0.1, "thickness", True) or at_times(0.2, "interior", "ignore", "fill")
+    options |= at_times(0.2, "cage", "1%", "5%", "30%") | at_times(0.15, "normals", "area", "equal")
+    options |= at_times(0.15, "spread", 1, 20, 90) | at_times(0.15, "back_faces", "ignore")
+    options |= at_times(0.15, "close_seams", False) | at_times(0.15, "profile", True)
+    if "cage" in options:
+        options["high"] = mesh
+    if "samples" in options:
+        options |= at_times(0.15, "denoise", False)
+    return options
+
+
 KINDS = (dart, darts, pole, slit, fan, mirrored, islands, crumbs)

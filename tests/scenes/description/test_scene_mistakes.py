@@ -61,7 +61,7 @@ MISTAKES = {
     'objects[0].mesh: expected a path in the scene\'s folder or below, got ""': '[[objects]]\nmesh = ""',
     "objects[0].mesh: expected a readable file": '[[objects]]\nmesh = "a\\u0000b"',
     "broken.obj: content: expected a complete and valid OBJ file": '[[objects]]\nmesh = "broken.obj"',
-    "paint.png: ending: expected one of 3mf": '[[objects]]\nmesh = "paint.png"',
+    "paint.png: ending: expected that of 3MF": '[[objects]]\nmesh = "paint.png"',
     'objects[0].texture: expected an existing file, got "no.png"': PLAIN + 'texture = "no.png"',
     "objects[0].texture: expected a mesh with texture coordinates, got one without": (
         '[[objects]]\nbuiltin = "sponge"\nlevel = 1\ntexture = "paint.png"'

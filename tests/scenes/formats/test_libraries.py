@@ -7,7 +7,7 @@ import meshio
 import numpy as np
 import pytest
 from command import obscurance, refused
-from fuzz_seeds import DAE, archive
+from fuzz_seeds import DAE, MODEL, archive
 from mesh_files import obj
 
 from obscurance.scenes.formats.load import load
@@ -24,6 +24,63 @@ def test_collada_keeps_its_vertices_and_nodes(tmp_path, ending):
     np.testing.assert_array_equal(file.mesh.vertices, np.concatenate([PLACES + np.array([0, 0, 2]), 2 * PLACES]))
     first = [[3, 2, 1], [3, 1, 0], [0, 1, 4], [1, 2, 4]]
     np.testing.assert_array_equal(file.mesh.faces, np.concatenate([first, np.add(first, 5)]))
+
+
+SKIN = b"""<library_controllers><controller id="c"><skin source="#g"><bind_shape_matrix>1 0 0 3 0 1 0 0 0 0 1 0 0 0 0 1
+</bind_shape_matrix><source id="j"><Name_array id="ja" count="1">bone</Name_array><technique_common>
+<accessor source="#ja" count="1"><param name="JOINT" type="name"/></accessor></technique_common></source>
+<source id="b"><float_array id="ba" count="16">1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</float_array><technique_common>
+<accessor source="#ba" count="1" stride="16"><param name="TRANSFORM" type="float4x4"/></accessor></technique_common>
+</source>
+<source id="w"><float_array id="wa" count="1">1</float_array><technique_common><accessor source="#wa" count="1">
+<param name="WEIGHT" type="float"/></accessor></technique_common></source>
+<joints><input semantic="JOINT" source="#j"/><input semantic="INV_BIND_MATRIX" source="#b"/></joints>
+<vertex_weights count="5"><input semantic="JOINT" source="#j" offset="0"/>
+<input semantic="WEIGHT" source="#w" offset="1"/>
+<vcount>1 1 1 1 1</vcount><v>0 0 0 0 0 0 0 0 0 0</v></vertex_weights></skin></controller></library_controllers>"""
+MORPH = b"""<library_controllers><controller id="c"><morph source="#g"><source id="t"><IDREF_array id="ta" count="1">g
+</IDREF_array><technique_common><accessor source="#ta" count="1"><param name="T" type="IDREF"/></accessor>
+</technique_common>
+</source><source id="w"><float_array id="wa" count="1">0</float_array><technique_common>
+<accessor source="#wa" count="1">
+<param name="W" type="float"/></accessor></technique_common></source><targets>
+<input semantic="MORPH_TARGET" source="#t"/>
+<input semantic="MORPH_WEIGHT" source="#w"/></targets></morph></controller></library_controllers>"""
+
+
+@pytest.mark.parametrize(("controller", "moved"), [(SKIN, 3), (MORPH, 0)], ids=["skin", "morph"])
+def test_collada_keeps_what_is_skinned_or_morphed(tmp_path, controller, moved):
+    """The first node shows the geometry by a controller, as stored; it comes after the plain ones."""
+    shown = b'<instance_geometry url="#g"/></node>\n<node><node>'
+    content = DAE.replace(b"<library_visual_scenes>", controller + b"<library_visual_scenes>")
+    content = content.replace(shown, shown.replace(b"instance_geometry", b"instance_controller").replace(b"#g", b"#c"))
+    (tmp_path / "m.dae").write_bytes(content)
+    file = load(tmp_path / "m.dae")
+    assert file.objects == ("roof", "roof")
+    assert file.notes == ()
+    expected = np.concatenate([2 * PLACES, PLACES + np.array([moved, 0, 2])])
+    np.testing.assert_array_equal(file.mesh.vertices, expected)
+
+
+def test_malformed_geometry_of_collada_is_told(tmp_path):
+    (tmp_path / "m.dae").write_bytes(DAE.replace(b'url="#g"/></node>\n', b'url="#q"/></node>\n'))
+    file = load(tmp_path / "m.dae")
+    assert len(file.parts) == 1
+    said = "m.dae: 1 parts of the document are malformed and left out: Geometry #q not found in library"
+    assert [note.removeprefix(f"{tmp_path}/") for note in file.notes] == [said]
+
+
+def test_slices_of_3mf_are_left_out(tmp_path):
+    slices = b"""<s:slicestack id="9" 
+xmlns:s="http://schemas.microsoft.com/3dmanufacturing/slice/2015/07"><s:slice ztop="1">
+<s:vertices><s:vertex x="0" y="0"/><s:vertex x="1" y="0"/></s:vertices><s:polygon startv="0"><s:segment v2="1"/>
+</s:polygon>
+</s:slice></s:slicestack>"""
+    for name, content in (("plain", MODEL), ("sliced", MODEL.replace(b"<resources>", b"<resources>" + slices))):
+        (tmp_path / f"{name}.3mf").write_bytes(archive(**{"3D/3dmodel.model": content}))
+    plain, sliced = (load(tmp_path / f"{name}.3mf").mesh for name in ("plain", "sliced"))
+    np.testing.assert_array_equal(plain.vertices, sliced.vertices)
+    np.testing.assert_array_equal(plain.faces, sliced.faces)
 
 
 def test_a_gmsh_file_is_read_without_a_word(tmp_path):
@@ -50,7 +107,7 @@ def test_a_file_of_abaqus_includes_no_other(tmp_path, keyword):
 def test_formats_that_name_files_anywhere_are_not_read(tmp_path, ending):
     """XDMF names files of numbers; HDF5 has external links and external raw storage."""
     (tmp_path / f"m.{ending}").write_text("<Xdmf/>")
-    refused(obscurance("info", tmp_path / f"m.{ending}"), "ending: expected one of", f"got .{ending}")
+    refused(obscurance("info", tmp_path / f"m.{ending}"), "ending: expected that of", f"got .{ending}")
 
 
 def test_an_ending_is_refused_without_importing_a_library(tmp_path):

@@ -6,6 +6,8 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from command import obscurance
+from gltf_files import QUAD, Builder
 from project import ROOT
 
 from obscurance import scenes
@@ -53,7 +55,7 @@ def test_a_format_from_outside_is_read_as_the_guide_for_contributors_says(tmp_pa
     (tmp_path / "tri_format.py").write_text(reader)
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "m.tri").write_text("0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 1\n0 1 1\n")
-    with pytest.raises(MeshError, match="ending: expected one of"):
+    with pytest.raises(MeshError, match="ending: expected that of"):
         scenes.load(tmp_path / "m.tri")
     try:
         exec(row.replace("obscurance.scenes.formats.tri", "tri_format"))
@@ -63,3 +65,20 @@ def test_a_format_from_outside_is_read_as_the_guide_for_contributors_says(tmp_pa
         table._REGISTERED.pop(".tri", None)
     assert np.array_equal(mesh.faces, [[0, 1, 2], [3, 4, 5]])
     assert mesh.vertices[5].tolist() == [0, 1, 1]
+
+
+def test_a_vrm_is_a_glb(tmp_path):
+    builder = Builder()
+    builder.mesh(builder.primitive(QUAD, [[0, 1, 2], [0, 2, 3]]))
+    content = builder.glb([{"mesh": 0}])
+    for name in ("m.glb", "m.vrm"):
+        (tmp_path / name).write_bytes(content)
+    one, other = (scenes.load(tmp_path / name) for name in ("m.glb", "m.vrm"))
+    np.testing.assert_array_equal(one.mesh.vertices, other.mesh.vertices)
+    for target in ("w.glb", "w.ply", "w.html"):
+        done = obscurance("bake", tmp_path / "m.vrm", "-o", tmp_path / target, "--samples", 8, "--max-distance", "5 cm")
+        assert done.returncode == 0, done.stderr
+    assert (
+        obscurance("render", tmp_path / "m.vrm", "-o", tmp_path / "p.png", "--width", 8, "--height", 8).returncode == 0
+    )
+    assert obscurance("info", tmp_path / "m.vrm").returncode == 0
