@@ -5,7 +5,6 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from threading import Lock
 from typing import Any, Literal
 
 from obscurance.raytrace.errors import InputError
@@ -54,11 +53,10 @@ def digest(files: Iterable[Path]) -> str:
 
 
 class Manifest:
-    """The entries of a batch, written every few seconds; from any thread. Args: about: options and versions."""
+    """The entries of a batch, written every few seconds. Args: about: options and versions."""
 
     def __init__(self, path: Path, entries: list[Entry], about: dict[str, Any]) -> None:
         self.path, self.entries, self._about = path, entries, about
-        self._lock = Lock()
         self._due = time.monotonic() + EVERY
 
     def count(self, status: Status) -> int:
@@ -66,10 +64,9 @@ class Manifest:
 
     def save(self) -> None:
         """Write the manifest, if the last time is some seconds ago."""
-        with self._lock:
-            if time.monotonic() >= self._due:
-                self.write()
-                self._due = time.monotonic() + EVERY
+        if time.monotonic() >= self._due:
+            self.write()
+            self._due = time.monotonic() + EVERY
 
     def write(self) -> None:
         """Write the manifest now. Raises: OutputError."""

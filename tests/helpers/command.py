@@ -78,8 +78,8 @@ cli.main()
 """
 
 
-def interrupted_command(module, *arguments, by=signal.SIGINT):
-    """Run the command as a process and send it a signal a tenth of a second after `module` has begun to trace.
+def interrupted_command(module, *arguments):
+    """Run the command as a process and interrupt it a tenth of a second after `module` has begun to trace.
 
     Returns: the status and what it wrote to standard error.
     """
@@ -87,7 +87,7 @@ def interrupted_command(module, *arguments, by=signal.SIGINT):
     with started(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
         assert running.stdout.readline() == "begun\n"
         time.sleep(0.1)
-        running.send_signal(by)
+        running.send_signal(signal.SIGINT)
         _, errors = running.communicate(timeout=120)
     return running.returncode, errors
 

@@ -198,7 +198,8 @@ def test_textures_go_in_batches_too(folder):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals")
-def test_an_interrupt_leaves_whole_files_and_says_how_far_it_was(folder):
+@pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_leaves_whole_files_and_says_how_far_it_was(folder, by):
     for number in range(60):
         (folder / f"more{number}.obj").write_bytes(obj(*hills(30)))
     command = ["bake", "more*.obj", "--output-dir", "out", "--samples", "1024", "--threads", "2"]
@@ -208,9 +209,9 @@ def test_an_interrupt_leaves_whole_files_and_says_how_far_it_was(folder):
         assert run.stdout.readline() == "begun\n"
         while len(list((folder / "out").glob("*.ply"))) < 3:
             time.sleep(0.01)
-        run.send_signal(signal.SIGINT)
+        run.send_signal(by)
         _, errors = run.communicate(timeout=60)
-    assert run.returncode == 130
+    assert run.returncode == 128 + by
     found = manifest(folder)
     names = {path.name for path in (folder / "out").iterdir()} - {"manifest.json"}
     assert 3 <= found["done"] == len(names) < 60

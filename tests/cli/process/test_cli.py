@@ -1,15 +1,13 @@
 """The command as a user meets it: its files, its exit status and its one line."""
 
 import json
-import os
-import signal
 import subprocess
 import sys
 
 import numpy as np
 import pytest
 import trimesh
-from command import interrupted_command, obscurance, process, refused
+from command import obscurance, process, refused
 from project import ROOT
 
 from obscurance.raytrace.image.read import read_image
@@ -140,7 +138,8 @@ sys.argv[0] = "obscurance"
 try:
     cli.main()
 finally:
-    print([name for name in ("numpy", "numba", "trimesh", "scipy") if name in sys.modules])
+    heavy = "numpy", "numba", "trimesh", "scipy", "obscurance.scenes.formats"
+    print([name for name in heavy if name in sys.modules])
 """
 
 
@@ -195,40 +194,6 @@ def test_a_report_that_cannot_be_written_is_refused_before_the_work(tmp_path, cu
     target = tmp_path / "w.npy"
     refused(obscurance("bake", cube, "-o", target, "--report", tmp_path / "no" / "r.json"), "r.json")
     assert not target.exists()
-
-
-@pytest.mark.skipif(os.name == "nt", reason="signals")
-@pytest.mark.parametrize(
-    ("by", "options"),
-    [
-        (signal.SIGINT, ()),
-        (signal.SIGTERM, ()),
-        (signal.SIGTERM, ("--no-denoise", "--interior", "ignore")),
-    ],
-)
-def test_an_interrupt_leaves_nothing_behind(tmp_path, by, options):
-    mesh = tmp_path / "ball.ply"
-    trimesh.creation.icosphere(subdivisions=5).export(mesh)
-    target = tmp_path / "w.npy"
-    target.write_bytes(b"\x93NUMPY precious")
-    command = ("bake", mesh, "-o", target, "--samples", 200_000, *options)
-    status, errors = interrupted_command("obscurance.ao.execute.work", *command, by=by)
-    assert status == 128 + by
-    assert errors.splitlines()[-1] == "interrupted; no file is half-written"
-    assert "Traceback" not in errors
-    assert target.read_bytes() == b"\x93NUMPY precious"
-    assert len(list(tmp_path.iterdir())) == 2
-
-
-@pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupted_batch_ends_with_the_status_of_its_signal(tmp_path, by):
-    for name in ("a.ply", "b.ply"):
-        trimesh.creation.icosphere(subdivisions=5).export(tmp_path / name)
-    meshes = tmp_path / "a.ply", tmp_path / "b.ply"
-    command = ("bake", *meshes, "--output-dir", tmp_path / "out", "--format", "npy", "--samples", "200000")
-    status, errors = interrupted_command("obscurance.ao.execute.work", *command, by=by)
-    assert status == 128 + by
-    assert " of 2 meshes baked to " in errors.splitlines()[-1]
 
 
 def test_an_address_that_dask_cannot_open_is_refused_in_one_line(tmp_path):

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from warnings import warn
 
 import pytest
@@ -85,9 +86,10 @@ cli.main()
 
 
 @pytest.mark.parametrize(
-    ("options", "name"), [(["--samples", 512], "w.npz"), (["--size", 96, "--samples", 64], "w.png")]
+    ("options", "name", "by"),
+    [(["--samples", 512], "w.npz", signal.SIGINT), (["--size", 96, "--samples", 64], "w.png", signal.SIGTERM)],
 )
-def test_the_command_continues_after_an_interrupt(tmp_path, options, name):
+def test_the_command_continues_after_an_interrupt(tmp_path, options, name, by):
     mesh, target, whole = tmp_path / "hills.ply", tmp_path / name, tmp_path / f"whole-{name}"
     mesh.write_bytes(textured(MESH.vertices, MESH.faces))
     bake = "bake", mesh, "--quiet", *options
@@ -98,11 +100,11 @@ def test_the_command_continues_after_an_interrupt(tmp_path, options, name):
         while running.poll() is None and not any(list(folder.glob("?*.?*")) for folder in folders(target)):
             assert time.monotonic() < latest, "no rows in five minutes"
             time.sleep(0.01)
-        running.send_signal(signal.SIGINT)
+        running.send_signal(by)
         _, errors = running.communicate(timeout=60)
-    assert running.returncode == 130, errors
     (folder,) = folders(target)
-    assert f"{folder} keeps the rows that are done: run the command again to go on from there" in errors
+    kept = f"obscurance: {folder} keeps the rows that are done: run the command again to go on from there"
+    assert (running.returncode, errors.splitlines()[-2:]) == (128 + by, [kept, ENDED])
     assert not target.exists()
     assert obscurance(*bake, "-o", target).stderr == ""
     assert target.read_bytes() == whole.read_bytes()
@@ -157,7 +159,7 @@ STAGES = {
     "page, seams and images": "bake medium.ply -o out/w.png --size 1024 --samples 1 --error-map out/e.exr",
     "unwrapping": "bake medium.ply -o out/w.glb --occlusion texture --uv unwrap --size 1024 --samples 4",
     "a fine mesh": "bake small.ply -o out/w.png --high large.ply --size 1024 --samples 4",
-    "faces": "bake medium.ply -o out/w.npz --at faces --report out/r.html",
+    "faces": "bake medium.ply -o out/w.npz --at faces --report out/r.json",
     "batch": "bake small.ply medium.ply other.ply --output-dir out --format glb",
     "workers": "bake medium.ply -o out/w.npy --tolerance .005 --cluster local:2",
     "prune": "prune medium.ply -o out/w.glb",
@@ -171,6 +173,16 @@ def burden():
     while time.process_time() < cpu + 0.05:
         pass
     return max((time.perf_counter() - begun) / 0.05, 1.0)
+
+
+def living(group):
+    """The processes of a group that have not ended."""
+    psutil, found = pytest.importorskip("psutil", reason="pip install '.[cluster]'"), []
+    for each in psutil.process_iter():
+        with suppress(ProcessLookupError, psutil.Error):
+            if os.getpgid(each.pid) == group and each.status() != psutil.STATUS_ZOMBIE:
+                found.append(each.cmdline())
+    return found
 
 
 @pytest.mark.slow
@@ -205,6 +217,10 @@ def test_a_signal_at_any_moment_ends_the_command_within_a_second(tmp_path, stage
                     assert running.returncode == 128 + by
                     assert errors.splitlines()[-1].startswith("interrupted")
                 assert not any(words in errors for words in ("Traceback", "Exception ignored")), errors
+            latest = time.monotonic() + 10
+            while living(running.pid) and time.monotonic() < latest:  # workers notice that it has gone
+                time.sleep(0.1)
+            assert not living(running.pid)
         assert not list(output.glob(".obscurance-*"))
         assert len(list(output.iterdir())) <= 3
     print(stage, f"{took:.1f} s", " ".join(f"{seconds:.2f}" for seconds in sorted(slowest)))

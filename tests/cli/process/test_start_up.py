@@ -80,14 +80,6 @@ def test_a_command_starts_no_threads_of_a_linear_algebra_library():
     assert shown.stdout == "1\n"
 
 
-def test_help_imports_no_format():
-    code = "import atexit, sys; from obscurance import cli; "
-    code += "atexit.register(lambda: print('obscurance.scenes.formats' in sys.modules)); cli.main()"
-    command = [sys.executable, "-c", code, "--help"]
-    shown = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60).stdout
-    assert shown.endswith("False\n")
-
-
 INTERRUPTED = """
 import os, runpy, signal, sys
 
