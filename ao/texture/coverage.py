@@ -58,27 +58,35 @@ class Page(NamedTuple):
         return cls(layout, crowding, band_rows, starts, listed)
 
     def cover(
-        self, overlap: Overlap, threads: int, texels: Int64s | None = None, key: np.uint32 = np.uint32(0)
+        self,
+        overlap: Overlap,
+        threads: int,
+        texels: Int64s | None = None,
+        parts: Int64s | None = None,
+        key: np.uint32 = np.uint32(0),
     ) -> Coverage:
         """The texels that faces cover, found band by band.
 
         Args:
             overlap: where faces overlap, samples lie on all ("mean") or on the first of them.
-            texels: (n,), ascending, only these, with points at random places in each. None: all, at regular places.
-            key: of the random places.
+            texels: (n,), ascending, only these, some of them more than once, with points at places by chance in each.
+                None: all, at regular places.
+            parts, key: (n,), of `Places.by_chance`.
         """
         size = self.band_rows * self.layout.width
         bands: dict[int, Coverage] = {}
 
         def work(start: int, stop: int) -> None:
             triangles = self.listed[self.starts[start // size] : self.starts[start // size + 1]]
-            if texels is None:
-                band_texels, places = np.arange(start, stop), REGULAR
+            if texels is None or parts is None:
+                rows, places = np.arange(start, stop), REGULAR
+                band_texels = rows
             else:
-                band_texels = texels[np.searchsorted(texels, start) : np.searchsorted(texels, stop)]
-                places = Places.by_chance(band_texels, key)
+                rows = np.arange(np.searchsorted(texels, start), np.searchsorted(texels, stop))
+                band_texels = texels[rows]
+                places = Places.by_chance(band_texels, parts[rows], key)
             if len(band_texels) or start == 0:
-                bands[start] = _Band(self, band_texels, triangles, places, overlap == "mean").cover()
+                bands[start] = _Band(self, band_texels, rows, triangles, places, overlap == "mean").cover()
 
         run_blocks(self.layout.height * self.layout.width, size, work, threads)
         return Coverage.joined([band for _, band in sorted(bands.items())])
@@ -90,6 +98,7 @@ class _Band(NamedTuple):
 
     page: Page
     texels: Int64s  # (n,), ascending
+    rows: Int64s  # (n,), of `Coverage`
     triangles: Int64s  # that may reach into the texels
     places: Places  # for each texel, or for all
     layered: bool  # whether all faces share a texel
@@ -114,6 +123,7 @@ class _Band(NamedTuple):
         return Coverage(
             layout=layout,
             texels=self.texels[covered],
+            rows=self.rows[covered],
             places=self.places.of(covered),
             triangle=marks.triangle[covered],
             overlapping=marks.overlapping[covered],

@@ -80,20 +80,24 @@ def scan_convert(
     """Visit those of n `texels` of a page, ascending, that triangles reach into, one triangle after another.
 
     Args:
-        triangles: rows of `corners` (t, 3, 2), ascending. texels: (n,), row · width + column; width: of the page.
+        triangles: rows of `corners` (t, 3, 2), ascending. texels: (n,), row · width + column, some more than once;
+        width: of the page.
         points: (n, POINTS, 2) or (1, POINTS, 2) in the texels. marks: `Marks` to be made, or None. lists: `Lists` to be
             filled, or None.
     """
     edges = np.empty((3, EDGE))
     if len(texels) == 0:
         return
+    all_there = True  # one after another, none left out
+    for i in range(1, len(texels)):
+        all_there &= texels[i] == texels[i - 1] + 1
     for t in triangles:
         area = set_up_edges(corners[t], edges)
         first_row, last_row = _rows(corners[t], texels[0] // width, texels[-1] // width + 1)
         for row in range(first_row, last_row):
             before = row * width
             left, right = _columns(corners[t], row, width)
-            for i in range(_place_of(texels, before + left), _place_of(texels, before + right)):
+            for i in range(_place_of(texels, before + left, all_there), _place_of(texels, before + right, all_there)):
                 corner = np.float64(texels[i] - before), np.float64(row)
                 touching, within = _reach(edges, corner[0] + 0.5, corner[1] + 0.5)
                 if touching <= 0.0:
@@ -107,9 +111,9 @@ def scan_convert(
 
 
 @inline
-def _place_of(texels, texel):
-    """How many of `texels`, ascending, come before one."""
-    if texels[-1] - texels[0] + 1 == len(texels):
+def _place_of(texels, texel, all_there):
+    """How many of `texels`, ascending, come before one. Args: all_there: these are one after another."""
+    if all_there:
         return min(max(texel - texels[0], 0), len(texels))
     return np.searchsorted(texels, texel)
 

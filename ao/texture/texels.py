@@ -8,10 +8,10 @@ import numpy as np
 
 from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.morton import morton_order
-from obscurance.raytrace.sampling.sequences import hash32_array
-from obscurance.raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
+from obscurance.raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s, UInt8s
 
 from ..estimate.inside import inside_solids
+from ..estimate.sites import ONE_PLACE, PREDICTED, SEVERAL_PLACES
 from ..options import TextureOptions
 from ..points.points import Points
 from ..points.projection import FineMesh, Groups
@@ -42,6 +42,17 @@ class Texels:
 
     def __len__(self) -> int:
         return len(self.texels)
+
+    @property
+    def kinds(self) -> UInt8s:
+        """The kinds (k,) of `Sites`."""
+        several = np.where(self.samples.counts == 1, ONE_PLACE, SEVERAL_PLACES)
+        return np.append(several, np.full(len(self) - len(several), PREDICTED)).astype(np.uint8)
+
+    @property
+    def stands_for(self) -> Int64s | None:
+        """The row (k,) of the texel from which each is predicted; None where all are to bake."""
+        return self.cell if len(self) > len(self.samples) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,30 +102,26 @@ class TexelSampler:
         )
         return texels, len(by_centre) - len(texels), missed
 
-    def elsewhere(self, texels: Texels, texel_rows: Int64s, key: np.uint32) -> SurfaceSamples:
-        """Samples, by chance, elsewhere in the blocks that the texels `texel_rows` (j,) stand for; where all of these
-        are in solids, the texel's own. Other texels have none."""
-        threads, width = self.prepared.threads, self.page.layout.width
-        # A texel by chance in each block, covered anew at random places.
-        side = np.sqrt(np.bincount(texels.cell)[texel_rows]).astype(np.int64)
-        chance = hash32_array(texels.texels[texel_rows].astype(np.uint32) ^ ~key) % side**2
-        chosen = texels.texels[texel_rows] + (chance // side - side // 2) * width + chance % side - side // 2
-        order = np.argsort(chosen)
-        ascending = texel_rows[order]
-        coverage = self.page.cover(self.options.overlap, threads, chosen[order], key)
-        row_of = ascending[np.searchsorted(chosen[order], coverage.texels)]
-        order = np.argsort(row_of)
+    def elsewhere(self, texels: Texels, rows: Int64s, parts: Int64s, key: np.uint32) -> SurfaceSamples:
+        """Samples of the texels `rows` (n,), by `parts` (n,) 0, 1, … of a sequence that is even over each and shifted
+        by a key; where all of these are in solids, the texel's own, or those of what stands for it."""
+        order = np.argsort(texels.texels[rows], kind="stable")
+        chosen = texels.texels[rows[order]]
+        coverage = self.page.cover(self.options.overlap, self.prepared.threads, chosen, parts[order], key)
+        of = order[coverage.rows]
+        order = np.argsort(of)
         samples, _ = self._place(coverage, order, np.zeros(len(order), np.bool_))
-        moved = row_of[order]
+        moved = of[order]
         # Where these are in solids the texel's own samples stay.
         inside = self._inside(samples)
         if inside.any() and not inside.all():
             moved = moved[samples.groups_outside(inside)]
-            samples = samples.without(inside, threads)
-        unmoved = np.setdiff1d(texel_rows, moved)
-        sampled = np.append(moved, unmoved)
-        all_samples = samples.followed_by(texels.samples.only(unmoved)).only(np.argsort(sampled))
-        return all_samples.spread(np.sort(sampled), len(texels.samples))
+            samples = samples.without(inside, self.prepared.threads)
+        unmoved = np.setdiff1d(np.arange(len(rows)), moved)
+        if not len(unmoved):
+            return samples
+        together = samples.followed_by(texels.samples.only(texels.cell[rows[unmoved]]))
+        return together.only(np.argsort(np.append(moved, unmoved)))
 
     def _cells(self, coverage: Coverage) -> tuple[Bools, Int64s]:
         """The texels (k,) with one sample, at their centre, and the row (k,) of the texel that stands for each."""
