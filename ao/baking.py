@@ -32,7 +32,6 @@ from .options import (
     Method,
     Normals,
     Options,
-    Traversal,
     VertexOptions,
 )  # fmt: skip
 from .points.occluders import occluding
@@ -69,7 +68,6 @@ def bake(
     thickness: bool = False,
     spread: float = 180.0,
     back_faces: BackFaces = "occlude",
-    traversal: Traversal = "auto",
     profile: bool = False,
     cage: Length | Mesh | Any = "2%",
     only: Bools | None = None,
@@ -122,9 +120,6 @@ def bake(
             180. Rays stay distributed like cosθ, and w is their mean: 1 where nothing is in the cone.
         back_faces: ignore: rays pass through faces that they meet from behind, as through single-sided walls. A face's
             front is where its corners run anticlockwise. `interior` sees backs all the same. Not by the surface method.
-        traversal: Who traces rays; embree is slower, and checks auto. "auto": the rays of a point walk a hierarchy of
-            our own together, but go through Embree in packets where half of them meet something and they are few. Not
-            by the surface method.
         profile: Also store w at half-distances an octave apart, from .5% to 256% of the radius, so that the
             half-distance can be chosen later: .npz .ply .glb .html, textures .exr; by default in .html, if that costs
             little. In Python the result's `profile`, by the same rays; without `max_distance`, and not by the surface
@@ -233,8 +228,6 @@ def _sample_vertices(prepared: Prepared) -> PointValues:
     needed = TRACED * len(points) + column_bytes(len(points), options.columns)
     check_memory(prepared.mesh.source, needed, f"to trace rays at {len(points):,} points")
     tracer = prepared.tracer(total)
-    if options.tolerance is None and options.rays >= tracer.embree_below:
-        tracer.embree_below = 0  # Embree's hierarchy is not worth building for corner samples alone
     inside = inside_solids(
         points, lambda: receivers.first_vertex, prepared.placement, receivers, options.interior, tracer.threads, total
     )

@@ -77,7 +77,7 @@ def _estimate_twice(prepared: Prepared, points: Points, geometric_normals: Float
     """Two estimates of w (k, 2) at points, whose hemispheres end at faces of these normals, as of `total` points."""
     mu = prepared.mu.in_render_space(prepared.placement.scale)
     t_max = min(mu.limit, prepared.placement.diagonal)
-    tracer = Tracer(prepared.scene, 0, mu, t_max, prepared.threads, total)
+    tracer = Tracer(prepared.scene, mu, t_max, prepared.threads, total)
     twice = points[np.tile(np.arange(len(points)), 2)]
     twice = replace(twice, numbers=np.arange(len(twice), dtype=np.uint32))
     key = derive(prepared.key, 8)

@@ -32,16 +32,6 @@ class KernelColumns(NamedTuple):
     distances: Float64s
     values: Float64s
 
-    def each(self) -> list[KernelMu]:
-        """The falloffs one by one."""
-        columns = zip(
-            self.taus.tolist(), self.limits.tolist(), self.scales.tolist(), pairwise(self.starts), strict=True
-        )
-        return [
-            KernelMu(tau, limit, scale, self.distances[slice(*knots)], self.values[slice(*knots)])
-            for tau, limit, scale, knots in columns
-        ]
-
 
 class KernelMu(NamedTuple):
     """A falloff as kernels take it, in render space."""

@@ -28,7 +28,6 @@ Method = Literal["vertex", "surface"]
 Weighting = Literal["angle", "area", "equal"]
 Normals = Literal["angle", "area", "equal", "file", "up"]
 Interior = Literal["auto", "ignore", "mark", "fill"]
-Traversal = Literal["auto", "embree"]
 BackFaces = Literal["occlude", "ignore"]
 At = Literal["vertices", "faces"]
 _NOT_AT_FACES = "high", "cluster", "occluded_by", "colors", "report", "debug_image"
@@ -68,7 +67,6 @@ class Options:
         "Full angle in degrees of the cone of rays about the normal, in which 180, the hemisphere, is all.")] = 180.0
     back_faces: Annotated[BackFaces, Option(help=
         "ignore: rays pass through faces that they meet from behind, as through single-sided walls.")] = "occlude"
-    traversal: Annotated[Traversal, Option(help="Who traces rays; embree is slower, and checks auto.")] = "auto"
     profile: Annotated[bool, Option(kind=bool | None, default=None, help=
         "Also store w at half-distances an octave apart, from .5% to 256% of the radius, so that the half-distance can "
         "be chosen later: .npz .ply .glb .html, textures .exr; by default in .html, if that costs little.")
@@ -185,7 +183,7 @@ class VertexOptions(Options):
             return
         if self.at == "faces":
             raise ConflictError(("at", "faces"), "does not go with", ("method", "surface"))
-        for name in ("denoise", "interior", "traversal", "back_faces"):
+        for name in ("denoise", "interior", "back_faces"):
             if getattr(self, name) != getattr(Options, name):
                 raise ConflictError((name, getattr(self, name)), "does not go with", ("method", "surface"))
         if self.profile or len(self.falloffs) > 1:

@@ -26,7 +26,6 @@ from .options import Normals, Options
 from .points.occluders import joined
 from .points.receivers import Receivers, find_receivers
 from .rays.ray_scene import RayScene
-from .rays.traverse import embree_below, sample_rows
 
 if TYPE_CHECKING:
     from .execute.sample_means import SampleMeans
@@ -161,18 +160,10 @@ class Prepared(NamedTuple):
 
     def tracer(self, total_points: int) -> Tracer:
         """A tracer of up to `total_points` points, for a mesh all of its points, requested or not."""
-        options = self.options
         placement = self.placement
         mu = in_render_space(self.mus, placement.scale)
         t_max = min(mu.limit, placement.diagonal)
-        points = self.receivers.points
-        layered = self.scene.opacity is not None
-        normals = points.normals[sample_rows(len(points))]
-        reach = t_max / placement.diagonal
-        below = embree_below(options.traversal, layered, normals, reach, len(points), mu)
-        if options.tolerance is not None and options.traversal == "auto":
-            below = 0  # to build Embree's hierarchy takes as long as it saves
-        return Tracer(self.scene, below, mu, t_max, self.threads, total_points, self.progress, self.checkpoint)
+        return Tracer(self.scene, mu, t_max, self.threads, total_points, self.progress, self.checkpoint)
 
     def sample_tracer(self, means: "SampleMeans", kind: str, checkpoint: Kept | None) -> Tracer:
         """A tracer of groups of samples on the mesh, and the checkpoint begun. Args: kind: of bake."""

@@ -32,7 +32,7 @@ bake ball.obj -o far.obj --falloff linear --max-distance 25% --samples 32 --seed
 bake ball.obj -o smooth.npy --falloff smooth --max-distance 40% --samples 32
 bake ball.obj -o rounds.npy --falloff binary --tolerance .004
 bake ball.obj -o thick.npy --thickness --samples 32
-bake ball.obj -o cone.npy --spread 60 --traversal embree --samples 64
+bake ball.obj -o cone.npy --spread 60 --samples 64
 bake ball.obj -o fitted.ply --method surface --samples 32
 bake ball.obj -o faces.npz --at faces --both-sides --samples 32
 bake ball.obj -o standing.ply --ground auto --up z --samples 32 --colors r

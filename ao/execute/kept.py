@@ -7,7 +7,6 @@ locks anything, and two of the same bake are two that write the same files.
 import hashlib
 import os
 import re
-import shutil
 import stat
 import time
 import warnings
@@ -154,7 +153,9 @@ class Kept:
             raise OutputError("not a folder of this user")
         self._add_folder()
         size = sum(map(len, parts))
-        if self._bytes + size > shutil.disk_usage(folder).free - size:
+        from shutil import disk_usage  # which loads compressors; most bakes keep nothing
+
+        if self._bytes + size > disk_usage(folder).free - size:
             raise OutputError("kept rows would take more than half of the free disk")
         temporary = folder / f".{os.urandom(8).hex()}"
         try:

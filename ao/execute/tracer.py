@@ -13,10 +13,9 @@ from obscurance.raytrace.types import Float64s
 from ..mu import KernelMu
 from ..points.points import Points
 from ..rays.directions import DirectionTable
-from ..rays.gather import COLUMNS, gather_hemispheres, gather_streams
+from ..rays.gather import COLUMNS, gather_hemispheres
 from ..rays.layers import AlphaHits
 from ..rays.ray_blocks import Rays
-from ..rays.ray_packet import RayPacket
 from ..rays.ray_scene import RayScene
 from ..rays.traverse import TraversalState
 from .kept import NOTHING_KEPT, Kept
@@ -35,7 +34,6 @@ class Hemispheres:
     total_points: int
     mu: KernelMu
     t_max: float
-    embree_below: int
     leap: int = 1  # how many points share a lattice of directions
     block_rays: ClassVar = 1 << 11
 
@@ -72,34 +70,18 @@ class Hemispheres:
     def gatherer(self, scene: RayScene) -> Callable[[Points, Float64s], None]:
         """A function that gathers the hemispheres at some of the points into rows (k, c, COLUMNS), from any thread."""
         table, mu, t_max = self.directions(scene), self.mu, self.t_max
-        # Few rays a point: packets of rays by Embree.
-        if self.samples < self.embree_below:
-            embree = scene.embree()
-
-            def by_packets(points: Points, out: Float64s) -> None:
-                packet, subset = RayPacket.of(embree, scene.opacity), points.arrays
-                if mu.columns is None or scene.opacity is None:
-                    gather_hemispheres(packet, subset, table, mu, t_max, out)
-                else:  # to check the other traversal, without haste
-                    for column, column_mu in enumerate(mu.columns.each()):
-                        gathered = np.empty((len(points), 1, COLUMNS))
-                        gather_hemispheres(packet, subset, table, column_mu, min(t_max, column_mu.limit), gathered)
-                        out[:, column] = gathered[:, 0]
-
-            return by_packets
-        # Many rays a point: all of a point's through the tree together.
         tree, idle = scene.tree, deque[tuple[Rays, TraversalState]]()  # as many at most as threads
 
-        def by_streams(points: Points, out: Float64s) -> None:
+        def gather(points: Points, out: Float64s) -> None:
             try:
                 rays, state = idle.pop()
             except IndexError:
                 rays = Rays.of(table)
                 state = TraversalState.of(tree, AlphaHits.of(scene.opacity, rays.t_hit.size, mu))
-            gather_streams(tree, rays, state, points.arrays, table, mu, t_max, out)
+            gather_hemispheres(tree, rays, state, points.arrays, table, mu, t_max, out)
             idle.append((rays, state))
 
-        return by_streams
+        return gather
 
 
 class Means(Protocol):
@@ -114,7 +96,6 @@ class Tracer:
     """Gathers hemispheres in a scene."""
 
     scene: RayScene
-    embree_below: int  # points with fewer rays are traced by Embree, else by `ao.rays.traverse`
     mu: KernelMu
     t_max: float  # length of rays, in render space
     threads: int
@@ -145,7 +126,7 @@ class Tracer:
 
     def hemispheres(self, points: Points, samples: int, key: np.uint32, leap: int) -> Hemispheres:
         """Work for `fill`. Args: leap: see `DirectionTable`."""
-        return Hemispheres(points, samples, key, self.total_points, self.mu, self.t_max, self.embree_below, leap)
+        return Hemispheres(points, samples, key, self.total_points, self.mu, self.t_max, leap)
 
     def fill(self, work: KeptRowTask) -> Outputs:
         """The rows of `work`, with progress."""

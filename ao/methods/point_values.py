@@ -23,7 +23,7 @@ from ..estimate.sites import ONE_PLACE, Sites
 from ..estimate.tolerance import shortfalls
 from ..execute.tracer import Progress
 from ..falloff import Falloffs
-from ..options import BackFaces, Options, Traversal
+from ..options import BackFaces, Options
 from ..points.points import Points
 from ..points.receivers import Flag
 from ..prepared import Prepared
@@ -31,10 +31,7 @@ from ..result import Bake, BakedElements, PointValues, assemble
 
 _NEIGHBOURS = 6  # of a point, over which it is denoised, and to the last of which a disc reaches
 _LIFT = 0.5  # of a disc's radius, from which rays of its point start: neighbours' discs are below that
-TAKEN = (
-    *("falloff", "samples", "tolerance", "denoise", "spread", "back_faces", "profile", "seed", "threads"),
-    "traversal",
-)
+TAKEN = (*("falloff", "samples", "tolerance", "denoise", "spread", "back_faces", "profile", "seed", "threads"),)
 """The options that apply to points."""
 _RIM = np.radians(60 * np.arange(6))
 
@@ -54,7 +51,6 @@ def bake_points(
     denoise: bool = True,
     spread: float = 180.0,
     back_faces: BackFaces = "occlude",
-    traversal: Traversal = "auto",
     profile: bool = False,
 ) -> Bake:
     """w at any points: one row a point in the result.
@@ -66,7 +62,7 @@ def bake_points(
             normal is more than 45° behind it. Directions below the face are closed.
         normals: (k, 3), axes of the hemispheres, of any length; where one is zero or NaN, w is 1.
         falloff, samples, seed, threads, progress, occluders, tolerance, denoise: as `ao.bake` takes them.
-        spread, back_faces, traversal, profile: likewise.
+        spread, back_faces, profile: likewise.
 
     Raises: OptionError, MeshError, MemoryLimitError, EmbreeError: as `ao.bake`, or arrays have other shapes.
     """
@@ -74,7 +70,7 @@ def bake_points(
     # The arguments.
     checked = Options(
         falloff, samples, seed, threads, tolerance=tolerance, denoise=denoise, spread=spread, back_faces=back_faces,
-        traversal=traversal, profile=profile,
+        profile=profile,
     )  # fmt: skip
     places = _rows("points", points)
     axes = _rows("normals", normals)

@@ -1,25 +1,23 @@
 """The estimator: w(p) = (1/π) ∫ μ(d) cosθ dω (12.71) by cosine-weighted directions; the rows that its kernels write.
 
 With directions of density cosθ/π the integral is the plain mean of μ, so a fully open point is exactly 1. All rays of
-a point traverse our own hierarchy together (streams), or eight at a time go through Embree (hemispheres); for several
-falloffs rays and closest hits are the same, and a hit adds its loss by each falloff to sums of its own (columns).
+a point traverse our own hierarchy together; for several falloffs rays and closest hits are the same, and a hit adds its
+loss by each falloff to sums of its own (columns).
 """
 
 import numpy as np
 
 from obscurance.raytrace.bvh.bvh16 import BVH16
-from obscurance.raytrace.embree.packets import GEOM_ID, INVALID, LANES
 from obscurance.raytrace.kernel.jit import inline, kernel
 from obscurance.raytrace.kernel.simd import WIDE, lowest_bit
 from obscurance.raytrace.kernel.vector import load
 from obscurance.raytrace.types import Float64Grid
 
-from ..mu import KernelMu, accumulate_occlusion, depends_on_distance
+from ..mu import KernelMu, depends_on_distance
 from ..points.points import PointArrays
 from .directions import BATCHES, DirectionTable, choose, turned_frame
 from .layers import clear, hit_mask, write_occlusion
 from .ray_blocks import Rays, init_rays
-from .ray_packet import RayPacket, aim, distance_of, mu_of, new_alpha_rows, start_from, trace
 from .traverse import TraversalState, traverse
 
 W, BATCH_VARIANCE, BENT = range(3)  # columns of rows: w, the variance between batches, the mean of μ·direction
@@ -30,57 +28,6 @@ _SUMS = BATCHES + 3  # rows: 1 − μ by batches of directions, (1 − μ)·dire
 
 @kernel
 def gather_hemispheres(
-    packet: RayPacket, points: PointArrays, table: DirectionTable, falloff: KernelMu, t_max: float, out: Float64Grid
-) -> None:
-    """Estimate the obscurance of n points by Embree.
-
-    Args:
-        packet: of opaque faces if there are columns. falloff: of k columns or k = 1.
-        t_max: length of every ray, at most falloff.limit. out: (n, k, COLUMNS), written.
-    """
-    rays, valid, origins = packet.rays, packet.valid, points.origins
-    samples = len(table.batches)
-    alpha_rows = new_alpha_rows(packet.opacity)
-    # Distances count from the place, see `distance_of`.
-    closest = depends_on_distance(falloff) or t_max >= falloff.limit
-    sums = np.zeros((_SUMS, out.shape[1]))
-    occlusion = np.zeros(out.shape[1])
-    for i in range(len(origins)):
-        chosen, turn = choose(points.numbers[i], table)
-        n = points.normals[i]
-        local = table.directions[chosen]
-        t, b = turned_frame(n, turn)
-        # A packet of rays at a time: each ray's 1 − μ goes into the point's sums.
-        sums[:] = 0.0
-        valid[:] = -1
-        lift = points.lifts[i]
-        start_from(rays, origins[i])
-        for first_ray in range(0, samples, LANES):
-            lanes = min(LANES, samples - first_ray)
-            valid[lanes:] = 0
-            aim(rays, local, first_ray, t, b, n, t_max)
-            trace(packet, closest, falloff, t_max, lift, alpha_rows)
-            for lane in range(lanes):
-                if _write_lane_occlusion(rays, lane, lift, closest, falloff, falloff.columns, alpha_rows, occlusion):
-                    _add(occlusion, table.batches[first_ray + lane], local, first_ray + lane, sums)
-        _write(out[i], sums, table, chosen, (t, b, n))
-
-
-@inline
-def _write_lane_occlusion(rays, lane, lift, closest, falloff, columns, alpha_rows, occlusion):
-    """Write 1 − μ of a ray of a packet by each falloff; returns whether any is above 0."""
-    if columns is None:
-        occlusion[0] = 1.0 - mu_of(rays, lane, lift, closest, falloff, alpha_rows)
-        return occlusion[0] != 0.0
-    if rays.view(np.uint32)[GEOM_ID, lane] == INVALID:
-        return False
-    occlusion[:] = 0.0
-    accumulate_occlusion(columns, distance_of(rays, lane, lift), 1.0, occlusion)
-    return True
-
-
-@kernel
-def gather_streams(
     tree: BVH16,
     rays: Rays,
     state: TraversalState,
@@ -90,7 +37,12 @@ def gather_streams(
     t_max: float,
     out: Float64Grid,
 ) -> None:
-    """`gather_hemispheres` by a BVH16."""
+    """Estimate the obscurance of n points.
+
+    Args:
+        rays, state: of `table` and `tree`, written. falloff: of k columns or k = 1.
+        t_max: length of every ray, at most falloff.limit. out: (n, k, COLUMNS), written.
+    """
     reach = np.float32(t_max)
     samples = len(table.batches)
     fading = depends_on_distance(falloff)

@@ -96,11 +96,11 @@ def mu_of(rays, lane, lift, closest, falloff, alpha_rows):
         return 0.0 if rays[TFAR, lane] < 0.0 else 1.0
     if rays.view(np.uint32)[packets.GEOM_ID, lane] == packets.INVALID:
         return 1.0
-    return _mu_at(distance_of(rays, lane, lift), falloff)
+    return _mu_at(_distance_of(rays, lane, lift), falloff)
 
 
 @inline
-def distance_of(rays, lane, lift):
+def _distance_of(rays, lane, lift):
     """How far the plane of a hit is, along the ray, from the place that its origin is lifted from; at least 0."""
     ahead = _along_normal(rays, lane, rays[packets.DIR_X, lane], rays[packets.DIR_Y, lane], rays[packets.DIR_Z, lane])
     lifted = _along_normal(rays, lane, lift[0], lift[1], lift[2])
@@ -176,6 +176,6 @@ def _blend_hit(opacity, falloff, rays, lane, lift, alpha_rows):
         return
     share = alpha_rows[_TRANSMITTANCE, lane] * alpha(opacity, face, rays[packets.U, lane], rays[packets.V, lane])
     alpha_rows[_TRANSMITTANCE, lane] -= share
-    alpha_rows[_OCCLUSION, lane] += share * (1.0 - _mu_at(distance_of(rays, lane, lift), falloff))
+    alpha_rows[_OCCLUSION, lane] += share * (1.0 - _mu_at(_distance_of(rays, lane, lift), falloff))
     alpha_rows[_BACKFACES, lane] += share * _is_back(rays, lane)
     alpha_rows[_LAST, lane] = face

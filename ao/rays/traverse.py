@@ -3,15 +3,10 @@
 Near the point a node lies in the way of many rays: its children are opened by their cones. As soon as no more than
 `_LISTED` rays pass through a node they are listed, and each is tested against sixteen children or triangles at once
 (ray streams: Tsakok 2009, Faster Incoherent Rays: Multi-BVH Ray Stream Tracing).
-
-Few rays a point take less time in packets through Embree. The ratio grows as a power of their number, a lower one
-where surfaces lie along the axes, as walls do, whose boxes are tight and whose cones are loose, and where more points
-are in reach (measured: evidence/speed.md).
 """
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -22,11 +17,8 @@ from obscurance.raytrace.kernel.arrays import aligned
 from obscurance.raytrace.kernel.jit import inline
 from obscurance.raytrace.kernel.simd import WIDE, bits, lowest_bit, select, store_row
 from obscurance.raytrace.kernel.vector import column, dot, subtract
-from obscurance.raytrace.system.processor import lanes
-from obscurance.raytrace.types import Float32Rows, Float32s, Int64Rows, Int64s
+from obscurance.raytrace.types import Float32Rows, Int64Rows, Int64s
 
-from ..mu import KernelMu, depends_on_distance
-from ..options import MAX_SAMPLES, Traversal
 from .layers import AlphaHits, leaf_of
 from .ray_blocks import FULL_SPHERE, LEAST, ONE, SLACK, ZERO, cone_around, is_active, list_active, list_within, root
 from .triangles import PLANES, find_cones, find_planes, intersect_by_rays, intersect_by_triangles, store_triple
@@ -35,11 +27,6 @@ _LISTED = 32
 _ENTRIES = 1 << 8  # of the stack: fifteen brothers a level
 _NODE, _LEVEL, _FIRST, _COUNT = range(4)  # columns of entries; a count of −1: the rays are not listed
 _AXIS, _COSINE, _GAP = 0, 3, 4  # columns of bounds: the cone around a node, and how far away it begins
-_TRIED = 256  # points
-_ALONG = 0.999  # cosine between a normal and an axis
-_ONE_RAY = 0.55  # time of packets over that of `ao.rays.traverse`, for one ray a point
-_WIDE = (0.25, 0.09, 0.018), (0.33, 0.16, 0.024)  # the power, less for points along the axes, less for each factor of e
-_NARROW = (0.25, 0.08, 0.025), (0.31, 0.14, 0.031)  # more points in a length of rays; any-hit and closest-hit
 
 
 class TraversalState(NamedTuple):
@@ -249,27 +236,3 @@ def _intersect_children(tree, node, state, rays, listed, origin, t_max):
             state.child_rays[c, state.child_counts[c]] = ray
             state.child_counts[c] += 1
     return opened
-
-
-def embree_below(traversal: Traversal, layered: bool, normals: Float32s, reach: float, count: int, mu: KernelMu) -> int:
-    """The number of rays a point below which Embree traces them.
-
-    Args:
-        layered: whether rays pass faces with alpha; packets begin anew behind each.
-        normals: (k, 3), at the points of `sample_rows`. reach: length of rays over the mesh's diagonal.
-        count: points of the whole mesh, so that a bake of a part of it is that part of the whole.
-    """
-    if traversal == "embree":
-        return MAX_SAMPLES + 1
-    if layered or not count:
-        return 0
-    constant, along, within = (_WIDE if lanes()[0] == WIDE else _NARROW)[depends_on_distance(mu)]
-    aligned = float(np.mean(np.abs(normals).max(axis=1) > _ALONG))
-    power = constant - along * aligned - within * math.log(max(reach * math.sqrt(count), 1.0))
-    most = -math.log(_ONE_RAY) / math.log(MAX_SAMPLES)
-    return MAX_SAMPLES + 1 if power < most else math.ceil(_ONE_RAY ** (-1 / power))
-
-
-def sample_rows(count: int) -> Int64s:
-    """Rows, evenly spread over `count` points, whose normals `embree_below` looks at."""
-    return np.arange(min(count, _TRIED)) * count // max(min(count, _TRIED), 1)

@@ -24,7 +24,7 @@ from ..execute.sample_means import SampleMeans
 from ..execute.tracer import Progress
 from ..falloff import Falloffs, Length
 from ..memory import TRACED_TEXEL, column_bytes, texture_bytes
-from ..options import BackFaces, BentSpace, Interior, Normals, Overlap, TextureOptions, Traversal
+from ..options import BackFaces, BentSpace, Interior, Normals, Overlap, TextureOptions
 from ..points.occluders import occluding
 from ..points.projection import cage_of
 from ..prepared import Inputs, Prepared
@@ -70,7 +70,6 @@ def bake_texture(
     thickness: bool = False,
     spread: float = 180.0,
     back_faces: BackFaces = "occlude",
-    traversal: Traversal = "auto",
     profile: bool = False,
     cage: Length | Mesh | Any = "2%",
     overlap: Overlap = "mean",
@@ -129,9 +128,6 @@ def bake_texture(
             180. Rays stay distributed like cosθ, and w is their mean: 1 where nothing is in the cone.
         back_faces: ignore: rays pass through faces that they meet from behind, as through single-sided walls. A face's
             front is where its corners run anticlockwise. `interior` sees backs all the same. Not by the surface method.
-        traversal: Who traces rays; embree is slower, and checks auto. "auto": the rays of a point walk a hierarchy of
-            our own together, but go through Embree in packets where half of them meet something and they are few. Not
-            by the surface method.
         profile: Also store w at half-distances an octave apart, from .5% to 256% of the radius, so that the
             half-distance can be chosen later: .npz .ply .glb .html, textures .exr; by default in .html, if that costs
             little. In Python the result's `profile`, by the same rays; without `max_distance`, and not by the surface

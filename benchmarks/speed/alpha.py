@@ -1,5 +1,5 @@
-"""What alpha costs: a thousand leaf cards over a floor, opaque and with alpha, in turns: bakes by both traversals, and
-pictures with shadows, also of fifteen layers over one another.
+"""What alpha costs: a thousand leaf cards over a floor, opaque and with alpha, in turns: bakes, and pictures
+with shadows, also of fifteen layers over one another.
 
 python -m benchmarks.speed.alpha
 """
@@ -17,7 +17,6 @@ import OpenImageIO as oiio
 
 from benchmarks import RESULTS
 from obscurance import ao
-from obscurance.ao.options import Traversal
 from obscurance.ao.report import versions
 from obscurance.raytrace import (
     AlphaSurface,
@@ -110,21 +109,19 @@ def main() -> None:
             "cut out": foliage(AlphaSurface(texture=texture, cutoff=0.5)),
             "blended": foliage(AlphaSurface(0.5, texture)),
         }
-        print("falloff      traversal  " + "  ".join(f"{name:>16}" for name in meshes) + "   (CPU time, of opaque)")
+        print("falloff      " + "  ".join(f"{name:>16}" for name in meshes) + "   (CPU time, of opaque)")
         for falloff in ("exponential", "binary"):
-            traversals: tuple[Traversal, ...] = ("auto", "embree")
-            for traversal in traversals:
-                took: dict[str, list[float]] = {name: [] for name in meshes}
-                for _ in range(ROUNDS + 1):
-                    for name, mesh in meshes.items():
-                        start = time.process_time()
-                        ao.bake(mesh, falloff, SAMPLES, denoise=False, traversal=traversal)
-                        took[name].append(time.process_time() - start)
-                seconds = {name: median(each[1:]) for name, each in took.items()}
-                ratios = {name: each / seconds["opaque"] for name, each in seconds.items()}
-                rows.append({"falloff": falloff, "traversal": traversal, "seconds": seconds, "ratios": ratios})
-                line = "  ".join(f"{seconds[name]:7.3f} s {ratios[name]:5.2f}×" for name in meshes)
-                print(f"{falloff:12} {traversal:10} {line}", flush=True)
+            took: dict[str, list[float]] = {name: [] for name in meshes}
+            for _ in range(ROUNDS + 1):
+                for name, mesh in meshes.items():
+                    start = time.process_time()
+                    ao.bake(mesh, falloff, SAMPLES, denoise=False)
+                    took[name].append(time.process_time() - start)
+            seconds = {name: median(each[1:]) for name, each in took.items()}
+            ratios = {name: each / seconds["opaque"] for name, each in seconds.items()}
+            rows.append({"falloff": falloff, "seconds": seconds, "ratios": ratios})
+            line = "  ".join(f"{seconds[name]:7.3f} s {ratios[name]:5.2f}×" for name in meshes)
+            print(f"{falloff:12} {line}", flush=True)
         meshes["blended at the border"] = foliage(AlphaSurface(texture=texture))
         layered = {"one sheet": sheets(None), f"{LAYERS} layers": sheets(AlphaSurface(0.5))}
         pictures = [picture_row(meshes), picture_row(layered)]

@@ -16,7 +16,6 @@ from unittest.mock import patch
 import numpy as np
 
 from obscurance import ao
-from obscurance.ao.options import Traversal
 from obscurance.raytrace import Mesh
 from obscurance.raytrace.ray_origins import origins
 from obscurance.scenes.geometry.polyhedra import icosphere
@@ -92,7 +91,7 @@ SHAPES: dict[str, Callable[[int], Part]] = {
 }
 
 
-def measure(part: Part, traversal: Traversal) -> tuple[float, int]:
+def measure(part: Part) -> tuple[float, int]:
     """Processor time of a bake in seconds, and contacts kept in it."""
     kept, find = 0, origins.find_contacts
 
@@ -105,7 +104,7 @@ def measure(part: Part, traversal: Traversal) -> tuple[float, int]:
     mesh = Mesh(*part)
     with patch.object(origins, "find_contacts", counted):
         start = time.process_time()
-        ao.bake(mesh, samples=_SAMPLES, traversal=traversal)
+        ao.bake(mesh, samples=_SAMPLES)
         return time.process_time() - start, kept
 
 
@@ -113,15 +112,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("shapes", nargs="*", choices=[[], *SHAPES], metavar="SHAPE", help=", ".join(SHAPES))
     parser.add_argument("--sizes", nargs="+", type=int, default=SIZES, help="faces")
-    parser.add_argument("--traversal", choices=["auto", "embree"], default="auto")
     args = parser.parse_args()
     for small in stray, cone:  # kernels, for boxes of both kinds
-        ao.bake(Mesh(*small(4_000)), samples=_SAMPLES, traversal=args.traversal)
+        ao.bake(Mesh(*small(4_000)), samples=_SAMPLES)
     rows = []
     for name in args.shapes or SHAPES:
         before: tuple[int, float] | None = None
         for size in args.sizes:
-            seconds, contacts = measure(SHAPES[name](size), args.traversal)
+            seconds, contacts = measure(SHAPES[name](size))
             growth = math.log(seconds / before[1]) / math.log(size / before[0]) if before else math.nan
             rows.append([name, f"{size:,}", f"{seconds:.2f}", f"{growth:.2f}", f"{contacts:,}"])
             print(*rows[-1], flush=True)

@@ -36,7 +36,7 @@ class Method:
 METHODS = (
     Method("to a tolerance", OURS, "tolerance", (0.08, 0.04, 0.02, 0.01, 0.005, 0.0025)),
     Method("samples", OURS),
-    Method("brute force", OURS, options={"denoise": False, "traversal": "embree"}),
+    Method("brute force", OURS, options={"denoise": False}),
     Method("Mitsuba multijitter", "mitsuba", options={"sampler": "multijitter"}),
     Method("Mitsuba ldsampler", "mitsuba", options={"sampler": "ldsampler"}),
     Method("Mitsuba independent", "mitsuba", options={"sampler": "independent"}, seconds=8.0),

@@ -87,7 +87,7 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
         Option("alpha", Alpha, "auto",
                "auto: what glTF and OBJ materials cut out or blend lets light through; ignore: opaque."),
     ),
-    "Sampling": ("samples", "method", "denoise", "traversal", "profile", "seed", "threads"),
+    "Sampling": ("samples", "method", "denoise", "profile", "seed", "threads"),
     "What .glb and .ply show": (
         Option("colors", Literal["rgb", "r", "g", "b", "a"] | None, None, "Write w as vertex colours, COLOR_0 of .glb, "
                "replacing a .ply's own; or into one channel, where the others stay as they are in the input.",

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from obscurance.ao.falloff import Falloffs, Length, falloffs_of
-from obscurance.ao.options import At, BackFaces, Interior, Method, Normals, Traversal
+from obscurance.ao.options import At, BackFaces, Interior, Method, Normals
 from obscurance.raytrace.errors import ConflictError
 from obscurance.raytrace.types import Bools
 
@@ -66,7 +66,6 @@ def bake(
     thickness: bool = False,
     spread: float = 180.0,
     back_faces: BackFaces = "occlude",
-    traversal: Traversal = "auto",
     profile: bool = False,
     method: Method = "vertex",
     at: At = "vertices",
@@ -96,7 +95,7 @@ def bake(
         progress: True shows a bar, "json" prints lines of JSON, a function is called with what is done, in all and the
             stage. None: a line in notebooks.
         samples, seed, threads, normals, tolerance, denoise, interior, thickness, spread: as `ao.bake` takes them.
-        back_faces, traversal, profile, method, at, both_sides, only, occluders, checkpoint: likewise.
+        back_faces, profile, method, at, both_sides, only, occluders, checkpoint: likewise.
 
     Raises:
         OptionError: as `ao.bake`; a name or a value that the command refuses, or arguments that do not go together.

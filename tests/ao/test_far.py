@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from meshes import soup_over_floor
+from slow_rays import by_embree, traced_by
 
 from obscurance import ao
 from obscurance.raytrace import Camera, DirectionalLight, Lambert, Mesh, Object, Scene, Settings, Shape, render
@@ -64,19 +65,19 @@ def test_a_far_triangle_leaves_what_is_near_right(alone, name, factor):
 
 @pytest.mark.parametrize("factor", [1e3, 1e8])
 def test_a_far_triangle_leaves_what_is_near_right_in_embree(alone, factor):
-    w = ao.bake(with_far_triangle(factor), FALLOFFS["binary"], SAMPLES, traversal="embree").w[:COUNT]
+    with traced_by(by_embree):
+        w = ao.bake(with_far_triangle(factor), FALLOFFS["binary"], SAMPLES).w[:COUNT]
     assert np.abs(w - alone["binary"]).max() < 1e-3
 
 
-@pytest.mark.parametrize("traversal", ["auto", "embree"])
-def test_a_far_triangle_occludes(traversal):
+def test_a_far_triangle_occludes():
     """One that is as large as far away takes the same share of the sky at every distance."""
     small, faces = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.0]]), [[0, 1, 2], [1, 3, 2], [4, 5, 6]]
     roof = np.array([[-1, -1, 0.5], [2, -1, 0.5], [-1, 2, 0.5]])
     found = []
     for factor in (1e3, 1e5, 1e8):
         mesh = Mesh(np.vstack([small, factor * roof]), faces)
-        found.append(ao.bake(mesh, ao.Binary(), SAMPLES, traversal=traversal).w[:4])
+        found.append(ao.bake(mesh, ao.Binary(), SAMPLES).w[:4])
     assert found[0].max() < 0.9
     assert np.ptp(found, axis=0).max() < 3e-3  # seen from the corners of the small square, not from its middle
 

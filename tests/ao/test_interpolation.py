@@ -101,7 +101,7 @@ def test_what_helps_a_page_is_the_surface_method(tmp_path):
     line = "bake", tmp_path / "lid.ply", "-o", tmp_path / "w.html", "--samples", 256
     assert ": add --method surface\n" in obscurance(*line).stderr
     assert obscurance(*line, "--method", "surface").returncode == 0
-    assert ": subdivide them\n" in obscurance(*line, "--traversal", "embree").stderr
+    assert ": subdivide them\n" in obscurance(*line, "--interior", "ignore").stderr
 
 
 def test_it_is_measured_when_it_is_asked_for():

@@ -16,7 +16,7 @@ from obscurance.raytrace import Mesh, OptionError
 HILLS, BOXES, TURNED = Mesh(*hills(12)), Mesh(*two_boxes()), Mesh(hills(12)[0], hills(12)[1][:, ::-1])
 OPTIONS = [
     {}, {"seed": 1}, {"samples": 8}, {"falloff": "binary", "threads": 1}, {"tolerance": 0.05, "samples": 256},
-    {"method": "surface"}, {"traversal": "embree"}, {"interior": "mark"}, {"interior": "ignore"}, {"profile": True},
+    {"method": "surface"}, {"interior": "mark"}, {"interior": "ignore"}, {"profile": True},
     {"only": "some"}, {"denoise": False},
 ]  # fmt: skip
 

@@ -84,7 +84,7 @@ def test_the_first_rays_of_neighbours_are_even_together() -> None:
     points = receivers.points
     scene = RayScene(placement.vertices, receivers.faces, receivers.tree, receivers.embree)
     mu = ao.Binary().resolve(mesh.radius).in_render_space(placement.scale)
-    tracer = Tracer(scene, 0, mu, placement.diagonal, 1, len(points))
+    tracer = Tracer(scene, mu, placement.diagonal, 1, len(points))
     truth = tracer.gather(points, 256, np.uint32(9))[:, 0]
     traced = _Traced(tracer, points)
     traced.add(np.full(len(points), 8), np.uint32(1), shared=True)

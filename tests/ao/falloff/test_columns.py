@@ -28,7 +28,7 @@ CHARTS = Mesh(*hills(12))
 
 
 @pytest.mark.parametrize("options", [
-    {"samples": 64, "denoise": False}, {"samples": 32}, {"samples": 64, "traversal": "embree"},
+    {"samples": 64, "denoise": False}, {"samples": 32},
 ], ids=str)  # fmt: skip
 @pytest.mark.parametrize("mesh", [FOLDED, BOXES], ids=["folded", "partly inside"])
 def test_each_column_is_the_bake_of_its_falloff_alone(mesh, options):
@@ -62,16 +62,15 @@ def check_columns(bake):
         assert baked.rmses[column] == pytest.approx(alone.rmse, abs=1e-6)
 
 
-@pytest.mark.parametrize("traversal", ["auto", "embree"])
-def test_columns_of_rays_that_pass_alpha(traversal):
+def test_columns_of_rays_that_pass_alpha():
     vertices = np.concatenate([FLOOR, *(np.column_stack([SQUARE, np.full(4, h)]) for h in (0.3, 0.7))])
     faces = np.concatenate([FLOOR_FACES, HALVES + len(FLOOR), HALVES + len(FLOOR) + 4])
     of = np.repeat([-1, 0, 1], [len(FLOOR_FACES), 2, 2])
     opacity = Opacity(of, (AlphaSurface(0.5), AlphaSurface(0.8)), np.zeros((len(faces), 3, 2)))
     mesh = Mesh(vertices, faces, opacity=opacity)
-    baked = ao.bake(mesh, FALLOFFS, samples=64, denoise=False, traversal=traversal)
+    baked = ao.bake(mesh, FALLOFFS, samples=64, denoise=False)
     for column, falloff in enumerate(FALLOFFS):
-        alone = ao.bake(mesh, falloff, samples=64, denoise=False, traversal=traversal)
+        alone = ao.bake(mesh, falloff, samples=64, denoise=False)
         np.testing.assert_allclose(baked.values[:, column], alone.w, rtol=0, atol=1e-6)
 
 

@@ -120,7 +120,7 @@ def test_a_function_becomes_a_table_within_its_bound():
 HILLS = Mesh(*hills(8))
 
 
-@pytest.mark.parametrize("options", [{}, {"traversal": "embree"}, {"method": "surface"}])
+@pytest.mark.parametrize("options", [{}, {"method": "surface"}])
 def test_a_tabulated_falloff_bakes_as_the_one_it_is_made_of(options):
     exponential = Exponential(tau=1.5, max_distance=2.0)
     table = Tabulated.of(lambda x: float(exponential.resolve(1.0)(x)), 2.0)

@@ -91,7 +91,7 @@ def test_ordinary_vertices_keep_their_bits(noisy):
     )
     scene = RayScene(placement.vertices, receivers.faces, receivers.tree, receivers.embree)
     mu = ao.Binary().resolve(mesh.radius).in_render_space(placement.scale)
-    tracer = Tracer(scene, 0, mu, placement.diagonal, 1, len(points))
+    tracer = Tracer(scene, mu, placement.diagonal, 1, len(points))
     plain = tracer.gather(points, 64, seed_key(0))[:, 0]
     baked = ao.bake(mesh, ao.Binary(), samples=64, denoise=False)
     np.testing.assert_array_equal(baked.w[~split(baked)], plain[receivers.of_vertex][~split(baked)])
@@ -106,16 +106,6 @@ def test_some_are_baked_like_all_by_any_number_of_threads(noisy):
     np.testing.assert_array_equal(some.w[only], whole.w[only])
     np.testing.assert_array_equal(some.bent_normals[only], whole.bent_normals[only])
     assert some.rays < whole.rays
-
-
-def test_embrees_hierarchy_is_not_built_for_corner_samples_alone(noisy, watch, set_embree_below):
-    set_embree_below(20)
-    mesh = Mesh(*noisy)
-    built = watch("obscurance.ao.points.receivers.TriangleScene")
-    ao.bake(mesh, samples=64)  # 8 for each corner sample
-    assert not built
-    ao.bake(mesh, samples=16)
-    assert built
 
 
 def test_a_bake_interrupted_among_corners_continues_to_the_same_bits(noisy, tmp_path):

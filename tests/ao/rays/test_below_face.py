@@ -48,7 +48,7 @@ def test_few_rays_a_place_are_right_in_the_mean(cone):
     faced = np.tile(np.array([0, 0, 1, 1, 1], np.float32), (count, 1))  # opaque, of a surface across the axis
 
     def mean(rays, key):
-        tracer = Tracer(scene, 0, ao.Binary().resolve(1.0).in_render_space(1.0), 99.0, 1, count)
+        tracer = Tracer(scene, ao.Binary().resolve(1.0).in_render_space(1.0), 99.0, 1, count)
         gathered = tracer.gather(points, rays, np.uint32(key))
         leave_out_below(points.arrays, faced, scene.table(rays, count, np.uint32(key)), cone, gathered)
         return gathered[:, W].mean()

@@ -9,7 +9,7 @@ import pytest
 from obscurance import ao
 from obscurance.ao.points.receivers import find_receivers
 from obscurance.ao.rays.directions import DirectionTable
-from obscurance.ao.rays.gather import COLUMNS, W, gather_streams
+from obscurance.ao.rays.gather import COLUMNS, W, gather_hemispheres
 from obscurance.ao.rays.ray_blocks import Rays
 from obscurance.ao.rays.traverse import TraversalState
 from obscurance.raytrace import Mesh
@@ -111,6 +111,6 @@ def test_they_change_no_bit(name, falloff):
         table = DirectionTable.make(samples, len(points), np.uint32(7))
         oriented, in_aligned = np.empty((2, len(points), 1, COLUMNS))
         for tree, out in ((receivers.tree, oriented), (in_aligned_boxes(receivers.tree), in_aligned)):
-            gather_streams(tree, Rays.of(table), TraversalState.of(tree), points.arrays, table, mu, t_max, out)
+            gather_hemispheres(tree, Rays.of(table), TraversalState.of(tree), points.arrays, table, mu, t_max, out)
         assert oriented[..., W].min() < oriented[..., W].max()
         assert np.array_equal(oriented, in_aligned)

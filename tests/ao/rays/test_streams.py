@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 from meshes import MESHES, hills
+from slow_rays import by_embree, traced_by
 
 from obscurance import ao
-from obscurance.ao.options import MAX_SAMPLES
 from obscurance.ao.points.receivers import find_receivers
 from obscurance.ao.rays.directions import DirectionTable, choose, turned_frame
-from obscurance.ao.rays.gather import COLUMNS, W, gather_hemispheres, gather_streams
+from obscurance.ao.rays.gather import COLUMNS, W, gather_hemispheres
 from obscurance.ao.rays.ray_blocks import Rays
-from obscurance.ao.rays.ray_packet import RayPacket
-from obscurance.ao.rays.traverse import TraversalState, embree_below
+from obscurance.ao.rays.traverse import TraversalState
 from obscurance.raytrace import Mesh
+from obscurance.raytrace.embree.rays import intersect
 from obscurance.raytrace.kernel.arrays import aligned
 from obscurance.raytrace.mesh.placement import Placement
 from obscurance.scenes.geometry.builtin_shapes import temple
@@ -28,20 +28,16 @@ FALLOFFS = {
 }
 
 
-@pytest.fixture(autouse=True)
-def walk_alone(set_embree_below):
-    """Few rays in closed places walk, too: by themselves they would go through Embree and be compared with it."""
-    set_embree_below(0)
-
-
 def compare(mesh, falloff, samples=300, **options):
     """What part of the rays differ between the two ways: the sum of |Δw|; both are of unbiased estimates."""
     options = {"denoise": False, "interior": "ignore"} | options
-    packets, streams = (ao.bake(mesh, falloff, samples, traversal=by, **options) for by in ("embree", "auto"))
-    assert np.array_equal(packets.flags, streams.flags)
-    assert packets.rays == streams.rays
-    assert np.allclose(packets.error, streams.error, atol=3 / samples)
-    return float(np.mean(np.abs(packets.w - streams.w)))
+    walked = ao.bake(mesh, falloff, samples, **options)
+    with traced_by(by_embree):
+        packets = ao.bake(mesh, falloff, samples, **options)
+    assert np.array_equal(packets.flags, walked.flags)
+    assert packets.rays == walked.rays
+    assert np.allclose(packets.error, walked.error, atol=3 / samples)
+    return float(np.mean(np.abs(packets.w - walked.w)))
 
 
 @pytest.mark.parametrize("falloff", FALLOFFS)
@@ -126,13 +122,14 @@ class Prepared:
     def streams(self, tree=None):
         out, tree = np.empty((len(self.points), 1, COLUMNS)), tree or self.tree
         room = Rays.of(self.table), TraversalState.of(tree)
-        gather_streams(tree, *room, self.points.arrays, self.table, self.mu, self.placement.diagonal, out)
+        gather_hemispheres(tree, *room, self.points.arrays, self.table, self.mu, self.placement.diagonal, out)
         return out[:, 0, W]
 
     def packets(self):
-        out, packet = np.empty((len(self.points), 1, COLUMNS)), RayPacket.of(self.receivers.embree())
-        gather_hemispheres(packet, self.points.arrays, self.table, self.mu, self.placement.diagonal, out)
-        return out[:, 0, W]
+        """w at all points by Embree."""
+        scene = self.receivers.embree()
+        met = [intersect(scene, origin, self.directions(i)).face >= 0 for i, origin in enumerate(self.points.origins)]
+        return 1 - np.mean(met, axis=1)
 
     def doubles(self, rows):
         """w at some of the points by every ray and every triangle in double precision."""
@@ -187,24 +184,3 @@ def scaled(tree, factor):
 def test_boxes_larger_than_needed_change_nothing():
     prepared = Prepared(Mesh(*hills(40)), 256)
     assert np.array_equal(prepared.streams(), prepared.streams(scaled(prepared.tree, 1.5)))
-
-
-WALLS, ANY_WAY = np.eye(3, dtype=np.float32).repeat(20, axis=0), np.full((60, 3), 3**-0.5, np.float32)
-NEVER, ALWAYS = 0, MAX_SAMPLES + 1
-
-
-def below(normals=ANY_WAY, reach=1.0, count=40_000, falloff=None, traversal="auto", layered=False):
-    mu = (falloff or ao.Binary()).resolve(1.0).in_render_space(1.0)
-    return embree_below(traversal, layered, normals, reach, count, mu)
-
-
-@pytest.mark.parametrize(("count", "expected"), [(16, (48, 20, 18, 9)), (8, (162, 61, 23, 13))], ids=["wide", "narrow"])
-def test_few_rays_go_through_embree_and_more_of_walls_on_narrow_vectors_and_far_away(count, expected, monkeypatch):
-    monkeypatch.setattr("obscurance.ao.rays.traverse.lanes", lambda: (count, "vectors"))
-    fading = ao.Exponential()
-    assert (below(), below(falloff=fading), below(reach=0.05), below(reach=0.05, falloff=fading)) == expected
-    assert below(WALLS) > 1000 < below(WALLS, falloff=fading)
-    assert below(WALLS, reach=0.05) < below(WALLS)
-    assert below(count=400) < below()
-    assert below(WALLS, count=10**9) == ALWAYS == below(reach=1e-9, traversal="embree")
-    assert below(layered=True) == NEVER == below(ANY_WAY[:0], count=0)

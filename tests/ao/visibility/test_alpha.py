@@ -8,6 +8,7 @@ import PIL.Image
 import pytest
 from interrupted_bakes import OPTIONS, bake, bits, interrupted
 from leaf_cards import FLOOR, FLOOR_FACES, HALVES, HEIGHT, SQUARE, UP, form_factors, leaf_codes
+from slow_rays import by_every_triangle, traced_by
 
 from obscurance import ao
 from obscurance.ao.analytic.form_factor import polygon_form_factor
@@ -75,32 +76,29 @@ CARDS = {
 }
 
 
-@pytest.mark.parametrize("traversal", ["auto", "embree"])
 @pytest.mark.parametrize("card", CARDS)
-def test_a_card_over_a_floor_occludes_by_its_alpha(tmp_path, card, traversal):
+def test_a_card_over_a_floor_occludes_by_its_alpha(tmp_path, card):
     surface, alpha, right = CARDS[card]
-    w = floor_w(over_floor((HEIGHT, 0.5, surface(tmp_path))), traversal=traversal)
+    w = floor_w(over_floor((HEIGHT, 0.5, surface(tmp_path))))
     assert np.allclose(w, 1 - alpha * form_factors(HEIGHT, right=right), atol=0.01)
 
 
-@pytest.mark.parametrize("traversal", ["auto", "embree"])
-def test_what_two_layers_let_through_is_the_product(traversal):
+def test_what_two_layers_let_through_is_the_product():
     mesh = over_floor((HEIGHT, 0.5, AlphaSurface(0.3)), (0.8, 1.0, AlphaSurface(0.5)))
     near, far = form_factors(HEIGHT), form_factors(0.8, 1.0)  # the far one covers the near one as seen from the floor
     inside = (abs(FLOOR[:, :2]) < 0.5).all(axis=1)
-    w = floor_w(mesh, traversal=traversal)
+    w = floor_w(mesh)
     assert np.allclose(w[inside], (1 - 0.3 * near - 0.5 * far + 0.15 * near)[inside], atol=0.01)
     layers = [(HEIGHT, square_of(0.3)), (0.8, square_of(0.5, 1.0))]
     assert np.allclose(w, w_of_planes(layers, lambda distance: 0.0), atol=0.01)
 
 
-@pytest.mark.parametrize("traversal", ["auto", "embree"])
-def test_layers_count_by_their_distance(tmp_path, traversal):
+def test_layers_count_by_their_distance(tmp_path):
     leaf = AlphaSurface(texture=leaf_texture(tmp_path, 0.8))
     mesh = over_floor((1.0, 1.2, None), (0.3, 0.5, leaf), (0.6, 0.7, AlphaSurface(0.4)))
     layers = [(0.3, square_of(0.8, right=0)), (0.6, square_of(0.4, 0.7)), (1.0, square_of(1.0, 1.2))]
     expected = w_of_planes(layers, lambda distance: 1 - np.exp(-1.5 * distance))
-    w = floor_w(mesh, ao.Exponential(tau=1.5), traversal=traversal)
+    w = floor_w(mesh, ao.Exponential(tau=1.5))
     assert np.allclose(w, expected, atol=0.01)
     assert abs(w - floor_w(replace(mesh, opacity=None), ao.Exponential(tau=1.5))).max() > 0.1
 
@@ -109,21 +107,22 @@ def test_more_layers_than_a_ray_has_room_for():
     heights = 0.2 + 0.05 * np.arange(12)
     mesh = over_floor(*((height, 0.8, AlphaSurface(0.2)) for height in heights[::-1]))
     expected = w_of_planes([(height, square_of(0.2, 0.8)) for height in heights], lambda x: 1 - np.exp(-2 * x))
-    for traversal in ("auto", "embree"):
-        assert np.allclose(floor_w(mesh, ao.Exponential(tau=2.0), traversal=traversal), expected, atol=0.01)
+    assert np.allclose(floor_w(mesh, ao.Exponential(tau=2.0)), expected, atol=0.01)
 
 
 @pytest.mark.parametrize("falloff", [ao.Binary(), ao.Exponential(half_distance=0.5)])
-def test_both_traversals_find_the_same(tmp_path, falloff):
+def test_every_triangle_in_double_precision_says_the_same(tmp_path, falloff):
     rng = np.random.default_rng(3)
     corners = rng.uniform(-1, 1, (60, 1, 3)) + rng.normal(0, 0.4, (60, 3, 3))
     surfaces = AlphaSurface(0.35), AlphaSurface(texture=leaf_texture(tmp_path), cutoff=0.5), AlphaSurface(1.0)
     opacity = Opacity(np.arange(60) % 4 - 1, surfaces, rng.uniform(0, 1, (60, 3, 2)))
     mesh = Mesh(corners.reshape(-1, 3), np.arange(180).reshape(-1, 3), opacity=opacity)
-    walked, packets = (ao.bake(mesh, falloff, 64, denoise=False, traversal=each) for each in ("auto", "embree"))
-    assert np.allclose(walked.w, packets.w, atol=2e-4)
-    assert np.allclose(walked.bent_normals, packets.bent_normals, atol=1e-3)
-    assert np.allclose(walked.error, packets.error, atol=1e-3)
+    walked = ao.bake(mesh, falloff, 64, denoise=False)
+    with traced_by(by_every_triangle):
+        slowly = ao.bake(mesh, falloff, 64, denoise=False)
+    assert np.allclose(walked.w, slowly.w, atol=2e-4)
+    assert np.allclose(walked.bent_normals, slowly.bent_normals, atol=1e-3)
+    assert np.allclose(walked.error, slowly.error, atol=1e-3)
 
 
 def test_the_other_ways_of_a_bake(tmp_path):

@@ -36,33 +36,30 @@ def floor_w(mesh, falloff="binary", samples=2048, **options):
     return ao.bake(mesh, falloff, samples, **(THROUGH | options)).w[: len(FLOOR)]
 
 
-@pytest.mark.parametrize("traversal", ["auto", "embree"])
 @pytest.mark.parametrize("falloff", ["binary", "exponential"])
-def test_a_wall_seen_from_behind_is_not_there(falloff, traversal):
+def test_a_wall_seen_from_behind_is_not_there(falloff):
     behind, front = over_floor((HEIGHT, 0.5, False)), over_floor((HEIGHT, 0.5, True))
-    assert (floor_w(behind, falloff, traversal=traversal) == 1).all()
-    seen, both = (floor_w(front, falloff, traversal=traversal, back_faces=each) for each in ("ignore", "occlude"))
+    assert (floor_w(behind, falloff) == 1).all()
+    seen, both = (floor_w(front, falloff, back_faces=each) for each in ("ignore", "occlude"))
     assert np.allclose(seen, both, atol=1e-6)
     if falloff == "binary":
         assert np.allclose(seen, 1 - form_factors(), atol=0.012)
 
 
-@pytest.mark.parametrize("traversal", ["auto", "embree"])
 @pytest.mark.parametrize("alpha", [None, 0.3])
-def test_a_ray_goes_on_to_what_is_behind(alpha, traversal):
+def test_a_ray_goes_on_to_what_is_behind(alpha):
     mesh = over_floor((0.2, 0.9, False), (0.3, 0.9, False), (HEIGHT, 0.5, True), alpha=alpha)
-    assert np.allclose(floor_w(mesh, traversal=traversal), 1 - (alpha or 1) * form_factors(), atol=0.012)
+    assert np.allclose(floor_w(mesh), 1 - (alpha or 1) * form_factors(), atol=0.012)
 
 
-@pytest.mark.parametrize("traversal", ["auto", "embree"])
-def test_inside_a_sphere(traversal):
+def test_inside_a_sphere():
     """Eight patches about the centre of a sphere whose faces look inwards, then outwards."""
     ball, radius = icosphere(4), 0.8
     floor = patches(0.001 * np.random.default_rng(2).normal(size=(8, 3)) * [1, 1, 0], 0.001)
     w = []
     for faces in (ball[1][:, ::-1], ball[1]):
         mesh = Mesh(*join([floor, (radius * ball[0], faces)]))
-        options = THROUGH | {"interior": "ignore", "traversal": traversal}
+        options = THROUGH | {"interior": "ignore"}
         w.append(ao.bake(mesh, ao.Exponential(tau=TAU), 256, **options).w[: len(floor[0])])
     assert np.allclose(w[0], analytic.dome(radius, TAU), atol=0.004)
     assert (w[1] == 1).all()

@@ -49,8 +49,7 @@ def test_under_a_disk(falloff, spread):
         assert abs(w.mean() - in_cone(radius, spread, rate, limit)) < 0.002
 
 
-@pytest.mark.parametrize("traversal", ["auto", "embree"])
-def test_a_normal_that_leans_towards_a_wall(traversal):
+def test_a_normal_that_leans_towards_a_wall():
     """Of density cosθ about the leaning normal, by quadrature."""
     lean, half, wall, tau = radians(35), radians(40), 0.5, 1.2
     floor = patches([[0.0, 0.0, 0.0]], 1e-3)
@@ -59,7 +58,7 @@ def test_a_normal_that_leans_towards_a_wall(traversal):
     normals = np.zeros_like(vertices)
     normals[:3] = sin(lean), 0, cos(lean)
     mesh = Mesh(vertices, faces, normals)
-    options = {"normals": "file", "spread": 80, "denoise": False, "traversal": traversal}
+    options = {"normals": "file", "spread": 80, "denoise": False}
     w = ao.bake(mesh, ao.Exponential(tau=tau), 4096, **options).w[0]
 
     def mu(azimuth, angle):

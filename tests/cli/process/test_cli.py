@@ -79,16 +79,6 @@ def test_the_report_holds_the_contract(tmp_path, cube):
     assert found["falloff"]["tau"] == pytest.approx(np.log(2) / (0.5 * 3**0.5 / 2))
 
 
-def test_embree_can_trace_all_rays_and_finds_the_same(tmp_path, cube):
-    done = obscurance("bake", cube, "-o", tmp_path / "a.npz", "--samples", 512)
-    assert "8,192 rays traced in" in done.stdout
-    done = obscurance("bake", cube, "-o", tmp_path / "b.npz", "--samples", 512, "--traversal", "embree")
-    assert "8,192 rays traced in" in done.stdout
-    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
-    done = obscurance("bake", cube, "-o", tmp_path / "c.npy", "--method", "surface", "--traversal", "embree")
-    refused(done, "--traversal", "surface")
-
-
 def test_quiet_is_quiet(tmp_path, cube):
     result = obscurance("bake", cube, "-o", tmp_path / "w.npy", "--samples", 8, "--quiet")
     assert (result.returncode, result.stdout) == (0, "")

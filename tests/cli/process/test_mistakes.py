@@ -122,11 +122,6 @@ COMMANDS = [
         "bake a.ply -o w.npy --method surface --tolerance .1 --interior mark",
         "bake: --interior mark does not go with --method surface",
     ),
-    (
-        "bake a.ply -o w.npy --method surface --traversal embree",
-        "bake: --traversal embree does not go with --method surface",
-    ),
-    ("bake a.ply -o w.npy --traversal embre", "bake --traversal: expected one of auto, embree", "did you mean embree?"),
     ("bake a.ply -o w.npy --seed x", "bake --seed: expected a whole number, got x"),
     ("bake a.ply -o w.npy --threads many", "bake --threads: expected a whole number, got many"),
     ("bake a.ply -o w.npy --threads 0", "bake --threads: expected a whole number from 1 to 4096, got 0"),

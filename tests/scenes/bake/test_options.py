@@ -140,7 +140,7 @@ TEXTURE = {"size": "16", "overlap": "mean"}
 CHANGED = {
     "samples": 9, "tolerance": 0.1, "falloff": "binary", "tau": 3.0, "half_distance": "20%", "max_distance": "70%",
     "normals": "area", "interior": "ignore", "alpha": "ignore", "method": "surface", "denoise": False,
-    "traversal": "embree", "profile": True, "seed": 1, "size": "32", "overlap": "first", "cage": "3%",
+    "profile": True, "seed": 1, "size": "32", "overlap": "first", "cage": "3%",
     "quiet": False, "threads": 1, "replace_occlusion": True, "error_map": "e.png", "half": True, "debug_image": "d.png",
     "bits": "8", "bent_space": "tangent", "resume": True, "progress": "json", "output_dir": "out", "format": "ply",
     "input_format": "ply", "cluster": "local", "ground": "-9", "options": "r.json",
