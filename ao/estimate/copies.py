@@ -1,9 +1,11 @@
 """Estimates of sites that grow: rays added in rounds, each round weighted by what its rays are worth."""
 
+from typing import Self
+
 import numpy as np
 
 from obscurance.raytrace.system.parallel import each
-from obscurance.raytrace.types import Float32Rows, Float64Rows, Float64s, Int64s
+from obscurance.raytrace.types import AnyFloats, Float32Rows, Float64Rows, Float64s, Int64s
 
 from ..execute.tracer import Tracer
 from ..points.points import Points
@@ -20,7 +22,7 @@ class Copies:
     Attributes:
         points: of the sites. elsewhere: whether their places are drawn from all of each site.
         rays: (j,). worth: (j,), n^RATE of n rays in one lattice.
-        gathered: (j, COLUMNS) by each falloff, float32 as soon as there are several rounds.
+        gathered: (j, COLUMNS) by each falloff, float32, or float64 of one round.
     """
 
     def __init__(self, tracer: Tracer, points: Points, elsewhere: bool = False) -> None:
@@ -29,7 +31,17 @@ class Copies:
         self.elsewhere = elsewhere
         self.rays = np.zeros(len(points), np.int64)
         self.worth = np.zeros(len(points))
-        self.gathered = [np.zeros((len(points), COLUMNS), np.float32) for _ in range(tracer.columns)]
+        self.gathered: list[AnyFloats] = [np.zeros((len(points), COLUMNS), np.float32) for _ in range(tracer.columns)]
+
+    @classmethod
+    def of_one_round(cls, tracer: Tracer, points: Points, rays: int, key: np.uint32) -> Self:
+        """As many `rays` at every site, once."""
+        copies = cls(tracer, points)
+        rows = tracer.gather(points, rays, key)
+        copies.gathered = [np.ascontiguousarray(rows[:, column]) for column in range(tracer.columns)]
+        copies.rays += rays
+        copies.worth += float(rays) ** RATE
+        return copies
 
     def add(self, more: Int64s, key: np.uint32, shared: bool = False) -> None:
         """Trace `more` rays (j,) at the sites.
@@ -37,7 +49,8 @@ class Copies:
         Args: shared: neighbours share lattices; most of them are to get as many rays.
         """
         tracer = self.tracer
-        tracer.expected = max(tracer.expected, tracer.rays + int(more.sum()))
+        if not self.elsewhere:  # probes' rays are few
+            tracer.expected = tracer.rays + int(more.sum())
         for count in (np.flatnonzero(np.bincount(more)[1:]) + 1).tolist():
             which = np.flatnonzero(more == count)
             leap = _SHARERS if shared and count < _ENOUGH else 1

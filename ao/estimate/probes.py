@@ -59,8 +59,12 @@ class Checks(NamedTuple):
 class Probes:
     """A set of probes: `rows` (j,) of sites, each with two estimates for every falloff."""
 
-    def __init__(self, tracer: Tracer, sites: Sites, wanted: int, rays: int, key: np.uint32, salt: int) -> None:
-        """Args: wanted: how many are spread over all sites, with so many `rays` each. salt: of this set."""
+    def __init__(
+        self, tracer: Tracer, sites: Sites, counts: tuple[int, float], rays: int, key: np.uint32, salt: int
+    ) -> None:
+        """Args: counts: how many are spread over all sites, and how many times as many more are put where errors are
+        largest, with so many `rays` each. salt: of this set."""
+        wanted, self._more = counts
         self._tracer = tracer
         self._rays = rays
         self._keys = derive(key, 4 + salt), derive(key, 5 + salt)
@@ -93,9 +97,9 @@ class Probes:
             for copies, key in zip(pair, self._keys, strict=True):
                 copies.add(more, derive(key, self._turn))
 
-    def add_where_error_is_largest(self, sites: Sites, error: Float64s, share: float) -> None:
-        """Once, probe sites of the largest squared errors (k,) expected, too: so many times those that are spread."""
-        if len(self._copies) > 1:
+    def add_where_error_is_largest(self, sites: Sites, error: Float64s) -> None:
+        """Once, probe sites of the largest squared errors (k,) expected, too."""
+        if len(self._copies) > 1 or not self._more:
             return
         step = max(len(error) // _SAMPLED, 1)
         largest = error > np.quantile(error[::step], 1 - _LARGEST, method="lower")  # the others import numpy.ma
@@ -104,7 +108,7 @@ class Probes:
         candidates = np.flatnonzero(unprobed)
         if not len(candidates):
             return
-        added = candidates[stratified_rows(len(candidates), round(share * len(self._spread)))]
+        added = candidates[stratified_rows(len(candidates), round(self._more * len(self._spread)))]
         self._copies.append(self._traced(sites, added))
         self._has_large_error = largest
         self.rows = np.append(self.rows, added)
@@ -143,24 +147,27 @@ class Probes:
         )
 
     def calibrate(self, sites: Sites, error: Float64s, w: Float64s, column: int) -> Calibration:
-        """Scale the squared errors (k,) expected to what is measured of `w` (j,) at the probes: those of each kind of
-        site, the largest of it by themselves, and then all of them."""
+        """Scale the squared errors (k,) expected to what is measured of `w` (j,) at the probes: their mean, and how
+        much of it each kind of site has, and the largest of a kind."""
         one, other = self._estimates(column)
         measured = (w - one) * (w - other)
+        mean = float(self._weights @ measured)
+        # Few sites may have most of the error, and be missed.
+        variance = float(self._weights**2 @ ((measured - mean) ** 2 + 2 * mean_square(error)))
+        expected_mean = float(np.mean(error))
+        told = expected_mean * calibration_factor(expected_mean, mean, variance)
         group = sites.kinds + np.uint8(len(KINDS)) * self._has_large_error
         for number in np.unique(group[self.rows]):
             members = group == number
             probed = members[self.rows]
             expected = error[self.rows[probed]]
-            if len(expected) > 1:  # few sites may have most of the error, and be missed
+            if len(expected) > 1:
                 among = error[members]
                 scatter = float(np.var(measured[probed])) + 2 * mean_square(among)
                 error[members] *= calibration_factor(
                     float(np.mean(expected)), float(np.mean(measured[probed])), scatter / len(expected)
                 )
-        mean = float(self._weights @ measured)
-        variance = float(self._weights**2 @ (measured - mean) ** 2)
-        error *= calibration_factor(float(np.mean(error)), mean, variance)
+        error *= told / max(float(np.mean(error)), 1e-300)
         return Calibration(error[self.rows], measured, len(error) * self._weights)
 
 

@@ -25,18 +25,11 @@ class Round(NamedTuple):
     level: float  # mean square error of w in it
     w: Float64s  # (b,), denoised
     error: Float64s  # (k,), squared, expected
-    calibration: Calibration
+    calibration: Calibration | None = None
 
     @classmethod
-    def of(
-        cls, own: Copies, sites: Sites, sets: tuple[Probes, Probes], column: int, denoise: bool, largest: float
-    ) -> Self:
-        """The estimate by the rays of `own` (k,).
-
-        Args: sets: of probes that decide, and that measure; one for both where all sites are places. largest: so many
-            times as many probes, of the first round on, are put where errors are largest.
-        """
-        deciding, measuring = sets
+    def of(cls, own: Copies, sites: Sites, deciding: Probes, column: int, denoise: bool) -> Self:
+        """The estimate by the rays of `own` (k,), its errors not yet scaled. Args: deciding: how much is denoised."""
         gathered = own.gathered[column][sites.traced]
         checks = deciding.checks(sites, column)
         raw = gathered[:, W].astype(np.float64)
@@ -51,11 +44,12 @@ class Round(NamedTuple):
                 sites.graph, sites.traced_points, single, level, checks.rows, checks.mean_squared
             )
             _leave_out_harm(sites, checks, raw, variance, w, error)
-        error = sites.errors_at_all(error, w)
-        for probes in sets if largest else ():
-            probes.add_where_error_is_largest(sites, error, largest)
-        calibration = measuring.calibrate(sites, error, sites.values_at(measuring.rows, w[:, None])[:, 0], column)
-        return cls(column, sites, gathered, level, w, error, calibration)
+        return cls(column, sites, gathered, level, w, sites.errors_at_all(error, w))
+
+    def told(self, measuring: Probes) -> Self:
+        """The same with its errors scaled, in place, to what probes measure."""
+        at_probes = self.sites.values_at(measuring.rows, self.w[:, None])[:, 0]
+        return self._replace(calibration=measuring.calibrate(self.sites, self.error, at_probes, self.column))
 
     @property
     def mean(self) -> float:
@@ -78,12 +72,11 @@ class Round(NamedTuple):
         self.w[again] = gathered[again, W]
         missed = np.where(self.sites.kinds[at_all] == ONE_PLACE, 0.0, gathered[again, BATCH_VARIANCE])
         self.error[at_all] = TYPICAL / own.worth[at_all] + missed
-        at_probes = self.sites.values_at(measuring.rows, self.w[:, None])[:, 0]
-        calibration = measuring.calibrate(self.sites, self.error, at_probes, self.column)
-        return self._replace(gathered=gathered, calibration=calibration)
+        return self._replace(gathered=gathered).told(measuring)
 
     def measured(self, kind: int, probes: Probes) -> tuple[float, float]:
         """The mean square error measured at sites of a kind, and its standard error; nothing where none is probed."""
+        assert self.calibration
         of_kind = self.sites.kinds[probes.rows] == kind
         squared, weight = self.calibration.measured[of_kind], self.calibration.weight[of_kind]
         total = max(float(weight.sum()), 1e-300)

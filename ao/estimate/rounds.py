@@ -8,7 +8,7 @@ how many rays all get at first, as one lattice is more even than two of half as 
 
 import numpy as np
 
-from obscurance.raytrace.types import Int64s
+from obscurance.raytrace.types import Float64s, Int64s
 
 from ..execute.tracer import Tracer
 from .calibration import mean_square
@@ -34,19 +34,18 @@ _ALIKE = 40.0  # times that the squared error may have to fall for all sites to 
 _AGAIN = 4  # times as many rays as at first are tried on the pilot sample, too
 _CORRECTED = 0.5, 1.25  # times that these may become by what the try says, which is misled upwards by few large errors
 _PROBED, _FEWEST, _MOST = 16, 96, 1024  # one site in how many is probed, at least and at most
+_LEAST = 64  # spread probes of each of two sets, if so many are no more than half of the sites
 _MORE, _AS_MANY = 0.25, 1.0  # probes of the largest errors, to the other probes; where sites have several places
-_CHECKED, _CHECKED_LEAST = 64, 64  # the same where all sites have as many rays
+_CHECKED, _CHECKED_LEAST = 64, 128  # the same where all sites have as many rays
 
 
 def by_rays(tracer: Tracer, sites: Sites, rays: int, denoise: bool, key: np.uint32) -> tuple[list[Round], Int64s]:
     """The estimates by so many `rays` of every site, one for each falloff; and the rays of each."""
     wanted = min(len(sites), max(_CHECKED_LEAST, len(sites) // _CHECKED))
-    several = bool((sites.kinds == SEVERAL_PLACES).any())
-    tracer.expected = tracer.rays + rays * (len(sites) + (4 if several else 2) * wanted)
-    own = Copies(tracer, sites.points)
-    own.add(np.full(len(sites), rays), key)
-    sets = _sets_of_probes(tracer, sites, wanted, rays, key)
-    return [Round.of(own, sites, sets, column, denoise, 0.0) for column in range(tracer.columns)], own.rays
+    tracer.expected = tracer.rays + rays * (len(sites) + 3 * wanted)
+    own = Copies.of_one_round(tracer, sites.points, rays, key)
+    sets = _sets_of_probes(tracer, sites, (wanted, 0.0), rays, key)
+    return _rounds(own, sites, sets, denoise), own.rays
 
 
 def to_tolerance(
@@ -57,11 +56,10 @@ def to_tolerance(
 
     Of several falloffs all meet it, by the same rays.
     """
-    several = bool((sites.kinds == SEVERAL_PLACES).any())
-    wanted = int(np.clip(len(sites) // _PROBED, _FEWEST, _MOST)) // (2 if several else 1)
+    wanted = int(np.clip(len(sites) // _PROBED, _FEWEST, _MOST))
     # More rays would not make up for fewer probes: both err by as much.
     probe_rays = min(rays_alone(tolerance), max(max_samples, BATCH))
-    sets = _sets_of_probes(tracer, sites, wanted, probe_rays, key)
+    sets = _sets_of_probes(tracer, sites, (wanted, _MORE), probe_rays, key)
     deciding, measuring = sets
     goal = tolerance**2 / (1 + measuring.margin)
     own = Copies(tracer, sites.points)
@@ -79,9 +77,7 @@ def to_tolerance(
         for probes in sets:
             probes.grow(sites, own.rays)
         more[:] = 0
-        rounds = [
-            Round.of(own, sites, sets, column, True, _AS_MANY if several else _MORE) for column in range(tracer.columns)
-        ]
+        rounds = _rounds(own, sites, sets, True)
         if max(round_.mean for round_ in rounds) <= goal:  # sites expected to be far off get rays of their own
             worst = np.any([round_.errs_by_more(_WORST * tolerance) for round_ in rounds], axis=0)
             have = own.rays[sites.traced]
@@ -99,15 +95,39 @@ def to_tolerance(
     return rounds, own.rays
 
 
-def _sets_of_probes(tracer: Tracer, sites: Sites, wanted: int, rays: int, key: np.uint32) -> tuple[Probes, Probes]:
+def _sets_of_probes(
+    tracer: Tracer, sites: Sites, counts: tuple[int, float], rays: int, key: np.uint32
+) -> tuple[Probes, Probes]:
     """Probes that decide, and probes that measure what is told.
 
     One set is both where sites have one place each: what is decided by it then gains little by chance.
+
+    Args: counts: of `Probes`, for both together.
     """
-    deciding = Probes(tracer, sites, wanted, rays, key, 0)
     if not (sites.kinds == SEVERAL_PLACES).any():
-        return deciding, deciding
-    return deciding, Probes(tracer, sites, wanted, rays, key, 2)
+        return (Probes(tracer, sites, counts, rays, key, 0),) * 2
+    counts = min(max(counts[0] // 2, _LEAST), -(-len(sites) // 2)), _AS_MANY
+    return Probes(tracer, sites, counts, rays, key, 0), Probes(tracer, sites, counts, rays, key, 2)
+
+
+def _rounds(own: Copies, sites: Sites, sets: tuple[Probes, Probes], denoise: bool) -> list[Round]:
+    """The estimates of each falloff by the rays so far; the first time more probes are put where errors are largest."""
+    deciding, measuring = sets
+    rounds = [Round.of(own, sites, deciding, column, denoise) for column in range(len(own.gathered))]
+    for probes in sets:
+        probes.add_where_error_is_largest(sites, _of_all(rounds))
+    return [round_.told(measuring) for round_ in rounds]
+
+
+def _of_all(rounds: list[Round]) -> Float64s:
+    """The squared errors (k,) of the falloff that errs most, or what others err by at a site, relative to their mean,
+    if that is more."""
+    most = max(rounds, key=lambda round_: round_.mean)
+    error = most.error
+    for round_ in rounds:
+        if round_ is not most:
+            error = np.maximum(error, round_.error * (most.mean / max(round_.mean, 1e-30)))
+    return error
 
 
 def _rays_by_pilot(
@@ -174,10 +194,7 @@ def _more_rays(rounds: list[Round], own: Copies, goal: float, max_samples: int) 
     """Rays (b,) to add at the traced sites so that the mean square error of the falloff that errs most becomes the
     `goal`, or nearer."""
     most = max(rounds, key=lambda round_: round_.mean)
-    sites, error = most.sites, most.error
-    for round_ in rounds:
-        if round_ is not most:
-            error = np.maximum(error, round_.error * (most.mean / max(round_.mean, 1e-30)))
+    sites, error = most.sites, _of_all(rounds)
     beyond = most.mean / goal
     farthest = _FARTHEST if mean_square(error) < _UNEVEN * np.mean(error) ** 2 else _NEAR
     aim = goal * (max(_AIM, _NEARLY / np.sqrt(beyond)) if beyond < farthest else beyond ** (2 / 3))

@@ -26,13 +26,13 @@ class FoldedMeans(NamedTuple):
         folded &= at < len(self.numbers)
         if not folded.any():
             return tracer.fill(tracer.hemispheres(points, rays, key, leap))[0]
-        out = np.empty((len(points), max(tracer.columns, 1), COLUMNS))
+        out = np.empty((len(points), tracer.columns, COLUMNS))
         others = tracer.fill(tracer.hemispheres(points[~folded], rays, key, leap))[0]
-        out[~folded] = others.reshape(len(others), -1, COLUMNS)
+        out[~folded] = others.reshape(-1, tracer.columns, COLUMNS)
         # A falloff at a time: means over the samples of each vertex.
         corners = self.corners.only(self.corners.point_rows[at[folded]])
         samples = tracer.fill(tracer.hemispheres(corners.points, -(-rays // self.share), key, 1))[0]
-        for column, gathered in enumerate(np.moveaxis(samples.reshape(len(samples), -1, COLUMNS), 1, 0)):
+        for column, gathered in enumerate(np.moveaxis(samples.reshape(-1, tracer.columns, COLUMNS), 1, 0)):
             means = np.empty((len(corners), COLUMNS))
             means[:, W] = corners.mean(gathered[:, :1])[:, 0]
             means[:, BATCH_VARIANCE] = corners.variance(gathered[:, BATCH_VARIANCE])

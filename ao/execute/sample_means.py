@@ -183,8 +183,8 @@ def _pick(
 def _average(values: Float64Rows, samples: int, out: Float64Rows) -> None:
     """Write means of every `samples` consecutive `values` (k, COLUMNS) to the rows of `out`.
 
-    The variance of one sample is that between its rays or that between samples, whichever is larger; of the mean it is
-    as if of all rays at once: they share a leaped lattice, and places are even over the site.
+    The variance of one sample is that of its rays, or what samples differ by beyond that, whichever is larger; of the
+    mean it is as if of all rays at once: they share a leaped lattice, and places are even over the site.
     """
     for i in range(len(out)):
         for column in range(COLUMNS):
@@ -196,4 +196,4 @@ def _average(values: Float64Rows, samples: int, out: Float64Rows) -> None:
         for k in range(samples):
             between += (values[samples * i + k, W] - out[i, W]) ** 2
         within = out[i, BATCH_VARIANCE]
-        out[i, BATCH_VARIANCE] = max(within, between / max(samples - 1, 1)) * samples**_RATE
+        out[i, BATCH_VARIANCE] = max(within, between / max(samples - 1, 1) - within) * samples**_RATE

@@ -117,7 +117,7 @@ class Tracer:
             rows = self.means.rows(self, points, samples, key, leap, elsewhere)
         else:
             rows = self.fill(self.hemispheres(points, samples, key, leap))[0]
-        return rows.reshape(len(points), -1, COLUMNS)
+        return rows.reshape(-1, self.columns, COLUMNS)
 
     @property
     def columns(self) -> int:

@@ -168,7 +168,8 @@ def bake_page(options: TextureArguments) -> BakedTexture:
     watch = prepared.progress or _unwatched
     watch(0, 1, "coverage")
     surface = _surface(scene, prepared, size, options.wrap)
-    sampler = TexelSampler(Page.of(surface.layout, surface.areas), surface, prepared, options, scene.cage)
+    page = Page.of(surface.layout, surface.areas, surface.charts)
+    sampler = TexelSampler(page, surface, prepared, options, scene.cage)
     coverage = sampler.page.cover(options.overlap, prepared.threads)
     reached = len(coverage.texels)
     overlapping = int(np.count_nonzero(coverage.overlapping))

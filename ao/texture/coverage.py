@@ -33,16 +33,18 @@ class Page(NamedTuple):
     crowding: (
         Float64s  # (t,), how many texels of an even layout show as much of the surface as a texel of each triangle
     )
+    chart: Int32s  # (t,), the number of each triangle's chart
     band_rows: int  # rows of the page in each band
     starts: Int64s  # (b + 1,), of each band in `listed`
     listed: Int64s  # triangles, ascending, of band after band
 
     @classmethod
-    def of(cls, layout: UVLayout, areas: Float64s | None = None) -> Self:
+    def of(cls, layout: UVLayout, areas: Float64s | None = None, charts: Int64s | None = None) -> Self:
         """List the triangles of a layout by the bands of rows that they reach into.
 
         Args:
             areas: (m,), of the faces' surface, so that texels which show much of it have more samples.
+            charts: (m,), of the faces, so that what two of them show in a texel is measured.
         """
         crowding = np.zeros(len(layout.face))
         if areas is not None:
@@ -55,7 +57,8 @@ class Page(NamedTuple):
         starts = np.concatenate([[0], np.cumsum(counts)])
         listed = np.empty(starts[-1], np.int64)
         list_bands(layout.corners, layout.height, band_rows, starts[:-1].copy(), listed)
-        return cls(layout, crowding, band_rows, starts, listed)
+        chart = np.zeros(len(layout.face), np.int32) if charts is None else charts[layout.face].astype(np.int32)
+        return cls(layout, crowding, chart, band_rows, starts, listed)
 
     def cover(
         self,
@@ -110,7 +113,8 @@ class _Band(NamedTuple):
         # Triangles at the texels' points, and texels whose samples are sought in parts of triangles.
         marks = Marks.of(count)
         how = np.empty(count, np.int64)
-        scan_convert(self.triangles, layout.corners, self.texels, layout.width, self.places.points, marks, None)
+        triangles = layout.corners, self.page.chart
+        scan_convert(self.triangles, triangles, self.texels, layout.width, self.places.points, marks, None)
         find_partial(marks, self.page.crowding, self.layered, how)
         partial = np.flatnonzero(how != NOT_SOUGHT)
         counts, listed = self._sample(partial, how[partial], marks.reaching)
@@ -155,7 +159,8 @@ class _Band(NamedTuple):
         starts = np.concatenate([[0], np.cumsum(reaching, dtype=np.int64)])
         lists = Lists(starts, np.zeros(len(texels), np.int64), np.empty(starts[-1], np.int32))
         layout = self.page.layout
-        scan_convert(self.triangles, layout.corners, texels, layout.width, REGULAR.points, None, lists)
+        triangles = layout.corners, self.page.chart
+        scan_convert(self.triangles, triangles, texels, layout.width, REGULAR.points, None, lists)
         return lists
 
 

@@ -110,7 +110,7 @@ class TexelSampler:
         coverage = self.page.cover(self.options.overlap, self.prepared.threads, chosen, parts[order], key)
         of = order[coverage.rows]
         order = np.argsort(of)
-        samples, _ = self._place(coverage, order, np.zeros(len(order), np.bool_))
+        samples, _ = self._place(coverage, order, np.zeros(len(coverage.texels), np.bool_), required=False)
         moved = of[order]
         # Where these are in solids the texel's own samples stay.
         inside = self._inside(samples)
@@ -135,22 +135,24 @@ class TexelSampler:
         smooth, threads = self.surface.smooth, self.prepared.threads
         return smooth_cells(coverage, smooth, receivers.tree, most_bent, tangent, largest, threads)
 
-    def _place(self, coverage: Coverage, order: Int64s, by_centre: Bools) -> tuple[SurfaceSamples, int]:
+    def _place(
+        self, coverage: Coverage, order: Int64s, by_centre: Bools, required: bool = True
+    ) -> tuple[SurfaceSamples, int]:
         """Samples of texels in an `order`, and how many samples the cage misses.
 
-        Args: by_centre: texels with one sample.
+        Args: by_centre: texels with one sample. required: see `FineMesh.project`.
         """
         receivers, threads = self.prepared.receivers, self.prepared.threads
         on_faces = coverage.samples(order, by_centre, threads)
         smooth, missed = self.surface.smooth, np.zeros(0, np.int64)
         if self.cage:
-            projected, missed = self._project(on_faces, self.cage)
+            projected, missed = self._project(on_faces, self.cage, required)
             on_faces = PointGroups(on_faces.starts, *projected)
             smooth = SmoothSurface.of(self.prepared.placement.vertices.astype(np.float64), receivers)
         all_count = coverage.all_count[order]
         return SurfaceSamples.place(on_faces, all_count, smooth, receivers, threads), len(missed)
 
-    def _project(self, on_page: PointGroups, cage: Cage) -> tuple[SurfacePoints, Int64s]:
+    def _project(self, on_page: PointGroups, cage: Cage, required: bool) -> tuple[SurfacePoints, Int64s]:
         """Points of the page's surface on the fine mesh, and which of them the cage misses."""
         prepared, surface = self.prepared, self.surface
         located = surface.smooth.points_at(on_page.face, on_page.barycentric, prepared.threads)
@@ -164,7 +166,7 @@ class TexelSampler:
         fine = FineMesh(
             prepared.mesh.source, prepared.placement, prepared.receivers, prepared.threads, prepared.progress
         )
-        return fine.project(located.positions, located.axes, reach, groups)
+        return fine.project(located.positions, located.axes, reach, groups, required)
 
     def _inside(self, samples: SurfaceSamples) -> Bools:
         """The samples (p,) that are inside of solids."""
