@@ -52,6 +52,7 @@ test: install ## lint, types and the default tests
 	$(PYTEST) -m 'not slow'
 
 types: $(TOOLS) ## check the types; the source tree is one package by links in build/
+	rm -rf $(TYPED)
 	mkdir -p $(TYPED) && ln -sfn $(foreach part,ao raytrace scenes cli.py $(wildcard obscurance/*.py*),../../../$(part)) $(TYPED)
 	cd $(TYPED)/.. && $(CURDIR)/$(BIN)/mypy --config-file $(CURDIR)/pyproject.toml -p obscurance
 

@@ -4,8 +4,9 @@ import gc
 import os
 import sys
 
-from obscurance import interrupts
+from obscurance.raytrace.system import interrupts
 
+interrupts.end_process()
 if gc.isenabled():
     gc.set_threshold(100_000)  # what is imported stays: to look for garbage in it takes 5 % of a short bake
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # or NumPy starts threads that no command uses, and they spin
@@ -22,7 +23,7 @@ from obscurance.scenes.bake.console import columns, note, output_failed, readabl
 from obscurance.scenes.bake.options import BAKE, RENDER, BakeOptions, Metric, RenderOptions, Up, named, of_bake, plain
 from obscurance.scenes.commands.parameters import TableCommand
 
-interrupts.all_imported()
+interrupts.raise_interrupt()
 
 _COMPLETE = "_OBSCURANCE_COMPLETE"  # a variable by which a shell asks for completions
 _QUIET = Option("quiet", bool, False, "No summary.", short="-q")
@@ -293,7 +294,7 @@ def main() -> None:
 def _run() -> int:
     reopen_streams()
     arguments = sys.argv[1:]
-    with readable_output():
+    with interrupts.watched(), readable_output():
         try:
             status = _called(arguments)
             sys.stdout.flush()

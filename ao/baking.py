@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -10,10 +10,10 @@ import numpy as np
 
 from obscurance.raytrace.errors import ConflictError
 from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
-from obscurance.raytrace.mesh.opacity import opacity_bytes
 from obscurance.raytrace.system.checks import check_memory
 from obscurance.raytrace.types import Bools, Int64s
 
+from .declared import known_names, options_record
 from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids
 from .estimate.sites import FOLDED, ONE_PLACE, Sites
@@ -23,7 +23,7 @@ from .execute.kept import Kept
 from .execute.tracer import Progress
 from .falloff import Falloffs, Length
 from .interpolation_error import measure_interpolation
-from .memory import TRACED, column_bytes, surface_bytes, vertex_bytes
+from .memory import TRACED, bytes_at_vertices, column_bytes
 from .options import (
     DEFAULT_SAMPLES,
     At,
@@ -44,11 +44,12 @@ _CORNER_SHARE_DENOISED = 3  # where other vertices are denoised
 _LARGE = 1 << 14  # vertices of a mesh that is not kept until somebody asks for the error between them
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@options_record
 class VertexArguments(VertexOptions, Inputs):
     """Arguments of `ao.bake`."""
 
 
+@known_names
 def bake(
     mesh: Mesh | Any,
     falloff: Falloffs = None,
@@ -245,13 +246,9 @@ def _sample_vertices(prepared: Prepared) -> PointValues:
 
 def _check_memory(count: int, meshes: list[Mesh], options: Options) -> None:
     """Check that a bake of `count` vertices among these meshes fits into memory. Raises: MemoryLimitError."""
-    vertices = sum(len(mesh.vertices) for mesh in meshes)
-    faces = sum(len(mesh.faces) for mesh in meshes)
-    images = opacity_bytes([mesh.opacity for mesh in meshes if mesh.opacity])
-    source, work = meshes[0].source, f"to bake {count:,} vertices and {faces:,} faces"
-    columns_size = column_bytes(count, options.columns)
-    if options.method == "vertex":
-        check_memory(source, images + columns_size + vertex_bytes(vertices, faces, options.rays), work)
-        return
-    instead = {"the vertex method": vertex_bytes(vertices, faces, DEFAULT_SAMPLES)}
-    check_memory(source, images + surface_bytes(vertices, faces), work + " by the surface method", instead)
+    work = f"to bake {count:,} vertices and {sum(len(mesh.faces) for mesh in meshes):,} faces"
+    instead = {}
+    if options.method == "surface":
+        work += " by the surface method"
+        instead["the vertex method"] = bytes_at_vertices(meshes, Options(samples=DEFAULT_SAMPLES))
+    check_memory(meshes[0].source, bytes_at_vertices(meshes, options), work, instead)

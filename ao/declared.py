@@ -4,10 +4,13 @@ From one follow the check of a value and the option of the command.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import fields
+from contextlib import suppress
+from dataclasses import dataclass, fields
+from functools import wraps
+from inspect import signature
 from pathlib import Path
 from types import NoneType
-from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin
+from typing import Annotated, Any, Literal, NamedTuple, ParamSpec, TypeVar, dataclass_transform, get_args, get_origin
 
 from obscurance.raytrace.errors import OptionError, nearest_name
 from obscurance.raytrace.system.records import Fault, Within, reader
@@ -16,7 +19,8 @@ Role = Literal["input", "output", "result", "run"]
 EVERY_BAKE = "vertices texture batch"
 IMAGE = "texture batch"
 SAME: Any = object()  # as the field has it
-_EXPECTED = {bool: "true or false", int: "a whole number", float: "a number", str: "a text", Path: "a file"}
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 class Option(NamedTuple):
@@ -60,21 +64,40 @@ class Option(NamedTuple):
     def parsed(self, value: object) -> Any:
         """One value of it, from a word of the command line or from JSON. Raises: OptionError: of another type."""
         kind = self.element
-        names = get_args(kind)
-        if names:
-            return _one_of(names, self.name, value)
-        try:
-            types = str if kind is str else str | int | float
-            if not isinstance(value, types) or isinstance(value, bool) is not (kind is bool):
-                raise TypeError
-            return value if kind is bool else kind(str(value))
-        except (TypeError, ValueError):
-            raise OptionError(self.name, _EXPECTED[kind], value) from None
+        made = value
+        if isinstance(value, str) and kind in (int, float):
+            with suppress(ValueError):
+                made = kind(value)
+        return Path(_read(str, self.name, made)) if kind is Path else _read(kind, self.name, made)
 
     @property
     def reusable(self) -> bool:
         """Whether `--options` takes it over."""
         return self.is_setting and self.role != "run" and not (self.role == "output" and self.kind == Path | None)
+
+
+def known_names(function: Callable[P, T]) -> Callable[P, T]:
+    """The function, but for an argument of a name that it has not an OptionError with the nearest one."""
+    names = signature(function).parameters
+
+    @wraps(function)
+    def checked(*unnamed: P.args, **named: P.kwargs) -> T:
+        for name in named:
+            if name not in names:
+                known = [each for each in names if each != "self"]
+                expected = "one of " + ", ".join(known)
+                raise OptionError(name, expected, "an unknown name", nearest=nearest_name(name, known))
+        return function(*unnamed, **named)
+
+    return checked
+
+
+@dataclass_transform(frozen_default=True)
+def options_record(kind: type[T]) -> type[T]:
+    """A frozen dataclass of arguments, whose constructor knows its names."""
+    made = dataclass(frozen=True, eq=False, repr=False)(kind)
+    made.__init__ = known_names(made.__init__)  # type: ignore[method-assign]
+    return made
 
 
 def options_of(record: Any) -> dict[str, Option]:
@@ -100,18 +123,16 @@ def check_values(record: Any) -> None:
         if value is None and NoneType in get_args(kind):
             continue
         plain = _without_none(kind)
-        check = reader(Annotated[plain, Within(*option.bounds)] if option.bounds else plain)
-        try:
-            object.__setattr__(record, field.name, check(value))
-        except Fault as fault:
-            raise OptionError(field.name, fault.expected, value, nearest=fault.nearest) from None
+        checked = Annotated[plain, Within(*option.bounds)] if option.bounds else plain
+        object.__setattr__(record, field.name, _read(checked, field.name, value))
 
 
-def _one_of(names: tuple[str, ...], option: str, value: object) -> object:
-    """The value, if it is one of `names`. Raises: OptionError."""
-    if value in names:
-        return value
-    raise OptionError(option, "one of " + ", ".join(names), value, nearest=nearest_name(value, names))
+def _read(kind: Any, name: str, value: object) -> Any:
+    """A plain value of a type for an option. Raises: OptionError: of another type, or out of range."""
+    try:
+        return reader(kind)(value)
+    except Fault as fault:
+        raise OptionError(name, fault.expected, value, nearest=fault.nearest) from None
 
 
 def _without_none(kind: Any) -> Any:

@@ -4,6 +4,18 @@ The coefficients are fitted to peaks of the whole command, of .1 to 5 million tr
 spheres, loose triangles, an STL's unshared vertices. Threads and rays add next to nothing.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from obscurance.raytrace.mesh.opacity import opacity_bytes
+
+if TYPE_CHECKING:
+    from obscurance.raytrace.mesh.mesh import Mesh
+
+    from .options import Options
+
 _BASE = 32 << 20  # kernels, Embree, threads
 _TABLE, _DIRECTION = 1 << 18, 100  # directions in a table, and bytes for each while it is made
 _VERTEX, _POINT, _FACE = 40, 190, 100
@@ -14,6 +26,39 @@ _LAYOUT, _TEXTURED_FACE = 730, 390  # a face on the page while seams are sought;
 _TEXEL, _COVERED_TEXEL = 40, 130
 TRACED_TEXEL = 300  # beside that, of each to trace rays at
 _TRACED_SHARE = 0.15  # of the covered texels, where one may stand for several
+
+
+def bytes_at_vertices(meshes: Sequence[Mesh], options: Options, points: int | None = None) -> int:
+    """Bytes that a bake to vertices takes at its peak.
+
+    Args: meshes: all that occlude. points: at how many places w is wanted; None: at as many as the meshes may have.
+    """
+    vertices, faces = _counts(meshes)
+    if options.method == "surface":
+        return _opacity_bytes(meshes) + surface_bytes(vertices, faces)
+    columns = column_bytes(vertices if points is None else points, options.columns)
+    return _opacity_bytes(meshes) + columns + vertex_bytes(vertices, faces, options.rays, points)
+
+
+def bytes_of_texture(meshes: Sequence[Mesh], options: Options, texels: int, covered: int, blocks: bool) -> int:
+    """Bytes that a texture takes at its peak.
+
+    Args: meshes: all that occlude. covered: texels, by faces. blocks: whether a texel may stand for several.
+    """
+    vertices, faces = _counts(meshes)
+    traced = int(covered * (_TRACED_SHARE if blocks else 1.0))
+    page = _TEXEL * texels + _COVERED_TEXEL * covered + TRACED_TEXEL * traced + column_bytes(texels, options.columns)
+    of_page = max(_LAYOUT * faces, _TEXTURED_FACE * faces + page)
+    return _opacity_bytes(meshes) + vertex_bytes(vertices, 0, options.rays) + of_page
+
+
+def _counts(meshes: Sequence[Mesh]) -> tuple[int, int]:
+    """Numbers of vertices and of faces."""
+    return sum(len(mesh.vertices) for mesh in meshes), sum(len(mesh.faces) for mesh in meshes)
+
+
+def _opacity_bytes(meshes: Sequence[Mesh]) -> int:
+    return opacity_bytes([mesh.opacity for mesh in meshes if mesh.opacity])
 
 
 def vertex_bytes(vertices: int, faces: int, samples: int, points: int | None = None) -> int:
@@ -38,13 +83,3 @@ def corner_bytes(corners: int) -> int:
 def surface_bytes(vertices: int, faces: int) -> int:
     """Bytes that the surface method takes at its peak."""
     return _BASE + _SURFACE + _SURFACE_VERTEX * vertices + _SURFACE_FACE * faces
-
-
-def texture_bytes(texels: int, covered: int, vertices: int, faces: int, samples: int, blocks: bool) -> int:
-    """Bytes that a texture takes at its peak.
-
-    Args: covered: texels, by faces. blocks: whether a texel may stand for several.
-    """
-    traced = int(covered * (_TRACED_SHARE if blocks else 1.0))
-    page = _TEXEL * texels + _COVERED_TEXEL * covered + TRACED_TEXEL * traced
-    return vertex_bytes(vertices, 0, samples) + max(_LAYOUT * faces, _TEXTURED_FACE * faces + page)

@@ -5,10 +5,10 @@ and `ao.bake_texture` have them as parameters. Those whose values are meshes are
 """
 
 import math
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from .declared import EVERY_BAKE, IMAGE, Option, check_values, options_of
+from .declared import EVERY_BAKE, IMAGE, Option, check_values, options_of, options_record
 
 if TYPE_CHECKING:  # the help of the command imports nothing heavy
     from obscurance.raytrace.mesh.mesh import Mesh
@@ -36,7 +36,7 @@ BentSpace = Literal["world", "tangent", "tangent-directx"]
 
 
 # fmt: off
-@dataclass(frozen=True, eq=False, repr=False)
+@options_record
 class Options:
     """Options of every bake.
 
@@ -154,7 +154,7 @@ class Options:
         return max(rays, _FITTED)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@options_record
 class VertexOptions(Options):
     """Options of a bake to vertices.
 
@@ -191,7 +191,7 @@ class VertexOptions(Options):
             raise ConflictError(several, "does not go with", ("method", "surface"))
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@options_record
 class TextureOptions(Options):
     """Options of a bake to a texture."""
 

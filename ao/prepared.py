@@ -18,6 +18,7 @@ from obscurance.raytrace.system.checks import check_memory
 from obscurance.raytrace.system.threads import thread_count
 from obscurance.raytrace.types import Bools, Int64s
 
+from .declared import options_record
 from .execute.kept import NOTHING_KEPT, Kept
 from .execute.tracer import Progress, Tracer
 from .memory import vertex_bytes
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from .execute.sample_means import SampleMeans
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@options_record
 class Inputs:
     """Arguments of `ao.bake` and `ao.bake_texture` beside their `Options`."""
 

@@ -2,9 +2,9 @@
 
     python -m benchmarks.same_bytes TREE [OTHER_TREE] [--only TEXT]
 
-Runs the commands of the table in a folder for each source tree, by this Python and the tree's kernels. With one tree
-its lines and its outputs' hashes are printed; with two what differs, with exit status 1 if anything does. Paths and
-times are left out of lines and reports, and so is the content of parts, which have the identity of the code.
+Runs the commands of the table in a folder for each source tree, by the Python of the tree's .venv, or if it has none by
+this one. With one tree its lines and its outputs' hashes are printed; with two what differs, with exit status 1 if
+anything does. Paths and times are left out of lines and reports.
 """
 
 from __future__ import annotations
@@ -127,7 +127,8 @@ def contents(folder: Path) -> dict[str, str]:
 def outcome(tree: Path, line: str, folder: Path) -> dict[str, object]:
     """What a command of a source tree does in a folder: its exit status, its lines, hashes of the files it writes."""
     before = contents(folder)
-    command = [sys.executable, str(tree / "cli.py"), *shlex.split(line)]
+    own = tree / ".venv" / "bin" / "python"
+    command = [own if own.exists() else sys.executable, tree / "cli.py", *shlex.split(line)]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     printed = (done.stdout + done.stderr).replace(str(tree), "").replace(str(folder), "")
     lines = {f"line {number}": text for number, text in enumerate(_TIMES.sub("TIME", printed).splitlines(), 1)}

@@ -46,6 +46,7 @@ _ATTEMPTS = 3  # of a block, after which it is the block's fault
 _AHEAD = 2  # blocks for each thread of the workers: one at work, one on its way
 _LOOK = 1.0  # seconds between looks at who is there
 _CONNECT, _PATIENCE = 10.0, 10.0  # seconds to reach a scheduler; without a worker until a line says so
+_ENDED = "workers have ended with it, for want of memory?"
 _START, _END = 120.0, 5.0  # seconds that workers on this machine have to start, and to end
 CONFIG = {
     "distributed.scheduler.http.routes": [], "distributed.worker.http.routes": [],  # pages for whoever reaches the port
@@ -71,13 +72,6 @@ def local_workers(address: str) -> int | None:
     if re.fullmatch(r"(tcp|tls|ws|wss)://.+", address):  # `ucx://` ends in an error of another kind with each version
         return None
     raise OptionError("cluster", "local, local:N or the address of a Dask scheduler, tls://host:port", repr(address))
-
-
-def unguarded(address: str) -> str | None:
-    """A warning where a scheduler's connections are not authenticated; None by TLS, or for local workers."""
-    if local_workers(address) is not None or address.startswith(("tls://", "wss://")):
-        return None
-    return f"{address}: whoever reaches this scheduler can run code on its workers and here; tls:// keeps others out"
 
 
 @contextmanager
@@ -185,12 +179,12 @@ class Workers:
         self._scene: tuple[object, Any] = None, None  # the last one, and its future
         facts = hashlib.blake2b(repr(bit_environment()).encode(), digest_size=8)
         self._likeness = f"obscurance-{facts.hexdigest()}"  # the resource that workers like this machine have
-        self._asked: set[str] = set()  # workers that have not said yet that they are like it, or are not
+        self._unlike: set[str] = set()  # workers that have not it, and are asked what they are
         self._retired: set[str] = set()
         self._workers = self._threads_there = 0
         self.blocks = 0  # made by workers
         self._looked = 0.0
-        self._begun = self._alone_since = time.monotonic()
+        self._alone_since = time.monotonic()
 
     def __enter__(self) -> Self:
         try:
@@ -198,8 +192,9 @@ class Workers:
         except BaseException:
             self.__exit__()
             raise
-        if warning := unguarded(self._address):
-            self._notify(warning)
+        if not self._count and not self._address.startswith(("tls://", "wss://")):
+            danger = "whoever reaches this scheduler can run code on its workers and here; tls:// keeps others out"
+            self._notify(f"{self._address}: {danger}")
         return self
 
     def _open(self) -> None:
@@ -271,7 +266,7 @@ class Workers:
             or an item ends worker after worker.
         """
         waiting, left = deque(range(items)), items
-        failures: Counter[int] = Counter()
+        failures: Counter[int] = Counter()  # of a block
         running: dict[Future, int] = {}
         done: SimpleQueue[tuple[Future, Answer]] = SimpleQueue()
         name, keys = f"block-{uuid.uuid4().hex}", count()
@@ -280,14 +275,21 @@ class Workers:
             """Called by Dask when a task is done."""
             self._client.loop.add_callback(self._fetch, future, done)
 
+        def repeat(number: int, reason: str) -> None:
+            """Have a block that has failed made again, but not for ever."""
+            failures[number] += 1
+            if failures[number] == _ATTEMPTS:
+                raise ClusterError(f"{self._address}: a block fails on every worker: {reason}")
+            waiting.appendleft(number)
+
         try:
             while left:
                 # Some items for each thread are with the scheduler, the others not made yet.
                 window = self._window()
                 if not window:  # nobody is there, and Dask does not look again at what it could give to nobody
                     self._client.cancel(list(running))
-                    waiting.extendleft(running.values())
-                    running.clear()
+                    while running:
+                        repeat(running.popitem()[1], _ENDED)
                     self._scene = None, None
                 while waiting and len(running) < window:
                     number = waiting.popleft()
@@ -310,11 +312,8 @@ class Workers:
                     self.blocks += 1
                     yield number, said[0]
                 elif kind == "failed":
-                    failures[number] += 1
-                    if failures[number] == _ATTEMPTS:
-                        raise ClusterError(f"{self._address}: a block fails on every worker: {said[1]}")
+                    repeat(number, said[1])
                     self._retire(*said)
-                    waiting.appendleft(number)
                 else:
                     raise InputError(*said) if kind == "wrong" else ClusterError(f"{self._address}: {said[0]}")
         finally:
@@ -326,7 +325,7 @@ class Workers:
         try:
             fault = await future.exception()
             if isinstance(fault, KilledWorker):
-                answer: Answer = "failed", "", "workers have ended with it, for want of memory?"
+                answer: Answer = "lost", f"a block fails on every worker: {_ENDED}"
             elif fault:
                 raise fault
             else:
@@ -365,8 +364,8 @@ class Workers:
 
         Raises: ClusterError: the scheduler is lost; no worker on this machine starts.
         """
-        now = time.monotonic()
-        if now < self._looked + _LOOK:
+        before, now = self._looked, time.monotonic()
+        if now < before + _LOOK:
             return _AHEAD * self._threads_there
         self._looked = now
         if self._client.status != "running":
@@ -375,19 +374,19 @@ class Workers:
             there = self._client.sync(self._client.scheduler.identity)["workers"]
         except Exception as reason:  # whatever Dask makes of it
             raise ClusterError(f"{self._address}: the cluster is lost: {type(reason).__name__}") from None
-        like = [facts for facts in there.values() if self._likeness in facts["resources"]]
-        self._workers, self._threads_there = len(like), sum(facts["nthreads"] for facts in like)
-        unknown = {name for name, facts in there.items() if facts not in like} - self._asked
-        if unknown:
-            self._asked |= unknown
-            self._client.loop.add_callback(self._ask, list(unknown))  # of whom one may not answer
+        like = {name: facts["nthreads"] for name, facts in there.items() if self._likeness in facts["resources"]}
+        self._workers, self._threads_there = len(like), sum(like.values())
+        unlike = there.keys() - like
+        for worker in unlike - self._unlike:
+            self._client.loop.add_callback(self._ask, worker)
+        self._unlike = unlike
         if like:
             self._alone_since = now
-        elif now > self._alone_since + _PATIENCE:
-            self._alone_since = float("inf")
+        elif before <= self._alone_since + _PATIENCE < now:
             self._notify(f"{self._address}: no workers; waiting for some to join")
-        if self._count and not there and (now > self._begun + _START or self._none_starts()):
-            raise ClusterError(f"{self._address}: no worker has started within {now - self._begun:.0f} s")
+        alone = now - self._alone_since
+        if self._count and not like and (alone > _START or self._none_starts()):
+            raise ClusterError(f"{self._address}: no worker has started within {alone:.0f} s")
         return _AHEAD * self._threads_there
 
     def _none_starts(self) -> bool:
@@ -395,18 +394,16 @@ class Workers:
         failed = [nanny.status.name in ("failed", "closed") for nanny in list(self._local.workers.values())]
         return bool(failed) and all(failed)
 
-    async def _ask(self, workers: list[str]) -> None:
-        """Have workers take blocks if they are like this machine, and say how others differ."""
+    async def _ask(self, worker: str) -> None:
+        """Have a worker take blocks if it is like this machine, or say how it differs. It may never answer."""
         arguments = self._likeness, bit_environment()
-        answers = await self._client.run(declare_likeness, *arguments, workers=workers, on_error="return")
-        for worker, answer in answers.items():
-            if isinstance(answer, Exception):
-                self._notify(f"worker {worker} gets no work: {str(answer) or type(answer).__name__}")
-            elif answer:
-                name, expected, got = answer
-                self._notify(f"worker {worker} gets no work: {name}: expected {expected}, got {got}")
-            else:
-                self._asked.discard(worker)  # another may come by the same name
+        answers = await self._client.run(declare_likeness, *arguments, workers=[worker], on_error="return")
+        difference = answers[worker]
+        if isinstance(difference, Exception):
+            self._notify(f"worker {worker} gets no work: {str(difference) or type(difference).__name__}")
+        elif difference:
+            name, expected, got = difference
+            self._notify(f"worker {worker} gets no work: {name}: expected {expected}, got {got}")
 
 
 async def _kill(local: Any) -> None:

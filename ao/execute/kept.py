@@ -23,6 +23,7 @@ import numpy.typing as npt
 from obscurance.raytrace.errors import OutputError
 from obscurance.raytrace.mesh.placement import Placement
 from obscurance.raytrace.system.atomic import PathName
+from obscurance.raytrace.system.interrupts import at_once
 from obscurance.raytrace.types import Float64s
 
 from ..points.receivers import Receivers
@@ -65,13 +66,20 @@ class Kept:
         self._bytes = 0  # in them
 
     def __enter__(self) -> Self:
+        at_once.append(self._tell)
         return self
 
     def __exit__(self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None) -> None:
+        at_once.remove(self._tell)
         if kind is None:
             for folder in self._folders():
                 _remove(folder)
-        elif self._found:
+        else:
+            self._tell()
+
+    def _tell(self) -> None:
+        """Say where rows are kept, if any are."""
+        if self._found:
             self._notify(f"{self._found[-1]} keeps the rows that are done: run the command again to go on from there")
 
     def begin(self, placement: Placement, receivers: Receivers, *settings: object) -> None:

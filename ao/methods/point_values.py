@@ -17,6 +17,7 @@ from obscurance.raytrace.ray_origins.origins import directions_in_front, ray_off
 from obscurance.raytrace.ray_origins.surface import Surface
 from obscurance.raytrace.types import Float64s, UInt8s
 
+from ..declared import known_names
 from ..estimate.estimate import estimate
 from ..estimate.links import linked
 from ..estimate.sites import ONE_PLACE, Sites
@@ -36,6 +37,7 @@ TAKEN = (*("falloff", "samples", "tolerance", "denoise", "spread", "back_faces",
 _RIM = np.radians(60 * np.arange(6))
 
 
+@known_names
 def bake_points(
     mesh: Mesh | Any | None,
     points: npt.ArrayLike,
@@ -142,11 +144,10 @@ def _points_at(prepared: Prepared, points: Float64s, axes: Float64s, lifts: Floa
     """Origins of rays above the points, in render space."""
     placed = _in_render_space(prepared, points)
     vertices, receivers = prepared.placement.vertices.astype(np.float64), prepared.receivers
-    directions, clearance = axes, np.ones(len(points))
+    directions, clearance, magnitude = axes, np.ones(len(points)), np.abs(placed).max(axis=1)
     if not lifts.any():  # else each lies on its own disc
         surface = Surface.of(vertices, receivers.faces, receivers.face_normals(vertices)[0])
-        directions, clearance = directions_in_front(placed, axes, receivers.tree, surface)
-    largest = np.maximum(np.abs(placed).max(axis=1), np.abs(vertices).max())
-    offset = np.maximum(ray_offset(directions, largest, clearance), lifts * prepared.placement.scale)
+        directions, clearance, magnitude = directions_in_front(placed, axes, receivers.tree, surface)
+    offset = np.maximum(ray_offset(directions, magnitude, clearance), lifts * prepared.placement.scale)
     origins = placed + offset[:, None] * directions
     return Points.lifted(placed, origins, axes)

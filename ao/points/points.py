@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ class PointArrays(NamedTuple):
     normals: Float32Rows
     numbers: UInt32s
     lifts: Float32Rows
+    fronts: Float32Rows
 
 
 @dataclass(eq=False)
@@ -29,12 +30,15 @@ class Points:
         origins, normals: float32 (k, 3), ray origins in render space and unit axes of the hemispheres.
         numbers: uint32 (k,), keys of each point's random choices.
         lifts: float32 (k, 3), of the origins from their places on the surface, from which distances count.
+        fronts: float32 (k, 3), normals of the planes below which directions are closed, zero where nothing is but by
+            what rays meet; or no rows.
     """
 
     origins: Float32s
     normals: Float32s
     numbers: UInt32s
     lifts: Float32s
+    fronts: Float32s = field(default_factory=lambda: np.zeros((0, 3), np.float32))
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -47,11 +51,12 @@ class Points:
 
     def _each(self, change: Callable[[npt.NDArray[Any]], npt.NDArray[Any]]) -> Points:
         """Points of which each array is changed in the same way."""
-        return Points(change(self.origins), change(self.normals), change(self.numbers), change(self.lifts))
+        fronts = change(self.fronts) if len(self.fronts) else self.fronts
+        return Points(change(self.origins), change(self.normals), change(self.numbers), change(self.lifts), fronts)
 
     @property
     def arrays(self) -> PointArrays:
-        return PointArrays(self.origins, self.normals, self.numbers, self.lifts)
+        return PointArrays(self.origins, self.normals, self.numbers, self.lifts, self.fronts)
 
     @classmethod
     def lifted(cls, places: AnyFloats, origins: AnyFloats, normals: AnyFloats) -> Points:
@@ -67,4 +72,5 @@ class Points:
             np.append(self.normals, others.normals, axis=0),
             np.arange(len(self) + len(others), dtype=np.uint32),
             np.append(self.lifts, others.lifts, axis=0),
+            self.fronts if len(self.fronts) == 0 else np.append(self.fronts, np.zeros_like(others.origins), axis=0),
         )

@@ -20,6 +20,8 @@ from obscurance.raytrace.mesh.normals import face_normals, nonzero, normalize, o
 from obscurance.raytrace.mesh.opacity import PackedOpacity
 from obscurance.raytrace.mesh.placement import Placement
 from obscurance.raytrace.mesh.up import UP, up_axis
+from obscurance.raytrace.mesh.weld import CREASE
+from obscurance.raytrace.ray_origins.clearance import least_cosines
 from obscurance.raytrace.ray_origins.origins import WeldedPoints, weld_points
 from obscurance.raytrace.ray_origins.surface import Surface
 from obscurance.raytrace.system.checks import check_memory
@@ -143,10 +145,13 @@ class OffsetPoints(NamedTuple):
     tree_seconds: float
 
 
-def offset_points(placed: Float32s, faces: Int64s, weighting: Weighting, own_axes: Float64s | None) -> OffsetPoints:
+def offset_points(
+    placed: Float32s, faces: Int64s, weighting: Weighting, own_axes: Float64s | None, apart: bool = True
+) -> OffsetPoints:
     """Weld vertices `placed` (n, 3) in render space; the points' axes, and origins offset from the surface.
 
     Args: weighting: of the faces' normals. own_axes: (n, 3), axes of any length, zero where faces' normals give them.
+        apart: whether vertices at a place are different points by their `own_axes`; else by the faces around them.
     """
     vertices = placed.astype(np.float64)
     if own_axes is not None:
@@ -154,7 +159,7 @@ def offset_points(placed: Float32s, faces: Int64s, weighting: Weighting, own_axe
         is_own = nonzero(axes)
         if not is_own.all():
             axes = np.where(is_own[:, None], axes, smooth_normals(placed, faces, weighting))
-        welded = weld_points(vertices, faces, weighting, axes, SAME)
+        welded = weld_points(vertices, faces, weighting, axes, SAME if apart else CREASE, by_means=not apart)
         is_own = is_own[welded.first_vertex]
         axes = np.where(is_own[:, None], axes[welded.first_vertex], welded.axes)
         behind_some = welded.clearance <= 0
@@ -200,8 +205,18 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "file") 
         weighting = normals
     curve = _Curve.through(placement.vertices, mesh.faces)
     own_axes = None if own_axes is None else own_axes[curve.vertices]
-    offset = offset_points(placement.vertices[curve.vertices], curve.faces, weighting, own_axes)
+    offset = offset_points(placement.vertices[curve.vertices], curve.faces, weighting, own_axes, normals == "file")
     points, usable, index = _compacted(offset)
+    # What rays meet: faces in the order of the mesh.
+    faces, number = mesh.faces, curve.order
+    opacity = mesh.opacity.packed() if mesh.opacity else None
+    if len(offset.welded.faces) < len(faces):
+        with_area = face_normals(placement.vertices.astype(np.float64), faces)[1] > 0
+        faces = faces[with_area]
+        number = (np.cumsum(with_area) - 1)[number[with_area[number]]]
+        opacity = opacity and opacity.only(with_area)
+    if own_axes is not None:
+        points.fronts = _fronts(offset, None if opacity is None else opacity.of[number] >= 0)[usable]
     surface_normals = points.normals
     if normals == "file":
         surface_normals = offset.welded.axes[usable].astype(np.float32)
@@ -223,14 +238,6 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "file") 
     if len(split):
         check_memory(mesh.source, corner_bytes(len(split)), f"for the {len(split):,} corners of folded vertices")
         corners = find_corner_samples(tree, surface, split, index[corner_points], len(points), axes)
-    # What rays meet: faces in the order of the mesh.
-    faces, number = mesh.faces, curve.order
-    opacity = mesh.opacity.packed() if mesh.opacity else None
-    if len(face_points) < len(faces):
-        with_area = face_normals(placement.vertices.astype(np.float64), faces)[1] > 0
-        faces = faces[with_area]
-        number = (np.cumsum(with_area) - 1)[number[with_area[number]]]
-        opacity = opacity and opacity.only(with_area)
     tree = tree._replace(leaf_faces=np.append(number, -1).astype(np.int32)[tree.leaf_faces])
     is_backwards = np.zeros(len(faces), np.bool_)
     is_backwards[number[backwards]] = True
@@ -239,6 +246,20 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "file") 
         points, corners, of_vertex, flags, faces, is_backwards, tree, tree_seconds, displaced, embree, opacity,
         surface_normals,
     )  # fmt: skip
+
+
+def _fronts(offset: OffsetPoints, has_alpha: Bools | None) -> Float32s:
+    """Normals (k, 3) of the surface at points whose axes are given: rays below it end on the faces that hold the point,
+    also at the border of these, where they would pass beside. Zero across hard edges, and where a face has alpha.
+
+    Args: has_alpha: bool (m,), the points' faces that are not opaque; None: none.
+    """
+    welded = offset.welded
+    fronts = welded.axes.astype(np.float32)
+    fronts[least_cosines(welded.axes, welded.face_points, welded.face_normals) < CREASE] = 0.0
+    if has_alpha is not None:
+        fronts[welded.face_points[has_alpha]] = 0.0
+    return fronts
 
 
 class _Curve(NamedTuple):

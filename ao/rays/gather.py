@@ -17,7 +17,7 @@ from ..mu import KernelMu, depends_on_distance
 from ..points.points import PointArrays
 from .directions import BATCHES, DirectionTable, choose, turned_frame
 from .layers import clear, hit_mask, write_occlusion
-from .ray_blocks import Rays, init_rays
+from .ray_blocks import Rays, close_below, init_rays
 from .traverse import TraversalState, traverse
 
 W, BATCH_VARIANCE, BENT = range(3)  # columns of rows: w, the variance between batches, the mean of μ·direction
@@ -54,6 +54,8 @@ def gather_hemispheres(
         t, b = turned_frame(normal, turn)
         # All rays of the point through the tree together.
         init_rays(rays, table.directions, table.cones, chosen, samples, (t, b, normal), reach)
+        if len(points.fronts) > 0:
+            close_below(rays, load(points.fronts, i))
         clear(state.layers)
         start = load(points.origins, i), load(points.lifts, i)
         traverse(tree, state, rays, start, normal, table.lowest[chosen], fading, reach)

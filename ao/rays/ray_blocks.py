@@ -124,6 +124,20 @@ def init_rays(rays, directions, cones, chosen, samples, frame, t_max):
 
 
 @inline
+def close_below(rays, front):
+    """Let rays end where they start that go below the plane of a unit normal; zero: none."""
+    if front == (ZERO, ZERO, ZERO):
+        return
+    blocks = len(rays.t_hit)
+    for k in range(blocks):
+        is_below = along(rays.directions, k, blocks, front) < ZERO
+        below = bits(is_below) & rays.active[k]
+        if below != 0:
+            store_row(rays.t_hit, k, select(is_below, ZERO, T_MISS))
+            deactivate(rays, k, below)
+
+
+@inline
 def blocks_within(rays, g, axis, cosine, sine):
     """The blocks of a group, as bits, that have active rays and may have rays within a cone."""
     groups = len(rays.groups)

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any, NamedTuple
 
@@ -11,11 +10,10 @@ import numpy as np
 from obscurance.raytrace.errors import OptionError
 from obscurance.raytrace.mesh.corners import with_hard_edges
 from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
-from obscurance.raytrace.mesh.opacity import opacity_bytes
 from obscurance.raytrace.system.checks import NEGLIGIBLE, check_memory
 from obscurance.raytrace.types import Float64s, Int64s
 
-from ..declared import Option
+from ..declared import Option, known_names, options_record
 from ..estimate.estimate import estimate
 from ..estimate.sites import Sites
 from ..estimate.tolerance import shortfalls
@@ -23,7 +21,7 @@ from ..execute.kept import Kept
 from ..execute.sample_means import SampleMeans
 from ..execute.tracer import Progress
 from ..falloff import Falloffs, Length
-from ..memory import TRACED_TEXEL, column_bytes, texture_bytes
+from ..memory import TRACED_TEXEL, bytes_of_texture
 from ..options import BackFaces, BentSpace, Interior, Normals, Overlap, TextureOptions
 from ..points.occluders import occluding
 from ..points.projection import cage_of
@@ -38,17 +36,18 @@ from .uv_layout import UVLayout, corner_uv, covered_texels, on_page, page_size
 from .uv_surface import UVSurface
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@options_record
 class _Layout(Inputs):
     uv: Any
     size: Annotated[int | tuple[int, int], Option(bake_kinds="")] = 1024
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@options_record
 class TextureArguments(TextureOptions, _Layout):
     """Arguments of `ao.bake_texture`."""
 
 
+@known_names
 def bake_texture(
     mesh: Mesh | Any,
     uv: Any,
@@ -257,12 +256,9 @@ def _check_memory(scene: _Scene, size: tuple[int, int], options: TextureArgument
     """Check that the bake of a page of `size` fits into memory. Raises: MemoryLimitError."""
     texels = size[0] * size[1]
     solids = [scene.solid, *scene.occluders]
-    vertices = sum(len(solid.vertices) for solid in solids)
-    faces = sum(len(solid.faces) for solid in solids)
     blocks = options.tolerance is not None and options.high is None
-    needed = texture_bytes(texels, covered_texels(scene.uv, size), vertices, faces, options.rays, blocks)
-    needed += column_bytes(texels, options.columns)
-    needed += opacity_bytes([solid.opacity for solid in solids if solid.opacity])
+    needed = bytes_of_texture(solids, options, texels, covered_texels(scene.uv, size), blocks)
+    faces = sum(len(solid.faces) for solid in solids)
     check_memory(scene.mesh.source, needed, f"to bake {texels:,} texels of {faces:,} faces")
 
 

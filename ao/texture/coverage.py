@@ -182,13 +182,15 @@ def reaches_into_page(uv: Float64s, source: object) -> bool:
 
 
 def shared_texels(
-    uv: Float64s, groups: Int64s, size: tuple[int, int], wraps: bool, source: object, threads: int | None = None
+    layout: UVLayout, groups: Int64s, threads: int | None = None, texels: Int64s | None = None
 ) -> tuple[dict[tuple[int, int], int], Int64s]:
     """In how many texels two groups of faces overlap, by pairs (a, b), a < b; and how many texels each group covers.
 
-    Args: groups: (m,), from 0, of the faces, which do not overlap where they share an edge. Others: as `UVLayout.of`.
+    Args:
+        groups: (m,), from 0, of the faces, which do not overlap where they share an edge.
+        texels: (n,), ascending, only these; None: all.
     """
-    coverage = Page.of(UVLayout.of(uv, size, wraps, source)).cover("mean", thread_count(threads))
+    coverage = Page.of(layout).cover("mean", thread_count(threads), texels)
     samples = coverage.every_sample(thread_count(threads))
     count = int(groups.max()) + 1
     texel = np.repeat(np.arange(len(coverage.texels)), np.diff(samples.starts))

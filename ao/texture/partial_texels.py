@@ -12,7 +12,6 @@ from obscurance.raytrace.kernel.jit import inline, kernel
 from obscurance.raytrace.sampling.sequences import hash32
 from obscurance.raytrace.types import Float32Grid, Float64Grid, Float64Rows, Float64s, Int32Rows, Int64s
 
-from .clipping import CORNERS, area_of_fan, clip_to_texel, point_in_fan
 from .raster import EDGE, INSIDE, POINTS, SLOTS, Lists, Marks, least_edge, set_up_edges, store_barycentric
 
 MOST = 64  # samples of a texel; of more triangles over one another, as many have one, evenly spaced
@@ -24,6 +23,7 @@ _CROWDED, _FULL = (
 )  # texels of an even layout that would show as much; from so many on it has more samples, the most
 _LEAST, _OF_TRIANGLE = 1e-9, 1e-6  # area, in texels, or part of the triangle's, that is any at all
 _UNSEEN = 1e-3  # part of a texel's area that its points may miss
+CORNERS = 8  # of a triangle cut by a square, at most 7
 _FEW = 4  # layers that have a sample at each point; more have one each
 
 
@@ -236,3 +236,60 @@ def _radical_inverse(k):
     for bit in range(6):
         fraction += ((k >> bit) & 1) * 0.5 ** (bit + 1)
     return fraction
+
+
+@inline
+def area_of_fan(polygon, k):
+    """The area of the triangle of the first corner, corner k and the next."""
+    ax = polygon[k, 0] - polygon[0, 0]
+    ay = polygon[k, 1] - polygon[0, 1]
+    bx = polygon[k + 1, 0] - polygon[0, 0]
+    by = polygon[k + 1, 1] - polygon[0, 1]
+    return abs(ax * by - ay * bx) / 2.0
+
+
+@inline
+def point_in_fan(polygon, corner, axis, outwards, sideways):
+    """A coordinate of a point between the first corner of a polygon, `corner` and the next."""
+    a = polygon[0, axis]
+    b = polygon[corner, axis]
+    c = polygon[corner + 1, axis]
+    return a + outwards * (b - a + sideways * (c - b))
+
+
+@inline
+def clip_to_texel(triangle, texel, clipped):
+    """Area of what a triangle and a texel have in common (Sutherland & Hodgman 1974), and how many corners it has.
+
+    Args: clipped: (2, CORNERS, 2), whose first polygon receives the corners, relative to the texel's.
+    """
+    count = 3
+    for k in range(3):
+        for axis in range(2):
+            clipped[0, k, axis] = triangle[k, axis] - texel[axis]
+    for side in range(4):  # to and fro between the two polygons
+        count = _clip_side(clipped[side % 2], count, side // 2, side % 2 == 0, clipped[1 - side % 2])
+    area = 0.0
+    for k in range(1, count - 1):
+        area += area_of_fan(clipped[0], k)
+    return area, count
+
+
+@inline
+def _clip_side(polygon, count, axis, low, out):
+    """Write the corners of a polygon that is cut at 0, or else at 1, of an axis; returns their number."""
+    written = 0
+    for k in range(count):
+        ahead = (k + 1) % count
+        here = polygon[k, axis] if low else 1.0 - polygon[k, axis]
+        there = polygon[ahead, axis] if low else 1.0 - polygon[ahead, axis]
+        if here >= 0.0:
+            out[written, 0] = polygon[k, 0]
+            out[written, 1] = polygon[k, 1]
+            written += 1
+        if (here < 0.0) != (there < 0.0):
+            part = here / (here - there)
+            for c in range(2):
+                out[written, c] = polygon[k, c] + part * (polygon[ahead, c] - polygon[k, c])
+            written += 1
+    return written

@@ -75,8 +75,11 @@ def ray_origins(
     return points + offset[:, None] * directions, ambiguous
 
 
-def directions_in_front(points: Float64s, axes: Float64s, tree: BVH16, surface: Surface) -> tuple[Float64s, Float64s]:
-    """Directions (k, 3) in front of the faces that hold `points` (k, 3), or touch them, and their clearance (k,).
+def directions_in_front(
+    points: Float64s, axes: Float64s, tree: BVH16, surface: Surface
+) -> tuple[Float64s, Float64s, Float64s]:
+    """Directions (k, 3) in front of the faces that hold `points` (k, 3), or touch them, their clearance (k,), and the
+    largest coordinate (k,) of the point and of these faces.
 
     They are the `axes` (k, 3), unit, unless these lie in such faces or behind; a face is seen from its back where an
     axis is far behind it. Args: tree: over the faces of `surface`.
@@ -94,7 +97,9 @@ def directions_in_front(points: Float64s, axes: Float64s, tree: BVH16, surface: 
     clear = least_cosines(axes, rows, normals)
     is_in_front = clear > SHARP
     directions[is_in_front] = axes[is_in_front]
-    return directions, np.where(is_in_front, clear, clearance)
+    magnitude = np.abs(points).max(axis=1, initial=0.0)
+    np.maximum.at(magnitude, held.point, np.maximum(surface.extent, surface.flat)[held.face])
+    return directions, np.where(is_in_front, clear, clearance), magnitude
 
 
 def ray_offset(directions: Float64s, magnitude: Float64s, clearance: Float64s) -> Float64s:
@@ -224,6 +229,7 @@ def weld_points(
     weighting: Weighting = "angle",
     normals: Float64s | None = None,
     agreement: float = CREASE,
+    by_means: bool = False,
 ) -> WeldedPoints:
     """Weld the vertices of a mesh, and find directions in front of their faces.
 
@@ -231,7 +237,7 @@ def weld_points(
         weighting: of the faces' normals in their mean, see `vertex_sums`.
         normals: (n, 3), unit or zero, the directions where these are in front of the faces; by default the vertices'
             means, which lie in front of the faces elsewhere, too.
-        agreement: least cosine between the normals of vertices that are welded.
+        agreement: least cosine between the normals of vertices that are welded. by_means: between their means instead.
     """
     face_normal, area = face_normals(vertices, faces)
     if not area.all():
@@ -244,7 +250,7 @@ def weld_points(
         face_normal[backwards] *= -1.0
     sums = vertex_sums(vertices, faces, face_normal, area, weighting)
     mean = normalize(sums)
-    group = weld(vertices.astype(np.float32), faces, mean if normals is None else normals, agreement)
+    group = weld(vertices.astype(np.float32), faces, mean if normals is None or by_means else normals, agreement)
     first_vertices, face_points = group, np.ascontiguousarray(faces)
     if len(group) > group.max() + 1:
         first_vertices = np.empty(int(group.max()) + 1, np.int64)

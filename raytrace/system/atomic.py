@@ -5,11 +5,12 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from ..errors import OutputError
+from .interrupts import at_once
 
 if sys.platform != "win32":
     import fcntl
@@ -63,6 +64,8 @@ def _beside(path: PathName, replaces: bool = True) -> Iterator[tuple[Path, int]]
         _remove_left_over(target.parent)
         temporary = target.parent / f"{_BEGIN}{os.urandom(6).hex()}{_END}"
         lock = -1
+        remove = partial(temporary.unlink, missing_ok=True)
+        at_once.append(remove)
         try:  # from before the file is there: an interrupt may come as it is opened
             handle = _create(temporary)
             if sys.platform != "win32":
@@ -72,7 +75,8 @@ def _beside(path: PathName, replaces: bool = True) -> Iterator[tuple[Path, int]]
                 os.replace(temporary, target)
         finally:
             with suppress(OSError):
-                temporary.unlink()
+                remove()
+            at_once.remove(remove)
             if lock >= 0:
                 os.close(lock)
     except OutputError:

@@ -14,7 +14,7 @@ from queue import Empty, SimpleQueue
 from ..errors import OptionError
 
 MAX_THREADS = 4096
-_within = threading.local()  # its `blocks`: whether this thread is at work for `run_blocks`
+_within = threading.local()  # its `call`: of `run_blocks`, for which this thread is at work
 _PARTS = 2  # of what is left, for each thread, the largest share handed over at once
 _BEYOND = 1  # threads more than cores, at most: others would only take turns, and fill address space
 _WAKES = 2  # threads that each thread wakes, so that all of many are soon awake
@@ -31,7 +31,7 @@ def thread_count(threads: int | None) -> int:
 
 def granted(threads: int) -> int:
     """How many threads `run_blocks` uses of so many that are asked for: no more than cores, and one within a block."""
-    return 1 if getattr(_within, "blocks", False) else min(threads, thread_count(None) + _BEYOND)
+    return 1 if getattr(_within, "call", None) else min(threads, thread_count(None) + _BEYOND)
 
 
 def shares(count: int, block: int, threads: int, most: int = 1) -> Iterator[tuple[int, int]]:
@@ -59,12 +59,16 @@ def run_blocks(
 
     `work` must release the GIL to gain anything and write only its own rows. `progress` is called, on this thread,
     with the number of items of each finished block. An exception or Ctrl-C drops the blocks that have not begun.
-    A call within `work` stays on its thread: all threads are at work already.
+    A call within `work` stays on its thread: all threads are at work already. Where that around it has failed, it ends
+    by KeyboardInterrupt.
     """
     threads = min(granted(threads), -(-count // block))
     parts = shares(count, block, max(threads, 1), most)
     if threads <= 1:  # the bake of a small mesh has dozens of calls; a queue would take as long as their work
+        around = getattr(_within, "call", None)
         for start, stop in parts:
+            if around and around.over:
+                raise KeyboardInterrupt
             work(start, stop)
             if progress:
                 progress(stop - start)
@@ -105,11 +109,11 @@ class _Call:
             part = None if self.over else next(self._parts, None)
         if part is None:
             return False
-        _within.blocks = True
+        _within.call = self
         try:
             self._work(*part)
         finally:
-            _within.blocks = False
+            _within.call = None
         self.finished.put(part[1] - part[0])
         return True
 

@@ -7,20 +7,24 @@ import os
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from obscurance import ao
-from obscurance.raytrace.errors import OptionError
+from obscurance.raytrace.errors import ConflictError, OptionError
 from obscurance.raytrace.system.checks import make_folder
 
 from ..formats.load import MeshFile, load
 from ..formats.objects import ObjectSelection, match, select_objects
 from ..formats.table import endings
+from ..show.progress import stage
 
 if TYPE_CHECKING:
     from obscurance.raytrace.mesh.mesh import Mesh
 
+    from .pages import Layout
     from .plan import Plan
 
 
@@ -28,7 +32,8 @@ class BakeInputs(NamedTuple):
     """The meshes of a bake.
 
     Attributes:
-        source: the input. chosen: what is baked of it. fine: the finer meshes as one. occluders: besides.
+        source: the input. chosen: what is baked of it. layout: of its texture, if one is baked.
+        fine: the finer meshes as one. occluders: besides.
         arguments: those of `ao.bake` and `ao.bake_texture` that are made of files, but for the mesh.
         files: all that were read. content: of the input, if it is no file's. notes: warnings about the meshes.
         started: when reading began, in seconds of `time.perf_counter`.
@@ -36,6 +41,7 @@ class BakeInputs(NamedTuple):
 
     source: MeshFile
     chosen: ObjectSelection
+    layout: Layout | None
     fine: Mesh | None
     occluders: list[Mesh]
     arguments: dict[str, Any]
@@ -45,10 +51,9 @@ class BakeInputs(NamedTuple):
     started: float
 
     @property
-    def counts(self) -> tuple[int, int]:
-        """Numbers of vertices and faces that occlude."""
-        meshes = [*self.occluders, self.fine or self.chosen.mesh]
-        return sum(len(mesh.vertices) for mesh in meshes), sum(len(mesh.faces) for mesh in meshes)
+    def solids(self) -> list[Mesh]:
+        """The meshes that occlude."""
+        return [*self.occluders, self.fine or self.chosen.mesh]
 
     @property
     def meshes(self) -> list[Mesh]:
@@ -66,13 +71,19 @@ def opened(mesh: Any, **how: Any) -> MeshFile:
     """A mesh file's content, by its name, or a mesh in memory as one. Args: how: arguments of `load`."""
     if isinstance(mesh, str | os.PathLike):
         return load(mesh, **how)
-    return mesh if isinstance(mesh, MeshFile) else MeshFile.of(mesh)
+    file = mesh if isinstance(mesh, MeshFile) else MeshFile.of(mesh)
+    whole = file.mesh
+    if not how["alpha"]:
+        whole = replace(whole, opacity=None)
+    if how.get("up"):
+        whole = replace(whole, up=how["up"])
+    return file._replace(mesh=whole.reversed() if how.get("flip") else whole)
 
 
-def read_inputs(plan: Plan, content: bytes | None = None, source: MeshFile | None = None) -> BakeInputs:
-    """Read the files of a plan. Args: content: of the input, if it is no file's. source: the input, if it is read.
+def read_inputs(plan: Plan, content: bytes | None = None, source: Any = None) -> BakeInputs:
+    """Read the files of a plan. Args: content: of the input, if it is no file's. source: the input, if in memory.
 
-    Raises: InputError: a file cannot be read; OptionError: as `select_objects`, `match`.
+    Raises: InputError: a file cannot be read; OptionError: as `select_objects`, `Layout.of`, `match`.
     """
     started = time.perf_counter()
     options = plan.options
@@ -80,20 +91,33 @@ def read_inputs(plan: Plan, content: bytes | None = None, source: MeshFile | Non
     by_name = options.receive or (), options.cast or (), options.exclude or ()
     names = any(by_name) or options.match_names or options.occluded_by != "all"
     target = "texture.glb" if plan.kind == "texture" else f"vertices{plan.ending}"  # what the input is read for
-    # The files.
-    source = source or load(plan.mesh, target, content, alpha, options.up, names, options.flip, options.points)
-    high = [opened(mesh, alpha=alpha, names=options.match_names) for mesh in options.high or ()]
-    walls = [opened(mesh, alpha=alpha, names=options.match_names) for mesh in options.occluder or ()]
-    cage = [load(options.cage)] if isinstance(options.cage, Path) else []
+    # The input, what is baked of it, and the other files.
+    reading = partial(stage, "reading", options.quiet, options.progress)
+    with reading():
+        source = opened(
+            plan.mesh if source is None else source, target=target, content=content, alpha=alpha, up=options.up,
+            names=names, flip=options.flip, points=options.points,
+        )  # fmt: skip
+    if options.points and not source.cloud:
+        raise ConflictError("points", "needs", "the name of a file of points")
+    has_sides = plan.has_sides and not (source.gltf and plan.ending == ".glb")  # which keeps the file's vertices
+    baked = source._replace(mesh=source.split) if has_sides else source
+    chosen = select_objects(baked, *by_name, options.occluded_by, options.output_dir is not None)
+    layout = None
+    if plan.kind == "texture":  # whose pages may be refused, before more is read
+        from .pages import Layout
+
+        layout = Layout.of(plan, source, chosen)
+    with reading():
+        high = [opened(mesh, alpha=alpha, names=options.match_names) for mesh in options.high or ()]
+        walls = [opened(mesh, alpha=alpha, names=options.match_names) for mesh in options.occluder or ()]
+        cage = [load(options.cage)] if isinstance(options.cage, Path) else []
     fine = None
     if high:
         from obscurance.ao.points.occluders import joined
 
         fine = joined([file.mesh for file in high], all_normals=True)
-    # What is baked, and what occludes it besides.
-    has_sides = plan.has_sides and not (source.gltf and plan.ending == ".glb")  # which keeps the file's vertices
-    baked = source._replace(mesh=source.split) if has_sides else source
-    chosen = select_objects(baked, *by_name, options.occluded_by, options.output_dir is not None)
+    # What occludes besides.
     occluders = [file.mesh for file in walls]
     if options.ground:
         occluders.append(ao.ground(chosen.mesh, plan.ground))
@@ -115,7 +139,7 @@ def read_inputs(plan: Plan, content: bytes | None = None, source: MeshFile | Non
 
         notes += lying_notes(source.mesh)
     paths = [path for file in files for path in file.files]
-    return BakeInputs(source, chosen, fine, occluders, arguments, paths, content, notes, started)
+    return BakeInputs(source, chosen, layout, fine, occluders, arguments, paths, content, notes, started)
 
 
 def expand(given: Iterable[Path]) -> list[Path]:

@@ -17,20 +17,25 @@ import numpy as np
 
 from obscurance import ao
 from obscurance.ao.texture.coverage import reaches_into_page, shared_texels
-from obscurance.ao.texture.uv_layout import have_area, on_page
+from obscurance.ao.texture.uv_layout import UVLayout, have_area, on_page
 from obscurance.raytrace.errors import MeshError, OptionError, first_names
+from obscurance.raytrace.sampling.sequences import hash32_array
+from obscurance.raytrace.system.checks import check_outputs
 from obscurance.raytrace.text.safe_paths import file_words
 from obscurance.raytrace.types import Bools, Float64s
 
 from ..formats.images import MATERIAL, OBJECT, UDIM, tile_number, udim_tiles
 from ..formats.load import MeshFile
 from ..formats.primitive_groups import PrimitiveGroup, primitive_groups
-from .uv import Coordinates
+from ..show.progress import stage
+from .uv import Coordinates, coordinates
 
 if TYPE_CHECKING:
+    from ..formats.objects import ObjectSelection
     from .plan import Plan
 
 _SOME = 0.01  # of the texels of the smaller of two layouts, that may overlap
+_LOOKED_AT, _SURE = 1 << 16, 4.0  # texels, before all are; and standard errors of what is found in them
 _NOTED = 1e-3  # of the covered texels, that may overlap without a word
 _LISTED = 3  # pieces without texture coordinates
 
@@ -86,13 +91,32 @@ class Layouts:
                 same = owners.setdefault(piece.body, {})
                 self.instance[piece.faces] = same.setdefault(piece.object.key, len(same))
 
-    def clashes(self, page: Page, size: tuple[int, int], threads: int | None) -> dict[tuple[int, int], int]:
-        """In how many texels pairs of layouts overlap on a page."""
-        used = self.of[on_page(page.uv)]
-        if len(np.unique(used)) < 2:
-            return {}
-        shared, covered = shared_texels(page.uv, self.of, size, page.wraps, self.path, threads)
-        return {pair: count for pair, count in shared.items() if count > _SOME * min(covered[list(pair)])}
+    def clashes(
+        self, page: Page, size: tuple[int, int], threads: int | None
+    ) -> Iterator[tuple[dict[tuple[int, int], int], str]]:
+        """In how many texels pairs of layouts overlap on a page, and the word before these numbers.
+
+        First come the pairs that surely do, from some texels; if they leave a doubt, all that do, from all texels.
+        """
+        used = np.unique(self.of[on_page(page.uv)])
+        if len(used) < 2:
+            return
+        layout = UVLayout.of(page.uv, size, page.wraps, self.path)
+        count = size[0] * size[1]
+        if count > _LOOKED_AT:
+            some = np.unique(hash32_array(np.arange(_LOOKED_AT)) % np.uint32(count)).astype(np.int64)
+            shared, covered = shared_texels(layout, self.of, threads, some)
+            off = {pair: _SURE * found**0.5 for pair, found in shared.items()}
+            limit = {pair: _SOME * min(covered[list(pair)]) for pair in shared}
+            above = {pair: found for pair, found in shared.items() if found - off[pair] > limit[pair]}
+            yield {pair: int(float(f"{found * count / len(some):.1g}")) for pair, found in above.items()}, "about "
+            others = (pair for pair in shared if pair not in above)
+            if _SOME * min(covered[used]) > _SURE**2 and all(
+                shared[pair] + off[pair] + _SURE**2 < limit[pair] for pair in others
+            ):
+                return
+        shared, covered = shared_texels(layout, self.of, threads)
+        yield {pair: found for pair, found in shared.items() if found > _SOME * min(covered[list(pair)])}, ""
 
     def sets(self, clashes: dict[tuple[int, int], int]) -> Iterator[tuple[str, Bools]]:
         """Names and faces (m,) of texture sets: layouts that share an image and do not overlap share a set."""
@@ -148,10 +172,13 @@ def _pages(plan: Plan, source: MeshFile, layouts: Layouts, coordinates: Coordina
     # A .glb has one page, or one for each set of layouts that do not overlap.
     if plan.ending == ".glb":
         one_page = Page(coordinates.uv, words={MATERIAL: "all"})
-        clashes = {} if mixed else layouts.clashes(one_page, coordinates.size, threads)
-        sets = layouts.sets(clashes) if clashes else []
-        pages = [Page(_masked(coordinates.uv, mask), name=name, words={MATERIAL: name}) for name, mask in sets]
-        return [page for page in pages if on_page(page.uv).any()] or [one_page]
+        pages = [one_page]
+        for clashes, _ in () if mixed else layouts.clashes(one_page, coordinates.size, threads):
+            sets = layouts.sets(clashes) if clashes else []
+            parted = [Page(_masked(coordinates.uv, mask), name=name, words={MATERIAL: name}) for name, mask in sets]
+            pages = [page for page in parted if on_page(page.uv).any()] or [one_page]
+            outputs_of(plan, pages)
+        return pages
     # Images: a page for each group and tile that the name tells apart.
     output = plan.output
     pages = []
@@ -164,10 +191,51 @@ def _pages(plan: Plan, source: MeshFile, layouts: Layouts, coordinates: Coordina
         elif on_page(uv).any():
             pages.append(Page(uv, words=words))
     for page in () if mixed else pages:
-        clashes = layouts.clashes(page, coordinates.size, threads)
-        if clashes:
-            raise _refusal(source, layouts, clashes, page.path(output))
+        for clashes, about in layouts.clashes(page, coordinates.size, threads):
+            if clashes:
+                raise _refusal(source, layouts, clashes, page.path(output), about)
     return pages
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Where faces lie on pages, and the falloff: in mesh units where groups of objects are baked."""
+
+    coordinates: Coordinates
+    pages: list[Page]
+    falloff: ao.Falloff
+
+    @classmethod
+    def of(cls, plan: Plan, source: MeshFile, chosen: ObjectSelection) -> Layout:
+        """The layout of a plan: texture coordinates, pages and falloff.
+
+        Raises: as `coordinates`, `pages_of`, `outputs_of`, `check_outputs`, `ObjectSelection.of_page`.
+        """
+        if plan.glb:
+            from ..formats.gltf.textured import check_vertices
+
+            check_vertices(source)
+        with stage("texture coordinates", plan.options.quiet, plan.options.progress):
+            of_faces = coordinates(plan, source, chosen)
+        pages = pages_of(plan, source, of_faces)
+        check_outputs(outputs_of(plan, pages), [*plan.inputs, *source.files])
+        for page in pages:
+            check_area(source, page)
+            chosen.of_page(page.uv)
+        return cls(of_faces, pages, chosen.absolute(plan.falloff))
+
+
+def outputs_of(plan: Plan, pages: Sequence[Page]) -> dict[str, Path]:
+    """The files to write by what the user calls them. Raises: OptionError: several pages have one name for an image."""
+    outputs: dict[str, Path] = {}
+    for option, path in plan.outputs.items():
+        is_image = path in plan.images.values()
+        if len(pages) > 1 and is_image and pages[0].path(path) == path:
+            name = option.removeprefix("--").replace("-", "_")
+            raise OptionError(name, f"{MATERIAL} in its name: overlapping materials have a texture each", path)
+        for target in [page.path(path) for page in pages] if is_image else [path]:
+            outputs[option if target == path else f"{option} {target.name}"] = target
+    return outputs
 
 
 def _groups(all_groups: Sequence[PrimitiveGroup], output: Path, count: int) -> list[tuple[dict[str, str], Bools]]:
@@ -190,7 +258,9 @@ def _masked(uv: Float64s, mask: Bools) -> Float64s:
     return np.where(mask[:, None, None], uv, np.nan)
 
 
-def _refusal(source: MeshFile, layouts: Layouts, clashes: dict[tuple[int, int], int], output: Path) -> OptionError:
+def _refusal(
+    source: MeshFile, layouts: Layouts, clashes: dict[tuple[int, int], int], output: Path, about: str
+) -> OptionError:
     """The error for layouts that overlap, which names the pair with the most texels in common."""
     pair = max(clashes, key=lambda clash: clashes[clash])
     one = layouts.pieces[pair[0]]
@@ -199,7 +269,8 @@ def _refusal(source: MeshFile, layouts: Layouts, clashes: dict[tuple[int, int], 
     names = " and ".join(piece.material.name if by_material else piece.object.name for piece in (one, other))
     more = f" ({len(clashes) - 1} more such pairs)" if len(clashes) > 1 else ""
     expected = f"{MATERIAL if by_material else OBJECT} in its name, a .glb, or --overlap mean: layouts overlap"
-    return OptionError("output", expected, f"{clashes[pair]:,} texels of {output} for both {names}{more}", source.path)
+    got = f"{about}{clashes[pair]:,} texels of {output} for both {names}{more}"
+    return OptionError("output", expected, got, source.path)
 
 
 def layout_remarks(baked: ao.BakedTexture, wraps: bool, tiles: bool) -> list[str]:

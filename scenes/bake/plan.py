@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from obscurance import ao
-from obscurance.ao.falloff import resolve_length
+from obscurance.ao.falloff import Falloffs, resolve_length
 from obscurance.ao.options import Options, TextureOptions, VertexOptions
 from obscurance.raytrace.errors import ConflictError, OptionError, Relation, Term
 from obscurance.raytrace.system.checks import check_ending, check_outputs
@@ -17,7 +19,8 @@ from obscurance.raytrace.system.threads import thread_count
 from ..formats.falloffs import make_falloff, table_of
 from ..formats.images import ENDINGS as IMAGES
 from ..formats.images import MATERIAL, PLACEHOLDERS, UDIM, check_texture_target
-from ..formats.table import Channels, in_file_units, is_raster
+from ..formats.load import unit_of
+from ..formats.table import Channels, is_raster
 from ..formats.write import ENDINGS, channels, check_holds, check_target
 from .options import BAKER, PRESETS, REPORTS, ROWS, BakeOptions, absolute, check_kind, named, plain
 
@@ -38,6 +41,7 @@ _READS = {
     "meshlab": (".ply", ".obj", ".png"),
 }
 """The endings of outputs that a preset's program reads."""
+_METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3}
 _CHEAP_PROFILE = {
     "falloff": "exponential", "max_distance": "inf", "method": "vertex", "tolerance": None, "occluded_by": "all",
 }  # fmt: skip
@@ -160,8 +164,8 @@ class Plan(NamedTuple):
         check_outputs(self.outputs, self.inputs)
 
 
-def plan_bake(options: BakeOptions) -> Plan:
-    """The bake of one input, to vertices or a texture, as its output asks for.
+def plan_bake(options: BakeOptions, content: bytes | None = None) -> Plan:
+    """The bake of one input, to vertices or a texture, as its output asks for. Args: content: if it is no file's.
 
     Raises: OptionError, ConflictError: of an option; InputError: of the table of a falloff.
     """
@@ -171,7 +175,7 @@ def plan_bake(options: BakeOptions) -> Plan:
     if ending not in (*ENDINGS, *IMAGES):
         meant = str(output.with_suffix(_MEANT[ending])) if ending in _MEANT else None
         raise OptionError("output", "a name ending in " + ", ".join((*ENDINGS, *IMAGES)), output, nearest=meant)
-    options = in_mesh_units(options, options.mesh[0])
+    options = in_mesh_units(options, options.mesh[0], content)
     options = _with_defaults(_with_preset(options, ending), ending)
     if options.occlusion == "texture" and ending != ".glb" and ending not in IMAGES:
         raise ConflictError(("occlusion", "texture"), "needs", "a .glb output")
@@ -179,10 +183,9 @@ def plan_bake(options: BakeOptions) -> Plan:
     kind: Kind = "texture" if (ending in IMAGES and not of_terrain) or options.occlusion == "texture" else "vertices"
     check_kind(options, kind)
     # The arguments of `ao.bake` or `ao.bake_texture`, checked by their record.
-    falloff = make_falloff(options.falloff, options.tau, options.half_distance, options.max_distance)
     of_kind = {row.name: getattr(options, row.name) for row in BAKER.values() if kind in row.bake_kinds.split()}
     values = {name: value for name, value in of_kind.items() if not isinstance(value, Path | None)}
-    arguments = _RECORDS[kind](falloff=falloff, **values)
+    arguments = _RECORDS[kind](falloff=_falloffs(options), **values)
     if isinstance(options.cage, str) and resolve_length("cage", options.cage, 1.0) == float("inf"):
         raise OptionError("cage", "a finite length", options.cage)
     # Where the output holds w for viewers, and the size of the page.
@@ -205,10 +208,36 @@ def plan_bake(options: BakeOptions) -> Plan:
     return plan
 
 
-def in_mesh_units(options: BakeOptions, mesh: Path) -> BakeOptions:
-    """The options with lengths in the unit of a mesh file. Raises: OptionError: one has a unit, and the file none."""
-    names = ("half_distance", "max_distance", "cage", "texel_size", "ground")
-    return options.replaced(**in_file_units(mesh, {name: getattr(options, name) for name in names}))
+def _falloffs(options: BakeOptions) -> Falloffs:
+    """The falloff that the options name, or what Python made. Raises: OptionError, InputError."""
+    of_named = {name: getattr(options, name) for name in ("tau", "half_distance", "max_distance")}
+    if isinstance(options.falloff, str):
+        return make_falloff(options.falloff, **of_named)
+    for name, value in of_named.items():
+        if value != ROWS[name].default:
+            raise ConflictError(name, "needs", "a falloff by its name")
+    made: Falloffs = options.falloff
+    return made
+
+
+def in_mesh_units(options: BakeOptions, mesh: Path, content: bytes | None = None) -> BakeOptions:
+    """The options with lengths, "10mm" or "10 km", in the unit of a mesh file. Args: content: if it is no file's.
+
+    Raises: OptionError: one has a unit, and the file none. MeshError: as `unit_of`.
+    """
+    changes: dict[str, str] = {}
+    for name in ("half_distance", "max_distance", "cage", "texel_size", "ground"):
+        length = getattr(options, name)
+        match = re.fullmatch(r"\s*(\d[.\de+-]*|\.\d+)\s*(mm|cm|m|km)\s*", str(length))
+        if not match:
+            continue
+        unit = unit_of(mesh, content)
+        if not unit:
+            expected = f'a length above 0 without a unit, which {mesh} does not name, such as 0.5 or "25%"'
+            raise OptionError(name, expected, repr(length))
+        with suppress(ValueError):  # whoever takes the length refuses it
+            changes[name] = repr(float(match[1]) * _METRES[match[2]] / unit)
+    return options.replaced(**changes)
 
 
 def preset_format(options: BakeOptions) -> str:
@@ -249,12 +278,14 @@ def _with_defaults(options: BakeOptions, ending: str) -> BakeOptions:
     return options.replaced(**changes)
 
 
-def cage_of(given: str | Path | None) -> str | Path | None:
-    """`--cage` as a length, or as the mesh file that it names."""
+def cage_of(given: Any) -> Any:
+    """`--cage` as a length, or as the mesh file that it names; a mesh as it is."""
+    if not isinstance(given, str | PathLike):
+        return given
     try:
         float(str(given).strip().removesuffix("%"))
     except ValueError:
-        return Path(given) if given and Path(given).suffix else given  # no file without an ending is a mesh
+        return Path(given) if Path(given).suffix else given  # no file without an ending is a mesh
     return given
 
 
@@ -287,6 +318,8 @@ def _check_vertices(plan: Plan) -> None:
     check_holds(plan.output, "points" if options.points else options.at, options.both_sides)
     if options.high is not None and options.method == "surface":
         raise ConflictError("high", "does not go with", ("method", "surface"))
+    if options.occluded_by != "all" and isinstance(plan.arguments.falloff, tuple):
+        raise ConflictError("occluded_by", "does not go with", "a list of falloffs")
     if options.profile and plan.ending == ".npy":
         raise ConflictError("profile", "needs", "an output that holds one: .npz .ply .glb .html")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -13,22 +13,20 @@ import numpy as np
 
 from obscurance import ao
 from obscurance.ao.baking import VertexArguments, bake_vertices
-from obscurance.ao.memory import column_bytes, texture_bytes
+from obscurance.ao.memory import bytes_of_texture
 from obscurance.ao.report import report
 from obscurance.ao.texture.bake_texture import TextureArguments, bake_page
 from obscurance.ao.texture.uv_layout import covered_texels, on_page
-from obscurance.raytrace.errors import OptionError
 from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.system.atomic import write_bytes
 from obscurance.raytrace.system.checks import check_outputs
 
-from ..formats.images import MATERIAL, write_grey, write_normals
+from ..formats.images import write_grey, write_normals
 from ..formats.primitive_groups import primitive_groups
-from ..show.progress import progress
+from ..show.progress import progress, stage
 from .console import texture_summary, warn
-from .pages import Page, check_area, lacking, layout_remarks, pages_of
+from .pages import Layout, Page, lacking, layout_remarks, outputs_of
 from .report import OutputSummary, WorkSize, hashed_inputs, write_bake_report
-from .uv import Coordinates, coordinates
 
 if TYPE_CHECKING:
     from obscurance.ao.execute.kept import Kept
@@ -47,62 +45,26 @@ class BakedPage(NamedTuple):
     warnings: list[str]
 
 
-@dataclass(frozen=True, eq=False)
-class Layout:
-    """Where faces lie on pages, and the falloff: in mesh units where groups of objects are baked."""
-
-    coordinates: Coordinates
-    pages: list[Page]
-    falloff: ao.Falloff
-
-    @classmethod
-    def of(cls, plan: Plan, inputs: BakeInputs) -> Layout:
-        """The layout of a plan: texture coordinates, pages and falloff.
-
-        Raises: as `coordinates`, `pages_of`, `ObjectSelection.of_page`.
-        """
-        source = inputs.source
-        chosen = inputs.chosen
-        if plan.glb:
-            from ..formats.gltf.textured import check_vertices
-
-            check_vertices(source)
-        of_faces = coordinates(plan, source, chosen)
-        pages = pages_of(plan, source, of_faces)
-        for page in pages:
-            check_area(source, page)
-            chosen.of_page(page.uv)
-        return cls(of_faces, pages, chosen.absolute(plan.falloff))
-
-    def warn(self, plan: Plan, inputs: BakeInputs) -> list[str]:
-        """Print, and return, warnings about the meshes and their texture coordinates."""
-        source = inputs.source
-        remarks = lacking(source, self.coordinates.uv, inputs.chosen.receive, plan.keeps_uv)
-        if cramped := self.coordinates.cramped:
-            smaller = f"{cramped:,} faces have charts smaller than a texel and show texels of other faces"
-            remarks.append(f"{source.path}: {smaller}; a larger --size or --uv unwrap gives them texels")
-        return warn(inputs.meshes, [*inputs.notes, *remarks], plan.falloff)
-
-
 def work_size(plan: Plan, inputs: BakeInputs) -> WorkSize:
-    """The size of the bake. Raises: as `Layout.of`."""
-    layout = Layout.of(plan, inputs)
+    """The size of the bake."""
+    layout = inputs.layout
+    assert layout
     width, height = layout.coordinates.size
     arguments = plan.arguments
     covered = max(covered_texels(page.uv, layout.coordinates.size) for page in layout.pages)
     blocks = arguments.tolerance is not None and inputs.arguments["high"] is None
-    needed = texture_bytes(width * height, covered, *inputs.counts, arguments.rays, blocks)
-    needed += column_bytes(width * height, arguments.columns)
+    needed = bytes_of_texture(inputs.solids, arguments, width * height, covered, blocks)
     return WorkSize(len(layout.pages) * width * height, "texels", needed)
 
 
 def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iterator[OutputSummary]:
     """Bake and write, one page after the other. Raises: as `ao.bake_texture` and writers."""
-    layout = Layout.of(plan, inputs)
-    check_outputs(_outputs(plan, layout.pages), inputs.files)
+    layout = inputs.layout
+    assert layout
+    check_outputs(outputs_of(plan, layout.pages), inputs.files)
     loaded = time.perf_counter() - inputs.started
     hashes = hashed_inputs(plan, inputs) if plan.options.report else []
-    warnings = layout.warn(plan, inputs)
+    warnings = _warn(plan, inputs, layout)
     bakes: list[BakedPage] = []
     with ExitStack() as until_written:
         # Rows of the pages of a .glb are kept until it is written.
@@ -118,7 +80,8 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
             lines = [*baked.shortfalls, *(f"{title}: {line}" for line in remarks)]
             new_warnings = warn([], [line for line in lines if line not in known_warnings])
             begun = time.perf_counter()
-            _write_images(plan, baked, page)
+            with stage("writing", plan.options.quiet, plan.options.progress):
+                _write_images(plan, baked, page)
             seconds = {"load": loaded, "write": time.perf_counter() - begun}
             bakes.append(BakedPage(title, baked, seconds, [*warnings, *new_warnings]))
             if not plan.glb:
@@ -127,13 +90,24 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
         # A .glb is written once all of its pages are baked.
         if plan.glb:
             begun = time.perf_counter()
-            bakes[-1].warnings.extend(_write_glb(plan.glb, plan, inputs, layout, bakes))
+            with stage("writing", plan.options.quiet, plan.options.progress):
+                bakes[-1].warnings.extend(_write_glb(plan.glb, plan, inputs, layout, bakes))
             bakes[-1].seconds["write"] += time.perf_counter() - begun
             text = "\n".join(texture_summary(page.baked, page.title) for page in bakes)
             in_all = dict.fromkeys(line for page in bakes for line in page.warnings)
             yield OutputSummary(text + inputs.alpha, list(in_all))
     if plan.options.report:
         _write_report(plan, bakes, hashes, inputs.source.mesh)
+
+
+def _warn(plan: Plan, inputs: BakeInputs, layout: Layout) -> list[str]:
+    """Print, and return, warnings about the meshes and their texture coordinates."""
+    source = inputs.source
+    remarks = lacking(source, layout.coordinates.uv, inputs.chosen.receive, plan.keeps_uv)
+    if cramped := layout.coordinates.cramped:
+        smaller = f"{cramped:,} faces have charts smaller than a texel and show texels of other faces"
+        remarks.append(f"{source.path}: {smaller}; a larger --size or --uv unwrap gives them texels")
+    return warn(inputs.meshes, [*inputs.notes, *remarks], plan.falloff)
 
 
 def trace_page(plan: Plan, inputs: BakeInputs, layout: Layout, page: Page, checkpoint: Kept) -> ao.BakedTexture:
@@ -147,19 +121,6 @@ def trace_page(plan: Plan, inputs: BakeInputs, layout: Layout, page: Page, check
         )  # fmt: skip
         baked = bake_page(arguments)
     return baked if page.shown is None else replace(baked, uv=page.shown)
-
-
-def _outputs(plan: Plan, pages: Sequence[Page]) -> dict[str, Path]:
-    """The files to write by what the user calls them. Raises: OptionError: several pages have one name for an image."""
-    outputs: dict[str, Path] = {}
-    for option, path in plan.outputs.items():
-        is_image = path in plan.images.values()
-        if len(pages) > 1 and is_image and pages[0].path(path) == path:
-            name = option.removeprefix("--").replace("-", "_")
-            raise OptionError(name, f"{MATERIAL} in its name: overlapping materials have a texture each", path)
-        for target in [page.path(path) for page in pages] if is_image else [path]:
-            outputs[option if target == path else f"{option} {target.name}"] = target
-    return outputs
 
 
 def _write_images(plan: Plan, baked: ao.BakedTexture, page: Page) -> None:

@@ -19,7 +19,7 @@ from obscurance.raytrace.types import Float64s
 
 from ..formats.unsupported import unsupported_features
 from ..formats.write import write_vertices
-from ..show.progress import progress
+from ..show.progress import progress, stage
 from .console import COARSE, HARD, bake_summary, warn
 from .report import OutputSummary, WorkSize, command_again, hashed_inputs, write_bake_report
 
@@ -35,20 +35,16 @@ if TYPE_CHECKING:
 
 def work_size(plan: Plan, inputs: BakeInputs) -> WorkSize:
     """The size of the bake."""
-    from obscurance.ao.memory import column_bytes, surface_bytes, vertex_bytes
+    from obscurance.ao.memory import bytes_at_vertices
     from obscurance.raytrace.mesh.normals import face_normals
 
     chosen = inputs.chosen
-    arguments = plan.arguments
     used = np.zeros(len(chosen.mesh.vertices), np.bool_)
     used[chosen.mesh.faces[face_normals(chosen.mesh.vertices, chosen.mesh.faces)[1] > 0]] = True
     points = int(np.count_nonzero(used if chosen.only is None else used & chosen.only))
     if inputs.source.cloud:
         points = len(inputs.source.cloud[0])
-    needed = surface_bytes(*inputs.counts)
-    if arguments.method == "vertex":
-        needed = vertex_bytes(*inputs.counts, arguments.rays, points) + column_bytes(points, arguments.columns)
-    return WorkSize(points, "vertices", needed)
+    return WorkSize(points, "vertices", bytes_at_vertices(inputs.solids, plan.arguments, points))
 
 
 def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iterator[OutputSummary]:
@@ -72,7 +68,8 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
         channels = plan.channels
         if plan.ending == ".html":
             channels = channels._replace(again=command_again(plan, inputs.source))
-        write_vertices(plan.output, baked, inputs.source, channels)
+        with stage("writing", options.quiet, options.progress):
+            write_vertices(plan.output, baked, inputs.source, channels)
         if baked.coarse and baked.interpolation is not None:
             text = f"{COARSE} {baked.interpolation.rmse:.2f}, as the faces are too large for it"
             warnings += warn([], [f"{plan.output}: {text}: {_remedy(plan, inputs.source)}"])

@@ -56,13 +56,14 @@ def _run_one(options: BakeOptions) -> int:
         output = standard_output(preset_format(options))
     elif format_ is not None:
         raise ConflictError("format", "needs", "--output-dir or -o -")
-    read = Path(f"{PIPED}.ply") if mesh == STANDARD else mesh
-    plan = plan_bake(options.replaced(mesh=[read], output=output))
+    options = options.replaced(output=output)
+    planned = Path(f"{PIPED}.glb") if mesh == STANDARD else mesh  # of which lengths may have units
+    plan = plan_bake(options.replaced(mesh=[planned]))
     plan.check_files()  # before any workers are asked for, and before anything is read from a pipe
     content = None
     if mesh == STANDARD:
         piped, content = standard_input(options.input_format)
-        plan = plan.with_options(mesh=[piped])
+        plan = plan_bake(options.replaced(mesh=[piped]), content)
     if options.dry_run:
         from .dry_run import dry_run
 
@@ -90,8 +91,10 @@ def _batch(options: BakeOptions) -> Batch:
     _check_folder("output_dir", folder, nearest="--output")
     inputs = expand(options.mesh)
     outputs = outputs_in(folder, inputs, preset_format(options))
-    for mesh in inputs:
-        in_mesh_units(options, mesh)
+    first, *others = (in_mesh_units(options, mesh) for mesh in inputs)
+    for mesh, scaled in zip(inputs[1:], others, strict=True):
+        if vars(scaled) != vars(first):
+            raise OptionError("mesh", f"files in the unit of {inputs[0]}, as a length has a unit", mesh)
     plan = plan_bake(options.replaced(mesh=inputs[:1], output=outputs[0]))
     plans = [plan.with_options(mesh=[mesh], output=output) for mesh, output in zip(inputs, outputs, strict=True)]
     from ..bake.batch import Batch

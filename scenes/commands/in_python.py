@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import replace
-from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from obscurance.ao.declared import known_names
 from obscurance.ao.falloff import Falloffs, Length, falloffs_of
 from obscurance.ao.options import At, BackFaces, Interior, Method, Normals
 from obscurance.raytrace.errors import ConflictError
 from obscurance.raytrace.types import Bools
 
-from ..bake.inputs import opened, read_inputs
+from ..bake.inputs import read_inputs
 from ..bake.options import BAKE, ROWS, Alpha, BakeOptions, OccludedBy, Up, check_together
 from ..bake.plan import plan_bake
 from ..bake.vertices import bake_inputs
@@ -35,6 +34,7 @@ Surface = str | os.PathLike[str] | Any
 _IN_MEMORY = Path("w.npz")  # holds all that a bake can have
 
 
+@known_names
 def bake(
     mesh: Surface,
     falloff: Falloffs = None,
@@ -44,13 +44,13 @@ def bake(
     normals: Normals = "file",
     *,
     half_distance: Length | None = None,
-    max_distance: Length | None = None,
+    max_distance: Length = "inf",
     tau: float | None = None,
     ground: float | bool | Literal["auto"] | None = None,
     occluder: Surface | list[Surface] | None = None,
-    receive: str | Sequence[str] = (),
-    cast: str | Sequence[str] = (),
-    exclude: str | Sequence[str] = (),
+    receive: str | Sequence[str] | None = None,
+    cast: str | Sequence[str] | None = None,
+    exclude: str | Sequence[str] | None = None,
     occluded_by: OccludedBy = "all",
     points: bool = False,
     flip: bool = False,
@@ -101,65 +101,46 @@ def bake(
         OptionError: as `ao.bake`; a name or a value that the command refuses, or arguments that do not go together.
         MeshError: a file cannot be read, or is no mesh. Others: as `ao.bake`.
     """
-    options, arguments = _as_options(locals())
-    source = None if isinstance(mesh, str | os.PathLike) else _in_memory(mesh, flip, alpha, up)
-    if source and points and not source.cloud:
-        raise ConflictError("points", "needs", "the name of a file of points")
-    options = options.replaced(mesh=[Path(source.path if source else mesh)])
+    if only is not None and (points or occluded_by != "all"):
+        raise ConflictError("only", "does not go with", "points" if points else "occluded_by")
+    options = _as_options(locals())
     check_together(options, BAKE)
     plan = plan_bake(options)
-    if "falloff" in arguments:
-        plan = plan._replace(arguments=replace(plan.arguments, falloff=arguments.pop("falloff")))
-    inputs = read_inputs(plan, source=source)
-    if only is not None and inputs.chosen.only is not None:
-        arguments["only"] = np.asarray(only) & inputs.chosen.only
-    occluding = [*occluders, *inputs.arguments["occluders"]]
-    inputs = inputs._replace(arguments=inputs.arguments | arguments | {"occluders": occluding})
+    inputs = read_inputs(plan, source=None if _is_name(mesh) else mesh)
+    wanted = inputs.chosen.only
+    arguments = inputs.arguments | {"occluders": [*occluders, *inputs.arguments["occluders"]]}
+    if only is not None:
+        arguments["only"] = only if wanted is None else np.asarray(only) & wanted
+    inputs = inputs._replace(arguments=arguments)
     if callable(progress):
         return bake_inputs(plan, inputs, checkpoint, progress)
-    quiet = not (in_notebook() if progress is None else progress)
-    with shown_progress(quiet, "rays", form=options.progress) as (advance,):
+    with shown_progress(options.quiet, "rays", form=options.progress) as (advance,):
         return bake_inputs(plan, inputs, checkpoint, advance)
 
 
-def _as_options(given: dict[str, Any]) -> tuple[BakeOptions, dict[str, Any]]:
-    """Arguments of `bake` as options of the command, and those that no option can be: a falloff, a cage, vertices.
+def _is_name(mesh: Surface) -> bool:
+    return isinstance(mesh, str | os.PathLike)
 
-    Raises: OptionError.
-    """
-    arguments = {} if given["only"] is None else {"only": given["only"]}
-    if arguments and (given["points"] or given["occluded_by"] != "all"):
-        raise ConflictError("only", "does not go with", "points" if given["points"] else "occluded_by")
-    if not isinstance(given["falloff"], str | None):
-        arguments["falloff"] = falloffs_of(given.pop("falloff"))
-        for name in ("half_distance", "max_distance", "tau"):
-            if given[name] is not None:
-                raise ConflictError(name, "needs", "a falloff by its name")
-        if given["occluded_by"] != "all" and isinstance(arguments["falloff"], tuple):
-            raise ConflictError("occluded_by", "does not go with", "a list of falloffs")
-    if not isinstance(given["cage"], str | os.PathLike | Real | None):
-        arguments["cage"] = given.pop("cage")
-    # What is left, unless it says no more than the default.
-    options = {name: value for name, value in given.items() if name in ROWS and value is not None}
-    options = {name: value for name, value in options.items() if value is not False or ROWS[name].default is True}
+
+def _as_options(given: dict[str, Any]) -> BakeOptions:
+    """Arguments of `bake` as options of the command, whose values are texts and lists. Raises: OptionError."""
+    options = {name: value for name, value in given.items() if name in ROWS}
+    mesh, falloff, ground, progress = (given[name] for name in ("mesh", "falloff", "ground", "progress"))
+    options["mesh"] = [mesh.path if isinstance(mesh, MeshFile) else Path(mesh if _is_name(mesh) else "mesh")]
+    options["output"] = _IN_MEMORY
+    options["falloff"] = falloff or "exponential" if isinstance(falloff, str | None) else falloffs_of(falloff)
+    options["progress"] = progress if isinstance(progress, str) else "bar"
+    options["quiet"] = callable(progress) or not (in_notebook() if progress is None else progress)
+    options["profile"] = given["profile"] or None
+    if isinstance(ground, bool):
+        options["ground"] = "auto" if ground else None
+    elif ground is not None:
+        options["ground"] = str(ground)
     for name in ("receive", "cast", "exclude"):
         options[name] = [given[name]] if isinstance(given[name], str) else given[name] or None
     for name in ("high", "occluder"):
         options[name] = given[name] if isinstance(given[name], list | None) else [given[name]]
-    if "ground" in options:
-        options["ground"] = "auto" if given["ground"] is True else str(given["ground"])
-    if not isinstance(given["progress"], str):
-        options["progress"] = "bar"
     for name in ("occluded_by", "points", "flip", "alpha", "up", "match_names", "progress"):
-        if name in options:
+        if options[name] is not None:
             ROWS[name].parsed(options[name])
-    return BakeOptions(**options | {"output": _IN_MEMORY}), arguments
-
-
-def _in_memory(mesh: Mesh | Any, flip: bool, alpha: Alpha, up: Up | None) -> MeshFile:
-    """A mesh in memory, or a file that was read, as `load` would bring it by these arguments."""
-    file = opened(mesh)
-    whole = replace(file.mesh, up=up) if up else file.mesh
-    if alpha == "ignore":
-        whole = replace(whole, opacity=None)
-    return file._replace(mesh=whole.reversed() if flip else whole)
+    return BakeOptions(**options)

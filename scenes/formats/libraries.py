@@ -1,4 +1,4 @@
-"""Mesh formats that libraries read: COLLADA by pycollada, the rest by meshio."""
+"""Mesh formats that meshio reads."""
 
 import contextlib
 import io
@@ -14,7 +14,6 @@ from ..geometry.instances import Instance
 from ..geometry.polygons import triangulate
 from .table import MeshInput
 
-_COLLADA = ("dae", "zae")
 _MESHIO = (  # not those by HDF5 and XDMF, which read any file that the content names
     "avs", "bdf", "dat", "dato", "ele", "f3grid", "fem", "inp", "mdpa", "mesh", "meshb", "msh", "nas", "node", "post",
     "su2", "tec", "ugrid", "vol", "vtk", "vtu", "wkt", "xml",
@@ -24,23 +23,17 @@ _SURFACES = ("triangle", "quad")
 
 def library_endings() -> tuple[str, ...]:
     """Endings of files that `read_by_library` takes here; no library is imported."""
-    return tuple(f".{ending}" for ending in _COLLADA + (_MESHIO if find_spec("meshio") else ()))
+    return tuple(f".{ending}" for ending in _MESHIO if find_spec("meshio"))
 
 
 def read_by_library(mesh_input: MeshInput) -> list[Instance]:
-    """The placed objects of a file with one of `library_endings`. Raises: Exception: what the libraries raise."""
-    file = mesh_input.file
+    """The placed objects of a file with one of `library_endings`. Raises: Exception: what meshio raises."""
     path = mesh_input.path
-    kind = path.suffix.lower().removeprefix(".")
-    if kind in _COLLADA:
-        from .dae.read import read_dae
-
-        return read_dae(mesh_input)
     if mesh_input.is_on_disk:
         return _meshio(path, path)
     with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / f"mesh.{kind}"
-        copy.write_bytes(file.read())
+        copy = Path(folder) / f"mesh{path.suffix.lower()}"
+        copy.write_bytes(mesh_input.file.read())
         return _meshio(copy, path)
 
 

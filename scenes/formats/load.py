@@ -1,4 +1,4 @@
-"""Any mesh file: OBJ, PLY, STL, OFF, glTF and 3MF by own readers, more by libraries; vertices exactly as stored."""
+"""Any mesh file: by own readers, more by libraries; vertices exactly as stored."""
 
 from __future__ import annotations
 
@@ -307,6 +307,24 @@ def standard_input(format_: str | None) -> tuple[Path, bytes]:
     if not content:
         raise MeshError(_SOURCE, "content", "a mesh", "nothing")
     return Path(f"{PIPED}.{format_ or _format_of(content)}"), bytes(content)
+
+
+def unit_of(path: Path, content: bytes | None = None) -> float:
+    """The unit of a mesh file's coordinates in metres; 0: it has none. Args: content: as of `load`.
+
+    Raises: MeshError: the file is missing or malformed.
+    """
+    unit = format_of(path).unit
+    if not isinstance(unit, str):
+        return unit
+    with parser_errors(path):
+        if content is None:
+            check_regular(path, "a mesh file", MeshError)
+        with path.open("rb") if content is None else io.BytesIO(content) as file:
+            found: float = resolve_name(unit)(file)
+        if not 0 <= found < np.inf:
+            raise MeshError(path, "unit", "a finite one above 0", found)
+    return found
 
 
 def load_mesh(path: Path) -> MeshFile:

@@ -2,15 +2,12 @@
 
 import os
 import re
-from collections.abc import Mapping
-from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
-from typing import Any, BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple
 
-from obscurance.raytrace.errors import OptionError
 from obscurance.raytrace.system.atomic import PathName
 
 
@@ -52,11 +49,10 @@ class FileFormat(NamedTuple):
     # what else the "source" of an output holds; "w", that of "faces" and backs, "colors" of vertices, "uv" of corners,
     # a "scene", a "raster"
     holds: tuple[str, ...] = ()
-    in_metres: bool = False  # whether the format has coordinates in metres; of others the unit is not known
+    unit: float | str = 0.0  # of its coordinates, in metres; or the function that finds it in a file; 0: none
 
 
 _REGISTERED: dict[str, FileFormat] = {}
-_METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3}
 _LIBRARIES = FileFormat("", "", "obscurance.scenes.formats.libraries:read_by_library", 22.0)
 
 
@@ -92,23 +88,6 @@ def endings(what: str) -> tuple[str, ...]:
 def is_raster(path: PathName) -> bool:
     """Whether a file is a raster of heights, by its ending: every cell gets w, in a raster."""
     return "raster" in format_of(path).holds
-
-
-def in_file_units(path: PathName, lengths: Mapping[str, Any]) -> dict[str, Any]:
-    """Lengths by the names of their options, those with a unit, "10mm" or "10 km", in that of the file's coordinates.
-
-    Raises: OptionError: one has a unit, and the file none.
-    """
-    found = dict(lengths)
-    for name, length in lengths.items():
-        match = re.fullmatch(r"\s*(\d[.\de+-]*|\.\d+)\s*(mm|cm|m|km)\s*", str(length))
-        if match and not format_of(path).in_metres:
-            expected = f'a length above 0 without a unit, which {path} does not name, such as 0.5 or "25%"'
-            raise OptionError(name, expected, repr(length))
-        if match:
-            with suppress(ValueError):  # whoever takes the length refuses it
-                found[name] = repr(float(match[1]) * _METRES[match[2]])
-    return found
 
 
 def sniffed_format(content: bytes | bytearray) -> str | None:

@@ -1,13 +1,17 @@
 """The progress of work: labelled bars on a terminal, a line in notebooks, lines every 10 s elsewhere, or JSON."""
 
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
-from typing import Protocol
+from contextlib import contextmanager, suppress
+from typing import Any, Protocol
+
+from obscurance.raytrace.system.interrupts import at_once
 
 _EVERY = 0.1  # seconds between lines of JSON
 _EVERY_LINE = 10.0  # and between lines off a terminal
+_UNCOUNTED = 1.0  # from which on a stage is shown that counts nothing
 _RATED = 1000  # a count of fewer has no rate worth telling
 
 
@@ -23,23 +27,41 @@ def progress(
     quiet: bool, *units: str, form: str = "bar", status: Callable[[], str] = str
 ) -> Iterator[tuple[Advance | None, ...]]:
     """A labelled bar for each stage on a terminal's standard error, one after the other; a line that changes below the
-    cell of a notebook; elsewhere a line every 10 s.
+    cell of a notebook; elsewhere a line every 10 s, also within a library's call.
 
     In the form "json" they are lines, ten a second at most, on standard error whatever that is, quiet or not. A bar is
     full when the next one begins, and the last when the work is done.
 
     Args: units: what each kind of work counts. status: says what else to show.
     """
-    start = time.perf_counter()
     if form == "json":
+        start = time.perf_counter()
         yield tuple(_json_lines(unit, start) for unit in units)
         return
     if quiet:
         yield (None,) * len(units)
         return
-    shown = _cell() if in_notebook() else _bars() if sys.stderr.isatty() else nullcontext(_lines(start))
+    shown = _cell() if in_notebook() else _bars() if sys.stderr.isatty() else _lines()
     with shown as show:
         yield tuple(_stages(unit, show, status) for unit in units)
+
+
+@contextmanager
+def stage(name: str, quiet: bool, form: str) -> Iterator[None]:
+    """A stage of work that counts nothing, for `progress` to show if it is long."""
+    with progress(quiet, name, form=form) as (advance,):
+        if advance is None:
+            yield
+            return
+        timer = threading.Timer(_UNCOUNTED, advance, (0, 1))
+        with suppress(RuntimeError):  # the system grants no thread
+            timer.start()
+        try:
+            yield
+        finally:
+            timer.cancel()
+            if timer.is_alive():
+                timer.join()
 
 
 Show = Callable[[str, int, int, str], None]  # of a stage: its label, what is done and in all, and what else to say
@@ -62,18 +84,27 @@ def _stages(unit: str, show: Show, status: Callable[[], str]) -> Advance:
     return advance
 
 
-def _lines(last: float) -> Show:
-    """Shows progress as lines on standard error, 10 s apart. Args: last: when one was printed, or the work began."""
+@contextmanager
+def _lines() -> Iterator[Show]:
+    """Lines on standard error, one every 10 s of what was shown last."""
+    shown: list[tuple[str, int, int, str]] = []
+    over = threading.Event()
 
-    def show(label: str, done: int, total: int, text: str) -> None:
-        nonlocal last
-        now = time.perf_counter()
-        if now - last >= _EVERY_LINE:
-            last = now
-            words = f"{100 * done // max(total, 1)} %", text
-            print(f"obscurance: {label}: {', '.join(filter(None, words))}", file=sys.stderr, flush=True)
+    def show(*stage: Any) -> None:
+        shown[:] = [stage]
 
-    return show
+    def tell() -> None:
+        while not over.wait(_EVERY_LINE):
+            for label, done, total, text in shown:
+                words = f"{100 * done // max(total, 1)} %", text
+                print(f"obscurance: {label}: {', '.join(filter(None, words))}", file=sys.stderr, flush=True)
+
+    with suppress(RuntimeError):  # the system grants no thread
+        threading.Thread(target=tell, daemon=True).start()
+    try:
+        yield show
+    finally:
+        over.set()
 
 
 def in_notebook() -> bool:
@@ -129,11 +160,13 @@ def _bars() -> Iterator[Show]:
             bars.refresh()
             bars.update(task, visible=False)
 
+    at_once.append(bars.stop)  # which shows the cursor again
     try:
         yield show
         fill()
     finally:
         bars.stop()
+        at_once.remove(bars.stop)
 
 
 def _json_lines(unit: str, start: float) -> Advance:

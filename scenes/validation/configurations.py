@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from obscurance.ao.analytic.closed_forms import Rate
+from obscurance.ao.closed_forms import Rate
 from obscurance.ao.falloff import POLYNOMIALS, Binary, Exponential, Falloff
 from obscurance.ao.options import Normals
 from obscurance.raytrace.mesh.mesh import Mesh
@@ -122,7 +122,7 @@ class Configuration:
 
 
 def closed_form(form: Callable[..., float], *arguments: tuple[Any, ...]) -> ClosedForm:
-    """w of some points by a function of `ao.analytic.closed_forms`, of each one's `arguments`, τ and, if finite, D."""
+    """w of some points by a function of `ao.closed_forms`, of each one's `arguments`, τ and, if finite, D."""
 
     def exact(tau: Rate, limit: float) -> list[float]:
         mu = (tau,) if limit == inf else (tau, limit)

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.integrate import quad
 
-from obscurance.ao.analytic import closed_forms as analytic
-from obscurance.ao.analytic.closed_forms import Rate, bickley
+from obscurance.ao import closed_forms as analytic
+from obscurance.ao.closed_forms import Rate, bickley
 from obscurance.ao.falloff import Binary, Exponential, Falloff, Linear, Smooth
 from obscurance.raytrace.types import Int64s
 

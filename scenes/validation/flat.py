@@ -4,8 +4,8 @@ from math import cos, inf, pi, radians, sin
 
 import numpy as np
 
-from obscurance.ao.analytic import closed_forms as analytic
-from obscurance.ao.analytic.form_factor import polygon_form_factor
+from obscurance.ao import closed_forms as analytic
+from obscurance.ao.closed_forms import polygon_form_factor
 from obscurance.ao.falloff import Binary, Exponential, Falloff, Linear, Smooth
 from obscurance.raytrace.types import Float64s
 

@@ -8,7 +8,7 @@ from meshes import hills
 from uv_meshes import quads, rectangle, square
 
 from obscurance import ao
-from obscurance.ao.analytic import closed_forms
+from obscurance.ao import closed_forms
 from obscurance.raytrace import Mesh, MeshError, OptionError
 from obscurance.scenes.geometry.polyhedra import generic_rotation
 

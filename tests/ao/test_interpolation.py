@@ -9,7 +9,7 @@ from mesh_files import ply
 from meshes import hills
 
 from obscurance import ao
-from obscurance.ao.analytic.form_factor import polygon_form_factor
+from obscurance.ao.closed_forms import polygon_form_factor
 from obscurance.raytrace import Mesh
 from obscurance.scenes import Temple
 from obscurance.scenes.geometry.polyhedra import icosphere, join, polygon

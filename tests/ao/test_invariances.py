@@ -11,7 +11,7 @@ from meshes import MESHES, hills, soup_over_floor
 from shared_directions import only_w
 
 from obscurance import ao
-from obscurance.ao.analytic import closed_forms as analytic
+from obscurance.ao import closed_forms as analytic
 from obscurance.ao.falloff import Falloff
 from obscurance.raytrace import Mesh
 from obscurance.scenes.geometry.polyhedra import RawMesh, generic_rotation, hull, icosphere, join

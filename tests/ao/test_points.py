@@ -5,7 +5,7 @@ import pytest
 from meshes import hills
 
 from obscurance import ao
-from obscurance.ao.analytic import closed_forms
+from obscurance.ao import closed_forms
 from obscurance.raytrace import Mesh, MeshError, OptionError
 
 WALL = [[0, -60, 0], [0, 60, 0], [0, 60, 60], [0, -60, 60]], [[0, 1, 2], [0, 2, 3]]
@@ -25,6 +25,14 @@ def test_points_in_space_beside_a_wall(options):
     assert baked.at == "points"
     assert (baked.bent_normals[:10, 0] > 0.1).all()
     assert not baked.flags.any()
+
+
+@pytest.mark.parametrize("gap", [1e-2, 1e-4])
+def test_what_is_far_away_does_not_move_points_through_what_is_near(gap):
+    sheet = Mesh([[-1, -1, gap], [1, -1, gap], [1, 1, gap], [-1, 1, gap]], [[0, 1, 2], [0, 2, 3]])
+    far = ao.ground(sheet, -1000.0)
+    baked = ao.bake_points(sheet, [[0, 0, 0.0]], [[0, 0, 1.0]], falloff="binary", samples=64, occluders=[far])
+    assert baked.w[0] == pytest.approx(0, abs=gap)
 
 
 def test_points_on_a_mesh_have_w_of_its_vertices():
@@ -79,7 +87,7 @@ def test_points_without_a_normal_and_what_is_refused():
         ao.bake_points(WALL, points + np.inf, normals)
     with pytest.raises(MeshError, match="at least two"):
         ao.bake_points(None, points[:1], normals[:1])
-    with pytest.raises(TypeError):
+    with pytest.raises(OptionError, match="interior: expected one of"):
         ao.bake_points(WALL, points, normals, interior="mark")
 
 

@@ -16,7 +16,7 @@ ORDER = [
     *("ao.mu", "ao.falloff", "ao.profile", "ao.declared", "ao.options", "ao.memory"),
     *("ao.points", "ao.rays", "ao.execute", "ao.estimate", "ao.prepared", "ao.least_squares"),
     *("ao.result", "ao.methods", "ao.texture"),
-    *("ao.interpolation_error", "ao.baking", "ao.unseen", "ao.report", "ao.cluster", "ao.analytic"),
+    *("ao.interpolation_error", "ao.baking", "ao.unseen", "ao.report", "ao.cluster", "ao.closed_forms"),
     *("scenes.geometry", "scenes.formats", "scenes.description", "scenes.show"),
     *("scenes.library", "scenes.validation", "scenes.bake", "scenes.commands"),
     "cli",

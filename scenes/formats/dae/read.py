@@ -6,7 +6,7 @@ which is taken for the exponent of Blinn–Phong. Format: COLLADA 1.4.1, chapter
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 from urllib.parse import unquote
 
 import numpy as np
@@ -80,6 +80,15 @@ def read_dae(mesh_input: MeshInput) -> list[Instance]:
                 instance = instance._replace(attributes=attributes, unread=unread)
             instances.append(instance)
     return instances
+
+
+def unit(file: BinaryIO) -> float:
+    """The unit that a document names, in metres; 0: none. Raises: Exception: of lxml."""
+    from lxml import etree
+
+    secure: dict[str, bool] = {"resolve_entities": False, "no_network": True, "load_dtd": False}
+    _, element = next(etree.iterparse(file, tag=("{*}unit", "{*}asset"), **secure))  # the first that ends
+    return float(element.get("meter", 1.0)) if element.tag.endswith("unit") else 0.0
 
 
 def _coordinates(pieces: list[Any]) -> PerCorner | None:

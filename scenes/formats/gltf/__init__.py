@@ -13,7 +13,7 @@ register(
         begins=rb"glTF",
         write="obscurance.scenes.formats.gltf.write:glb",
         holds=("source", "w", "colors", "scene"),
-        in_metres=True,
+        unit=1.0,
     ),
-    FileFormat(".gltf", "glTF", read=_READ, peak=2.0, begins=rb"\s*\{", holds=("w", "scene"), in_metres=True),
+    FileFormat(".gltf", "glTF", read=_READ, peak=2.0, begins=rb"\s*\{", holds=("w", "scene"), unit=1.0),
 )

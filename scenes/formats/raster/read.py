@@ -1,6 +1,7 @@
 """Height rasters by rasterio (GDAL): a vertex at the centre of every cell that has data, two triangles between four.
 
-Cells are taken to metres, by the unit of the reference system, from the corner of the raster; heights are in metres.
+Cells are taken to metres, by the unit of the reference system, from the corner of the raster; heights by their scale,
+offset and unit, which GDAL finds in a vertical reference system, too.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -24,6 +25,12 @@ if TYPE_CHECKING:
 
 _DRIVERS = {".asc": "AAIGrid", ".tif": "GTiff", ".tiff": "GTiff"}  # others of GDAL open what a content names
 _IN_MEMORY = re.compile(r"\S*[0-9a-f-]{36}\.tif:? *")  # GDAL's name of the content
+_FEET = {"ft": 0.3048, "foot": 0.3048, "feet": 0.3048} | dict.fromkeys(
+    ("us survey foot", "us survey feet", "us-ft", "ft-us", "ftus", "foot_us"), 1200 / 3937
+)
+_METRES = "", "m", "metre", "metres", "meter", "meters"
+_VOID, _HUGE = -32768.0, 1e30  # heights that no tag need name: of SRTM, and of float32 below ±3.4e38
+_DEGREES, _AROUND = 0.05, 360.0  # cells smaller than that, with corners within that, are in degrees
 _CELL = 240  # bytes of memory a cell takes until it is a vertex and two triangles
 _PACKED, _FEW = 1100, 1 << 20  # cells that a byte of file holds at most; so many that any file may have
 
@@ -31,18 +38,14 @@ _PACKED, _FEW = 1100, 1 << 20  # cells that a byte of file holds at most; so man
 def read_raster(mesh_input: MeshInput) -> list[Instance]:
     """The surface through the cells of the first band, z upwards.
 
-    Raises: MeshError: no cell has data, or cells are in degrees. Others as `opened`.
+    Raises: MeshError: no cell has data, cells are in degrees, or there are several bands. Others as `opened`.
     """
     with opened(mesh_input.file, mesh_input.source) as raster:
-        heights = raster.read(1).astype(np.float64)
-        has_data = data_mask(raster)
+        heights, has_data, notes = cells_of(raster)
         transform = raster.transform
-        unit = 1.0
-        if raster.crs:
-            if raster.crs.is_geographic:
-                expected = "cells in a unit of length: gdalwarp -t_srs EPSG:326NN, for UTM, makes such"
-                raise MeshError(mesh_input.source, "reference system", expected, f"degrees, {raster.crs.to_string()}")
-            unit = raster.crs.linear_units_factor[1]
+        unit = _unit_of(raster, mesh_input.source)
+        if not raster.crs:
+            notes += ("it names no reference system: cells are taken for metres",)
     if not has_data.any():
         raise MeshError(mesh_input.source, "cells", "some with data", "none")
     cell_rows, cell_columns = np.nonzero(has_data)
@@ -56,7 +59,50 @@ def read_raster(mesh_input: MeshInput) -> list[Instance]:
     faces = faces[(faces >= 0).all(axis=1)]
     if transform.determinant > 0:  # rows go northwards
         faces = faces[:, ::-1]
-    return [Instance(mesh_input.name, vertices, faces, up="z")]
+    return [Instance(mesh_input.name, vertices, faces, up="z", notes=notes)]
+
+
+def _unit_of(raster: DatasetReader, source: str) -> float:
+    """The unit of the cells' places in metres. Raises: MeshError: they are in degrees."""
+    if raster.crs:
+        if raster.crs.is_geographic:
+            expected = "cells in a unit of length: gdalwarp -t_srs EPSG:326NN, for UTM, makes such"
+            raise MeshError(source, "reference system", expected, f"degrees, {raster.crs.to_string()}")
+        factor: float = raster.crs.linear_units_factor[1]
+        return factor
+    if abs(raster.transform.determinant) < _DEGREES**2 and max(map(abs, raster.bounds)) <= _AROUND:
+        makes = "gdalwarp -s_srs EPSG:4326 -t_srs EPSG:326NN, for UTM, makes such"
+        expected = f"cells in a unit of length: {makes}, gdal_translate -a_srs EPSG:326NN says that they are"
+        raise MeshError(source, "reference system", expected, f"none, and cells of {raster.transform.a:g}, as degrees")
+    return 1.0
+
+
+class Cells(NamedTuple):
+    """The heights of a raster.
+
+    Attributes: heights: (h, w) in metres. has_data: (h, w), where there is one. notes: warnings.
+    """
+
+    heights: Float64s
+    has_data: Bools
+    notes: tuple[str, ...]
+
+
+def cells_of(raster: DatasetReader) -> Cells:
+    """The heights of the first band, by its scale, offset and unit."""
+    stored: Float64s = raster.read(1).astype(np.float64)
+    has_data: Bools = (raster.read_masks(1) > 0) & np.isfinite(stored)
+    notes = []
+    void = has_data & ((stored == _VOID) | (np.abs(stored) > _HUGE))
+    if void.any():
+        notes.append(f"{np.count_nonzero(void):,} cells of {stored[void][0]:g}, which no tag names, are taken for gaps")
+    name = raster.units[0] or ""
+    unit = _FEET.get(name.lower(), 1.0)
+    if unit != 1:
+        notes.append(f"heights are in {name} and taken to metres")
+    elif name.lower() not in _METRES:
+        notes.append(f"heights are in {name}, which is taken for metres")
+    return Cells(unit * (stored * raster.scales[0] + raster.offsets[0]), has_data & ~void, tuple(notes))
 
 
 def opened(file: Any, source: str) -> DatasetReader:
@@ -67,6 +113,7 @@ def opened(file: Any, source: str) -> DatasetReader:
         ModuleNotFoundError: there is no rasterio.
     """
     import rasterio
+    from rasterio.enums import MaskFlags
     from rasterio.errors import RasterioError
 
     try:
@@ -74,6 +121,8 @@ def opened(file: Any, source: str) -> DatasetReader:
     except RasterioError as reason:
         got = "another format" if "not recognized" in str(reason) else _IN_MEMORY.sub("", str(reason))
         raise MeshError(source, "content", f"a raster of heights, {format_of(source).name}", got) from None
+    if raster.count > 1 and MaskFlags.alpha not in raster.mask_flag_enums[0]:
+        raise MeshError(source, "bands", "one, of heights: gdal_translate -b 1 takes the first", raster.count)
     stored = file.seek(0, os.SEEK_END)
     cells, block = raster.width * raster.height, raster.count * int(np.prod(raster.block_shapes[0]))
     if max(cells, block) > max(_PACKED * stored, _FEW):
@@ -83,10 +132,3 @@ def opened(file: Any, source: str) -> DatasetReader:
         raise MeshError(source, "cells", f"as many as {stored:,} bytes can hold", got)
     check_memory(source, _CELL * cells + 16 * block, f"to read {cells:,} cells")
     return raster
-
-
-def data_mask(raster: DatasetReader) -> Bools:
-    """The cells (h, w) of the first band with a height."""
-    heights: Float64s = raster.read(1)
-    has_data: Bools = (raster.read_masks(1) > 0) & np.isfinite(heights)
-    return has_data

@@ -9,7 +9,7 @@ from obscurance.raytrace.errors import OptionError
 
 from ..load import MeshFile, parser_errors
 from ..table import is_raster
-from .read import data_mask, opened
+from .read import cells_of, opened
 
 _NO_DATA = -9999.0
 _KEPT = "width", "height", "crs", "transform"
@@ -24,7 +24,7 @@ def raster(bake: Bake, mesh_file: MeshFile, _: object) -> bytes:
         raise OptionError("output", "an image of a texture, or terrain as the input", mesh_file.path)
     path = mesh_file.path
     with parser_errors(path), path.open("rb") as file, opened(file, str(path)) as source:
-        has_data = data_mask(source)
+        has_data = cells_of(source).has_data
         grid = {name: source.profile[name] for name in _KEPT}
     bands = {"obscurance": bake.w, "standard error": bake.error}
     known_bands = {name: values for name, values in bands.items() if values is not None}

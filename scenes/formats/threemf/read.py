@@ -37,6 +37,7 @@ _BLOCK = 1 << 16
 _READ = 2  # bytes of memory a byte of XML
 _COLOURED = ("basematerials", "colorgroup")
 _UNREAD = ("texture2dgroup", "compositematerials", "multiproperties")
+_UNITS = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048, "meter": 1.0}
 _MOST_COLOURS = 1024  # of a file, each of which is a material
 
 Key = tuple[str, str]  # model file and object id
@@ -153,6 +154,18 @@ def read_3mf(mesh_input: MeshInput) -> list[Instance]:
             placed.append(shapes[key]._replace(matrix=matrix))
         stack.extend((child, matrix @ local) for child, local in objects[key].components[::-1])
     return placed
+
+
+def unit(file: BinaryIO) -> float:
+    """The unit of an archive's root model in metres. Raises: Exception: of zipfile and lxml, or another unit."""
+    from lxml import etree
+
+    with zipfile.ZipFile(file) as archive:
+        name = next(name for name in archive.namelist() if _member(name).endswith(ROOT))
+        with archive.open(name) as content:
+            secure: dict[str, bool] = {"resolve_entities": False, "no_network": True, "load_dtd": False}
+            _, model = next(etree.iterparse(content, events=("start",), **secure))
+    return _UNITS[model.get("unit", "millimeter")]
 
 
 def _read_models(file: BinaryIO, objects: dict[Key, _Object]) -> dict[str, _Reader]:

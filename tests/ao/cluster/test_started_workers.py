@@ -5,7 +5,7 @@ import os
 import time
 
 import pytest
-from clusters import BAKES, LEFT_SOCKETS, MEDIUM, bake_on, impatient, scheduler
+from clusters import BAKES, LEFT_SOCKETS, MEDIUM, bake_on, impatient, kill, scheduler
 from interrupted_bakes import bits
 
 from obscurance.ao.cluster.workers import LOCAL, Workers
@@ -46,16 +46,20 @@ def test_workers_may_come_late_and_a_lost_scheduler_leaves_rows_for_one_process(
 
 
 STOPS = """
-import os, signal
+import asyncio, os, signal
 from pathlib import Path
 from clusters import holding
+import obscurance.ao.cluster.workers as workers
+async def say_nothing(*_):
+    await asyncio.sleep(600)
 try:
     Path({stopped!r}).open("x").write(str(os.getpid()))
 except FileExistsError:
     holding(0, {reported!r})()
 else:
-    os.kill(os.getpid(), signal.SIGSTOP)
+    {how}
 """
+STOP, SAY_NOTHING = "os.kill(os.getpid(), signal.SIGSTOP)", "workers.declare_likeness = say_nothing"
 
 
 @pytest.fixture
@@ -73,16 +77,17 @@ def starting(tmp_path, monkeypatch, impatient):
 
 def test_a_worker_that_is_stopped_as_it_starts_is_not_waited_for(tmp_path, medium, starting):
     stopped = tmp_path / "stopped"
-    starting(STOPS.format(stopped=str(stopped), reported=str(stopped)))
+    starting(STOPS.format(stopped=str(stopped), reported=str(stopped), how=STOP))
     baked, _ = bake_on("local:2", MEDIUM, tmp_path / "w.npy", lambda _: None)
     assert bits(baked) == medium
     with pytest.raises(ProcessLookupError):
         os.kill(int(stopped.read_text()), 0)
 
 
-def test_where_all_workers_are_stopped_as_they_start_the_bake_ends(tmp_path, starting, monkeypatch):
+@pytest.mark.parametrize("how", [STOP, SAY_NOTHING])
+def test_where_all_workers_stop_as_they_start_the_bake_ends(tmp_path, starting, monkeypatch, how):
     stopped, messages = tmp_path / "stopped", []
-    starting(STOPS.format(stopped=str(stopped), reported=""))
+    starting(STOPS.format(stopped=str(stopped), reported="", how=how))
     monkeypatch.setattr("obscurance.ao.cluster.workers._START", 6.0)
     monkeypatch.setattr("obscurance.ao.cluster.workers._PATIENCE", 0.5)
 
@@ -96,6 +101,25 @@ def test_where_all_workers_are_stopped_as_they_start_the_bake_ends(tmp_path, sta
     assert messages == ["local: no workers; waiting for some to join"]
     with pytest.raises(ProcessLookupError):
         os.kill(int(stopped.read_text()), 0)
+
+
+@pytest.mark.slow
+def test_a_worker_that_is_lost_after_a_while_has_as_long_to_start_again_as_at_first(
+    tmp_path, medium, starting, monkeypatch
+):
+    pid, begun, killed = tmp_path / "pid", time.monotonic(), []
+    starting(f"import os; open({str(pid)!r}, 'w').write(str(os.getpid()))")
+
+    def progress(done, total, stage):
+        if not killed:
+            time.sleep(10)
+            monkeypatch.setattr("obscurance.ao.cluster.workers._START", time.monotonic() - begun)
+            killed.append(int(pid.read_text()))
+            kill(killed[0])
+
+    baked, _ = bake_on("local", MEDIUM, tmp_path / "w.npy", lambda _: None, progress)
+    assert bits(baked) == medium
+    assert killed != [int(pid.read_text())]
 
 
 def test_workers_that_cannot_start_end_the_bake_at_once(tmp_path, starting, capfd):

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 
 import pytest
 from clusters import LEFT_SOCKETS, MEDIUM, Attack, bake_on, on_one, scheduler, victims_of
@@ -94,16 +95,11 @@ obscurance.ao.cluster.workers.make_on_threads = full
 def test_a_worker_that_fails_at_once_gets_no_more_work(tmp_path, medium):
     script, failing, reported, messages = (*(tmp_path / name for name in ("full.py", "failing", "reported")), [])
     script.write_text(f"""
-import os
-from clusters import holding
-try:
-    os.mkdir({str(failing)!r})
-    open({str(failing / "pid")!r}, "x").write(str(os.getpid()))
-except FileExistsError:  # Dask runs it twice
-    if open({str(failing / "pid")!r}).read() != str(os.getpid()):
-        holding(0, {str(reported)!r})()
-if open({str(failing / "pid")!r}).read() == str(os.getpid()):
+from clusters import holding, is_first
+if is_first({str(failing)!r}):
     exec({FULL!r})
+else:
+    holding(0, {str(reported)!r})()
 """)
 
     def notify(line):
@@ -143,3 +139,48 @@ def test_others_trace_the_blocks_of_a_worker_that_stands_still(tmp_path, medium)
         with config.set({}), scheduler(2) as cluster, victims_of(cluster, 2, prepare):
             baked, _ = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.npy", lambda _: None)
     assert bits(baked) == medium
+
+
+SILENT = """
+import asyncio, os, signal
+from pathlib import Path
+import obscurance.ao.cluster.workers as workers
+from clusters import holding, is_first
+from obscurance.ao.execute.work import bit_environment
+
+async def say_nothing(*_):
+    Path({asked!r}).touch()
+    {instead}
+
+if is_first({first!r}):
+    holding(1, {reported!r})()
+elif is_first({second!r}):
+    workers.declare_likeness = say_nothing
+else:
+    bit_environment()["test"] = "a z80"
+"""
+
+
+@pytest.mark.parametrize("instead", ["await asyncio.sleep(600)", "os.kill(os.getpid(), signal.SIGSTOP)"])
+def test_a_late_worker_that_says_nothing_keeps_nobody_waiting(tmp_path, medium, instead):
+    """Nor another one from being named that cannot be used either."""
+    places = {name: tmp_path / name for name in ("first", "second", "asked", "reported")}
+    script, messages, late = tmp_path / "silent.py", [], []
+    script.write_text(SILENT.format(instead=instead, **{name: str(place) for name, place in places.items()}))
+
+    def notify(line):
+        messages.append(line)
+        while not places["asked"].exists():
+            time.sleep(0.01)
+        places["reported"].touch()
+
+    def progress(done, total, stage):
+        if not late:
+            late.append(cluster.scale(3))
+            while len(cluster.scheduler_info["workers"]) < 3:  # and asked at once
+                time.sleep(0.01)
+
+    with scheduler(1, [str(script)]) as cluster:
+        baked, _ = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.npy", notify, progress)
+    assert bits(baked) == medium
+    assert [line.partition(": ")[2] for line in messages] == ["test: expected nothing, got a z80"]

@@ -43,6 +43,11 @@ WAYS = [
 ]
 
 
+@pytest.fixture
+def output(tmp_path):
+    return tmp_path / "w.npy"
+
+
 @pytest.fixture(scope="module")
 def whole():
     return bits(ao.bake(MESH, **OPTIONS))

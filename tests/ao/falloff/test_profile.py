@@ -7,7 +7,7 @@ import pytest
 from meshes import crumpled, hills, soup_over_floor
 
 from obscurance import ao
-from obscurance.ao.analytic import closed_forms
+from obscurance.ao import closed_forms
 from obscurance.raytrace import Mesh
 from obscurance.raytrace.errors import OptionError
 

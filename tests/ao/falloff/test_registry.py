@@ -9,7 +9,7 @@ from project import ROOT, environment
 BAKED = """
 import numpy as np
 from obscurance import ao
-from obscurance.ao.analytic.closed_forms import wall
+from obscurance.ao.closed_forms import wall
 from obscurance.raytrace import Mesh
 from obscurance.scenes.formats.falloffs import make_falloff
 from obscurance.scenes.geometry.polyhedra import join, patches, polygon

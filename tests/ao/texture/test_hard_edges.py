@@ -6,8 +6,7 @@ from hard_edges import CORNERS, OPENING, SIDES, box, charts
 from uv_meshes import icosphere
 
 from obscurance import ao
-from obscurance.ao.analytic.closed_forms import tilted_normal
-from obscurance.ao.analytic.form_factor import polygon_form_factor
+from obscurance.ao.closed_forms import polygon_form_factor, tilted_normal
 from obscurance.raytrace import Mesh
 from obscurance.raytrace.mesh.corners import with_hard_edges
 

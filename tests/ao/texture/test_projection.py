@@ -6,7 +6,7 @@ import trimesh
 from uv_meshes import grid_charts, icosphere, quads, rectangle, square
 
 from obscurance import ao
-from obscurance.ao.analytic import closed_forms
+from obscurance.ao import closed_forms
 from obscurance.ao.points.receivers import find_receivers
 from obscurance.raytrace import Mesh, MeshError
 from obscurance.raytrace.bvh.closest import closest_on_triangle, closest_points

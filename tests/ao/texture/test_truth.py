@@ -7,7 +7,7 @@ from meshes import hills
 from uv_meshes import grid_charts, icosphere, inward_cube, quads, rectangle, square
 
 from obscurance import ao
-from obscurance.ao.analytic import closed_forms
+from obscurance.ao import closed_forms
 from obscurance.raytrace import Mesh
 
 pytestmark = pytest.mark.usefixtures("w_alone")

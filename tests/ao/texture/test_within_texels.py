@@ -7,7 +7,7 @@ import pytest
 from uv_meshes import quads, rectangle, square
 
 from obscurance import ao
-from obscurance.ao.analytic import closed_forms
+from obscurance.ao import closed_forms
 from obscurance.ao.points.receivers import find_receivers
 from obscurance.ao.points.smooth_surface import SmoothSurface
 from obscurance.ao.texture.coverage import Page

@@ -11,7 +11,7 @@ from leaf_cards import FLOOR, FLOOR_FACES, HALVES, HEIGHT, SQUARE, UP, form_fact
 from slow_rays import by_every_triangle, traced_by
 
 from obscurance import ao
-from obscurance.ao.analytic.form_factor import polygon_form_factor
+from obscurance.ao.closed_forms import polygon_form_factor
 from obscurance.ao.options import Options
 from obscurance.ao.prepared import Prepared
 from obscurance.raytrace import AlphaSurface, Lambert, Mesh, Object, Opacity, Scene, Shape, Texture

@@ -8,7 +8,7 @@ import pytest
 from leaf_cards import FLOOR, FLOOR_FACES, HALVES, HEIGHT, SQUARE, form_factors
 
 from obscurance import ao
-from obscurance.ao.analytic import closed_forms as analytic
+from obscurance.ao import closed_forms as analytic
 from obscurance.ao.options import Options, VertexOptions
 from obscurance.ao.prepared import Prepared
 from obscurance.raytrace import AlphaSurface, Mesh, Opacity

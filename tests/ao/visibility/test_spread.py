@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import dblquad
 
 from obscurance import ao
-from obscurance.ao.analytic import closed_forms as analytic
+from obscurance.ao import closed_forms as analytic
 from obscurance.raytrace import Mesh
 from obscurance.scenes.geometry.polyhedra import icosphere, join, patches, polygon
 

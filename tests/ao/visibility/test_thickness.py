@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from obscurance import ao
-from obscurance.ao.analytic import closed_forms as analytic
+from obscurance.ao import closed_forms as analytic
 from obscurance.ao.options import Options
 from obscurance.ao.result import Interpolation
 from obscurance.raytrace import AlphaSurface, Mesh, Opacity

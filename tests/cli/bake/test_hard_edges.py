@@ -8,7 +8,7 @@ from hard_edges import CORNERS, FACES, INWARDS, OF, OPENING, SIDES
 from mesh_files import obj, ply
 from uv_meshes import icosphere
 
-from obscurance.ao.analytic.form_factor import polygon_form_factor
+from obscurance.ao.closed_forms import polygon_form_factor
 from obscurance.scenes.formats.load import load
 from obscurance.scenes.formats.stored_w import read_w
 

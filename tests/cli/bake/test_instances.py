@@ -12,7 +12,7 @@ from command import obscurance, refused
 from gltf_files import QUAD, Builder
 
 from obscurance import ao, scenes
-from obscurance.ao.analytic.form_factor import polygon_form_factor
+from obscurance.ao.closed_forms import polygon_form_factor
 from obscurance.raytrace.image.read import read_image
 from obscurance.scenes.formats.gltf.accessors import values
 

@@ -11,9 +11,11 @@ from command import obscurance, refused
 from gltf_files import QUAD, Builder
 
 from obscurance import ao, scenes
-from obscurance.ao.analytic.form_factor import polygon_form_factor
+from obscurance.ao.closed_forms import polygon_form_factor
 from obscurance.raytrace.image.encode import linear_png
 from obscurance.raytrace.image.read import read_image
+from obscurance.scenes.bake.pages import Layouts, Page
+from obscurance.scenes.bake.uv import Coordinates
 from obscurance.scenes.formats.gltf.occlusion import image_name, occlusion_reference
 from obscurance.scenes.formats.gltf.textures import Textures
 
@@ -116,6 +118,42 @@ def test_one_image_of_several_layouts_is_refused_unless_their_mean_is_asked_for(
     result = bake(path, "-o", made, *FEW, "--overlap", "mean")
     assert abs(image(made).mean() - (1 + W.mean()) / 2) < 0.01
     assert "overlap in 100.0%" in result.stderr
+
+
+@pytest.mark.parametrize("target", ["w.exr", "w.glb"])
+def test_overlaps_are_refused_by_a_few_texels_and_before_anything_else_is_read(tmp_path, target, watch):
+    path, fine = floor_and_lid(tmp_path), tmp_path / "fine.obj"
+    fine.write_text("no mesh")
+    looked_at = watch("obscurance.scenes.bake.pages.shared_texels")
+    line = ["bake", path, "-o", tmp_path / target, "--size", 1024, "--high", fine]
+    if target == "w.glb":
+        line += ["--occlusion", "texture", "--error-map", tmp_path / "e.exr"]
+        said = "--error-map: expected <MATERIAL> in its name"
+    else:
+        said = "got about 1,000,000 texels"
+    refused(obscurance(*line), said)
+    refused(obscurance(*line, "--dry-run"), said)
+    assert [len(texels) <= 1 << 16 for *_, texels in looked_at] == [True, True]
+    refused(obscurance("bake", path, "-o", tmp_path / "<MATERIAL>.exr", "--high", fine), "fine.obj: faces: expected")
+
+
+@pytest.mark.parametrize(("share", "counts"), [(0, 1), (0.003, 1), (0.009, 2), (0.0115, 2), (0.03, 1), (0.5, 1)])
+def test_some_texels_say_what_all_would_or_that_they_cannot(tmp_path, share, counts):
+    """Counts in 1 MiB of texels: first of some, which say no more than is sure, then of all if there is a doubt."""
+    halves = [UV * np.float32([0.5, 1]), UV * np.float32([0.5, 1]) + np.float32([0.5 * (1 - share), 0])]
+    builder, path = Builder(), tmp_path / "halves.glb"
+    for number, uv in enumerate(halves):
+        builder.mesh(plate(builder, 2 + 2 * number, HEIGHT * number, uv, material=number))
+    path.write_bytes(builder.glb([{"mesh": 0}, {"mesh": 1}], materials=[{"name": "floor"}, {"name": "lid"}]))
+    file = scenes.load(path)
+    layouts = Layouts(file, Coordinates(file.uv, np.zeros(len(file.uv), bool), 0, (1024, 1024)))
+    found = list(layouts.clashes(Page(file.uv), (1024, 1024), 2))
+    assert [about for _, about in found] == ["about ", ""][:counts]
+    assert bool(found[-1][0]) == (share > 0.01)
+    if share > 0.02:
+        np.testing.assert_allclose(found[0][0][0, 1] / 1024**2, share / 2, rtol=0.6)
+    elif counts > 1:
+        assert found[0][0] == {}
 
 
 def test_objects_of_a_plain_material_are_kept_apart_and_objects_of_an_image_may_overlap(tmp_path):

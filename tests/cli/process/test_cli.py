@@ -151,26 +151,6 @@ def test_help_and_mistakes_need_no_heavy_import(arguments):
     assert result.stdout.splitlines()[-1] == "[]", result.stderr
 
 
-BAD_OPTIONS = [
-    (("--samples", "0"), ("samples", "1 to", "got 0")),
-    (("--samples", "many"), ("--samples", "whole number", "got many")),
-    (("--samples", "99999999"), ("samples", "got 99999999")),
-    (("--tau", "-1"), ("tau", "above 0")),
-    (("--tau", "0"), ("tau", "above 0")),
-    (("--tau", "nan"), ("tau", "finite")),
-    (("--tau", "1", "--half-distance", "2"), ("--tau and --half-distance exclude each other",)),
-    (("--half-distance", "-5%"), ("--half-distance", "above 0")),
-    (("--max-distance", "0"), ("--max-distance", "above 0")),
-    (("--max-distance", "near"), ("--max-distance", "near")),
-    (("--falloff", "binary", "--tau", "1"), ("--tau", "exponential")),
-    (("--falloff", "cubic"), ("--falloff", "cubic")),
-    (("--threads", "0"), ("threads", "got 0")),
-    (("--seed", "-1"), ("seed", "got -1")),
-    (("--method", "magic"), ("--method", "magic")),
-    (("--colour", "red"), ("--colour",)),
-]
-
-
 @pytest.mark.parametrize(
     ("target", "options", "expected"),
     [
@@ -186,15 +166,6 @@ def test_the_report_has_the_occlusion_texture_that_was_asked_for(tmp_path, cube,
     done = obscurance("bake", cube, "-o", tmp_path / target, "--samples", 8, "--report", report, *options)
     assert done.returncode == 0
     assert json.loads(report.read_text())["options"]["occlusion"] == expected
-
-
-@pytest.mark.parametrize(("options", "words"), BAD_OPTIONS, ids=[" ".join(o) for o, _ in BAD_OPTIONS])
-def test_bad_options_are_named_and_nothing_is_written(tmp_path, cube, options, words):
-    target = tmp_path / "w.npy"
-    target.write_bytes(b"\x93NUMPY precious")
-    refused(obscurance("bake", cube, "-o", target, *options), *words)
-    assert target.read_bytes() == b"\x93NUMPY precious"
-    assert len(list(tmp_path.iterdir())) == 2
 
 
 @pytest.mark.parametrize(
@@ -220,24 +191,10 @@ def test_bad_meshes_are_named_and_nothing_is_written(tmp_path, name, content, wo
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_a_folder_is_not_a_mesh(tmp_path):
-    refused(obscurance("info", tmp_path), "folder")
-
-
-@pytest.mark.parametrize("target", ["w.txt", "w", "no/such/folder/w.npy", "."])
-def test_bad_targets_are_refused_before_the_work(tmp_path, cube, target):
-    refused(obscurance("bake", cube, "-o", tmp_path / target))
-
-
 def test_a_report_that_cannot_be_written_is_refused_before_the_work(tmp_path, cube):
     target = tmp_path / "w.npy"
     refused(obscurance("bake", cube, "-o", target, "--report", tmp_path / "no" / "r.json"), "r.json")
     assert not target.exists()
-
-
-def test_usage_mistakes_take_one_line():
-    refused(process("bake"), "INPUT", "nothing")
-    refused(obscurance("cook"), "cook")
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals")

@@ -5,7 +5,7 @@ import importlib
 import os
 import signal
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -85,6 +85,13 @@ def holding(after, until, mark=None):
     return hold
 
 
+def is_first(path):
+    """Whether this process is the first one that asks; of scripts that workers run first, each of them twice."""
+    with suppress(FileExistsError), open(path, "x") as file:
+        file.write(str(os.getpid()))
+    return Path(path).read_text() == str(os.getpid())
+
+
 LEFT_SOCKETS = pytest.mark.filterwarnings("ignore:unclosed <s:ResourceWarning")  # of TLS, by Dask
 
 
@@ -104,7 +111,7 @@ def small_blocks(monkeypatch):
     """Of commands, which do not say how far they are, however slow."""
     monkeypatch.setattr(*SMALL_BLOCKS)
     monkeypatch.setattr("obscurance.ao.cluster.workers._FEW_RAYS", 0)
-    monkeypatch.setattr("obscurance.scenes.show.progress._EVERY_LINE", float("inf"))
+    monkeypatch.setattr("obscurance.scenes.show.progress._EVERY_LINE", 1e6)
 
 
 @pytest.fixture

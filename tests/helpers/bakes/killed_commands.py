@@ -1,7 +1,8 @@
 """Commands killed at random moments and run again. A script: KILLS SEED KIND FOLDER; prints what it saw as JSON.
 
 Each command is forked from this process, which has imported everything but touched neither Embree nor a thread. After
-a kill, every file in the folder of outputs is whole, but for kept rows and what the next run removes.
+a kill, every file in the folder of outputs is whole, but for kept rows, of which the next run makes use, and what that
+removes.
 """
 
 import json
@@ -15,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 from interrupted_bakes import SMALL_BLOCKS
-from killed_bakes import forked
 from mesh_files import ply
 from meshes import hills
 
@@ -50,9 +50,13 @@ BATCH = (
 )
 KINDS = {
     "npy": [(*BAKE, "-o", "out/w.npy")],
+    "tolerance": [("bake", "hills.ply", "--tolerance", "0.005", "--quiet", "-o", "out/w.npz")],
+    "surface": [(*BAKE, "--method", "surface", "-o", "out/w.npz")],
+    "faces": [(*BAKE, "--at", "faces", "-o", "out/w.npz")],
     "ply": [(*BAKE, "-o", "out/w.ply")],
     "glb": [(*BAKE, "-o", "out/w.glb")],
     "texture": [(*BAKE, "--size", "96", "-o", "out/w.png")],
+    "smooth texture": [("bake", "hills.ply", "--size", "96", "--tolerance", "0.005", "--quiet", "-o", "out/w.exr")],
     "textured": [(*BAKE, "--occlusion", "texture", "--size", "96", "-o", "out/w.glb")],
     "batch": [BATCH],
     "textures": [(*BATCH, "--format", "png", "--size", "64")],
@@ -89,8 +93,11 @@ def textured(vertices, faces):
 
 def run(commands):
     """All commands in a process of their own, which is returned running."""
-
-    def work():
+    child = os.fork()
+    if child:
+        return child
+    status = 1
+    try:
         Kept.__init__.__defaults__ = (print, 0.0, *Kept.__init__.__defaults__[2:])
         obscurance.ao.execute.work._BLOCK_RAYS = SMALL_BLOCKS[1]
         with open(os.devnull, "w") as nowhere:
@@ -102,8 +109,9 @@ def run(commands):
             except SystemExit as end:
                 if end.code:
                     raise
-
-    return forked(work)
+        status = 0
+    finally:
+        os._exit(status)
 
 
 def outputs():
@@ -131,7 +139,7 @@ def main(kills, seed, kind, folder):
         took = time.monotonic() - start
     wanted = outputs()
     assert wanted
-    seen = {"killed": 0, "left": 0, "finished": 0, "faults": []}
+    seen = {"killed": 0, "kept": 0, "finished": 0, "faults": []}
     while seen["killed"] < kills:
         shutil.rmtree("out")
         Path("out").mkdir()
@@ -142,12 +150,10 @@ def main(kills, seed, kind, folder):
             status = os.waitpid(child, 0)[1]
             seen["killed"] += os.WIFSIGNALED(status)
             seen["finished"] += not os.WIFSIGNALED(status)
+            seen["kept"] += any(Path("out").rglob("*.partial-*/[0-9a-f]*"))
             for name, content in outputs().items():
-                on_the_way = any(part in name for part in (".partial-", "/.obscurance-"))
-                seen["left"] += on_the_way
-                if name.endswith(".json") or on_the_way:
-                    continue
-                if content != wanted.get(name):
+                on_the_way = any(part in name for part in (".partial-", "/.obscurance-", ".json"))
+                if not on_the_way and content != wanted.get(name):
                     seen["faults"].append(f"half-written {name}: {status}")
         status = os.waitpid(run(commands), 0)[1]
         again = outputs()

@@ -5,7 +5,7 @@ import PIL.Image
 from gltf_files import Builder
 from gltf_samples import encoded, with_images
 
-from obscurance.ao.analytic.form_factor import polygon_form_factor
+from obscurance.ao.closed_forms import polygon_form_factor
 
 HEIGHT, UP = 0.4, np.array([0.0, 0.0, 1.0])
 _SIDE = np.linspace(-0.9, 0.9, 5)

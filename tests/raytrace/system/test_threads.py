@@ -99,6 +99,21 @@ def test_an_interrupt_in_the_main_thread_stops_the_work():
     assert len(begun) < 1000
 
 
+def test_an_interrupt_ends_what_a_call_within_a_block_does_on_another_thread():
+    main, within = threading.get_ident(), []
+
+    def work(_start, _stop):
+        if threading.get_ident() != main:
+            run_blocks(10_000, 1, lambda start, _: (within.append(start), time.sleep(0.005)), 2)
+        while not within:
+            time.sleep(0.001)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_blocks(2, 1, work, 2)
+    assert len(within) < 1000
+
+
 @pytest.mark.parametrize("threads", [0, -1, 1.5, True, 100_000, "2"])
 def test_thread_counts_are_whole_and_positive(threads):
     with pytest.raises(OptionError, match="threads: expected a whole number from 1 to 4096"):

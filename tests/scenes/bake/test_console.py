@@ -3,6 +3,7 @@
 import io
 import json
 import re
+import time
 from contextlib import redirect_stderr, redirect_stdout
 from types import SimpleNamespace
 
@@ -13,7 +14,7 @@ from meshes import hills
 from obscurance import ao
 from obscurance.raytrace import Mesh
 from obscurance.scenes.geometry.polyhedra import icosphere
-from obscurance.scenes.show.progress import progress
+from obscurance.scenes.show.progress import progress, stage
 from obscurance.scenes.show.terminal import show_picture
 
 
@@ -106,20 +107,28 @@ def test_nothing_is_said_to_who_wants_quiet():
         assert advances == (None, None)
 
 
-def test_off_a_terminal_there_is_a_line_every_ten_seconds(set_clock, capsys):
-    clock = [0.0]
-    set_clock(lambda: clock[0])
+def test_off_a_terminal_there_is_a_line_every_ten_seconds_also_of_a_stage_that_says_nothing_more(monkeypatch, capsys):
+    said = []
+
+    def lines(count):
+        while len(said) < count:
+            time.sleep(0.01)
+            said.extend(capsys.readouterr().err.splitlines())
+        return said[:count]
+
+    monkeypatch.setattr("obscurance.scenes.show.progress._EVERY_LINE", 0.1)
     with progress(False, "rays", "tiles") as (rays, tiles):
-        for second in range(1, 30):
-            clock[0] = float(second)
-            rays(second * 10**6, 4 * 10**7, "rays, round 2")
-        clock[0] = 31.0
+        rays(0, 4 * 10**9, "rays, round 2")
+        rays(10**9, 4 * 10**9, "rays, round 2")
+        assert re.fullmatch(r"obscurance: rays, round 2: 25 %, [\d.]+ M rays/s", lines(3)[2])
         tiles(1, 4)
-    assert capsys.readouterr().err.splitlines() == [
-        "obscurance: rays, round 2: 25 %, 1.0 M rays/s",
-        "obscurance: rays, round 2: 50 %, 1.0 M rays/s",
-        "obscurance: tiles: 25 %",
-    ]
+        assert lines(6)[5] == "obscurance: tiles: 25 %"
+    monkeypatch.setattr("obscurance.scenes.show.progress._UNCOUNTED", 0.01)
+    with stage("reading", False, "bar"):
+        assert lines(8)[7] == "obscurance: reading: 0 %"
+    with stage("writing", True, "bar"):
+        time.sleep(0.2)
+    assert capsys.readouterr().err == ""
 
 
 def test_progress_as_json_is_a_line_for_what_is_new_and_for_the_end(set_clock, capsys):

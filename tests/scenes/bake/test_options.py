@@ -277,8 +277,3 @@ def test_relations_name_options_of_the_table():
         for name in (*row.needs, *row.excludes):
             assert name in ROWS, f"{row.name} needs or excludes {name}"
         assert set(row.bake_kinds.split()) <= {"vertices", "texture", "batch"}
-
-
-def test_options_that_there_are_not_are_refused_in_python():
-    with pytest.raises(TypeError):
-        ao.bake(hills(4), smooth=False)

@@ -1,18 +1,29 @@
-"""Lengths with a unit: in metres where the file's format is in metres, refused elsewhere."""
+"""Lengths with a unit: understood where the file's format or content has one, refused elsewhere."""
 
+import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
+from command import COMMAND, obscurance, refused
+from fuzz_seeds import DAE, MODEL, archive
+from gltf_files import Builder
+from mesh_files import ply
 from meshes import hills
 
-import obscurance
+import obscurance as obscurance_package
 from obscurance import ao
-from obscurance.raytrace.errors import OptionError
+from obscurance.raytrace.errors import InputError, OptionError
 from obscurance.scenes.bake.options import BakeOptions
 from obscurance.scenes.bake.plan import plan_bake
 from obscurance.scenes.commands.bake import run_bake
 
 NAMES = ("half_distance", "max_distance", "ground", "texel_size", "cage")
+
+
+def of_model(content):
+    """A 3MF file of a model."""
+    return archive(**{"3D/3dmodel.model": content})
 
 
 def planned(mesh, name, length):
@@ -31,7 +42,7 @@ def test_a_unit_counts_where_the_format_is_in_metres(mesh, length, metres):
             assert float(getattr(planned(mesh, name, length), name)) == pytest.approx(metres, rel=1e-12)
 
 
-@pytest.mark.parametrize("mesh", ["duck.obj", "duck.stl", "duck.ply", "duck.3mf", "<stdin>.ply"])
+@pytest.mark.parametrize("mesh", ["duck.obj", "duck.stl", "duck.ply", "duck.zae", "<stdin>.ply"])
 @pytest.mark.parametrize("name", NAMES)
 def test_a_unit_is_refused_where_the_file_names_none(mesh, name):
     with pytest.raises(
@@ -39,6 +50,88 @@ def test_a_unit_is_refused_where_the_file_names_none(mesh, name):
     ) as caught:
         planned(mesh, name, "0.5m")
     assert caught.value.got == "'0.5m'"
+
+
+INCHES = DAE.replace(b"<up_axis>", b'<contributor/><unit name="inch" meter="0.0254"/><up_axis>')
+NAMED = {
+    "millimetres.3mf": (of_model(MODEL), 1e-3),
+    "feet.3mf": (of_model(MODEL.replace(b"millimeter", b"foot")), 0.3048),
+    "by_default.3mf": (of_model(MODEL.replace(b' unit="millimeter"', b"")), 1e-3),
+    "inches.dae": (INCHES, 0.0254),
+    "metres.DAE": (INCHES.replace(b' meter="0.0254"', b""), 1.0),
+}
+
+
+@pytest.mark.parametrize("file", NAMED)
+@pytest.mark.parametrize("name", NAMES)
+def test_a_file_may_name_its_unit(tmp_path, file, name):
+    content, unit = NAMED[file]
+    (tmp_path / file).write_bytes(content)
+    planned_lengths = planned(tmp_path / file, name, "5 cm")
+    assert float(getattr(planned_lengths, name)) == pytest.approx(0.05 / unit, rel=1e-12)
+
+
+MALFORMED = {
+    "none.3mf": (None, "file: expected an existing file"),
+    "cut.3mf": (of_model(MODEL)[:-30], "content: expected a complete and valid 3MF file"),
+    "parsecs.3mf": (of_model(MODEL.replace(b"millimeter", b"parsec")), "content: expected .*, got no 'parsec'"),
+    "empty.dae": (b"", "content: expected a complete and valid DAE file"),
+    "below.dae": (INCHES.replace(b"0.0254", b"-1"), "unit: expected a finite one above 0, got -1.0"),
+    "word.dae": (INCHES.replace(b"0.0254", b"x"), "content: expected a complete and valid DAE file"),
+    "nowhere.dae": (DAE, "max_distance: expected a length above 0 without a unit"),
+    "later.dae": (DAE.replace(b"</scene>", b'<asset><unit meter="2"/></asset></scene>'), "above 0 without a unit"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("file", MALFORMED)
+def test_a_unit_that_is_none_is_told_in_a_line(tmp_path, file):
+    content, said = MALFORMED[file]
+    if content is not None:
+        (tmp_path / file).write_bytes(content)
+    with pytest.raises(InputError, match=said) as caught:
+        planned(tmp_path / file, "max_distance", "5 cm")
+    assert file in str(caught.value)
+    assert planned(tmp_path / file, "max_distance", "5").max_distance == "5"
+
+
+def glb(vertices, faces):
+    builder = Builder()
+    builder.mesh(builder.primitive(vertices.astype("<f4"), faces))
+    return builder.glb([{"mesh": 0}])
+
+
+PIPED = {"glb": (glb(*hills(4)), 1.0), "3mf": (of_model(MODEL), 1e-3), "dae": (INCHES, 0.0254)}
+
+
+@pytest.mark.parametrize("ending", PIPED)
+def test_a_pipe_has_the_unit_of_its_format_or_content(tmp_path, ending):
+    content, unit = PIPED[ending]
+    (tmp_path / f"m.{ending}").write_bytes(content)
+    options = "--samples", "16", "--half-distance"
+    command = [*COMMAND, "bake", "-", "-o", "piped.npy", *options, f"{30 * unit} cm"]
+    subprocess.run(command, input=content, cwd=tmp_path, check=True, capture_output=True)
+    assert obscurance("bake", tmp_path / f"m.{ending}", "-o", tmp_path / "w.npy", *options, 0.3).returncode == 0
+    np.testing.assert_allclose(np.load(tmp_path / "piped.npy"), np.load(tmp_path / "w.npy"), atol=1e-6)
+    w = obscurance_package.bake(tmp_path / f"m.{ending}", samples=16, half_distance=f"{30 * unit} cm").w
+    np.testing.assert_allclose(w, np.load(tmp_path / "w.npy"), atol=1e-6)
+
+
+def test_a_pipe_without_a_unit_is_refused(tmp_path, standard_input):
+    standard_input(ply(*hills(4)))
+    done = obscurance("bake", "-", "-o", tmp_path / "w.npy", "--max-distance", "5 m")
+    refused(done, "--max-distance: expected a length above 0 without a unit, which <stdin>.ply does not name")
+    assert not list(tmp_path.iterdir())
+
+
+def test_all_inputs_of_a_batch_have_one_unit(tmp_path):
+    for file in ("millimetres.3mf", "feet.3mf", "by_default.3mf"):
+        (tmp_path / file).write_bytes(NAMED[file][0])
+    alike, other = ("millimetres.3mf", "by_default.3mf"), ("millimetres.3mf", "feet.3mf")
+    options = "--output-dir", tmp_path / "out", "--half-distance", "5mm", "--samples", 8
+    done = obscurance("bake", *(tmp_path / file for file in other), *options)
+    refused(done, "expected files in the unit of ", "feet.3mf")
+    assert not (tmp_path / "out").exists()
+    assert obscurance("bake", *(tmp_path / file for file in alike), *options).returncode == 0
 
 
 @pytest.mark.parametrize("length", ["0.5", "25%", "12e-1"])
@@ -53,12 +146,12 @@ def test_other_words_are_no_lengths(length):
         planned("duck.glb", "max_distance", length)
 
 
-@pytest.mark.parametrize("bake", [ao.bake, obscurance.bake])
+@pytest.mark.parametrize("bake", [ao.bake, obscurance_package.bake])
 def test_arrays_have_no_unit(bake):
     with pytest.raises(OptionError, match="max_distance: expected a length above 0"):
         bake(hills(4), ao.Binary("0.5m"))
     with pytest.raises(OptionError, match="max_distance: expected a length above 0 without a unit, which mesh does"):
-        obscurance.bake(hills(4), max_distance="0.5m")
+        obscurance_package.bake(hills(4), max_distance="0.5m")
 
 
 def test_all_inputs_of_a_batch_are_in_metres_or_none(tmp_path, monkeypatch):

@@ -4,6 +4,7 @@ import inspect
 import re
 import sys
 from types import SimpleNamespace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -12,8 +13,11 @@ from meshes import hills, two_boxes
 
 import obscurance
 from obscurance import ao
+from obscurance.ao.options import Options, TextureOptions, VertexOptions
 from obscurance.raytrace.errors import ConflictError, MeshError, OptionError
-from obscurance.scenes.bake.options import ROWS
+from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.opacity import AlphaSurface, Opacity
+from obscurance.scenes.bake.options import ROWS, Alpha
 
 BOXES = two_boxes()
 FEW = {"samples": 32, "denoise": False}
@@ -45,6 +49,8 @@ def test_its_arguments_are_those_of_ao_and_the_options_of_the_command():
     for name in of_ao.keys() - {"groups", "cage"}:
         assert parameters[name].default == of_ao[name].default, name
         assert parameters[name].kind == of_ao[name].kind, name
+    for name in parameters.keys() & ROWS.keys() - {*of_ao, "falloff", "progress"} | {"cage"}:
+        assert parameters[name].default == ROWS[name].default, name
     text = inspect.getdoc(obscurance.bake)
     assert [name for name in parameters if not re.search(rf"\b{name}\b", text)] == []
 
@@ -93,6 +99,7 @@ REFUSED = [
     ({"alpha": "non"}, OptionError, "alpha: expected one of auto, ignore, got non"),
     ({"ground": "atuo"}, OptionError, "ground: expected auto, or a height in mesh units, got 'atuo'"),
     ({"progress": "jsn"}, OptionError, "progress: expected one of bar, json, got jsn; did you mean json?"),
+    ({"flip": "no"}, OptionError, "flip: expected true or false, got no"),
     ({"points": True}, ConflictError, "points needs the name of a file of points"),
     ({"samples": 0}, OptionError, "samples: expected a whole number from 1 to 1048576, got 0"),
     ({"tolerance": 0}, OptionError, "tolerance: expected a number in [1e-5, 1], got 0"),
@@ -110,6 +117,34 @@ REFUSED = [
 def test_what_does_not_fit_is_refused_in_a_line(options, kind, said):
     with pytest.raises(kind, match=re.escape(said)):
         obscurance.bake(BOXES, **options)
+
+
+CALLS = {
+    obscurance.bake: (BOXES,), ao.bake: (BOXES,), ao.bake_points: (BOXES, [[0, 0, 9]], [[0, 0, 1]]),
+    ao.bake_texture: (BOXES, np.zeros((16, 2))), Options: (), VertexOptions: (), TextureOptions: (),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("function", "arguments"), CALLS.items(), ids=lambda each: getattr(each, "__name__", ""))
+def test_a_misspelt_argument_is_told_the_nearest(function, arguments):
+    with pytest.raises(OptionError, match=r"^options: smaples: expected one of .*falloff.* did you mean samples\?$"):
+        function(*arguments, smaples=16)
+    with pytest.raises(OptionError, match=r"options: colour: expected .*, got an unknown name$"):
+        function(*arguments, colour=1)
+    assert "self" not in inspect.signature(function).parameters
+    assert inspect.signature(function).parameters["samples"].default is None
+
+
+def test_alpha_and_the_up_axis_are_those_of_meshes_in_memory_too():
+    vertices, faces = hills(5)
+    above = vertices + np.array([0, 0, 2])
+    opaque = (above, faces)
+    glass = Mesh(*opaque, opacity=Opacity(np.zeros(len(faces), int), (AlphaSurface(0.5),)))
+    for name, others in [("mesh", {}), ("occluder", {"mesh": hills(5)})]:
+        given = others | FEW | {name: glass}
+        open_w, closed_w = (obscurance.bake(**given, alpha=alpha).w for alpha in get_args(Alpha))
+        np.testing.assert_array_equal(closed_w, obscurance.bake(**others, **{name: opaque}, **FEW).w)
+        assert (open_w > closed_w).any()
 
 
 @pytest.mark.parametrize("bake", [obscurance.bake, ao.bake])

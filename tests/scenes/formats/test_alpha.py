@@ -9,7 +9,7 @@ from gltf_files import check_glb, values
 from leaf_cards import FLOOR, HEIGHT, SQUARE, UP, card_glb, card_obj, form_factors, leaf_codes
 
 from obscurance import ao
-from obscurance.ao.analytic.form_factor import polygon_form_factor
+from obscurance.ao.closed_forms import polygon_form_factor
 from obscurance.raytrace import InputError
 from obscurance.scenes import load, write
 

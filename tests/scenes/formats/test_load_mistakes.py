@@ -20,7 +20,7 @@ from obscurance.scenes.formats.load import load
         ("m.ply", b"", "an empty file"),
         ("m.obj", b"", "content: expected a mesh, got an empty file"),
         ("m.obj", b"ply\nformat ascii 1.0\nelement vertex 3\n", "none, and no vertices: perhaps it is no OBJ"),
-        ("m.blend", b"x", "ending: expected one of 3mf asc glb gltf obj off ply stl tif tiff dae zae"),
+        ("m.blend", b"x", "ending: expected one of 3mf asc dae glb gltf obj off ply stl tif tiff zae"),
         ("m.svg", b"<svg/>", "ending: expected one of 3mf"),
         ("m.msh", b"no mesh", "content: expected a file that meshio reads as .msh, got "),
         ("m.dae", b"<COLLADA", "DAE file"),

@@ -32,7 +32,7 @@ def test_options_offer_the_formats_of_the_table():
 
 def test_endings_are_found_in_any_case_and_others_go_to_libraries():
     assert format_of("a/b.PLY") is formats()[".ply"]
-    assert format_of("mesh.dae").ending == format_of("mesh").ending == ""
+    assert format_of("mesh.msh").ending == format_of("mesh").ending == ""
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,10 @@ import pytest
 import trimesh
 from command import obscurance, refused
 
+from obscurance import scenes
+
 rasterio = pytest.importorskip("rasterio")
+from rasterio.enums import ColorInterp  # noqa: E402
 from rasterio.transform import Affine  # noqa: E402
 
 BETA = np.radians(35)
@@ -144,6 +147,84 @@ def test_both_definitions_are_the_integrals_of_the_horizon(tmp_path, steepness):
         assert np.sqrt(np.mean((w - exact) ** 2)) < 0.004
         assert np.abs(w - exact).max() < 0.02
         assert np.sqrt(np.mean((w - other) ** 2)) > 0.02
+
+
+STORED = {
+    "feet": (1 / 0.3048, "float32", {"units": ("ft",)}, "heights are in ft and taken to metres"),
+    "US feet": (3937 / 1200, "float32", {"units": ("US survey foot",)}, "heights are in US survey foot and taken to"),
+    "a vertical system": (3937 / 1200, "float32", {"crs": "EPSG:32632+6360"}, "heights are in US survey foot"),
+    "decimetres": (10, "int16", {"scales": (0.1,)}, ""),
+    "an offset": (100, "int16", {"scales": (0.01,), "offsets": (500.0,)}, ""),
+    "a unit unknown": (1, "float32", {"units": ("hPa",)}, "heights are in hPa, which is taken for metres"),
+    "no system": (1, "float32", {"crs": None}, "it names no reference system: cells are taken for metres"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", STORED)
+def test_heights_are_those_that_a_file_stands_for(tmp_path, name):
+    factor, dtype, facts, said = STORED[name]
+    heights = np.round(valley(41, lambda x: x * np.tan(BETA)), 2)
+    write(tmp_path / "metres.tif", heights)
+    system = facts.get("crs", "EPSG:32632")
+    write(tmp_path / "stored.tif", np.round(factor * heights, 3), dtype=dtype, crs=system)
+    with rasterio.open(tmp_path / "stored.tif", "r+") as file:
+        for fact in facts.keys() - {"crs"}:
+            setattr(file, fact, facts[fact])
+    files = {each: scenes.load(tmp_path / f"{each}.tif") for each in ("metres", "stored")}
+    metres, stored = (file.mesh.vertices - file.mesh.vertices[0] for file in files.values())
+    np.testing.assert_allclose(stored, metres, atol=0.06 if dtype == "int16" and factor == 10 else 2e-3)
+    assert [said in note for note in files["stored"].notes] == [True] * bool(said)
+    assert files["metres"].notes == ()
+    done = obscurance("bake", tmp_path / "stored.tif", "-o", tmp_path / "sky.tif", "--samples", 8)
+    assert done.stderr.count("\n") == bool(said) + ("between the vertices" in done.stderr)
+
+
+@pytest.mark.parametrize(("dtype", "void"), [("int16", -32768), ("float32", -3.4028235e38), ("float32", 3.4e38)])
+def test_voids_that_no_tag_names_are_gaps(tmp_path, dtype, void):
+    heights = np.arange(30.0).reshape(5, 6)
+    heights[2, 3] = void
+    write(tmp_path / "void.tif", heights, dtype=dtype, nodata=None)
+    done = obscurance("bake", tmp_path / "void.tif", "-o", tmp_path / "sky.tif", "--samples", 8)
+    assert "void.tif: 1 cells of " in done.stderr
+    assert "which no tag names, are taken for gaps" in done.stderr
+    with rasterio.open(tmp_path / "sky.tif") as file:
+        np.testing.assert_array_equal(file.read(1) == NOWHERE, heights == void)
+
+
+def test_of_several_bands_one_is_asked_for_and_alpha_is_none(tmp_path):
+    heights = np.arange(30.0).reshape(5, 6)
+    write(tmp_path / "two.tif", heights, count=2, nodata=None)
+    line = "-o", tmp_path / "sky.tif", "--samples", 8
+    said = "bands: expected one, of heights: gdal_translate -b 1 takes the first, got 2"
+    refused(obscurance("bake", tmp_path / "two.tif", *line), said)
+    write(tmp_path / "two.tif", heights, count=2, nodata=None, dtype="uint16")
+    with rasterio.open(tmp_path / "two.tif", "r+") as file:
+        file.colorinterp = ColorInterp.gray, ColorInterp.alpha
+        file.write(np.where(heights == 8, 0, 255).astype("uint16"), 2)
+    assert obscurance("bake", tmp_path / "two.tif", *line).returncode == 0
+    with rasterio.open(tmp_path / "sky.tif") as file:
+        np.testing.assert_array_equal(file.read(1) == NOWHERE, heights == 8)
+
+
+NEAR = [
+    (1 / 3600, (-104.3, 39.5), True),
+    (0.01, (179.0, -89.0), True),
+    (0.01, (500.0, 20.0), False),
+    (0.1, (9.0, 46.0), False),
+]
+
+
+@pytest.mark.parametrize(("cell", "corner", "is_refused"), NEAR)
+def test_degrees_are_known_without_a_reference_system(tmp_path, cell, corner, is_refused):
+    head = f"ncols 5\nnrows 3\nxllcorner {corner[0]}\nyllcorner {corner[1]}\ncellsize {cell}\nNODATA_value -9999\n"
+    (tmp_path / "d.asc").write_text(head + "0 1 2 3 4\n" * 3)
+    done = obscurance("bake", tmp_path / "d.asc", "-o", tmp_path / "w.npy", "--samples", 8)
+    if is_refused:
+        refused(
+            done, "reference system: expected cells in a unit of length: gdalwarp -s_srs EPSG:4326 -t_srs EPSG:326NN"
+        )
+    else:
+        assert done.returncode == 0
 
 
 def test_a_plane_is_open_and_the_grid_is_kept(tmp_path):

@@ -9,7 +9,7 @@ antiderivative exists, one adaptive quadrature is left, good to 1e-10.
 All follow from one transform of a scene, L(τ, D) = (1/π) ∫_{d<D} e^(−τd) cosθ dω, as w = 1 − L(0, D) when binary and
 w = 1 − [L(τ, D) − e^(−τD) L(0, D)]/(1 − e^(−τD)) when exponential; and from its moments
 M_n(D) = (1/π) ∫_{d<D} dⁿ cosθ dω when μ is a polynomial Σ c_n (x/D)ⁿ: w = 1 − L(0, D) + Σ c_n M_n(D)/Dⁿ. Arguments
-outside their range raise ValueError.
+outside their range raise ValueError. Of any scene of triangles the binary w is 1 − F, by form factors of polygons.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,10 +17,13 @@ from itertools import pairwise
 from math import acos, asin, atan, atan2, cos, exp, expm1, hypot, inf, isinf, log, pi, radians, sin, sqrt, tan
 
 import numpy as np
+import numpy.typing as npt
 from scipy.integrate import quad
 from scipy.special import expn
 
-from ..falloff import POLYNOMIALS
+from obscurance.raytrace.types import Float64s
+
+from .falloff import POLYNOMIALS
 
 Rate = float | str | None  # τ, a name in `POLYNOMIALS`, or None: binary
 # With cosθ = 1/cosh u the integrand of Ki is analytic for |Im u| < π/2, so the trapezoidal rule errs by e^(−π²/step) ≈
@@ -303,3 +306,38 @@ def cylinder(radius: float, height: float, offset: float = 0.0, tau: Rate = None
         return 2 / pi * _integral(integrand, -pi / 2, pi / 2)
 
     return _obscurance(transform, tau)
+
+
+def _clipped_to_horizon(points: Float64s, normal: Float64s) -> Float64s:
+    """The part of a polygon (k, 3) in the half-space x·normal ≥ 0 (Sutherland & Hodgman 1974), (j, 3), j ≥ 0."""
+    height = points @ normal
+    kept: list[Float64s] = []
+    for a, b, ha, hb in zip(points, np.roll(points, -1, axis=0), height, np.roll(height, -1), strict=True):
+        if ha >= 0:
+            kept.append(a)
+        if (ha >= 0) != (hb >= 0):
+            kept.append(a + (b - a) * (ha / (ha - hb)))
+    return np.array(kept, dtype=np.float64).reshape(-1, 3)
+
+
+def polygon_form_factor(polygon: npt.ArrayLike, point: npt.ArrayLike, normal: npt.ArrayLike) -> float:
+    """Cosine-weighted part F of the hemisphere at `point` that a planar polygon covers; w = 1 − F when binary.
+
+    F = |(1/2π) Σ Θ_i n·Γ_i|, Θ_i the angle that edge i subtends and Γ_i the unit normal of its plane through the point
+    (Lambert 1760; Baum, Rushmeier & Winget 1989), after clipping to the horizon. Polygons that do not overlap as seen
+    from the point add up.
+
+    Args: polygon: (k, 3), its corners in order; it need not be convex. point: not on it. normal: any length > 0.
+    """
+    up = np.asarray(normal, dtype=np.float64)
+    up = up / np.linalg.norm(up)
+    seen = _clipped_to_horizon(np.asarray(polygon, np.float64) - np.asarray(point, np.float64), up)
+    if len(seen) < 3:
+        return 0.0
+    seen /= np.linalg.norm(seen, axis=1, keepdims=True)
+    following = np.roll(seen, -1, axis=0)
+    across = np.cross(seen, following)
+    sine = np.linalg.norm(across, axis=1)
+    angle = np.arctan2(sine, (seen * following).sum(axis=1))
+    turns = angle * np.divide(across @ up, sine, out=np.zeros_like(sine), where=sine > 0)
+    return float(abs(turns.sum()) / (2 * np.pi))

@@ -12,9 +12,8 @@ from scipy.integrate import quad
 from scipy.special import expn, iti0k0
 from scipy.stats import qmc
 
-from obscurance.ao.analytic import closed_forms as analytic
-from obscurance.ao.analytic.closed_forms import bickley, shell
-from obscurance.ao.analytic.form_factor import polygon_form_factor
+from obscurance.ao import closed_forms as analytic
+from obscurance.ao.closed_forms import bickley, polygon_form_factor, shell
 
 Distance = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 

@@ -1,1 +1,0 @@
-"""Exact w(p) of open and closed configurations."""
