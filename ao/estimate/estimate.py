@@ -5,7 +5,7 @@ Sites are traced, and those inside solids get the values of the nearest sites ou
 
 import numpy as np
 
-from obscurance.raytrace.sampling.sequences import seed_key
+from obscurance.raytrace.sampling import seed_key
 from obscurance.raytrace.system.parallel import each
 from obscurance.raytrace.types import Bools, Int32Rows, Int32s, Int64Rows, Int64s
 

@@ -14,7 +14,7 @@ from typing import ClassVar, NamedTuple, Self
 import numpy as np
 
 from obscurance.raytrace.kernel.jit import bind, kernel
-from obscurance.raytrace.sampling.sequences import hash32_array
+from obscurance.raytrace.sampling import hash32_array
 from obscurance.raytrace.system.threads import run_blocks
 from obscurance.raytrace.types import Float32s, Float64Rows, Float64s, Int64s, UInt32s
 

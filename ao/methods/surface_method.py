@@ -76,6 +76,8 @@ def _fit(prepared: Prepared, rays: int) -> tuple[Fit, Int64s]:
     if prepared.options.tolerance is None:
         receivers.embree().release()
         receivers.embree.cache_clear()  # type: ignore[attr-defined]  # who needs it afterwards builds it anew
+    if prepared.progress:
+        prepared.progress(0, 1, "fit")
     problem, trial = build_problems(patch, moments, prepared.threads)
     del patch, moments, counts
 

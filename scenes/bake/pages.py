@@ -19,15 +19,15 @@ from obscurance import ao
 from obscurance.ao.texture.coverage import reaches_into_page, shared_texels
 from obscurance.ao.texture.uv_layout import UVLayout, have_area, on_page
 from obscurance.raytrace.errors import MeshError, OptionError, first_names
-from obscurance.raytrace.sampling.sequences import hash32_array
+from obscurance.raytrace.sampling import hash32_array
 from obscurance.raytrace.system.checks import check_outputs
-from obscurance.raytrace.text.safe_paths import file_words
 from obscurance.raytrace.types import Bools, Float64s
 
 from ..formats.images import MATERIAL, OBJECT, UDIM, tile_number, udim_tiles
 from ..formats.load import MeshFile
 from ..formats.primitive_groups import PrimitiveGroup, primitive_groups
-from ..show.progress import stage
+from ..safe_paths import file_words
+from ..show.progress import progress
 from .uv import Coordinates, coordinates
 
 if TYPE_CHECKING:
@@ -215,7 +215,7 @@ class Layout:
             from ..formats.gltf.textured import check_vertices
 
             check_vertices(source)
-        with stage("texture coordinates", plan.options.quiet, plan.options.progress):
+        with progress(plan.options.quiet, "texture coordinates", form=plan.options.progress):
             of_faces = coordinates(plan, source, chosen)
         pages = pages_of(plan, source, of_faces)
         check_outputs(outputs_of(plan, pages), [*plan.inputs, *source.files])

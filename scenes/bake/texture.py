@@ -23,7 +23,7 @@ from obscurance.raytrace.system.checks import check_outputs
 
 from ..formats.images import write_grey, write_normals
 from ..formats.primitive_groups import primitive_groups
-from ..show.progress import progress, stage
+from ..show.progress import progress
 from .console import texture_summary, warn
 from .pages import Layout, Page, lacking, layout_remarks, outputs_of
 from .report import OutputSummary, WorkSize, hashed_inputs, write_bake_report
@@ -80,7 +80,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
             lines = [*baked.shortfalls, *(f"{title}: {line}" for line in remarks)]
             new_warnings = warn([], [line for line in lines if line not in known_warnings])
             begun = time.perf_counter()
-            with stage("writing", plan.options.quiet, plan.options.progress):
+            with progress(plan.options.quiet, "writing", form=plan.options.progress):
                 _write_images(plan, baked, page)
             seconds = {"load": loaded, "write": time.perf_counter() - begun}
             bakes.append(BakedPage(title, baked, seconds, [*warnings, *new_warnings]))
@@ -90,7 +90,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
         # A .glb is written once all of its pages are baked.
         if plan.glb:
             begun = time.perf_counter()
-            with stage("writing", plan.options.quiet, plan.options.progress):
+            with progress(plan.options.quiet, "writing", form=plan.options.progress):
                 bakes[-1].warnings.extend(_write_glb(plan.glb, plan, inputs, layout, bakes))
             bakes[-1].seconds["write"] += time.perf_counter() - begun
             text = "\n".join(texture_summary(page.baked, page.title) for page in bakes)

@@ -19,7 +19,7 @@ from obscurance.raytrace.types import Float64s
 
 from ..formats.unsupported import unsupported_features
 from ..formats.write import write_vertices
-from ..show.progress import progress, stage
+from ..show.progress import progress
 from .console import COARSE, HARD, bake_summary, warn
 from .report import OutputSummary, WorkSize, command_again, hashed_inputs, write_bake_report
 
@@ -68,7 +68,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
         channels = plan.channels
         if plan.ending == ".html":
             channels = channels._replace(again=command_again(plan, inputs.source))
-        with stage("writing", options.quiet, options.progress):
+        with progress(options.quiet, "writing", form=options.progress):
             write_vertices(plan.output, baked, inputs.source, channels)
         if baked.coarse and baked.interpolation is not None:
             text = f"{COARSE} {baked.interpolation.rmse:.2f}, as the faces are too large for it"

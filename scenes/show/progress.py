@@ -3,7 +3,7 @@
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, Protocol
 
@@ -11,7 +11,7 @@ from obscurance.raytrace.system.interrupts import at_once
 
 _EVERY = 0.1  # seconds between lines of JSON
 _EVERY_LINE = 10.0  # and between lines off a terminal
-_UNCOUNTED = 1.0  # from which on a stage is shown that counts nothing
+_LATE = 1.0  # until a stage is shown that has counted nothing
 _RATED = 1000  # a count of fewer has no rate worth telling
 
 
@@ -32,36 +32,46 @@ def progress(
     In the form "json" they are lines, ten a second at most, on standard error whatever that is, quiet or not. A bar is
     full when the next one begins, and the last when the work is done.
 
-    Args: units: what each kind of work counts. status: says what else to show.
+    Args: units: what each kind of work counts, or a name of work that counts nothing. status: says what else to show.
     """
     if form == "json":
         start = time.perf_counter()
-        yield tuple(_json_lines(unit, start) for unit in units)
+        with _first_if_late([_json_lines(unit, start) for unit in units]) as advances:
+            yield advances
         return
     if quiet:
         yield (None,) * len(units)
         return
     shown = _cell() if in_notebook() else _bars() if sys.stderr.isatty() else _lines()
-    with shown as show:
-        yield tuple(_stages(unit, show, status) for unit in units)
+    with shown as show, _first_if_late([_stages(unit, show, status) for unit in units]) as advances:
+        yield advances
 
 
 @contextmanager
-def stage(name: str, quiet: bool, form: str) -> Iterator[None]:
-    """A stage of work that counts nothing, for `progress` to show if it is long."""
-    with progress(quiet, name, form=form) as (advance,):
-        if advance is None:
-            yield
-            return
-        timer = threading.Timer(_UNCOUNTED, advance, (0, 1))
-        with suppress(RuntimeError):  # the system grants no thread
-            timer.start()
-        try:
-            yield
-        finally:
-            timer.cancel()
-            if timer.is_alive():
-                timer.join()
+def _first_if_late(advances: Sequence[Advance]) -> Iterator[tuple[Advance, ...]]:
+    """The same, of which the first is called by itself where none is in time."""
+    called = threading.Event()
+
+    def heard(advance: Advance) -> Advance:
+        def call(done: int, total: int, stage: str = "") -> None:
+            called.set()
+            advance(done, total, stage)
+
+        return call
+
+    def wait() -> None:
+        if not called.wait(_LATE):
+            advances[0](0, 1)
+
+    waiting = threading.Thread(target=wait, daemon=True)
+    with suppress(RuntimeError):  # the system grants no thread
+        waiting.start()
+    try:
+        yield tuple(map(heard, advances))
+    finally:
+        called.set()
+        if waiting.is_alive():
+            waiting.join()
 
 
 Show = Callable[[str, int, int, str], None]  # of a stage: its label, what is done and in all, and what else to say
@@ -118,21 +128,26 @@ def _cell() -> Iterator[Show]:
     """A line below the cell of a notebook, which goes when the work is done."""
     from IPython.display import display
 
-    cell = display({"text/plain": ""}, raw=True, display_id=True)
+    cell: Any = None
     last = 0.0
 
     def show(label: str, done: int, total: int, text: str) -> None:
-        nonlocal last
+        nonlocal cell, last
         now = time.perf_counter()
         if now - last >= _EVERY:
             last = now
             words = f"{label}: {100 * done // max(total, 1)} %", text
-            cell.update({"text/plain": ", ".join(filter(None, words))}, raw=True)
+            line = {"text/plain": ", ".join(filter(None, words))}
+            if cell:
+                cell.update(line, raw=True)
+            else:
+                cell = display(line, raw=True, display_id=True)
 
     try:
         yield show
     finally:
-        cell.update({"text/plain": ""}, raw=True)
+        if cell:
+            cell.update({"text/plain": ""}, raw=True)
 
 
 @contextmanager

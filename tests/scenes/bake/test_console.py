@@ -14,7 +14,7 @@ from meshes import hills
 from obscurance import ao
 from obscurance.raytrace import Mesh
 from obscurance.scenes.geometry.polyhedra import icosphere
-from obscurance.scenes.show.progress import progress, stage
+from obscurance.scenes.show.progress import progress
 from obscurance.scenes.show.terminal import show_picture
 
 
@@ -123,10 +123,10 @@ def test_off_a_terminal_there_is_a_line_every_ten_seconds_also_of_a_stage_that_s
         assert re.fullmatch(r"obscurance: rays, round 2: 25 %, [\d.]+ M rays/s", lines(3)[2])
         tiles(1, 4)
         assert lines(6)[5] == "obscurance: tiles: 25 %"
-    monkeypatch.setattr("obscurance.scenes.show.progress._UNCOUNTED", 0.01)
-    with stage("reading", False, "bar"):
+    monkeypatch.setattr("obscurance.scenes.show.progress._LATE", 0.01)
+    with progress(False, "reading"):
         assert lines(8)[7] == "obscurance: reading: 0 %"
-    with stage("writing", True, "bar"):
+    with progress(True, "writing"):
         time.sleep(0.2)
     assert capsys.readouterr().err == ""
 

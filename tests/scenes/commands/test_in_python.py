@@ -189,5 +189,5 @@ def test_a_notebook_shows_a_line_that_goes(folder, monkeypatch):
     obscurance.bake("hills.ply", progress=False, **FEW)
     assert shown == []
     obscurance.bake("hills.ply", **FEW)
-    assert shown[0] == shown[-1] == ""
-    assert re.fullmatch(r"rays: \d+ %.*", shown[1])
+    assert any(re.fullmatch(r"rays: \d+ %.*", line) for line in shown)
+    assert shown[-1] == ""
