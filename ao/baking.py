@@ -16,7 +16,9 @@ from obscurance.raytrace.types import Bools, Int64s
 from .declared import known_names, options_record
 from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids
-from .estimate.tolerance import Estimate, shortfalls
+from .estimate.sites import FOLDED, ONE_PLACE, Sites
+from .estimate.tolerance import shortfalls
+from .execute.folded_means import FoldedMeans
 from .execute.kept import Kept
 from .execute.tracer import Progress
 from .falloff import Falloffs, Length
@@ -37,6 +39,8 @@ from .points.receivers import Flag
 from .prepared import Inputs, Prepared
 from .result import Bake, Interpolation, PointValues, assemble, baked_vertices
 
+_CORNER_SHARE = 8  # of a vertex's rays, for each of some 18 corner samples, whose mean errs as much as a vertex's w
+_CORNER_SHARE_DENOISED = 3  # where other vertices are denoised
 _LARGE = 1 << 14  # vertices of a mesh that is not kept until somebody asks for the error between them
 
 
@@ -231,12 +235,13 @@ def _sample_vertices(prepared: Prepared) -> PointValues:
     if inside.any():
         receivers.flags[np.append(inside, False)[point]] |= np.uint8(Flag.HIDDEN)  # −1, for no point, is the last row
     filled = inside & (options.interior != "mark")
-    edges = edges_of(points, point, receivers.faces, tracer)
-
-    def estimated() -> tuple[Estimate, int]:
-        return estimate_outside(tracer, points, receivers.corners, edges, filled, prepared.options)
-
-    return PointValues.of(tracer.each_column(estimated), tracer.rays, receivers.displaced)
+    sites = Sites.alike(points, edges_of(points, point, receivers.faces, tracer.threads), ONE_PLACE)
+    corners = receivers.corners
+    if len(corners):
+        sites.kinds[corners.point_rows] = FOLDED
+        share = _CORNER_SHARE if options.tolerance is None else _CORNER_SHARE_DENOISED
+        tracer.means = FoldedMeans(corners, points.numbers[corners.point_rows], share)
+    return PointValues.of(*estimate_outside(tracer, sites, filled, options), tracer.rays, receivers.displaced)
 
 
 def _check_memory(count: int, meshes: list[Mesh], options: Options) -> None:

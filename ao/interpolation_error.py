@@ -81,7 +81,7 @@ def _estimate_twice(prepared: Prepared, points: Points, geometric_normals: Float
     twice = points[np.tile(np.arange(len(points)), 2)]
     twice = replace(twice, numbers=np.arange(len(twice), dtype=np.uint32))
     key = derive(prepared.key, 8)
-    gathered = tracer.gather(twice, _RAYS, key)
+    gathered = np.ascontiguousarray(tracer.gather(twice, _RAYS, key)[:, 0])
     table, cone = tracer.scene.table(_RAYS, total, key), tracer.scene.cone
     leave_out_below(twice.arrays, np.tile(geometric_normals, (2, 1)), table, cone, gathered)
     return np.asarray(gathered[:, W].reshape(2, -1).T)

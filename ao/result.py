@@ -201,17 +201,17 @@ class PointValues(NamedTuple):
     others: tuple[Float64s, ...] = ()  # w and its standard error (k, j) by j falloffs more, if there are any
 
     @classmethod
-    def of(cls, columns: Sequence[tuple[Estimate, int]], rays: int, displaced: AnyFloats | float = 0.0) -> PointValues:
+    def of(cls, columns: Sequence[Estimate], hidden: int, rays: int, displaced: AnyFloats | float = 0.0) -> PointValues:
         """Values at points from the estimates by each falloff, the first being that of w.
 
         Args:
-            rays: that were traced.
+            hidden: how many are filled. rays: that were traced.
             displaced: (k,), errors besides, of ray origins in folds.
         """
-        w = [np.clip(estimate.values[:, 0], 0.0, 1.0) for estimate, _ in columns]
-        error = [np.sqrt(estimate.variance + np.square(displaced)) for estimate, _ in columns]
+        w = [np.clip(estimate.values[:, 0], 0.0, 1.0) for estimate in columns]
+        error = [np.sqrt(estimate.variance + np.square(displaced)) for estimate in columns]
         further = tuple(np.stack(columns_of[1:], axis=-1) for columns_of in (w, error)) if len(columns) > 1 else ()
-        estimate, hidden = columns[0]
+        estimate = columns[0]
         return cls(
             w[0],
             error[0],

@@ -9,7 +9,8 @@ from obscurance.raytrace.types import Float64s, Int64s
 from ..rays.directions import BATCHES
 
 _TYPICAL = 0.2  # part of their mean in each expected squared error
-_USUAL, _DEVIATION = 1.0, 0.3  # factor by which expected squared errors are off, and its standard deviation
+_DEVIATION = 0.3  # of the factor by which expected squared errors are off, which is usually 1
+_LEAST = 0.05  # of that factor
 
 
 class CalibrationGroup(NamedTuple):
@@ -51,18 +52,16 @@ class Calibration(NamedTuple):
         return CalibrationGroup(len(measured), *(float(np.sqrt(max(square, 0.0))) for square in squares))
 
 
-def calibration_factor(expected: Float64s, squared: Float64s, everywhere: Float64s) -> float:
-    """The factor by which `expected` squared errors (j,) are off in the mean, from unbiased measures `squared` (j,).
+def calibration_factor(expected: float, measured: float, variance: float) -> float:
+    """The factor by which squared errors of the mean `expected` are off that are `measured` in the mean.
 
-    A measure that scatters much is mistrusted: the mean of it and what is usual, weighted by their variances. So is a
-    measure where few points have most of the error `everywhere`, expected of all (k,): it may have missed them.
+    Args: variance: of what is measured. The more it scatters, relative to what is measured or, if that is more, to what
+        is expected, the less it counts.
     """
-    mean = float(np.mean(expected)) if len(expected) else 0.0
-    if mean <= 0 or len(squared) <= 1:
+    if expected <= 0:
         return 1.0
-    uneven = float(mean_square(everywhere) / np.mean(everywhere) ** 2)
-    scatter = (float(np.var(squared)) / mean**2 + 2 * uneven) / len(squared)
-    return float(np.clip(_USUAL + (float(np.mean(squared)) / mean - _USUAL) / (1 + scatter / _DEVIATION**2), 1 / 3, 3))
+    scatter = variance / max(measured, expected) ** 2
+    return max(1.0 + (measured / expected - 1.0) / (1.0 + scatter / _DEVIATION**2), _LEAST)
 
 
 def mean_square(values: Float64s) -> float:

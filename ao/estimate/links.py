@@ -5,10 +5,10 @@ from scipy.sparse import coo_array, csr_array
 
 from obscurance.raytrace.types import AnyInts, Float32s
 
-from .one_ring import Neighbours, NeighboursOf
+from .one_ring import Neighbours
 
 
-def linked(here: AnyInts, there: AnyInts, normals: Float32s, threads: int) -> NeighboursOf:
+def linked(here: AnyInts, there: AnyInts, normals: Float32s, threads: int) -> Neighbours:
     """The points joined by links from `here` (l,) to `there` (l,), both ways. Args: normals: (k, 3), unit."""
     count = len(normals)
     ends = np.concatenate([here, there]), np.concatenate([there, here])
@@ -17,4 +17,4 @@ def linked(here: AnyInts, there: AnyInts, normals: Float32s, threads: int) -> Ne
     graph.eliminate_zeros()
     starts = graph.indptr.astype(np.int64)
     indices = graph.indices.astype(np.int32)
-    return Neighbours.weighted(starts, indices, np.ones(len(indices), np.float32), normals, threads).among
+    return Neighbours.weighted(starts, indices, np.ones(len(indices), np.float32), normals, threads)

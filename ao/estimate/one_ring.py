@@ -120,9 +120,6 @@ class Neighbours:
         return out
 
 
-NeighboursOf = Callable[[Int64s], Neighbours]  # neighbours among the points of rows (k,), ascending
-
-
 @parallel("places", alone=True)
 def _list_ends(start: int, stop: int, faces: Int32Rows | Int64Rows, places: Int64s, ends: Int32s | None) -> None:
     """Write the ends of edges at point i from places[i] on, or count them, without `ends`; move places[i] past them."""

@@ -1,127 +1,176 @@
-"""Points at which the error of a bake is measured, by rays that are no part of any estimate.
+"""Sites at which the error of a bake is measured, by rays that are no part of any estimate.
 
-Where w jumps, few points have most of the squared error. So the points are a stratified sample with optimum allocation
-(Neyman 1934): most are spread over all points, the others over those where the largest errors are expected.
+Each has two estimates a and b, independent of the result and of each other, at places drawn from all of the site:
+(w − a)(w − b) is an unbiased squared error of w, whatever made it. Where w jumps, few sites have most of the squared
+error. So probes are a stratified sample with optimum allocation (Neyman 1934): some are spread over all sites, the
+others over those where the largest errors are expected.
 """
 
-from copy import copy
-from typing import Self
+from typing import NamedTuple
 
 import numpy as np
 
 from obscurance.raytrace.types import Float32s, Float64s, Int64s
 
 from ..execute.tracer import Tracer
-from ..points.points import Points
 from ..rays.gather import W
-from .calibration import Calibration, calibration_factor
-from .sampling_error import BATCH, RATE, derive, rays_alone, sampling_variance, stratified_rows
+from .calibration import Calibration, calibration_factor, mean_square
+from .copies import Copies
+from .sampling_error import BATCH, RATE, derive, sampling_variance, stratified_rows
+from .sites import KINDS, SEVERAL_PLACES, Sites
 
-_PROBED, _FEWEST, _MOST = 16, 96, 1024  # one point in how many is probed, at least and at most
-_LARGEST, _MORE = 0.05, 0.25  # part of the points that count as largest errors; probes among them, to the other probes
-_EXPECTED = 16  # probes that the expected largest errors are worth
-_SAMPLED = 1 << 14  # points by which the largest errors are told from others
+_LARGEST = 0.05  # part of the sites that count as largest errors
+_SAMPLED = 1 << 14  # sites by which the largest errors are told from others
 _MARGIN = 10.0  # times one by the number of probes
 _PRIOR = 64  # probes that what is expected of their noise is worth
+_GROWN = 1.25  # times as many rays a site must have as its probe for the probe to get more
+
+
+class Checks(NamedTuple):
+    """Two estimates, by one falloff, of each of some traced sites."""
+
+    rows: Int64s  # (j,), of the traced sites
+    one: Float64s
+    other: Float64s
+    weight: Float64s  # of sum 1
+    rays: Int64s  # (j,), of each estimate
+    spread: int  # so many first ones are spread evenly
+
+    def squared(self, w: Float64s) -> Float64s:
+        """Unbiased squared errors (j,) of `w` (j,)."""
+        return (w - self.one) * (w - self.other)
+
+    def mean_squared(self, w: Float64s) -> float:
+        """The mean squared error over all traced sites, of which `w` (j,) is given."""
+        return float(self.weight @ self.squared(w))
+
+    def level(self, raw: Float32s, worth: Float64s) -> float:
+        """Mean square error of values `raw` (b,) by rays alone, which are `worth` (b,): as measured, and, where there
+        are few probes, as the noise of the probes' own rays lets expect."""
+        even = slice(self.spread)
+        one, other = self.one[even], self.other[even]
+        rays = max(int(np.mean(self.rays[even])), 1) if self.spread else 1
+        expected = sampling_variance(one, other, rays) * float(rays**RATE * np.mean(1 / worth))
+        here = raw[self.rows[even]]
+        measured = max(float(np.sum((here - one) * (here - other))), 0.0)
+        return (measured + _PRIOR * expected) / (len(here) + _PRIOR)
 
 
 class Probes:
-    """Points at which the error is measured: `point_rows` (j,), each by two independent estimates for every falloff."""
+    """A set of probes: `rows` (j,) of sites, each with two estimates for every falloff."""
 
-    def __init__(self, tracer: Tracer, points: Points, tolerance: float, max_samples: int, key: np.uint32) -> None:
+    def __init__(
+        self, tracer: Tracer, sites: Sites, counts: tuple[int, float], rays: int, key: np.uint32, salt: int
+    ) -> None:
+        """Args: counts: how many are spread over all sites, and how many times as many more are put where errors are
+        largest, with so many `rays` each. salt: of this set."""
+        wanted, self._more = counts
         self._tracer = tracer
-        self._points = points
-        self._key = key
-        # More rays would not make up for fewer probes: both err by as much.
-        self._samples = min(rays_alone(tolerance), max(max_samples, BATCH))
-        self.point_rows = stratified_rows(len(points), int(np.clip(len(points) // _PROBED, _FEWEST, _MOST)))
-        self._spread_count = len(self.point_rows)  # so many are over all points; others follow
-        self._has_large_error = np.zeros(len(points), np.bool_)
-        self._weights = np.full(self._spread_count, 1 / max(self._spread_count, 1))
-        traced = self._trace(self.point_rows)
-        self._at_points = [(one[0], other[0]) for one, other in traced]
-        self._references = [(one[1], other[1]) for one, other in traced]
+        self._rays = rays
+        self._keys = derive(key, 4 + salt), derive(key, 5 + salt)
+        self._spread = stratified_rows(len(sites), wanted, salt)  # other rows, and other rays, than another set's
+        self._has_large_error = np.zeros(len(sites), np.bool_)
+        self._turn = 0
+        self.rows = self._spread
+        self._weights = np.full(len(self.rows), 1 / max(len(self.rows), 1))
+        self._copies = [self._traced(sites, self.rows)]
 
-    def _trace(self, point_rows: Int64s) -> list[tuple[tuple[Float64s, Float64s], tuple[Float64s, Float64s]]]:
-        """For each falloff two independent estimates at points, and elsewhere in what the points stand for."""
-        probed = self._points[point_rows]
+    def _traced(self, sites: Sites, rows: Int64s) -> tuple[Copies, Copies]:
+        """Two estimates of sites `rows` (i,)."""
+        pair = Copies(self._tracer, sites.points[rows], True), Copies(self._tracer, sites.points[rows], True)
+        for copies, key in zip(pair, self._keys, strict=True):
+            copies.add(np.full(len(rows), self._rays), key)
+        return pair
 
-        def traced(salt: int) -> tuple[Float64s, Float64s]:
-            here = self._tracer.gather(probed, self._samples, derive(self._key, salt))
-            elsewhere = self._tracer.gather_elsewhere(probed, self._samples, derive(self._key, salt + 2), here)
-            return here[:, W], elsewhere[:, W]
+    def grow(self, sites: Sites, rays: Int64s) -> None:
+        """Trace as many rays at each probe as its site has of `rays` (k,), where places count, not rays alone: with
+        fewer places than the site a probe errs by more than what it measures."""
+        self._turn += 1
+        begin = 0
+        for pair in self._copies:
+            rows = self.rows[begin : begin + len(pair[0].rays)]
+            begin += len(rows)
+            have = pair[0].rays
+            wanted = np.where(sites.kinds[rows] == SEVERAL_PLACES, rays[rows], 0)
+            batches = 2.0 ** np.rint(np.log2(np.maximum(wanted - have, BATCH) / BATCH))
+            more = np.where(wanted > _GROWN * have, BATCH * batches, 0).astype(np.int64)
+            for copies, key in zip(pair, self._keys, strict=True):
+                copies.add(more, derive(key, self._turn))
 
-        return self._tracer.each_column(lambda: (traced(4), traced(5)))
-
-    def only(self, probed_rows: Int64s, kept_rows: Int64s) -> Self:
-        """Those of the first probes that are at points `probed_rows` (i,), where points `kept_rows` (k,) are the only
-        ones; both ascending."""
-        kept = np.searchsorted(self.point_rows, probed_rows)
-        some = copy(self)
-        some.point_rows = np.searchsorted(kept_rows, probed_rows)
-        some._spread_count = len(kept)
-        some._weights = np.full(len(kept), 1 / len(kept))
-        some._at_points = [(one[kept], other[kept]) for one, other in self._at_points]
-        some._references = [(one[kept], other[kept]) for one, other in self._references]
-        return some
-
-    def add_where_error_is_largest(self, error: Float64s) -> None:
-        """Once, probe points of the largest squared errors (k,) expected, too."""
-        if len(self.point_rows) > self._spread_count:
+    def add_where_error_is_largest(self, sites: Sites, error: Float64s) -> None:
+        """Once, probe sites of the largest squared errors (k,) expected, too."""
+        if len(self._copies) > 1 or not self._more:
             return
         step = max(len(error) // _SAMPLED, 1)
         largest = error > np.quantile(error[::step], 1 - _LARGEST, method="lower")  # the others import numpy.ma
         unprobed = largest.copy()
-        unprobed[self.point_rows] = False
+        unprobed[self.rows] = False
         candidates = np.flatnonzero(unprobed)
         if not len(candidates):
             return
-        added = candidates[stratified_rows(len(candidates), round(_MORE * self._spread_count))]
-        for column, (one, other) in enumerate(self._trace(added)):
-            before = self._references[column]
-            self._references[column] = np.append(before[0], one[1]), np.append(before[1], other[1])
+        added = candidates[stratified_rows(len(candidates), round(self._more * len(self._spread)))]
+        self._copies.append(self._traced(sites, added))
         self._has_large_error = largest
-        self.point_rows = np.append(self.point_rows, added)
-        is_largest = largest[self.point_rows]
-        share = float(np.mean(largest))
+        self.rows = np.append(self.rows, added)
+        is_largest = largest[self.rows]
+        part = float(np.mean(largest))
         count = int(np.count_nonzero(is_largest))
-        self._weights = np.where(is_largest, share / count, (1 - share) / max(len(self.point_rows) - count, 1))
+        self._weights = np.where(is_largest, part / count, (1 - part) / max(len(self.rows) - count, 1))
 
     @property
     def margin(self) -> float:
         """By how much less than the squared tolerance is to be measured, relative to what is: a bake may end because
         too little is measured by chance, the more so the fewer probes there are."""
-        return _MARGIN / len(self.point_rows)
+        return _MARGIN / len(self.rows)
 
-    def mean_squared(self, w: Float64s, column: int) -> float:
-        """The mean squared error over all points, measured at the probes, of which `w` (j,) is given."""
-        return float(self._weights @ self._squared(w, column))
+    def spread_over_traced(self, sites: Sites) -> Int64s:
+        """The rows of the probes that are spread over all sites, those that are traced."""
+        return self._spread[sites.is_traced(self._spread)]
 
-    def _squared(self, w: Float64s, column: int) -> Float64s:
-        """Unbiased squared errors (j,) of `w` (j,) at the probes, as the estimates are independent."""
-        one, other = self._references[column]
-        return (w - one) * (w - other)
+    def _estimates(self, column: int) -> tuple[Float64s, Float64s]:
+        """Both estimates (j,) of w at the probes."""
+        one, other = zip(*self._copies, strict=True)
+        return _joined(one, column), _joined(other, column)
 
-    def calibrate(self, error: Float64s, w: Float64s, column: int) -> Calibration:
-        """Scale the squared errors (k,) expected of `w` (k,) to what is measured, the largest by themselves."""
-        measured = self._squared(w[self.point_rows], column)
-        largest = self._has_large_error
-        probed = largest[self.point_rows]
-        if probed.any():
-            expected = float(np.mean(error[self.point_rows[probed]]))
-            total = float(np.sum(measured[probed])) + _EXPECTED * expected
-            mean = total / (np.count_nonzero(probed) + _EXPECTED)
-            error[largest] *= max(mean / max(expected, 1e-300), 1 / 3)
-        others = ~largest
-        error[others] *= calibration_factor(error[self.point_rows[~probed]], measured[~probed], error[others])
-        return Calibration(error[self.point_rows], measured, len(error) * self._weights)
+    def checks(self, sites: Sites, column: int, some: Int64s | None = None) -> Checks:
+        """The probes at traced sites. Args: some: only those of rows (i,), ascending, of probes that are spread."""
+        at = np.flatnonzero(sites.is_traced(self.rows))
+        spread = int(np.count_nonzero(at < len(self._spread)))
+        if some is not None:
+            at = np.searchsorted(self._spread, some)
+            spread = len(at)
+        one, other = self._estimates(column)
+        rays = np.concatenate([pair[0].rays for pair in self._copies])
+        weight = self._weights[at] if some is None else np.full(len(at), 1.0)
+        return Checks(
+            sites.traced_of(self.rows[at]), one[at], other[at], weight / max(weight.sum(), 1e-300), rays[at], spread
+        )
 
-    def level(self, raw: Float32s, worth: Float64s, column: int) -> float:
-        """Mean square error of values `raw` (k,) by rays alone, which are `worth` (k,): as measured, and, where there
-        are few probes, as the noise of the probes' own rays lets expect."""
-        one, other = self._at_points[column]
-        probe_noise = sampling_variance(one, other, self._samples)
-        expected = probe_noise * float(self._samples**RATE * np.mean(1 / worth))
-        here = raw[self.point_rows[: self._spread_count]]
-        measured = max(float(np.sum((here - one) * (here - other))), 0.0)
-        return (measured + _PRIOR * expected) / (len(here) + _PRIOR)
+    def calibrate(self, sites: Sites, error: Float64s, w: Float64s, column: int) -> Calibration:
+        """Scale the squared errors (k,) expected to what is measured of `w` (j,) at the probes: their mean, and how
+        much of it each kind of site has, and the largest of a kind."""
+        one, other = self._estimates(column)
+        measured = (w - one) * (w - other)
+        mean = float(self._weights @ measured)
+        # Few sites may have most of the error, and be missed.
+        variance = float(self._weights**2 @ ((measured - mean) ** 2 + 2 * mean_square(error)))
+        expected_mean = float(np.mean(error))
+        told = expected_mean * calibration_factor(expected_mean, mean, variance)
+        group = sites.kinds + np.uint8(len(KINDS)) * self._has_large_error
+        for number in np.unique(group[self.rows]):
+            members = group == number
+            probed = members[self.rows]
+            expected = error[self.rows[probed]]
+            if len(expected) > 1:
+                among = error[members]
+                scatter = float(np.var(measured[probed])) + 2 * mean_square(among)
+                error[members] *= calibration_factor(
+                    float(np.mean(expected)), float(np.mean(measured[probed])), scatter / len(expected)
+                )
+        error *= told / max(float(np.mean(error)), 1e-300)
+        return Calibration(error[self.rows], measured, len(error) * self._weights)
+
+
+def _joined(copies: tuple[Copies, ...], column: int) -> Float64s:
+    """w of several copies, one after another."""
+    return np.concatenate([each.gathered[column][:, W] for each in copies]).astype(np.float64)

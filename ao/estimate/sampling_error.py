@@ -27,9 +27,12 @@ def derive(key: np.uint32, salt: int) -> np.uint32:
     return np.uint32(hash32_array(hash32_array([salt]) ^ key)[0])
 
 
-def stratified_rows(count: int, wanted: int) -> Int64s:
-    """`wanted` of `count` rows, one from each equal stretch of Morton order, all if there are no more; ascending."""
+def stratified_rows(count: int, wanted: int, salt: int = 0) -> Int64s:
+    """`wanted` of `count` rows, one from each equal stretch of Morton order, all if there are no more; ascending.
+
+    Args: salt: of the choice in each stretch.
+    """
     wanted = min(count, wanted)
     bounds = np.arange(wanted + 1) * count // max(wanted, 1)
-    chance = np.ldexp(hash32_array(np.arange(wanted, dtype=np.uint32)).astype(np.float64), -32)
+    chance = np.ldexp(hash32_array(np.arange(wanted, dtype=np.uint32) ^ np.uint32(salt)).astype(np.float64), -32)
     return bounds[:-1] + (chance * np.diff(bounds)).astype(np.int64)

@@ -1,4 +1,9 @@
-"""Estimates at groups of samples on faces, each the mean over its samples, less rays that start below the face."""
+"""Estimates of sites of several places: texels and faces by samples on faces, less rays that start below the face.
+
+A site of n rays has n / 32 places, and never fewer than a few: what is missed between places errs no more than what is
+missed between rays. The first places are the samples that the site was found with; others are parts of one sequence,
+shifted by chance, that is even over the whole site (Cranley & Patterson 1976).
+"""
 
 from __future__ import annotations
 
@@ -9,59 +14,96 @@ from typing import ClassVar, NamedTuple, Self
 import numpy as np
 
 from obscurance.raytrace.kernel.jit import bind, kernel
+from obscurance.raytrace.sampling import hash32_array
 from obscurance.raytrace.system.threads import run_blocks
 from obscurance.raytrace.types import Float32s, Float64Rows, Float64s, Int64s, UInt32s
 
 from ..points.points import Points
 from ..points.surface_samples import SurfaceSamples
 from ..rays.below_face import leave_out_below
-from ..rays.gather import BATCH_VARIANCE, COLUMNS
+from ..rays.gather import BATCH_VARIANCE, COLUMNS, W
 from ..rays.ray_scene import RayScene
 from .tracer import Hemispheres, Tracer
 from .work import Outputs
 
 _GATHERED = 1 << 20  # samples
 _BLOCK, _SHARE = 1 << 9, 16  # groups, and blocks at once
+_PLACED = 1 << 14  # groups whose samples are made together
+_RAYS = 32  # of a place, where there are many
+_FEWEST = 4  # places of a site that has several
+_RATE = -1.5  # the variance of the mean over n places, or rays, falls as n^−1.5
+Elsewhere = Callable[[Int64s, Int64s, np.uint32], SurfaceSamples]
+"""Makes samples of some sites (n,), group by group, by parts (n,) 0, 1, … of the sequence of each, and a key."""
 
 
 class SampleMeans(NamedTuple):
-    """What makes a `Tracer` one of groups of samples: its points stand for the groups, by their numbers."""
+    """What makes a `Tracer` one of sites: its points stand for these, by their numbers."""
 
-    samples: SurfaceSamples
-    elsewhere: Callable[[Int64s, np.uint32], SurfaceSamples] | None = None  # of some groups (j,) others, by a key
+    samples: SurfaceSamples  # of the first sites; others have none but `elsewhere`
+    elsewhere: Elsewhere | None = None  # None: each site is the one place that it has
     enough: int = 8  # rays of a sample, so that more samples are worth their time; less where w varies among them
 
-    def resampled(self, points: Points, key: np.uint32) -> SampleMeans | None:
-        """The same groups with other samples, for a second estimate at some `points`; None if groups have no others."""
+    def rows(self, tracer: Tracer, points: Points, rays: int, key: np.uint32, leap: int, elsewhere: bool) -> Float64s:
+        """Rows (k, …, COLUMNS) of sites, by so many `rays` each or a few more; see `Tracer.gather`."""
+        sites = points.numbers.astype(np.int64)
         if self.elsewhere is None:
-            return None
-        return self._replace(samples=self.elsewhere(points.numbers.astype(np.int64), key))
-
-    def rows(self, tracer: Tracer, points: Points, rays: int, key: np.uint32) -> Float64s:
-        """Rows (k, …, COLUMNS) of groups, by so many `rays` each or a few more."""
-        groups = points.numbers.astype(np.int64)
-        counts = self.samples.counts[groups]
-        fewer = np.clip(rays // self.enough, 1, counts)
-        samples_of = np.where(self.samples.all_count[groups], counts, 2 ** np.floor(np.log2(fewer)).astype(np.int64))
-        out = np.empty((len(points), *tracer.mu.shape, COLUMNS))
-        for samples in np.flatnonzero(np.bincount(samples_of)).tolist():
-            alike = np.flatnonzero(samples_of == samples)
-            step = _GATHERED // samples
-            for begin in range(0, len(alike), step):
-                block = alike[begin : begin + step]
-                work = self._work(tracer, groups[block], samples, (-(-rays // samples), key))
-                (out[block],) = tracer.fill(work)
+            return self._means(tracer, self.samples, sites, sites, rays, key)
+        has_own = sites < len(self.samples)
+        counts = np.full(len(sites), _FEWEST)
+        counts[has_own] = self.samples.counts[sites[has_own]]
+        if elsewhere:
+            has_own[:] = False
+            counts = np.maximum(counts, _FEWEST)
+        parts = np.where(counts == 1, 1, np.maximum(np.rint(rays / (_RAYS * counts)), 1)).astype(np.int64)
+        out = np.zeros((len(points), *tracer.mu.shape, COLUMNS))
+        for number in np.flatnonzero(np.bincount(parts)).tolist():
+            each = -(-rays // number)
+            alike = np.flatnonzero(parts == number)
+            own = alike[has_own[alike]]
+            out[own] = self._means(tracer, self.samples, sites[own], sites[own], each, key)
+            # The other parts of each site, added up.
+            others = number - has_own[alike]
+            of = np.repeat(alike, others)
+            part = number - 1 - (np.repeat(np.cumsum(others), others) - 1 - np.arange(len(of)))
+            np.add.at(out, of, self._elsewhere(tracer, sites[of], part, each, key))
+            out[alike] /= number
+            out[alike, ..., BATCH_VARIANCE] *= number**_RATE
         return out
 
-    def _work(self, tracer: Tracer, groups: Int64s, samples: int, rays: tuple[int, np.uint32]) -> MeansOfGroups:
-        """Means over so many `samples` of each of the `groups`. Args: rays: of a sample, and their directions' key."""
-        source = np.empty(samples * len(groups), np.int64)
-        numbers = np.empty(len(source), np.uint32)
-        pick = bind(_pick, groups, samples, self.samples.starts, int(rays[1]), source, numbers)
-        run_blocks(len(groups), _BLOCK, pick, tracer.threads, most=_SHARE)
-        points = replace(self.samples.points[source], numbers=numbers)
-        normals = self.samples.geometric_normals.take(source, axis=0)
-        return MeansOfGroups(tracer.hemispheres(points, *rays, leap=samples), samples, normals)
+    def _elsewhere(self, tracer: Tracer, sites: Int64s, parts: Int64s, rays: int, key: np.uint32) -> Float64s:
+        """Rows (n, …, COLUMNS) of `parts` (n,) of sites (n,), by samples made for them."""
+        assert self.elsewhere
+        key = np.uint32(~key)  # other directions than those of the sites' own samples
+        out = np.empty((len(sites), *tracer.mu.shape, COLUMNS))
+        for begin in range(0, len(sites), _PLACED):
+            block = slice(begin, begin + _PLACED)
+            numbers = hash32_array(hash32_array(sites[block]) ^ parts[block].astype(np.uint32)) >> np.uint32(8)
+            samples = self.elsewhere(sites[block], parts[block], key)
+            out[block] = self._means(tracer, samples, np.arange(len(samples)), numbers.astype(np.int64), rays, key)
+        return out
+
+    def _means(
+        self, tracer: Tracer, samples: SurfaceSamples, groups: Int64s, numbers: Int64s, rays: int, key: np.uint32
+    ) -> Float64s:
+        """Rows of some `groups` (n,) of samples, by so many rays each. Args: numbers: (n,), of random choices."""
+        counts = samples.counts[groups]
+        fewer = np.clip(rays // self.enough, 1, counts)
+        samples_of = np.where(samples.all_count[groups], counts, 2 ** np.floor(np.log2(fewer)).astype(np.int64))
+        out = np.empty((len(groups), *tracer.mu.shape, COLUMNS))
+        for count in np.flatnonzero(np.bincount(samples_of)).tolist():
+            alike = np.flatnonzero(samples_of == count)
+            step = max(_GATHERED // count, 1)
+            for begin in range(0, len(alike), step):
+                block = alike[begin : begin + step]
+                source = np.empty(count * len(block), np.int64)
+                chosen = np.empty(len(source), np.uint32)
+                pick = bind(_pick, groups[block], numbers[block], count, samples.starts, int(key), source, chosen)
+                run_blocks(len(block), _BLOCK, pick, tracer.threads, most=_SHARE)
+                points = replace(samples.points[source], numbers=chosen)
+                normals = samples.geometric_normals.take(source, axis=0)
+                hemispheres = tracer.hemispheres(points, -(-rays // count), key, leap=count)
+                (out[block],) = tracer.fill(MeansOfGroups(hemispheres, count, normals))
+        return out
 
 
 @dataclass(eq=False)
@@ -117,7 +159,15 @@ class MeansOfGroups:
 
 @kernel
 def _pick(
-    groups: Int64s, samples: int, starts: Int64s, chance: int, source: Int64s, numbers: UInt32s, start: int, stop: int
+    groups: Int64s,
+    group_numbers: Int64s,
+    samples: int,
+    starts: Int64s,
+    chance: int,
+    source: Int64s,
+    numbers: UInt32s,
+    start: int,
+    stop: int,
 ) -> None:
     """Write which samples of each group are taken, one of its runs of so many by `chance`, and their numbers."""
     for i in range(start, stop):
@@ -126,16 +176,24 @@ def _pick(
         begin += samples * (chance % runs)
         for k in range(samples):
             source[samples * i + k] = begin + k
-            numbers[samples * i + k] = samples * groups[i] + k
+            numbers[samples * i + k] = samples * group_numbers[i] + k
 
 
 @kernel
 def _average(values: Float64Rows, samples: int, out: Float64Rows) -> None:
-    """Write means of every `samples` consecutive `values` (k, COLUMNS) to the rows of `out`."""
+    """Write means of every `samples` consecutive `values` (k, COLUMNS) to the rows of `out`.
+
+    The variance of one sample is that of its rays, or what samples differ by beyond that, whichever is larger; of the
+    mean it is as if of all rays at once: they share a leaped lattice, and places are even over the site.
+    """
     for i in range(len(out)):
         for column in range(COLUMNS):
             total = 0.0
             for k in range(samples):
                 total += values[samples * i + k, column]
             out[i, column] = total / samples
-        out[i, BATCH_VARIANCE] *= samples**-1.5  # as if of all rays at once: they share a leaped lattice
+        between = 0.0
+        for k in range(samples):
+            between += (values[samples * i + k, W] - out[i, W]) ** 2
+        within = out[i, BATCH_VARIANCE]
+        out[i, BATCH_VARIANCE] = max(within, between / max(samples - 1, 1) - within) * samples**_RATE

@@ -3,12 +3,12 @@
 import hashlib
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Protocol, Self, TypeVar
+from dataclasses import dataclass, replace
+from typing import ClassVar, Protocol, Self
 
 import numpy as np
 
-from obscurance.raytrace.types import Float64s, Int64s
+from obscurance.raytrace.types import Float64s
 
 from ..mu import KernelMu
 from ..points.points import Points
@@ -22,7 +22,6 @@ from .kept import NOTHING_KEPT, Kept
 from .work import KeptRowTask, Outputs
 
 Progress = Callable[[int, int, str], None]
-T = TypeVar("T")
 
 
 @dataclass(eq=False)
@@ -86,13 +85,10 @@ class Hemispheres:
 
 
 class Means(Protocol):
-    """What points stand for that are traced by samples elsewhere; see `SampleMeans`."""
+    """What makes rows of sites of which each has several places; see `SampleMeans` and `FoldedMeans`."""
 
-    def rows(self, tracer: "Tracer", points: Points, rays: int, key: np.uint32) -> Float64s:
-        """Rows (k, …, COLUMNS) of what the points stand for, by about so many `rays` each."""
-
-    def resampled(self, points: Points, key: np.uint32) -> "Means | None":
-        """The same with other samples of what some `points` stand for, if there are others, chosen by a key."""
+    def rows(self, tracer: "Tracer", points: Points, rays: int, key: np.uint32, leap: int, elsewhere: bool) -> Float64s:
+        """Rows (k, …, COLUMNS) of the sites that `points` stand for, by about so many `rays` each; see `gather`."""
 
 
 @dataclass(eq=False)
@@ -109,67 +105,24 @@ class Tracer:
     expected: int = 0  # rays in all, 0 while none are planned
     stage: str = "rays"  # of the work, for who watches its progress
     rays: int = 0  # traced
-    column: int = 0  # of several falloffs the one whose rows are gathered
-    means: Means | None = None  # over samples; None: hemispheres at the points themselves
-    planned: list[Any] = field(default_factory=list)  # estimates to a tolerance, of each falloff
-    _traced: dict[tuple[int, int], tuple[Int64s, Float64s]] = field(default_factory=dict)
+    means: Means | None = None  # over several places of each site; None: hemispheres at the points themselves
 
-    def gather(self, points: Points, samples: int, key: np.uint32, leap: int = 1) -> Float64s:
-        """Rows (k, COLUMNS) of `gather_hemispheres`: of `points`, by `samples` rays each, directions drawn by `key`.
+    def gather(self, points: Points, samples: int, key: np.uint32, leap: int = 1, elsewhere: bool = False) -> Float64s:
+        """Rows (k, c, COLUMNS) by c falloffs: of `points`, by `samples` rays each, directions drawn by `key`.
 
-        Args: leap: see `DirectionTable`; samples of texels have a lattice for each texel.
+        Args: leap: see `DirectionTable`; places of a texel have a lattice together. elsewhere: at places drawn by `key`
+            from all of what each point stands for; those of a vertex are its own.
         """
-        if self.mu.columns is None:
-            return self._rows(points, samples, key, leap)
-        nothing = np.zeros(0, np.int64), np.zeros((0, *self.mu.shape, COLUMNS))
-        numbers, values = self._traced.get((samples, int(key)), nothing)  # by number, ascending
-        if np.array_equal(numbers, points.numbers):
-            return np.ascontiguousarray(values[:, self.column])
-        missing = np.append(numbers, -1)[np.searchsorted(numbers, points.numbers)] != points.numbers
-        if missing.any():
-            numbers = np.append(numbers, points.numbers[missing].astype(np.int64))
-            traced = self._rows(points[missing], samples, key, leap)
-            values = np.concatenate([values, traced]) if len(values) else traced
-            if (np.diff(numbers) < 0).any():
-                order = np.argsort(numbers, kind="stable")
-                numbers = numbers[order]
-                values = values[order]
-            self._traced[samples, int(key)] = numbers, values
-        return np.asarray(values[np.searchsorted(numbers, points.numbers), self.column])
-
-    def gather_elsewhere(self, points: Points, samples: int, key: np.uint32, here: Float64s) -> Float64s:
-        """`gather` elsewhere in what each of the `points` stands for, by a `key` that no other rows have.
-
-        Args: here: rows of the points themselves by independent rays, which are what vertices have elsewhere, too.
-        """
-        means = self.means
-        resampled = means and means.resampled(points, key)
-        if resampled is None:
-            return here
-        self.means = resampled
-        values = self.gather(points, samples, key)
-        self.means = means
-        return values
+        if self.means:
+            rows = self.means.rows(self, points, samples, key, leap, elsewhere)
+        else:
+            rows = self.fill(self.hemispheres(points, samples, key, leap))[0]
+        return rows.reshape(-1, self.columns, COLUMNS)
 
     @property
     def columns(self) -> int:
         """How many falloffs are gathered for."""
         return self.mu.shape[0] if self.mu.shape else 1
-
-    def each_column(self, estimate: Callable[[], T]) -> list[T]:
-        """What `estimate` returns for each falloff in turn; what one of them has traced is there for the next."""
-        results, before = [], self.column
-        for column in range(self.columns):
-            self.column = column
-            results.append(estimate())
-        self.column = before
-        return results
-
-    def _rows(self, points: Points, samples: int, key: np.uint32, leap: int) -> Float64s:
-        """Rows (k, COLUMNS), or with several falloffs (k, c, COLUMNS)."""
-        if self.means:
-            return self.means.rows(self, points, samples, key)
-        return self.fill(self.hemispheres(points, samples, key, leap))[0]
 
     def hemispheres(self, points: Points, samples: int, key: np.uint32, leap: int) -> Hemispheres:
         """Work for `fill`. Args: leap: see `DirectionTable`."""

@@ -11,12 +11,11 @@ from obscurance.raytrace.types import Bools, Float32s, Float64s, Int64s
 from ..estimate.estimate import estimate_outside
 from ..estimate.inside import inside_solids
 from ..estimate.links import linked
-from ..estimate.one_ring import NeighboursOf
+from ..estimate.one_ring import Neighbours
 from ..estimate.sampling_error import derive
-from ..estimate.tolerance import Estimate
+from ..estimate.sites import SEVERAL_PLACES, Sites
 from ..execute.kept import Kept
 from ..execute.sample_means import SampleMeans
-from ..points.corners import CornerSamples
 from ..points.receivers import Flag
 from ..points.smooth_surface import PointGroups, SmoothSurface, VertexAxes
 from ..points.surface_samples import SurfaceSamples
@@ -56,9 +55,9 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Kept | None) -> tup
         nothing = np.zeros_like(vertices)
         surface = surface._replace(axes=VertexAxes(nothing, nothing))
 
-    def samples_of(numbers: Int64s, key: np.uint32) -> SurfaceSamples:
-        """Jittered samples on the faces `numbers`, more on larger ones."""
-        on_faces = _spread(faces[numbers], areas[numbers] / areas.sum(), key)
+    def samples_of(numbers: Int64s, parts: Int64s, key: np.uint32) -> SurfaceSamples:
+        """Jittered samples on the faces `numbers` (n,), more on larger ones, others in each of some `parts` (n,)."""
+        on_faces = _spread(faces[numbers], parts, areas[numbers] / areas.sum(), key)
         all_count = np.zeros(len(numbers), np.bool_)
         return SurfaceSamples.place(on_faces, all_count, surface, receivers, threads)
 
@@ -77,20 +76,17 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Kept | None) -> tup
         inside &= ~np.repeat(hidden, samples.counts)
         return samples.without(inside, threads) if inside.any() else samples, hidden
 
-    def elsewhere(numbers: Int64s, key: np.uint32) -> SurfaceSamples:
-        """Other samples on the faces `numbers`, for a second estimate."""
-        ascending = np.sort(numbers)
-        return outside(samples_of(ascending, key))[0].spread(ascending, len(faces))
+    def elsewhere(numbers: Int64s, parts: Int64s, key: np.uint32) -> SurfaceSamples:
+        return outside(samples_of(numbers, parts, key))[0]
 
     # Their estimates, by each falloff.
-    samples, hidden = outside(samples_of(np.arange(len(faces)), derive(prepared.key, _PLACES)))
-    points = samples.first_points
+    everything = np.arange(len(faces))
+    samples, hidden = outside(samples_of(everything, 0 * everything, derive(prepared.key, _PLACES)))
     tracer = prepared.sample_tracer(SampleMeans(samples, elsewhere, _RAYS), "faces", checkpoint)
-    beside = _neighbours(corners, points.normals, threads)
+    points = samples.first_points
+    sites = Sites.alike(points, _neighbours(corners, points.normals, threads), SEVERAL_PLACES)
     filled = hidden & (options.interior != "mark")
-
-    def estimated() -> tuple[Estimate, int]:
-        return estimate_outside(tracer, points, CornerSamples.none(), beside, filled, options)
+    values = PointValues.of(*estimate_outside(tracer, sites, filled, options), tracer.rays)
 
     # Rows of the estimates, and flags, of all faces of the mesh.
     row = np.full(count, -1)
@@ -100,7 +96,7 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Kept | None) -> tup
     flags[with_area[wanted[hidden[row_of_wanted]]]] = Flag.HIDDEN
     normals = samples.geometric_normals[samples.starts[:-1], :3]
     elements = BakedElements(row, flags, np.ascontiguousarray(normals), len(wanted))
-    return elements, PointValues.of(tracer.each_column(estimated), tracer.rays)
+    return elements, values
 
 
 def _coincident(corners: Int64s) -> tuple[Int64s, Int64s]:
@@ -120,8 +116,10 @@ def _coincident(corners: Int64s) -> tuple[Int64s, Int64s]:
     return first[by_place], np.argsort(by_place)[group]
 
 
-def _spread(faces: Int64s, shares: Float64s, key: np.uint32) -> PointGroups:
-    """Jittered samples of each face, one in each of its 4, 16, … congruent parts. Args: shares: (k,), of the area.
+def _spread(faces: Int64s, parts: Int64s, shares: Float64s, key: np.uint32) -> PointGroups:
+    """Jittered samples of each face, one in each of its 4, 16, … congruent parts.
+
+    Args: parts: (k,), other samples for other numbers. shares: (k,), of the area.
 
     However few of the first ones are taken, their mean is unbiased: the parts are in the order of a van der Corput
     sequence in base 4, whose digits are turned at random for each face (Basu & Owen 2015, triangular van der Corput).
@@ -130,18 +128,18 @@ def _spread(faces: Int64s, shares: Float64s, key: np.uint32) -> PointGroups:
     depth = np.clip(np.rint(wanted), _LEAST, _MOST).astype(np.int64)
     starts = np.concatenate([[0], np.cumsum(4**depth)])
     barycentric = np.empty((starts[-1], 3), np.float32)
-    parts = np.eye(3)[None]
+    triangles = np.eye(3)[None]
     for k in range(1, _MOST + 1):
-        parts = _quartered(parts)
+        triangles = _quartered(triangles)
         of_depth = np.flatnonzero(depth == k)
-        turns = hash32_array(hash32_array(faces[of_depth]) ^ key)[:, None]
+        turns = hash32_array(hash32_array(faces[of_depth]) ^ hash32_array(parts[of_depth]) ^ key)[:, None]
         number = np.arange(4**k)
         part = np.zeros((len(of_depth), len(number)), np.int64)
         for digit in range(k):
             part += (number // 4**digit + (turns >> np.uint32(2 * digit))) % 4 * 4**digit
         sample = starts[of_depth][:, None] + number
         within = _uniform(sample, derive(key, _JITTER))
-        barycentric[sample] = np.einsum("rsc,rscb->rsb", within, parts[part])
+        barycentric[sample] = np.einsum("rsc,rscb->rsb", within, triangles[part])
     return PointGroups(starts, np.repeat(faces, 4**depth).astype(np.int32), barycentric)
 
 
@@ -160,7 +158,7 @@ def _uniform(numbers: Int64s, key: np.uint32) -> Float32s:
     return np.stack([1 - root, root * (1 - v), root * v], axis=-1).astype(np.float32)
 
 
-def _neighbours(corners: Int64s, normals: Float32s, threads: int) -> NeighboursOf:
+def _neighbours(corners: Int64s, normals: Float32s, threads: int) -> Neighbours:
     """The faces across the edges of each face, as estimates take neighbours.
 
     Args:

@@ -12,9 +12,8 @@ from obscurance.raytrace.types import Int64s, UInt8s
 
 from ..estimate.estimate import edges_of, estimate_outside
 from ..estimate.inside import inside_solids
-from ..estimate.tolerance import Estimate
+from ..estimate.sites import ONE_PLACE, Sites
 from ..execute.sample_means import SampleMeans
-from ..points.corners import CornerSamples
 from ..points.projection import FineMesh, cage_of
 from ..points.receivers import Flag, Receivers, find_receivers
 from ..points.smooth_surface import PointGroups, SmoothSurface, SurfacePoints
@@ -48,16 +47,14 @@ def sample_fine_mesh(prepared: Prepared, coarse: Mesh, inputs: Inputs) -> tuple[
     # Edges between them as the coarse mesh has them, over which estimates are denoised.
     row_of = np.full(len(order) + 1, -1)
     row_of[order] = np.arange(len(order))
-    edges = edges_of(samples.points, row_of[vertices.of_vertex], vertices.faces, tracer)
+    edges = edges_of(samples.points, row_of[vertices.of_vertex], vertices.faces, threads)
     filled = inside & (options.interior != "mark")
-
-    def estimated() -> tuple[Estimate, int]:
-        estimate, untraced = estimate_outside(tracer, samples.points, CornerSamples.none(), edges, filled, options)
-        sample_of = row_of[:-1]
-        return estimate._replace(values=estimate.values[sample_of], variance=estimate.variance[sample_of]), untraced
-
+    sites = Sites.alike(samples.points, edges, ONE_PLACE)
+    estimates, untraced = estimate_outside(tracer, sites, filled, options)
     # Values in the order of the vertices.
-    values = PointValues.of(tracer.each_column(estimated), tracer.rays)
+    sample_of = row_of[:-1]
+    estimates = [each._replace(values=each.values[sample_of], variance=each.variance[sample_of]) for each in estimates]
+    values = PointValues.of(estimates, untraced, tracer.rays)
     return prepared._replace(requested_receivers=replace(vertices, flags=flags)), values
 
 

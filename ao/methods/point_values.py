@@ -20,11 +20,11 @@ from obscurance.raytrace.types import Float64s, UInt8s
 from ..declared import known_names
 from ..estimate.estimate import estimate
 from ..estimate.links import linked
-from ..estimate.tolerance import Estimate, shortfalls
+from ..estimate.sites import ONE_PLACE, Sites
+from ..estimate.tolerance import shortfalls
 from ..execute.tracer import Progress
 from ..falloff import Falloffs
 from ..options import BackFaces, Options
-from ..points.corners import CornerSamples
 from ..points.points import Points
 from ..points.receivers import Flag
 from ..prepared import Prepared
@@ -94,13 +94,9 @@ def bake_points(
     tracer = prepared.tracer(len(order))
     near = cKDTree(places[order]).query(places[order], min(_NEIGHBOURS + 1, len(order)), workers=prepared.threads)[1]
     rows = np.repeat(np.arange(len(order)), near.size // max(len(order), 1))
-    beside = linked(rows, near.ravel(), baked.normals, prepared.threads)
-
-    def estimated() -> tuple[Estimate, int]:
-        return estimate(tracer, baked, CornerSamples.none(), beside, checked), 0
-
+    sites = Sites.alike(baked, linked(rows, near.ravel(), baked.normals, prepared.threads), ONE_PLACE)
     # Their estimates, in the order of the arguments.
-    values = PointValues.of(tracer.each_column(estimated), tracer.rays)
+    values = PointValues.of(estimate(tracer, sites, checked), 0, tracer.rays)
     row = np.full(len(places), -1)
     row[order] = np.arange(len(order))
     flags: UInt8s = np.where(row < 0, Flag.DEGENERATE, 0).astype(np.uint8)

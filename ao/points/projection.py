@@ -58,7 +58,12 @@ class FineMesh:
         return self.placement.vertices.astype(np.float64)
 
     def project(
-        self, positions: Float64s, normals: Float64s, cage: float | Float64s, groups: Groups | None = None
+        self,
+        positions: Float64s,
+        normals: Float64s,
+        cage: float | Float64s,
+        groups: Groups | None = None,
+        required: bool = True,
     ) -> tuple[SurfacePoints, Int64s]:
         """Points of the coarse mesh moved onto this one, k, and which of them the cage misses, (j,).
 
@@ -66,8 +71,10 @@ class FineMesh:
             positions, normals: (k, 3), the points on the coarse mesh and its unit normals there, in render space.
             cage: how far the fine surface may be, in mesh units, or points (k, 3), which say which way, too.
             groups: of the points (k,) and of the fine mesh's vertices, the first of which says that of a face.
+            required: that any point meets something.
 
-        Raises: MeshError: no point meets anything, or no face has an area. OptionError: no face has a point's group.
+        Raises: MeshError: no point meets anything that is to, or no face has an area. OptionError: no face has a
+            point's group.
         """
         if not len(self.receivers.faces):
             raise MeshError(self.source, "faces", "some that have an area", "none")
@@ -77,7 +84,7 @@ class FineMesh:
         unmet = np.flatnonzero(face < 0)
         face[unmet], barycentric[unmet] = self._beside(rays, unmet, match)
         missed = np.flatnonzero(face < 0)
-        if len(missed) == len(face):
+        if required and len(missed) == len(face):
             raise MeshError(self.source, *_NOTHING)
         if len(missed):
             reach = float(rays.reach.max()) or 1.0

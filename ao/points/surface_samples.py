@@ -122,14 +122,6 @@ class SurfaceSamples:
             np.append(self.all_count, others.all_count),
         )
 
-    def spread(self, groups: Int64s, count: int) -> SurfaceSamples:
-        """The same samples as groups `groups` (k,), ascending, of `count` groups; the others have none."""
-        counts = np.zeros(count, np.int64)
-        counts[groups] = self.counts
-        all_count = np.zeros(count, np.bool_)
-        all_count[groups] = self.all_count
-        return replace(self, starts=np.concatenate([[0], np.cumsum(counts)]), all_count=all_count)
-
 
 def with_alpha(located: LocatedPoints, opacity: PackedOpacity | None, face: Int64s, barycentric: Float32s) -> Float32s:
     """What `leave_out_below` takes of points at `barycentric` (k, 3) on faces (k,): normals, alpha, cosines (k, 5)."""

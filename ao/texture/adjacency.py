@@ -2,14 +2,13 @@
 
 import numpy as np
 
-from obscurance.raytrace.mesh.weld import connected_components
 from obscurance.raytrace.system.parallel import each
 from obscurance.raytrace.types import Float32Rows, Float32s, Float64s, Int32Rows, Int32s, Int64s
 
 from ..estimate.one_ring import Neighbours
 from .texels import Texels
 from .uv_layout import doubled_areas
-from .uv_surface import UVSurface, corner_places
+from .uv_surface import UVSurface
 
 _NEAR = 3.0  # times the size of a texel on the surface that a neighbour may be away: more is another part of the chart
 
@@ -19,7 +18,7 @@ def texel_neighbours(surface: UVSurface, texels: Texels, most: float, threads: i
     count, layout, points = len(texels), surface.layout, texels.points
     row_of = np.full(layout.width * layout.height, -1, np.int32)
     row_of[texels.texels] = np.arange(count)
-    charts = _charts(surface)[texels.page_face].astype(np.int32)
+    charts = surface.charts[texels.page_face].astype(np.int32)
     sizes = _texel_sizes(layout.uv, surface.vertices, surface.receivers.faces, most)[texels.page_face]
     # Neighbours on the page, four at most, in the same chart and near on the surface.
     beside = np.empty((count, 4), np.int32)
@@ -36,12 +35,6 @@ def texel_neighbours(surface: UVSurface, texels: Texels, most: float, threads: i
     indices = np.empty(starts[-1], np.int32)
     _write_neighbours.on(threads)(starts, beside, across, seam_texels, indices)
     return Neighbours.weighted(starts, indices, np.ones(len(indices), np.float32), points.normals, threads)
-
-
-def _charts(surface: UVSurface) -> Int64s:
-    """The number (m,) of each face's chart: the faces that hang together on the page."""
-    corners = corner_places(surface.layout.uv, surface.face_points)
-    return connected_components(corners, int(corners.max()) + 1)[corners[:, 0]]
 
 
 def _across_seams(surface: UVSurface, row_of: Int32s, count: int) -> tuple[Int64s, Int64s]:

@@ -1,8 +1,8 @@
 """`ao.bake_texture`: a mesh with texture coordinates in, w of every texel out."""
 
 import time
-from collections.abc import Callable, Sequence
-from functools import cache, partial
+from collections.abc import Sequence
+from functools import partial
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -14,18 +14,15 @@ from obscurance.raytrace.system.checks import NEGLIGIBLE, check_memory
 from obscurance.raytrace.types import Float64s, Int64s
 
 from ..declared import Option, known_names, options_record
-from ..estimate.cells import Cells
 from ..estimate.estimate import estimate
-from ..estimate.one_ring import Neighbours
-from ..estimate.tolerance import Estimate, shortfalls
-from ..estimate.upsampling import upsample
+from ..estimate.sites import Sites
+from ..estimate.tolerance import shortfalls
 from ..execute.kept import Kept
 from ..execute.sample_means import SampleMeans
-from ..execute.tracer import Progress, Tracer
+from ..execute.tracer import Progress
 from ..falloff import Falloffs, Length
 from ..memory import TRACED_TEXEL, bytes_of_texture
 from ..options import BackFaces, BentSpace, Interior, Normals, Overlap, TextureOptions
-from ..points.corners import CornerSamples
 from ..points.occluders import occluding
 from ..points.projection import cage_of
 from ..prepared import Inputs, Prepared
@@ -170,7 +167,8 @@ def bake_page(options: TextureArguments) -> BakedTexture:
     watch = prepared.progress or _unwatched
     watch(0, 1, "coverage")
     surface = _surface(scene, prepared, size, options.wrap)
-    sampler = TexelSampler(Page.of(surface.layout, surface.areas), surface, prepared, options, scene.cage)
+    page = Page.of(surface.layout, surface.areas, surface.charts)
+    sampler = TexelSampler(page, surface, prepared, options, scene.cage)
     coverage = sampler.page.cover(options.overlap, prepared.threads)
     reached = len(coverage.texels)
     overlapping = int(np.count_nonzero(coverage.overlapping))
@@ -188,7 +186,9 @@ def bake_page(options: TextureArguments) -> BakedTexture:
     tracer = prepared.sample_tracer(
         SampleMeans(texels.samples, partial(sampler.elsewhere, texels)), "texture", options.checkpoint
     )
-    estimates = _estimates(tracer, surface, texels, prepared)
+    beside = texel_neighbours(surface, texels, prepared.placement.diagonal, prepared.threads)
+    estimates = estimate(tracer, Sites(texels.points, beside, texels.kinds, texels.stands_for), options)
+    del beside
     # The pages, seams closed and the rest filled.
     watch(0, 1, "seams")
     assembly = PageAssembly(surface.layout, texels, surface.seams, shown, prepared.threads)
@@ -276,37 +276,6 @@ def _mirrored(scene: _Scene, layout: UVLayout) -> int:
     if scene.cage or scene.solid is scene.mesh:
         return layout.mirrored
     return int(np.count_nonzero(on_page(scene.uv))) - layout.flat - layout.mirrored
-
-
-def _estimates(tracer: Tracer, surface: UVSurface, texels: Texels, prepared: Prepared) -> list[Estimate]:
-    """Estimates at the texels by each falloff."""
-
-    @cache
-    def cells() -> Neighbours:
-        """Neighbours of the texels that were baked, one of each block."""
-        neighbours = texel_neighbours(surface, texels, prepared.placement.diagonal, prepared.threads)
-        grouped = Cells.of(texels.cell)
-        return grouped.joined(neighbours, texels.points.normals[grouped.centres])
-
-    points = texels.samples.first_points
-
-    def by_falloff() -> Estimate:
-        """Estimates at all texels, by one falloff."""
-        baked = estimate(tracer, points, CornerSamples.none(), lambda rows: cells().among(rows), prepared.options)
-        return _predicted(baked, texels, cells) if len(texels) > len(points) else baked
-
-    return tracer.each_column(by_falloff)
-
-
-def _predicted(baked: Estimate, texels: Texels, cells: Callable[[], Neighbours]) -> Estimate:
-    """Estimates at all texels (k,) from those at the texels that were baked."""
-    count = len(baked.values)
-    cell = texels.cell[count:].astype(np.int32)
-    predicted = upsample(texels.points[count:], cell, cells(), texels.points[:count], baked.values)
-    values = np.concatenate([baked.values, predicted])
-    spared = baked.spared + baked.samples * (len(texels) - count)
-    variance = baked.variance[texels.cell]  # measured anywhere in what a texel stands for
-    return baked._replace(values=values, variance=variance, spared=spared)
 
 
 def _frames(space: BentSpace, surface: UVSurface, texels: Texels) -> Float64s | None:

@@ -33,16 +33,18 @@ class Page(NamedTuple):
     crowding: (
         Float64s  # (t,), how many texels of an even layout show as much of the surface as a texel of each triangle
     )
+    chart: Int32s  # (t,), the number of each triangle's chart
     band_rows: int  # rows of the page in each band
     starts: Int64s  # (b + 1,), of each band in `listed`
     listed: Int64s  # triangles, ascending, of band after band
 
     @classmethod
-    def of(cls, layout: UVLayout, areas: Float64s | None = None) -> Self:
+    def of(cls, layout: UVLayout, areas: Float64s | None = None, charts: Int64s | None = None) -> Self:
         """List the triangles of a layout by the bands of rows that they reach into.
 
         Args:
             areas: (m,), of the faces' surface, so that texels which show much of it have more samples.
+            charts: (m,), of the faces, so that what two of them show in a texel is measured.
         """
         crowding = np.zeros(len(layout.face))
         if areas is not None:
@@ -55,30 +57,39 @@ class Page(NamedTuple):
         starts = np.concatenate([[0], np.cumsum(counts)])
         listed = np.empty(starts[-1], np.int64)
         list_bands(layout.corners, layout.height, band_rows, starts[:-1].copy(), listed)
-        return cls(layout, crowding, band_rows, starts, listed)
+        chart = np.zeros(len(layout.face), np.int32) if charts is None else charts[layout.face].astype(np.int32)
+        return cls(layout, crowding, chart, band_rows, starts, listed)
 
     def cover(
-        self, overlap: Overlap, threads: int, texels: Int64s | None = None, key: np.uint32 = np.uint32(0)
+        self,
+        overlap: Overlap,
+        threads: int,
+        texels: Int64s | None = None,
+        parts: Int64s | None = None,
+        key: np.uint32 = np.uint32(0),
     ) -> Coverage:
         """The texels that faces cover, found band by band.
 
         Args:
             overlap: where faces overlap, samples lie on all ("mean") or on the first of them.
-            texels: (n,), ascending, only these, with points at random places in each. None: all, at regular places.
-            key: of the random places.
+            texels: (n,), ascending, only these, some of them more than once, with points at places by chance in each.
+                None: all, at regular places.
+            parts, key: (n,), of `Places.by_chance`.
         """
         size = self.band_rows * self.layout.width
         bands: dict[int, Coverage] = {}
 
         def work(start: int, stop: int) -> None:
             triangles = self.listed[self.starts[start // size] : self.starts[start // size + 1]]
-            if texels is None:
-                band_texels, places = np.arange(start, stop), REGULAR
+            if texels is None or parts is None:
+                rows, places = np.arange(start, stop), REGULAR
+                band_texels = rows
             else:
-                band_texels = texels[np.searchsorted(texels, start) : np.searchsorted(texels, stop)]
-                places = Places.by_chance(band_texels, key)
+                rows = np.arange(np.searchsorted(texels, start), np.searchsorted(texels, stop))
+                band_texels = texels[rows]
+                places = Places.by_chance(band_texels, parts[rows], key)
             if len(band_texels) or start == 0:
-                bands[start] = _Band(self, band_texels, triangles, places, overlap == "mean").cover()
+                bands[start] = _Band(self, band_texels, rows, triangles, places, overlap == "mean").cover()
 
         run_blocks(self.layout.height * self.layout.width, size, work, threads)
         return Coverage.joined([band for _, band in sorted(bands.items())])
@@ -90,6 +101,7 @@ class _Band(NamedTuple):
 
     page: Page
     texels: Int64s  # (n,), ascending
+    rows: Int64s  # (n,), of `Coverage`
     triangles: Int64s  # that may reach into the texels
     places: Places  # for each texel, or for all
     layered: bool  # whether all faces share a texel
@@ -101,7 +113,8 @@ class _Band(NamedTuple):
         # Triangles at the texels' points, and texels whose samples are sought in parts of triangles.
         marks = Marks.of(count)
         how = np.empty(count, np.int64)
-        scan_convert(self.triangles, layout.corners, self.texels, layout.width, self.places.points, marks, None)
+        triangles = layout.corners, self.page.chart
+        scan_convert(self.triangles, triangles, self.texels, layout.width, self.places.points, marks, None)
         find_partial(marks, self.page.crowding, self.layered, how)
         partial = np.flatnonzero(how != NOT_SOUGHT)
         counts, listed = self._sample(partial, how[partial], marks.reaching)
@@ -114,6 +127,7 @@ class _Band(NamedTuple):
         return Coverage(
             layout=layout,
             texels=self.texels[covered],
+            rows=self.rows[covered],
             places=self.places.of(covered),
             triangle=marks.triangle[covered],
             overlapping=marks.overlapping[covered],
@@ -145,7 +159,8 @@ class _Band(NamedTuple):
         starts = np.concatenate([[0], np.cumsum(reaching, dtype=np.int64)])
         lists = Lists(starts, np.zeros(len(texels), np.int64), np.empty(starts[-1], np.int32))
         layout = self.page.layout
-        scan_convert(self.triangles, layout.corners, texels, layout.width, REGULAR.points, None, lists)
+        triangles = layout.corners, self.page.chart
+        scan_convert(self.triangles, triangles, texels, layout.width, REGULAR.points, None, lists)
         return lists
 
 

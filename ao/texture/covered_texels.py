@@ -18,6 +18,8 @@ from .partial_texels import MOST
 from .raster import EDGE, GRID, POINTS, SLOTS, set_up_edges, store_barycentric
 from .uv_layout import UVLayout
 
+_STEP = np.array([0.7548776662466927, 0.5698402909980532])  # of the R2 sequence (Roberts 2018)
+
 
 class Places(NamedTuple):
     """Where points of texels lie, for each (k, …) or for all (1, …)."""
@@ -26,14 +28,16 @@ class Places(NamedTuple):
     offsets: Float64s  # (…, 2), see `PartialTexels`
 
     @classmethod
-    def by_chance(cls, texels: Int64s, key: np.uint32) -> Self:
-        """Random places, of each texel its own, by the texel's number and a key."""
-        numbers = hash32_array(hash32_array(texels) ^ key)[:, None] + np.arange(6, dtype=np.uint32)
+    def by_chance(cls, texels: Int64s, parts: Int64s, key: np.uint32) -> Self:
+        """Places by `parts` (k,) 0, 1, … of a sequence that is even over each texel, shifted by chance (Cranley &
+        Patterson 1976), by the texel's number and a key."""
+        numbers = hash32_array(hash32_array(texels) ^ key)[:, None] + np.arange(4, dtype=np.uint32)
         random: Float64s = hash32_array(numbers).astype(np.float64) * 2.0**-32
+        shift = (random.reshape(-1, 2, 2) + parts[:, None, None] * _STEP) % 1.0
         points = np.full((len(texels), POINTS, 2), 0.5)
-        points[:, 0:SLOTS:2] = GRID[0:SLOTS:2] + random[:, :4].reshape(-1, 2, 2) / SLOTS - 1 / (2 * SLOTS)
+        points[:, 0:SLOTS:2] = (GRID[0:SLOTS:2] + shift[:, :1]) % 1.0
         points[:, 1:SLOTS:2] = 1 - points[:, 0:SLOTS:2]
-        return cls(points, random[:, 4:])
+        return cls(points, shift[:, 1])
 
     def of(self, texels: Int64s) -> Self:
         """The places in some `texels`, rows."""
@@ -60,6 +64,7 @@ class Coverage:
 
     layout: UVLayout
     texels: Int64s  # (k,), row · width + column
+    rows: Int64s  # (k,), which of the texels that were looked at
     places: Places  # of the points
     triangle: Int32s  # (k, POINTS), row of `UVLayout.corners`; −1 where a point has none, and at overlaps' centres
     overlapping: Bools  # (k,), whether several faces lie over one another
@@ -76,6 +81,7 @@ class Coverage:
         return cls(
             layout=bands[0].layout,
             texels=np.concatenate([band.texels for band in bands]),
+            rows=np.concatenate([band.rows for band in bands]),
             places=places,
             triangle=np.concatenate([band.triangle for band in bands]),
             overlapping=np.concatenate([band.overlapping for band in bands]),

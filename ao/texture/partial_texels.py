@@ -22,6 +22,7 @@ _CROWDED, _FULL = (
     32.0,
 )  # texels of an even layout that would show as much; from so many on it has more samples, the most
 _LEAST, _OF_TRIANGLE = 1e-9, 1e-6  # area, in texels, or part of the triangle's, that is any at all
+_UNSEEN = 1e-3  # part of a texel's area that its points may miss
 CORNERS = 8  # of a triangle cut by a square, at most 7
 _FEW = 4  # layers that have a sample at each point; more have one each
 
@@ -50,12 +51,13 @@ def find_partial(marks: Marks, crowding: Float64s, layered: bool, how: Int64s) -
                 hits += 1
                 most_crowding = max(most_crowding, crowding[marks.triangle[i, k]])
         crowded = most_crowding >= _CROWDED and (layered or not overlapping)
-        sought = hits < SLOTS or crowded or (overlapping and layered)
+        hidden = layered and marks.charts[i] and not overlapping  # a chart may lie over another between the points
+        sought = hits < SLOTS or crowded or (overlapping and layered) or hidden
         how[i] = NOT_SOUGHT
         if sought and marks.reaching[i] > 0:
             how[i] = LAYERS if layered and overlapping and not crowded else AREA
         for k in range(POINTS):
-            if hits < SLOTS or (overlapping and k == SLOTS):
+            if hits < SLOTS or ((overlapping or hidden) and k == SLOTS):
                 marks.triangle[i, k] = -1
 
 
@@ -85,8 +87,8 @@ def sample_partial(
         points = partial.points[i if len(partial.points) > 1 else 0]
         offset = partial.offsets[i if len(partial.offsets) > 1 else 0]
         texel_samples = triangle[i], barycentric[i]
-        if partial.how[i] == LAYERS:
-            place = partial.texels[i], points, offset[0]
+        place = partial.texels[i], points, offset[0]
+        if partial.how[i] == LAYERS and _cover_all(corners, candidates, texel, points, (clipped, edges)):
             counts[i] = _sample_layers(corners, candidates, texel, place, edges, texel_samples)
         else:
             counts[i] = _sample_area(corners, crowding, candidates, texel, offset, (clipped, edges), texel_samples)
@@ -125,6 +127,20 @@ def _sample_area(corners, crowding, candidates, texel, offset, scratch, out):
 
 
 @inline
+def _cover_all(corners, candidates, texel, points, scratch):
+    """Whether the triangles at the points of a texel are all that it has: whether the depth there is the area."""
+    clipped, edges = scratch
+    total = depth = 0.0
+    for t in candidates:
+        total += clip_to_texel(corners[t], texel, clipped)[0]
+        area = set_up_edges(corners[t], edges)
+        for k in range(SLOTS):
+            inside = least_edge(edges, texel[0] + points[k, 0], texel[1] + points[k, 1]) > INSIDE * area
+            depth += inside / SLOTS
+    return abs(total - depth) < _UNSEEN * depth
+
+
+@inline
 def _measure(corners, crowding, candidates, texel, clipped):
     """The area of all parts of triangles in a texel, and how many samples it should have: more for several parts, or
     where many texels of an even layout would show as much of the surface."""
@@ -137,7 +153,7 @@ def _measure(corners, crowding, candidates, texel, clipped):
             parts += 1
     if parts <= 1 and weighted < _CROWDED:
         return total, SLOTS * parts
-    return total, _MORE if weighted < _FULL else MOST
+    return total, _MORE if weighted < _FULL and parts <= _MORE else MOST
 
 
 @inline

@@ -30,12 +30,15 @@ class Marks(NamedTuple):
     inside: UInt8s  # (n,), a bit for each of the SLOTS points that is inside of a triangle
     overlapping: Bools  # (n,), whether two triangles have one of these points inside
     reaching: Int32s  # (n,), how many reach into the texel
+    chart: Int32s  # (n,), of the first that does
+    charts: Bools  # (n,), whether others are of other charts
 
     @classmethod
     def of(cls, count: int) -> Self:
         """Marks of `count` texels that no triangle has reached."""
         triangle = np.full((count, POINTS), -1, np.int32)
-        return cls(triangle, np.zeros(count, np.uint8), np.zeros(count, np.bool_), np.zeros(count, np.int32))
+        inside, overlapping, charts = np.zeros(count, np.uint8), np.zeros(count, np.bool_), np.zeros(count, np.bool_)
+        return cls(triangle, inside, overlapping, np.zeros(count, np.int32), np.zeros(count, np.int32), charts)
 
 
 class Lists(NamedTuple):
@@ -69,8 +72,8 @@ def list_bands(corners: Float64Grid, height: int, band_rows: int, places: Int64s
 
 @kernel
 def scan_convert(
-    triangles: Int64s,
-    corners: Float64Grid,
+    listed: Int64s,
+    triangles: tuple[Float64Grid, Int32s],
     texels: Int64s,
     width: int,
     points: Float64Grid,
@@ -80,25 +83,34 @@ def scan_convert(
     """Visit those of n `texels` of a page, ascending, that triangles reach into, one triangle after another.
 
     Args:
-        triangles: rows of `corners` (t, 3, 2), ascending. texels: (n,), row · width + column; width: of the page.
+        listed: rows of the triangles, ascending. triangles: their corners (t, 3, 2) and charts (t,).
+        texels: (n,), row · width + column, some more than once. width: of the page.
         points: (n, POINTS, 2) or (1, POINTS, 2) in the texels. marks: `Marks` to be made, or None. lists: `Lists` to be
             filled, or None.
     """
+    corners, chart = triangles
     edges = np.empty((3, EDGE))
     if len(texels) == 0:
         return
-    for t in triangles:
+    all_there = True  # one after another, none left out
+    for i in range(1, len(texels)):
+        all_there &= texels[i] == texels[i - 1] + 1
+    for t in listed:
         area = set_up_edges(corners[t], edges)
         first_row, last_row = _rows(corners[t], texels[0] // width, texels[-1] // width + 1)
         for row in range(first_row, last_row):
             before = row * width
             left, right = _columns(corners[t], row, width)
-            for i in range(_place_of(texels, before + left), _place_of(texels, before + right)):
+            for i in range(_place_of(texels, before + left, all_there), _place_of(texels, before + right, all_there)):
                 corner = np.float64(texels[i] - before), np.float64(row)
                 touching, within = _reach(edges, corner[0] + 0.5, corner[1] + 0.5)
                 if touching <= 0.0:
                     continue
                 if marks is not None:
+                    if marks.reaching[i] == 0:
+                        marks.chart[i] = chart[t]
+                    elif marks.chart[i] != chart[t]:
+                        marks.charts[i] = True
                     sample_points = points[i if len(points) > 1 else 0]
                     _mark(marks, i, t, edges, corner, sample_points, area, within > INSIDE * area)
                 if lists is not None:
@@ -107,9 +119,9 @@ def scan_convert(
 
 
 @inline
-def _place_of(texels, texel):
-    """How many of `texels`, ascending, come before one."""
-    if texels[-1] - texels[0] + 1 == len(texels):
+def _place_of(texels, texel, all_there):
+    """How many of `texels`, ascending, come before one. Args: all_there: these are one after another."""
+    if all_there:
         return min(max(texel - texels[0], 0), len(texels))
     return np.searchsorted(texels, texel)
 

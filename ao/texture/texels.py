@@ -8,10 +8,10 @@ import numpy as np
 
 from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.morton import morton_order
-from obscurance.raytrace.sampling import hash32_array
-from obscurance.raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
+from obscurance.raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s, UInt8s
 
 from ..estimate.inside import inside_solids
+from ..estimate.sites import ONE_PLACE, PREDICTED, SEVERAL_PLACES
 from ..options import TextureOptions
 from ..points.points import Points
 from ..points.projection import FineMesh, Groups
@@ -42,6 +42,17 @@ class Texels:
 
     def __len__(self) -> int:
         return len(self.texels)
+
+    @property
+    def kinds(self) -> UInt8s:
+        """The kinds (k,) of `Sites`."""
+        several = np.where(self.samples.counts == 1, ONE_PLACE, SEVERAL_PLACES)
+        return np.append(several, np.full(len(self) - len(several), PREDICTED)).astype(np.uint8)
+
+    @property
+    def stands_for(self) -> Int64s | None:
+        """The row (k,) of the texel from which each is predicted; None where all are to bake."""
+        return self.cell if len(self) > len(self.samples) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,30 +102,26 @@ class TexelSampler:
         )
         return texels, len(by_centre) - len(texels), missed
 
-    def elsewhere(self, texels: Texels, texel_rows: Int64s, key: np.uint32) -> SurfaceSamples:
-        """Samples, by chance, elsewhere in the blocks that the texels `texel_rows` (j,) stand for; where all of these
-        are in solids, the texel's own. Other texels have none."""
-        threads, width = self.prepared.threads, self.page.layout.width
-        # A texel by chance in each block, covered anew at random places.
-        side = np.sqrt(np.bincount(texels.cell)[texel_rows]).astype(np.int64)
-        chance = hash32_array(texels.texels[texel_rows].astype(np.uint32) ^ ~key) % side**2
-        chosen = texels.texels[texel_rows] + (chance // side - side // 2) * width + chance % side - side // 2
-        order = np.argsort(chosen)
-        ascending = texel_rows[order]
-        coverage = self.page.cover(self.options.overlap, threads, chosen[order], key)
-        row_of = ascending[np.searchsorted(chosen[order], coverage.texels)]
-        order = np.argsort(row_of)
-        samples, _ = self._place(coverage, order, np.zeros(len(order), np.bool_))
-        moved = row_of[order]
+    def elsewhere(self, texels: Texels, rows: Int64s, parts: Int64s, key: np.uint32) -> SurfaceSamples:
+        """Samples of the texels `rows` (n,), by `parts` (n,) 0, 1, … of a sequence that is even over each and shifted
+        by a key; where all of these are in solids, the texel's own, or those of what stands for it."""
+        order = np.argsort(texels.texels[rows], kind="stable")
+        chosen = texels.texels[rows[order]]
+        coverage = self.page.cover(self.options.overlap, self.prepared.threads, chosen, parts[order], key)
+        of = order[coverage.rows]
+        order = np.argsort(of)
+        samples, _ = self._place(coverage, order, np.zeros(len(coverage.texels), np.bool_), required=False)
+        moved = of[order]
         # Where these are in solids the texel's own samples stay.
         inside = self._inside(samples)
         if inside.any() and not inside.all():
             moved = moved[samples.groups_outside(inside)]
-            samples = samples.without(inside, threads)
-        unmoved = np.setdiff1d(texel_rows, moved)
-        sampled = np.append(moved, unmoved)
-        all_samples = samples.followed_by(texels.samples.only(unmoved)).only(np.argsort(sampled))
-        return all_samples.spread(np.sort(sampled), len(texels.samples))
+            samples = samples.without(inside, self.prepared.threads)
+        unmoved = np.setdiff1d(np.arange(len(rows)), moved)
+        if not len(unmoved):
+            return samples
+        together = samples.followed_by(texels.samples.only(texels.cell[rows[unmoved]]))
+        return together.only(np.argsort(np.append(moved, unmoved)))
 
     def _cells(self, coverage: Coverage) -> tuple[Bools, Int64s]:
         """The texels (k,) with one sample, at their centre, and the row (k,) of the texel that stands for each."""
@@ -128,22 +135,24 @@ class TexelSampler:
         smooth, threads = self.surface.smooth, self.prepared.threads
         return smooth_cells(coverage, smooth, receivers.tree, most_bent, tangent, largest, threads)
 
-    def _place(self, coverage: Coverage, order: Int64s, by_centre: Bools) -> tuple[SurfaceSamples, int]:
+    def _place(
+        self, coverage: Coverage, order: Int64s, by_centre: Bools, required: bool = True
+    ) -> tuple[SurfaceSamples, int]:
         """Samples of texels in an `order`, and how many samples the cage misses.
 
-        Args: by_centre: texels with one sample.
+        Args: by_centre: texels with one sample. required: see `FineMesh.project`.
         """
         receivers, threads = self.prepared.receivers, self.prepared.threads
         on_faces = coverage.samples(order, by_centre, threads)
         smooth, missed = self.surface.smooth, np.zeros(0, np.int64)
         if self.cage:
-            projected, missed = self._project(on_faces, self.cage)
+            projected, missed = self._project(on_faces, self.cage, required)
             on_faces = PointGroups(on_faces.starts, *projected)
             smooth = SmoothSurface.of(self.prepared.placement.vertices.astype(np.float64), receivers)
         all_count = coverage.all_count[order]
         return SurfaceSamples.place(on_faces, all_count, smooth, receivers, threads), len(missed)
 
-    def _project(self, on_page: PointGroups, cage: Cage) -> tuple[SurfacePoints, Int64s]:
+    def _project(self, on_page: PointGroups, cage: Cage, required: bool) -> tuple[SurfacePoints, Int64s]:
         """Points of the page's surface on the fine mesh, and which of them the cage misses."""
         prepared, surface = self.prepared, self.surface
         located = surface.smooth.points_at(on_page.face, on_page.barycentric, prepared.threads)
@@ -157,7 +166,7 @@ class TexelSampler:
         fine = FineMesh(
             prepared.mesh.source, prepared.placement, prepared.receivers, prepared.threads, prepared.progress
         )
-        return fine.project(located.positions, located.axes, reach, groups)
+        return fine.project(located.positions, located.axes, reach, groups, required)
 
     def _inside(self, samples: SurfaceSamples) -> Bools:
         """The samples (p,) that are inside of solids."""

@@ -11,6 +11,7 @@ import numpy as np
 from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.normals import face_normals
 from obscurance.raytrace.mesh.placement import Placement
+from obscurance.raytrace.mesh.weld import connected_components
 from obscurance.raytrace.types import Float64s, Int64s
 
 from ..points.receivers import Receivers, find_receivers
@@ -58,6 +59,12 @@ class UVSurface:
     def areas(self) -> Float64s:
         """The areas of the faces (m',)."""
         return face_normals(self.vertices, self.receivers.faces)[1]
+
+    @cached_property
+    def charts(self) -> Int64s:
+        """The number (m',) of each face's chart: the faces that hang together on the page."""
+        corners = corner_places(self.layout.uv, self.face_points)
+        return connected_components(corners, int(corners.max()) + 1)[corners[:, 0]]
 
     @cached_property
     def seams(self) -> Seams:

@@ -52,7 +52,7 @@ STAGES = (
     ("neighbours", "obscurance.ao.texture.adjacency texel_neighbours"),
     ("denoising", "obscurance.ao.estimate.shrinkage denoise"),
     ("denoising", "obscurance.ao.estimate.scales denoise_over_scales"),
-    ("planning", "obscurance.ao.estimate.tolerance estimate_to"),
+    ("planning", "obscurance.ao.estimate.rounds to_tolerance"),
     ("result", "obscurance.ao.result assemble"),
     ("error between vertices", "obscurance.ao.interpolation_error measure_interpolation"),
     ("charts", "obscurance.ao.texture.uv_surface UVSurface.of"),

@@ -12,8 +12,8 @@ from benchmarks.accuracy.dense_meshes import JUMPS, PAIRS
 from benchmarks.accuracy.density import Judgement, Truth
 from obscurance import ao
 from obscurance.ao.estimate.cells import Cells, nearest_baked
+from obscurance.ao.estimate.copies import Copies
 from obscurance.ao.estimate.one_ring import Neighbours
-from obscurance.ao.estimate.tolerance import _Traced
 from obscurance.ao.estimate.upsampling import upsample
 from obscurance.ao.execute.tracer import Tracer
 from obscurance.ao.points.receivers import find_receivers
@@ -85,8 +85,8 @@ def test_the_first_rays_of_neighbours_are_even_together() -> None:
     scene = RayScene(placement.vertices, receivers.faces, receivers.tree, receivers.embree)
     mu = ao.Binary().resolve(mesh.radius).in_render_space(placement.scale)
     tracer = Tracer(scene, mu, placement.diagonal, 1, len(points))
-    truth = tracer.gather(points, 256, np.uint32(9))[:, 0]
-    traced = _Traced(tracer, points)
+    truth = tracer.gather(points, 256, np.uint32(9))[:, 0, 0]
+    traced = Copies(tracer, points)
     traced.add(np.full(len(points), 8), np.uint32(1), shared=True)
     error = (traced.gathered[0][:, 0] - truth)[: len(truth) // 4 * 4].reshape(-1, 4)
     assert rms(error.mean(axis=1)) < 0.42 * rms(error)

@@ -80,7 +80,7 @@ def test_columns_of_textures():
     for column, falloff in enumerate(FALLOFFS[:4]):
         alone = bake(falloff)
         np.testing.assert_allclose(baked.values[..., column], alone.w, rtol=0, atol=1e-6)
-        np.testing.assert_allclose(baked.errors[..., column], alone.error, rtol=0, atol=1e-6)
+        assert baked.rmses[column] == pytest.approx(alone.rmse, rel=0.3)  # at probes where any of them errs most
     alone = bake(ao.Exponential(half_distance="4%"))
     np.testing.assert_allclose(baked.profile.values[..., 3], alone.w, rtol=0, atol=1e-6)
 

@@ -92,7 +92,7 @@ def test_ordinary_vertices_keep_their_bits(noisy):
     scene = RayScene(placement.vertices, receivers.faces, receivers.tree, receivers.embree)
     mu = ao.Binary().resolve(mesh.radius).in_render_space(placement.scale)
     tracer = Tracer(scene, mu, placement.diagonal, 1, len(points))
-    plain = tracer.gather(points, 64, seed_key(0))[:, 0]
+    plain = tracer.gather(points, 64, seed_key(0))[:, 0, 0]
     baked = ao.bake(mesh, ao.Binary(), samples=64, denoise=False)
     np.testing.assert_array_equal(baked.w[~split(baked)], plain[receivers.of_vertex][~split(baked)])
     assert (baked.w != plain[receivers.of_vertex])[split(baked)].mean() > 0.9

@@ -43,7 +43,7 @@ def test_a_ball_over_the_ground(name, seed):
     exact = over_ground(normals, BALL.vertices[:, 1] + 1.25, mu)
     assert len(baked.w) == len(BALL.vertices)
     missed = baked.w - exact
-    assert missed.std() < min(1.2 * baked.rmse, 0.012)
+    assert missed.std() < min(1.3 * baked.rmse, 0.012)
     assert abs(missed.mean()) < 5 * missed.std() / len(missed) ** 0.5 + 2e-5
 
 

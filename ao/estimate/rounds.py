@@ -1,0 +1,209 @@
+"""Baking to a tolerance: rays at every site, a few at first, more where the error that is left asks for them.
+
+Every site gets some rays, so that no jump of w stays unseen; values are denoised over all scales, and the error that
+is left at each site says how many more rays it gets: rate allocation by a Lagrange multiplier (Shoham & Gersho 1988).
+`Probes` measure the error by rays that are no part of any estimate. Of many sites, a pilot sample (Cochran 1977) says
+how many rays all get at first, as one lattice is more even than two of half as many rays.
+"""
+
+import numpy as np
+
+from obscurance.raytrace.types import Float64s, Int64s
+
+from ..execute.tracer import Tracer
+from .calibration import mean_square
+from .cells import around
+from .copies import Copies
+from .probes import Checks, Probes
+from .ray_plan import FEW_POINTS, fall_of, first_rays, rays_to_add
+from .round import Round
+from .sampling_error import BATCH, derive, rays_alone, stratified_rows
+from .scales import denoise_over_scales
+from .sites import ONE_PLACE, PREDICTED, SEVERAL_PLACES, Sites
+
+_AIM = 0.83  # times the goal is aimed at: another round for few rays takes as long as many rays now
+_NEARLY = 0.97  # the same where little is missing, which is foreseen well
+_FARTHEST = 20.0  # times that the squared error may have to fall for the rays to be foreseen; else some come before
+_NEAR, _UNEVEN = 2.0, 8.0  # the same at jumps of w, where squared errors' mean square is so many times their mean²
+_ROUNDS = 8  # of adding rays, at most
+_SALT = 16  # of the keys of rounds
+_WORST = 8.0  # times the tolerance that a site may be expected to err
+_PILOTED, _PILOT_SHARE = 1 << 17, 16  # sites that are worth a pilot sample, and one in how many is in it
+_PATCH = 80  # sites of each patch of it: as wide as most of denoising reaches
+_ALIKE = 40.0  # times that the squared error may have to fall for all sites to get as many rays at first
+_AGAIN = 4  # times as many rays as at first are tried on the pilot sample, too
+_CORRECTED = 0.5, 1.25  # times that these may become by what the try says, which is misled upwards by few large errors
+_PROBED, _FEWEST, _MOST = 16, 96, 1024  # one site in how many is probed, at least and at most
+_LEAST = 64  # spread probes of each of two sets, if so many are no more than half of the sites
+_MORE, _AS_MANY = 0.25, 1.0  # probes of the largest errors, to the other probes; where sites have several places
+_CHECKED, _CHECKED_LEAST = 64, 128  # the same where all sites have as many rays
+
+
+def by_rays(tracer: Tracer, sites: Sites, rays: int, denoise: bool, key: np.uint32) -> tuple[list[Round], Int64s]:
+    """The estimates by so many `rays` of every site, one for each falloff; and the rays of each."""
+    wanted = min(len(sites), max(_CHECKED_LEAST, len(sites) // _CHECKED))
+    tracer.expected = tracer.rays + rays * (len(sites) + 3 * wanted)
+    own = Copies.of_one_round(tracer, sites.points, rays, key)
+    sets = _sets_of_probes(tracer, sites, (wanted, 0.0), rays, key)
+    return _rounds(own, sites, sets, denoise), own.rays
+
+
+def to_tolerance(
+    tracer: Tracer, sites: Sites, tolerance: float, max_samples: int, key: np.uint32
+) -> tuple[list[Round], Int64s]:
+    """The estimates whose root mean square error over all sites is `tolerance`, if `max_samples` rays a site allow it;
+    and the rays of each.
+
+    Of several falloffs all meet it, by the same rays.
+    """
+    wanted = int(np.clip(len(sites) // _PROBED, _FEWEST, _MOST))
+    # More rays would not make up for fewer probes: both err by as much.
+    probe_rays = min(rays_alone(tolerance), max(max_samples, BATCH))
+    sets = _sets_of_probes(tracer, sites, (wanted, _MORE), probe_rays, key)
+    deciding, measuring = sets
+    goal = tolerance**2 / (1 + measuring.margin)
+    own = Copies(tracer, sites.points)
+    few = min(first_rays(tolerance, len(sites.traced_points)), max_samples)
+    first = few
+    if len(sites.traced_points) >= _PILOTED:
+        first = _rays_by_pilot(own, sites, deciding, few, goal, max_samples, key)
+    more = np.zeros(len(sites), np.int64)
+    more[sites.traced] = np.maximum(first - own.rays[sites.traced], 0)
+    salt = _SALT if first == few else _SALT + 1  # `few` rays of all sites are lattices together with the pilot's
+    for turn in range(_ROUNDS):
+        rounds = list[Round]()  # lets go of the last round's arrays
+        tracer.stage = f"rays, round {turn + 1}"
+        own.add(more, derive(key, salt + turn), shared=turn == 0 and len(sites.traced_points) >= FEW_POINTS)
+        for probes in sets:
+            probes.grow(sites, own.rays)
+        more[:] = 0
+        rounds = _rounds(own, sites, sets, True)
+        if max(round_.mean for round_ in rounds) <= goal:  # sites expected to be far off get rays of their own
+            worst = np.any([round_.errs_by_more(_WORST * tolerance) for round_ in rounds], axis=0)
+            have = own.rays[sites.traced]
+            more[sites.traced] = np.where(worst, np.clip(rays_alone(tolerance), have, max_samples) - have, 0)
+            again = np.flatnonzero(more[sites.traced])
+            own.add(more, derive(key, 3 * _SALT + turn))
+            rounds = [round_.by_own_rays(again, own, measuring) for round_ in rounds]
+        more[:] = 0
+        if max(round_.mean for round_ in rounds) <= goal or (own.rays[sites.traced] >= max_samples).all():
+            break
+        most = max(rounds, key=lambda round_: round_.mean)
+        sites, broken = _with_more_traced(most, measuring, goal)
+        more[rounds[0].sites.traced] = _more_rays(rounds, own, goal, max_samples)
+        more[broken] = few
+    return rounds, own.rays
+
+
+def _sets_of_probes(
+    tracer: Tracer, sites: Sites, counts: tuple[int, float], rays: int, key: np.uint32
+) -> tuple[Probes, Probes]:
+    """Probes that decide, and probes that measure what is told.
+
+    One set is both where sites have one place each: what is decided by it then gains little by chance.
+
+    Args: counts: of `Probes`, for both together.
+    """
+    if not (sites.kinds == SEVERAL_PLACES).any():
+        return (Probes(tracer, sites, counts, rays, key, 0),) * 2
+    counts = min(max(counts[0] // 2, _LEAST), -(-len(sites) // 2)), _AS_MANY
+    return Probes(tracer, sites, counts, rays, key, 0), Probes(tracer, sites, counts, rays, key, 2)
+
+
+def _rounds(own: Copies, sites: Sites, sets: tuple[Probes, Probes], denoise: bool) -> list[Round]:
+    """The estimates of each falloff by the rays so far; the first time more probes are put where errors are largest."""
+    deciding, measuring = sets
+    rounds = [Round.of(own, sites, deciding, column, denoise) for column in range(len(own.gathered))]
+    for probes in sets:
+        probes.add_where_error_is_largest(sites, _of_all(rounds))
+    return [round_.told(measuring) for round_ in rounds]
+
+
+def _of_all(rounds: list[Round]) -> Float64s:
+    """The squared errors (k,) of the falloff that errs most, or what others err by at a site, relative to their mean,
+    if that is more."""
+    most = max(rounds, key=lambda round_: round_.mean)
+    error = most.error
+    for round_ in rounds:
+        if round_ is not most:
+            error = np.maximum(error, round_.error * (most.mean / max(round_.mean, 1e-30)))
+    return error
+
+
+def _rays_by_pilot(
+    own: Copies, sites: Sites, probes: Probes, few: int, goal: float, max_samples: int, key: np.uint32
+) -> int:
+    """Rays of each site by which the mean square error should become the `goal`: `few` or more.
+
+    The pilot sample is patches around some of the probes, denoised alone; its error is measured at these probes, by
+    `few` rays and, if many more seem to be needed, by as many.
+    """
+    count = len(sites.traced_points)
+    probed = probes.spread_over_traced(sites)
+    probed = probed[stratified_rows(len(probed), count // (_PILOT_SHARE * _PATCH))]
+    rows = around(sites.graph, sites.traced_of(probed), count // _PILOT_SHARE)
+    patch = Sites.alike(sites.traced_points[rows], sites.graph.among(rows), ONE_PLACE)
+    at_all = np.arange(len(sites))[sites.traced][rows]
+    own.tracer.stage = "rays, pilot sample"
+
+    def measured(rays: int, salt: int) -> tuple[float, float]:
+        """The mean square error by `rays`, and how uneven it is, of the falloff that errs most."""
+        more = np.zeros(len(sites), np.int64)
+        more[at_all] = rays - own.rays[at_all]
+        own.add(more, derive(key, salt), shared=True)
+        columns = range(len(own.gathered))
+        checks = [probes.checks(sites, column, probed) for column in columns]
+        placed = [each._replace(rows=np.searchsorted(rows, each.rows)) for each in checks]
+        return max(_pilot_error(own, at_all, patch, placed[column], column) for column in columns)
+
+    def needed(rays: int, times: float) -> int:
+        return min(BATCH * round(rays * times / BATCH), max_samples)
+
+    error, unevenness = measured(few, _SALT)
+    if not goal < error < _ALIKE * goal or unevenness > _UNEVEN:
+        return few
+    rays = needed(few, error / (_AIM * goal))
+    if rays < _AGAIN * few:
+        return rays
+    error, _ = measured(rays, 2 * _SALT)
+    return needed(rays, float(np.clip(error / (_AIM * goal), *_CORRECTED)))
+
+
+def _pilot_error(own: Copies, rows: Int64s, patch: Sites, checks: Checks, column: int) -> tuple[float, float]:
+    """The mean square error of a pilot sample by one falloff, and its expected errors' mean square to mean²."""
+    gathered = own.gathered[column][rows]
+    level = checks.level(gathered[:, 0], own.worth[rows])
+    w, error = denoise_over_scales(patch.graph, patch.points, gathered, level, checks.rows, checks.mean_squared)
+    return checks.mean_squared(w[checks.rows]), mean_square(error) / float(np.mean(error)) ** 2
+
+
+def _with_more_traced(round_: Round, measuring: Probes, goal: float) -> tuple[Sites, Int64s]:
+    """The sites with those traced whose predictions err by too much as measured, and which these are."""
+    sites = round_.sites
+    squared, deviation = round_.measured(PREDICTED, measuring)
+    if squared < goal / 2 or squared < deviation:
+        return sites, np.zeros(0, np.int64)
+    predicted = np.flatnonzero(sites.kinds == PREDICTED)
+    if squared < _WORST * goal:
+        error = round_.error[predicted]
+        predicted = predicted[error >= np.median(error)]
+    return sites.broken(predicted)
+
+
+def _more_rays(rounds: list[Round], own: Copies, goal: float, max_samples: int) -> Int64s:
+    """Rays (b,) to add at the traced sites so that the mean square error of the falloff that errs most becomes the
+    `goal`, or nearer."""
+    most = max(rounds, key=lambda round_: round_.mean)
+    sites, error = most.sites, _of_all(rounds)
+    beyond = most.mean / goal
+    farthest = _FARTHEST if mean_square(error) < _UNEVEN * np.mean(error) ** 2 else _NEAR
+    aim = goal * (max(_AIM, _NEARLY / np.sqrt(beyond)) if beyond < farthest else beyond ** (2 / 3))
+    if sites.cell is not None:  # rays change little of what predicted sites err by
+        others = float(error[sites.kinds == PREDICTED].sum()) / len(sites)
+        aim = max(aim - others, aim / 4) * len(sites) / len(sites.traced_points)
+        error = error[sites.traced]
+    missing = max(most.mean if sites.cell is None else float(np.mean(error)), aim)
+    fall = fall_of(sites.graph, np.ascontiguousarray(most.gathered[:, 0]), most.level, missing, aim)
+    worth, rays = own.worth[sites.traced], own.rays[sites.traced]
+    more = rays_to_add(error, worth, max_samples, aim, fall, sites.graph.threads)
+    return np.minimum(more, max_samples - rays)
