@@ -14,6 +14,7 @@ import numpy as np
 from obscurance.raytrace.bvh.bvh16 import BVH16
 from obscurance.raytrace.embree import TriangleScene
 from obscurance.raytrace.kernel.arrays import counting_sort
+from obscurance.raytrace.kernel.jit import kernel
 from obscurance.raytrace.mesh.mesh import UP, Mesh, corner_mask, up_axis
 from obscurance.raytrace.mesh.morton import morton_order
 from obscurance.raytrace.mesh.normals import face_normals, nonzero, normalize, own_vertex_normals, smooth_normals
@@ -23,6 +24,7 @@ from obscurance.raytrace.mesh.weld import CREASE
 from obscurance.raytrace.ray_origins.direction import least_cosines
 from obscurance.raytrace.ray_origins.origins import WeldedPoints, weld_points
 from obscurance.raytrace.ray_origins.surface import Surface
+from obscurance.raytrace.sampling import hash32
 from obscurance.raytrace.system.checks import check_memory
 from obscurance.raytrace.system.parallel import each
 from obscurance.raytrace.types import (
@@ -35,6 +37,7 @@ from obscurance.raytrace.types import (
     Int64Rows,
     Int64s,
     UInt8s,
+    UInt32s,
 )
 
 from ..memory import corner_bytes
@@ -215,7 +218,8 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "file") 
         number = (np.cumsum(with_area) - 1)[number[with_area[number]]]
         opacity = opacity and opacity.only(with_area)
     if own_axes is not None:
-        points.fronts = _fronts(offset, None if opacity is None else opacity.of[number] >= 0)[usable]
+        fronts = _fronts(offset, None if opacity is None else opacity.of[number] >= 0)[usable]
+        points.fronts = fronts if fronts.any() else points.fronts
     surface_normals = points.normals
     if normals == "file":
         surface_normals = offset.welded.axes[usable].astype(np.float32)
@@ -248,17 +252,31 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "file") 
 
 
 def _fronts(offset: OffsetPoints, has_alpha: Bools | None) -> Float32s:
-    """Normals (k, 3) of the surface at points whose axes are given: rays below it end on the faces that hold the point,
-    also at the border of these, where they would pass beside. Zero across hard edges, and where a face has alpha.
+    """Normals (k, 3) of the surface at points on its border whose axes are given: rays below it end on the faces that
+    hold the point, which they would pass beside. Zero elsewhere, across hard edges, and where a face has alpha.
 
     Args: has_alpha: bool (m,), the points' faces that are not opaque; None: none.
     """
     welded = offset.welded
     fronts = welded.axes.astype(np.float32)
-    fronts[least_cosines(welded.axes, welded.face_points, welded.face_normals) < CREASE] = 0.0
+    unmatched = np.zeros(len(fronts), np.uint32)
+    _match_neighbours(welded.face_points, unmatched)
+    is_smooth = least_cosines(welded.axes, welded.face_points, welded.face_normals) >= CREASE
+    fronts[(unmatched == 0) | ~is_smooth] = 0.0
     if has_alpha is not None:
         fronts[welded.face_points[has_alpha]] = 0.0
     return fronts
+
+
+@kernel
+def _match_neighbours(face_points: Int64Rows, unmatched: UInt32s) -> None:
+    """Write a sum without carry of hashes to each point: 0 where faces are all around, each of whose neighbours is then
+    of two of them."""
+    for f in range(len(face_points)):
+        for corner in range(3):
+            ahead = hash32(np.uint32(face_points[f, (corner + 1) % 3]))
+            behind = hash32(np.uint32(face_points[f, (corner + 2) % 3]))
+            unmatched[face_points[f, corner]] ^= ahead ^ behind
 
 
 class _Curve(NamedTuple):

@@ -78,7 +78,7 @@ def test_a_basin_and_a_cone(tmp_path, shape):
     height = 40 * np.tan(BETA)
     heights = np.where(radius < 40, 0.0, height) if shape == "basin" else radius * np.tan(BETA)
     write(tmp_path / "round.tif", np.where(radius <= 60, heights, NOWHERE))
-    w, _ = sky(tmp_path / "round.tif", "--normals", "up")
+    w, _ = sky(tmp_path / "round.tif", "--normals", "up", "--tolerance", 0.002)  # the tip is one cell of thousands
     turn = np.radians(np.linspace(0, 90, 1001))
     within = np.minimum(turn, np.pi / 2 - turn)
     two = np.cos(within) + (2**0.5 - 1) * np.sin(within)
@@ -131,7 +131,8 @@ def steep_hills(size, cell):
 
 @pytest.mark.parametrize("steepness", [0.25, 1.0])
 def test_both_definitions_are_the_integrals_of_the_horizon(tmp_path, steepness):
-    """Steep cells, up to 82°, have folds, where w of the inclined surface is a mean over its faces and no integral."""
+    """Steep cells, up to 82°, have folds, where w of the inclined surface is a mean over its faces and no integral. At
+    the border a cell has its own slope as horizon."""
     size, cell = 15, 30.0
     steepest, azimuths, tangents = steep_hills(size, cell)
     heights, tangents = steepness * steepest, steepness * tangents  # a power of two changes no other digit
@@ -146,7 +147,8 @@ def test_both_definitions_are_the_integrals_of_the_horizon(tmp_path, steepness):
     inclined, horizontal = factors(tangents, azimuths, sloping), factors(tangents, azimuths, up)
     cases = [(horizontal, inclined, ("--normals", "up")), (inclined, horizontal, ())]
     for exact, other, options in cases[: 2 if steepness < 1 else 1]:
-        w = sky(tmp_path / "hills.tif", *options)[0].ravel()
+        inner = (np.minimum(row, column) > 0) & (np.maximum(row, column) < size - 1)
+        w, exact, other = sky(tmp_path / "hills.tif", *options)[0].ravel()[inner], exact[inner], other[inner]
         assert np.sqrt(np.mean((w - exact) ** 2)) < 0.004
         assert np.abs(w - exact).max() < 0.02
         assert np.sqrt(np.mean((w - other) ** 2)) > 0.02
